@@ -1,0 +1,69 @@
+"""Errors of the rig: one small hierarchy, each class with the exit code the command line gives it.
+
+A message is one line: what, where (file or channel), the value found, the value allowed, what to do.
+"""
+
+from __future__ import annotations
+
+
+class RigError(Exception):
+    """Base of every error the rig raises on purpose; by itself it means a defect (exit code 1)."""
+
+    exit_code: int = 1
+
+
+class InputError(RigError, ValueError):
+    """A file, value or path given by the user cannot be used (exit code 2)."""
+
+    exit_code: int = 2
+
+
+class HardwareFault(RigError):
+    """The bench, its driver or an interlock stopped the run (exit code 3).
+
+    Parameters
+    ----------
+    message : str
+        One line for the experimenter.
+    code : int or None
+        Status code of the vendor's driver (for NI-DAQmx a negative number), if there is one.
+    phase : str
+        What was being done: ``connect``, ``configure``, ``arm``, ``start``, ``read`` or ``stop``.
+    """
+
+    exit_code: int = 3
+
+    def __init__(self, message: str, *, code: int | None = None, phase: str = "read") -> None:
+        super().__init__(message)
+        self.code = code
+        self.phase = phase
+
+
+class ReadTimeout(HardwareFault):
+    """The samples asked for did not arrive in time; ``samples_read`` of them did."""
+
+    def __init__(
+        self, message: str, *, code: int | None = None, phase: str = "read", samples_read: int = 0
+    ) -> None:
+        super().__init__(message, code=code, phase=phase)
+        self.samples_read = samples_read
+
+
+class SamplesLost(HardwareFault):
+    """Samples were overwritten before they were read: the record would have a hole."""
+
+
+class OutputUnderrun(HardwareFault):
+    """The motor command ran out of samples while it was being generated."""
+
+
+class ResourceBusy(HardwareFault):
+    """A channel or device is reserved by another task or program."""
+
+
+class DeviceNotFound(HardwareFault):
+    """The driver, server or device named by the rig file does not answer."""
+
+
+class NotSupported(HardwareFault):
+    """The device refuses what was asked for: channel, range, route, rate or call."""

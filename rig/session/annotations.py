@@ -1,0 +1,89 @@
+"""``annotations.jsonl``: what people said about trials after they were sealed; append-only.
+
+A rejected trial stays on disk; rejecting and accepting only add lines, the last of them counts. Raises
+:class:`rig.errors.InputError` on a line that cannot be read, naming its number.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from dataclasses import asdict, dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Literal, get_args
+
+from rig.errors import InputError
+
+FILE_NAME = "annotations.jsonl"
+Kind = Literal["reject", "accept", "note"]
+
+
+@dataclass(frozen=True)
+class Annotation:
+    """One line: ``kind`` is ``reject``, ``accept`` or ``note``; ``trial`` 0 means the whole session."""
+
+    trial: int
+    kind: Kind
+    reason: str
+    author: str
+    time_utc: str
+
+
+def utc_now() -> str:
+    """Return the present moment as ISO 8601 UTC text with seconds."""
+    return datetime.now(UTC).isoformat(timespec="seconds")
+
+
+def append(folder: Path, trial: int, kind: Kind, reason: str, author: str = "") -> Annotation:
+    """Add one annotation line and return it; a rejection needs a reason."""
+    if kind not in get_args(Kind):
+        raise InputError(f"{folder}: annotation {kind!r}: allowed are {', '.join(get_args(Kind))}")
+    if not reason.strip():
+        raise InputError(f"{folder}: annotation of trial {trial} has no reason; give one")
+    annotation = Annotation(trial=trial, kind=kind, reason=reason, author=author or "unknown", time_utc=utc_now())
+    line = (json.dumps(asdict(annotation)) + "\n").encode("utf-8")
+    path = folder / FILE_NAME
+    try:
+        descriptor = os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o666)
+        try:
+            os.write(descriptor, line)
+        finally:
+            os.close(descriptor)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written ({error.strerror or error})") from error
+    return annotation
+
+
+def read(folder: Path) -> tuple[Annotation, ...]:
+    """Return all annotations in the order they were made; none when there is no file."""
+    path = folder / FILE_NAME
+    try:
+        text = path.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        return ()
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: cannot be read ({error})") from error
+    return tuple(_parse(line, f"{path}:{number}") for number, line in enumerate(text.splitlines(), 1) if line.strip())
+
+
+def _parse(line: str, where: str) -> Annotation:
+    try:
+        fields = json.loads(line)
+        annotation = Annotation(**fields)
+    except (ValueError, TypeError, RecursionError) as error:
+        raise InputError(f"{where}: not an annotation ({str(error).splitlines()[0]}); remove or repair the line") from error
+    if annotation.kind not in get_args(Kind) or not isinstance(annotation.trial, int):
+        raise InputError(f"{where}: kind {annotation.kind!r}, trial {annotation.trial!r}: not an annotation")
+    return annotation
+
+
+def rejections(annotations: tuple[Annotation, ...]) -> dict[int, str]:
+    """Return the reason of every trial that stands rejected."""
+    rejected: dict[int, str] = {}
+    for annotation in annotations:
+        if annotation.kind == "reject":
+            rejected[annotation.trial] = annotation.reason
+        elif annotation.kind == "accept":
+            rejected.pop(annotation.trial, None)
+    return rejected

@@ -1,0 +1,83 @@
+"""``derived/<step>/trial_NNNN.h5``: tables that can be made again, with the hashes of what they were made from.
+
+One dataset per column of the table in group ``/table``, dimension ``row``; opened by netCDF-4 tools. Attributes are kept as
+JSON. A file that cannot be read is refused with :class:`rig.errors.InputError`.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import h5py
+import numpy as np
+
+from rig.durable import replace_when_complete
+from rig.errors import InputError
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+SCHEMA = "piano-action-rig derived 1"
+
+
+def write_table(path: Path, table: pd.DataFrame, attrs: Mapping[str, Any], parents_sha256: Mapping[str, str]) -> None:
+    """Write a table of numbers, booleans or text, replacing an older result of the same step whole."""
+    names = [str(name) for name in table.columns]
+    if len(set(names)) != len(names) or any(not name or "/" in name or name == "row" for name in names):
+        raise InputError(f"{path}: column names {names} must be unique, not empty, not 'row' and without '/'")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{path.parent}: cannot be created ({error.strerror or error})") from error
+    with replace_when_complete(path) as temporary, h5py.File(temporary, "w", track_order=True) as file:
+        file.attrs["schema"] = SCHEMA
+        file.attrs["attributes_json"] = json.dumps(dict(attrs))
+        file.attrs["parents_json"] = json.dumps(dict(parents_sha256), sort_keys=True)
+        group = file.create_group("table", track_order=True)
+        group.attrs["columns_json"] = json.dumps(names)
+        row = group.create_dataset("row", data=np.arange(len(table), dtype=np.int64))
+        row.make_scale("row")
+        for position, name in enumerate(names):
+            _write_column(group, name, table.iloc[:, position].to_numpy()).dims[0].attach_scale(row)
+
+
+def _write_column(group: h5py.Group, name: str, values: np.ndarray) -> h5py.Dataset:
+    if values.dtype.kind == "b":
+        dataset = group.create_dataset(name, data=values.astype(np.int8))
+        dataset.attrs["dtype"] = "bool"
+    elif values.dtype.kind in "iuf":
+        dataset = group.create_dataset(name, data=values)
+    else:
+        text = np.array([str(value) for value in values], dtype=object)
+        dataset = group.create_dataset(name, data=text, dtype=h5py.string_dtype("utf-8"))
+    return dataset
+
+
+def read_table(path: Path) -> tuple[pd.DataFrame, dict[str, Any]]:
+    """Return the table and its attributes, among them ``parents_sha256``."""
+    import pandas as pd  # here, so that opening a session does not load pandas
+
+    try:
+        with h5py.File(path, "r") as file:
+            if file.attrs.get("schema") != SCHEMA:
+                raise InputError(f"{path}: schema {file.attrs.get('schema')!r}, expected {SCHEMA!r}")
+            attrs = json.loads(file.attrs["attributes_json"])
+            attrs["parents_sha256"] = json.loads(file.attrs["parents_json"])
+            group = file["table"]
+            columns = {name: _read_column(group[name]) for name in json.loads(group.attrs["columns_json"])}
+            index = pd.RangeIndex(group["row"].shape[0])
+    except InputError:
+        raise
+    except (OSError, KeyError, RuntimeError, ValueError, TypeError) as error:
+        raise InputError(f"{path}: not a readable derived table ({str(error).splitlines()[0]})") from error
+    return pd.DataFrame(columns, index=index), attrs
+
+
+def _read_column(dataset: h5py.Dataset) -> np.ndarray:
+    if h5py.check_string_dtype(dataset.dtype) is not None:
+        return np.asarray(dataset.asstr()[()], dtype=object)
+    values = np.asarray(dataset[()])
+    return values.astype(bool) if dataset.attrs.get("dtype") == "bool" else values

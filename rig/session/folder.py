@@ -1,0 +1,203 @@
+"""The session folder: ``session.toml``, trials, films, annotations and derived results.
+
+Place in the data flow: created by the recorder or an importer, opened by everything that comes after. The listing is read from
+disk each time it is asked for; trials are never rewritten. Failures are :class:`rig.errors.InputError`, one line each.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import re
+import shutil
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rig import toml_file
+from rig.durable import write_text
+from rig.errors import InputError
+from rig.session import annotations, derived
+from rig.session.info import SessionInfo
+from rig.session.records import TrialData
+from rig.session.trial_file import read_status, read_trial, write_trial
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+INFO_NAME = "session.toml"
+FILM_SUFFIXES = (".mraw", ".avi", ".tif", ".tiff", ".mp4")
+_TRIAL_NAME = re.compile(r"trial_(\d{4,})\.h5")
+
+
+class Trial:
+    """One trial of a session: its file, whether it counts, and its film if there is one."""
+
+    def __init__(self, path: Path, number: int, rejected: str | None) -> None:
+        self.path = path
+        self.number = number
+        self.rejected = rejected
+        """Reason of the rejection, or None."""
+
+    def __repr__(self) -> str:
+        return f"Trial({self.number}, {str(self.path)!r}, rejected={self.rejected!r})"
+
+    @property
+    def status(self) -> str:
+        """``complete``, ``not at rest``, ``interrupted`` or ``fault``."""
+        return read_status(self.path)[0]
+
+    @property
+    def sha256(self) -> str:
+        """Seal of the trial: SHA-256 over its arrays and attributes."""
+        return read_status(self.path)[1]
+
+    @property
+    def film(self) -> Path | None:
+        """Film beside the trial file, or None."""
+        for suffix in FILM_SUFFIXES:
+            candidate = self.path.with_suffix(suffix)
+            if candidate.is_file():
+                return candidate
+        return None
+
+    def read(self) -> TrialData:
+        """Read and check the trial's data."""
+        return read_trial(self.path)
+
+
+class Session:
+    """A session folder. Use :meth:`open` or :meth:`create`, not the constructor."""
+
+    def __init__(self, path: Path, info: SessionInfo) -> None:
+        self.path = path
+        self.info = info
+
+    def __repr__(self) -> str:
+        return f"Session({str(self.path)!r})"
+
+    @classmethod
+    def open(cls, path: str | Path, *, require_trials: bool = True) -> Session:
+        """Open an existing session.
+
+        Raises
+        ------
+        InputError
+            When the folder, its ``session.toml`` or (unless ``require_trials`` is False) its trials are missing or unreadable.
+        """
+        folder = Path(path)
+        if not folder.is_dir():
+            raise InputError(f"{folder}: no such session folder")
+        file = folder / INFO_NAME
+        if not file.is_file():
+            raise InputError(f"{folder}: not a session, {INFO_NAME} is missing")
+        info = toml_file.check(SessionInfo, toml_file.parse_toml(toml_file.read_text(file), str(file)), str(file))
+        session = cls(folder, info)
+        if require_trials and not session.trials:
+            raise InputError(f"{folder}: the session has no trials (no file trial_0001.h5); record or import some")
+        return session
+
+    @classmethod
+    def create(cls, path: str | Path, info: SessionInfo, files: Mapping[str, str] | None = None) -> Session:
+        """Create a session folder.
+
+        Parameters
+        ----------
+        path : path
+            A folder that does not exist yet, or is empty.
+        info : SessionInfo
+            Contents of ``session.toml``.
+        files : mapping of file name to text, optional
+            Copies to keep beside it (rig file, profile).
+
+        Raises
+        ------
+        InputError
+            When the folder holds something already or cannot be written; nothing is left behind then.
+        """
+        folder = Path(path)
+        existed = folder.is_dir()
+        try:
+            if folder.exists() and (not existed or any(folder.iterdir())):
+                raise InputError(f"{folder}: exists already and is not an empty folder; choose another name")
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise InputError(f"{folder}: cannot be created ({error.strerror or error}); choose a writable place") from error
+        try:
+            for name, text in (files or {}).items():
+                write_text(folder / name, text)
+            write_text(folder / INFO_NAME, toml_file.dump_toml(info.to_table()))
+        except BaseException:
+            if not existed:
+                shutil.rmtree(folder, ignore_errors=True)
+            raise
+        return cls(folder, info)
+
+    @property
+    def trials(self) -> tuple[Trial, ...]:
+        """Trials on disk in the order of their numbers, rejected ones included."""
+        rejected = annotations.rejections(annotations.read(self.path))
+        found = []
+        with contextlib.suppress(FileNotFoundError):
+            for file in self.path.iterdir():
+                if match := _TRIAL_NAME.fullmatch(file.name):
+                    number = int(match.group(1))
+                    found.append(Trial(file, number, rejected.get(number)))
+        return tuple(sorted(found, key=lambda trial: trial.number))
+
+    def trial(self, number: int) -> Trial:
+        """Return the trial with this number."""
+        for trial in self.trials:
+            if trial.number == number:
+                return trial
+        raise InputError(f"{self.path}: no trial {number}; there are {[trial.number for trial in self.trials]}")
+
+    def trial_path(self, number: int) -> Path:
+        """Path of the file of trial ``number``."""
+        return self.path / f"trial_{number:04d}.h5"
+
+    def add_trial(self, data: TrialData) -> Trial:
+        """Write and seal one trial under its number."""
+        path = self.trial_path(data.number)
+        write_trial(path, data)
+        return Trial(path, data.number, None)
+
+    @property
+    def annotations(self) -> tuple[annotations.Annotation, ...]:
+        """All annotations, oldest first."""
+        return annotations.read(self.path)
+
+    def annotate(
+        self, trial: int, kind: annotations.Kind, reason: str, *, author: str = ""
+    ) -> annotations.Annotation:
+        """Append an annotation: reject, accept again, or note. ``trial`` 0 is the session itself (notes only)."""
+        if trial != 0 or kind != "note":
+            self.trial(trial)
+        return annotations.append(self.path, trial, kind, reason, author)
+
+    def derived_path(self, step: str, trial_number: int) -> Path:
+        """Path of the derived file of one step and trial."""
+        if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9_.-]*", step):
+            raise InputError(f"{self.path}: derived step {step!r}: use letters, digits, '_', '-', '.'")
+        return self.path / "derived" / step / f"trial_{trial_number:04d}.h5"
+
+    def write_derived(
+        self,
+        step: str,
+        trial_number: int,
+        table: pd.DataFrame,
+        attrs: Mapping[str, Any] | None = None,
+        parents_sha256: Mapping[str, str] | None = None,
+    ) -> Path:
+        """Write a derived table; by default its parent is the trial itself."""
+        parents = parents_sha256
+        if parents is None:
+            trial = self.trial(trial_number)
+            parents = {trial.path.name: trial.sha256}
+        path = self.derived_path(step, trial_number)
+        derived.write_table(path, table, attrs or {}, parents)
+        return path
+
+    def read_derived(self, step: str, trial_number: int) -> tuple[pd.DataFrame, dict[str, Any]] | None:
+        """Return (table, attributes with ``parents_sha256``) of a step, or None when it has not been made."""
+        path = self.derived_path(step, trial_number)
+        return derived.read_table(path) if path.is_file() else None

@@ -1,0 +1,128 @@
+"""What one trial holds: the arrays of the DAQ clock and what is needed to interpret them.
+
+Conventions: force positive downwards on the key, calibrated but not corrected for offset, channel delay or mains hum;
+encoder counts as integers exactly as the counters gave them; angles counter-clockwise, zero at the first sample.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True)
+class EncoderInfo:
+    """One angular encoder: which body, its scale and the sense of its counts.
+
+    ``sign`` is +1 when the count rises as the body turns counter-clockwise, -1 otherwise; ``counts_per_revolution``
+    counts all four edges (X4). ``u_scale_relative`` is the relative standard uncertainty of the scale.
+    """
+
+    name: str
+    counts_per_revolution: int
+    sign: int = 1
+    channel: str = ""
+    u_scale_relative: float = 0.0
+
+    @property
+    def rad_per_count(self) -> float:
+        """Signed angle of one count, rad."""
+        return self.sign * 2.0 * np.pi / self.counts_per_revolution
+
+
+@dataclass(frozen=True)
+class ForceInfo:
+    """The force channel: calibration, delay, preload and standard uncertainties (k = 1).
+
+    Calibration is the straight line through ``electrical`` (in ``electrical_unit``) and ``physical_n``. The force of
+    sample k was felt ``group_delay_s`` before the time of sample k.
+    """
+
+    sensor: str
+    calibration: str
+    electrical: tuple[float, float]
+    physical_n: tuple[float, float]
+    electrical_unit: str = "mV/V"
+    channel: str = ""
+    excitation_v: float = 0.0
+    group_delay_s: float = 0.0
+    u_group_delay_s: float = 0.0
+    u_noise_n: float = 0.0
+    u_gain_relative: float = 0.0
+    preload_n: float = 0.0
+    u_preload_n: float = 0.0
+    mains_frequency_hz: float = 60.0
+
+
+@dataclass(frozen=True)
+class CameraInfo:
+    """Frame clock of the camera on the DAQ's time axis.
+
+    ``first_frame_time_s`` is the middle of the first exposure (time zero: AI start trigger); frame k follows
+    ``k / frame_rate_hz`` later. ``u_time_s`` is the standard uncertainty of that tie.
+    """
+
+    frame_rate_hz: float
+    first_frame_time_s: float
+    exposure_s: float
+    n_frames: int
+    u_time_s: float
+
+    @property
+    def frame_time_s(self) -> NDArray[np.float64]:
+        """Middle of each exposure, s, shape (n_frames,)."""
+        return self.first_frame_time_s + np.arange(self.n_frames) / self.frame_rate_hz
+
+
+@dataclass(frozen=True, eq=False)
+class TrialData:
+    """One recorded trial.
+
+    Attributes
+    ----------
+    number : int
+        Trial number, from 1.
+    status : str
+        ``complete``, ``not at rest``, ``interrupted`` or ``fault``.
+    reason : str
+        Why the status is not ``complete``; empty otherwise.
+    time_s : ndarray, shape (n,)
+        Sample times since the AI start trigger, s.
+    force_n : ndarray, shape (n,)
+        Calibrated force, N, not corrected for offset, delay or hum.
+    force_raw : ndarray, shape (n,)
+        Electrical reading of the force channel, in ``force_info.electrical_unit``.
+    motor_command_v : ndarray, shape (n,)
+        Volts held from each sample to the next, V.
+    encoder_count : ndarray of int64, shape (n, 3)
+        Counts of key, whippen and hammer since arming.
+    """
+
+    number: int
+    status: str
+    started_utc: str
+    simulated: bool
+    sample_rate_hz: float
+    time_s: NDArray[np.float64]
+    force_n: NDArray[np.float64]
+    force_raw: NDArray[np.float64]
+    motor_command_v: NDArray[np.float64]
+    encoder_count: NDArray[np.int64]
+    encoders: tuple[EncoderInfo, ...]
+    force_info: ForceInfo
+    camera: CameraInfo | None = None
+    reason: str = ""
+    blow_start_s: float = 0.0
+    sha256: str = ""
+
+    @property
+    def n_valid(self) -> int:
+        """Number of samples, all of them valid and without a gap."""
+        return int(self.time_s.shape[0])
+
+    def angle_rad(self) -> NDArray[np.float64]:
+        """Return the encoder angles, rad, counter-clockwise, zero at the first sample, shape (n, 3)."""
+        per_count = np.array([encoder.rad_per_count for encoder in self.encoders])
+        return (self.encoder_count - self.encoder_count[:1]) * per_count

@@ -1,0 +1,216 @@
+"""One trial as an HDF5 file that netCDF-4 tools open: group ``/daq`` on the sample clock, group ``/camera`` on the frame clock.
+
+Place in the data flow: written once, sealed, when a trial ends; read by validation and vision. Every dataset carries its unit
+and the SHA-256 of its bytes; the root carries a seal over all of them and over the attributes. Reading checks the seal, so a
+truncated or altered file is refused with :class:`rig.errors.InputError`, never half understood.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from rig.durable import replace_when_complete
+from rig.errors import InputError
+from rig.session.records import CameraInfo, EncoderInfo, ForceInfo, TrialData
+
+SCHEMA = "piano-action-rig trial 1"
+STATUSES = ("complete", "not at rest", "interrupted", "fault")
+
+
+def write_trial(path: Path, data: TrialData) -> str:
+    """Write and seal one trial; return its seal (SHA-256, hexadecimal). Refuses to replace an existing file."""
+    if path.exists():
+        raise InputError(f"{path}: exists already; a sealed trial is never replaced")
+    _check_shapes(path, data)
+    with replace_when_complete(path) as temporary, h5py.File(temporary, "w", track_order=True) as file:
+        _write_root(file, data)
+        _write_daq(file.create_group("daq", track_order=True), data)
+        if data.camera is not None:
+            _write_camera(file.create_group("camera", track_order=True), data.camera)
+        seal = _seal(file)
+        file.attrs["sha256"] = seal
+    return seal
+
+
+def read_trial(path: Path) -> TrialData:
+    """Read one trial and check its seal.
+
+    Raises
+    ------
+    InputError
+        When the file is missing, truncated, of another kind, or altered since it was sealed.
+    """
+    try:
+        with h5py.File(path, "r") as file:
+            if file.attrs.get("schema") != SCHEMA:
+                raise InputError(f"{path}: schema {file.attrs.get('schema')!r}, expected {SCHEMA!r}; not a trial of this rig")
+            seal = _seal(file)
+            if file.attrs["sha256"] != seal:
+                raise InputError(f"{path}: altered since it was sealed (SHA-256 does not match); restore it from a copy")
+            return _read(file, seal)
+    except InputError:
+        raise
+    except (OSError, KeyError, RuntimeError, ValueError, TypeError) as error:
+        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise InputError(f"{path}: not a readable trial file ({reason})") from error
+
+
+def read_status(path: Path) -> tuple[str, str]:
+    """Return (status, seal) of a trial without reading its arrays."""
+    try:
+        with h5py.File(path, "r") as file:
+            return str(file.attrs["status"]), str(file.attrs["sha256"])
+    except (OSError, KeyError, RuntimeError) as error:
+        raise InputError(f"{path}: not a readable trial file ({str(error).splitlines()[0]})") from error
+
+
+def _check_shapes(path: Path, data: TrialData) -> None:
+    n = data.time_s.shape[0]
+    shapes = {
+        "force_n": (data.force_n.shape, (n,)),
+        "force_raw": (data.force_raw.shape, (n,)),
+        "motor_command_v": (data.motor_command_v.shape, (n,)),
+        "encoder_count": (data.encoder_count.shape, (n, len(data.encoders))),
+    }
+    for name, (found, wanted) in shapes.items():
+        if found != wanted:
+            raise InputError(f"{path}: {name} has shape {found}, expected {wanted}")
+    if not np.issubdtype(data.encoder_count.dtype, np.integer):
+        raise InputError(f"{path}: encoder_count is {data.encoder_count.dtype}, expected integers")
+    if data.status not in STATUSES:
+        raise InputError(f"{path}: status {data.status!r}, allowed {', '.join(STATUSES)}")
+
+
+def _write_root(file: h5py.File, data: TrialData) -> None:
+    file.attrs["schema"] = SCHEMA
+    file.attrs["Conventions"] = "SI units; time zero is the AI start trigger"
+    file.attrs["trial"] = data.number
+    file.attrs["status"] = data.status
+    file.attrs["reason"] = data.reason
+    file.attrs["n_valid"] = data.n_valid
+    file.attrs["started_utc"] = data.started_utc
+    file.attrs["simulated"] = int(data.simulated)
+    file.attrs["blow_start_s"] = data.blow_start_s
+
+
+def _dataset(group: h5py.Group, name: str, values: NDArray[Any], units: str, long_name: str, **attributes: Any) -> h5py.Dataset:
+    dataset = group.create_dataset(name, data=values)
+    dataset.attrs["units"] = units
+    dataset.attrs["long_name"] = long_name
+    for key, value in attributes.items():
+        dataset.attrs[key] = value
+    dataset.attrs["sha256"] = array_sha256(values)
+    return dataset
+
+
+def _write_daq(group: h5py.Group, data: TrialData) -> None:
+    group.attrs["sample_rate_hz"] = data.sample_rate_hz
+    time = _dataset(group, "time", data.time_s, "s", "time since the AI start trigger", sample_rate_hz=data.sample_rate_hz)
+    time.make_scale("time")
+    names = np.array([encoder.name for encoder in data.encoders], dtype=h5py.string_dtype("utf-8"))
+    encoder_axis = group.create_dataset("encoder", data=names)
+    encoder_axis.attrs["long_name"] = "body the encoder reads"
+    encoder_axis.make_scale("encoder")
+    info = data.force_info
+    force = _dataset(
+        group, "force", data.force_n, "N", "force on the key, positive downwards, calibrated, not corrected for offset, delay or hum",
+        **_attributes(info),
+    )  # fmt: skip
+    raw = _dataset(group, "force_raw", data.force_raw, info.electrical_unit, "electrical reading of the force channel", channel=info.channel)
+    motor = _dataset(group, "motor_command", data.motor_command_v, "V", "motor command held from each sample to the next")
+    count = _dataset(
+        group, "encoder_count", data.encoder_count.astype(np.int64), "1", "encoder counts since arming (X4)",
+        encoders_json=json.dumps([asdict(encoder) for encoder in data.encoders]),
+        counts_per_revolution=np.array([encoder.counts_per_revolution for encoder in data.encoders], dtype=np.int64),
+        sign=np.array([encoder.sign for encoder in data.encoders], dtype=np.int64),
+    )  # fmt: skip
+    for dataset in (force, raw, motor, count):
+        dataset.dims[0].attach_scale(time)
+    count.dims[1].attach_scale(encoder_axis)
+
+
+def _attributes(info: ForceInfo) -> dict[str, Any]:
+    return {key: np.array(value) if isinstance(value, tuple) else value for key, value in asdict(info).items()}
+
+
+def _write_camera(group: h5py.Group, camera: CameraInfo) -> None:
+    for key, value in asdict(camera).items():
+        group.attrs[key] = value
+    time = _dataset(group, "time", camera.frame_time_s, "s", "middle of each exposure since the AI start trigger")
+    time.make_scale("time")
+    index = _dataset(group, "frame", np.arange(camera.n_frames, dtype=np.int64), "1", "frame number in the film, from 0")
+    index.dims[0].attach_scale(time)
+
+
+def array_sha256(values: NDArray[Any]) -> str:
+    """Return the SHA-256 of an array's little-endian bytes in C order; text is hashed as UTF-8, one item a line."""
+    array = np.ascontiguousarray(values)
+    if array.dtype.kind in "OUS":
+        text = "\n".join(item.decode() if isinstance(item, bytes) else str(item) for item in array.ravel())
+        return hashlib.sha256(text.encode("utf-8")).hexdigest()
+    return hashlib.sha256(array.astype(array.dtype.newbyteorder("<")).tobytes()).hexdigest()
+
+
+def _seal(file: h5py.File) -> str:
+    """Hash every array and every attribute that carries meaning; HDF5's own bookkeeping attributes are left out."""
+    digest = hashlib.sha256()
+
+    def add(name: str, node: h5py.Group | h5py.Dataset) -> None:
+        digest.update(name.encode() + b"\0")
+        for key in sorted(node.attrs):
+            if key.isupper() or key.startswith("_") or (name == "/" and key == "sha256"):
+                continue
+            value = node.attrs[key]
+            digest.update(f"{key}={array_sha256(np.asarray(value))}\0".encode())
+        if isinstance(node, h5py.Dataset):
+            digest.update(array_sha256(node[()]).encode())
+
+    add("/", file)
+    names: list[str] = []
+    file.visit(names.append)
+    for name in sorted(names):
+        add(name, file[name])
+    return digest.hexdigest()
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, np.ndarray):
+        return tuple(float(item) for item in value)
+    return value.item() if isinstance(value, np.generic) else value
+
+
+def _read(file: h5py.File, seal: str) -> TrialData:
+    daq = file["daq"]
+    force = daq["force"]
+    info = ForceInfo(**{field: _plain(force.attrs[field]) for field in ForceInfo.__dataclass_fields__})
+    encoders = tuple(EncoderInfo(**entry) for entry in json.loads(daq["encoder_count"].attrs["encoders_json"]))
+    camera = None
+    if "camera" in file:
+        attributes = file["camera"].attrs
+        camera = CameraInfo(**{field: _plain(attributes[field]) for field in CameraInfo.__dataclass_fields__})
+    return TrialData(
+        number=int(file.attrs["trial"]),
+        status=str(file.attrs["status"]),
+        reason=str(file.attrs["reason"]),
+        started_utc=str(file.attrs["started_utc"]),
+        simulated=bool(file.attrs["simulated"]),
+        blow_start_s=float(file.attrs["blow_start_s"]),
+        sample_rate_hz=float(daq.attrs["sample_rate_hz"]),
+        time_s=daq["time"][()],
+        force_n=force[()],
+        force_raw=daq["force_raw"][()],
+        motor_command_v=daq["motor_command"][()],
+        encoder_count=daq["encoder_count"][()],
+        encoders=encoders,
+        force_info=info,
+        camera=camera,
+        sha256=seal,
+    )

@@ -1,0 +1,56 @@
+"""What the simulated DAQ device asks of a plant: the interface between electronics and mechanics of the virtual bench.
+
+Place in the data flow: the device hands over the volts its analog output holds and gets back the state at each edge of its
+sample clock; sensors turn that state into millivolts per volt and counts.
+Conventions: time zero is the AI start trigger; the output is a zero-order hold, sample k is put out at edge k and held to edge
+k+1; the state reported for edge k is the one the command of edge k has not yet acted on. Force on the key is positive
+downwards; angles are absolute, in rad, counter-clockwise; encoder order is key, whippen, hammer.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
+
+ENCODED_BODIES = ("key", "whippen", "hammer")
+
+
+@dataclass(frozen=True, eq=False)
+class PlantBlock:
+    """State of the plant at n successive edges of the sample clock.
+
+    Attributes
+    ----------
+    time_s : ndarray, shape (n,)
+        Time of each edge since the start trigger, s.
+    force_n : ndarray, shape (n,)
+        Force of the motor arm on the key as the load cell feels it, N, positive downwards.
+    angle_rad : ndarray, shape (n, 3)
+        Absolute angles of key, whippen and hammer, rad.
+    motor_rad : ndarray, shape (n,)
+        Angle of the motor arm, rad.
+    """
+
+    time_s: NDArray[np.float64]
+    force_n: NDArray[np.float64]
+    angle_rad: NDArray[np.float64]
+    motor_rad: NDArray[np.float64]
+
+
+@runtime_checkable
+class Plant(Protocol):
+    """A piano action with a motor arm, or anything else that answers a motor command."""
+
+    sample_rate_hz: float
+
+    def start_trial(self, trial: int) -> None:
+        """Put the plant at rest for trial ``trial`` (1, 2, …) and draw that trial's scatter from the seed."""
+
+    def advance(self, command_v: NDArray[np.float64]) -> PlantBlock:
+        """Apply ``command_v`` (n,), held from edge k to edge k+1, and return the state at the n edges k."""
+
+    def truth(self) -> Any:
+        """Return the whole record of the current trial, for films and the system test; the device never looks at it."""

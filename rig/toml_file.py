@@ -1,0 +1,126 @@
+"""TOML files read, checked against a pydantic model, and written.
+
+Every complaint is one line with file, key, value found and value allowed. Conventions: unknown keys are refused by the
+models (a typing error must not pass silently), NaN and infinity are never accepted as a setting.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import tomllib
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, TypeVar
+
+from pydantic import BaseModel, ValidationError
+
+from rig.errors import InputError
+
+Model = TypeVar("Model", bound=BaseModel)
+
+
+def read_text(path: Path) -> str:
+    """Read a UTF-8 text file; raise :class:`InputError` in one line when that is impossible."""
+    try:
+        return path.read_bytes().decode("utf-8")
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror or error})") from error
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path}: byte {error.start} is not UTF-8 text; save the file as UTF-8") from error
+
+
+def parse_toml(text: str, where: str) -> dict[str, Any]:
+    """Parse TOML text; ``where`` names it in the one-line error."""
+    try:
+        return tomllib.loads(text)
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
+        raise InputError(f"{where}: not a TOML file ({str(error).splitlines()[0]})") from error
+
+
+def check(model: type[Model], data: Mapping[str, Any], where: str) -> Model:
+    """Validate parsed TOML against a model.
+
+    Raises
+    ------
+    InputError
+        One line naming ``where``, the key, the value found and the value allowed (first complaint; the count of others).
+    """
+    try:
+        return model.model_validate(data)
+    except ValidationError as error:
+        raise InputError(f"{where}: {_one_line(error)}") from None
+
+
+def _one_line(error: ValidationError) -> str:
+    complaints = error.errors(include_url=False)
+    first = complaints[0]
+    key = _key(first["loc"])
+    if first["type"] == "missing":
+        line = f"{key} is missing; add it"
+    elif first["type"] == "extra_forbidden":
+        line = f"unknown key {key} = {_shown(first['input'])}; correct its spelling or remove it"
+    elif first["type"] == "value_error":
+        line = f"{key}: {first['ctx']['error']}" if key else str(first["ctx"]["error"])
+    else:
+        line = f"{key} = {_shown(first['input'])}: {first['msg'][:1].lower()}{first['msg'][1:]}"
+    if len(complaints) > 1:
+        line += f" (and {len(complaints) - 1} more)"
+    return " ".join(line.split())
+
+
+def _key(location: Sequence[int | str]) -> str:
+    text = ""
+    for part in location:
+        text += f"[{part}]" if isinstance(part, int) else f".{part}" if text else part
+    return text
+
+
+def _shown(value: object) -> str:
+    text = repr(value)
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+def dump_toml(table: Mapping[str, Any]) -> str:
+    """Write nested mappings, lists and scalars as TOML text that :mod:`tomllib` reads back to the same values.
+
+    ``None`` values are left out (TOML has no null).
+    """
+    lines: list[str] = []
+    _dump_table(table, (), lines)
+    return "\n".join(lines).lstrip("\n") + "\n"
+
+
+def _dump_table(table: Mapping[str, Any], path: tuple[str, ...], lines: list[str]) -> None:
+    nested = {key: value for key, value in table.items() if isinstance(value, Mapping)}
+    scalars = {key: value for key, value in table.items() if key not in nested and value is not None}
+    if path and (scalars or not nested):
+        lines.append("\n[" + ".".join(_bare(part) for part in path) + "]")
+    lines += [f"{_bare(key)} = {_value(value)}" for key, value in scalars.items()]
+    for key, value in nested.items():
+        _dump_table(value, (*path, key), lines)
+
+
+def _bare(key: str) -> str:
+    return key if key and all(c.isascii() and (c.isalnum() or c in "_-") for c in key) else _string(key)
+
+
+def _string(text: str) -> str:
+    text = text.encode("utf-8", "replace").decode("utf-8")  # a lone surrogate has no TOML form
+    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
+
+
+def _value(value: object) -> str:
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, float):
+        return repr(value) if math.isfinite(value) else {"inf": "inf", "-inf": "-inf"}.get(repr(value), "nan")
+    if isinstance(value, int):
+        return str(value)
+    if isinstance(value, str):
+        return _string(value)
+    if isinstance(value, Mapping):
+        return "{" + ", ".join(f"{_bare(k)} = {_value(v)}" for k, v in value.items() if v is not None) + "}"
+    if isinstance(value, Sequence):
+        return "[" + ", ".join(_value(item) for item in value) + "]"
+    raise TypeError(f"no TOML form for {type(value).__name__}")
