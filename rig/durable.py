@@ -1,7 +1,8 @@
 """Writing files that are either whole or absent, and hashing what is in them.
 
-A file is written under a temporary name in its own folder and renamed when complete, so that a crash or a full disk
-never leaves something half-written that looks whole. Failures of the file system become :class:`rig.errors.InputError`.
+A file is written under a temporary name in its own folder and renamed when complete, so that a crash or a
+full disk never leaves something half-written that looks whole. Failures of the file system become
+:class:`rig.errors.InputError`.
 """
 
 from __future__ import annotations
@@ -11,7 +12,6 @@ import hashlib
 import os
 from collections.abc import Iterator
 from pathlib import Path
-
 
 from rig.errors import InputError
 
@@ -30,7 +30,9 @@ def replace_when_complete(path: Path) -> Iterator[Path]:
         yield temporary
         os.replace(temporary, path)
     except OSError as error:
-        raise InputError(f"{path}: cannot be written ({error.strerror or error}); choose a writable place") from error
+        raise InputError(
+            f"{path}: cannot be written ({error.strerror or error}); choose a writable place"
+        ) from error
     finally:
         with contextlib.suppress(OSError):
             temporary.unlink(missing_ok=True)

@@ -1,7 +1,8 @@
 """TOML files read, checked against a pydantic model, and written.
 
-Every complaint is one line with file, key, value found and value allowed. Conventions: unknown keys are refused by the
-models (a typing error must not pass silently), NaN and infinity are never accepted as a setting.
+Every complaint is one line with file, key, value found and value allowed. Conventions: unknown keys are
+refused by the models (a typing error must not pass silently), NaN and infinity are never accepted as a
+setting.
 """
 
 from __future__ import annotations
@@ -44,7 +45,8 @@ def check(model: type[Model], data: Mapping[str, Any], where: str) -> Model:
     Raises
     ------
     InputError
-        One line naming ``where``, the key, the value found and the value allowed (first complaint; the count of others).
+        One line naming ``where``, the key, the value found and the value allowed (first complaint; the count
+        of others).
     """
     try:
         return model.model_validate(data)
@@ -82,7 +84,8 @@ def _shown(value: object) -> str:
 
 
 def dump_toml(table: Mapping[str, Any]) -> str:
-    """Write nested mappings, lists and scalars as TOML text that :mod:`tomllib` reads back to the same values.
+    """Write nested mappings, lists and scalars as TOML text that :mod:`tomllib` reads back to the same
+    values.
 
     ``None`` values are left out (TOML has no null).
     """

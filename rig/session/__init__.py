@@ -1,10 +1,11 @@
 """Session folders: raw trials sealed in HDF5, annotations, and results derived from them.
 
-Place in the data flow: the recorder writes a session, ``vision`` and ``validation`` read it. Reading imports neither the
-NI-DAQmx client nor numba. Conventions: SI units, time first, time zero is the AI start trigger of the trial.
+Place in the data flow: the recorder writes a session, ``vision`` and ``validation`` read it. Reading imports
+neither the NI-DAQmx client nor numba. Conventions: SI units, time first, time zero is the AI start trigger of
+the trial.
 """
 
-from rig.session.annotations import Annotation
+from rig.session.annotation_file import Annotation
 from rig.session.folder import Session, Trial
 from rig.session.info import SessionInfo
 from rig.session.records import CameraInfo, EncoderInfo, ForceInfo, TrialData

@@ -1,7 +1,8 @@
-"""``derived/<step>/trial_NNNN.h5``: tables that can be made again, with the hashes of what they were made from.
+"""``derived/<step>/trial_NNNN.h5``: tables that can be made again, with the hashes of what they were made
+from.
 
-One dataset per column of the table in group ``/table``, dimension ``row``; opened by netCDF-4 tools. Attributes are kept as
-JSON. A file that cannot be read is refused with :class:`rig.errors.InputError`.
+One dataset per column of the table in group ``/table``, dimension ``row``; opened by netCDF-4 tools.
+Attributes are kept as JSON. A file that cannot be read is refused with :class:`rig.errors.InputError`.
 """
 
 from __future__ import annotations
@@ -23,7 +24,9 @@ if TYPE_CHECKING:
 SCHEMA = "piano-action-rig derived 1"
 
 
-def write_table(path: Path, table: pd.DataFrame, attrs: Mapping[str, Any], parents_sha256: Mapping[str, str]) -> None:
+def write_table(
+    path: Path, table: pd.DataFrame, attrs: Mapping[str, Any], parents_sha256: Mapping[str, str]
+) -> None:
     """Write a table of numbers, booleans or text, replacing an older result of the same step whole."""
     names = [str(name) for name in table.columns]
     if len(set(names)) != len(names) or any(not name or "/" in name or name == "row" for name in names):

@@ -1,7 +1,8 @@
 """The session folder: ``session.toml``, trials, films, annotations and derived results.
 
-Place in the data flow: created by the recorder or an importer, opened by everything that comes after. The listing is read from
-disk each time it is asked for; trials are never rewritten. Failures are :class:`rig.errors.InputError`, one line each.
+Place in the data flow: created by the recorder or an importer, opened by everything that comes after. The
+listing is read from disk each time it is asked for; trials are never rewritten. Failures are
+:class:`rig.errors.InputError`, one line each.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 from rig import toml_file
 from rig.durable import write_text
 from rig.errors import InputError
-from rig.session import annotations, derived
+from rig.session import annotation_file, derived
 from rig.session.info import SessionInfo
 from rig.session.records import TrialData
 from rig.session.trial_file import read_status, read_trial, write_trial
@@ -82,7 +83,8 @@ class Session:
         Raises
         ------
         InputError
-            When the folder, its ``session.toml`` or (unless ``require_trials`` is False) its trials are missing or unreadable.
+            When the folder, its ``session.toml`` or (unless ``require_trials`` is False) its trials are
+            missing or unreadable.
         """
         folder = Path(path)
         if not folder.is_dir():
@@ -90,10 +92,14 @@ class Session:
         file = folder / INFO_NAME
         if not file.is_file():
             raise InputError(f"{folder}: not a session, {INFO_NAME} is missing")
-        info = toml_file.check(SessionInfo, toml_file.parse_toml(toml_file.read_text(file), str(file)), str(file))
+        info = toml_file.check(
+            SessionInfo, toml_file.parse_toml(toml_file.read_text(file), str(file)), str(file)
+        )
         session = cls(folder, info)
         if require_trials and not session.trials:
-            raise InputError(f"{folder}: the session has no trials (no file trial_0001.h5); record or import some")
+            raise InputError(
+                f"{folder}: the session has no trials (no file trial_0001.h5); record or import some"
+            )
         return session
 
     @classmethod
@@ -121,7 +127,9 @@ class Session:
                 raise InputError(f"{folder}: exists already and is not an empty folder; choose another name")
             folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
-            raise InputError(f"{folder}: cannot be created ({error.strerror or error}); choose a writable place") from error
+            raise InputError(
+                f"{folder}: cannot be created ({error.strerror or error}); choose a writable place"
+            ) from error
         try:
             for name, text in (files or {}).items():
                 write_text(folder / name, text)
@@ -135,7 +143,7 @@ class Session:
     @property
     def trials(self) -> tuple[Trial, ...]:
         """Trials on disk in the order of their numbers, rejected ones included."""
-        rejected = annotations.rejections(annotations.read(self.path))
+        rejected = annotation_file.rejections(annotation_file.read(self.path))
         found = []
         with contextlib.suppress(FileNotFoundError):
             for file in self.path.iterdir():
@@ -149,7 +157,9 @@ class Session:
         for trial in self.trials:
             if trial.number == number:
                 return trial
-        raise InputError(f"{self.path}: no trial {number}; there are {[trial.number for trial in self.trials]}")
+        raise InputError(
+            f"{self.path}: no trial {number}; there are {[trial.number for trial in self.trials]}"
+        )
 
     def trial_path(self, number: int) -> Path:
         """Path of the file of trial ``number``."""
@@ -162,17 +172,17 @@ class Session:
         return Trial(path, data.number, None)
 
     @property
-    def annotations(self) -> tuple[annotations.Annotation, ...]:
+    def annotations(self) -> tuple[annotation_file.Annotation, ...]:
         """All annotations, oldest first."""
-        return annotations.read(self.path)
+        return annotation_file.read(self.path)
 
     def annotate(
-        self, trial: int, kind: annotations.Kind, reason: str, *, author: str = ""
-    ) -> annotations.Annotation:
-        """Append an annotation: reject, accept again, or note. ``trial`` 0 is the session itself (notes only)."""
+        self, trial: int, kind: annotation_file.Kind, reason: str, *, author: str = ""
+    ) -> annotation_file.Annotation:
+        """Append an annotation: reject, accept again, or note; trial 0 is the whole session (notes only)."""
         if trial != 0 or kind != "note":
             self.trial(trial)
-        return annotations.append(self.path, trial, kind, reason, author)
+        return annotation_file.append(self.path, trial, kind, reason, author)
 
     def derived_path(self, step: str, trial_number: int) -> Path:
         """Path of the derived file of one step and trial."""

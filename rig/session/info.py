@@ -1,6 +1,7 @@
 """``session.toml``: who recorded what, on which action, with which rig, in which room, with which software.
 
-The file is written by the recorder and may be completed by hand; a value nobody measured is the word ``unknown``.
+The file is written by the recorder and may be completed by hand; a value nobody measured is the word
+``unknown``.
 """
 
 from __future__ import annotations
@@ -9,7 +10,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-SCHEMA = "piano-action-rig session 1"
+SCHEMA: Literal["piano-action-rig session 1"] = "piano-action-rig session 1"
 Measured = Annotated[float, Field(allow_inf_nan=False)] | Literal["unknown"]
 Digest = Annotated[str, Field(pattern=r"^([0-9a-f]{64})?$")]
 
@@ -28,7 +29,7 @@ class ActionInfo(_Table):
 
 
 class FileInfo(_Table):
-    """A file the session was made with: its name, the copy kept in the session folder, and the SHA-256 of the text."""
+    """A file the session was made with: its name, the copy kept beside it, the SHA-256 of its text."""
 
     name: str
     copy_name: str = ""

@@ -1,7 +1,8 @@
 """What one trial holds: the arrays of the DAQ clock and what is needed to interpret them.
 
-Conventions: force positive downwards on the key, calibrated but not corrected for offset, channel delay or mains hum;
-encoder counts as integers exactly as the counters gave them; angles counter-clockwise, zero at the first sample.
+Conventions: force positive downwards on the key, calibrated but not corrected for offset, channel delay or
+mains hum; encoder counts as integers exactly as the counters gave them; angles counter-clockwise, zero at the
+first sample.
 """
 
 from __future__ import annotations
@@ -16,8 +17,9 @@ from numpy.typing import NDArray
 class EncoderInfo:
     """One angular encoder: which body, its scale and the sense of its counts.
 
-    ``sign`` is +1 when the count rises as the body turns counter-clockwise, -1 otherwise; ``counts_per_revolution``
-    counts all four edges (X4). ``u_scale_relative`` is the relative standard uncertainty of the scale.
+    ``sign`` is +1 when the count rises as the body turns counter-clockwise, -1 otherwise;
+    ``counts_per_revolution`` counts all four edges (X4). ``u_scale_relative`` is the relative standard
+    uncertainty of the scale.
     """
 
     name: str
@@ -36,8 +38,8 @@ class EncoderInfo:
 class ForceInfo:
     """The force channel: calibration, delay, preload and standard uncertainties (k = 1).
 
-    Calibration is the straight line through ``electrical`` (in ``electrical_unit``) and ``physical_n``. The force of
-    sample k was felt ``group_delay_s`` before the time of sample k.
+    Calibration is the straight line through ``electrical`` (in ``electrical_unit``) and ``physical_n``. The
+    force of sample k was felt ``group_delay_s`` before the time of sample k.
     """
 
     sensor: str

@@ -1,8 +1,10 @@
-"""One trial as an HDF5 file that netCDF-4 tools open: group ``/daq`` on the sample clock, group ``/camera`` on the frame clock.
+"""One trial as an HDF5 file that netCDF-4 tools open: group ``/daq`` on the sample clock, group ``/camera``
+on the frame clock.
 
-Place in the data flow: written once, sealed, when a trial ends; read by validation and vision. Every dataset carries its unit
-and the SHA-256 of its bytes; the root carries a seal over all of them and over the attributes. Reading checks the seal, so a
-truncated or altered file is refused with :class:`rig.errors.InputError`, never half understood.
+Place in the data flow: written once, sealed, when a trial ends; read by validation and vision. Every dataset
+carries its unit and the SHA-256 of its bytes; the root carries a seal over all of them and over the
+attributes. Reading checks the seal, so a truncated or altered file is refused with
+:class:`rig.errors.InputError`, never half understood.
 """
 
 from __future__ import annotations
@@ -26,7 +28,7 @@ STATUSES = ("complete", "not at rest", "interrupted", "fault")
 
 
 def write_trial(path: Path, data: TrialData) -> str:
-    """Write and seal one trial; return its seal (SHA-256, hexadecimal). Refuses to replace an existing file."""
+    """Write and seal one trial; return its seal (SHA-256). An existing file is never replaced."""
     if path.exists():
         raise InputError(f"{path}: exists already; a sealed trial is never replaced")
     _check_shapes(path, data)
@@ -51,10 +53,16 @@ def read_trial(path: Path) -> TrialData:
     try:
         with h5py.File(path, "r") as file:
             if file.attrs.get("schema") != SCHEMA:
-                raise InputError(f"{path}: schema {file.attrs.get('schema')!r}, expected {SCHEMA!r}; not a trial of this rig")
+                raise InputError(
+                    f"{path}: schema {file.attrs.get('schema')!r}, expected "
+                    f"{SCHEMA!r}; not a trial of "
+                    "this rig"
+                )
             seal = _seal(file)
             if file.attrs["sha256"] != seal:
-                raise InputError(f"{path}: altered since it was sealed (SHA-256 does not match); restore it from a copy")
+                raise InputError(
+                    f"{path}: altered since it was sealed (SHA-256 does not match); restore it from a copy"
+                )
             return _read(file, seal)
     except InputError:
         raise
@@ -101,7 +109,9 @@ def _write_root(file: h5py.File, data: TrialData) -> None:
     file.attrs["blow_start_s"] = data.blow_start_s
 
 
-def _dataset(group: h5py.Group, name: str, values: NDArray[Any], units: str, long_name: str, **attributes: Any) -> h5py.Dataset:
+def _dataset(
+    group: h5py.Group, name: str, values: NDArray[Any], units: str, long_name: str, **attributes: Any
+) -> h5py.Dataset:
     dataset = group.create_dataset(name, data=values)
     dataset.attrs["units"] = units
     dataset.attrs["long_name"] = long_name
@@ -113,7 +123,9 @@ def _dataset(group: h5py.Group, name: str, values: NDArray[Any], units: str, lon
 
 def _write_daq(group: h5py.Group, data: TrialData) -> None:
     group.attrs["sample_rate_hz"] = data.sample_rate_hz
-    time = _dataset(group, "time", data.time_s, "s", "time since the AI start trigger", sample_rate_hz=data.sample_rate_hz)
+    time = _dataset(
+        group, "time", data.time_s, "s", "time since the AI start trigger", sample_rate_hz=data.sample_rate_hz
+    )
     time.make_scale("time")
     names = np.array([encoder.name for encoder in data.encoders], dtype=h5py.string_dtype("utf-8"))
     encoder_axis = group.create_dataset("encoder", data=names)
@@ -121,37 +133,60 @@ def _write_daq(group: h5py.Group, data: TrialData) -> None:
     encoder_axis.make_scale("encoder")
     info = data.force_info
     force = _dataset(
-        group, "force", data.force_n, "N", "force on the key, positive downwards, calibrated, not corrected for offset, delay or hum",
+        group,
+        "force",
+        data.force_n,
+        "N",
+        "force on the key, positive downwards, calibrated, not corrected for offset, delay or hum",
         **_attributes(info),
-    )  # fmt: skip
-    raw = _dataset(group, "force_raw", data.force_raw, info.electrical_unit, "electrical reading of the force channel", channel=info.channel)
-    motor = _dataset(group, "motor_command", data.motor_command_v, "V", "motor command held from each sample to the next")
+    )
+    raw = _dataset(
+        group,
+        "force_raw",
+        data.force_raw,
+        info.electrical_unit,
+        "electrical reading of the force channel",
+        channel=info.channel,
+    )
+    motor = _dataset(
+        group, "motor_command", data.motor_command_v, "V", "motor command held from each sample to the next"
+    )
     count = _dataset(
-        group, "encoder_count", data.encoder_count.astype(np.int64), "1", "encoder counts since arming (X4)",
+        group,
+        "encoder_count",
+        data.encoder_count.astype(np.int64),
+        "1",
+        "encoder counts since arming (X4)",
         encoders_json=json.dumps([asdict(encoder) for encoder in data.encoders]),
-        counts_per_revolution=np.array([encoder.counts_per_revolution for encoder in data.encoders], dtype=np.int64),
-        sign=np.array([encoder.sign for encoder in data.encoders], dtype=np.int64),
-    )  # fmt: skip
+        counts_per_revolution=np.array([e.counts_per_revolution for e in data.encoders], dtype=np.int64),
+        sign=np.array([e.sign for e in data.encoders], dtype=np.int64),
+    )
     for dataset in (force, raw, motor, count):
         dataset.dims[0].attach_scale(time)
     count.dims[1].attach_scale(encoder_axis)
 
 
 def _attributes(info: ForceInfo) -> dict[str, Any]:
-    return {key: np.array(value) if isinstance(value, tuple) else value for key, value in asdict(info).items()}
+    return {
+        key: np.array(value) if isinstance(value, tuple) else value for key, value in asdict(info).items()
+    }
 
 
 def _write_camera(group: h5py.Group, camera: CameraInfo) -> None:
     for key, value in asdict(camera).items():
         group.attrs[key] = value
-    time = _dataset(group, "time", camera.frame_time_s, "s", "middle of each exposure since the AI start trigger")
+    time = _dataset(
+        group, "time", camera.frame_time_s, "s", "middle of each exposure since the AI start trigger"
+    )
     time.make_scale("time")
-    index = _dataset(group, "frame", np.arange(camera.n_frames, dtype=np.int64), "1", "frame number in the film, from 0")
+    index = _dataset(
+        group, "frame", np.arange(camera.n_frames, dtype=np.int64), "1", "frame number in the film, from 0"
+    )
     index.dims[0].attach_scale(time)
 
 
 def array_sha256(values: NDArray[Any]) -> str:
-    """Return the SHA-256 of an array's little-endian bytes in C order; text is hashed as UTF-8, one item a line."""
+    """Return the SHA-256 of an array's little-endian bytes in C order; text as UTF-8, one item a line."""
     array = np.ascontiguousarray(values)
     if array.dtype.kind in "OUS":
         text = "\n".join(item.decode() if isinstance(item, bytes) else str(item) for item in array.ravel())
@@ -160,7 +195,7 @@ def array_sha256(values: NDArray[Any]) -> str:
 
 
 def _seal(file: h5py.File) -> str:
-    """Hash every array and every attribute that carries meaning; HDF5's own bookkeeping attributes are left out."""
+    """Hash every array and attribute that carries meaning, not HDF5's own bookkeeping."""
     digest = hashlib.sha256()
 
     def add(name: str, node: h5py.Group | h5py.Dataset) -> None:
@@ -191,7 +226,9 @@ def _read(file: h5py.File, seal: str) -> TrialData:
     daq = file["daq"]
     force = daq["force"]
     info = ForceInfo(**{field: _plain(force.attrs[field]) for field in ForceInfo.__dataclass_fields__})
-    encoders = tuple(EncoderInfo(**entry) for entry in json.loads(daq["encoder_count"].attrs["encoders_json"]))
+    encoders = tuple(
+        EncoderInfo(**entry) for entry in json.loads(daq["encoder_count"].attrs["encoders_json"])
+    )
     camera = None
     if "camera" in file:
         attributes = file["camera"].attrs

@@ -1,10 +1,12 @@
-"""What the simulated DAQ device asks of a plant: the interface between electronics and mechanics of the virtual bench.
+"""What the simulated DAQ device asks of a plant: the interface between electronics and mechanics of the
+virtual bench.
 
-Place in the data flow: the device hands over the volts its analog output holds and gets back the state at each edge of its
-sample clock; sensors turn that state into millivolts per volt and counts.
-Conventions: time zero is the AI start trigger; the output is a zero-order hold, sample k is put out at edge k and held to edge
-k+1; the state reported for edge k is the one the command of edge k has not yet acted on. Force on the key is positive
-downwards; angles are absolute, in rad, counter-clockwise; encoder order is key, whippen, hammer.
+Place in the data flow: the device hands over the volts its analog output holds and gets back the state at
+each edge of its sample clock; sensors turn that state into millivolts per volt and counts.
+Conventions: time zero is the AI start trigger; the output is a zero-order hold, sample k is put out at edge k
+and held to edge k+1; the state reported for edge k is the one the command of edge k has not yet acted on.
+Force on the key is positive downwards; angles are absolute, in rad, counter-clockwise; encoder order is key,
+whippen, hammer.
 """
 
 from __future__ import annotations
@@ -53,4 +55,4 @@ class Plant(Protocol):
         """Apply ``command_v`` (n,), held from edge k to edge k+1, and return the state at the n edges k."""
 
     def truth(self) -> Any:
-        """Return the whole record of the current trial, for films and the system test; the device never looks at it."""
+        """Return the whole record of the trial, for films and tests; the device never looks at it."""

@@ -1,0 +1,126 @@
+"""What the recorder asks of a data-acquisition backend, and how one is found by the scheme of its address.
+
+Contract of a backend, in the order of a trial:
+
+1. ``configure(config, command_v)`` reserves every channel of the rig file, loads the motor command (volts,
+   one per sample, the last 0 V) and returns what the device really does (rates after coercion, delays).
+   Nothing moves.
+2. ``arm()`` starts all slave tasks, so that they wait for the trigger; writes 0 V to the motor first, enables
+   the drive last.
+3. ``start()`` starts the master: force, counters, motor command and frame pulses begin on the same edge,
+   sample 0.
+4. ``read_block(n, timeout_s)`` returns exactly the next n samples of every channel, in order, without a gap,
+   or raises.
+5. ``safe_stop()`` may be called at any time, any number of times, and leaves the motor at 0 V and the drive
+   disabled whatever fails on the way; the next ``configure`` starts afresh.
+6. ``close()`` calls ``safe_stop`` and gives everything back.
+7. Every failure is a :class:`rig.errors.HardwareFault` with code and phase; no type of a vendor's library
+   leaves the backend.
+8. Force is calibrated but not corrected; counts are integers since arming; the motor's command is zero-order
+   hold.
+
+Backends register an opener ``(url, config) -> Backend`` under the entry point group ``pianorig.backends``,
+named by URL scheme.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib.metadata import entry_points
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig.config import RigConfig
+from rig.errors import InputError
+
+GROUP = "pianorig.backends"
+
+
+@dataclass(frozen=True)
+class Capabilities:
+    """What a backend is and can do.
+
+    ``simulated`` goes into the session file. ``description`` is what a report shows (driver, product,
+    versions).
+    """
+
+    name: str
+    simulated: bool
+    description: dict[str, str]
+    watchdog: bool = False
+
+
+@dataclass(frozen=True)
+class Timing:
+    """What the device really does: rates after coercion, s and Hz; camera fields are None without a camera.
+
+    ``first_pulse_s`` is the rising edge of the first frame pulse after the start trigger.
+    """
+
+    sample_rate_hz: float
+    force_group_delay_s: float
+    frame_rate_hz: float | None = None
+    first_pulse_s: float | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Block:
+    """Successive samples: ``force_n`` (n,), ``force_raw`` (n,) in mV/V or V, ``encoder_count`` (n, 3)."""
+
+    first_sample: int
+    force_n: NDArray[np.float64]
+    force_raw: NDArray[np.float64]
+    encoder_count: NDArray[np.int64]
+
+
+class Backend(Protocol):
+    """A data-acquisition backend; the numbered contract is in the module's docstring."""
+
+    @property
+    def capabilities(self) -> Capabilities:
+        """What this backend is and can do."""
+
+    def configure(self, config: RigConfig, command_v: NDArray[np.float64]) -> Timing:
+        """Reserve all channels and load the motor command; nothing moves."""
+
+    def arm(self) -> None:
+        """Write 0 V, start the slave tasks, enable the drive."""
+
+    def start(self) -> None:
+        """Start the master: everything begins on one trigger."""
+
+    def read_block(self, n_samples: int, timeout_s: float) -> Block:
+        """Return the next ``n_samples`` samples of every channel."""
+
+    def safe_stop(self) -> None:
+        """Stop, put the motor at 0 V and the drive to disabled; never raises half way."""
+
+    def close(self) -> None:
+        """Stop safely and release everything."""
+
+
+Opener = Callable[[str, RigConfig], Backend]
+
+
+def open_backend(url: str, config: RigConfig) -> Backend:
+    """Open the backend an address names, e.g. ``sim://``, ``ni://local`` or ``ni-grpc://host:31763``.
+
+    Raises
+    ------
+    InputError
+        When the address has no scheme, or no installed backend answers to it.
+    HardwareFault
+        When the driver, server or device does not answer.
+    """
+    scheme, separator, _ = url.partition("://")
+    found = {entry.name: entry for entry in entry_points(group=GROUP)}
+    if not separator or scheme not in found:
+        known = ", ".join(f"{name}://" for name in sorted(found)) or (
+            "none (install the package: pip install -e .)"
+        )
+        raise InputError(f"backend address {url!r}: no backend for it; installed are {known}")
+    opener: Opener = found[scheme].load()
+    return opener(url, config)
