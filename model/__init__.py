@@ -1,0 +1,43 @@
+"""The stiff multibody model of a grand-piano action: parameters, statics, simulation, observables.
+
+A leaf of the project: arrays and parameter files in, arrays out; it knows nothing of sessions or films.
+Names are loaded on first use, so that reading a parameter file needs no compiler.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import Any
+
+_HOME = {
+    "BODIES": "parameters",
+    "Action": "parameters",
+    "load_action": "parameters",
+    "InputError": "errors",
+    "IntegrationError": "errors",
+    "ModelError": "errors",
+    "StaticsError": "errors",
+    "MotorArm": "scene",
+    "Scene": "scene",
+    "build_scene": "scene",
+    "RestState": "statics",
+    "rest_state": "statics",
+    "Simulation": "simulation",
+    "State": "simulation",
+    "Solution": "solution",
+    "read_force_table": "blow",
+    "check_force_table": "blow",
+    "output_times": "blow",
+    "simulate": "blow",
+}
+
+__all__ = [*_HOME, "observables"]
+
+
+def __getattr__(name: str) -> Any:
+    """Import the home of a public name when it is first asked for."""
+    if name in _HOME:
+        return getattr(import_module(f".{_HOME[name]}", __name__), name)
+    if name == "observables":
+        return import_module(".observables", __name__)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

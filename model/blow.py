@@ -1,0 +1,144 @@
+"""Simulate an action under a measured or invented force table: the main function of ``model``.
+
+Force table in (time s, force N, positive downwards on the key, linear between points), trajectory out.
+Bad tables are refused with the row and what is allowed.
+"""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .errors import InputError
+from .integrators import DEFAULT_METHOD
+from .parameters import Action
+from .scene import build_scene
+from .simulation import Simulation, State
+from .solution import Solution
+from .statics import RestState, solve_rest
+
+LARGEST_FORCE_N = 1000.0
+
+
+def check_force_table(
+    time_s: ArrayLike, force_n: ArrayLike, where: str = "force table"
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return times and forces (k,) as float arrays; raise ``InputError`` at the first row that cannot be used."""
+    times = np.asarray(time_s, dtype=float)
+    forces = np.asarray(force_n, dtype=float)
+    if times.ndim != 1 or times.shape != forces.shape:
+        raise InputError(f"{where}: found shapes {times.shape} and {forces.shape}, allowed two equal columns")
+    if len(times) < 2:
+        raise InputError(f"{where}: found {len(times)} rows, allowed at least 2")
+    for name, column, limit in (("time_s", times, 1e6), ("force_n", forces, LARGEST_FORCE_N)):
+        bad = ~np.isfinite(column) | (np.abs(column) > limit)
+        if bad.any():
+            row = int(np.argmax(bad))
+            raise InputError(
+                f"{where}: row {row + 1}: {name} found {column[row]:g}, allowed finite numbers up to {limit:g}"
+            )
+    steps = np.diff(times)
+    if (steps <= 0).any():
+        row = int(np.argmax(steps <= 0)) + 1
+        raise InputError(
+            f"{where}: row {row + 1}: time {times[row]:g} s does not follow {times[row - 1]:g} s; times must increase"
+        )
+    return times, forces
+
+
+def read_force_table(path: str | Path) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Read a CSV file with the columns ``time_s,force_n``; (k,) each."""
+    try:
+        with open(path, newline="", encoding="utf-8-sig") as file:
+            rows = [row for row in csv.reader(file) if row and not row[0].startswith("#")]
+    except OSError as problem:
+        raise InputError(f"{path}: cannot be read ({problem.strerror})") from None
+    except (UnicodeDecodeError, csv.Error):
+        raise InputError(f"{path}: is not a CSV text file; allowed columns time_s,force_n") from None
+    if not rows:
+        raise InputError(f"{path}: is empty; allowed a header time_s,force_n and at least 2 rows")
+    header = [name.strip() for name in rows[0]]
+    if sorted(header) != ["force_n", "time_s"]:
+        raise InputError(f"{path}: columns found {','.join(header)}; allowed time_s,force_n")
+    values = np.empty((len(rows) - 1, 2))
+    for i, row in enumerate(rows[1:]):
+        try:
+            values[i] = [float(cell) for cell in row]
+        except ValueError:
+            raise InputError(f"{path}: row {i + 1}: found {','.join(row)!r}, allowed two numbers") from None
+    return check_force_table(values[:, header.index("time_s")], values[:, header.index("force_n")], str(path))
+
+
+def output_times(start: float, end: float, rate_hz: float) -> NDArray[np.float64]:
+    """Times from ``start`` to ``end`` at ``rate_hz``; k / rate exactly, so that no rounding adds up."""
+    if not np.isfinite(rate_hz) or not 0 < rate_hz <= 1e7:
+        raise InputError(f"output rate: found {rate_hz:g} Hz, allowed above 0 to 1e7")
+    count = int(np.floor((end - start) * rate_hz + 1e-9)) + 1
+    return np.minimum(start + np.arange(count) / rate_hz, end)
+
+
+def simulate(
+    action: Action,
+    time_s: ArrayLike,
+    force_n: ArrayLike,
+    *,
+    tolerance: float = 1e-5,
+    output_time_s: ArrayLike | None = None,
+    contact_forces: bool = False,
+    initial: RestState | State | None = None,
+    method: str = DEFAULT_METHOD,
+) -> Solution:
+    """Predict the motion of all five bodies under a force on the key.
+
+    Parameters
+    ----------
+    action : parameter set
+    time_s, force_n : (k,) force table, linear between its points
+    tolerance : requested largest error of any angle, rad
+    output_time_s : (m,) increasing, within the table; by default the table's own times
+    contact_forces : also compute normal and friction force of each contact
+    initial : where to start; by default at rest without force
+    method : integration method, see `model.integrators`
+
+    Raises
+    ------
+    InputError : table, times or tolerance cannot be used
+    IntegrationError : the integration could not go on
+
+    Notes
+    -----
+    SI units, radians. Equations: thesis Chapter 2.
+    """
+    times, forces = check_force_table(time_s, force_n)
+    outputs = times if output_time_s is None else np.asarray(output_time_s, dtype=float)
+    if outputs.ndim != 1 or not np.all(np.isfinite(outputs)) or np.any(np.diff(outputs) < 0):
+        raise InputError("output times: allowed a finite, increasing row of times")
+    if len(outputs) and (outputs[0] < times[0] or outputs[-1] > times[-1]):
+        raise InputError(
+            f"output times: found {outputs[0]:g} to {outputs[-1]:g} s, allowed within the table, "
+            f"{times[0]:g} to {times[-1]:g} s"
+        )
+    scene = build_scene(action)
+    if isinstance(initial, State):
+        state = initial.copy()
+    else:
+        angle = solve_rest(scene) if initial is None else initial.angle_rad
+        state = State(float(times[0]), np.array(angle, dtype=float), np.zeros(scene.size))
+    run = Simulation(scene, state, tolerance=tolerance, method=method)
+    end = float(outputs[-1]) if len(outputs) else float(times[-1])
+    angles, speeds = run.advance(end, times, forces, output_time_s=outputs)
+    normal, tangential = run.contact_forces(angles, speeds) if contact_forces else (None, None)
+    return Solution(
+        bodies=scene.bodies,
+        time_s=outputs,
+        angle_rad=angles,
+        speed_rad_per_s=speeds,
+        contacts=scene.contacts if contact_forces else (),
+        contact_normal_n=normal,
+        contact_friction_n=tangential,
+        counters=run.work(),
+        tolerance=tolerance,
+    )

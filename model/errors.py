@@ -1,0 +1,24 @@
+"""Errors of the model: a small hierarchy whose messages are one line a user can act on.
+
+``exit_code`` is what the command line returns: 2 for bad input, 1 for a computation that could not be done.
+"""
+
+
+class ModelError(Exception):
+    """Base of everything the model raises on purpose."""
+
+    exit_code = 1
+
+
+class InputError(ModelError, ValueError):
+    """A parameter file, a force table or an argument is wrong; the message names it, found and allowed."""
+
+    exit_code = 2
+
+
+class IntegrationError(ModelError):
+    """The integration could not go on; the message says when, why, and what to try."""
+
+
+class StaticsError(ModelError):
+    """No static equilibrium was found near the starting point."""

@@ -1,0 +1,79 @@
+"""The decorator of every compiled kernel: numba with a disk cache that cannot return stale code.
+
+Numba's own cache looks at one file only; a caller in another file keeps an old callee and returns
+wrong numbers without a word. The cache folder is therefore keyed by a SHA-256 over all sources that
+kernels are made of, the versions of Python, numba and numpy, and the processor.
+Any change of any kernel compiles all of them once (about 20 s) into a new folder.
+Where no user cache can be written, kernels are compiled in memory only.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import platform
+import sys
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numba
+import numpy as np
+from numba.core import config as numba_config
+
+_PACKAGE = Path(__file__).resolve().parents[1]
+
+
+def kernel_sources() -> list[Path]:
+    """Files whose text decides what the kernels compute."""
+    return sorted([*_PACKAGE.glob("kernels/*.py"), *_PACKAGE.glob("integrators/*.py")])
+
+
+def cache_key() -> str:
+    """Digest of all kernel sources, versions and the processor, as 16 hexadecimal digits."""
+    from llvmlite import binding
+
+    digest = hashlib.sha256()
+    for part in (sys.version, numba.__version__, np.__version__, platform.machine(), binding.get_host_cpu_name()):
+        digest.update(part.encode())
+    for path in kernel_sources():
+        digest.update(path.name.encode())
+        digest.update(path.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def cache_root() -> Path:
+    """Folder that holds one cache folder per key; ``PIANORIG_CACHE_DIR`` moves it."""
+    named = os.environ.get("PIANORIG_CACHE_DIR")
+    if named:
+        return Path(named)
+    if sys.platform == "win32":
+        base = Path(os.environ.get("LOCALAPPDATA", Path.home() / "AppData" / "Local"))
+    else:
+        base = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache"))
+    return base / "piano-action-rig" / "kernels"
+
+
+def _writable_cache() -> Path | None:
+    folder = cache_root() / cache_key()
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError:
+        return None
+    return folder
+
+
+_FOLDER = _writable_cache()
+
+
+def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Compile ``function`` on first use, without the GIL, cached under the key of all kernel sources."""
+    before = numba_config.CACHE_DIR
+    numba_config.CACHE_DIR = "" if _FOLDER is None else str(_FOLDER)
+    try:
+        return numba.njit(function, cache=_FOLDER is not None, nogil=True, error_model="numpy", fastmath=False)
+    finally:
+        numba_config.CACHE_DIR = before

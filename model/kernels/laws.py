@@ -1,0 +1,36 @@
+"""Force laws with their derivatives: felt (eqs. 2.4, 2.5), friction (eqs. 2.10, 2.12), springs (eq. A.3).
+
+The normal force is clamped at zero: felt cannot pull, while eq. 2.4 would for fast separation.
+"""
+
+from math import tanh
+
+from .compile import kernel
+
+
+@kernel
+def felt(x, rate, a, b, c, damping):
+    """Normal force, its derivative by penetration and by normal speed; (N, N/m, N s/m)."""
+    if x <= 0.0:
+        return 0.0, 0.0, 0.0
+    fit = ((a * x + b) * x + c) * x
+    factor = 1.0 + damping * rate
+    force = fit * factor
+    if force <= 0.0:
+        return 0.0, 0.0, 0.0
+    return force, ((3.0 * a * x + 2.0 * b) * x + c) * factor, fit * damping
+
+
+@kernel
+def friction(s, scale, a, b1, b2):
+    """Smoothed friction coefficient (or torque) at speed ``s`` and its derivative by ``s``."""
+    z = s / scale
+    th = tanh(z)
+    value = th
+    slope = 1.0 - th * th
+    if b1 != 0.0:
+        z4 = z * z * z * z
+        d = 1.0 + b2 * z4
+        value += b1 * z / d
+        slope += b1 * (1.0 - 3.0 * b2 * z4) / (d * d)
+    return a * value, a * slope / scale

@@ -1,0 +1,64 @@
+"""Order of the numbers that kernels read: parameter vector ``p`` and integer tables of a scene.
+
+The scene packs both; a kernel finds a value by the constants below. Integers describe structure (which
+body, which shape), floats describe values, so that a changed value never compiles or reorders anything.
+Every coordinate is the angle of one body's revolute joint; body index = coordinate index; a parent comes
+before its children and has no parent of its own (two levels: enough for action, motor arm, flexible shank).
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+# shapes of the second surface of a contact
+CIRCLE, LINE, HYBRID = 0, 1, 2
+
+# drives: what the scalar input u(t) does
+FORCE_DOWN, JOINT_TORQUE = 0, 1
+
+# p[0:3]
+GRAVITY, V_T, OMEGA_T = 0, 1, 2
+GLOBALS = 3
+
+# per body
+PIVOT_X, PIVOT_Y, COM_X, COM_Y, MASS, INERTIA, JF_A, JF_B1, JF_B2 = range(9)
+BODY_SIZE = 9
+
+# per spring: torque on the joint = T0 - k (q - q0)
+SPRING_T0, SPRING_K, SPRING_Q0 = range(3)
+SPRING_SIZE = 3
+
+# per contact; NX, NY is a line's normal or the start direction of a hybrid's arc, EX, EY the arc's end
+A_X, A_Y, A_R, B_X, B_Y, B_R, N_X, N_Y, E_X, E_Y, K_A, K_B, K_C, DAMP, MU_A, MU_B1, MU_B2 = range(17)
+CONTACT_SIZE = 17
+
+# per drive: point of a force in the body's frame
+DRIVE_X, DRIVE_Y = 0, 1
+DRIVE_SIZE = 2
+
+# per probe (one-sided vertical contact between a point of body A and a point of body B)
+PROBE_SIZE = 8  # A x, A y, B x, B y, a, b, c, D
+
+# columns of the pose table of bodies, world frame
+POSE_X, POSE_Y, POSE_C, POSE_S, POSE_PHI, POSE_CX, POSE_CY, POSE_OMEGA = range(8)
+POSE_SIZE = 8
+
+MAX_CHAIN = 4
+
+# counters written by the kernels
+N_STEPS, N_REJECTED, N_RHS, N_JACOBIAN, N_CONTACT, N_TOUCHING = range(6)
+COUNTERS = ("n_steps", "n_rejected", "n_rhs", "n_jacobian", "n_contact_evaluations", "n_contacts_touching")
+
+
+class Tables(NamedTuple):
+    """Structure of a scene, int64 arrays (n = coordinates, c = contacts, s = springs, d = drives, b = probes)."""
+
+    parent: np.ndarray  # (n,) index of the parent body, -1 for ground
+    ancestor: np.ndarray  # (n, n) 1 where the column's joint is a strict ancestor of the row's
+    spring: np.ndarray  # (s,) body of each spring
+    contact: np.ndarray  # (c, 4) body A, body B (-1 ground), shape of B, length of the chain
+    chain: np.ndarray  # (c, MAX_CHAIN) coordinates that move A against B
+    side: np.ndarray  # (c, MAX_CHAIN) +1 where the coordinate moves A, -1 where it moves B
+    drive: np.ndarray  # (d, 2) kind, body
+    probe: np.ndarray  # (b, 2) body A, body B; both hang from ground
+    offset: np.ndarray  # (4,) where springs, contacts, drives and probes start in p

@@ -1,0 +1,49 @@
+"""Measured quantities as functions of the state: what a ruler or a sensor at the action would read.
+
+Virtual sensors, output columns and validation use the same functions. NumPy only; (m, n) angles in, (m,) out.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .parameters import BODIES, Action
+
+STRING = "contact12"
+
+
+def _column(angle_rad: ArrayLike, body: str) -> NDArray[np.float64]:
+    return np.asarray(angle_rad, dtype=float)[..., BODIES.index(body)]
+
+
+def hammer_height_from_angle(action: Action, hammer_rad: ArrayLike) -> NDArray[np.float64]:
+    """Distance from the hammer's striking surface to the string (m), 0 at touch; from the hammer's angle alone."""
+    theta = np.asarray(hammer_rad, dtype=float)
+    x, y = action[f"{STRING}.first.x"], action[f"{STRING}.first.y"]
+    c, s = np.cos(theta), np.sin(theta)
+    px = action["hammer.pivot.x"] + c * x - s * y
+    py = action["hammer.pivot.y"] + s * x + c * y
+    nx, ny = action[f"{STRING}.second.normal.x"], action[f"{STRING}.second.normal.y"]
+    length = np.hypot(nx, ny)
+    gap = (px - action[f"{STRING}.second.x"]) * nx + (py - action[f"{STRING}.second.y"]) * ny
+    return gap / length - action[f"{STRING}.first.radius"]
+
+
+def hammer_height_m(action: Action, angle_rad: ArrayLike) -> NDArray[np.float64]:
+    """Distance from the hammer's striking surface to the string, m; angles (m, n)."""
+    return hammer_height_from_angle(action, _column(angle_rad, "hammer"))
+
+
+def key_front_height_m(action: Action, angle_rad: ArrayLike) -> NDArray[np.float64]:
+    """Height of the point where the force acts (Pk2), ground frame, m; angles (m, n)."""
+    theta = _column(angle_rad, "key")
+    x, y = action["drive.point.x"], action["drive.point.y"]
+    return action["key.pivot.y"] + np.sin(theta) * x + np.cos(theta) * y
+
+
+def key_dip_m(action: Action, angle_rad: ArrayLike, rest_rad: ArrayLike | None = None) -> NDArray[np.float64]:
+    """How far the key front has gone down from rest, m; ``rest_rad`` (n,) or the first row of ``angle_rad``."""
+    angles = np.asarray(angle_rad, dtype=float)
+    rest = angles[:1] if rest_rad is None else np.asarray(rest_rad, dtype=float)[None, :]
+    return key_front_height_m(action, rest) - key_front_height_m(action, angles)

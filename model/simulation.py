@@ -1,0 +1,138 @@
+"""A run that can be stopped and resumed: state in, input table in, state and outputs out.
+
+`Simulation` holds a scene, a method and a tolerance; `State` is plain data (time, angles, speeds, next step), so
+that saving it and going on later gives the same numbers to the last bit as going on at once. Used by
+`simulate` for a whole force table and by the virtual bench block by block.
+A failed integration raises ``IntegrationError`` with time and advice; the state stays the last accepted one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .errors import InputError, IntegrationError
+from .integrators import DEFAULT_METHOD, get_method
+from .integrators.rosenbrock import NOT_FINITE, STEP_TOO_SMALL, TOO_MANY_STEPS, integrate
+from .kernels import layout as L
+from .kernels.output import forces_along
+from .scene import Scene
+
+# Local error allowed per step for a requested largest error of an angle over the whole run; measured
+# with benchmarks/tolerance.py so that the error stays below the request on blows from piano to 60 N.
+ANGLE_SHARE = 0.1
+SPEED_SHARE = 50.0  # 1/s
+
+SMALLEST_TOLERANCE, LARGEST_TOLERANCE = 1e-12, 1e-2
+
+_ADVICE = {
+    STEP_TOO_SMALL: "the step fell below 1e-12 s; loosen --tolerance or check stiffness and friction thresholds",
+    NOT_FINITE: "the equations gave a value that is not finite; check the input and the geometry",
+    TOO_MANY_STEPS: "too many steps; loosen --tolerance or shorten the run",
+}
+
+
+@dataclass
+class State:
+    """State of a run: time (s), angles (n,) rad, speeds (n,) rad/s, next step to try (s)."""
+
+    time_s: float
+    angle_rad: NDArray[np.float64]
+    speed_rad_per_s: NDArray[np.float64]
+    step_s: float = 1e-5
+
+    def copy(self) -> State:
+        """An independent copy."""
+        return State(self.time_s, self.angle_rad.copy(), self.speed_rad_per_s.copy(), self.step_s)
+
+
+@dataclass
+class Simulation:
+    """A scene under way.
+
+    Parameters
+    ----------
+    scene : what takes part
+    state : where it starts; changed by `advance`
+    tolerance : requested largest error of any angle, rad
+    method : name of the integration method
+    largest_step_s : upper bound of a step, s
+    """
+
+    scene: Scene
+    state: State
+    tolerance: float = 1e-5
+    method: str = DEFAULT_METHOD
+    largest_step_s: float = 0.05
+    max_steps: int = 5_000_000
+    counters: NDArray[np.int64] = field(default_factory=lambda: np.zeros(len(L.COUNTERS), dtype=np.int64))
+
+    def __post_init__(self) -> None:
+        """Refuse a tolerance or a state that cannot be used."""
+        if not SMALLEST_TOLERANCE <= self.tolerance <= LARGEST_TOLERANCE:
+            raise InputError(
+                f"tolerance: found {self.tolerance:g} rad, allowed {SMALLEST_TOLERANCE:g} to {LARGEST_TOLERANCE:g}"
+            )
+        for name, array in (("angles", self.state.angle_rad), ("speeds", self.state.speed_rad_per_s)):
+            if np.shape(array) != (self.scene.size,):
+                raise InputError(f"state: {np.shape(array)} {name} found, allowed ({self.scene.size},)")
+            if not np.all(np.isfinite(array)):
+                raise InputError(f"state: {name} must be finite, found {array}")
+
+    def advance(
+        self,
+        until: float,
+        input_time_s: NDArray[np.float64],
+        input_value: NDArray[np.float64],
+        *,
+        held: bool = False,
+        output_time_s: NDArray[np.float64] | None = None,
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Go on to time ``until`` under a tabulated input.
+
+        Parameters
+        ----------
+        until : s
+        input_time_s, input_value : (k,) increasing times (s) and force (N) or motor torque (N m)
+        held : keep each value until the next time (a converter's output) instead of interpolating linearly
+        output_time_s : (m,) times at which to give the trajectory, between now and ``until``
+
+        Returns
+        -------
+        angles, speeds : (m, n)
+        """
+        tableau = get_method(self.method)
+        outputs = np.empty(0) if output_time_s is None else np.ascontiguousarray(output_time_s, dtype=float)
+        out_q = np.full((len(outputs), self.scene.size), np.nan)
+        out_v = np.full((len(outputs), self.scene.size), np.nan)
+        times = np.ascontiguousarray(input_time_s, dtype=float)
+        values = np.ascontiguousarray(input_value, dtype=float)
+        if len(times) == 1:
+            times, values = np.array([times[0], times[0] + 1.0]), np.array([values[0], values[0]])
+        q, v = self.state.angle_rad.copy(), self.state.speed_rad_per_s.copy()
+        time, step, status = integrate(
+            self.state.time_s, float(until), self.state.step_s, q, v, times, values, held,
+            outputs, out_q, out_v, self.scene.vector, self.scene.tables,
+            tableau.a, tableau.c_coupling, tableau.b, tableau.c, tableau.d, tableau.dense, tableau.gamma,
+            ANGLE_SHARE * self.tolerance, SPEED_SHARE * self.tolerance, 1.0 / (tableau.embedded_order + 1),
+            self.largest_step_s, self.max_steps, self.counters,
+        )  # fmt: skip
+        self.state = State(time, q, v, step)
+        if status in _ADVICE:
+            raise IntegrationError(f"simulation stopped at t = {time:.6g} s: {_ADVICE[status]}")
+        return out_q, out_v
+
+    def contact_forces(
+        self, angle_rad: NDArray[np.float64], speed_rad_per_s: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Normal and friction force of each contact at given states; (m, n) in, (m, c) out, N."""
+        normal = np.zeros((len(angle_rad), len(self.scene.contacts)))
+        tangential = np.zeros_like(normal)
+        forces_along(angle_rad, speed_rad_per_s, self.scene.vector, self.scene.tables, normal, tangential)
+        return normal, tangential
+
+    def work(self) -> dict[str, int]:
+        """Counters of the work done so far, by name."""
+        return {name: int(value) for name, value in zip(L.COUNTERS, self.counters, strict=True)}

@@ -1,0 +1,58 @@
+"""What a simulation returns: times, angles, speeds, contact forces where asked for, and work counters."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+@dataclass(frozen=True)
+class Solution:
+    """Trajectory of a scene.
+
+    Attributes
+    ----------
+    bodies : (n,) names, order of the columns
+    time_s : (m,)
+    angle_rad : (m, n) key, whippen and hammer from ground, jack and repetition from the whippen
+    speed_rad_per_s : (m, n)
+    contacts : names of the contacts in the scene
+    contact_normal_n, contact_friction_n : (m, c) N, or None where forces were not asked for
+    counters : steps, rejections, right-hand sides, Jacobians, contact evaluations
+    tolerance : requested largest error of any angle, rad
+    """
+
+    bodies: tuple[str, ...]
+    time_s: NDArray[np.float64]
+    angle_rad: NDArray[np.float64]
+    speed_rad_per_s: NDArray[np.float64]
+    contacts: tuple[str, ...] = ()
+    contact_normal_n: NDArray[np.float64] | None = None
+    contact_friction_n: NDArray[np.float64] | None = None
+    counters: dict[str, int] = field(default_factory=dict)
+    tolerance: float = 1e-5
+
+    def columns(self) -> dict[str, NDArray[np.float64]]:
+        """Columns by name, in the order of the command's output file."""
+        out = {"time_s": self.time_s}
+        for i, body in enumerate(self.bodies):
+            out[f"{body}_rad"] = self.angle_rad[:, i]
+        for i, body in enumerate(self.bodies):
+            out[f"{body}_rad_per_s"] = self.speed_rad_per_s[:, i]
+        if self.contact_normal_n is not None and self.contact_friction_n is not None:
+            for i, name in enumerate(self.contacts):
+                out[f"{name}_normal_n"] = self.contact_normal_n[:, i]
+                out[f"{name}_friction_n"] = self.contact_friction_n[:, i]
+        return out
+
+    def to_table(self) -> pd.DataFrame:
+        """All columns as a pandas table."""
+        import pandas as pd
+
+        return pd.DataFrame(self.columns())

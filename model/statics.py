@@ -1,0 +1,113 @@
+"""Static rest state of a scene: the angles at which all forces balance and nothing moves.
+
+At zero speed friction vanishes and felt is a conservative spring, so rest is a minimum of energy. Found by
+a damped Newton iteration with the analytic stiffness, which follows the energy down where a contact is still open,
+then polished until the residual stops falling. Fails with ``StaticsError`` that says how far it got.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .errors import InputError, StaticsError
+from .kernels import dynamics, jacobian
+from .kernels import layout as L
+from .parameters import Action
+from .scene import Scene, build_scene
+
+LARGEST_TURN = 0.05  # rad per iteration
+
+
+@dataclass(frozen=True)
+class RestState:
+    """Static balance: angles (n,) rad, contact forces (c,) N, penetrations (c,) m, residual N m."""
+
+    bodies: tuple[str, ...]
+    angle_rad: NDArray[np.float64]
+    contacts: tuple[str, ...]
+    contact_normal_n: NDArray[np.float64]
+    penetration_m: NDArray[np.float64]
+    residual_nm: float
+
+
+def _balance(scene: Scene, q: NDArray[np.float64], u: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Generalised force (n,) and stiffness K (n, n) at rest."""
+    n = scene.size
+    zero = np.zeros(n)
+    pose = np.zeros((n, L.POSE_SIZE))
+    f, a, m_diag, m_up, f_u = (np.zeros(n) for _ in range(5))
+    stiff, damp = np.zeros((n, n)), np.zeros((n, n))
+    counters = np.zeros(len(L.COUNTERS), dtype=np.int64)
+    dynamics.acceleration(q, zero, u, scene.vector, scene.tables, pose, m_diag, m_up, f, a, counters)
+    work = np.zeros((4, L.MAX_CHAIN))
+    jacobian.linearise(zero, u, zero, scene.vector, scene.tables, pose, work, stiff, damp, f_u)
+    return f, stiff
+
+
+def solve_rest(scene: Scene, u: float = 0.0, start: NDArray[np.float64] | None = None) -> NDArray[np.float64]:
+    """Angles (n,) at which the scene rests under the constant input ``u``.
+
+    Raises
+    ------
+    StaticsError : no stable balance within 2000 iterations.
+    """
+    if not np.isfinite(u):
+        raise InputError(f"rest state: input found {u}, allowed a finite number")
+    q = np.array(scene.start if start is None else start, dtype=float)
+    f, stiff = _balance(scene, q, u)
+    shift = 1e-2
+    for _ in range(2000):
+        size = float(np.max(np.abs(f)))
+        if size < 1e-9:
+            break
+        step = np.linalg.solve(shift * np.eye(scene.size) - stiff, f)
+        turn = float(np.max(np.abs(step)))
+        if turn > LARGEST_TURN:
+            step *= LARGEST_TURN / turn
+        f_new, stiff_new = _balance(scene, q + step, u)
+        # energy falls along the step while the force still points with it
+        if float(f_new @ step) > -0.5 * abs(float(f @ step)) and float(f @ step) > 0.0:
+            q, f, stiff = q + step, f_new, stiff_new
+            shift = max(shift * 0.3, 1e-12)
+        else:
+            shift = min(shift * 5.0, 1e4)
+    else:
+        raise StaticsError(f"rest state: not found in 2000 iterations, largest residual {size:.2g} N m; check the geometry")
+    for _ in range(20):
+        step = np.linalg.solve(-stiff, f)
+        f_new, stiff_new = _balance(scene, q + step, u)
+        if not np.max(np.abs(f_new)) < np.max(np.abs(f)):
+            break
+        q, f, stiff = q + step, f_new, stiff_new
+    if np.min(np.linalg.eigvalsh(-0.5 * (stiff + stiff.T))) <= 0.0:
+        raise StaticsError("rest state: the balance found is not stable; check springs and geometry")
+    return q
+
+
+def rest_state(action: Action, force_n: float = 0.0, scene: Scene | None = None) -> RestState:
+    """Static balance of an action under a constant force on the key.
+
+    Parameters
+    ----------
+    action : parameter set
+    force_n : N, positive downwards on the key (with a motor arm in ``scene``: the motor's torque, N m)
+    """
+    scene = build_scene(action) if scene is None else scene
+    q = solve_rest(scene, force_n)
+    n = scene.size
+    zero, pose = np.zeros(n), np.zeros((n, L.POSE_SIZE))
+    f, a, m_diag, m_up = (np.zeros(n) for _ in range(4))
+    counters = np.zeros(len(L.COUNTERS), dtype=np.int64)
+    dynamics.acceleration(q, zero, force_n, scene.vector, scene.tables, pose, m_diag, m_up, f, a, counters)
+    states = [dynamics.contact_state(c, zero, scene.vector, scene.tables, pose) for c in range(len(scene.contacts))]
+    return RestState(
+        bodies=scene.bodies,
+        angle_rad=q,
+        contacts=scene.contacts,
+        contact_normal_n=np.array([s[0] for s in states]),
+        penetration_m=np.array([s[2] for s in states]),
+        residual_nm=float(np.max(np.abs(f))),
+    )
