@@ -17,13 +17,13 @@ from .errors import InputError, IntegrationError
 from .integrators import DEFAULT_METHOD, get_method
 from .integrators.rosenbrock import NOT_FINITE, STEP_TOO_SMALL, TOO_MANY_STEPS, integrate
 from .kernels import layout as L
-from .kernels.output import forces_along
+from .kernels.output import forces_along, probe_forces_along
 from .scene import Scene
 
 # Local error allowed per step for a requested largest error of an angle over the whole run; measured
 # with benchmarks/tolerance.py so that the error stays below the request on blows from piano to 60 N.
-ANGLE_SHARE = 0.1
-SPEED_SHARE = 50.0  # 1/s
+ANGLE_SHARE = 0.05
+SPEED_SHARE = 1.0  # 1/s
 
 SMALLEST_TOLERANCE, LARGEST_TOLERANCE = 1e-12, 1e-2
 
@@ -132,6 +132,14 @@ class Simulation:
         tangential = np.zeros_like(normal)
         forces_along(angle_rad, speed_rad_per_s, self.scene.vector, self.scene.tables, normal, tangential)
         return normal, tangential
+
+    def probe_forces(
+        self, angle_rad: NDArray[np.float64], speed_rad_per_s: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Force of each one-sided probe (the motor arm on the key) at given states; (m, n) in, (m, b) out, N."""
+        force = np.zeros((len(angle_rad), len(self.scene.tables.probe)))
+        probe_forces_along(angle_rad, speed_rad_per_s, self.scene.vector, self.scene.tables, force)
+        return force
 
     def work(self) -> dict[str, int]:
         """Counters of the work done so far, by name."""

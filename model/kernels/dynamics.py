@@ -180,15 +180,15 @@ def contact_state(c, v, p, tables, pose):
 def contact_forces(v, p, tables, pose, f, counters):
     """Add the forces of all touching contacts and probes to ``f`` (n,)."""
     start = tables.offset[1]
+    touching = 0
     for c in range(tables.contact.shape[0]):
-        counters[N_CONTACT] += 1
         o = contact_offset(start, c)
         x, nx, ny, ax, ay, _, _, _ = gap_geometry(
             pose, p, o, tables.contact[c, 0], tables.contact[c, 1], tables.contact[c, 2]
         )
         if x <= 0.0:
             continue
-        counters[N_TOUCHING] += 1
+        touching += 1
         r = p[o + A_R] - 0.5 * x
         px = ax - r * nx
         py = ay - r * ny
@@ -216,6 +216,8 @@ def contact_forces(v, p, tables, pose, f, counters):
             lx = px - pose[b, POSE_X]
             ly = py - pose[b, POSE_Y]
             f[b] += tables.side[c, k] * (lx * fy - ly * fx)
+    counters[N_CONTACT] += tables.contact.shape[0]
+    counters[N_TOUCHING] += touching
     o = tables.offset[3]
     for k in range(tables.probe.shape[0]):
         a = tables.probe[k, 0]
