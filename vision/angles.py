@@ -1,0 +1,66 @@
+"""Angles and picture coordinates: the only place where the sign of the image's y axis is turned.
+
+Place in the data flow: the tracker works in picture axes (x right, y *down*, pixel centres at whole numbers, origin in the
+centre of the top-left pixel) and turns a body by ``phi`` with the matrix ``[[cos, -sin], [sin, cos]]``, which is clockwise
+to the eye. Everything the user sees is counter-clockwise with x right and y *up* (thesis, figure 2.3). Whoever crosses that
+border calls a function of this file.
+
+Datum: an angle is zero at the mean of the film's still frames. A relative angle is the body's minus its parent's.
+Angles are followed from frame to frame, so they are never wrapped to one turn. A lost frame of either body is NaN.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+
+def picture_to_ccw(phi_rad: ArrayLike) -> NDArray[np.float64]:
+    """Turn a rotation in picture axes (y down) into a counter-clockwise angle (y up), rad."""
+    return -np.asarray(phi_rad, dtype=float)
+
+
+def ccw_to_picture(angle_rad: ArrayLike) -> NDArray[np.float64]:
+    """Turn a counter-clockwise angle (y up) into a rotation in picture axes (y down), rad."""
+    return -np.asarray(angle_rad, dtype=float)
+
+
+def ground_to_picture(
+    points_m: ArrayLike, scale_px_per_m: float, origin_px: tuple[float, float]
+) -> NDArray[np.float64]:
+    """Place points of a plane (x right, y up) in the picture.
+
+    Parameters
+    ----------
+    points_m : array_like, shape (..., 2)
+        Points in metres.
+    scale_px_per_m : float
+        Pixels per metre; 1 with points in pixels only turns y.
+    origin_px : (float, float)
+        Picture point (x, y) of the plane's origin.
+
+    Returns
+    -------
+    ndarray, shape (..., 2)
+        Picture points (x right, y down), pixels.
+    """
+    points = np.asarray(points_m, dtype=float)
+    return points * np.array([scale_px_per_m, -scale_px_per_m]) + np.asarray(origin_px, dtype=float)
+
+
+def relative_angle(
+    child_rad: NDArray[np.float64],
+    parent_rad: NDArray[np.float64],
+    u_child_rad: NDArray[np.float64],
+    u_parent_rad: NDArray[np.float64],
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Angle of a body relative to its parent, with its standard uncertainty.
+
+    The two fits use different pixels, so their noise is independent and the variances add (GUM, 5.1.2).
+
+    Returns
+    -------
+    angle_rad, u_rad : ndarray, shape (n_frames,)
+        NaN where either body is lost.
+    """
+    return child_rad - parent_rad, np.hypot(u_child_rad, u_parent_rad)

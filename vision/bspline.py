@@ -1,0 +1,75 @@
+"""Cubic B-spline representation of a picture: prefilter, gradient, and how much sampling smooths the noise.
+
+Place in the data flow: the template takes its gradient from here, the tracker prefilters each region of interest before the
+kernel samples it. OpenCV does the two-pass filter; sampling itself is in `kernels`, since OpenCV's own warps round
+coordinates to 1/32 pixel.
+
+Source: M. Unser, Splines: a perfect fit for signal and image processing, IEEE Signal Process. Mag. 16(6), 1999: the
+interpolating prefilter has the impulse response ``sqrt(3) * z**|k|`` with pole ``z = sqrt(3) - 2``. It is cut after 7 taps on
+each side (2.7e-5 of the centre) and mirrored at the border.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+POLE = np.sqrt(3.0) - 2.0
+HALF_TAPS = 7
+TABLE_STEPS = 64
+
+
+def prefilter_taps(half: int = HALF_TAPS) -> NDArray[np.float64]:
+    """Impulse response of the interpolating prefilter, shape (2 * half + 1,), scaled to sum one."""
+    taps = np.sqrt(3.0) * POLE ** np.abs(np.arange(-half, half + 1))
+    return taps / taps.sum()
+
+
+_TAPS = prefilter_taps().astype(np.float32)
+
+
+def coefficients(picture: NDArray[Any]) -> NDArray[np.float32]:
+    """B-spline coefficients of a picture, same shape (height, width)."""
+    # a filter wider than the picture would mirror more than once; regions are always wider than the filter
+    return cv2.sepFilter2D(np.ascontiguousarray(picture), cv2.CV_32F, _TAPS, _TAPS, borderType=cv2.BORDER_REFLECT_101)
+
+
+def gradient(picture: NDArray[Any]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Derivatives (d/dx, d/dy) of the spline at the pixel centres, grey per pixel, each (height, width)."""
+    coefficient = coefficients(picture)
+    smooth = np.array([1.0, 4.0, 1.0], dtype=np.float32) / 6.0
+    slope = np.array([-0.5, 0.0, 0.5], dtype=np.float32)
+    border = cv2.BORDER_REFLECT_101
+    return (
+        cv2.sepFilter2D(coefficient, cv2.CV_32F, slope, smooth, borderType=border),
+        cv2.sepFilter2D(coefficient, cv2.CV_32F, smooth, slope, borderType=border),
+    )
+
+
+def basis(fraction: NDArray[np.float64] | float) -> NDArray[np.float64]:
+    """Weights of the four coefficients around a point, shape (..., 4), for fractions 0 <= f < 1."""
+    f = np.asarray(fraction, dtype=float)
+    g = 1.0 - f
+    return np.stack(
+        [g**3 / 6.0, (4.0 - 6.0 * f**2 + 3.0 * f**3) / 6.0, (4.0 - 6.0 * g**2 + 3.0 * g**3) / 6.0, f**3 / 6.0], axis=-1
+    )
+
+
+@lru_cache(maxsize=1)
+def noise_gain() -> NDArray[np.float64]:
+    """Variance of a spline sample of white noise of variance one, along one axis, for fractions ``i / 64``.
+
+    The sample at fraction f is the picture weighted with the cardinal spline; its variance is the sum of the squared weights:
+    1 on a pixel, 0.75 between two. In two dimensions the gains multiply. Shape (65,).
+    """
+    taps = prefilter_taps()
+    gains = []
+    for weights in basis(np.linspace(0.0, 1.0, TABLE_STEPS + 1)):
+        gains.append(float(np.sum(np.convolve(weights, taps) ** 2)))
+    table = np.array(gains)
+    table.setflags(write=False)
+    return table

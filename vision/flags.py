@@ -1,0 +1,36 @@
+"""Why a frame failed, or what is worth knowing about it.
+
+Place in the data flow: set by `follower` per body and frame, stored in `results`. Any bit of `FAILURE` means that the frame's
+values are NaN; the others only inform.
+"""
+
+from __future__ import annotations
+
+from enum import IntFlag
+
+
+class FrameFlag(IntFlag):
+    """Bits of a frame's flag; 0 is a good frame."""
+
+    GOOD = 0
+    NOT_CONVERGED = 1
+    """The fit broke down or did not settle."""
+    LOW_CORRELATION = 2
+    """Fitted and seen grey values agree too little."""
+    FEW_INLIERS = 4
+    """Too few pixels agree with the fit: covered, outside the picture, or another texture."""
+    JUMP = 8
+    """Further from the prediction than a fit can be trusted to find."""
+    NO_COVARIANCE = 16
+    """The uncertainty could not be computed."""
+    REACQUIRED = 32
+    """Found again by a wide search after it was lost; not a failure."""
+
+
+FAILURE = (
+    FrameFlag.NOT_CONVERGED
+    | FrameFlag.LOW_CORRELATION
+    | FrameFlag.FEW_INLIERS
+    | FrameFlag.JUMP
+    | FrameFlag.NO_COVARIANCE
+)

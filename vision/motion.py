@@ -1,0 +1,63 @@
+"""Where a body will be in the next frame: constant acceleration, seen from its parent.
+
+Place in the data flow: `follower` asks for a prediction before each fit. A child's pose is carried as its place in the axes of
+its parent, so that a jack that rides on a moving whippen is predicted with the whippen's motion in the same frame.
+
+Poses are `fit` poses; a `Placement` is (phi, x, y) of the centre in the picture, or in the parent's axes.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+
+import numpy as np
+from numpy.typing import NDArray
+
+Placement = NDArray[np.float64]
+
+
+def in_parent(child: Placement, parent: Placement) -> Placement:
+    """Placement of a child in the axes of its parent."""
+    cosine, sine = math.cos(parent[0]), math.sin(parent[0])
+    x, y = child[1] - parent[1], child[2] - parent[2]
+    return np.array([child[0] - parent[0], cosine * x + sine * y, -sine * x + cosine * y])
+
+
+def from_parent(relative: Placement, parent: Placement) -> Placement:
+    """Placement in the picture of a child given in the axes of its parent; undoes `in_parent`."""
+    cosine, sine = math.cos(parent[0]), math.sin(parent[0])
+    x, y = relative[1], relative[2]
+    return np.array([relative[0] + parent[0], parent[1] + cosine * x - sine * y, parent[2] + sine * x + cosine * y])
+
+
+class Trace:
+    """The last placements of a body, for extrapolation; a gap starts it anew from the last one known."""
+
+    def __init__(self) -> None:
+        self._last: deque[tuple[int, Placement]] = deque(maxlen=3)
+
+    def add(self, step: int, placement: Placement) -> None:
+        """Record the placement found at a step (the running number of the tracked frame)."""
+        if self._last and step != self._last[-1][0] + 1:
+            self._last.clear()
+        self._last.append((step, placement))
+
+    def last(self) -> Placement | None:
+        """The newest placement known."""
+        return self._last[-1][1] if self._last else None
+
+    def newest_step(self) -> int | None:
+        """Step of the newest placement known."""
+        return self._last[-1][0] if self._last else None
+
+    def predict(self, step: int) -> Placement | None:
+        """Placement at a step: constant acceleration from three neighbours, else the newest one known."""
+        if not self._last:
+            return None
+        newest, place = self._last[-1]
+        if step != newest + 1 or len(self._last) < 2:
+            return place
+        if len(self._last) == 2:
+            return 2.0 * place - self._last[0][1]
+        return 3.0 * place - 3.0 * self._last[1][1] + self._last[0][1]

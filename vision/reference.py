@@ -1,0 +1,117 @@
+"""The still frames at the start of a film: how many there are, their average, and their noise.
+
+Place in the data flow: first step of tracking. The average is the template's picture and the still frames set the zero of all
+angles, so their number sets the error common to all frames: ten give a third of one frame's noise.
+
+Method: frames are compared one by one with the running mean inside the bodies' regions, after fitting gain and offset, which
+takes out flicker. The run ends where the difference exceeds what the noise of the first frames explains.
+"""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vision.errors import TrackingError, VisionWarning
+from vision.frames import FrameSource
+
+MAX_STILL = 64
+WANTED_STILL = 10
+GROWTH = 1.25
+"""A still frame may differ this much more than the quietest pair of first frames."""
+GREY_FLOOR = 0.4
+"""Allowance for rounding to whole grey values, grey of the stored depth."""
+
+
+@dataclass(frozen=True)
+class Reference:
+    """Average of the still frames.
+
+    Attributes
+    ----------
+    picture : ndarray of float32, shape (height, width)
+    n_averaged : int
+    noise_grey : float
+        Standard deviation of one frame's grey value, median over the bodies' pixels.
+    """
+
+    picture: NDArray[np.float32]
+    n_averaged: int
+    noise_grey: float
+
+
+def average_still_frames(
+    film: FrameSource, region: NDArray[np.bool_], n_still: int | None = None, max_still: int = MAX_STILL
+) -> Reference:
+    """Average the still frames at the start of the film.
+
+    Parameters
+    ----------
+    film : FrameSource
+    region : ndarray of bool, shape (height, width)
+        Pixels of the bodies; the rest of the picture may move.
+    n_still : int or None
+        Number of still frames; found from the film when None.
+    max_still : int
+        No more than this many are looked at.
+
+    Returns
+    -------
+    Reference
+
+    Raises
+    ------
+    TrackingError
+        When the film has fewer than two frames, or fewer than ``n_still``.
+
+    Warns
+    -----
+    VisionWarning
+        When fewer than ten still frames are found.
+    """
+    if film.n_frames < 2:
+        raise TrackingError(f"{film.path}: {film.n_frames} frame; tracking needs at least two")
+    if n_still is not None and not 1 <= n_still <= film.n_frames:
+        raise TrackingError(f"{film.path}: {n_still} still frames asked for, the film has {film.n_frames}")
+    total = film.read(0).astype(np.float32)
+    pixels = np.flatnonzero(region.reshape(-1))
+    if pixels.size > 20000:
+        pixels = pixels[:: pixels.size // 20000 + 1]
+    mean = total.reshape(-1)[pixels].astype(float)
+    differences: list[float] = []
+    variances: list[float] = []
+    count = 1
+    limit = min(film.n_frames, n_still if n_still is not None else max_still)
+    while count < limit:
+        frame = film.read(count)
+        difference = _matched_difference(frame.reshape(-1)[pixels].astype(float), mean)
+        # noise of one frame, from the difference to a mean of `count` frames
+        noise = float(np.sqrt(np.mean(difference**2) / (1.0 + 1.0 / count)))
+        if n_still is None and count > 1 and noise > GROWTH * min(differences) + GREY_FLOOR:
+            break
+        differences.append(noise)
+        variances.append(float(np.median(difference**2)) / 0.4549 / (1.0 + 1.0 / count))
+        total += frame
+        count += 1
+        mean = total.reshape(-1)[pixels].astype(float) / count
+    if count < WANTED_STILL and n_still is None:
+        warnings.warn(
+            f"{film.path}: only {count} still frames at the start, {WANTED_STILL} wanted; the zero of the angles is less sure",
+            VisionWarning,
+            stacklevel=3,
+        )
+    return Reference(total / np.float32(count), count, float(np.sqrt(np.mean(variances))) if variances else 0.0)
+
+
+def _matched_difference(frame: NDArray[Any], mean: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Frame less the mean, after fitting gain and offset by least squares."""
+    centred = mean - mean.mean()
+    spread = float(centred @ centred)
+    gain = float(centred @ frame) / spread if spread > 0.0 else 1.0
+    # a gain far from one is a different picture, not flicker
+    gain = min(max(gain, 0.5), 2.0)
+    return (frame - frame.mean() - gain * centred) / gain

@@ -1,0 +1,155 @@
+"""Synthetic bodies and the pictures they make: exact poses, motion blur, flicker, noise.
+
+Place in the data flow: tests, benchmarks and the virtual camera build a `Scene`, ask for frames and hand them to a writer; the tracker
+then has to find the poses again.
+
+Truth: a texture is tabulated from its formula at four points per pixel and sampled by cubic splines, which differs from the
+formula by less than 0.01 grey; whatever the table holds *is* the body, so the pose is exact. Motion blur is the mean over
+equally spaced instants of the exposure; the truth of a blurred frame is both the angle at its middle and the mean angle.
+
+Conventions: picture axes (y down); bodies are listed from back to front; a pose is a counter-clockwise angle (rad, y up) and
+the place of the body's origin (px).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vision.angles import ccw_to_picture
+from vision.bodies import signed_distance
+from vision.bspline import coefficients
+from vision.synthetic.shapes import turned
+from vision.synthetic.textures import BlobTexture
+
+OVERSAMPLING = 4
+RIM_PX = 3.0
+
+
+@dataclass(frozen=True)
+class SyntheticBody:
+    """A textured rigid body.
+
+    Parameters
+    ----------
+    name : str
+    polygon_px : ndarray, shape (m, 2)
+        Outline in the body's axes at angle zero (x right, y down), origin at the point given by a pose.
+    texture : BlobTexture
+        In the same axes.
+    """
+
+    name: str
+    polygon_px: NDArray[np.float64]
+    texture: BlobTexture
+    _table: dict[str, Any] = field(default_factory=dict, repr=False, compare=False)
+
+    def table(self) -> tuple[NDArray[np.float32], NDArray[np.float32], float, float]:
+        """Spline table of the texture, edge blend, and the place of the table's first point; made once."""
+        if not self._table:
+            margin = RIM_PX + 8.0 / OVERSAMPLING
+            x0, y0 = np.floor(self.polygon_px.min(axis=0) - margin)
+            x1, y1 = np.ceil(self.polygon_px.max(axis=0) + margin)
+            columns, rows = int((x1 - x0) * OVERSAMPLING) + 1, int((y1 - y0) * OVERSAMPLING) + 1
+            grey = self.texture.on_grid(float(x0), float(y0), 1.0 / OVERSAMPLING, rows, columns)
+            distance = signed_distance((self.polygon_px - (x0, y0)) * OVERSAMPLING, rows, columns) / OVERSAMPLING
+            self._table["all"] = (
+                coefficients(grey),
+                np.clip(0.5 + distance, 0.0, 1.0).astype(np.float32),
+                float(x0),
+                float(y0),
+            )
+        result: tuple[NDArray[np.float32], NDArray[np.float32], float, float] = self._table["all"]
+        return result
+
+    def outline(self, angle_rad: float, x_px: float, y_px: float) -> NDArray[np.float64]:
+        """Outline in the picture at a pose."""
+        return turned(self.polygon_px, float(ccw_to_picture(angle_rad)), (x_px, y_px))
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Bodies before a background.
+
+    Parameters
+    ----------
+    bodies : sequence of SyntheticBody
+        From back to front.
+    background : ndarray of float32, shape (height, width)
+    """
+
+    bodies: Sequence[SyntheticBody]
+    background: NDArray[np.float32]
+
+    def light(self, poses: NDArray[np.float64]) -> NDArray[np.float32]:
+        """Noise-free picture averaged over the instants of one exposure.
+
+        Parameters
+        ----------
+        poses : ndarray, shape (n_instants, n_bodies, 3)
+            Angle (rad, counter-clockwise), x and y (px) of every body's origin.
+
+        Returns
+        -------
+        ndarray of float32, shape (height, width)
+        """
+        from vision.synthetic.kernels import composite
+
+        poses = np.asarray(poses, dtype=float)
+        total: NDArray[np.float32] | None = None
+        for instant in poses:
+            picture = self.background.copy()
+            for body, (angle, x, y) in zip(self.bodies, instant, strict=True):
+                coefficient, alpha, table_x, table_y = body.table()
+                phi = float(ccw_to_picture(angle))
+                composite(picture, coefficient, alpha, float(OVERSAMPLING), table_x, table_y, x, y, phi)
+            total = picture if total is None else total + picture
+        assert total is not None, "an exposure has at least one instant"
+        return total if len(poses) == 1 else total / np.float32(len(poses))
+
+
+def background(height: int, width: int, seed: int, *, mean_grey: float = 60.0, contrast_grey: float = 6.0) -> NDArray[np.float32]:
+    """Out-of-focus background of low contrast, shape (height, width)."""
+    import cv2
+
+    rng = np.random.default_rng(seed)
+    noise = cv2.GaussianBlur(rng.standard_normal((height, width)).astype(np.float32), (0, 0), 8.0)
+    return (mean_grey + contrast_grey * noise / max(float(noise.std()), 1e-6)).astype(np.float32)
+
+
+class Sensor:
+    """Turns light into stored grey values: gain (flicker), Gaussian noise, rounding, saturation.
+
+    Parameters
+    ----------
+    noise_grey : float
+        Standard deviation per pixel, grey of 8 bit.
+    bit_depth : int
+        8, 12 or 16; stored values are 8-bit greys times ``2**(bit_depth - 8)``.
+    seed : int
+    """
+
+    def __init__(self, noise_grey: float, bit_depth: int, seed: int) -> None:
+        self._noise, self._unit = np.float32(noise_grey), np.float32(2 ** (bit_depth - 8))
+        self._top = float(2**bit_depth - 1)
+        self._type = np.uint8 if bit_depth == 8 else np.uint16
+        self._rng = np.random.default_rng(seed)
+
+    def expose(self, light: NDArray[np.float32], gain: float = 1.0) -> NDArray[Any]:
+        """Stored frame of a noise-free picture."""
+        frame = self._rng.standard_normal(light.shape, dtype=np.float32)
+        frame *= self._noise
+        frame += light * np.float32(gain)
+        frame *= self._unit
+        np.rint(frame, out=frame)
+        np.clip(frame, 0.0, self._top, out=frame)
+        return frame.astype(self._type)
+
+
+def total_noise(noise_grey: float, bit_depth: int) -> float:
+    """Standard deviation of a stored grey value with rounding, in grey of 8 bit."""
+    return float(np.hypot(noise_grey, 2.0 ** (8 - bit_depth) / np.sqrt(12.0)))

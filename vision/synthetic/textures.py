@@ -1,0 +1,163 @@
+"""Textures with a closed form: speckle and wood grain, sums of Gaussian blobs that can be evaluated anywhere.
+
+Place in the data flow: `scene` gives a texture to each synthetic body. Because the grey value is a formula of the place on the body,
+a film rendered from it has a pose that is true by construction.
+
+Conventions: coordinates in pixels on the body (its own axes), grey values of 8 bit. A texture is reproducible from its seed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+REACH = 5.0
+"""A blob is taken as zero beyond this many of its widths (4e-6 of its height)."""
+
+
+@dataclass(frozen=True)
+class BlobTexture:
+    """Sum of Gaussian blobs, each with its own place, height, widths and direction, on a mean grey.
+
+    Attributes
+    ----------
+    mean_grey : float
+    x, y : ndarray, shape (n,)
+        Centres.
+    height : ndarray, shape (n,)
+        Grey, either sign.
+    along, across : ndarray, shape (n,)
+        Standard deviations along and across the blob's direction, px.
+    direction : ndarray, shape (n,)
+        Angle of the long axis from x towards y, rad.
+    """
+
+    mean_grey: float
+    x: NDArray[np.float64]
+    y: NDArray[np.float64]
+    height: NDArray[np.float64]
+    along: NDArray[np.float64]
+    across: NDArray[np.float64]
+    direction: NDArray[np.float64]
+
+    def at(self, x: ArrayLike, y: ArrayLike) -> NDArray[np.float64]:
+        """Grey value at scattered points, straight from the formula."""
+        x, y = np.asarray(x, dtype=float), np.asarray(y, dtype=float)
+        grey = np.full(np.broadcast(x, y).shape, self.mean_grey)
+        for i in range(self.x.size):
+            grey += self._blob(i, x - self.x[i], y - self.y[i])
+        return grey
+
+    def on_grid(
+        self, x0: float, y0: float, step: float, rows: int, columns: int
+    ) -> NDArray[np.float32]:
+        """Grey values on a grid with its first point at (x0, y0), shape (rows, columns)."""
+        grey = np.full((rows, columns), self.mean_grey)
+        grid_x = x0 + step * np.arange(columns)
+        grid_y = y0 + step * np.arange(rows)
+        for i in range(self.x.size):
+            c, s = abs(np.cos(self.direction[i])), abs(np.sin(self.direction[i]))
+            reach_x = REACH * np.hypot(self.along[i] * c, self.across[i] * s)
+            reach_y = REACH * np.hypot(self.along[i] * s, self.across[i] * c)
+            left, right = np.searchsorted(grid_x, (self.x[i] - reach_x, self.x[i] + reach_x))
+            top, bottom = np.searchsorted(grid_y, (self.y[i] - reach_y, self.y[i] + reach_y))
+            if left == right or top == bottom:
+                continue
+            dx, dy = grid_x[left:right] - self.x[i], grid_y[top:bottom, None] - self.y[i]
+            grey[top:bottom, left:right] += self._blob(i, dx, dy)
+        return grey.astype(np.float32)
+
+    def _blob(self, i: int, dx: NDArray[np.float64], dy: NDArray[np.float64]) -> NDArray[np.float64]:
+        c, s = np.cos(self.direction[i]), np.sin(self.direction[i])
+        u, v = (c * dx + s * dy) / self.along[i], (c * dy - s * dx) / self.across[i]
+        return self.height[i] * np.exp(-0.5 * (u * u + v * v))
+
+
+def speckle(
+    extent: tuple[float, float, float, float],
+    seed: int,
+    *,
+    sigma_px: float = 1.6,
+    contrast_grey: float = 38.0,
+    mean_grey: float = 128.0,
+) -> BlobTexture:
+    """Sprayed dots of both signs.
+
+    Parameters
+    ----------
+    extent : (x0, y0, x1, y1)
+        Region to fill, px.
+    seed : int
+    sigma_px : float
+        Width of a dot (standard deviation); its visible diameter is about 2.4 times that.
+    contrast_grey : float
+        Standard deviation of the grey value.
+    mean_grey : float
+    """
+    rng = np.random.default_rng(seed)
+    x0, y0, x1, y1 = extent
+    area = (x1 - x0) * (y1 - y0)
+    n = max(1, round(area / (4.0 * sigma_px) ** 2 * 2.0))
+    sign = rng.choice([-1.0, 1.0], n)
+    # variance of a shot noise of Gaussians: density * height^2 * pi * sigma^2
+    height = contrast_grey / np.sqrt(n / area * np.pi * sigma_px**2)
+    width = np.full(n, sigma_px)
+    return BlobTexture(
+        mean_grey, rng.uniform(x0, x1, n), rng.uniform(y0, y1, n), sign * height * rng.uniform(0.8, 1.2, n),
+        width, width, np.zeros(n),
+    )  # fmt: skip
+
+
+def wood_grain(
+    extent: tuple[float, float, float, float],
+    seed: int,
+    *,
+    direction_rad: float = 0.0,
+    fibre_px: tuple[float, float] = (9.0, 1.7),
+    ring_px: tuple[float, float] = (60.0, 4.5),
+    contrast_grey: float = 16.0,
+    mean_grey: float = 140.0,
+) -> BlobTexture:
+    """Bare wood: long thin fibres and broader growth rings along one direction, with little to hold on to along the grain.
+
+    Parameters
+    ----------
+    extent : (x0, y0, x1, y1)
+        Region to fill, px.
+    seed : int
+    direction_rad : float
+        Grain direction from x towards y.
+    fibre_px, ring_px : (along, across)
+        Widths (standard deviations) of fibres and rings.
+    contrast_grey : float
+        Standard deviation of the grey value, of which fibres and rings have equal shares of the variance.
+    mean_grey : float
+    """
+    rng = np.random.default_rng(seed)
+    x0, y0, x1, y1 = extent
+    margin = 2.0 * ring_px[0]
+    parts = []
+    for (along, across), spread, crowd in ((fibre_px, 0.05, 1.5), (ring_px, 0.015, 1.0)):
+        left, right, top, bottom = x0 - margin, x1 + margin, y0 - margin, y1 + margin
+        area = (right - left) * (bottom - top)
+        n = max(1, round(crowd * area / (4.0 * np.pi * along * across)))
+        height = contrast_grey * np.sqrt(0.5) / np.sqrt(n / area * np.pi * along * across)
+        length = along * rng.uniform(0.7, 1.3, n)
+        parts.append(
+            (
+                rng.uniform(left, right, n),
+                rng.uniform(top, bottom, n),
+                height * rng.choice([-1.0, 1.0], n) * rng.uniform(0.6, 1.4, n),
+                length,
+                across * rng.uniform(0.85, 1.3, n),
+                direction_rad + spread * rng.standard_normal(n),
+            )
+        )
+    x, y, height_all, along_all, across_all, direction = (np.concatenate(part) for part in zip(*parts, strict=True))
+    near = (x > x0 - REACH * along_all) & (x < x1 + REACH * along_all)
+    near &= (y > y0 - REACH * along_all) & (y < y1 + REACH * along_all)
+    return BlobTexture(
+        mean_grey, x[near], y[near], height_all[near], along_all[near], across_all[near], direction[near]
+    )

@@ -1,0 +1,161 @@
+"""The template of a body: the pixels of the averaged still picture that are fitted, with their sensitivities.
+
+Place in the data flow: `reference` gives the averaged picture, `bodies` the mask; the template is built once per film and used
+for every frame, by the tracker and by the uncertainty prediction.
+
+Conventions: picture axes (y down), the body's centre is the centroid of its mask. Column order of the normal matrix: turn
+(rad), x, y (px), gain, offset (grey). The reference grey values are centred, so that gain and offset hardly correlate.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vision.bspline import gradient
+from vision.errors import BodyError
+
+
+@dataclass(frozen=True)
+class Template:
+    """Pixels and sensitivities of one body.
+
+    Attributes
+    ----------
+    name : str
+    centre_px : (float, float)
+        Centroid of the mask (x, y).
+    dx, dy : ndarray of float32, shape (n,)
+        Pixel positions relative to the centre.
+    turn, slope_x, slope_y : ndarray of float32, shape (n,)
+        Derivative of the grey value by turn (grey per rad) and shift (grey per px).
+    grey : ndarray of float32, shape (n,)
+        Reference grey value less ``mean_grey``.
+    mean_grey : float
+    normal : ndarray, shape (5, 5)
+        Sum of products of the five columns over the pixels.
+    radius_px : float
+        Largest distance of a pixel from the centre.
+    n_averaged : int
+        Frames in the averaged picture.
+    """
+
+    name: str
+    centre_px: tuple[float, float]
+    dx: NDArray[np.float32]
+    dy: NDArray[np.float32]
+    turn: NDArray[np.float32]
+    slope_x: NDArray[np.float32]
+    slope_y: NDArray[np.float32]
+    grey: NDArray[np.float32]
+    mean_grey: float
+    normal: NDArray[np.float64]
+    radius_px: float
+    n_averaged: int
+
+    @property
+    def n_pixels(self) -> int:
+        """Number of pixels that are fitted."""
+        return int(self.dx.size)
+
+
+def design_columns(
+    picture: NDArray[Any], mask: NDArray[np.bool_], centre_px: tuple[float, float]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Sensitivities of the masked pixels.
+
+    Returns
+    -------
+    columns : ndarray, shape (n, 5)
+        Turn, x, y, centred grey value, one.
+    dx, dy : ndarray, shape (n,)
+    """
+    slope_x, slope_y = gradient(picture)
+    rows, cols = np.nonzero(mask)
+    dx, dy = cols - centre_px[0], rows - centre_px[1]
+    gx, gy = slope_x[rows, cols].astype(float), slope_y[rows, cols].astype(float)
+    grey = np.asarray(picture, dtype=float)[rows, cols]
+    columns = np.column_stack([gy * dx - gx * dy, gx, gy, grey - grey.mean(), np.ones_like(grey)])
+    return columns, dx, dy
+
+
+def build_template(
+    name: str,
+    picture: NDArray[Any],
+    mask: NDArray[np.bool_],
+    n_averaged: int,
+    max_pixels: int | None = None,
+) -> Template:
+    """Prepare a body for tracking.
+
+    Parameters
+    ----------
+    name : str
+    picture : ndarray, shape (height, width)
+        Averaged still picture.
+    mask : ndarray of bool, shape (height, width)
+    n_averaged : int
+        Frames averaged in ``picture``.
+    max_pixels : int or None
+        Keep only the pixels that tell most about the angle (Fisher score). None keeps all.
+
+    Raises
+    ------
+    BodyError
+        When the region has no texture, so that its pose cannot be found.
+    """
+    rows, cols = np.nonzero(mask)
+    centre = (float(cols.mean()), float(rows.mean()))
+    columns, dx, dy = design_columns(picture, mask, centre)
+    inverse = invert_normal(columns.T @ columns)
+    if inverse is None:
+        raise BodyError(f"body {name}: its region has no texture to follow; draw it over a textured surface")
+    if max_pixels is not None and max_pixels < dx.size:
+        keep = _best_pixels(columns, inverse, max_pixels)
+        columns, dx, dy = columns[keep], dx[keep], dy[keep]
+        inverse = invert_normal(columns.T @ columns)
+        if inverse is None:
+            raise BodyError(f"body {name}: {max_pixels} pixels do not fix its pose; allow more")
+    mean_grey = float(np.asarray(picture, dtype=float)[mask].mean())
+    single = columns.astype(np.float32)
+    return Template(
+        name=name,
+        centre_px=centre,
+        dx=dx.astype(np.float32),
+        dy=dy.astype(np.float32),
+        turn=np.ascontiguousarray(single[:, 0]),
+        slope_x=np.ascontiguousarray(single[:, 1]),
+        slope_y=np.ascontiguousarray(single[:, 2]),
+        grey=np.ascontiguousarray(single[:, 3]),
+        mean_grey=mean_grey,
+        normal=columns.T @ columns,
+        radius_px=float(np.hypot(dx, dy).max()),
+        n_averaged=n_averaged,
+    )
+
+
+def invert_normal(normal: NDArray[np.float64]) -> NDArray[np.float64] | None:
+    """Inverse of a normal matrix, or None when the columns do not fix all five parameters."""
+    diagonal = np.diag(normal)
+    if not np.all(np.isfinite(normal)) or np.any(diagonal <= 0.0):
+        return None
+    scale = 1.0 / np.sqrt(diagonal)
+    scaled = normal * np.outer(scale, scale)
+    if np.linalg.cond(scaled) > 1e10:
+        return None
+    return np.linalg.inv(scaled) * np.outer(scale, scale)
+
+
+def _best_pixels(
+    columns: NDArray[np.float64], inverse: NDArray[np.float64], count: int
+) -> NDArray[np.intp]:
+    """Indices, in raster order, of the pixels with the largest influence on angle and position."""
+    influence = columns @ inverse
+    angle = influence[:, 0] ** 2 / inverse[0, 0]
+    position = influence[:, 1] ** 2 / inverse[1, 1] + influence[:, 2] ** 2 / inverse[2, 2]
+    # the angle is what is wanted, but a fit whose position is loose loses it too
+    score = angle + 0.1 * position
+    return np.sort(np.argpartition(score, -count)[-count:])

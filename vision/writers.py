@@ -1,0 +1,212 @@
+"""Write films: Photron MRAW with its CIHX header, and AVI (uncompressed or MJPEG).
+
+Place in the data flow: the virtual camera and the tests write films frame by frame, so memory does not grow with the film.
+A file appears under its name only when it is complete: it is written under a temporary name and renamed, the data before
+the header that makes it readable. Failure: frames that do not fit the stated format, or a folder that cannot be written,
+raise `FilmError` and leave nothing behind.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vision.cih import FilmHeader, cihx_bytes
+from vision.errors import FilmError
+
+
+def write_mraw(
+    path: str | os.PathLike[str],
+    frames: Iterable[NDArray[Any]],
+    frame_rate_hz: float,
+    *,
+    bit_depth: int = 8,
+    exposure_s: float | None = None,
+    start_frame: int = 0,
+    comment: str = "",
+) -> int:
+    """Write frames as Photron MRAW plus CIHX.
+
+    Parameters
+    ----------
+    path : path
+        Ends in ``.mraw``; the header is written next to it as ``.cihx``.
+    frames : iterable of ndarray, shape (height, width)
+        Whole numbers within ``0 .. 2**bit_depth - 1``.
+    frame_rate_hz : float
+    bit_depth : {8, 12, 16}
+        Storage per pixel; 12 packs two pixels in three bytes.
+    exposure_s : float or None
+    start_frame : int
+        Number of the first frame counted from the trigger.
+    comment : str
+
+    Returns
+    -------
+    int
+        Number of frames written.
+
+    Raises
+    ------
+    FilmError
+    """
+    path = Path(path)
+    if path.suffix != ".mraw":
+        raise FilmError(f"{path}: an MRAW film must end in .mraw")
+    if bit_depth not in (8, 12, 16):
+        raise FilmError(f"{path}: bit depth {bit_depth} cannot be stored; choose 8, 12 or 16")
+    if not 0.0 < frame_rate_hz < 1e9:
+        raise FilmError(f"{path}: frame rate {frame_rate_hz} Hz; needs a positive number")
+    header_path = path.with_suffix(".cihx")
+    temporary, temporary_header = _temporary(path), _temporary(header_path)
+    shape: tuple[int, ...] | None = None
+    n_frames = 0
+    try:
+        try:
+            with temporary.open("wb") as file:
+                pending = np.empty(0, dtype=np.uint16)
+                for frame in frames:
+                    shape = _check_frame(path, frame, shape, bit_depth, n_frames)
+                    if bit_depth == 12:
+                        flat = np.concatenate([pending, frame.reshape(-1).astype(np.uint16)])
+                        even = flat.size - flat.size % 2
+                        pending = flat[even:]
+                        file.write(pack12(flat[:even]))
+                    else:
+                        file.write(np.ascontiguousarray(frame, dtype="<u2" if bit_depth == 16 else np.uint8).data)
+                    n_frames += 1
+                if pending.size:
+                    file.write(pack12(np.append(pending, 0).astype(np.uint16))[:2])
+            if shape is None:
+                raise FilmError(f"{path}: no frames to write")
+            header = FilmHeader(
+                width=shape[1],
+                height=shape[0],
+                n_frames=n_frames,
+                colour_bit=bit_depth,
+                effective_bit=bit_depth,
+                colour_type="Mono" if bit_depth != 12 else "Raw",
+                frame_rate_hz=frame_rate_hz,
+                exposure_s=exposure_s,
+                start_frame=start_frame,
+                comment=comment,
+            )
+            temporary_header.write_bytes(cihx_bytes(header))
+            # an old header must not describe the new data, not even for a moment
+            header_path.unlink(missing_ok=True)
+            os.replace(temporary, path)
+            os.replace(temporary_header, header_path)
+        except OSError as error:
+            raise FilmError(f"{path}: cannot be written ({error.strerror or error}); check folder and disk") from None
+    finally:
+        _remove(temporary)
+        _remove(temporary_header)
+    return n_frames
+
+
+def pack12(values: NDArray[np.uint16]) -> bytes:
+    """Pack an even number of 12-bit values, two in three bytes, the first in the upper bits."""
+    first, second = values[0::2], values[1::2]
+    out = np.empty((first.size, 3), dtype=np.uint8)
+    out[:, 0] = first >> 4
+    out[:, 1] = ((first & 15) << 4) | (second >> 8)
+    out[:, 2] = second & 255
+    return out.tobytes()
+
+
+def write_avi(
+    path: str | os.PathLike[str],
+    frames: Iterable[NDArray[Any]],
+    frame_rate_hz: float,
+    *,
+    quality: int | None = 95,
+    progress: Callable[[int], None] | None = None,
+) -> int:
+    """Write 8-bit frames, grey (h, w) or BGR (h, w, 3), as AVI.
+
+    Parameters
+    ----------
+    path : path
+        Ends in ``.avi``.
+    frames : iterable of ndarray of uint8
+    frame_rate_hz : float
+        Play-back rate.
+    quality : int or None
+        MJPEG quality 1..100; None stores without compression.
+    progress : callable, optional
+        Called with the number of frames written.
+
+    Returns
+    -------
+    int
+        Number of frames written.
+    """
+    import cv2
+
+    path = Path(path)
+    if path.suffix.lower() != ".avi":
+        raise FilmError(f"{path}: an AVI film must end in .avi")
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.part.avi")
+    writer: cv2.VideoWriter | None = None
+    shape: tuple[int, ...] | None = None
+    n_frames = 0
+    try:
+        for frame in frames:
+            shape = _check_frame(path, frame, shape, 8, n_frames)
+            if writer is None:
+                fourcc = cv2.VideoWriter.fourcc(*("MJPG" if quality is not None else "DIB "))
+                size = (frame.shape[1], frame.shape[0])
+                writer = cv2.VideoWriter(str(temporary), fourcc, frame_rate_hz, size, frame.ndim == 3)
+                if not writer.isOpened():
+                    raise FilmError(f"{path}: cannot be written; check that the folder exists and is writable")
+                if quality is not None:
+                    writer.set(cv2.VIDEOWRITER_PROP_QUALITY, quality)
+            writer.write(np.ascontiguousarray(frame))
+            n_frames += 1
+            if progress is not None:
+                progress(n_frames)
+        if writer is None:
+            raise FilmError(f"{path}: no frames to write")
+        writer.release()
+        if not temporary.is_file() or temporary.stat().st_size == 0:
+            raise FilmError(f"{path}: OpenCV wrote nothing; the disk may be full")
+        os.replace(temporary, path)
+    finally:
+        if writer is not None:
+            writer.release()
+        _remove(temporary)
+    return n_frames
+
+
+def _check_frame(
+    path: Path, frame: NDArray[Any], shape: tuple[int, ...] | None, bit_depth: int, number: int
+) -> tuple[int, ...]:
+    if shape is not None and frame.shape != shape:
+        raise FilmError(f"{path}: frame {number} has shape {frame.shape}, the first has {shape}")
+    if shape is None and (frame.ndim not in (2, 3) or 0 in frame.shape or frame.shape[2:] not in ((), (3,))):
+        raise FilmError(f"{path}: frame {number} has shape {frame.shape}, needs (height, width)")
+    if frame.dtype.kind not in "ui":
+        raise FilmError(f"{path}: frame {number} is of type {frame.dtype}, needs whole numbers")
+    top = (1 << bit_depth) - 1
+    if 8 * frame.dtype.itemsize > bit_depth or frame.dtype.kind == "i":
+        low, high = int(frame.min()), int(frame.max())
+        if low < 0 or high > top:
+            raise FilmError(f"{path}: frame {number} holds {low}..{high}, {bit_depth} bit hold 0..{top}")
+    return frame.shape
+
+
+def _temporary(path: Path) -> Path:
+    return path.with_name(f".{path.name}.{os.getpid()}.part")
+
+
+def _remove(path: Path) -> None:
+    try:
+        path.unlink(missing_ok=True)
+    except OSError:
+        # the folder itself may be missing or read-only, then nothing was written
+        return
