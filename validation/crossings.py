@@ -1,0 +1,87 @@
+"""Level crossings of a sampled signal: hysteresis, sub-sample time, and the time's standard uncertainty.
+
+Place in the data flow: used by every event finder in `validation`.
+Conventions: time in s; a crossing is upward when the signal rises through the level.
+Source: linear interpolation between the two samples around the level; without it the time would carry dt/√12.
+Failure: no crossing gives an empty list; NaN samples are never part of a crossing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from validation.geometry import Array
+
+
+def up_crossings(time_s: Array, signal: Array, level: float, hysteresis: float = 0.0) -> list[float]:
+    """Times at which a signal rises through a level, s.
+
+    Parameters
+    ----------
+    time_s, signal : (n,) arrays
+    level : float
+    hysteresis : float
+        After a crossing the signal must fall below ``level - hysteresis`` before the next one counts, so that
+        noise around the level makes one crossing, not many.
+    """
+    state = np.zeros(len(signal), dtype=np.int8)  # NaN stays 0: keep the state before
+    state[signal >= level] = 1
+    state[signal < level - hysteresis] = -1
+    if hysteresis == 0.0:
+        state[(signal < level)] = -1
+    known = np.flatnonzero(state)
+    turns = known[1:][np.diff(state[known]) == 2]
+    times = []
+    for i in turns:
+        if not signal[i - 1] < level:  # the sample before was lost
+            continue
+        share = (level - signal[i - 1]) / (signal[i] - signal[i - 1])
+        times.append(float(time_s[i - 1] + share * (time_s[i] - time_s[i - 1])))
+    return times
+
+
+def down_crossings(time_s: Array, signal: Array, level: float, hysteresis: float = 0.0) -> list[float]:
+    """Times at which a signal falls through a level, s; the mirror image of `up_crossings`."""
+    return up_crossings(time_s, -np.asarray(signal), -level, hysteresis)
+
+
+def first_after(times: list[float], after_s: float) -> float | None:
+    """First of increasing times that is not before `after_s`."""
+    return next((t for t in times if t >= after_s), None)
+
+
+def with_level_uncertainty(
+    find: Callable[[float], float | None], level: float, u_level: float, u_time_s: float = 0.0
+) -> tuple[float | None, float]:
+    """Value of a finder at a level and its standard uncertainty, by moving the level up and down by its own.
+
+    A finder that jumps to another oscillation when the level moves gets the large uncertainty it deserves;
+    one that finds nothing at a moved level falls back on the other side.
+
+    Parameters
+    ----------
+    find : callable
+        Takes a level, returns a value or None.
+    level, u_level : float
+    u_time_s : float
+        A further independent standard uncertainty, added in quadrature.
+
+    Returns
+    -------
+    value : float or None
+    u : float
+        NaN when nothing was found.
+    """
+    value = find(level)
+    if value is None:
+        return None, float("nan")
+    if u_level <= 0:
+        return value, u_time_s
+    shifts = [
+        abs(other - value) for other in (find(level - u_level), find(level + u_level)) if other is not None
+    ]
+    # nothing found on either side: the level is grazed, and the value may be off by its own size
+    spread = max(shifts) if shifts else abs(value)
+    return value, float(np.hypot(spread, u_time_s))

@@ -1,0 +1,29 @@
+"""Errors of the `validation` package.
+
+One small hierarchy.  Each class carries the exit code the command line ends with: 2 for input a user can
+mend, 1 for a defect.  A message is one line: what, where, the value found, the value allowed, and what to do.
+"""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+
+class ValidationError(Exception):
+    """Base class of everything `validation` raises on purpose; a defect unless a subclass says otherwise."""
+
+    exit_code: ClassVar[int] = 1
+
+
+class InputError(ValidationError, ValueError):
+    """The session, the action or the output path cannot be used as given."""
+
+    exit_code: ClassVar[int] = 2
+
+
+class TrialError(InputError):
+    """One trial cannot be used; the others still can, and the report states the reason."""
+
+
+class PredictionError(ValidationError):
+    """The model did not return a prediction of the promised shape."""

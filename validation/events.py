@@ -1,0 +1,66 @@
+"""All events of one keystroke, by the same definitions for a trial and for its prediction.
+
+Place in the data flow: `validation.motion.Motion` → here → event tables of `validation.comparison`.
+Conventions: see `validation.event.EVENTS` for each definition, its unit and how it is shown.
+Failure: none; what did not happen is ``absent``.
+"""
+
+from __future__ import annotations
+
+from validation.event import Event, absent
+from validation.holds import check, key_bottom, key_release, rest
+from validation.impact import Speed, Strike, find_strikes
+from validation.motion import Motion
+
+
+def find_events(motion: Motion, quiet_stop: int) -> dict[str, Event]:
+    """Find every event of `validation.event.EVENTS` in one keystroke.
+
+    Parameters
+    ----------
+    motion : Motion
+        Measured or predicted.
+    quiet_stop : int
+        Number of samples before the blow during which the action is at rest.
+
+    Returns
+    -------
+    dict
+        Event name → Event, in the order of `EVENTS`.
+    """
+    strikes = find_strikes(motion)
+    first = strikes[0] if strikes else None
+    second = strikes[1] if len(strikes) > 1 else None
+    bottom = key_bottom(motion)
+    down_s = bottom.value if bottom.status != "absent" else None
+    check_time, check_height = check(
+        motion, first.time_s if first else None, second.time_s if second else float("inf")
+    )
+    found = [
+        bottom,
+        _impact("string_impact", first, "hammer never reaches the string"),
+        _speed("hammer_speed", first, first.arrival if first else None),
+        _speed("rebound_speed", first, first.rebound if first else None),
+        check_time,
+        check_height,
+        key_release(motion, down_s),
+        _impact("second_strike", second, "one string impact only" if first else "no string impact"),
+        rest(motion, quiet_stop),
+    ]
+    return {event.name: event for event in found}
+
+
+def _impact(name: str, strike: Strike | None, why_absent: str) -> Event:
+    if strike is None:
+        return absent(name, why_absent)
+    return Event(
+        name, strike.time_s, strike.u_time_s, strike.status, strike.note if strike.status != "found" else ""
+    )
+
+
+def _speed(name: str, strike: Strike | None, speed: Speed | None) -> Event:
+    if strike is None or speed is None:
+        return absent(name, "no string impact")
+    if speed.value != speed.value:
+        return absent(name, speed.note)
+    return Event(name, speed.value, speed.u, strike.status, speed.note)

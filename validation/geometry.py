@@ -1,0 +1,138 @@
+"""Where the action touches: hammer height, key dip and the levels at which events happen.
+
+Place in the data flow: the model's geometry → levels used by `validation.events`, the same for model and
+trial.
+Conventions: SI, absolute angles counter-clockwise; the hammer height is the distance from the highest point
+of the hammer head to the string line, 0 at contact and positive below it; the key dip is the downward travel
+of the key front.
+Source: Hirschkorn (2004), Appendix A for the geometry and Section 2.3 for height and dip as technicians
+measure them.
+Failure: a level the model cannot give is an `InputError` that names it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from validation.errors import InputError
+
+Array = NDArray[np.float64]
+
+KEY, WHIPPEN, JACK, REPETITION, HAMMER = range(5)
+
+
+@dataclass(frozen=True)
+class ActionGeometry:
+    """What the event finders must know of an action.
+
+    Parameters
+    ----------
+    rest_angle_rad : (5,) array
+        Absolute angles at rest: key, whippen, jack, repetition, hammer.
+    hammer_height_m, key_dip_m : callable
+        Map absolute angles (n, 5) to metres (n,).
+    key_touch_dip_m : float
+        Key dip at which the key front first touches its felt.
+    """
+
+    rest_angle_rad: Array
+    hammer_height_m: Callable[[Array], Array]
+    key_dip_m: Callable[[Array], Array]
+    key_touch_dip_m: float
+
+    @property
+    def rest_height_m(self) -> float:
+        """Hammer height at rest, m."""
+        return float(self.hammer_height_m(self.rest_angle_rad[None, :])[0])
+
+    def absolute(self, change_rad: dict[int, Array]) -> Array:
+        """Absolute angles (n, 5) from changes of some bodies; bodies not given stay at rest."""
+        n = len(next(iter(change_rad.values())))
+        angle = np.tile(self.rest_angle_rad, (n, 1))
+        for body, change in change_rad.items():
+            angle[:, body] += change
+        return angle
+
+    def sensitivity(
+        self, function: Callable[[Array], Array], body: int, angle_rad: Array | None = None
+    ) -> float:
+        """Magnitude of d(function)/d(angle of one body), m/rad, at absolute angles (rest by default)."""
+        centre = self.rest_angle_rad if angle_rad is None else np.asarray(angle_rad, dtype=float)
+        step = 1e-5
+        pair = np.tile(centre, (2, 1))
+        pair[0, body] -= step
+        pair[1, body] += step
+        low, high = function(pair)
+        return float(abs(high - low) / (2 * step))
+
+
+def geometry_of(action: Any, rest_angle_rad: Array) -> ActionGeometry:
+    """Geometry of an action of the `model` package.
+
+    Parameters
+    ----------
+    action : model action
+        As returned by ``model.load_action``.
+    rest_angle_rad : (5,) array
+        Its rest state under the load the trials start from.
+
+    Raises
+    ------
+    InputError
+        When the key of this action never reaches its felt within 0.2 rad.
+    """
+    from model import observables
+
+    rest = np.asarray(rest_angle_rad, dtype=float)
+
+    def height(angle: Array) -> Array:
+        return np.asarray(observables.hammer_height_m(action, angle), dtype=float)
+
+    def dip(angle: Array) -> Array:
+        return np.asarray(observables.key_dip_m(action, angle, rest), dtype=float)
+
+    return ActionGeometry(
+        rest, height, dip, touch_dip(rest, dip, lambda angle: key_front_gap_m(action, angle))
+    )
+
+
+def key_front_gap_m(action: Any, angle_rad: Array) -> Array:
+    """Gap between the key's underside and the felt under its front, m, 0 at first touch; angles (n, 5).
+
+    The felt is a circle fixed to the ground, the key's underside a line that turns with the key (thesis Table
+    A.2, Pg4, and Table A.3, Pk4).
+    """
+    theta = np.asarray(angle_rad, dtype=float)[:, KEY]
+    c, s = np.cos(theta), np.sin(theta)
+    contact = "contact02"
+    x, y = action[f"{contact}.second.x"], action[f"{contact}.second.y"]
+    nx, ny = action[f"{contact}.second.normal.x"], action[f"{contact}.second.normal.y"]
+    length = float(np.hypot(nx, ny))
+    along_x = action[f"{contact}.first.x"] - action["key.pivot.x"] - (c * x - s * y)
+    along_y = action[f"{contact}.first.y"] - action["key.pivot.y"] - (s * x + c * y)
+    reach = (along_x * (c * nx - s * ny) + along_y * (s * nx + c * ny)) / length
+    return np.asarray(reach - action[f"{contact}.first.radius"], dtype=float)
+
+
+def touch_dip(rest_rad: Array, dip: Callable[[Array], Array], key_gap: Callable[[Array], Array]) -> float:
+    """Key dip at which the gap under the key front closes, found by turning the key alone from rest."""
+    turn = np.linspace(0.0, -0.2, 401)
+    angle = np.tile(rest_rad, (turn.size, 1))
+    angle[:, KEY] += turn
+    gap = key_gap(angle)
+    closed = np.flatnonzero(gap <= 0)
+    if closed.size == 0 or closed[0] == 0:
+        raise InputError(
+            f"action: gap under the key front is {1e3 * gap[0]:.2f} mm at rest and {1e3 * gap[-1]:.2f} "
+            f"mm after 0.2 rad; "
+            "it must start above 0 and close; check the key front contact"
+        )
+    i = int(closed[0])
+    share = gap[i - 1] / (gap[i - 1] - gap[i])
+    travel = dip(angle[i - 1 : i + 1])
+    return float(travel[0] + share * (travel[1] - travel[0]))

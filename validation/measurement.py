@@ -1,0 +1,152 @@
+"""One trial as validation sees it: corrected force, encoder angles with uncertainty, film angles, quiet
+interval, motion.
+
+Place in the data flow: `rig.session` trial and its derived film angles → `Measurement` →
+`validation.comparison`.
+Conventions: angles are changes since rest in rad, counter-clockwise; everything on the DAQ clock; encoder
+order key, whippen, hammer whatever the order in the file; jack and repetition lever relative to the whippen.
+Failure: a trial that cannot be used is a `TrialError`; the comparison then goes on without it and says so.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from validation.errors import TrialError
+from validation.geometry import ActionGeometry, Array
+from validation.motion import Motion, motion_of
+from validation.signals import CorrectedForce, Quiet, correct_force, encoder_change, find_quiet
+
+ENCODER_CHANNELS = ("key", "whippen", "hammer")
+FILM_CHANNELS = ("jack", "repetition")
+# hammer height and key dip at rest are set with gauges to about 0.1 mm (rectangular, half width)
+U_REST_LEVEL_M = 0.1e-3 / np.sqrt(3)
+
+
+@dataclass(frozen=True)
+class FilmAngles:
+    """Angles tracked on the film of one trial, relative to the whippen and to rest; NaN where lost."""
+
+    time_s: Array
+    change_rad: dict[str, Array]
+    u_rad: dict[str, Array]
+    u_time_s: float
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """A usable trial."""
+
+    number: int
+    time_s: Array
+    raw_force_n: Array
+    force: CorrectedForce
+    quiet: Quiet
+    change_rad: Array
+    u_rad: Array
+    resolution_rad: Array
+    motion: Motion
+    film: FilmAngles | None
+    seal: str
+    notes: tuple[str, ...] = ()
+
+
+def measure(
+    data: Any,
+    film_table: pd.DataFrame | None,
+    geometry: ActionGeometry,
+    *,
+    u_rest_level_m: float = U_REST_LEVEL_M,
+    seal: str = "",
+) -> Measurement:
+    """Correct the force, zero the angles and state the uncertainties of one trial.
+
+    Parameters
+    ----------
+    data : rig.session.TrialData
+    film_table : pandas.DataFrame or None
+        Derived step ``angles``: time_s, jack_relative_rad, jack_relative_u_rad, repetition_relative_rad, …
+    geometry : ActionGeometry
+        Of the action under test; its rest state gives the absolute angles.
+    u_rest_level_m : float
+        Standard uncertainty with which hammer height and key dip at rest are known on the bench.
+    seal : str
+        SHA-256 of the trial, kept for provenance.
+
+    Raises
+    ------
+    TrialError
+        When a channel is missing or the trial has no usable baseline.
+    """
+    names = [encoder.name for encoder in data.encoders]
+    missing = [name for name in ENCODER_CHANNELS if name not in names]
+    if missing:
+        raise TrialError(
+            f"encoder {missing[0]!r} is missing; found {names}; key, whippen and hammer are needed"
+        )
+    order = [names.index(name) for name in ENCODER_CHANNELS]
+    counts = np.asarray(data.encoder_count)[:, order]
+    angle = np.asarray(data.angle_rad(), dtype=float)[:, order]
+    resolution = np.array([abs(data.encoders[i].rad_per_count) for i in order])
+    info = data.force_info
+    time = np.asarray(data.time_s, dtype=float)
+    quiet = find_quiet(time, data.force_n, counts, mains_hz=info.mains_frequency_hz)
+    force = correct_force(
+        time,
+        data.force_n,
+        quiet,
+        group_delay_s=info.group_delay_s,
+        preload_n=info.preload_n,
+        u_preload_n=info.u_preload_n,
+        gain_relative_u=info.u_gain_relative,
+        mains_hz=info.mains_frequency_hz,
+    )
+    change, u = encoder_change(angle, quiet, resolution)
+    motion = motion_of(geometry, time, change, u, u_height_zero_m=u_rest_level_m, u_dip_zero_m=u_rest_level_m)
+    film, notes = _film(film_table, data, quiet)
+    if not force.hum.accepted:
+        notes.append(f"hum not subtracted: {force.hum.reason}")
+    return Measurement(
+        data.number,
+        time,
+        np.asarray(data.force_n, dtype=float),
+        force,
+        quiet,
+        change,
+        u,
+        resolution,
+        motion,
+        film,
+        seal,
+        tuple(notes),
+    )
+
+
+def _film(table: pd.DataFrame | None, data: Any, quiet: Quiet) -> tuple[FilmAngles | None, list[str]]:
+    if table is None:
+        return None, []
+    needed = ["time_s"] + [f"{name}_relative{tail}" for name in FILM_CHANNELS for tail in ("_rad", "_u_rad")]
+    missing = [name for name in needed if name not in table.columns]
+    if missing:
+        raise TrialError(f"derived film angles: column {missing[0]!r} is missing; track the film again")
+    time = table["time_s"].to_numpy(dtype=float)
+    if not np.all(np.diff(time) > 0):
+        raise TrialError("derived film angles: time_s must increase from row to row; track the film again")
+    change = {name: table[f"{name}_relative_rad"].to_numpy(dtype=float) for name in FILM_CHANNELS}
+    u = {name: table[f"{name}_relative_u_rad"].to_numpy(dtype=float) for name in FILM_CHANNELS}
+    notes = []
+    if time[0] > quiet.end_s:
+        notes.append(
+            f"film starts at {time[0]:.4f} s, after the quiet interval ended at {quiet.end_s:.4f} s: its "
+            f"zero is not at rest"
+        )
+    for name in FILM_CHANNELS:
+        lost = int((~np.isfinite(change[name])).sum())
+        if lost:
+            notes.append(f"film: {name} lost in {lost} of {time.size} frames")
+    camera = getattr(data, "camera", None)
+    return FilmAngles(time, change, u, camera.u_time_s if camera is not None else 0.0), notes

@@ -1,0 +1,293 @@
+"""The report's figures: matplotlib draws, clean inline SVG comes out.
+
+Place in the data flow: traces and spread of a `ValidationResult` → SVG text for the page.
+Conventions: the thesis's signs (key, hammer, jack, repetition lever: rest − angle; whippen: angle − rest),
+degrees, seconds; Okabe–Ito colours and a dash pattern per line, so that nothing depends on colour alone; at
+most two points per pixel column.
+Source: thesis Figures 3.9–3.13 and 4.1–4.4.
+Failure: a channel without data gets no figure.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from matplotlib import rc_context
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from validation.geometry import Array
+from validation.measurement import ENCODER_CHANNELS, FILM_CHANNELS
+from validation.report.svg import STYLE, decimate, figure_svg
+from validation.result import ValidationResult
+
+BLACK, ORANGE, SKY, GREEN, BLUE, VERMILION, PURPLE = (
+    "#000000",
+    "#B37400",
+    "#2A8FC4",
+    "#00785A",
+    "#0072B2",
+    "#C04A00",
+    "#A8528A",
+)
+COLOURS = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, BLACK, SKY)
+DASHES: tuple[tuple[float, ...] | None, ...] = (None, (5, 1.5), (1.5, 1.2), (6, 1.5, 1.5, 1.5), (8, 2))
+SIGN = {"key": -1.0, "whippen": 1.0, "jack": -1.0, "repetition": -1.0, "hammer": -1.0}
+SYMBOL = {"key": "k", "whippen": "w", "jack": "j", "repetition": "r", "hammer": "h"}
+TITLE = {
+    "key": "key",
+    "whippen": "whippen",
+    "jack": "jack",
+    "repetition": "repetition lever",
+    "hammer": "hammer",
+}
+MOST_IN_LEGEND = 8
+ZOOM_S = (0.02, 0.03)
+WIDTH_IN = 9.2
+
+
+@dataclass(frozen=True)
+class ReportFigure:
+    """One figure: its anchor, the thesis figure it repeats, caption and SVG text."""
+
+    key: str
+    number: str
+    caption: str
+    svg: str
+
+
+def rotation_label(channel: str) -> str:
+    """Axis label with the thesis's sign convention."""
+    s = SYMBOL[channel]
+    return f"θ{s} − θ{s}(0) (°)" if SIGN[channel] > 0 else f"θ{s}(0) − θ{s} (°)"
+
+
+def _style(i: int) -> dict[str, object]:
+    style: dict[str, object] = {"color": COLOURS[i % len(COLOURS)], "linewidth": 1.1}
+    dash = DASHES[i % len(DASHES)]
+    if dash is not None:
+        style["dashes"] = dash
+    return style
+
+
+def _draw(axes: Axes, time: Array, values: Array, label: str | None = None, **style: object) -> None:
+    t, v = decimate(time, values)
+    axes.plot(t, v, label=label, **style)  # type: ignore[arg-type]
+
+
+def _grid(axes: Axes, ylabel: str, *, bottom: bool = True) -> None:
+    axes.set_ylabel(ylabel)
+    axes.grid(True, color="#DDDDDD", linewidth=0.6)
+    axes.margins(x=0)
+    if bottom:
+        axes.set_xlabel("time (s)")
+    else:
+        axes.tick_params(labelbottom=False)
+
+
+def _window(result: ValidationResult, frame: pd.DataFrame) -> pd.DataFrame:
+    return frame[result.window.mask(frame["time_s"].to_numpy())]
+
+
+def _legend(axes: Axes, n: int) -> None:
+    if n <= MOST_IN_LEGEND:
+        axes.legend(fontsize=8, ncols=2, framealpha=0.9, loc="best")
+
+
+def _degrees(channel: str, rad: pd.Series | Array) -> Array:
+    return SIGN[channel] * np.degrees(np.asarray(rad, dtype=float))
+
+
+def force_of_all_trials(result: ValidationResult) -> ReportFigure:
+    """Corrected force of every trial (thesis 3.9)."""
+    figure = Figure(figsize=(WIDTH_IN, 3.0), layout="constrained")
+    axes = figure.subplots()
+    peak = 0.0
+    for i, (number, frame) in enumerate(result.traces.items()):
+        f = _window(result, frame)
+        force = f["force_n"].to_numpy()
+        peak = max(peak, float(force.max(initial=0.0)))
+        _draw(axes, f["force_time_s"].to_numpy(), force, f"trial {number}", **_style(i))
+    _grid(axes, "force (N)")
+    _legend(axes, len(result.traces))
+    n = len(result.traces)
+    caption = (
+        f"Measured force of all {n} trials, corrected for offset, hum and channel delay, never smoothed."
+    )
+    text = f"{n} curves of force over time; the largest force is {peak:.1f} N."
+    return _finish(figure, "force-all", "3.9", caption, text)
+
+
+def rotation_of_all_trials(result: ValidationResult, channel: str, number: str) -> ReportFigure:
+    """One encoder channel of every trial, with s_r(t) below (thesis 3.10–3.12)."""
+    figure = Figure(figsize=(WIDTH_IN, 3.9), layout="constrained")
+    top, low = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
+    for i, (trial, frame) in enumerate(result.traces.items()):
+        f = _window(result, frame)
+        _draw(
+            top,
+            f["time_s"].to_numpy(),
+            _degrees(channel, f[f"{channel}_measured_rad"]),
+            f"trial {trial}",
+            **_style(i),
+        )
+    _grid(top, rotation_label(channel), bottom=False)
+    _legend(top, len(result.traces))
+    s_r = np.degrees(result.spread[f"{channel}_s_r_rad"].to_numpy())
+    text = "Repeatability is not known with one trial."
+    if np.isfinite(s_r).any():
+        _draw(low, result.spread["time_s"].to_numpy(), s_r, color=BLACK, linewidth=1.0)
+        text = f"s_r(t) is at most {np.nanmax(s_r):.3f}°."
+    _grid(low, "s_r (°)")
+    low.set_ylim(bottom=0)
+    caption = (
+        f"Rotation of the {TITLE[channel]} in all {len(result.traces)} trials; below: repeatability s_r(t)."
+    )
+    return _finish(figure, f"{channel}-all", number, caption, text)
+
+
+def film_rotations(result: ValidationResult) -> list[ReportFigure]:
+    """Jack and repetition lever of every filmed trial with band, prediction and residual (thesis 3.13)."""
+    figures = []
+    for trial, frame in result.film_traces.items():
+        f = _window(result, frame)
+        time = f["time_s"].to_numpy()
+        figure = Figure(figsize=(WIDTH_IN, 4.2), layout="constrained")
+        grid = figure.subplots(2, 2, sharex=True, height_ratios=(2.4, 1))
+        notes = []
+        for j, channel in enumerate(FILM_CHANNELS):
+            measured = _degrees(channel, f[f"{channel}_measured_rad"])
+            model = _degrees(channel, f[f"{channel}_predicted_rad"])
+            band = 2 * np.degrees(f[f"{channel}_u_rad"].to_numpy())
+            top, low = grid[0, j], grid[1, j]
+            _band(top, time, measured - band, measured + band)
+            _draw(top, time, measured, "film, ±2u shaded", color=BLACK, linewidth=0.9)
+            _draw(top, time, model, "model", color=VERMILION, linewidth=1.2, dashes=(5, 1.5))
+            top.set_title(TITLE[channel], fontsize=9)
+            _grid(top, rotation_label(channel), bottom=False)
+            top.legend(fontsize=8)
+            _band(low, time, -band, band)
+            _draw(low, time, model - measured, color=BLUE, linewidth=0.9)
+            _grid(low, "model − film (°)")
+            lost = int(np.isnan(measured).sum())
+            median = float(np.nanmedian(band)) / 2 if np.isfinite(band).any() else float("nan")
+            notes.append(
+                f"{TITLE[channel]}: u = {median:.3f}° (median), {lost} of {measured.size} frames lost"
+            )
+        caption = (
+            f"Rotation of jack and repetition lever relative to the whippen, tracked on the film of "
+            f"trial {trial}. "
+            + "; ".join(notes)
+            + "."
+        )
+        figures.append(_finish(figure, f"film-{trial}", "3.13", caption, caption))
+    return figures
+
+
+def force_of_one_trial(result: ValidationResult, trial: int) -> ReportFigure:
+    """Corrected and raw force of one trial (thesis 4.1)."""
+    f = _window(result, result.traces[trial])
+    figure = Figure(figsize=(WIDTH_IN, 3.0), layout="constrained")
+    axes, zoom = figure.subplots(1, 2, width_ratios=(2.2, 1))
+    at, peak = _peak(f)
+    for panel in (axes, zoom):
+        _draw(
+            panel,
+            f["time_s"].to_numpy(),
+            f["raw_force_n"].to_numpy(),
+            "as recorded",
+            color=SKY,
+            linewidth=0.8,
+        )
+        _draw(
+            panel,
+            f["force_time_s"].to_numpy(),
+            f["force_n"].to_numpy(),
+            "corrected",
+            color=BLACK,
+            linewidth=1.1,
+        )
+        _grid(panel, "force (N)")
+    zoom.set_xlim(at - 0.012, at + 0.012)
+    zoom.set_title("around the peak", fontsize=9)
+    axes.legend(fontsize=8)
+    caption = (
+        f"Force of trial {trial}: as recorded, and as it drives the model, corrected (offset, hum, delay)."
+    )
+    return _finish(figure, "force-one", "4.1", caption, f"Peak of {peak:.1f} N at {at:.4f} s.")
+
+
+def model_against_trial(result: ValidationResult, trial: int, channel: str, number: str) -> ReportFigure:
+    """One channel of one trial with its prediction, and the residuals of all trials (thesis 4.2–4.4)."""
+    f = _window(result, result.traces[trial])
+    time = f["time_s"].to_numpy()
+    measured = _degrees(channel, f[f"{channel}_measured_rad"])
+    model = _degrees(channel, f[f"{channel}_predicted_rad"])
+    figure = Figure(figsize=(WIDTH_IN, 4.4), layout="constrained")
+    grid = figure.subplots(2, 2, sharex="col", height_ratios=(2.2, 1), width_ratios=(2.2, 1))
+    for top in grid[0]:
+        _draw(top, time, measured, f"trial {trial}", color=BLACK, linewidth=1.2)
+        _draw(top, time, model, "model", color=VERMILION, linewidth=1.3, dashes=(5, 1.5))
+        _grid(top, rotation_label(channel), bottom=False)
+    for low in grid[1]:
+        for i, (other, frame) in enumerate(result.traces.items()):
+            part = _window(result, frame)
+            difference = (
+                part[f"{channel}_predicted_rad"].to_numpy() - part[f"{channel}_measured_rad"].to_numpy()
+            )
+            _draw(
+                low, part["time_s"].to_numpy(), _degrees(channel, difference), f"trial {other}", **_style(i)
+            )
+        low.axhline(0.0, color="#777777", linewidth=0.7)
+        _grid(low, "model − trial (°)")
+    grid[0, 0].legend(fontsize=8)
+    centre = _impact(result, trial)
+    if centre is not None:
+        grid[0, 1].set_xlim(centre - ZOOM_S[0], centre + ZOOM_S[1])
+        grid[0, 1].set_title("around the string impact", fontsize=9)
+    row = result.scores[(result.scores["trial"] == trial) & (result.scores["channel"] == channel)].iloc[0]
+    caption = (
+        f"Rotation of the {TITLE[channel]}, model and trial {trial}; below: model minus trial for all "
+        f"trials. "
+        f"RMSE of trial {trial}: {np.degrees(row['rmse_rad']):.3f}°."
+    )
+    largest = f"{np.degrees(row['largest_rad']):.3f}° at {row['largest_at_s']:.4f} s"
+    text = f"The largest difference of trial {trial} is {largest}."
+    return _finish(figure, f"{channel}-model", number, caption, text)
+
+
+def all_figures(result: ValidationResult) -> dict[str, list[ReportFigure]]:
+    """Figures of the report in two groups: ``repeatability`` (3.9–3.13) and ``comparison`` (4.1–4.4)."""
+    with rc_context(STYLE):
+        first = next(iter(result.traces))
+        repeatability = [force_of_all_trials(result)]
+        for channel, number in zip(ENCODER_CHANNELS, ("3.10", "3.11", "3.12"), strict=True):
+            repeatability.append(rotation_of_all_trials(result, channel, number))
+        repeatability += film_rotations(result)
+        comparison = [force_of_one_trial(result, first)]
+        for channel, number in zip(ENCODER_CHANNELS, ("4.2", "4.3", "4.4"), strict=True):
+            comparison.append(model_against_trial(result, first, channel, number))
+        return {"repeatability": repeatability, "comparison": comparison}
+
+
+def _band(axes: Axes, time: Array, low: Array, high: Array) -> None:
+    t, a = decimate(time, low, keep="min")
+    _, b = decimate(time, high, keep="max")
+    axes.fill_between(t, a, b, color=SKY, alpha=0.35, linewidth=0)
+
+
+def _peak(frame: pd.DataFrame) -> tuple[float, float]:
+    i = int(np.nanargmax(frame["force_n"].to_numpy()))
+    return float(frame["force_time_s"].iloc[i]), float(frame["force_n"].iloc[i])
+
+
+def _impact(result: ValidationResult, trial: int) -> float | None:
+    e = result.events
+    hit = e[(e["trial"] == trial) & (e["source"] == "trial") & (e["event"] == "string_impact")]["value"]
+    return float(hit.iloc[0]) if len(hit) and np.isfinite(hit.iloc[0]) else None
+
+
+def _finish(figure: Figure, key: str, number: str, caption: str, description: str) -> ReportFigure:
+    return ReportFigure(key, number, caption, figure_svg(figure, key, caption, description))

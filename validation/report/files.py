@@ -1,0 +1,77 @@
+"""Writing a set of text files together: all of them, or none.
+
+Place in the data flow: last step of `validation.report`.
+Conventions: UTF-8 with Unix line ends.
+Failure: anything the file system refuses becomes an `InputError`; temporary files and folders made on the way
+are removed.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from pathlib import Path
+
+from validation.errors import InputError
+
+
+def check_folder(folder: Path) -> None:
+    """Refuse early what cannot become a folder to write in.
+
+    Raises
+    ------
+    InputError
+        When the path is a file, lies below a file, or its nearest existing folder is not writable.
+    """
+    nearest = folder
+    while not nearest.exists() and nearest != nearest.parent:
+        nearest = nearest.parent
+    if not nearest.is_dir():
+        raise InputError(f"{folder}: {nearest} is a file; name a folder for the report")
+    if not os.access(nearest, os.W_OK):
+        raise InputError(f"{folder}: {nearest} is not writable; choose another folder for the report")
+
+
+def write_files(folder: Path, texts: dict[str, str]) -> dict[str, Path]:
+    """Write texts under their relative names, replacing older ones only when all have been written.
+
+    Returns
+    -------
+    dict
+        Relative name → path.
+    """
+    made: list[Path] = []
+    parts: list[tuple[Path, Path]] = []
+    try:
+        for name, text in texts.items():
+            path = folder / name
+            _make(path.parent, made)
+            part = path.with_name(f".{path.name}.{os.getpid()}.part")
+            parts.append((part, path))
+            part.write_bytes(text.encode("utf-8"))
+        for _, path in parts:
+            if path.is_dir():
+                raise IsADirectoryError(21, "is a folder", str(path))
+        for part, path in parts:
+            os.replace(part, path)
+    except OSError as error:
+        for part, _ in parts:
+            with contextlib.suppress(OSError):
+                part.unlink()
+        for made_folder in reversed(made):
+            with contextlib.suppress(OSError):
+                made_folder.rmdir()
+        raise InputError(
+            f"{folder}: the report cannot be written ({error.strerror or error}); choose another folder"
+        ) from error
+    return {name: folder / name for name in texts}
+
+
+def _make(folder: Path, made: list[Path]) -> None:
+    """Make a folder and its parents, noting each that was not there."""
+    if folder.is_dir():
+        return
+    if folder.parent != folder:
+        _make(folder.parent, made)
+    folder.mkdir()
+    made.append(folder)

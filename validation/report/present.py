@@ -1,0 +1,265 @@
+"""Numbers as a reader sees them: tables of text with units, ready for the page.
+
+Place in the data flow: tables of a `ValidationResult` → `PageTable` → template.
+Conventions: degrees, millimetres and milliseconds; as many digits as the number's uncertainty or its size
+justifies; a dash for what does not exist.
+Failure: none.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import pandas as pd
+
+from validation.event import EVENTS
+from validation.result import ValidationResult
+
+DASH = "–"
+
+
+@dataclass(frozen=True)
+class PageTable:
+    """A table of text: caption, column heads, rows; the first cell of a row is its head."""
+
+    key: str
+    caption: str
+    head: list[str]
+    rows: list[list[str]]
+    notes: list[str] = field(default_factory=list)
+
+
+def number(value: object, digits: int = 3) -> str:
+    """A number with so many significant digits, or a dash."""
+    if not isinstance(value, int | float) or isinstance(value, bool) or not math.isfinite(value):
+        return DASH
+    if value == 0:
+        return "0"
+    decimals = max(0, digits - 1 - math.floor(math.log10(abs(value))))
+    return f"{value:.{min(decimals, 9)}f}".replace("-", "−")
+
+
+def with_u(value: float, u: float) -> str:
+    """A value rounded to two digits of its uncertainty, or four significant digits when none is known."""
+    if not math.isfinite(value):
+        return DASH
+    if not (math.isfinite(u) and u > 0):
+        return number(value, 4)
+    decimals = min(max(0, 1 - math.floor(math.log10(u))), 6)
+    return f"{value:.{decimals}f} ± {u:.{decimals}f}".replace("-", "−")
+
+
+def degrees(value: object, digits: int = 3) -> str:
+    """Radians shown in degrees."""
+    return number(math.degrees(value), digits) if isinstance(value, float) else DASH
+
+
+def percent(value: object) -> str:
+    """A ratio in per cent."""
+    return number(100 * value, 2) + " %" if isinstance(value, float) and math.isfinite(value) else DASH
+
+
+def score_matrix(result: ValidationResult) -> PageTable:
+    """RMSE of every trial and channel, and of all trials together against range and repeatability."""
+    trials = list(result.traces)
+    head = [
+        "channel",
+        *(f"trial {t}" for t in trials),
+        "all",
+        "of range",
+        "s_r",
+        "RMSE / s_r",
+        "limit",
+        "trial–trial",
+    ]
+    rows = []
+    for c in result.channels.itertuples():
+        scores = result.scores[result.scores["channel"] == c.channel].set_index("trial")["rmse_rad"]
+        cells = [degrees(float(scores[t])) if t in scores.index else DASH for t in trials]
+        state = f" ({c.state})" if c.state else ""
+        rows.append(
+            [
+                f"{c.channel}{state}",
+                *cells,
+                degrees(c.rmse_rad),
+                percent(c.rmse_over_range),
+                degrees(c.s_r_rad),
+                number(c.rmse_over_s_r, 2),
+                degrees(c.limit_rad),
+                degrees(c.trial_to_trial_rmse_rad),
+            ]
+        )
+    notes = [
+        "RMSE of model − trial in degrees inside the evaluation window; “all” is the root mean square "
+        "over trials.",
+        "s_r: repeatability standard deviation; limit: 95 % of differences between two trials are "
+        "smaller (ISO 5725, factor for "
+        "few trials); trial–trial: the same RMSE between trials, the best a model could be asked for.",
+    ]
+    return PageTable("scores", "RMSE of every trial and channel (°)", head, rows, notes)
+
+
+def resolution_table(result: ValidationResult) -> PageTable:
+    """Before the impact, bias, largest difference and stated uncertainty per channel."""
+    rows = []
+    for channel, part in result.scores.groupby("channel", sort=False):
+        worst = part.loc[part["largest_rad"].idxmax()] if part["largest_rad"].notna().any() else None
+        rows.append(
+            [
+                str(channel),
+                degrees(_rms(part["before_impact_rmse_rad"])),
+                degrees(_rms(part["rmse_rad"])),
+                degrees(float(part["bias_rad"].mean())),
+                degrees(float(worst["largest_rad"])) if worst is not None else DASH,
+                f"{worst['largest_at_s']:.4f} (trial {int(worst['trial'])})" if worst is not None else DASH,
+                degrees(_rms(part["u_rms_rad"])),
+                str(int(part["n_lost"].sum())),
+            ]
+        )
+    head = [
+        "channel",
+        "before impact",
+        "whole window",
+        "bias",
+        "largest",
+        "at (s)",
+        "u of one sample",
+        "lost samples",
+    ]
+    return PageTable("differences", "Differences model − trial by channel (°)", head, rows)
+
+
+def event_page_table(result: ValidationResult) -> PageTable:
+    """Presence, means and paired differences of the events."""
+    rows = []
+    n = len(result.traces)
+    for e in result.event_summary.itertuples():
+        kind = EVENTS[e.event]
+        k = kind.display_factor
+        presence = "both" if e.agree and e.found_trial else "neither" if e.agree else "differs"
+        rows.append(
+            [
+                f"{kind.title} ({kind.display_unit})",
+                f"{e.found_trial} / {e.found_model} of {n}: {presence}"
+                + (f", {e.ambiguous} ambiguous" if e.ambiguous else ""),
+                with_u(k * e.trial_mean, k * e.trial_s),
+                number(k * e.model_mean, 5),
+                with_u(k * e.difference, k * e.u_difference),
+            ]
+        )
+    head = ["event", "found in trials / model", "trials: mean ± s", "model: mean", "model − trial ± u"]
+    notes = [
+        "Differences are paired by trial; u is a standard uncertainty (encoder, levels of rest, scatter "
+        "over trials)."
+    ]
+    return PageTable("events", "Events: presence first, then timing", head, rows, notes)
+
+
+def event_by_trial_table(result: ValidationResult) -> PageTable:
+    """Every event of every trial and its prediction."""
+    rows = []
+    order = {name: i for i, name in enumerate(EVENTS)}
+    table = result.events.assign(order=result.events["event"].map(order)).sort_values(
+        ["order", "trial", "source"], ascending=[True, True, False], kind="stable"
+    )
+    for e in table.itertuples():
+        kind = EVENTS[e.event]
+        k = kind.display_factor
+        shown = with_u(k * e.value, k * e.u)
+        rows.append(
+            [f"{kind.title} ({kind.display_unit})", str(e.trial), e.source, shown, e.status, e.note or ""]
+        )
+    head = ["event", "trial", "source", "value ± u", "status", "note"]
+    return PageTable("events-by-trial", "Every event of every trial", head, rows)
+
+
+def repeatability_tables(result: ValidationResult) -> list[PageTable]:
+    """Repeatability of channels and of events."""
+    channel_rows = [
+        [
+            f"{c.channel} ({c.source})",
+            c.state or str(c.n_trials),
+            degrees(c.s_r_rad),
+            _between(degrees(c.s_r_low_rad), degrees(c.s_r_high_rad)),
+            degrees(c.s_r_largest_rad),
+            degrees(c.limit_rad),
+        ]
+        for c in _complete(result.channels).itertuples()
+    ]
+    event_rows = []
+    for e in result.event_repeatability.itertuples():
+        kind = EVENTS[e.event]
+        k = kind.display_factor
+        event_rows.append(
+            [
+                f"{kind.title} ({kind.display_unit})",
+                f"{e.n_found} found" + (f", {e.n_ambiguous} ambiguous" if e.n_ambiguous else ""),
+                with_u(k * e.mean, k * e.s),
+                _between(number(k * e.s_low, 2), number(k * e.s_high, 2)),
+                number(k * e.limit, 3),
+                number(k * e.range, 3),
+            ]
+        )
+    return [
+        PageTable(
+            "repeatability",
+            "Repeatability of the angles over the window (°)",
+            ["channel", "trials", "s_r pooled", "95 % interval of s_r", "largest s_r(t)", "limit"],
+            channel_rows,
+        ),
+        PageTable(
+            "event-repeatability",
+            "Repeatability of the events",
+            ["event", "trials", "mean ± s", "95 % interval of s", "limit", "range"],
+            event_rows,
+        ),
+    ]
+
+
+def trial_page_table(result: ValidationResult) -> PageTable:
+    """What was done with each trial before it was compared."""
+    rows = []
+    for t in _complete(result.trials).itertuples():
+        if not t.used:
+            rows.append([str(t.trial), "not used", *[DASH] * 7, str(t.reason)])
+            continue
+        hum = f"{number(t.hum_1_n, 3)} at {t.hum_hz:.2f} Hz" if t.hum_accepted else "none subtracted"
+        rows.append(
+            [
+                str(t.trial),
+                "used" + (", filmed" if t.filmed else ""),
+                number(t.peak_force_n, 4),
+                number(1e3 * t.quiet_s, 3),
+                with_u(t.offset_n, t.u_offset_n),
+                hum,
+                number(1e3 * t.noise_n, 3),
+                number(1e3 * t.group_delay_s, 3),
+                "kept" if t.reused else "simulated",
+                str(t.notes or ""),
+            ]
+        )
+    head = [
+        "trial", "state", "peak force (N)", "quiet (ms)", "offset (N)", "hum (N)", "noise (mN)", "delay "
+        "(ms)", "prediction",
+        "notes",
+    ]  # fmt: skip
+    return PageTable("trials", "Trials and the correction of their force", head, rows)
+
+
+def _complete(table: pd.DataFrame) -> pd.DataFrame:
+    """Columns a table may lack when no trial could fill them, as NaN; missing text as empty."""
+    wanted = ("s_r_low_rad", "s_r_high_rad", "s_r_largest_rad", "limit_rad", "trial_to_trial_rmse_rad")
+    out = table.copy()
+    for name in wanted:
+        if name not in out:
+            out[name] = math.nan
+    return out
+
+
+def _between(low: str, high: str) -> str:
+    return DASH if DASH in (low, high) else f"{low} to {high}"
+
+
+def _rms(values: pd.Series) -> float:
+    return float((values.dropna() ** 2).mean() ** 0.5) if values.notna().any() else math.nan

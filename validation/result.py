@@ -1,0 +1,101 @@
+"""`ValidationResult`: everything the report shows, as data frames.
+
+Place in the data flow: made by `validation.comparison`, shown by `validation.report`, used directly in a
+notebook.
+Conventions: SI and rad; degrees and millimetres appear only in the report.
+Failure: none; a plain record.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from validation.window import Window
+
+
+@dataclass(frozen=True)
+class ValidationResult:
+    """Result of comparing one session with one model.
+
+    Attributes
+    ----------
+    session_name, action_name : str
+    verdict : str
+        One paragraph: what was compared, how many trials, RMSE against repeatability, worst channel, events
+        that disagree.
+    warnings : list of str
+        What a reader must know before using the numbers.
+    window : Window
+        The evaluation window of every score.
+    trials : DataFrame
+        One row per trial: trial, used, reason, quiet_s, onset_s, offset_n, u_offset_n, hum_hz, hum_1_n …
+        hum_3_n, hum_accepted, noise_n, preload_n, group_delay_s, peak_force_n, filmed, reused, notes.
+    scores : DataFrame
+        One row per trial and channel: trial, channel, source, rmse_rad, before_impact_rmse_rad,
+        rmse_over_range, rmse_over_s_r, bias_rad, scatter_rad, largest_rad, largest_at_s, u_rms_rad, n,
+        n_lost.
+    channels : DataFrame
+        One row per channel: channel, source, n_trials, rmse_rad (root mean square over trials), range_rad,
+        rmse_over_range, s_r_rad, s_r_low_rad, s_r_high_rad, s_r_largest_rad, limit_rad, rmse_over_s_r,
+        trial_to_trial_rmse_rad, pairs, state.
+    events : DataFrame
+        One row per trial, source (trial or model) and event: trial, source, event, value, u, unit, status,
+        note.
+    event_summary : DataFrame
+        One row per event: event, unit, n_trials, found_trial, found_model, agree, trial_mean, trial_s,
+        model_mean, difference, difference_s, u_difference.
+    event_repeatability : DataFrame
+        See `validation.repeatability.event_repeatability`.
+    uncertainty : DataFrame
+        One row per trial and channel: trial, channel, source, quantisation_rad, u_rad.
+    spread : DataFrame
+        On the common time base inside the window: time_s, then <channel>_mean_rad and <channel>_s_r_rad.
+    traces : dict
+        Trial → DataFrame of time_s, raw_force_n, force_time_s, force_n, <channel>_measured_rad,
+        <body>_predicted_rad.
+    film_traces : dict
+        Trial → DataFrame of time_s, <channel>_measured_rad, <channel>_u_rad, <channel>_predicted_rad.
+    provenance : dict
+        Hashes, versions, tolerance and rules.
+    files : dict
+        What was written: name → path.
+    """
+
+    session_name: str
+    action_name: str
+    verdict: str
+    warnings: list[str]
+    window: Window
+    trials: pd.DataFrame
+    scores: pd.DataFrame
+    channels: pd.DataFrame
+    events: pd.DataFrame
+    event_summary: pd.DataFrame
+    event_repeatability: pd.DataFrame
+    uncertainty: pd.DataFrame
+    spread: pd.DataFrame
+    traces: dict[int, pd.DataFrame]
+    film_traces: dict[int, pd.DataFrame]
+    provenance: dict[str, Any]
+    files: dict[str, Path] = field(default_factory=dict)
+
+    @property
+    def tables(self) -> dict[str, pd.DataFrame]:
+        """The tables that are also written as CSV files, by name."""
+        return {
+            "trials": self.trials,
+            "scores": self.scores,
+            "channels": self.channels,
+            "events": self.events,
+            "event_summary": self.event_summary,
+            "event_repeatability": self.event_repeatability,
+            "uncertainty": self.uncertainty,
+        }
+
+    def with_files(self, files: dict[str, Path]) -> ValidationResult:
+        """A copy that names the files it was written to."""
+        return replace(self, files=files)

@@ -1,0 +1,298 @@
+"""The tables of a comparison: traces, scores, channels, events, trials, uncertainty.
+
+Place in the data flow: measurements and predictions → here → `validation.comparison`.
+Conventions: SI and rad; differences are model − trial, paired by trial; nothing is aligned.
+Failure: what cannot be stated is NaN, and the column ``state`` or ``reason`` says why.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+
+from validation.event import EVENTS, Event
+from validation.geometry import Array
+from validation.measurement import ENCODER_CHANNELS, FILM_CHANNELS, Measurement
+from validation.metrics import pair_rmse, score_curve
+from validation.prediction import BODIES, Prediction
+from validation.repeatability import curve_repeatability, s_interval_factors
+from validation.window import Window
+
+
+def trace_table(m: Measurement, p: Prediction) -> pd.DataFrame:
+    """Force, encoder angles and predicted angles of one trial on the DAQ's sample times."""
+    columns = {
+        "time_s": m.time_s,
+        "raw_force_n": m.raw_force_n,
+        "force_time_s": m.force.time_s,
+        "force_n": m.force.force_n,
+        "u_force_n": m.force.u_force_n,
+    }
+    columns |= {f"{name}_measured_rad": m.change_rad[:, i] for i, name in enumerate(ENCODER_CHANNELS)}
+    columns |= {f"{body}_predicted_rad": p.change_rad(body) for body in BODIES}
+    return pd.DataFrame(columns)
+
+
+def film_trace_table(m: Measurement, p: Prediction) -> pd.DataFrame | None:
+    """Film angles, their uncertainty and predicted angles on the film's frame times; None when not filmed."""
+    if m.film is None:
+        return None
+    columns = {"time_s": m.film.time_s}
+    for name in FILM_CHANNELS:
+        measured = m.film.change_rad[name]
+        step = np.gradient(p.change_at(name, m.film.time_s), m.film.time_s)
+        # a frame clock that is off by u_time moves a turning body by its speed times that
+        moved = np.nan_to_num(np.abs(step)) * m.film.u_time_s
+        columns[f"{name}_measured_rad"] = measured
+        columns[f"{name}_u_rad"] = np.hypot(m.film.u_rad[name], moved)
+        columns[f"{name}_predicted_rad"] = p.change_at(name, m.film.time_s)
+    return pd.DataFrame(columns)
+
+
+def on_common_base(time_s: Array, frames: dict[int, pd.DataFrame], column: str) -> Array:
+    """One column of several trials on one time base, (n_samples, n_trials); NaN outside a trial."""
+    out = np.full((time_s.size, len(frames)), np.nan)
+    for j, frame in enumerate(frames.values()):
+        time, values = frame["time_s"].to_numpy(), frame[column].to_numpy()
+        if time.size >= time_s.size:
+            first = int(np.searchsorted(time, time_s[0] - 1e-9))
+            if first + time_s.size <= time.size and np.allclose(
+                time[first : first + time_s.size], time_s, atol=1e-9, rtol=0
+            ):
+                out[:, j] = values[first : first + time_s.size]
+                continue
+        out[:, j] = np.interp(time_s, time, values, left=np.nan, right=np.nan)
+    return out
+
+
+def channel_tables(
+    traces: dict[int, pd.DataFrame], film: dict[int, pd.DataFrame], window: Window
+) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Channel summary without scores, and mean and s_r over time, for encoder and film channels."""
+    base = next(iter(traces.values()))["time_s"].to_numpy()
+    base = base[window.mask(base)]
+    rows: list[dict[str, object]] = []
+    spread: dict[str, Array] = {"time_s": base}
+    for names, frames, source in ((ENCODER_CHANNELS, traces, "encoder"), (FILM_CHANNELS, film, "film")):
+        for name in names:
+            if not frames:
+                rows.append({"channel": name, "source": source, "n_trials": 0, "state": "not filmed"})
+                continue
+            curves = on_common_base(base, frames, f"{name}_measured_rad")
+            r = curve_repeatability(curves)
+            low, high = s_interval_factors(r.n_trials)
+            ceiling, pairs = pair_rmse(curves)
+            extent = [float(np.ptp(c[np.isfinite(c)])) if np.isfinite(c).any() else np.nan for c in curves.T]
+            spread[f"{name}_mean_rad"], spread[f"{name}_s_r_rad"] = r.mean, r.s_r
+            rows.append(
+                {
+                    "channel": name,
+                    "source": source,
+                    "n_trials": r.n_trials,
+                    "range_rad": float(np.mean(extent)),
+                    "s_r_rad": r.pooled,
+                    "s_r_low_rad": r.pooled * low,
+                    "s_r_high_rad": r.pooled * high,
+                    "s_r_largest_rad": r.largest,
+                    "limit_rad": r.limit,
+                    "trial_to_trial_rmse_rad": ceiling,
+                    "pairs": pairs,
+                    "state": "one trial" if r.n_trials == 1 else "",
+                }
+            )
+    return pd.DataFrame(rows), pd.DataFrame(spread)
+
+
+def score_table(
+    traces: dict[int, pd.DataFrame],
+    film: dict[int, pd.DataFrame],
+    u_encoder: dict[int, Array],
+    channels: pd.DataFrame,
+    window: Window,
+    impact_s: dict[int, float],
+) -> pd.DataFrame:
+    """Scores of every trial and channel inside the window."""
+    s_r = dict(
+        zip(channels["channel"], channels.get("s_r_rad", pd.Series(np.nan, channels.index)), strict=True)
+    )
+    rows = []
+    for names, frames, source in ((ENCODER_CHANNELS, traces, "encoder"), (FILM_CHANNELS, film, "film")):
+        for number, whole in frames.items():
+            frame = whole[window.mask(whole["time_s"].to_numpy())]
+            time = frame["time_s"].to_numpy()
+            early = time < impact_s.get(number, np.inf)
+            for i, name in enumerate(names):
+                trial, model = (
+                    frame[f"{name}_measured_rad"].to_numpy(),
+                    frame[f"{name}_predicted_rad"].to_numpy(),
+                )
+                score = score_curve(time, trial, model, s_r[name])
+                before = score_curve(time[early], trial[early], model[early])
+                if source == "encoder":
+                    u = float(u_encoder[number][i])
+                else:
+                    stated = frame[f"{name}_u_rad"].to_numpy()
+                    stated = stated[np.isfinite(stated)]
+                    u = float(np.sqrt(np.mean(stated**2))) if stated.size else float("nan")
+                rows.append(
+                    {
+                        "trial": number,
+                        "channel": name,
+                        "source": source,
+                        "rmse_rad": score.rmse,
+                        "before_impact_rmse_rad": before.rmse,
+                        "rmse_over_range": score.rmse_over_range,
+                        "rmse_over_s_r": score.rmse_over_s_r,
+                        "bias_rad": score.bias,
+                        "scatter_rad": score.scatter,
+                        "largest_rad": score.largest,
+                        "largest_at_s": score.largest_at_s,
+                        "u_rms_rad": u,
+                        "n": score.n,
+                        "n_lost": score.n_lost,
+                    }
+                )
+    return pd.DataFrame(rows)
+
+
+def with_scores(channels: pd.DataFrame, scores: pd.DataFrame) -> pd.DataFrame:
+    """Channel summary with the root mean square of its trials' RMSE."""
+    rms = scores.groupby("channel")["rmse_rad"].agg(lambda v: float(np.sqrt(np.mean(np.square(v)))))
+    out = channels.copy()
+    out["rmse_rad"] = out["channel"].map(rms)
+    for name in ("range_rad", "s_r_rad"):
+        if name not in out:
+            out[name] = np.nan
+    out["rmse_over_range"] = out["rmse_rad"] / out["range_rad"]
+    out["rmse_over_s_r"] = out["rmse_rad"] / out["s_r_rad"].where(out["s_r_rad"] > 0)
+    first = [
+        "channel",
+        "source",
+        "n_trials",
+        "rmse_rad",
+        "range_rad",
+        "rmse_over_range",
+        "s_r_rad",
+        "rmse_over_s_r",
+    ]
+    return out[first + [c for c in out.columns if c not in first]]
+
+
+def event_table(trial: dict[int, dict[str, Event]], model: dict[int, dict[str, Event]]) -> pd.DataFrame:
+    """Every event of every trial and of its prediction."""
+    rows = [
+        {
+            "trial": number,
+            "source": source,
+            "event": e.name,
+            "value": e.value,
+            "u": e.u,
+            "unit": EVENTS[e.name].unit,
+            "status": e.status,
+            "note": e.note,
+        }
+        for source, events in (("trial", trial), ("model", model))
+        for number, found in events.items()
+        for e in found.values()
+    ]
+    return pd.DataFrame(rows)
+
+
+def event_summary(trial: dict[int, dict[str, Event]], model: dict[int, dict[str, Event]]) -> pd.DataFrame:
+    """Presence first, then means and paired differences (model − trial) where both found the event."""
+    rows = []
+    for name, kind in EVENTS.items():
+        t = [events[name] for events in trial.values()]
+        m = [model[number][name] for number in trial]
+        there = np.array([e.status != "absent" for e in t])
+        predicted = np.array([e.status != "absent" for e in m])
+        both = there & predicted
+        tv, mv = np.array([e.value for e in t]), np.array([e.value for e in m])
+        tu, mu = np.array([e.u for e in t]), np.array([e.u for e in m])
+        d = (mv - tv)[both]
+        n = d.size
+        s = float(d.std(ddof=1)) if n > 1 else float("nan")
+        # the levels of rest are the same for all trials, so averaging does not shrink the stated uncertainty
+        stated = float(np.sqrt(np.mean(tu[both] ** 2 + mu[both] ** 2))) if n else float("nan")
+        rows.append(
+            {
+                "event": name,
+                "unit": kind.unit,
+                "n_trials": len(t),
+                "found_trial": int(there.sum()),
+                "found_model": int(predicted.sum()),
+                "agree": bool(np.all(there == predicted)),
+                "ambiguous": sum(e.status == "ambiguous" for e in t + m),
+                "trial_mean": float(tv[there].mean()) if there.any() else float("nan"),
+                "trial_s": float(tv[there].std(ddof=1)) if there.sum() > 1 else float("nan"),
+                "model_mean": float(mv[predicted].mean()) if predicted.any() else float("nan"),
+                "difference": float(d.mean()) if n else float("nan"),
+                "difference_s": s,
+                "u_difference": float(np.hypot(stated, s / np.sqrt(n))) if n > 1 else stated,
+            }
+        )
+    return pd.DataFrame(rows)
+
+
+def uncertainty_table(measurements: list[Measurement], film: dict[int, pd.DataFrame]) -> pd.DataFrame:
+    """Stated standard uncertainty of one sample of every channel; for film the median over frames."""
+    rows: list[dict[str, object]] = []
+    for m in measurements:
+        for i, name in enumerate(ENCODER_CHANNELS):
+            quantisation = float(m.resolution_rad[i] / np.sqrt(12))
+            rows.append(
+                {
+                    "trial": m.number,
+                    "channel": name,
+                    "source": "encoder",
+                    "quantisation_rad": quantisation,
+                    "u_rad": float(m.u_rad[i]),
+                }
+            )
+        if m.number in film:
+            for name in FILM_CHANNELS:
+                u = film[m.number][f"{name}_u_rad"].to_numpy()
+                u = u[np.isfinite(u)]
+                median = float(np.median(u)) if u.size else float("nan")
+                rows.append(
+                    {
+                        "trial": m.number,
+                        "channel": name,
+                        "source": "film",
+                        "quantisation_rad": np.nan,
+                        "u_rad": median,
+                    }
+                )
+    return pd.DataFrame(rows)
+
+
+def trial_row(number: int, m: Measurement | None, reason: str, p: Prediction | None) -> dict[str, object]:
+    """One row of the trial table; a trial that is not used has only its reason."""
+    if m is None or p is None:
+        return {"trial": number, "used": False, "reason": reason}
+    hum = m.force.hum
+    row: dict[str, object] = {
+        "trial": number,
+        "used": True,
+        "reason": "",
+        "quiet_s": m.quiet.length_s,
+        "onset_s": m.quiet.onset_s,
+        "offset_n": hum.offset_n,
+        "u_offset_n": hum.u_offset_n,
+        "hum_hz": hum.frequency_hz,
+        "hum_searched": hum.frequency_searched,
+        "hum_accepted": hum.accepted,
+    }
+    row |= {f"hum_{k}_n": a for k, a in enumerate(hum.amplitude_n, start=1)}
+    row |= {f"hum_{k}_phase_rad": a for k, a in enumerate(hum.phase_rad, start=1)}
+    return row | {
+        "noise_n": m.force.noise_n,
+        "preload_n": m.force.preload_n,
+        "u_preload_n": m.force.u_preload_n,
+        "group_delay_s": m.force.group_delay_s,
+        "peak_force_n": float(m.force.force_n.max()),
+        "filmed": m.film is not None,
+        "reused": p.reused,
+        "seal": m.seal,
+        "notes": "; ".join(m.notes),
+    }
