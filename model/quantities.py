@@ -86,7 +86,7 @@ def read_quantity(path: str, table: Any, unit: str, where: str) -> Quantity:
     for key in table.keys() - wanted:
         raise InputError(f"{where}: {path}.{key}: unknown key; allowed value, unit, u, basis and source")
     if table["unit"] != unit:
-        raise InputError(f'{where}: {path}.unit: found {table["unit"]!r}, allowed "{unit}"; convert the value')
+        raise InputError(f'{where}: {path}.unit: found "{table["unit"]}", allowed "{unit}"; convert the value')
     value = check_value(path, table["value"], where)
     u = table["u"]
     if isinstance(u, bool) or not isinstance(u, (int, float)) or not math.isfinite(u) or u < 0.0:

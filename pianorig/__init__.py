@@ -1,0 +1,1 @@
+"""The command line ``pianorig``: composes model, rig, vision and validation; holds no science of its own."""

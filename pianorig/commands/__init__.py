@@ -1,0 +1,15 @@
+"""One module per command, each a thin call of a documented function of the packages below."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from importlib import import_module
+from typing import Any
+
+NAMES = ("demo", "record", "track", "simulate", "validate", "info")
+
+
+def load(name: str) -> Callable[..., Any]:
+    """The function of a command; its module imports nothing heavy."""
+    function: Callable[..., Any] = import_module(f".{name}", __name__).command
+    return function

@@ -1,0 +1,97 @@
+"""Writing what commands give: column files (CSV or HDF5) that are whole or absent, and ``--json`` lines."""
+
+from __future__ import annotations
+
+import json
+import os
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .errors import InputError
+
+
+def check_writable(path: Path) -> None:
+    """Refuse, before any work is done, a file that could not be written in the end."""
+    folder = path.parent
+    if not folder.is_dir():
+        raise InputError(f"{path}: folder {folder} does not exist; create it or choose another --out")
+    if path.is_dir():
+        raise InputError(f"{path}: is a folder; --out names a file")
+    try:
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as problem:
+        raise InputError(f"{path}: cannot be written ({problem.strerror}); choose another --out") from None
+
+
+def _write_csv(path: Path, columns: Mapping[str, NDArray[np.float64]]) -> None:
+    rows = np.column_stack(list(columns.values())).tolist()
+    with open(path, "w", encoding="utf-8", newline="\n") as file:
+        file.write(",".join(columns) + "\n")
+        # repr of a float is the shortest text that reads back to the same number
+        file.writelines(",".join(map(repr, row)) + "\n" for row in rows)
+
+
+def _write_h5(path: Path, columns: Mapping[str, NDArray[np.float64]], attributes: Mapping[str, Any]) -> None:
+    import h5py
+
+    with h5py.File(path, "w") as file:
+        for key, value in attributes.items():
+            file.attrs[key] = value
+        for name, column in columns.items():
+            data = file.create_dataset(name, data=column)
+            data.attrs["units"] = _unit(name)
+            if name == "time_s":
+                data.make_scale("time_s")
+            else:
+                data.dims[0].attach_scale(file["time_s"])
+
+
+def _unit(name: str) -> str:
+    for ending, unit in (("_rad_per_s", "rad/s"), ("_rad", "rad"), ("_n", "N"), ("_s", "s")):
+        if name.endswith(ending):
+            return unit
+    return "1"
+
+
+def write_columns(
+    path: Path, columns: Mapping[str, NDArray[np.float64]], attributes: Mapping[str, Any] | None = None
+) -> None:
+    """Write columns of equal length to ``path`` (.csv, or .h5 with units and a time scale), whole or not at all.
+
+    Raises
+    ------
+    InputError : unknown ending, or the file cannot be written
+    """
+    if path.suffix not in (".csv", ".h5"):
+        raise InputError(f"{path}: ending found {path.suffix!r}, allowed .csv or .h5")
+    check_writable(path)
+    part = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        if path.suffix == ".csv":
+            _write_csv(part, columns)
+        else:
+            _write_h5(part, columns, attributes or {})
+        os.replace(part, path)
+    except OSError as problem:
+        raise InputError(f"{path}: cannot be written ({problem})") from None
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def print_json(item: Mapping[str, Any]) -> None:
+    """One JSON object on standard output; numbers of NumPy and paths become plain."""
+
+    def plain(value: Any) -> Any:
+        if isinstance(value, np.generic):
+            return value.item()
+        if isinstance(value, np.ndarray):
+            return value.tolist()
+        return str(value)
+
+    print(json.dumps(item, default=plain))

@@ -1,0 +1,99 @@
+"""The compiled kernels agree with the plain NumPy twin, and their derivatives with differences of the twin."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import model
+from model.kernels import dynamics, jacobian
+from model.kernels import layout as L
+from model.scene import MotorArm, build_scene
+from model.twin import Twin
+from tests.model.conftest import random_states
+
+
+class Compiled:
+    """One evaluation of the kernels at (q, v, u)."""
+
+    def __init__(self, scene: model.Scene, q: np.ndarray, v: np.ndarray, u: float) -> None:
+        n = scene.size
+        self.pose = np.zeros((n, L.POSE_SIZE))
+        self.f, self.a, self.m_diag, self.m_up, self.f_u = (np.zeros(n) for _ in range(5))
+        self.stiff, self.damp = np.zeros((n, n)), np.zeros((n, n))
+        self.counters = np.zeros(len(L.COUNTERS), dtype=np.int64)
+        p, t = scene.vector, scene.tables
+        dynamics.acceleration(q, v, u, p, t, self.pose, self.m_diag, self.m_up, self.f, self.a, self.counters)
+        work = np.zeros((4, L.MAX_CHAIN))
+        jacobian.linearise(v, u, self.a, p, t, self.pose, work, self.stiff, self.damp, self.f_u)
+        self.mass = np.diag(self.m_diag)
+        for i, w in enumerate(t.parent):
+            if w >= 0:
+                self.mass[i, w] = self.mass[w, i] = self.m_up[i]
+
+
+def test_accelerations_equal_the_twin(action: model.Action, twin: Twin) -> None:
+    scene = build_scene(action)
+    touched = set()
+    for q, v, u in random_states(300, seed=1):
+        ours = Compiled(scene, q, v, u).a
+        theirs = twin.acceleration(q, v, u)
+        touched |= {c for c in twin.contacts if twin.gap(c)[0] > 0}
+        np.testing.assert_allclose(ours, theirs, rtol=1e-10, atol=1e-12 * np.max(np.abs(theirs)))
+    # the random states exercise nearly every contact; the jack's stop and the string among them
+    assert len(touched) >= 11, sorted(touched)
+
+
+def test_each_contact_force_equals_the_twin(action: model.Action, twin: Twin) -> None:
+    scene = build_scene(action)
+    for q, v, _ in random_states(100, seed=2):
+        state = Compiled(scene, q, v, 0.0)
+        twin._place(q, v)
+        for c, name in enumerate(scene.contacts):
+            normal, tangential, _ = twin.contact(name, v)
+            ours = dynamics.contact_state(c, v, scene.vector, scene.tables, state.pose)
+            np.testing.assert_allclose(ours[:2], (normal, tangential), rtol=1e-9, atol=1e-10)
+
+
+@pytest.mark.parametrize("arm", [None, MotorArm(contact_a=1e9, contact_b=1e7)])
+def test_jacobian_equals_central_differences(action: model.Action, arm: MotorArm | None) -> None:
+    scene = build_scene(action, arm)
+    n = scene.size
+    h = 1e-7
+    worst = 0.0
+    for q, v, u in random_states(60, seed=3):
+        if arm is not None:
+            q, v, u = np.append(q, -0.02), np.append(v, 0.3), 0.01 * u
+        at = Compiled(scene, q, v, u)
+        for j in range(n):
+            e = np.zeros(n)
+            e[j] = h
+            plus, minus = Compiled(scene, q + e, v, u), Compiled(scene, q - e, v, u)
+            if plus.counters[L.N_TOUCHING] != minus.counters[L.N_TOUCHING]:
+                continue  # a contact opens inside the difference: no derivative there
+            # K = df/dq - (dM/dq) a
+            stiff = (plus.f - minus.f - (plus.mass - minus.mass) @ at.a) / (2 * h)
+            scale = 1e-3 + np.abs(at.stiff).max()
+            worst = max(worst, np.abs(stiff - at.stiff[:, j]).max() / scale)
+            plus, minus = Compiled(scene, q, v + e, u), Compiled(scene, q, v - e, u)
+            damp = (plus.f - minus.f) / (2 * h)
+            worst = max(worst, np.abs(damp - at.damp[:, j]).max() / (1e-3 + np.abs(at.damp).max()))
+        f_u = (Compiled(scene, q, v, u + 1e-3).f - Compiled(scene, q, v, u - 1e-3).f) / 2e-3
+        np.testing.assert_allclose(f_u, at.f_u, atol=1e-6)
+    assert worst < 2e-5
+
+
+def test_switched_off_elements_leave_the_scene(action: model.Action) -> None:
+    full = build_scene(action)
+    less = build_scene(action.with_values({"contact12": 0, "jack_spring": 0}))
+    assert "contact12" not in less.contacts
+    assert len(less.contacts) == len(full.contacts) - 1
+    assert len(less.tables.spring) == len(full.tables.spring) - 1
+    assert less.vector.size == full.vector.size - L.CONTACT_SIZE - L.SPRING_SIZE
+
+
+def test_changing_a_value_changes_no_table(action: model.Action) -> None:
+    a, b = build_scene(action), build_scene(action.with_values({"contact04.friction.A": 0.2}))
+    for x, y in zip(a.tables, b.tables, strict=True):
+        np.testing.assert_array_equal(x, y)
+    assert np.count_nonzero(a.vector != b.vector) == 1
