@@ -126,6 +126,7 @@ class CameraConfig(_Table):
     """The counter that gives the camera its frame pulses; exposure starts on each rising edge."""
 
     counter: Text
+    terminal: Text
     frame_rate_hz: Number = Field(ge=1, le=1_000_000)
     start_delay_s: Number = Field(default=0.0, ge=0, le=10)
     exposure_s: Number = Field(gt=0, le=1)

@@ -1,0 +1,96 @@
+"""Translation of what NI-DAQmx raises into the rig's typed faults.
+
+Every call of the client runs inside :func:`translated`, so that nothing of ``nidaqmx`` or ``grpc`` reaches
+the recorder. A message keeps the driver's code and the first sentences of its text on one line.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import re
+from collections.abc import Iterator
+
+import grpc
+import nidaqmx.errors
+
+from rig.errors import (
+    DeviceNotFound,
+    HardwareFault,
+    NotSupported,
+    OutputUnderrun,
+    ReadTimeout,
+    ResourceBusy,
+    SamplesLost,
+)
+
+_FAULT_OF_CODE: dict[int, tuple[type[HardwareFault], str]] = {
+    -200279: (SamplesLost, "samples were overwritten before they were read"),
+    -200222: (SamplesLost, "samples were overwritten on the device before they were read"),
+    -200361: (SamplesLost, "the device's own memory overflowed"),
+    -200284: (ReadTimeout, "the samples did not arrive in time"),
+    -200474: (ReadTimeout, "the operation did not end in time"),
+    -200290: (OutputUnderrun, "the motor command ran out of samples"),
+    -200621: (OutputUnderrun, "the motor command ran out of samples"),
+    -50103: (ResourceBusy, "the channel is reserved by another task or program; close it"),
+    -200022: (ResourceBusy, "the channel is reserved by another task or program; close it"),
+    -200587: (ResourceBusy, "the digital line is reserved by another task or program; close it"),
+    -200220: (DeviceNotFound, "no such device; compare device.name of the rig file with NI MAX"),
+    -201003: (DeviceNotFound, "the device cannot be reached; check power and cable"),
+    -88705: (DeviceNotFound, "the device is gone; check power and cable"),
+    -200170: (NotSupported, "no such channel; compare the rig file with the modules in the chassis"),
+    -200431: (
+        NotSupported,
+        "the channel cannot make this measurement; check module and channel of the rig file",
+    ),
+}
+
+
+@contextlib.contextmanager
+def translated(phase: str, what: str) -> Iterator[None]:
+    """Turn anything the client raises inside the block into a :class:`rig.errors.HardwareFault`.
+
+    Parameters
+    ----------
+    phase : str
+        ``connect``, ``configure``, ``arm``, ``start``, ``read`` or ``stop``.
+    what : str
+        Channel or task the block deals with, for the message.
+    """
+    try:
+        yield
+    except nidaqmx.errors.DaqError as error:
+        raise _from_code(error, phase, what) from error
+    except nidaqmx.errors.RpcError as error:
+        raise _from_rpc(error, phase, what) from error
+    except nidaqmx.errors.DaqNotFoundError as error:
+        raise DeviceNotFound(
+            f"{what}: the NI-DAQmx driver is not installed here; install it, or use sim://", phase=phase
+        ) from error
+    except (nidaqmx.errors.Error, grpc.RpcError) as error:
+        raise HardwareFault(f"{what}: {_first_words(str(error))}", phase=phase) from error
+
+
+def _from_code(error: nidaqmx.errors.DaqError, phase: str, what: str) -> HardwareFault:
+    code = int(error.error_code)
+    kind, meaning = _FAULT_OF_CODE.get(code, (HardwareFault, _first_words(str(error))))
+    message = f"{what}: {meaning} (NI-DAQmx {code} during {phase})"
+    if kind is ReadTimeout:
+        samples = int(getattr(error, "samps_per_chan_read", 0) or 0)
+        return ReadTimeout(f"{message}; {samples} samples came", code=code, phase=phase, samples_read=samples)
+    return kind(message, code=code, phase=phase)
+
+
+def _from_rpc(error: nidaqmx.errors.RpcError, phase: str, what: str) -> HardwareFault:
+    status = error.rpc_code
+    if status in (grpc.StatusCode.UNAVAILABLE, grpc.StatusCode.UNAVAILABLE.value[0]):
+        return DeviceNotFound(
+            f"{what}: the NI gRPC Device Server does not answer ({phase}); check host and port", phase=phase
+        )
+    if status in (grpc.StatusCode.UNIMPLEMENTED, grpc.StatusCode.UNIMPLEMENTED.value[0]):
+        return NotSupported(f"{what}: the server does not know a call that was needed ({phase})", phase=phase)
+    return HardwareFault(f"{what}: {_first_words(str(error))} ({phase})", phase=phase)
+
+
+def _first_words(text: str) -> str:
+    text = " ".join(re.split(r"\n\s*(?:Task Name|Status Code|Property|Device)", text)[0].split())
+    return text if len(text) <= 240 else text[:237] + "..."

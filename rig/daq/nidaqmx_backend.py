@@ -1,0 +1,277 @@
+"""The backend contract on NI-DAQmx: one set of tasks per trial, slaves started before the master, 0 V on
+every exit.
+
+Place in the data flow: recorder → this class → ``nidaqmx`` client → driver, gRPC Device Server, or the
+virtual bench. The contract is in :mod:`rig.backend`; faults are in :mod:`rig.errors`. Software is the second
+safety layer only: the drive's own torque limit, hard stops and emergency stop are the first.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+from importlib.metadata import version
+from urllib.parse import urlsplit
+
+import grpc
+import nidaqmx
+import numpy as np
+from nidaqmx import GrpcSessionOptions
+from nidaqmx.constants import TaskMode
+from nidaqmx.grpc_session_options import SessionInitializationBehavior
+from nidaqmx.stream_readers import AnalogSingleChannelReader, CounterReader
+from numpy.typing import NDArray
+
+from rig.backend import Block, Capabilities, Timing
+from rig.config import RigConfig
+from rig.daq import tasks
+from rig.daq.faults import translated
+from rig.errors import HardwareFault, InputError
+
+DEFAULT_PORT = 31763
+
+
+def open_backend(url: str, config: RigConfig) -> NidaqmxBackend:
+    """Open ``ni://local`` or ``ni-grpc://host[:port]``; raises InputError for another address."""
+    parts = urlsplit(url)
+    if parts.scheme == "ni" and parts.netloc in ("", "local"):
+        return NidaqmxBackend(None, name="NI-DAQmx driver", simulated=False)
+    if parts.scheme == "ni-grpc" and parts.hostname:
+        target = f"{parts.hostname}:{parts.port or DEFAULT_PORT}"
+        channel = grpc.insecure_channel(target, options=[("grpc.max_receive_message_length", -1)])
+        return NidaqmxBackend(channel, name=f"NI gRPC Device Server at {target}", simulated=False)
+    raise InputError(f"backend address {url!r}: allowed are ni://local and ni-grpc://host:{DEFAULT_PORT}")
+
+
+class NidaqmxBackend:
+    """Acquisition on NI-DAQmx.
+
+    Parameters
+    ----------
+    channel : grpc.Channel or None
+        What answers: None is the NI-DAQmx driver of this computer, a channel is a gRPC Device Server or the
+        virtual bench.
+    name : str
+        Shown in reports.
+    simulated : bool
+        Whether what answers is a simulation.
+    """
+
+    def __init__(self, channel: grpc.Channel | None, *, name: str, simulated: bool) -> None:
+        self._channel = channel
+        self._name = name
+        self._simulated = simulated
+        self._config: RigConfig | None = None
+        self._force: nidaqmx.Task | None = None
+        self._encoders: list[nidaqmx.Task] = []
+        self._motor: nidaqmx.Task | None = None
+        self._camera: nidaqmx.Task | None = None
+        self._next_sample = 0
+
+    @property
+    def capabilities(self) -> Capabilities:
+        """What this backend is."""
+        return Capabilities(self._name, self._simulated, {"client": f"nidaqmx {version('nidaqmx')}"})
+
+    def _new_task(self, name: str) -> nidaqmx.Task:
+        if self._channel is None:
+            return nidaqmx.Task(name)
+        behavior = SessionInitializationBehavior.INITIALIZE_SERVER_SESSION
+        return nidaqmx.Task(
+            name, grpc_options=GrpcSessionOptions(self._channel, name, initialization_behavior=behavior)
+        )
+
+    def configure(self, config: RigConfig, command_v: NDArray[np.float64]) -> Timing:
+        """Put the outputs in their safe state, reserve every channel, load the motor command."""
+        _check_command(config, command_v)
+        self._config = config
+        frame_rate_hz = first_pulse_s = None
+        try:
+            self._outputs_safe("configure")
+            with translated("configure", config.force.channel):
+                self._force = tasks.force_task(self._new_task, config)
+                rate = float(self._force.timing.samp_clk_rate)
+            if abs(rate - config.device.sample_rate_hz) > 1e-6 * rate:
+                raise InputError(
+                    f"device.sample_rate_hz = {config.device.sample_rate_hz:g} Hz: "
+                    f"{config.force.module} gives {rate:.6g} Hz; "
+                    "write a rate the module has"
+                )
+            for encoder in config.encoders:
+                with translated("configure", encoder.counter):
+                    self._encoders.append(tasks.encoder_task(self._new_task, config, encoder))
+            with translated("configure", config.motor.channel):
+                self._motor = tasks.motor_task(self._new_task, config, command_v)
+            if config.camera is not None:
+                with translated("configure", config.camera.counter):
+                    self._camera, frame_rate_hz, first_pulse_s = tasks.camera_task(
+                        self._new_task, config, config.camera
+                    )
+            for task in (self._force, *self._encoders, self._motor, self._camera):
+                if task is not None:
+                    with translated("configure", task.name):
+                        task.control(TaskMode.TASK_COMMIT)
+        except BaseException:
+            self._stop_quietly()
+            raise
+        return Timing(rate, config.force.group_delay(rate), frame_rate_hz, first_pulse_s)
+
+    def arm(self) -> None:
+        """Start all slaves, which wait for the master's clock and trigger; enable the drive last, at 0 V."""
+        config, _, motor = self._ready()
+        try:
+            for task in (*self._encoders, self._camera, motor):
+                if task is not None:
+                    with translated("arm", task.name):
+                        task.start()
+            if config.drive_enable is not None:
+                with translated("arm", config.drive_enable.line):
+                    tasks.write_drive_enable(self._new_task, config.drive_enable.line, True)
+        except BaseException:
+            self._stop_quietly()
+            raise
+
+    def start(self) -> None:
+        """Start the master task."""
+        _, force, _ = self._ready()
+        self._next_sample = 0
+        try:
+            with translated("start", "force"):
+                force.start()
+        except BaseException:
+            self._stop_quietly()
+            raise
+
+    def read_block(self, n_samples: int, timeout_s: float) -> Block:
+        """Read the next samples of force and encoders; on a fault the outputs are made safe first."""
+        config, force_task, _ = self._ready()
+        try:
+            values = np.empty(n_samples)
+            with translated("read", "force"):
+                AnalogSingleChannelReader(force_task.in_stream).read_many_sample(values, n_samples, timeout_s)
+            if config.force.kind == "bridge":
+                force_n, raw = values, tasks.volts_of_force(config, values)
+            else:
+                force_n, raw = tasks.force_of_volts(config, values), values
+            count = np.empty((n_samples, len(self._encoders)), dtype=np.int64)
+            for column, task in enumerate(self._encoders):
+                count[:, column] = self._read_ticks(task, n_samples, timeout_s)
+        except BaseException:
+            self._stop_quietly()
+            raise
+        block = Block(self._next_sample, force_n, raw, count)
+        self._next_sample += n_samples
+        return block
+
+    def _read_ticks(self, task: nidaqmx.Task, n_samples: int, timeout_s: float) -> NDArray[np.int64]:
+        ticks = np.empty(n_samples)
+        with translated("read", task.name):
+            reader = CounterReader(task.in_stream)
+            reader.verify_array_shape = False  # saves a round trip to the server per read
+            reader.read_many_sample_double(ticks, n_samples, timeout_s)
+        whole = np.rint(ticks)
+        if not np.array_equal(whole, ticks):
+            raise HardwareFault(
+                f"{task.name}: counts are not whole numbers; the task is not in ticks", phase="read"
+            )
+        return whole.astype(np.int64)
+
+    def safe_stop(self) -> None:
+        """Stop all, motor at 0 V, drive disabled; each step is tried, then the first failure raised."""
+        failures: list[BaseException] = []
+        stops = [self._release_motor, lambda: self._outputs_safe("stop"), self._release_inputs]
+        for step in stops:
+            _attempt(step, failures)
+        if failures:
+            raise failures[0]
+
+    def close(self) -> None:
+        """Stop safely and close the connection."""
+        try:
+            self.safe_stop()
+        finally:
+            if self._channel is not None:
+                self._channel.close()
+
+    def _stop_quietly(self) -> None:
+        """Make safe while another fault is on its way; that one is reported."""
+        _attempt(self.safe_stop, [])
+
+    def _outputs_safe(self, phase: str) -> None:
+        config = self._config
+        if config is None:
+            return
+        failures: list[BaseException] = []
+
+        def zero() -> None:
+            with translated(phase, config.motor.channel):
+                tasks.write_zero(self._new_task, config)
+
+        def disable() -> None:
+            if config.drive_enable is not None:
+                with translated(phase, config.drive_enable.line):
+                    tasks.write_drive_enable(self._new_task, config.drive_enable.line, False)
+
+        _attempt(zero, failures)
+        _attempt(disable, failures)
+        if failures:
+            raise failures[0]
+
+    def _release_motor(self) -> None:
+        motor, self._motor = self._motor, None
+        _close_all([motor], "stop")
+
+    def _release_inputs(self) -> None:
+        released = [self._camera, *self._encoders, self._force]
+        self._camera, self._encoders, self._force = None, [], None
+        _close_all(released, "stop")
+
+    def _ready(self) -> tuple[RigConfig, nidaqmx.Task, nidaqmx.Task]:
+        if self._config is None or self._force is None or self._motor is None:
+            raise HardwareFault(
+                "the backend is not configured, or has been stopped; call configure first", phase="arm"
+            )
+        return self._config, self._force, self._motor
+
+
+def _attempt(step: Callable[[], None], failures: list[BaseException]) -> None:
+    """Try one step of making safe; a second Ctrl-C must not keep the next step from happening."""
+    try:
+        step()
+    except BaseException as error:
+        failures.append(error)
+
+
+def _close_all(closing: list[nidaqmx.Task | None], phase: str) -> None:
+    failures: list[BaseException] = []
+    for task in closing:
+        if task is None:
+            continue
+
+        def close(task: nidaqmx.Task = task) -> None:
+            with translated(phase, "task"), warnings.catch_warnings():
+                # the driver warns (200010) when a finite generation is stopped before its end
+                warnings.simplefilter("ignore", nidaqmx.errors.DaqWarning)
+                task.close()
+
+        _attempt(close, failures)
+    if failures:
+        raise failures[0]
+
+
+def _check_command(config: RigConfig, command_v: NDArray[np.float64]) -> None:
+    """Last look at the motor command before it is loaded, whatever has been checked before."""
+    if command_v.ndim != 1 or command_v.size < 2:
+        raise InputError(
+            f"motor command has shape {command_v.shape}, allowed one dimension and at least 2 samples"
+        )
+    if not np.all(np.isfinite(command_v)):
+        raise InputError(f"motor command is not finite at sample {int(np.argmin(np.isfinite(command_v)))}")
+    if command_v[0] != 0.0 or command_v[-1] != 0.0:
+        raise InputError(
+            f"motor command starts at {command_v[0]:g} V and ends at {command_v[-1]:g} V, allowed 0 V"
+        )
+    reach = min(config.motor.voltage_limit_v, config.motor.force_limit_n / config.motor.force_per_volt_n)
+    worst = float(np.max(np.abs(command_v)))
+    if worst > reach * (1 + 1e-9):
+        raise InputError(f"motor command reaches {worst:g} V, allowed {reach:g} V on {config.motor.channel}")

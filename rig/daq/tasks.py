@@ -1,0 +1,199 @@
+"""The tasks of the bench: force, encoders, motor, camera, drive enable; each one function, every argument
+given.
+
+AI is the clock master. Counters and the motor output take their sample clock from ``ai/SampleClock``;
+counters arm on ``ai/StartTrigger`` and the frame pulses start on it; the motor output needs no trigger, since
+its clock does not tick before AI starts. NI-DAQmx's defaults are never relied on (pounds, 2.5 V, degrees, 24
+pulses).
+"""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import nidaqmx
+import nidaqmx.constants as ni
+import numpy as np
+from nidaqmx.stream_writers import AnalogSingleChannelWriter, DigitalSingleChannelWriter
+from numpy.typing import NDArray
+
+from rig.config import CameraConfig, EncoderConfig, RigConfig
+
+BUFFER_S = 20.0
+"""Length of the driver's buffers: how long the program may be late before samples are lost."""
+WRITE_TIMEOUT_S = 5.0
+
+
+class NewTask(Protocol):
+    """Makes an empty task with the given name on the driver or server in use."""
+
+    def __call__(self, name: str) -> nidaqmx.Task:
+        """Make the task."""
+        ...
+
+
+def buffer_samples(sample_rate_hz: float) -> int:
+    """Return the number of samples per channel the driver is told to keep."""
+    return int(BUFFER_S * sample_rate_hz)
+
+
+def force_task(new_task: NewTask, config: RigConfig) -> nidaqmx.Task:
+    """AI on the load cell, continuous, on its own clock: the master."""
+    task = new_task("force")
+    force, rate = config.force, config.device.sample_rate_hz
+    if force.kind == "bridge":
+        task.ai_channels.add_ai_force_bridge_two_point_lin_chan(
+            force.channel,
+            name_to_assign_to_channel="force",
+            min_val=force.min_n,
+            max_val=force.max_n,
+            units=ni.ForceUnits.NEWTONS,
+            bridge_config=ni.BridgeConfiguration.FULL_BRIDGE,
+            voltage_excit_source=ni.ExcitationSource.INTERNAL,
+            voltage_excit_val=force.excitation_v,
+            nominal_bridge_resistance=force.bridge_resistance_ohm,
+            first_electrical_val=force.electrical[0],
+            second_electrical_val=force.electrical[1],
+            electrical_units=ni.BridgeElectricalUnits.MILLIVOLTS_PER_VOLT,
+            first_physical_val=force.physical_n[0],
+            second_physical_val=force.physical_n[1],
+            physical_units=ni.BridgePhysicalUnits.NEWTONS,
+            custom_scale_name="",
+        )
+    else:
+        ends = sorted(volts_of_force(config, np.array([force.min_n, force.max_n])))
+        task.ai_channels.add_ai_voltage_chan(
+            force.channel,
+            name_to_assign_to_channel="force",
+            terminal_config=ni.TerminalConfiguration.DIFF,
+            min_val=float(ends[0]),
+            max_val=float(ends[1]),
+            units=ni.VoltageUnits.VOLTS,
+            custom_scale_name="",
+        )
+    task.timing.cfg_samp_clk_timing(
+        rate,
+        source="",
+        active_edge=ni.Edge.RISING,
+        sample_mode=ni.AcquisitionType.CONTINUOUS,
+        samps_per_chan=buffer_samples(rate),
+    )
+    task.in_stream.overwrite = ni.OverwriteMode.DO_NOT_OVERWRITE_UNREAD_SAMPLES
+    return task
+
+
+def volts_of_force(config: RigConfig, force_n: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Electrical reading (mV/V or V) that the calibration line gives for a force."""
+    (e0, e1), (p0, p1) = config.force.electrical, config.force.physical_n
+    return e0 + (force_n - p0) * ((e1 - e0) / (p1 - p0))
+
+
+def force_of_volts(config: RigConfig, electrical: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Force that the calibration line gives for an electrical reading (mV/V or V)."""
+    (e0, e1), (p0, p1) = config.force.electrical, config.force.physical_n
+    return p0 + (electrical - e0) * ((p1 - p0) / (e1 - e0))
+
+
+def encoder_task(new_task: NewTask, config: RigConfig, encoder: EncoderConfig) -> nidaqmx.Task:
+    """One counter on one encoder: X4 ticks, latched on the AI sample clock from the AI start trigger on."""
+    task = new_task(f"encoder_{encoder.name}")
+    rate, device = config.device.sample_rate_hz, config.device.name
+    channel = task.ci_channels.add_ci_ang_encoder_chan(
+        encoder.counter,
+        name_to_assign_to_channel=encoder.name,
+        decoding_type=ni.EncoderType.X_4,
+        zidx_enable=False,
+        zidx_val=0.0,
+        zidx_phase=ni.EncoderZIndexPhase.AHIGH_BHIGH,
+        units=ni.AngleUnits.TICKS,
+        pulses_per_rev=encoder.pulses_per_revolution,
+        initial_angle=0.0,
+        custom_scale_name="",
+    )
+    channel.ci_encoder_a_input_term = encoder.a_terminal
+    channel.ci_encoder_b_input_term = encoder.b_terminal
+    if encoder.filter_min_pulse_s > 0:
+        channel.ci_encoder_a_input_dig_fltr_enable = True
+        channel.ci_encoder_a_input_dig_fltr_min_pulse_width = encoder.filter_min_pulse_s
+        channel.ci_encoder_b_input_dig_fltr_enable = True
+        channel.ci_encoder_b_input_dig_fltr_min_pulse_width = encoder.filter_min_pulse_s
+    task.timing.cfg_samp_clk_timing(
+        rate,
+        source=f"/{device}/ai/SampleClock",
+        active_edge=ni.Edge.RISING,
+        sample_mode=ni.AcquisitionType.CONTINUOUS,
+        samps_per_chan=buffer_samples(rate),
+    )
+    trigger = task.triggers.arm_start_trigger
+    trigger.trig_type = ni.TriggerType.DIGITAL_EDGE
+    trigger.dig_edge_src = f"/{device}/ai/StartTrigger"
+    trigger.dig_edge_edge = ni.Edge.RISING
+    return task
+
+
+def motor_task(new_task: NewTask, config: RigConfig, command_v: NDArray[np.float64]) -> nidaqmx.Task:
+    """AO with the whole command, finite, one sample per AI clock edge; the last sample is 0 V."""
+    task = new_task("motor")
+    limit = config.motor.voltage_limit_v
+    task.ao_channels.add_ao_voltage_chan(
+        config.motor.channel,
+        name_to_assign_to_channel="motor",
+        min_val=-limit,
+        max_val=limit,
+        units=ni.VoltageUnits.VOLTS,
+        custom_scale_name="",
+    )
+    task.timing.cfg_samp_clk_timing(
+        config.device.sample_rate_hz,
+        source=f"/{config.device.name}/ai/SampleClock",
+        active_edge=ni.Edge.RISING,
+        sample_mode=ni.AcquisitionType.FINITE,
+        samps_per_chan=command_v.size,
+    )
+    writer = AnalogSingleChannelWriter(task.out_stream, auto_start=False)
+    writer.write_many_sample(np.ascontiguousarray(command_v, dtype=np.float64), timeout=WRITE_TIMEOUT_S)
+    return task
+
+
+def camera_task(
+    new_task: NewTask, config: RigConfig, camera: CameraConfig
+) -> tuple[nidaqmx.Task, float, float]:
+    """CO with the frame pulses, started by the AI start trigger; returns (task, rate Hz, first edge s)."""
+    task = new_task("camera")
+    channel = task.co_channels.add_co_pulse_chan_freq(
+        camera.counter,
+        name_to_assign_to_channel="camera",
+        units=ni.FrequencyUnits.HZ,
+        idle_state=ni.Level.LOW,
+        initial_delay=camera.start_delay_s,
+        freq=camera.frame_rate_hz,
+        duty_cycle=0.5,
+    )
+    channel.co_pulse_term = camera.terminal
+    task.timing.cfg_implicit_timing(sample_mode=ni.AcquisitionType.CONTINUOUS, samps_per_chan=1000)
+    task.triggers.start_trigger.cfg_dig_edge_start_trig(
+        f"/{config.device.name}/ai/StartTrigger", trigger_edge=ni.Edge.RISING
+    )
+    return task, float(channel.co_pulse_freq), float(channel.co_pulse_freq_initial_delay)
+
+
+def write_zero(new_task: NewTask, config: RigConfig) -> None:
+    """Put the motor output at 0 V with a fresh on-demand task: a stopped DAC holds its last value."""
+    with new_task("motor_zero") as task:
+        limit = config.motor.voltage_limit_v
+        task.ao_channels.add_ao_voltage_chan(
+            config.motor.channel, "motor", -limit, limit, ni.VoltageUnits.VOLTS, ""
+        )
+        AnalogSingleChannelWriter(task.out_stream, auto_start=True).write_one_sample(
+            0.0, timeout=WRITE_TIMEOUT_S
+        )
+
+
+def write_drive_enable(new_task: NewTask, line: str, enabled: bool) -> None:
+    """Set the drive-enable line; a static digital output keeps its state when the task is gone."""
+    with new_task("drive_enable") as task:
+        task.do_channels.add_do_chan(
+            line, name_to_assign_to_lines="drive_enable", line_grouping=ni.LineGrouping.CHAN_PER_LINE
+        )
+        writer = DigitalSingleChannelWriter(task.out_stream, auto_start=True)
+        writer.write_one_sample_one_line(enabled, timeout=WRITE_TIMEOUT_S)

@@ -1,0 +1,134 @@
+"""Properties of tasks that a client may get and set, by the driver's category and number.
+
+What is not in these tables is refused, never answered with an invented value.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+from rig.simulated import status
+from rig.simulated.status import DaqStatusError
+from rig.simulated.tasks import FINITE, SimulatedTask
+
+if TYPE_CHECKING:
+    from rig.simulated.device import SimulatedDevice
+
+DRIVER_VERSION = {0x1272: 26, 0x1923: 0, 0x2F22: 0}
+"""Major, minor and update number of NI-DAQmx that the virtual device behaves like."""
+DIGITAL_EDGE, NO_TRIGGER = 10150, 10230
+DO_NOT_OVERWRITE = 10159
+CO_FREQ, CO_DELAY, CO_TERM = 0x1178, 0x299, 0x18E1
+ARM_TYPE, ARM_EDGE, ARM_SOURCE = 0x1414, 0x1415, 0x1417
+ENCODER_TERMINALS = (0x219D, 0x219E)
+
+SETTABLE: dict[str, frozenset[int]] = {
+    "Read": frozenset({0x1211}),
+    "Buffer": frozenset({0x186C, 0x186D}),
+    "Write": frozenset({0x1453}),
+    "Chan": frozenset({*ENCODER_TERMINALS, 0x21FB, 0x21FC, 0x2200, 0x2201, CO_TERM}),
+    "Trig": frozenset({ARM_TYPE, ARM_EDGE, ARM_SOURCE}),
+}
+
+Getter = Callable[["SimulatedDevice", SimulatedTask], Any]
+
+
+def _clock(field: str) -> Getter:
+    def get(device: SimulatedDevice, task: SimulatedTask) -> Any:
+        if task.clock is None:
+            raise DaqStatusError(status.ATTRIBUTE_NOT_SUPPORTED, f"Task: {task.name} has no sample clock")
+        return getattr(task.clock, field)
+
+    return get
+
+
+def _samples(field: str) -> Getter:
+    return lambda device, task: getattr(task.buffer, field) if task.buffer is not None else 0
+
+
+def _default_samples_to_read(device: SimulatedDevice, task: SimulatedTask) -> int:
+    if task.clock is not None and task.clock.mode == FINITE:
+        return task.clock.samples
+    return task.buffer.available if task.buffer is not None else 0
+
+
+def _clock_source(device: SimulatedDevice, task: SimulatedTask) -> str:
+    source = _clock("source")(device, task)
+    return "/" + device.inventory.full_name(source) if source else ""
+
+
+GETTABLE: dict[tuple[str, int], Getter] = {
+    ("Task", 0x1276): lambda device, task: task.name,
+    ("Task", 0x1273): lambda device, task: ", ".join(channel.name for channel in task.channels),
+    ("Task", 0x2181): lambda device, task: len(task.channels),
+    ("Task", 0x1274): lambda device, task: task.done,
+    ("Task", 0x230E): lambda device, task: device.inventory.name,
+    ("Timing", 0x1344): _clock("rate_hz"),
+    ("Timing", 0x1852): _clock_source,
+    ("Timing", 0x1300): _clock("mode"),
+    ("Timing", 0x1310): _clock("samples"),
+    ("Read", 0x217B): lambda device, task: len(task.channels),
+    ("Read", 0x1223): _samples("available"),
+    ("Read", 0x192A): _samples("acquired"),
+    ("Read", 0x1221): _samples("read"),
+    ("Read", 0x31E8): _default_samples_to_read,
+    ("Read", 0x1211): lambda device, task: task.setting("Read", "", 0x1211, DO_NOT_OVERWRITE),
+    ("Buffer", 0x186C): lambda device, task: task.buffer_size,
+    ("Write", 0x217E): lambda device, task: len(task.channels),
+    ("Write", 0x192B): lambda device, task: task.generated,
+}
+
+
+def get(device: SimulatedDevice, task: SimulatedTask, category: str, channel: str, attribute: int) -> Any:
+    """Return a property of a task or of one of its channels."""
+    if (category, attribute) in GETTABLE:
+        return GETTABLE[category, attribute](device, task)
+    if category == "Chan":
+        channel = _channel(task, channel)
+    if (category, channel, attribute) in task.attributes:
+        return task.attributes[category, channel, attribute]
+    raise DaqStatusError(
+        status.ATTRIBUTE_NOT_SUPPORTED, f"Property: 0x{attribute:04X} ({category}) of {task.name}"
+    )
+
+
+def put(
+    device: SimulatedDevice, task: SimulatedTask, category: str, channel: str, attribute: int, value: Any
+) -> None:
+    """Set a property, after checking terminals and trigger types; refused while the task runs."""
+    if attribute not in SETTABLE.get(category, frozenset()):
+        raise DaqStatusError(
+            status.ATTRIBUTE_NOT_SUPPORTED, f"Property: 0x{attribute:04X} ({category}) of {task.name}"
+        )
+    if task.state == "running":
+        raise DaqStatusError(status.TASK_RUNNING, f"Task: {task.name}")
+    if category == "Chan":
+        channel = _channel(task, channel)
+        wrong_type = task.type != ("CO" if attribute == CO_TERM else "CI")
+        if wrong_type:
+            raise DaqStatusError(status.ATTRIBUTE_NOT_SUPPORTED, f"Property: 0x{attribute:04X} of {channel}")
+    if attribute in (*ENCODER_TERMINALS, ARM_SOURCE):
+        device.inventory.terminal(value)
+    if attribute == CO_TERM:
+        device.inventory.terminal(value, output=True)
+    if attribute == 0x1211 and value != DO_NOT_OVERWRITE:
+        raise DaqStatusError(
+            status.ATTRIBUTE_NOT_SUPPORTED, "only DO_NOT_OVERWRITE_UNREAD_SAMPLES is simulated"
+        )
+    if attribute == ARM_TYPE and value not in (DIGITAL_EDGE, NO_TRIGGER):
+        raise DaqStatusError(status.INVALID_VALUE, f"Arm start trigger type {value}")
+    task.attributes[category, channel, attribute] = value
+    if attribute in (ARM_TYPE, ARM_SOURCE):
+        armed = task.setting("Trig", "", ARM_TYPE, NO_TRIGGER) == DIGITAL_EDGE
+        source = task.setting("Trig", "", ARM_SOURCE, "")
+        task.arm_trigger = device.inventory.terminal(source) if armed and source else ""
+
+
+def _channel(task: SimulatedTask, name: str) -> str:
+    names = [channel.name for channel in task.channels]
+    if not name and len(names) == 1:
+        return names[0]
+    if name not in names:
+        raise DaqStatusError(status.NO_SUCH_CHANNEL, f"Channel: {name!r} in task {task.name}")
+    return name

@@ -1,0 +1,121 @@
+"""Assembly of the virtual bench behind a ``sim://`` address: plant, sensors, device, service, in-process
+channel, real client.
+
+``sim://?bench=PATH&seed=3&clock=real`` : ``bench`` is a bench file (default: the built-in one), ``seed``
+overrides its seed, ``clock`` is
+``virtual`` (default), ``real``, or a speed such as ``10``. The device takes product and name from the rig
+file.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from urllib.parse import parse_qsl, urlsplit
+
+from rig.backend import Capabilities
+from rig.config import RigConfig
+from rig.daq import NidaqmxBackend
+from rig.durable import sha256_of_file
+from rig.errors import InputError
+from rig.simulated.channel import InProcessChannel
+from rig.simulated.clock import Clock, PacedClock, VirtualClock
+from rig.simulated.contract import Plant
+from rig.simulated.device import SimulatedDevice
+from rig.simulated.products import PRODUCTS, Inventory
+from rig.simulated.sensors import SensorSet, load_sensors
+from rig.simulated.service import Service
+from rig.simulated.wiring import WIRING_OF_PRODUCT, Wiring
+
+DEFAULT_BENCH = Path(__file__).parent / "bench.toml"
+OPTIONS = ("bench", "seed", "clock")
+
+
+class SimulatedBackend(NidaqmxBackend):
+    """The NI-DAQmx backend on a virtual bench; ``plant`` and ``device`` can be looked at after a trial."""
+
+    def __init__(self, device: SimulatedDevice, description: dict[str, str] | None = None) -> None:
+        self.device = device
+        self.plant: Plant = device.plant
+        self.service = Service(device)
+        self._description = description or {}
+        super().__init__(InProcessChannel(self.service), name="virtual bench", simulated=True)
+
+    @property
+    def capabilities(self) -> Capabilities:
+        """What this backend is."""
+        inherited = super().capabilities
+        return Capabilities(inherited.name, True, {**inherited.description, **self._description})
+
+
+def build_device(
+    config: RigConfig,
+    plant: Plant,
+    sensors: SensorSet,
+    *,
+    clock: Clock | None = None,
+    wiring: Wiring | None = None,
+) -> SimulatedDevice:
+    """Assemble a virtual device for a rig file; without ``wiring`` the product's usual one."""
+    inventory = Inventory(PRODUCTS[config.device.product], config.device.name)
+    wiring = wiring or WIRING_OF_PRODUCT[config.device.product]
+    return SimulatedDevice(inventory, plant, sensors, wiring, clock or VirtualClock())
+
+
+def open_backend(url: str, config: RigConfig) -> SimulatedBackend:
+    """Open the virtual bench; raises InputError for an unknown option or a bad bench file."""
+    options = _options(url)
+    bench = Path(options["bench"]) if options.get("bench") else DEFAULT_BENCH
+    if not bench.is_file():
+        raise InputError(f"{url}: bench file {bench} does not exist")
+    seed = _seed(url, options.get("seed"))
+    sensors = load_sensors(bench, seed=seed)
+    from rig.simulated.plant import load_plant  # here: only this path needs the model and its kernels
+
+    plant = load_plant(bench, seed=seed, sample_rate_hz=config.device.sample_rate_hz)
+    device = build_device(config, plant, sensors, clock=_clock(url, options.get("clock", "virtual")))
+    return SimulatedBackend(
+        device,
+        {
+            "product": config.device.product + " (simulated)",
+            "bench": bench.name,
+            "bench_sha256": sha256_of_file(bench),
+            "seed": str(sensors.seed),
+        },
+    )
+
+
+def _options(url: str) -> dict[str, str]:
+    parts = urlsplit(url)
+    pairs = parse_qsl(parts.query, keep_blank_values=True)
+    unknown = sorted({key for key, _ in pairs} - set(OPTIONS))
+    if (
+        parts.scheme != "sim"
+        or parts.netloc
+        or parts.path.strip("/")
+        or unknown
+        or len(dict(pairs)) != len(pairs)
+    ):
+        raise InputError(
+            f"backend address {url!r}: allowed is sim://?… with the options {', '.join(OPTIONS)}, each once"
+        )
+    return dict(pairs)
+
+
+def _seed(url: str, text: str | None) -> int | None:
+    if text is None:
+        return None
+    if not (text.isascii() and text.isdigit()):
+        raise InputError(f"{url}: seed = {text!r}, allowed a whole number from 0")
+    return int(text)
+
+
+def _clock(url: str, text: str) -> Clock:
+    if text == "virtual":
+        return VirtualClock()
+    try:
+        speed = 1.0 if text == "real" else float(text)
+    except ValueError:
+        speed = 0.0
+    if not 0 < speed < float("inf"):
+        raise InputError(f"{url}: clock = {text!r}, allowed virtual, real, or a speed above 0")
+    return PacedClock(speed)

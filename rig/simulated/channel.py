@@ -1,0 +1,105 @@
+"""A ``grpc.Channel`` that dispatches in process: the real client on the virtual device, without socket or
+serialisation.
+
+Only unary calls exist; streams (events) are answered with UNIMPLEMENTED, as are calls the device does not
+have.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import grpc
+
+from rig.simulated.service import Service
+from rig.simulated.status import DaqStatusError, NotImplementedByDevice
+
+
+class Metadatum(NamedTuple):
+    """One entry of trailing metadata."""
+
+    key: str
+    value: str
+
+
+def trailing_metadata(error: DaqStatusError) -> tuple[Metadatum, ...]:
+    """Return the metadata by which NI's server tells a driver status."""
+    entries = [Metadatum("ni-error", str(error.code))]
+    if error.samples_read is not None:
+        entries.append(Metadatum("ni-samps-per-chan-read", str(error.samples_read)))
+    return tuple(entries)
+
+
+class InProcessError(grpc.RpcError):
+    """What a failed call raises: status, text and trailing metadata, as a call over a socket would."""
+
+    def __init__(self, code: grpc.StatusCode, details: str, metadata: tuple[Metadatum, ...] = ()) -> None:
+        super().__init__(details)
+        self._code, self._details, self._metadata = code, details, metadata
+
+    def code(self) -> grpc.StatusCode:
+        """Return the gRPC status."""
+        return self._code
+
+    def details(self) -> str:
+        """Return the text."""
+        return self._details
+
+    def trailing_metadata(self) -> tuple[Metadatum, ...]:
+        """Return the trailing metadata."""
+        return self._metadata
+
+
+class InProcessChannel(grpc.Channel):
+    """Channel to a :class:`rig.simulated.service.Service` in the same process."""
+
+    def __init__(self, service: Service) -> None:
+        self.service = service
+
+    def unary_unary(self, method: str, *args: Any, **kwargs: Any) -> Callable[..., Any]:
+        """Return a callable for one call of the service."""
+        name = method.rsplit("/", 1)[-1]
+
+        def call(request: Any, timeout: float | None = None, metadata: Any = None, **options: Any) -> Any:
+            try:
+                return self.service.handle(name, request)
+            except DaqStatusError as error:
+                raise InProcessError(grpc.StatusCode.UNKNOWN, str(error), trailing_metadata(error)) from None
+            except NotImplementedByDevice as error:
+                raise InProcessError(grpc.StatusCode.UNIMPLEMENTED, f"not simulated: {error}") from None
+
+        return call
+
+    def _no_streams(self, method: str) -> Callable[..., Any]:
+        def call(*args: Any, **kwargs: Any) -> Any:
+            raise InProcessError(grpc.StatusCode.UNIMPLEMENTED, f"not simulated: {method}")
+
+        return call
+
+    def unary_stream(self, method: str, *args: Any, **kwargs: Any) -> Callable[..., Any]:
+        """Return a callable that refuses: events are not simulated."""
+        return self._no_streams(method)
+
+    def stream_unary(self, method: str, *args: Any, **kwargs: Any) -> Callable[..., Any]:
+        """Return a callable that refuses."""
+        return self._no_streams(method)
+
+    def stream_stream(self, method: str, *args: Any, **kwargs: Any) -> Callable[..., Any]:
+        """Return a callable that refuses."""
+        return self._no_streams(method)
+
+    def subscribe(self, callback: Callable[..., Any], try_to_connect: bool | None = False) -> None:
+        """Do nothing: this channel is always connected."""
+
+    def unsubscribe(self, callback: Callable[..., Any]) -> None:
+        """Do nothing."""
+
+    def close(self) -> None:
+        """Do nothing; the device lives on, so that its state can be looked at."""
+
+    def __enter__(self) -> InProcessChannel:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self.close()

@@ -1,0 +1,67 @@
+"""Clocks of the virtual bench: time moves only when a read asks for samples that do not exist yet.
+
+The virtual clock just counts; the paced clock also waits, so that the bench runs at wall-clock speed or a
+multiple of it. Wait and clock functions are injected, nothing here sleeps by itself in a test.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Protocol
+
+
+class Clock(Protocol):
+    """What the device asks of a clock."""
+
+    @property
+    def now_s(self) -> float:
+        """Time since the clock was made, s."""
+
+    def advance(self, duration_s: float) -> None:
+        """Let ``duration_s`` pass."""
+
+
+class VirtualClock:
+    """Time that passes in no time."""
+
+    def __init__(self) -> None:
+        self._now_s = 0.0
+
+    @property
+    def now_s(self) -> float:
+        """Virtual time, s."""
+        return self._now_s
+
+    def advance(self, duration_s: float) -> None:
+        """Add ``duration_s`` to the time."""
+        self._now_s += duration_s
+
+
+class PacedClock:
+    """Virtual time that never runs ahead of ``speed`` times the wall clock."""
+
+    def __init__(
+        self,
+        speed: float = 1.0,
+        *,
+        wall_s: Callable[[], float] = time.monotonic,
+        wait: Callable[[float], None] = time.sleep,
+    ) -> None:
+        self._speed = speed
+        self._wall_s = wall_s
+        self._wait = wait
+        self._origin_s = wall_s()
+        self._now_s = 0.0
+
+    @property
+    def now_s(self) -> float:
+        """Virtual time, s."""
+        return self._now_s
+
+    def advance(self, duration_s: float) -> None:
+        """Add ``duration_s`` to the time, then wait until the wall clock has caught up."""
+        self._now_s += duration_s
+        ahead_s = self._now_s / self._speed - (self._wall_s() - self._origin_s)
+        if ahead_s > 0:
+            self._wait(ahead_s)

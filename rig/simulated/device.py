@@ -1,0 +1,299 @@
+"""The virtual device: tasks, reservations, and the sample clock that moves the plant.
+
+Place in the data flow: the RPC service calls it as a client would call the driver; it calls the plant and
+the sensors. It is stricter than kind: what the product refuses is refused with the driver's status code.
+Sample k of AI and CI is latched at edge k; AO sample k is put out at edge k and held. Time moves only when
+a read asks for samples that do not exist yet.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig.simulated import status
+from rig.simulated.clock import Clock
+from rig.simulated.contract import Plant
+from rig.simulated.converters import DelayLine
+from rig.simulated.products import Inventory, Kind
+from rig.simulated.readings import encoder_reading, force_reading
+from rig.simulated.sensors import EncoderSignals, ForceSignal, SensorSet
+from rig.simulated.status import DaqStatusError, NotImplementedByDevice
+from rig.simulated.tasks import Buffer, Channel, SampleClock, SimulatedTask, TaskType
+from rig.simulated.wiring import Wiring
+
+AI_CLOCK, AI_START = "ai/SampleClock", "ai/StartTrigger"
+INPUTS = ("AI", "CI")
+
+
+class SimulatedDevice:
+    """One device with its sensors, motor and plant.
+
+    Parameters
+    ----------
+    inventory : Inventory
+        Product under the name it has in the system.
+    plant : Plant
+        Mechanics; its sample rate is the only one the AI clock may have.
+    sensors : SensorSet
+        Load cell and scales.
+    wiring : Wiring
+        What is wired where.
+    clock : Clock
+        Told how much time passes.
+    """
+
+    def __init__(
+        self, inventory: Inventory, plant: Plant, sensors: SensorSet, wiring: Wiring, clock: Clock
+    ) -> None:
+        self.inventory = inventory
+        self.plant = plant
+        self.sensors = sensors
+        self.wiring = wiring
+        self.clock = clock
+        self.tasks: dict[str, SimulatedTask] = {}
+        self.output_v: dict[str, float] = {}
+        """Volts each analog output holds, by full channel name; a stopped output holds its last value."""
+        self.lines: dict[str, bool] = {}
+        self.trial = 0
+        self.edge = 0
+        self._reserved: dict[str, str] = {}
+        self._master: SimulatedTask | None = None
+        self._force: ForceSignal | None = None
+        self._encoders: EncoderSignals | None = None
+        self._delay = DelayLine(0.0)
+
+    def task(self, name: str) -> SimulatedTask:
+        """Return a task by name."""
+        if name not in self.tasks:
+            raise DaqStatusError(status.INVALID_TASK, f"Task: {name!r}")
+        return self.tasks[name]
+
+    def create_task(self, name: str) -> SimulatedTask:
+        """Make an empty task; an empty name gets a free one."""
+        name = name or next(
+            f"_unnamedTask<{i}>" for i in range(10**6) if f"_unnamedTask<{i}>" not in self.tasks
+        )
+        if name in self.tasks:
+            raise DaqStatusError(status.DUPLICATE_TASK, f"Task: {name}")
+        self.tasks[name] = SimulatedTask(name)
+        return self.tasks[name]
+
+    def clear_task(self, name: str) -> None:
+        """Stop, release and forget a task."""
+        task = self.task(name)
+        self.stop(task)
+        self.release(task)
+        del self.tasks[name]
+
+    def add_channels(
+        self, task: SimulatedTask, type_: TaskType, kind: Kind, physical: str, name: str, **settings: Any
+    ) -> None:
+        """Add the comma-separated physical channels to a task."""
+        names = [part.strip() for part in physical.split(",") if part.strip()]
+        if not names:
+            raise DaqStatusError(status.NO_SUCH_CHANNEL, "Physical Channel: ''")
+        for index, part in enumerate(names):
+            channel = self.inventory.channel(part, kind)
+            given = name if len(names) == 1 else f"{name}{index}"
+            task.add_channel(type_, Channel(given if name else channel.name, channel, settings))
+
+    def configure_clock(
+        self, task: SimulatedTask, rate_hz: float, source: str, mode: int, samples: int
+    ) -> None:
+        """Set a task's sample clock after coercing its rate and checking its route."""
+        if not task.channels:
+            raise DaqStatusError(status.NO_CHANNELS, f"Task: {task.name}")
+        if task.state == "running":
+            raise DaqStatusError(status.TASK_RUNNING, f"Task: {task.name}")
+        if not rate_hz > 0 or samples < 1:
+            raise DaqStatusError(status.INVALID_VALUE, f"Rate {rate_hz:g}, samples per channel {samples}")
+        terminal = self.inventory.terminal(source) if source and source != "OnboardClock" else ""
+        if task.type == "AI":
+            if terminal:
+                raise NotImplementedByDevice(f"AI clocked from {source}")
+            rate_hz = self.inventory.coerced_ai_rate(rate_hz, task.channels[0].physical.kind)
+        elif terminal not in (AI_CLOCK,):
+            # a counter has no clock of its own; an output could use one, but the bench's time is that of AI
+            if not terminal and task.type == "CI":
+                raise DaqStatusError(
+                    -200303, "External sample clock source must be specified for this measurement."
+                )
+            raise NotImplementedByDevice(f"{task.type} clocked from {source or 'its own clock'}")
+        elif task.type == "AO" and rate_hz > self.inventory.product.ao_max_rate_hz:
+            raise DaqStatusError(status.RATE_TOO_HIGH, f"Requested {rate_hz:g}")
+        task.clock = SampleClock(rate_hz, terminal, mode, samples)
+
+    def resources(self, task: SimulatedTask) -> list[str]:
+        """Hardware a task needs for itself."""
+        needed = [channel.physical.resource for channel in task.channels]
+        if task.clock is not None and task.type in ("AI", "AO"):
+            needed.append(f"{task.type} timing engine")
+        for channel in task.channels:
+            if task.type == "CO" and (terminal := task.setting("Chan", channel.name, 0x18E1, "")):
+                relative = self.inventory.terminal(terminal, output=True)
+                needed.append("pin4." + relative[-1] if relative.startswith("Mod4") else "PFI " + relative)
+        return needed
+
+    def commit(self, task: SimulatedTask) -> None:
+        """Take the task's resources; refuses what another task holds."""
+        if not task.channels:
+            raise DaqStatusError(status.NO_CHANNELS, f"Task: {task.name}")
+        for resource in self.resources(task):
+            holder = self._reserved.get(resource)
+            if holder not in (None, task.name):
+                raise DaqStatusError(status.RESOURCE_RESERVED, f"Resource: {resource}, held by task {holder}")
+        self._reserved.update(dict.fromkeys(self.resources(task), task.name))
+        if task.state == "unreserved":
+            task.state = "committed"
+
+    def release(self, task: SimulatedTask) -> None:
+        """Give the task's resources back."""
+        self._reserved = {key: holder for key, holder in self._reserved.items() if holder != task.name}
+        task.state, task.committed = "unreserved", False
+
+    def start(self, task: SimulatedTask) -> None:
+        """Start a task; starting AI is the start trigger of everything armed."""
+        if task.state == "running":
+            raise DaqStatusError(status.TASK_RUNNING, f"Task: {task.name}")
+        if task.type == "AO" and task.output is None and task.clock is not None:
+            raise DaqStatusError(status.NO_DATA_WRITTEN, f"Task: {task.name}")
+        if task.type == "AI" and task.clock is not None and task.clock.rate_hz != self.plant.sample_rate_hz:
+            raise NotImplementedByDevice(
+                f"AI at {task.clock.rate_hz:g} Hz: the plant of this bench runs at "
+                f"{self.plant.sample_rate_hz:g} Hz"
+            )
+        self.commit(task)
+        task.state, task.generated = "running", 0
+        if task.type in INPUTS:
+            task.buffer = Buffer(task.buffer_size, len(task.channels))
+        if task.type == "AI" and task.clock is not None:
+            self._trigger(task)
+        else:
+            # a trigger that is waited for must still come; one that has passed never comes again
+            task.live = not (task.start_trigger or task.arm_trigger)
+
+    def _trigger(self, master: SimulatedTask) -> None:
+        self._master = master
+        self.trial += 1
+        self.edge = 0
+        self.plant.start_trial(self.trial)
+        self._force = ForceSignal(self.sensors.force, self.sensors.seed, self.trial)
+        self._encoders = EncoderSignals(self.sensors.encoders, self.sensors.seed, self.trial)
+        rate = self.plant.sample_rate_hz
+        self._delay = DelayLine(self.inventory.input_delay_s(master.channels[0].physical.kind, rate) * rate)
+        master.live = True
+        for task in self.tasks.values():
+            if task.state == "running" and AI_START in (task.start_trigger, task.arm_trigger):
+                task.live = True
+
+    def stop(self, task: SimulatedTask) -> None:
+        """Stop a task; an output keeps the value it has."""
+        if task.state != "running":
+            return
+        task.live = False
+        if task is self._master:
+            self._master = None
+        if task.committed:
+            task.state = "committed"
+        else:
+            self.release(task)
+
+    def drive_enabled(self) -> bool:
+        """Whether the motor drive follows the analog output."""
+        line = self.wiring.drive_enable
+        return line is None or self.lines.get(self.inventory.full_name(line), False)
+
+    def advance(self, n: int) -> None:
+        """Let n edges of the AI sample clock pass: outputs, plant, inputs, in this order."""
+        if n <= 0 or self._master is None or self._force is None or self._encoders is None:
+            return
+        motor = self.inventory.full_name(self.wiring.motor)
+        command = np.full(n, self.output_v.get(motor, 0.0))
+        for task in self.tasks.values():
+            if task.type == "AO" and task.live and task.clock is not None:
+                rows = task.next_output(n)
+                for column, channel in enumerate(task.channels):
+                    if rows.shape[0]:
+                        self.output_v[channel.physical.name] = float(rows[-1, column])
+                    if channel.physical.name == motor and rows.shape[0]:
+                        command[: rows.shape[0]] = rows[:, column]
+                        command[rows.shape[0] :] = rows[-1, column]
+        block = self.plant.advance(command if self.drive_enabled() else np.zeros(n))
+        time_s = (self.edge + np.arange(n)) / self.plant.sample_rate_hz
+        cell = self._force.millivolts_per_volt(self._delay.push(block.force_n), time_s)
+        quarter = self._encoders.quarter_counts(block.angle_rad)
+        for task in self.tasks.values():
+            if task.live and task.buffer is not None and task.clock is not None:
+                task.buffer.put(self._latch(task, cell, quarter)[: max(int(min(task.remaining(), n)), 0)])
+        self.edge += n
+        self.clock.advance(n / self.plant.sample_rate_hz)
+
+    def _latch(
+        self, task: SimulatedTask, cell: NDArray[np.float64], quarter: NDArray[np.int64]
+    ) -> NDArray[np.float64]:
+        if task.type == "AI":
+            return np.column_stack([force_reading(self, channel, cell) for channel in task.channels])
+        return np.column_stack([encoder_reading(self, task, channel, quarter) for channel in task.channels])
+
+    def read(self, task: SimulatedTask, n: int, timeout_s: float) -> NDArray[np.float64]:
+        """Return n samples per channel, shape (n, channels), letting time pass until they exist.
+
+        Raises
+        ------
+        DaqStatusError
+            Overwritten samples; or a timeout, with the samples that came attached as ``partial``.
+        """
+        if task.state != "running":
+            self.start(task)
+        if task.clock is None or task.buffer is None:
+            raise NotImplementedByDevice(f"reading task {task.name} without a sample clock")
+        if n < 0:
+            n = task.buffer.available if task.clock.mode != 10178 else task.clock.samples - task.buffer.read
+        missing = n - task.buffer.available
+        if missing > 0:
+            rate = self.plant.sample_rate_hz
+            allowed = missing if timeout_s < 0 else min(missing, int(timeout_s * rate + 1e-9))
+            if task.live and self._master is not None:
+                self.advance(int(min(allowed, task.remaining())))
+            elif timeout_s > 0:
+                self.clock.advance(timeout_s)
+        return task.buffer.take(min(n, task.buffer.available))
+
+    def write(self, task: SimulatedTask, values: NDArray[np.float64], auto_start: bool) -> None:
+        """Take samples for an analog output, shape (n, channels): buffered, or at once without a clock."""
+        if task.type != "AO":
+            raise DaqStatusError(status.WRONG_OUTPUT_TYPE, f"Task: {task.name} is {task.type}")
+        for column, channel in enumerate(task.channels):
+            low, high = channel.settings["min_val"], channel.settings["max_val"]
+            inside = (values[:, column] >= low) & (values[:, column] <= high)  # NaN is not inside
+            if not np.all(inside):
+                detail = f"Channel: {channel.name}, limits {low:g} to {high:g} V"
+                raise DaqStatusError(status.INVALID_AO_DATA, detail)
+        if task.clock is not None:
+            if task.state == "running":
+                raise NotImplementedByDevice("writing to a running generation")
+            task.output = values.copy()
+            if auto_start:
+                self.start(task)
+            return
+        self._at_once(task, auto_start)
+        self.output_v.update({c.physical.name: float(values[-1, i]) for i, c in enumerate(task.channels)})
+
+    def write_lines(self, task: SimulatedTask, states: list[bool], auto_start: bool) -> None:
+        """Set digital lines at once."""
+        if task.type != "DO" or len(states) != len(task.channels):
+            raise DaqStatusError(status.WRONG_OUTPUT_TYPE, f"Task: {task.name}, {len(states)} lines")
+        self._at_once(task, auto_start)
+        self.lines.update({c.physical.name: state for c, state in zip(task.channels, states, strict=True)})
+
+    def _at_once(self, task: SimulatedTask, auto_start: bool) -> None:
+        if task.state == "running":
+            return
+        if not auto_start:
+            raise DaqStatusError(status.NOT_STARTED, f"Task: {task.name}")
+        self.commit(task)
+        if not task.committed:
+            self.release(task)

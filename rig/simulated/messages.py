@@ -1,0 +1,46 @@
+"""The protobuf messages of NI's DAQmx service, found by the name of the call; the only module that touches
+them.
+
+They are private parts of ``nidaqmx`` (pinned >= 1.7, < 2); a contract test checks that every call the virtual
+device answers exists.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from nidaqmx._stubs import nidaqmx_pb2
+from session_pb2 import Session
+
+SERVICE = "nidaqmx_grpc.NiDAQmx"
+_METHODS = nidaqmx_pb2.DESCRIPTOR.services_by_name["NiDAQmx"].methods_by_name
+CALLS: frozenset[str] = frozenset(_METHODS)
+"""Names of all calls of the service."""
+
+
+def request_class(call: str) -> Any:
+    """Return the message class of a call's request."""
+    return getattr(nidaqmx_pb2, _METHODS[call].input_type.name)
+
+
+def response(call: str, **fields: Any) -> Any:
+    """Return a response of a call with the given fields."""
+    return getattr(nidaqmx_pb2, _METHODS[call].output_type.name)(**fields)
+
+
+def session(name: str) -> Any:
+    """Return the handle by which a client refers to a task."""
+    return Session(name=name)
+
+
+def enum(request: Any, field: str) -> int:
+    """Return an enumeration field, given as the enumeration or as a raw number."""
+    return int(getattr(request, field + "_raw") or getattr(request, field))
+
+
+def attribute_value(request: Any) -> Any:
+    """Return the value of a Set…Attribute request, given as such or as a raw number."""
+    names = {field.name for field in request.DESCRIPTOR.fields}
+    if "value_raw" in names and request.WhichOneof("value_enum") != "value":
+        return request.value_raw
+    return request.value

@@ -1,0 +1,161 @@
+"""What each product can do: channels, ranges, rates and terminals, as the real one would refuse or coerce.
+
+Sources: NI data sheets and manuals of PCIe-6363 (X Series), cDAQ-9189, NI 9237, 9263, 9411 and 9401; the
+input delay of the 9237 is (40 + 5/512)/fs + 4.5 µs (NI knowledge base kA00Z0000004A0YSAU). Modules sit in
+fixed slots: 9237, 9263, 9411, 9401 in 1 to 4.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass, field
+from typing import Literal
+
+from rig.simulated import status
+from rig.simulated.status import DaqStatusError
+
+Kind = Literal["bridge", "voltage_in", "voltage_out", "counter", "line"]
+
+
+@dataclass(frozen=True)
+class PhysicalChannel:
+    """One physical channel: full name, kind, and the hardware resource a task on it takes."""
+
+    name: str
+    kind: Kind
+    resource: str
+
+
+@dataclass(frozen=True)
+class Product:
+    """Table of one product (a chassis with its modules counts as one)."""
+
+    name: str
+    channels: tuple[tuple[str, Kind, str], ...]
+    """(name relative to the device, kind, resource)"""
+    terminals: tuple[str, ...]
+    """Terminals by pattern, relative to the device."""
+    ao_range_v: float
+    ao_max_rate_hz: float
+    ai_max_rate_hz: float
+    counter_timebase_hz: float
+    bridge_range_mv_per_v: float = 0.0
+    bridge_bits: int = 24
+    bridge_excitation_v: tuple[float, ...] = ()
+    ai_ranges_v: tuple[float, ...] = ()
+    ai_bits: int = 16
+    input_only_terminals: str = r"(?!)"
+    internal: tuple[str, ...] = field(
+        default=("ai/SampleClock", "ai/StartTrigger", "ao/SampleClock", "ao/StartTrigger")
+    )
+
+
+def _numbered(prefix: str, count: int, kind: Kind, resource: str) -> tuple[tuple[str, Kind, str], ...]:
+    return tuple((f"{prefix}{i}", kind, f"{resource}{i}") for i in range(count))
+
+
+CDAQ_9189 = Product(
+    name="cDAQ-9189",
+    channels=(
+        *_numbered("Mod1/ai", 4, "bridge", "bridge"),
+        *_numbered("Mod2/ao", 4, "voltage_out", "ao"),
+        *_numbered("Mod3/ctr", 4, "counter", "ctr"),
+        *_numbered("Mod4/ctr", 4, "counter", "ctr"),
+        *_numbered("Mod4/port0/line", 8, "line", "pin4."),
+    ),
+    terminals=(r"Mod3/PFI[0-5]", r"Mod4/PFI[0-7]"),
+    ao_range_v=10.0,
+    ao_max_rate_hz=100e3,
+    ai_max_rate_hz=50e3,
+    counter_timebase_hz=80e6,
+    bridge_range_mv_per_v=25.0,
+    bridge_excitation_v=(2.5, 3.3, 5.0, 10.0),
+    input_only_terminals=r"Mod3/PFI\d+",
+)
+
+PCIE_6363 = Product(
+    name="PCIe-6363",
+    channels=(
+        *_numbered("ai", 32, "voltage_in", "ai"),
+        *_numbered("ao", 4, "voltage_out", "ao"),
+        *_numbered("ctr", 4, "counter", "ctr"),
+        *_numbered("port0/line", 32, "line", "pin0."),
+    ),
+    terminals=(r"PFI(1[0-5]|[0-9])",),
+    ao_range_v=10.0,
+    ao_max_rate_hz=2.86e6,
+    ai_max_rate_hz=2e6,
+    counter_timebase_hz=100e6,
+    ai_ranges_v=(0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0),
+)
+
+PRODUCTS = {product.name: product for product in (CDAQ_9189, PCIE_6363)}
+
+
+class Inventory:
+    """A product under the name it has in the system, e.g. chassis ``cDAQ1`` with modules ``cDAQ1Mod1`` …"""
+
+    def __init__(self, product: Product, name: str) -> None:
+        self.product = product
+        self.name = name
+        self._channels = {
+            self.full_name(relative).lower(): PhysicalChannel(self.full_name(relative), kind, resource)
+            for relative, kind, resource in product.channels
+        }
+
+    def full_name(self, relative: str) -> str:
+        """Name of a channel or terminal in the system: a module's name follows its chassis's, no slash."""
+        return self.name + relative if relative.startswith("Mod") else f"{self.name}/{relative}"
+
+    def channel(self, name: str, kind: Kind) -> PhysicalChannel:
+        """Look up a physical channel and refuse a wrong device, name or kind as the driver does."""
+        device = name.split("/", 1)[0]
+        if not device.lower().startswith(self.name.lower()):
+            raise DaqStatusError(status.INVALID_DEVICE, f"Device: {device}")
+        channel = self._channels.get(name.lower())
+        if channel is None:
+            raise DaqStatusError(status.NO_SUCH_CHANNEL, f"Physical Channel: {name}")
+        if channel.kind != kind:
+            output = kind in ("voltage_out",)
+            code = status.WRONG_OUTPUT_TYPE if output else status.WRONG_MEASUREMENT_TYPE
+            raise DaqStatusError(code, f"Physical Channel: {name} ({channel.kind}, not {kind})")
+        return channel
+
+    def terminal(self, name: str, *, output: bool = False) -> str:
+        """Check a terminal name such as ``/cDAQ1/ai/SampleClock``; return it relative to the device."""
+        if not name.startswith("/" + self.name):
+            raise DaqStatusError(status.NO_SUCH_TERMINAL, f"Terminal: {name!r}")
+        relative = name[1 + len(self.name) :].lstrip("/")
+        known = relative in self.product.internal or any(
+            re.fullmatch(p, relative) for p in self.product.terminals
+        )
+        if not known or "/" + self.full_name(relative) != name:
+            raise DaqStatusError(status.NO_SUCH_TERMINAL, f"Terminal: {name!r}")
+        inputs = self.product.input_only_terminals
+        if output and (relative in self.product.internal or re.fullmatch(inputs, relative)):
+            raise DaqStatusError(status.NO_ROUTE, f"Terminal: {name!r} is an input")
+        return relative
+
+    def coerced_ai_rate(self, rate_hz: float, kind: Kind) -> float:
+        """Return the AI clock's real rate, coerced up: 50 kHz/n (n to 31) for bridges, else 100 MHz/n."""
+        if not rate_hz > 0:
+            raise DaqStatusError(status.INVALID_VALUE, f"Sample clock rate: {rate_hz:g}")
+        if rate_hz > self.product.ai_max_rate_hz * (1 + 1e-9):
+            detail = f"Requested {rate_hz:g}, maximum {self.product.ai_max_rate_hz:g}"
+            raise DaqStatusError(status.RATE_TOO_HIGH, detail)
+        if kind == "bridge":
+            return 50e3 / min(max(math.floor(50e3 / rate_hz * (1 + 1e-12)), 1), 31)
+        return 100e6 / math.floor(100e6 / rate_hz * (1 + 1e-12))
+
+    def input_delay_s(self, kind: Kind, rate_hz: float) -> float:
+        """Delay between the signal and its sample: the 9237's decimation filter; none otherwise."""
+        return (40 + 5 / 512) / rate_hz + 4.5e-6 if kind == "bridge" else 0.0
+
+    def voltage_range(self, low_v: float, high_v: float) -> float:
+        """Return the input range that covers the limits asked for, as half its span, V."""
+        need = max(abs(low_v), abs(high_v))
+        for half in self.product.ai_ranges_v:
+            if need <= half * (1 + 1e-9):
+                return half
+        raise DaqStatusError(status.INVALID_VALUE, f"Input limits {low_v:g} to {high_v:g} V are out of range")

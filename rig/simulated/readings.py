@@ -1,0 +1,67 @@
+"""What an input channel reads from the bench: scaled force, angular position; an open input reads nothing but
+itself.
+
+The scaling is the one the client set up in its task, so that a wrong calibration, swapped terminals or a
+wrong number of pulses show up in the data as they would in the lab.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig.simulated.converters import quantise
+from rig.simulated.tasks import Channel, SimulatedTask
+
+if TYPE_CHECKING:
+    from rig.simulated.device import SimulatedDevice
+
+A_TERMINAL, B_TERMINAL = 0x219D, 0x219E
+X1, X2, X4 = 10090, 10091, 10092
+DEGREES, RADIANS, TICKS = 10146, 10273, 10304
+NEWTONS, POUNDS, KILOGRAM_FORCE = 15875, 15876, 15877
+NEWTON_IN = {NEWTONS: 1.0, POUNDS: 4.4482216152605, KILOGRAM_FORCE: 9.80665}
+"""Newtons per unit of force."""
+VOLTS_PER_VOLT, MILLIVOLTS_PER_VOLT = 15896, 15897
+
+
+def force_reading(
+    device: SimulatedDevice, channel: Channel, cell_mv_per_v: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return what an AI channel gives for the load cell's output, in the units its task asked for."""
+    product, settings = device.inventory.product, channel.settings
+    wired = channel.physical.name == device.inventory.full_name(device.wiring.force)
+    signal = cell_mv_per_v if wired else np.zeros_like(cell_mv_per_v)
+    if channel.physical.kind == "voltage_in":
+        volts = signal * device.wiring.conditioner_v_per_mv_per_v
+        half = device.inventory.voltage_range(settings["min_val"], settings["max_val"])
+        return quantise(volts, half, product.ai_bits)
+    reading = quantise(signal, product.bridge_range_mv_per_v, product.bridge_bits)
+    per_mv = 1e-3 if settings["electrical_units"] == VOLTS_PER_VOLT else 1.0
+    e0, e1 = settings["first_electrical_val"], settings["second_electrical_val"]
+    p0, p1 = settings["first_physical_val"], settings["second_physical_val"]
+    physical = p0 + (reading * per_mv - e0) * ((p1 - p0) / (e1 - e0))
+    return physical * (NEWTON_IN[settings["physical_units"]] / NEWTON_IN[settings["units"]])
+
+
+def encoder_reading(
+    device: SimulatedDevice, task: SimulatedTask, channel: Channel, quarter: NDArray[np.int64]
+) -> NDArray[np.float64]:
+    """Return what a counter gives for the scale wired to its A and B terminals, in its task's units."""
+    named = [task.setting("Chan", channel.name, attribute, "") for attribute in (A_TERMINAL, B_TERMINAL)]
+    terminals = tuple(device.inventory.terminal(name) for name in named)
+    counts = np.zeros(quarter.shape[0], dtype=np.int64)
+    for column, wired in enumerate(device.wiring.encoders):
+        if terminals == wired:
+            counts = quarter[:, column]
+        elif terminals == wired[::-1]:  # A and B exchanged count backwards
+            counts = -quarter[:, column]
+    settings = channel.settings
+    edges = {X1: 1, X2: 2, X4: 4}[settings["decoding_type"]]
+    ticks = (counts * edges) // 4
+    if settings["units"] == TICKS:
+        return ticks + settings["initial_angle"]
+    turn = 360.0 if settings["units"] == DEGREES else 2 * np.pi
+    return ticks * (turn / (edges * settings["pulses_per_rev"])) + settings["initial_angle"]

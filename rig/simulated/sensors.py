@@ -1,0 +1,148 @@
+"""The sensors of the virtual bench: a load cell that gives millivolts per volt, scales that give encoder
+counts.
+
+Place in the data flow: plant state → sensors → converters and counters of the virtual device. What is set
+here is the truth of the bench; the rig file holds what the lab believes. Conventions: force positive
+downwards, counts rise with counter-clockwise rotation when the sign is +1; everything that scatters from
+trial to trial is drawn from (bench seed, trial). Bad settings raise InputError.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field
+
+from rig import toml_file
+from rig.simulated.contract import ENCODED_BODIES
+
+Number = Annotated[float, Field(allow_inf_nan=False)]
+_FORCE_STREAM, _ENCODER_STREAM = 1, 2
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class ForceSensor(_Table):
+    """Table ``[force_sensor]`` of the bench file: the real load cell with its errors."""
+
+    sensitivity_mv_per_v: Number = Field(gt=0, le=100)
+    full_scale_n: Number = Field(gt=0, le=100_000)
+    noise_n: Number = Field(ge=0)
+    offset_n: Number = 0.0
+    offset_scatter_n: Number = Field(default=0.0, ge=0)
+    gain_error: Number = Field(default=0.0, gt=-0.5, lt=0.5)
+    hum_n: tuple[Number, ...] = ()
+    hum_hz: Number = Field(default=60.0, gt=0, le=1000)
+    hum_phase_rad: tuple[Number, ...] = ()
+    hum_phase_scatter: bool = True
+    saturation_mv_per_v: Number = Field(default=25.0, gt=0)
+
+
+class EncoderSensor(_Table):
+    """Table ``[encoders.<body>]`` of the bench file: the real scale and the sense it is mounted in."""
+
+    counts_per_revolution: int = Field(ge=4, multiple_of=4)
+    sign: Literal[1, -1] = 1
+
+
+class _Encoders(_Table):
+    key: EncoderSensor
+    whippen: EncoderSensor
+    hammer: EncoderSensor
+
+
+class _BenchTables(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="ignore")  # the rest of the bench file belongs to the plant
+    force_sensor: ForceSensor
+    encoders: _Encoders
+    seed: int = Field(default=0, ge=0)
+
+
+@dataclass(frozen=True)
+class SensorSet:
+    """All sensors of the bench, and the seed of what scatters."""
+
+    force: ForceSensor
+    encoders: tuple[EncoderSensor, EncoderSensor, EncoderSensor]
+    seed: int = 0
+
+
+def load_sensors(bench: Path | Mapping[str, Any], *, seed: int | None = None) -> SensorSet:
+    """Read the sensor tables of a bench file (path or parsed TOML); ``seed`` overrides the file's."""
+    if isinstance(bench, Path):
+        where, data = str(bench), toml_file.parse_toml(toml_file.read_text(bench), str(bench))
+    else:
+        where, data = "bench", dict(bench)
+    tables = toml_file.check(_BenchTables, data, where)
+    encoders = tables.encoders
+    return SensorSet(
+        tables.force_sensor,
+        (encoders.key, encoders.whippen, encoders.hammer),
+        tables.seed if seed is None else seed,
+    )
+
+
+@dataclass(eq=False)
+class ForceSignal:
+    """The load cell during one trial."""
+
+    sensor: ForceSensor
+    seed: int
+    trial: int
+    _rng: np.random.Generator = field(init=False)
+    offset_n: float = field(init=False)
+    hum_phase_rad: tuple[float, ...] = field(init=False)
+
+    def __post_init__(self) -> None:
+        self._rng = np.random.default_rng([self.seed, self.trial, _FORCE_STREAM])
+        scatter = float(self._rng.standard_normal())
+        self.offset_n = self.sensor.offset_n + self.sensor.offset_scatter_n * scatter
+        mains_rad = float(self._rng.uniform(0, 2 * math.pi))
+        stated = (*self.sensor.hum_phase_rad, *(0.0 for _ in self.sensor.hum_n))
+        self.hum_phase_rad = tuple(
+            phase + (order * mains_rad if self.sensor.hum_phase_scatter else 0.0)
+            for order, phase in enumerate(stated[: len(self.sensor.hum_n)], 1)
+        )
+
+    def millivolts_per_volt(
+        self, force_n: NDArray[np.float64], time_s: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Output of the cell for the force it felt, (n,); ``time_s`` is the sample's time, for the hum."""
+        sensor = self.sensor
+        reading_n = (1 + sensor.gain_error) * force_n + self.offset_n
+        for order, (amplitude, phase) in enumerate(zip(sensor.hum_n, self.hum_phase_rad, strict=True), 1):
+            reading_n = reading_n + amplitude * np.sin(2 * np.pi * order * sensor.hum_hz * time_s + phase)
+        reading_n = reading_n + sensor.noise_n * self._rng.standard_normal(force_n.size)
+        output = reading_n * (sensor.sensitivity_mv_per_v / sensor.full_scale_n)
+        return np.clip(output, -sensor.saturation_mv_per_v, sensor.saturation_mv_per_v)
+
+
+@dataclass(eq=False)
+class EncoderSignals:
+    """The three scales during one trial: quarter-pulse positions, whole numbers, zero at the first edge."""
+
+    sensors: tuple[EncoderSensor, ...]
+    seed: int
+    trial: int
+    _phase: NDArray[np.float64] = field(init=False)
+    _first: NDArray[np.int64] | None = field(init=False, default=None)
+
+    def __post_init__(self) -> None:
+        rng = np.random.default_rng([self.seed, self.trial, _ENCODER_STREAM])
+        self._phase = rng.uniform(0, 1, len(ENCODED_BODIES))
+
+    def quarter_counts(self, angle_rad: NDArray[np.float64]) -> NDArray[np.int64]:
+        """Counts (X4) since the first edge of the trial, shape (n, 3), for absolute angles (n, 3)."""
+        per_rad = np.array([s.sign * s.counts_per_revolution / (2 * np.pi) for s in self.sensors])
+        position = np.floor(angle_rad * per_rad + self._phase).astype(np.int64)
+        if self._first is None:
+            self._first = position[0].copy()
+        return position - self._first

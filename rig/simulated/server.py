@@ -1,0 +1,60 @@
+"""The same virtual device over TCP: what a client of the NI gRPC Device Server talks to. Loopback unless told
+otherwise."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import grpc
+
+from rig.errors import HardwareFault
+from rig.simulated.channel import trailing_metadata
+from rig.simulated.messages import CALLS, SERVICE, request_class
+from rig.simulated.service import Service
+from rig.simulated.status import DaqStatusError, NotImplementedByDevice
+
+
+class _Handler(grpc.GenericRpcHandler):
+    def __init__(self, service: Service) -> None:
+        self._service = service
+
+    def service(self, handler_call_details: Any) -> grpc.RpcMethodHandler | None:
+        prefix, _, call = handler_call_details.method.lstrip("/").partition("/")
+        if prefix != SERVICE or call not in CALLS:
+            return None  # gRPC itself answers UNIMPLEMENTED
+
+        def answer(request: Any, context: grpc.ServicerContext) -> Any:
+            try:
+                return self._service.handle(call, request)
+            except DaqStatusError as error:
+                context.set_trailing_metadata(tuple((e.key, e.value) for e in trailing_metadata(error)))
+                context.abort(grpc.StatusCode.UNKNOWN, str(error))
+            except NotImplementedByDevice as error:
+                context.abort(grpc.StatusCode.UNIMPLEMENTED, f"not simulated: {error}")
+
+        return grpc.unary_unary_rpc_method_handler(
+            answer,
+            request_deserializer=request_class(call).FromString,
+            response_serializer=lambda message: message.SerializeToString(),
+        )
+
+
+def serve(service: Service, *, host: str = "127.0.0.1", port: int = 0) -> tuple[grpc.Server, int]:
+    """Start a server for the virtual device; returns (server, port). Port 0 takes a free one.
+
+    Raises
+    ------
+    HardwareFault
+        When the address cannot be bound.
+    """
+    server = grpc.server(ThreadPoolExecutor(max_workers=4), options=[("grpc.max_receive_message_length", -1)])
+    server.add_generic_rpc_handlers((_Handler(service),))
+    try:
+        bound = server.add_insecure_port(f"{host}:{port}")
+    except RuntimeError as error:
+        raise HardwareFault(
+            f"{host}:{port} cannot be bound; another program may use it", phase="connect"
+        ) from error
+    server.start()
+    return server, bound

@@ -1,0 +1,69 @@
+"""Status codes of NI-DAQmx that the virtual device can answer with, and the exception that carries one.
+
+Names and numbers are those of the driver (``DAQmxErrors`` of nidaqmx 1.7); the texts are ours.
+"""
+
+from __future__ import annotations
+
+SAMPLES_NOT_YET_AVAILABLE = -200284
+SAMPLES_NO_LONGER_AVAILABLE = -200279
+GENERATION_STOPPED = -200290
+RESOURCE_RESERVED = -50103
+INVALID_DEVICE = -200220
+NO_SUCH_CHANNEL = -200170
+WRONG_MEASUREMENT_TYPE = -200431
+WRONG_OUTPUT_TYPE = -200432
+INVALID_VALUE = -200077
+INVALID_AO_DATA = -200561
+ONE_COUNTER_PER_TASK = -200147
+NO_SUCH_TERMINAL = -89120
+NO_ROUTE = -89136
+NO_DATA_WRITTEN = -200462
+TASK_RUNNING = -200479
+NOT_STARTED = -200846
+DUPLICATE_TASK = -200089
+INVALID_TASK = -200088
+NO_CHANNELS = -200478
+ATTRIBUTE_NOT_SUPPORTED = -200452
+RATE_TOO_HIGH = -200332
+TASK_MIXES_TYPES = -200559
+OPERATION_TIMED_OUT = -200474
+
+TEXTS = {
+    SAMPLES_NOT_YET_AVAILABLE: "Some or all of the samples requested have not yet been acquired.",
+    SAMPLES_NO_LONGER_AVAILABLE: "The samples requested were overwritten before they were read.",
+    GENERATION_STOPPED: "The generation stopped because no new samples were written in time.",
+    RESOURCE_RESERVED: "The specified resource is reserved by another task.",
+    INVALID_DEVICE: "Device identifier is invalid.",
+    NO_SUCH_CHANNEL: "Physical channel specified does not exist on this device.",
+    WRONG_MEASUREMENT_TYPE: "The physical channel does not support the requested measurement type.",
+    WRONG_OUTPUT_TYPE: "The physical channel does not support the requested output type.",
+    INVALID_VALUE: "Requested value is not a supported value for this property.",
+    INVALID_AO_DATA: "A sample to write is outside the range of the analog output channel.",
+    ONE_COUNTER_PER_TASK: "A task can contain only one counter input channel.",
+    NO_SUCH_TERMINAL: "Source terminal to be routed could not be found on the device.",
+    NO_ROUTE: "The route between these terminals is not supported by the device.",
+    NO_DATA_WRITTEN: "Generation cannot be started: no samples have been written.",
+    TASK_RUNNING: "The operation cannot be performed while the task is running.",
+    NOT_STARTED: "Cannot write to a task that is not started when auto start is false and it is on demand.",
+    DUPLICATE_TASK: "A task of that name exists already.",
+    INVALID_TASK: "Task is invalid or does not exist.",
+    NO_CHANNELS: "The task has no channels.",
+    ATTRIBUTE_NOT_SUPPORTED: "The property is not supported by the virtual device for this task.",
+    RATE_TOO_HIGH: "The sample clock rate exceeds what the device supports.",
+    TASK_MIXES_TYPES: "Channels of different types cannot be in one task.",
+    OPERATION_TIMED_OUT: "The operation did not complete within the time allowed.",
+}
+
+
+class DaqStatusError(Exception):
+    """A driver status below zero; ``samples_read`` is given when part of a read succeeded."""
+
+    def __init__(self, code: int, detail: str = "", *, samples_read: int | None = None) -> None:
+        super().__init__(" ".join(part for part in (TEXTS.get(code, ""), detail) if part))
+        self.code = code
+        self.samples_read = samples_read
+
+
+class NotImplementedByDevice(Exception):
+    """A call the virtual device does not have; the client sees UNIMPLEMENTED, never a made-up value."""
