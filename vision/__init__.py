@@ -1,7 +1,8 @@
 """Angles from high-speed film: readers, rigid-body tracker, uncertainty, synthetic films.
 
-Takes a film and body outlines, gives angles counter-clockwise in rad with a standard uncertainty per frame. Imports nothing of
-the other packages. Names are loaded on first use, so that outlines and errors cost neither OpenCV nor numba.
+Takes a film and body outlines, gives angles counter-clockwise in rad with a standard uncertainty per frame.
+Imports nothing of the other packages. Names are loaded on first use, so that outlines and errors cost neither
+OpenCV nor numba.
 """
 
 from __future__ import annotations
@@ -55,7 +56,7 @@ _HOME = {
     "write_avi": "writers",
     "write_mraw": "writers",
 }
-__all__ = sorted(_HOME)
+__all__ = list(_HOME)
 
 
 def __getattr__(name: str) -> Any:

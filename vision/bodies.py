@@ -1,12 +1,13 @@
 """The bodies to follow: outline polygons on the first picture, their file, and the pixels that may be used.
 
-Place in the data flow: `load_bodies` reads what the user drew, `build_masks` turns it into one pixel mask per body, the
-tracker and the uncertainty prediction work on those masks.
+Place in the data flow: `load_bodies` reads what the user drew, `build_masks` turns it into one pixel mask per
+body, the tracker and the uncertainty prediction work on those masks.
 
-Conventions: polygon points are picture coordinates (x right, y down, pixel centres at whole numbers) on the still frames.
-``parent`` names the body relative to which the angle is wanted and through whose motion the body is predicted. ``layer``
-says what is in front: a body covers those with a smaller layer; bodies of one layer cover each other, which is the safe
-assumption when nothing is known. Bad files and outlines raise `BodyError`.
+Conventions: polygon points are picture coordinates (x right, y down, pixel centres at whole numbers) on the
+still frames. ``parent`` names the body relative to which the angle is wanted and through whose motion the
+body is predicted. ``layer`` says what is in front: a body covers those with a smaller layer; bodies of one
+layer cover each other, which is the safe assumption when nothing is known. Bad files and outlines raise
+`BodyError`.
 """
 
 from __future__ import annotations
@@ -64,15 +65,22 @@ class Body:
         try:
             points = np.array(self.polygon_px, dtype=float)
         except (TypeError, ValueError):
-            raise BodyError(f"body {self.name}: polygon_px must be a list of [x, y] pairs of numbers") from None
+            raise BodyError(
+                f"body {self.name}: polygon_px must be a list of [x, y] pairs of numbers"
+            ) from None
         if points.ndim != 2 or points.shape[1] != 2 or points.shape[0] < 3:
             raise BodyError(
-                f"body {self.name}: polygon_px has shape {points.shape}, needs (m, 2) with m >= 3 points [x, y]"
+                f"body {self.name}: polygon_px has shape {points.shape}, needs (m, 2) with m >= 3 "
+                "points [x, y]"
             )
         if not np.all(np.isfinite(points)):
-            raise BodyError(f"body {self.name}: polygon_px contains NaN or infinity; give finite pixel coordinates")
+            raise BodyError(
+                f"body {self.name}: polygon_px contains NaN or infinity; give finite pixel coordinates"
+            )
         if np.abs(points).max() > 1e6:
-            raise BodyError(f"body {self.name}: polygon_px reaches {np.abs(points).max():g} px, allowed up to 1e6")
+            raise BodyError(
+                f"body {self.name}: polygon_px reaches {np.abs(points).max():g} px, allowed up to 1e6"
+            )
         if abs(polygon_area(points)) < 1.0:
             raise BodyError(f"body {self.name}: polygon_px encloses less than one pixel; draw an outline")
         points.setflags(write=False)
@@ -92,7 +100,9 @@ def check_bodies(bodies: Sequence[Body]) -> None:
         raise BodyError("no bodies given; name at least one with its outline polygon")
     repeated = sorted({name for name in names if names.count(name) > 1})
     if repeated:
-        raise BodyError(f"body name {repeated[0]!r} is used {names.count(repeated[0])} times; names must be unique")
+        raise BodyError(
+            f"body name {repeated[0]!r} is used {names.count(repeated[0])} times; names must be unique"
+        )
     parents = {body.name: body.parent for body in bodies}
     for name in names:
         seen = [name]
@@ -238,8 +248,10 @@ def build_masks(
         found = int(np.count_nonzero(mask))
         if found < MIN_PIXELS:
             raise BodyError(
-                f"body {body.name}: {found} usable pixels in the {width} x {height} picture, at least {MIN_PIXELS} "
-                f"needed after {erosion_px:g} px of rim and the bodies in front; draw it larger or set its layer"
+                f"body {body.name}: {found} usable pixels in the {width} x {height} picture, at "
+                f"least {MIN_PIXELS} "
+                f"needed after {erosion_px:g} px of rim and the bodies in front; draw it larger or "
+                "set its layer"
             )
         masks.append(mask)
     return masks

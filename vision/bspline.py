@@ -1,12 +1,12 @@
 """Cubic B-spline representation of a picture: prefilter, gradient, and how much sampling smooths the noise.
 
-Place in the data flow: the template takes its gradient from here, the tracker prefilters each region of interest before the
-kernel samples it. OpenCV does the two-pass filter; sampling itself is in `kernels`, since OpenCV's own warps round
-coordinates to 1/32 pixel.
+Place in the data flow: the template takes its gradient from here, the tracker prefilters each region of
+interest before the kernel samples it. OpenCV does the two-pass filter; sampling itself is in `kernels`, since
+OpenCV's own warps round coordinates to 1/32 pixel.
 
-Source: M. Unser, Splines: a perfect fit for signal and image processing, IEEE Signal Process. Mag. 16(6), 1999: the
-interpolating prefilter has the impulse response ``sqrt(3) * z**|k|`` with pole ``z = sqrt(3) - 2``. It is cut after 7 taps on
-each side (2.7e-5 of the centre) and mirrored at the border.
+Source: M. Unser, Splines: a perfect fit for signal and image processing, IEEE Signal Process. Mag. 16(6),
+1999: the interpolating prefilter has the impulse response ``sqrt(3) * z**|k|`` with pole ``z = sqrt(3) - 2``.
+It is cut after 7 taps on each side (2.7e-5 of the centre) and mirrored at the border.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ _TAPS = prefilter_taps().astype(np.float32)
 def coefficients(picture: NDArray[Any]) -> NDArray[np.float32]:
     """B-spline coefficients of a picture, same shape (height, width)."""
     # a filter wider than the picture would mirror more than once; regions are always wider than the filter
-    return cv2.sepFilter2D(np.ascontiguousarray(picture), cv2.CV_32F, _TAPS, _TAPS, borderType=cv2.BORDER_REFLECT_101)
+    return _filtered(picture, _TAPS, _TAPS)
 
 
 def gradient(picture: NDArray[Any]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
@@ -43,11 +43,17 @@ def gradient(picture: NDArray[Any]) -> tuple[NDArray[np.float32], NDArray[np.flo
     coefficient = coefficients(picture)
     smooth = np.array([1.0, 4.0, 1.0], dtype=np.float32) / 6.0
     slope = np.array([-0.5, 0.0, 0.5], dtype=np.float32)
-    border = cv2.BORDER_REFLECT_101
-    return (
-        cv2.sepFilter2D(coefficient, cv2.CV_32F, slope, smooth, borderType=border),
-        cv2.sepFilter2D(coefficient, cv2.CV_32F, smooth, slope, borderType=border),
+    return _filtered(coefficient, slope, smooth), _filtered(coefficient, smooth, slope)
+
+
+def _filtered(
+    picture: NDArray[Any], along_x: NDArray[np.float32], along_y: NDArray[np.float32]
+) -> NDArray[np.float32]:
+    """Correlate with one filter along x and one along y, mirrored at the border."""
+    result = cv2.sepFilter2D(
+        np.ascontiguousarray(picture), cv2.CV_32F, along_x, along_y, borderType=cv2.BORDER_REFLECT_101
     )
+    return np.asarray(result, dtype=np.float32)
 
 
 def basis(fraction: NDArray[np.float64] | float) -> NDArray[np.float64]:
@@ -55,7 +61,13 @@ def basis(fraction: NDArray[np.float64] | float) -> NDArray[np.float64]:
     f = np.asarray(fraction, dtype=float)
     g = 1.0 - f
     return np.stack(
-        [g**3 / 6.0, (4.0 - 6.0 * f**2 + 3.0 * f**3) / 6.0, (4.0 - 6.0 * g**2 + 3.0 * g**3) / 6.0, f**3 / 6.0], axis=-1
+        [
+            g**3 / 6.0,
+            (4.0 - 6.0 * f**2 + 3.0 * f**3) / 6.0,
+            (4.0 - 6.0 * g**2 + 3.0 * g**3) / 6.0,
+            f**3 / 6.0,
+        ],
+        axis=-1,
     )
 
 
@@ -63,8 +75,8 @@ def basis(fraction: NDArray[np.float64] | float) -> NDArray[np.float64]:
 def noise_gain() -> NDArray[np.float64]:
     """Variance of a spline sample of white noise of variance one, along one axis, for fractions ``i / 64``.
 
-    The sample at fraction f is the picture weighted with the cardinal spline; its variance is the sum of the squared weights:
-    1 on a pixel, 0.75 between two. In two dimensions the gains multiply. Shape (65,).
+    The sample at fraction f is the picture weighted with the cardinal spline; its variance is the sum of the
+    squared weights: 1 on a pixel, 0.75 between two. In two dimensions the gains multiply. Shape (65,).
     """
     taps = prefilter_taps()
     gains = []

@@ -2,11 +2,12 @@
 
 Place in the data flow: `read_header` is called by the MRAW reader, `cihx_bytes` by the writer.
 
-Formats, as found in files saved by the Photron FASTCAM Viewer 3 and 4: CIH is lines ``name : value``, the picture's part
-ends at the first empty line. CIHX is 256 bytes of a fixed text padded with zeros, the magic ``CIHX``, version and number of
-sections as 32-bit integers, one (kind, offset, size) of 64-bit integers per section, all little-endian; the section of
-kind 0 is an XML document with root ``cih``. The reader looks for that document by its tags, since viewers differ in the
-rest. ``startFrame`` counts recorded frames from the trigger; ``skipFrame`` is the step with which frames were saved.
+Formats, as found in files saved by the Photron FASTCAM Viewer 3 and 4: CIH is lines ``name : value``, the
+picture's part ends at the first empty line. CIHX is 256 bytes of a fixed text padded with zeros, the magic
+``CIHX``, version and number of sections as 32-bit integers, one (kind, offset, size) of 64-bit integers per
+section, all little-endian; the section of kind 0 is an XML document with root ``cih``. The reader looks for
+that document by its tags, since viewers differ in the rest. ``startFrame`` counts recorded frames from the
+trigger; ``skipFrame`` is the step with which frames were saved.
 
 Failure: a header that is missing a field, or holds a value no film can have, raises `FilmError`.
 """
@@ -46,9 +47,10 @@ _FIELDS = {
 class FilmHeader:
     """What a Photron header says about its film.
 
-    ``colour_bit`` is the storage per pixel (8, 12 or 16), ``effective_bit`` how many of them carry light, ``bit_side``
-    whether these are the ``lower`` or ``higher`` ones. ``start_frame`` is the number, counted from the trigger, of the
-    first frame kept; every ``frame_step``-th recorded frame was kept. ``exposure_s`` is None when not stated.
+    ``colour_bit`` is the storage per pixel (8, 12 or 16), ``effective_bit`` how many of them carry light,
+    ``bit_side`` whether these are the ``lower`` or ``higher`` ones. ``start_frame`` is the number, counted
+    from the trigger, of the first frame kept; every ``frame_step``-th recorded frame was kept. ``exposure_s``
+    is None when not stated.
     """
 
     width: int
@@ -67,14 +69,17 @@ class FilmHeader:
 
 
 def read_header(path: Path) -> FilmHeader:
-    """Read a ``.cih`` or ``.cihx`` file; raises `FilmError` with the field, the value found and what is allowed."""
+    """Read a ``.cih`` or ``.cihx`` file; raises `FilmError` with the field, the value found and what is
+    allowed."""
     try:
         with path.open("rb") as file:
             data = file.read(MAX_HEADER_BYTES + 1)
     except OSError as error:
         raise FilmError(f"{path}: header cannot be read ({error.strerror or error})") from None
     if len(data) > MAX_HEADER_BYTES:
-        raise FilmError(f"{path}: header is larger than {MAX_HEADER_BYTES} bytes; this is not a Photron header")
+        raise FilmError(
+            f"{path}: header is larger than {MAX_HEADER_BYTES} bytes; this is not a Photron header"
+        )
     try:
         raw = _fields_of_cihx(data) if b"<cih>" in data else _fields_of_cih(data)
         return _header(raw)
@@ -111,7 +116,9 @@ def _whole(raw: dict[str, str], key: str, low: int, high: int, default: int | No
     if not text and default is not None:
         return default
     if not re.fullmatch(r"[+-]?\d{1,18}", text) or not low <= int(text) <= high:
-        raise FilmError(f"header field {_FIELDS[key][1]} is {text[:40]!r}, needs a whole number {low}..{high}")
+        raise FilmError(
+            f"header field {_FIELDS[key][1]} is {text[:40]!r}, needs a whole number {low}..{high}"
+        )
     return int(text)
 
 
@@ -124,12 +131,15 @@ def _rate(raw: dict[str, str]) -> float | None:
     except ValueError:
         value = float("nan")
     if not 0.0 < value < 1e9:
-        raise FilmError(f"header field Record Rate(fps) is {text[:40]!r}, needs a positive number of frames/s")
+        raise FilmError(
+            f"header field Record Rate(fps) is {text[:40]!r}, needs a positive number of frames/s"
+        )
     return value
 
 
 def _exposure(raw: dict[str, str]) -> float | None:
-    """Shutter time: nanoseconds where stated, else ``1/800000`` or the bare 800000 of CIHX, both one over it."""
+    """Shutter time: nanoseconds where stated, else ``1/800000`` or the bare 800000 of CIHX, both one over
+    it."""
     if re.fullmatch(r"\d{1,15}", raw["shutter_ns"]) and int(raw["shutter_ns"]) > 0:
         return int(raw["shutter_ns"]) * 1e-9
     found = re.fullmatch(r"(?:1/)?(\d{1,12}(?:\.\d+)?)", raw["shutter"])
@@ -142,13 +152,16 @@ def _exposure(raw: dict[str, str]) -> float | None:
 def _header(raw: dict[str, str]) -> FilmHeader:
     file_format = raw["file_format"] or "MRaw"
     if file_format.lower() != "mraw":
-        raise FilmError(f"header says file format {file_format[:20]!r}, only MRaw is read; save the film as MRAW")
+        raise FilmError(
+            f"header says file format {file_format[:20]!r}, only MRaw is read; save the film as MRAW"
+        )
     colour_bit = _whole(raw, "colour_bit", 1, 48)
     kind = raw["colour_type"] or "Mono"
     if kind.lower() not in ("mono", "raw") or colour_bit not in (8, 12, 16):
         raise FilmError(
-            f"header says colour type {kind[:20]!r} with {colour_bit} bit per pixel, readable are Mono or Raw with 8, "
-            "12 or 16; save the film in monochrome"
+            f"header says colour type {kind[:20]!r} with {colour_bit} bit per pixel, readable are "
+            "Mono or Raw "
+            "with 8, 12 or 16; save the film in monochrome"
         )
     # one byte per sample holds at most eight bits, whatever the sensor had before saving
     effective = min(_whole(raw, "effective_bit", 1, 16, colour_bit), colour_bit)

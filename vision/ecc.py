@@ -1,10 +1,12 @@
 """Fit by OpenCV's masked enhanced correlation coefficient: an engine that needs no compiled kernel of ours.
 
-Place in the data flow: chosen with ``method="ecc"``; same interface as `icgn`. The averaged template is 32-bit, which halves the
-error of a one-frame template; frames are sampled bilinearly by OpenCV, so the noise gain is that of linear interpolation.
+Place in the data flow: chosen with ``method="ecc"``; same interface as `icgn`. The averaged template is
+32-bit, which halves the error of a one-frame template; frames are sampled bilinearly by OpenCV, so the noise
+gain is that of linear interpolation.
 
-Source: G. D. Evangelidis and E. Z. Psarakis, IEEE Trans. Pattern Anal. Mach. Intell. 30(10), 2008. Limits: no weights, so a body
-that is partly covered by something unknown is lost or biased; about three times slower than the default engine.
+Source: G. D. Evangelidis and E. Z. Psarakis, IEEE Trans. Pattern Anal. Mach. Intell. 30(10), 2008. Limits: no
+weights, so a body that is partly covered by something unknown is lost or biased; about three times slower
+than the default engine.
 
 Failure: OpenCV raises when it does not converge; here that is ``converged = False``.
 """
@@ -34,17 +36,18 @@ class EccFitter:
     def __init__(self, template: Template) -> None:
         if not hasattr(cv2, "findTransformECCWithMask"):
             raise InputError(
-                f'method "ecc": OpenCV {cv2.__version__} has no masked ECC, OpenCV 5 has; install it or use method "icgn"'
+                f'method "ecc": OpenCV {cv2.__version__} has no masked ECC, OpenCV 5 has; '
+                'install it or use method "icgn"'
             )
         self.template = template
         # pixels lie at whole numbers plus one common fraction, which the crop keeps as its origin
-        cols = np.rint(template.dx - template.dx.min()).astype(int)
-        rows = np.rint(template.dy - template.dy.min()).astype(int)
+        self._origin = (template.box_px[0], template.box_px[2])
+        corner = np.array(self._origin, dtype=np.float32)[:, None]
+        cols, rows = np.rint(template.offset_px - corner).astype(int)
         self._cols, self._rows = cols, rows
-        self._origin = (float(template.dx.min()), float(template.dy.min()))
         shape = (int(rows.max()) + 1, int(cols.max()) + 1)
         self._picture = np.full(shape, template.mean_grey, dtype=np.float32)
-        self._picture[rows, cols] = template.grey + np.float32(template.mean_grey)
+        self._picture[rows, cols] = template.columns[3] + np.float32(template.mean_grey)
         self._mask = np.zeros(shape, dtype=np.uint8)
         self._mask[rows, cols] = 255
 
@@ -69,12 +72,12 @@ class EccFitter:
         everywhere = np.full(view.shape, 255, dtype=np.uint8)
         criteria = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, MAX_ITERATIONS, STEP_TOLERANCE)
         try:
-            correlation, warp = cv2.findTransformECCWithMask(
+            correlation, found = cv2.findTransformECCWithMask(
                 self._picture, view, mask, everywhere, warp, cv2.MOTION_EUCLIDEAN, criteria, 1
             )
         except cv2.error:
             return FAILED
-        return self._judge(view, warp, mask, float(correlation), x0, y0)
+        return self._judge(view, np.asarray(found, dtype=float), mask, float(correlation), x0, y0)
 
     def _warp_of(self, pose: NDArray[np.float64], x0: int, y0: int) -> NDArray[np.float32]:
         """Matrix from crop coordinates of the template to coordinates of the region read."""
@@ -85,7 +88,13 @@ class EccFitter:
         return np.array([[cosine, -sine, x], [sine, cosine, y]], dtype=np.float32)
 
     def _judge(
-        self, view: NDArray[np.float32], warp: NDArray[np.float32], mask: NDArray[np.uint8], zncc: float, x0: int, y0: int
+        self,
+        view: NDArray[np.float32],
+        warp: NDArray[np.float32],
+        mask: NDArray[np.uint8],
+        zncc: float,
+        x0: int,
+        y0: int,
     ) -> Fit:
         template = self.template
         phi = math.atan2(float(warp[1, 0]), float(warp[0, 0]))
@@ -93,16 +102,14 @@ class EccFitter:
         left, top = self._origin
         tx = float(warp[0, 2]) + x0 - template.centre_px[0] - cosine * left + sine * top
         ty = float(warp[1, 2]) + y0 - template.centre_px[1] - sine * left - cosine * top
-        x = (warp[0, 0] * self._cols + warp[0, 1] * self._rows + warp[0, 2]).astype(np.float32)
-        y = (warp[1, 0] * self._cols + warp[1, 1] * self._rows + warp[1, 2]).astype(np.float32)
+        x = warp[0, 0] * self._cols + warp[0, 1] * self._rows + warp[0, 2]
+        y = warp[1, 0] * self._cols + warp[1, 1] * self._rows + warp[1, 2]
         inside = (x >= 0) & (y >= 0) & (x <= view.shape[1] - 1) & (y <= view.shape[0] - 1)
         use = inside & (mask[self._rows, self._cols] != 0)
         if np.count_nonzero(use) < 10:
             return FAILED
-        sampled = cv2.remap(view, x[None, use], y[None, use], cv2.INTER_LINEAR)[0].astype(float)
-        columns = np.column_stack(
-            [template.turn, template.slope_x, template.slope_y, template.grey, np.ones(template.n_pixels)]
-        )[use].astype(float)
+        sampled = _bilinear(view, x[use], y[use])
+        columns = np.vstack([template.columns, np.ones(template.n_pixels)]).T[use].astype(float)
         solution, *_ = np.linalg.lstsq(columns[:, 3:], sampled, rcond=None)
         residual = sampled - columns[:, 3:] @ solution
         variance = float(residual @ residual) / max(1, residual.size - 5)
@@ -118,3 +125,16 @@ class EccFitter:
             np.array([phi, tx, ty]), covariance, zncc, np.count_nonzero(near) / n, np.count_nonzero(use) / n, gain,
             math.sqrt(variance), MAX_ITERATIONS, True,
         )  # fmt: skip
+
+
+def _bilinear(
+    view: NDArray[np.float32], x: NDArray[np.float64], y: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Bilinear samples at points inside the picture, without OpenCV's rounding of coordinates."""
+    left = np.minimum(x.astype(int), view.shape[1] - 2)
+    top = np.minimum(y.astype(int), view.shape[0] - 2)
+    fx, fy = x - left, y - top
+    upper = (1.0 - fx) * view[top, left] + fx * view[top, left + 1]
+    lower = (1.0 - fx) * view[top + 1, left] + fx * view[top + 1, left + 1]
+    result: NDArray[np.float64] = (1.0 - fy) * upper + fy * lower
+    return result

@@ -1,8 +1,8 @@
 """Errors and warnings of the vision package.
 
-Place in the data flow: raised by the readers (film), by `bodies` (outlines) and by the tracker, caught by the command
-line, which prints the one-line message and leaves with ``exit_code``: 2 for bad input, 1 for a defect. A message says
-what is wrong, in which file, the value found, the value allowed, and what to do.
+Place in the data flow: raised by the readers (film), by `bodies` (outlines) and by the tracker, caught by the
+command line, which prints the one-line message and leaves with ``exit_code``: 2 for bad input, 1 for a
+defect. A message says what is wrong, in which file, the value found, the value allowed, and what to do.
 """
 
 from __future__ import annotations

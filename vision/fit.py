@@ -1,7 +1,8 @@
 """What a fit of one body in one frame returns, and the region of the frame it reads.
 
-Place in the data flow: the two engines `icgn` and `ecc` produce `Fit`, the `follower` judges it. A pose is (phi, tx, ty): turn in
-picture axes (rad, clockwise to the eye) and shift (px) of the template's centre from its place in the reference.
+Place in the data flow: the two engines `icgn` and `ecc` produce `Fit`, the `follower` judges it. A pose is
+(phi, tx, ty): turn in picture axes (rad, clockwise to the eye) and shift (px) of the template's centre from
+its place in the reference.
 """
 
 from __future__ import annotations
@@ -25,9 +26,10 @@ MARGIN_PX = 14
 class Fit:
     """Result of fitting one body in one frame.
 
-    ``covariance`` (3, 3) holds this frame's noise only, in rad and px. ``zncc`` is the correlation of fitted and seen grey
-    values over the pixels in use, ``inlier`` the fraction of the template's pixels that agree with the fit,
-    ``seen`` the fraction that is inside the picture and not covered. ``converged`` False means that nothing else counts.
+    ``covariance`` (3, 3) holds this frame's noise only, in rad and px. ``zncc`` is the correlation of fitted
+    and seen grey values over the pixels in use, ``inlier`` the fraction of the template's pixels that agree
+    with the fit, ``seen`` the fraction that is inside the picture and not covered. ``converged`` False means
+    that nothing else counts.
     """
 
     pose: NDArray[np.float64]
@@ -52,7 +54,8 @@ class Fitter(Protocol):
     def fit(
         self, film: FrameSource, index: int, pose: NDArray[np.float64], covered: NDArray[np.uint8] | None
     ) -> Fit:
-        """Fit the body in frame ``index``, starting from ``pose``; ``covered`` marks template pixels to leave out."""
+        """Fit the body in frame ``index``, starting from ``pose``; ``covered`` marks template pixels to leave
+        out."""
         ...
 
     def reset(self) -> None:
@@ -66,10 +69,10 @@ FitterFactory = Callable[[Template], Fitter]
 def region_of(
     template: Template, pose: NDArray[np.float64], height: int, width: int, margin_px: int = MARGIN_PX
 ) -> tuple[int, int, int, int] | None:
-    """Rectangle (y0, y1, x0, x1) of the frame that holds the body at a pose, or None when too little is inside."""
+    """Rectangle (y0, y1, x0, x1) of the frame that holds the body at a pose, or None when too little is
+    inside."""
     cosine, sine = math.cos(pose[0]), math.sin(pose[0])
-    left, right = float(template.dx.min()), float(template.dx.max())
-    top, bottom = float(template.dy.min()), float(template.dy.max())
+    left, right, top, bottom = template.box_px
     xs = [cosine * x - sine * y for x in (left, right) for y in (top, bottom)]
     ys = [sine * x + cosine * y for x in (left, right) for y in (top, bottom)]
     centre_x, centre_y = template.centre_px[0] + pose[1], template.centre_px[1] + pose[2]

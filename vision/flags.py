@@ -1,7 +1,7 @@
 """Why a frame failed, or what is worth knowing about it.
 
-Place in the data flow: set by `follower` per body and frame, stored in `results`. Any bit of `FAILURE` means that the frame's
-values are NaN; the others only inform.
+Place in the data flow: set by `follower` per body and frame, stored in `results`. Any bit of `FAILURE` means
+that the frame's values are NaN; the others only inform.
 """
 
 from __future__ import annotations

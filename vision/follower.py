@@ -1,11 +1,12 @@
 """Follow one body through the film: predict, fit, judge, search when lost.
 
-Place in the data flow: `track` steps all bodies through the frames, parents first; this file decides for one body and one frame
-whether a fit is believed.
+Place in the data flow: `track` steps all bodies through the frames, parents first; this file decides for one
+body and one frame whether a fit is believed.
 
-Order of attempts in a frame: from the constant-acceleration prediction; from the newest known place moved with the parent; from
-the candidates of the wide search. The first fit that passes every test counts. A frame without one is lost: NaN with the reasons of
-the first attempt, and the body keeps the newest place known until it is found again.
+Order of attempts in a frame: from the constant-acceleration prediction; from the newest known place moved
+with the parent; from the candidates of the wide search. The first fit that passes every test counts. A frame
+without one is lost: NaN with the reasons of the first attempt, and the body keeps the newest place known
+until it is found again.
 """
 
 from __future__ import annotations
@@ -28,7 +29,8 @@ MIN_INLIER = 0.3
 MAX_JUMP_RAD = math.radians(8.0)
 MAX_JUMP_PX = 12.0
 REACQUIRED_SHARE = 0.85
-"""A body found by wide search must correlate with at least this share of what it did when it was last seen."""
+"""A body found by wide search must correlate with at least this share of what it did when it was last
+seen."""
 PATIENCE = 60
 """Lost frames in a row after which the wide search runs on every fifth frame only."""
 

@@ -1,10 +1,12 @@
 """Film as a sequence of frames: what every reader offers, and `open_film`, which picks the reader.
 
-Place in the data flow: the tracker, the overlay and the calibration see films only through `FrameSource`. Frames are grey,
-(height, width), row 0 on top; `read_region` returns only the wanted rectangle and, where the format allows, touches only
-its bytes. ``frame_time_s`` is the middle of each exposure by the camera's own clock, counted from its trigger, or None.
+Place in the data flow: the tracker, the overlay and the calibration see films only through `FrameSource`.
+Frames are grey, (height, width), row 0 on top; `read_region` returns only the wanted rectangle and, where the
+format allows, touches only its bytes. ``frame_time_s`` is the middle of each exposure by the camera's own
+clock, counted from its trigger, or None.
 
-Failure: a film that is missing, unreadable, or shorter than its header says raises `FilmError`; nothing is guessed.
+Failure: a film that is missing, unreadable, or shorter than its header says raises `FilmError`; nothing is
+guessed.
 """
 
 from __future__ import annotations
@@ -133,7 +135,8 @@ class ArrayFilm(Film):
         self.path = Path("<array>")
         if frames.ndim != 3 or frames.dtype not in (np.uint8, np.uint16) or 0 in frames.shape:
             raise FilmError(
-                f"frames in memory have shape {frames.shape}, type {frames.dtype}; needs (n_frames, height, width) of "
+                f"frames in memory have shape {frames.shape}, type {frames.dtype}; needs "
+                "(n_frames, height, width) of "
                 "uint8 or uint16"
             )
         self._frames = frames
@@ -153,8 +156,8 @@ def open_film(path: str | os.PathLike[str], *, allow_truncated: bool = False) ->
     Parameters
     ----------
     path : path
-        ``.mraw``, ``.cih`` or ``.cihx`` (the two lie side by side), AVI/MP4/MOV/MKV, a TIFF with one frame per page, a
-        folder of PNG/TIFF pictures in the order of their names.
+        ``.mraw``, ``.cih`` or ``.cihx`` (the two lie side by side), AVI/MP4/MOV/MKV, a TIFF with one frame
+        per page, a folder of PNG/TIFF pictures in the order of their names.
     allow_truncated : bool
         Read an MRAW file that was cut short up to its last whole frame instead of refusing it.
 
@@ -170,7 +173,9 @@ def open_film(path: str | os.PathLike[str], *, allow_truncated: bool = False) ->
     path = Path(path)
     suffix = path.suffix.lower()
     if not path.exists():
-        raise FilmError(f"{path}: no such film; give an existing .mraw, .avi, .mp4, .tif file or a folder of pictures")
+        raise FilmError(
+            f"{path}: no such film; give an existing .mraw, .avi, .mp4, .tif file or a folder of pictures"
+        )
     if path.is_dir():
         from vision.picture_stack import PictureFolder
 
@@ -188,4 +193,6 @@ def open_film(path: str | os.PathLike[str], *, allow_truncated: bool = False) ->
 
         return PagedPicture(path)
     known = ", ".join((".mraw", ".cih", ".cihx", *VIDEO_SUFFIXES, ".tif", ".tiff"))
-    raise FilmError(f"{path}: film format {suffix or '(no suffix)'} is not known; readable: {known}, picture folders")
+    raise FilmError(
+        f"{path}: film format {suffix or '(no suffix)'} is not known; readable: {known}, picture folders"
+    )

@@ -1,10 +1,12 @@
 """Rigid inverse-compositional Gauss-Newton fit with Tukey weights: the tracker's default engine.
 
-Place in the data flow: `follower` asks for a fit per body and frame; the loop itself runs compiled in `kernels`.
+Place in the data flow: `follower` asks for a fit per body and frame; the loop itself runs compiled in
+`kernels`.
 
-Method: S. Baker and I. Matthews, Lucas-Kanade 20 years on, Int. J. Comput. Vis. 56, 2004 (inverse composition); gain and offset
-are solved in the same 5 x 5 system as turn and shift, so flicker does not bias the pose. The frame, not the template, is
-sampled, by cubic B-splines. Weights start from those of the previous frame and follow the residuals of each iteration.
+Method: S. Baker and I. Matthews, Lucas-Kanade 20 years on, Int. J. Comput. Vis. 56, 2004 (inverse
+composition); gain and offset are solved in the same 5 x 5 system as turn and shift, so flicker does not bias
+the pose. The frame, not the template, is sampled, by cubic B-splines. Weights start from those of the
+previous frame and follow the residuals of each iteration.
 
 Failure: a fit that breaks down or does not settle returns ``converged = False``; nothing is raised.
 """
@@ -75,11 +77,9 @@ class IcgnFitter:
         pose = np.array(start, dtype=float)
         step, normal, stats = np.zeros(5), np.zeros((5, 5)), np.zeros(8)
         iterations = fit_rigid(
-            coefficient, float(x0), float(y0),
-            template.dx, template.dy, template.turn, template.slope_x, template.slope_y, template.grey,
-            self._uncovered if covered is None else covered,
-            template.centre_px[0], template.centre_px[1], template.radius_px, self._gain_table,
-            SCALE_FLOOR_GREY, self._tolerance, MAX_ITERATIONS, self._robust,
+            coefficient, float(x0), float(y0), template.offset_px, template.columns,
+            self._uncovered if covered is None else covered, template.centre_px[0], template.centre_px[1],
+            self._gain_table, SCALE_FLOOR_GREY, self._tolerance, MAX_ITERATIONS, self._robust,
             pose, self._weight, self._scale, step, normal, stats,
         )  # fmt: skip
         if iterations <= 0 or not np.all(np.isfinite(pose)):

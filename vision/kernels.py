@@ -1,13 +1,15 @@
-"""The compiled loops of tracking (numba).
+"""The compiled loops of the pose fit (numba).
 
-Place in the data flow: `icgn` calls `fit_rigid` once per body and frame and `mark_covered` for each body in front. Private to
-`vision`. They stay in one file because numba's disk cache only notices changes of the file in which the cached function
-stands: a jitted function called from another file would go stale without a word. The only other compiled loop of this
-package, in `synthetic.kernels`, calls nothing.
+Place in the data flow: `icgn` calls `fit_rigid` once per body and frame. Private to `vision`.
 
-Conventions: picture axes (x right, y down). A template pixel at offset ``(dx, dy)`` from the body's centre ``(cx, cy)`` lies in a
-frame at ``centre + (tx, ty) + R(phi) (dx, dy)``, ``R = [[cos, -sin], [sin, cos]]``. `spline coefficients` are those of
-`bspline.coefficients`. No kernel allocates in its loops or raises: failure is a status number.
+They stay in one file because numba's disk cache only notices changes of the file in which the cached function
+stands: a jitted function called from another file would go stale without a word. The other compiled loops of
+this package, `covering.mark_covered` and `synthetic.kernels.composite`, call nothing and stand alone.
+
+Conventions: picture axes (x right, y down). A template pixel at offset ``(dx, dy)`` from the body's centre
+``(cx, cy)`` lies in a frame at ``centre + (tx, ty) + R(phi) (dx, dy)``, ``R = [[cos, -sin], [sin, cos]]``.
+`spline coefficients` are those of `bspline.coefficients`. No kernel allocates in its loops or raises: failure
+is a status number.
 """
 
 from __future__ import annotations
@@ -22,12 +24,13 @@ TUKEY = 4.685
 """Tukey's constant: 95 % efficiency on normal noise."""
 SCALE_BINS = 512
 FAST = {"reassoc", "contract", "arcp", "nsz"}
-# plain Python ints and floats below are frozen into the compiled code, and they are in this file, as the cache needs
+# module constants are frozen into the compiled code; they stand in this file, as the cache needs
 
 
 @njit(cache=True, nogil=True)
 def solve5(matrix: NDArray[np.float64], right: NDArray[np.float64], solution: NDArray[np.float64]) -> bool:
-    """Solve a symmetric positive 5 x 5 system by Cholesky with Jacobi scaling; False when it is not positive."""
+    """Solve a symmetric positive 5 x 5 system by Cholesky with Jacobi scaling; False when it is not
+    positive."""
     scale = np.empty(5)
     factor = np.zeros((5, 5))
     for i in range(5):
@@ -65,19 +68,20 @@ def warp_template(
     coefficient: NDArray[np.float32],
     origin_x: float,
     origin_y: float,
-    dx: NDArray[np.float32],
-    dy: NDArray[np.float32],
+    offset: NDArray[np.float32],
     covered: NDArray[np.uint8],
     cx: float,
     cy: float,
-    cosine: float,
-    sine: float,
+    phi: float,
     gain_table: NDArray[np.float64],
     value: NDArray[np.float32],
     visible: NDArray[np.float32],
 ) -> float:
-    """Sample the frame at every template pixel; ``visible`` is 1 or 0. Returns the mean noise gain of the samples."""
+    """Sample the frame at every template pixel; ``visible`` is 1 or 0. Returns the mean noise gain of the
+    samples."""
     height, width = coefficient.shape
+    cosine, sine = math.cos(phi), math.sin(phi)
+    dx, dy = offset[0], offset[1]
     gain_sum, gain_count = 0.0, 0
     base_x, base_y = cx - origin_x, cy - origin_y
     for i in range(dx.size):
@@ -114,17 +118,15 @@ def warp_template(
 
 @njit(cache=True, nogil=True, fastmath=FAST)
 def accumulate(
-    at: NDArray[np.float32],
-    ax: NDArray[np.float32],
-    ay: NDArray[np.float32],
-    ref: NDArray[np.float32],
+    columns: NDArray[np.float32],
     value: NDArray[np.float32],
     weight: NDArray[np.float32],
     visible: NDArray[np.float32],
     matrix: NDArray[np.float64],
     right: NDArray[np.float64],
 ) -> None:
-    """Weighted normal equations of ``value = at*q0 + ax*q1 + ay*q2 + ref*q3 + q4``."""
+    """Weighted normal equations of ``value = columns.T @ q[:4] + q[4]``."""
+    at, ax, ay, ref = columns[0], columns[1], columns[2], columns[3]
     # fifteen named sums, so that the compiler keeps them in vector registers
     h00 = h01 = h02 = h03 = h04 = h11 = h12 = h13 = h14 = h22 = h23 = h24 = h33 = h34 = h44 = 0.0
     b0 = b1 = b2 = b3 = b4 = 0.0
@@ -153,19 +155,19 @@ def accumulate(
         b2 += w2 * v
         b3 += w3 * v
         b4 += w * v
-    matrix[0, 0], matrix[0, 1], matrix[0, 2], matrix[0, 3], matrix[0, 4] = h00, h01, h02, h03, h04
-    matrix[1, 1], matrix[1, 2], matrix[1, 3], matrix[1, 4] = h11, h12, h13, h14
-    matrix[2, 2], matrix[2, 3], matrix[2, 4] = h22, h23, h24
-    matrix[3, 3], matrix[3, 4], matrix[4, 4] = h33, h34, h44
+    upper = (h00, h01, h02, h03, h04, h11, h12, h13, h14, h22, h23, h24, h33, h34, h44)
+    k = 0
     for i in range(5):
-        for j in range(i):
-            matrix[i, j] = matrix[j, i]
+        for j in range(i, 5):
+            matrix[i, j] = matrix[j, i] = upper[k]
+            k += 1
     right[0], right[1], right[2], right[3], right[4] = b0, b1, b2, b3, b4
 
 
 @njit(cache=True, nogil=True, fastmath=FAST)
 def robust_scale(residual: NDArray[np.float32], visible: NDArray[np.float32], top: float) -> float:
-    """1.4826 times the median of ``|residual|`` over the visible pixels, from a histogram up to ``top`` (0: none visible)."""
+    """1.4826 times the median of ``|residual|`` over the visible pixels, from a histogram up to ``top`` (0:
+    none visible)."""
     bins = np.zeros(SCALE_BINS, dtype=np.int64)
     per_grey = np.float32(SCALE_BINS / top)
     count = 0
@@ -186,10 +188,7 @@ def robust_scale(residual: NDArray[np.float32], visible: NDArray[np.float32], to
 
 @njit(cache=True, nogil=True, fastmath=FAST)
 def update_weights(
-    at: NDArray[np.float32],
-    ax: NDArray[np.float32],
-    ay: NDArray[np.float32],
-    ref: NDArray[np.float32],
+    columns: NDArray[np.float32],
     value: NDArray[np.float32],
     visible: NDArray[np.float32],
     q: NDArray[np.float64],
@@ -199,7 +198,9 @@ def update_weights(
     weight: NDArray[np.float32],
     stats: NDArray[np.float64],
 ) -> float:
-    """Residuals of the linear fit ``q``, their robust scale, Tukey weights, and sums over them. Returns the scale."""
+    """Residuals of the linear fit ``q``, their robust scale, Tukey weights, and sums over them. Returns the
+    scale."""
+    at, ax, ay, ref = columns[0], columns[1], columns[2], columns[3]
     q0, q1, q2 = np.float32(q[0]), np.float32(q[1]), np.float32(q[2])
     q3, q4 = np.float32(q[3]), np.float32(q[4])
     for i in range(at.size):
@@ -241,16 +242,11 @@ def fit_rigid(
     coefficient: NDArray[np.float32],
     origin_x: float,
     origin_y: float,
-    dx: NDArray[np.float32],
-    dy: NDArray[np.float32],
-    at: NDArray[np.float32],
-    ax: NDArray[np.float32],
-    ay: NDArray[np.float32],
-    ref: NDArray[np.float32],
+    offset: NDArray[np.float32],
+    columns: NDArray[np.float32],
     covered: NDArray[np.uint8],
-    cx: float,
-    cy: float,
-    radius: float,
+    centre_x: float,
+    centre_y: float,
     gain_table: NDArray[np.float64],
     scale_floor: float,
     tolerance_px: float,
@@ -265,27 +261,29 @@ def fit_rigid(
 ) -> int:
     """Inverse-compositional Gauss-Newton fit of one body in one frame.
 
-    ``pose`` (phi, tx, ty) and ``weight`` hold the start and receive the result; ``q`` receives (gain-scaled last step, gain,
-    offset), ``matrix`` the weighted normal matrix, ``stats`` the sums of `update_weights`, then scale and noise gain.
-    Returns the number of iterations, negative when the fit broke down.
+    ``offset`` (2, n) holds the template's pixels, ``columns`` (4, n) their sensitivities to turn, x, y and
+    gain. ``pose`` (phi, tx, ty) and ``weight`` hold the start and receive the result; ``q`` receives (gain
+    times the last step, gain, offset), ``matrix`` the weighted normal matrix, ``stats`` the sums of
+    `update_weights`, then scale and noise gain. Returns the number of iterations, negative when the fit broke
+    down.
     """
-    n = dx.size
+    n = offset.shape[1]
     value = np.empty(n, dtype=np.float32)
     visible = np.empty(n, dtype=np.float32)
     residual = np.empty(n, dtype=np.float32)
     right = np.empty(5)
+    radius = 0.0
+    for i in range(n):
+        radius = max(radius, math.hypot(offset[0, i], offset[1, i]))
     for iteration in range(1, max_iterations + 1):
-        cosine, sine = math.cos(pose[0]), math.sin(pose[0])
+        x, y = centre_x + pose[1], centre_y + pose[2]
         gain = warp_template(
-            coefficient, origin_x, origin_y, dx, dy, covered, cx + pose[1], cy + pose[2], cosine, sine, gain_table,
-            value, visible,
-        )  # fmt: skip
-        accumulate(at, ax, ay, ref, value, weight, visible, matrix, right)
+            coefficient, origin_x, origin_y, offset, covered, x, y, pose[0], gain_table, value, visible
+        )
+        accumulate(columns, value, weight, visible, matrix, right)
         if not solve5(matrix, right, q) or abs(q[3]) < 1e-3:
             return -iteration
-        scale = update_weights(
-            at, ax, ay, ref, value, visible, q, scale, scale_floor, residual, weight, stats
-        )
+        scale = update_weights(columns, value, visible, q, scale, scale_floor, residual, weight, stats)
         if not robust:
             weight[:] = 1.0
         turn, step_x, step_y = q[0] / q[3], q[1] / q[3], q[2] / q[3]
@@ -302,34 +300,3 @@ def fit_rigid(
         if small and (iteration > 1 or not robust):
             return iteration
     return -max_iterations
-
-
-@njit(cache=True, nogil=True, fastmath=FAST)
-def mark_covered(
-    dx: NDArray[np.float32],
-    dy: NDArray[np.float32],
-    cx: float,
-    cy: float,
-    phi: float,
-    other_mask: NDArray[np.uint8],
-    other_cx: float,
-    other_cy: float,
-    other_tx: float,
-    other_ty: float,
-    other_phi: float,
-    covered: NDArray[np.uint8],
-) -> int:
-    """Mark template pixels that a body in front hides; its reference mask is moved with it. Returns how many."""
-    cosine, sine = math.cos(phi), math.sin(phi)
-    oc, os = math.cos(other_phi), math.sin(other_phi)
-    height, width = other_mask.shape
-    count = 0
-    for i in range(dx.size):
-        x = cx + cosine * dx[i] - sine * dy[i] - other_cx - other_tx
-        y = cy + sine * dx[i] + cosine * dy[i] - other_cy - other_ty
-        ix = int(math.floor(other_cx + oc * x + os * y + 0.5))
-        iy = int(math.floor(other_cy - os * x + oc * y + 0.5))
-        if 0 <= ix < width and 0 <= iy < height and other_mask[iy, ix] != 0:
-            covered[i] = 1
-            count += 1
-    return count

@@ -1,7 +1,8 @@
 """Where a body will be in the next frame: constant acceleration, seen from its parent.
 
-Place in the data flow: `follower` asks for a prediction before each fit. A child's pose is carried as its place in the axes of
-its parent, so that a jack that rides on a moving whippen is predicted with the whippen's motion in the same frame.
+Place in the data flow: `follower` asks for a prediction before each fit. A child's pose is carried as its
+place in the axes of its parent, so that a jack that rides on a moving whippen is predicted with the whippen's
+motion in the same frame.
 
 Poses are `fit` poses; a `Placement` is (phi, x, y) of the centre in the picture, or in the parent's axes.
 """
@@ -28,7 +29,9 @@ def from_parent(relative: Placement, parent: Placement) -> Placement:
     """Placement in the picture of a child given in the axes of its parent; undoes `in_parent`."""
     cosine, sine = math.cos(parent[0]), math.sin(parent[0])
     x, y = relative[1], relative[2]
-    return np.array([relative[0] + parent[0], parent[1] + cosine * x - sine * y, parent[2] + sine * x + cosine * y])
+    return np.array(
+        [relative[0] + parent[0], parent[1] + cosine * x - sine * y, parent[2] + sine * x + cosine * y]
+    )
 
 
 class Trace:

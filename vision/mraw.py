@@ -1,11 +1,11 @@
 """Lazy reader of Photron MRAW films, 8, 12 or 16 bit per pixel.
 
-Place in the data flow: opened by `frames.open_film`. The file is memory-mapped; a region read touches only its own rows, so
-memory does not grow with the film.
+Place in the data flow: opened by `frames.open_film`. The file is memory-mapped; a region read touches only
+its own rows, so memory does not grow with the film.
 
-Format: frames follow one another without padding, row after row. 8 bit: one byte; 16 bit: little-endian words; 12 bit: two
-pixels in three bytes, the first pixel in the upper twelve bits (checked on a film of a FASTCAM Nova S16). Geometry, depth
-and times come from the header next to it (`cih`).
+Format: frames follow one another without padding, row after row. 8 bit: one byte; 16 bit: little-endian
+words; 12 bit: two pixels in three bytes, the first pixel in the upper twelve bits (checked on a film of a
+FASTCAM Nova S16). Geometry, depth and times come from the header next to it (`cih`).
 
 Failure: a file whose size is not exactly the one its header implies is refused with both sizes (`FilmError`).
 """
@@ -52,7 +52,8 @@ class MrawFilm(Film):
         if size != expected:
             whole = 8 * size // (header.width * header.height * header.colour_bit)
             words = (
-                f"{data_path}: {size} bytes, but the header {header_path.name} describes {header.n_frames} frames of "
+                f"{data_path}: {size} bytes, but the header {header_path.name} describes "
+                f"{header.n_frames} frames of "
                 f"{header.width} x {header.height} at {header.colour_bit} bit = {expected} bytes"
             )
             if size > expected:
@@ -114,7 +115,8 @@ def film_bytes(header: FilmHeader) -> int:
 def unpack12_region(
     data: NDArray[np.uint8], first_pixel: int, width: int, y0: int, y1: int, x0: int, x1: int
 ) -> NDArray[np.uint16]:
-    """Unpack a rectangle of a 12-bit frame that starts at pixel ``first_pixel`` of the byte stream ``data``."""
+    """Unpack a rectangle of a 12-bit frame that starts at pixel ``first_pixel`` of the byte stream
+    ``data``."""
     start = first_pixel + y0 * width
     if width % 2 == 0 and start % 2 == 0:
         # every row starts on a whole byte: take only the columns asked for
@@ -150,7 +152,9 @@ def _pair(path: Path) -> tuple[Path, Path]:
         for header in headers:
             if header.exists():
                 return path, header
-        raise FilmError(f"{path}: header {headers[0].name} or {headers[1].name} is missing; put it next to the film")
+        raise FilmError(
+            f"{path}: header {headers[0].name} or {headers[1].name} is missing; put it next to the film"
+        )
     for suffix in (".mraw", ".MRAW"):
         if path.with_suffix(suffix).exists():
             return path.with_suffix(suffix), path

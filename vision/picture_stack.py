@@ -1,8 +1,8 @@
 """Films stored as pictures: a TIFF with one frame per page, or a folder with one PNG or TIFF per frame.
 
-Place in the data flow: opened by `frames.open_film`; OpenCV decodes one picture at a time, so memory does not grow with the
-film. A folder is read in the order of the numbers in the file names. These formats carry no frame rate: the caller gives
-the frame times.
+Place in the data flow: opened by `frames.open_film`; OpenCV decodes one picture at a time, so memory does not
+grow with the film. A folder is read in the order of the numbers in the file names. These formats carry no
+frame rate: the caller gives the frame times.
 
 Failure: pictures that cannot be decoded, or differ in size or depth from the first, raise `FilmError`.
 """
@@ -31,7 +31,9 @@ class PictureFolder(Film):
         except OSError as error:
             raise FilmError(f"{path}: folder cannot be read ({error.strerror})") from None
         if not found:
-            raise FilmError(f"{path}: holds no picture ({', '.join(PICTURE_SUFFIXES)}); give a film or such a folder")
+            raise FilmError(
+                f"{path}: holds no picture ({', '.join(PICTURE_SUFFIXES)}); give a film or such a folder"
+            )
         self._files = sorted(found, key=_by_number)
         self.n_frames = len(self._files)
         first = self.read_first()
@@ -85,7 +87,9 @@ class PagedPicture(Film):
         except cv2.error as error:
             raise FilmError(f"{self.path}: page {index} cannot be decoded ({error.err})") from None
         if not ok or len(pages) != 1:
-            raise FilmError(f"{self.path}: page {index} of {self.n_frames} cannot be decoded; the film is cut short")
+            raise FilmError(
+                f"{self.path}: page {index} of {self.n_frames} cannot be decoded; the film is cut short"
+            )
         return _grey(pages[0], self.path)
 
 

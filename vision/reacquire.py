@@ -1,9 +1,11 @@
 """Find a lost body again: a wide search over turn and shift that needs no good start.
 
-Place in the data flow: `follower` calls `candidates` when the fit from the prediction has failed, and fits from each of them.
+Place in the data flow: `follower` calls `candidates` when the fit from the prediction has failed, and fits
+from each of them.
 
-Method: the template is turned in steps and slid over the region around the place where the body is expected, at half the
-resolution, with normalised correlation under its mask (OpenCV `matchTemplate`). The best few, one per turn, are the starts.
+Method: the template is turned in steps and slid over the region around the place where the body is expected,
+at half the resolution, with normalised correlation under its mask (OpenCV `matchTemplate`). The best few, one
+per turn, are the starts.
 """
 
 from __future__ import annotations
@@ -73,14 +75,15 @@ def candidates(
 
 def _halve(picture: NDArray[np.float32]) -> NDArray[np.float32]:
     rows, columns = picture.shape[0] // 2, picture.shape[1] // 2
-    return cv2.resize(picture[: 2 * rows, : 2 * columns], (columns, rows), interpolation=cv2.INTER_AREA)
+    return picture[: 2 * rows, : 2 * columns].reshape(rows, 2, columns, 2).mean(axis=(1, 3))
 
 
 def _turned(template: Template, phi: float) -> tuple[NDArray[np.float32], NDArray[np.float32], float, float]:
     """Turned template at half resolution, its mask, and the place of the centre in it (half pixels)."""
     cosine, sine = math.cos(phi), math.sin(phi)
-    x = 0.5 * (cosine * template.dx - sine * template.dy)
-    y = 0.5 * (sine * template.dx + cosine * template.dy)
+    dx, dy = template.offset_px
+    x = 0.5 * (cosine * dx - sine * dy)
+    y = 0.5 * (sine * dx + cosine * dy)
     left, top = math.floor(float(x.min())), math.floor(float(y.min()))
     columns = np.rint(x - left).astype(int)
     rows = np.rint(y - top).astype(int)
@@ -88,6 +91,7 @@ def _turned(template: Template, phi: float) -> tuple[NDArray[np.float32], NDArra
     count = np.zeros(shape, dtype=np.float32)
     total = np.zeros(shape, dtype=np.float32)
     np.add.at(count, (rows, columns), 1.0)
-    np.add.at(total, (rows, columns), template.grey)
+    np.add.at(total, (rows, columns), template.columns[3])
     mask = (count >= 2.0).astype(np.float32)
-    return total / np.maximum(count, 1.0) * mask, mask, -left, -top
+    patch = (total / np.maximum(count, 1.0) * mask).astype(np.float32)
+    return patch, mask, float(-left), float(-top)

@@ -1,10 +1,12 @@
 """The still frames at the start of a film: how many there are, their average, and their noise.
 
-Place in the data flow: first step of tracking. The average is the template's picture and the still frames set the zero of all
-angles, so their number sets the error common to all frames: ten give a third of one frame's noise.
+Place in the data flow: first step of tracking. The average is the template's picture and the still frames set
+the zero of all angles, so their number sets the error common to all frames: ten give a third of one frame's
+noise.
 
-Method: frames are compared one by one with the running mean inside the bodies' regions, after fitting gain and offset, which
-takes out flicker. The run ends where the difference exceeds what the noise of the first frames explains.
+Method: frames are compared one by one with the running mean inside the bodies' regions, after fitting gain
+and offset, which takes out flicker. The run ends where the difference exceeds what the noise of the first
+frames explains.
 """
 
 from __future__ import annotations
@@ -100,11 +102,14 @@ def average_still_frames(
         mean = total.reshape(-1)[pixels].astype(float) / count
     if count < WANTED_STILL and n_still is None:
         warnings.warn(
-            f"{film.path}: only {count} still frames at the start, {WANTED_STILL} wanted; the zero of the angles is less sure",
+            f"{film.path}: only {count} still frames at the start, {WANTED_STILL} wanted; the zero "
+            "is less sure",
             VisionWarning,
             stacklevel=3,
         )
-    return Reference(total / np.float32(count), count, float(np.sqrt(np.mean(variances))) if variances else 0.0)
+    return Reference(
+        total / np.float32(count), count, float(np.sqrt(np.mean(variances))) if variances else 0.0
+    )
 
 
 def _matched_difference(frame: NDArray[Any], mean: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -1,10 +1,11 @@
 """Result of tracking a film: angles with uncertainty, quality and flags, frame by frame.
 
-Place in the data flow: `track.track_film` returns it; a session stores its table; validation reads angles relative to the
-whippen.
+Place in the data flow: `track.track_film` returns it; a session stores its table; validation reads angles
+relative to the whippen.
 
-Conventions: angles counter-clockwise (x right, y up), zero at the mean of the still frames, rad, not wrapped; positions in
-picture axes (y down), px. A frame that failed is NaN in every quantity, with the reason in ``flag``.
+Conventions: angles counter-clockwise (x right, y up), zero at the mean of the still frames, rad, not wrapped;
+positions in picture axes (y down), px. A frame that failed is NaN in every quantity, with the reason in
+``flag``.
 """
 
 from __future__ import annotations
@@ -109,17 +110,23 @@ class TrackResult:
         child = self.column(body)
         name = self.parents[child]
         if name is None:
-            raise InputError(f"body {body!r} has no parent, so it has no relative angle; give it one in its outline file")
+            raise InputError(
+                f"body {body!r} has no parent, so it has no relative angle; give it one in its outline file"
+            )
         parent = self.column(name)
         angle, u = relative_angle(
-            self.angle_rad[:, child], self.angle_rad[:, parent], self.u_angle_rad[:, child], self.u_angle_rad[:, parent]
+            self.angle_rad[:, child],
+            self.angle_rad[:, parent],
+            self.u_angle_rad[:, child],
+            self.u_angle_rad[:, parent],
         )
         return angle, u, self.flag[:, child] | self.flag[:, parent]
 
     def to_table(self) -> pd.DataFrame:
-        """One row per frame: time_s, frame, then per body ``<body>_rad``, ``_u_rad``, ``_relative_rad``, ``_relative_u_rad`` (with
-        a parent), ``_x_px``, ``_y_px``, ``_quality`` (correlation), ``_inlier`` and ``_flag``.
-        """  # noqa: D205
+        """One row per frame: time_s, frame, then per body ``<body>_rad``, ``_u_rad``, ``_relative_rad``,
+        ``_relative_u_rad`` (with a parent), ``_x_px``, ``_y_px``, ``_quality`` (correlation), ``_inlier`` and
+        ``_flag``.
+        """
         import pandas as pd
 
         columns: dict[str, NDArray[Any]] = {"time_s": self.time_s, "frame": self.frame}

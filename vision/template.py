@@ -1,10 +1,11 @@
 """The template of a body: the pixels of the averaged still picture that are fitted, with their sensitivities.
 
-Place in the data flow: `reference` gives the averaged picture, `bodies` the mask; the template is built once per film and used
-for every frame, by the tracker and by the uncertainty prediction.
+Place in the data flow: `reference` gives the averaged picture, `bodies` the mask; the template is built once
+per film and used for every frame, by the tracker and by the uncertainty prediction.
 
-Conventions: picture axes (y down), the body's centre is the centroid of its mask. Column order of the normal matrix: turn
-(rad), x, y (px), gain, offset (grey). The reference grey values are centred, so that gain and offset hardly correlate.
+Conventions: picture axes (y down), the body's centre is the centroid of its mask. Column order of the normal
+matrix: turn (rad), x, y (px), gain, offset (grey). The reference grey values are centred, so that gain and
+offset hardly correlate.
 """
 
 from __future__ import annotations
@@ -28,12 +29,11 @@ class Template:
     name : str
     centre_px : (float, float)
         Centroid of the mask (x, y).
-    dx, dy : ndarray of float32, shape (n,)
-        Pixel positions relative to the centre.
-    turn, slope_x, slope_y : ndarray of float32, shape (n,)
-        Derivative of the grey value by turn (grey per rad) and shift (grey per px).
-    grey : ndarray of float32, shape (n,)
-        Reference grey value less ``mean_grey``.
+    offset_px : ndarray of float32, shape (2, n)
+        Pixel positions (x, y) relative to the centre.
+    columns : ndarray of float32, shape (4, n)
+        Derivative of the grey value by turn (grey per rad), by shift in x and y (grey per px), and the
+        reference grey value less ``mean_grey``, which is the derivative by gain.
     mean_grey : float
     normal : ndarray, shape (5, 5)
         Sum of products of the five columns over the pixels.
@@ -41,25 +41,24 @@ class Template:
         Largest distance of a pixel from the centre.
     n_averaged : int
         Frames in the averaged picture.
+    box_px : (float, float, float, float)
+        Smallest and largest x and y offset: left, right, top, bottom.
     """
 
     name: str
     centre_px: tuple[float, float]
-    dx: NDArray[np.float32]
-    dy: NDArray[np.float32]
-    turn: NDArray[np.float32]
-    slope_x: NDArray[np.float32]
-    slope_y: NDArray[np.float32]
-    grey: NDArray[np.float32]
+    offset_px: NDArray[np.float32]
+    columns: NDArray[np.float32]
     mean_grey: float
     normal: NDArray[np.float64]
     radius_px: float
     n_averaged: int
+    box_px: tuple[float, float, float, float]
 
     @property
     def n_pixels(self) -> int:
         """Number of pixels that are fitted."""
-        return int(self.dx.size)
+        return int(self.offset_px.shape[1])
 
 
 def design_columns(
@@ -75,10 +74,10 @@ def design_columns(
     """
     slope_x, slope_y = gradient(picture)
     rows, cols = np.nonzero(mask)
-    dx, dy = cols - centre_px[0], rows - centre_px[1]
+    dx, dy = cols.astype(float) - centre_px[0], rows.astype(float) - centre_px[1]
     gx, gy = slope_x[rows, cols].astype(float), slope_y[rows, cols].astype(float)
     grey = np.asarray(picture, dtype=float)[rows, cols]
-    columns = np.column_stack([gy * dx - gx * dy, gx, gy, grey - grey.mean(), np.ones_like(grey)])
+    columns: NDArray[np.float64] = np.column_stack([gy * dx - gx * dy, gx, gy, grey - grey.mean(), np.ones_like(grey)])
     return columns, dx, dy
 
 
@@ -120,20 +119,16 @@ def build_template(
         if inverse is None:
             raise BodyError(f"body {name}: {max_pixels} pixels do not fix its pose; allow more")
     mean_grey = float(np.asarray(picture, dtype=float)[mask].mean())
-    single = columns.astype(np.float32)
     return Template(
         name=name,
         centre_px=centre,
-        dx=dx.astype(np.float32),
-        dy=dy.astype(np.float32),
-        turn=np.ascontiguousarray(single[:, 0]),
-        slope_x=np.ascontiguousarray(single[:, 1]),
-        slope_y=np.ascontiguousarray(single[:, 2]),
-        grey=np.ascontiguousarray(single[:, 3]),
+        offset_px=np.stack([dx, dy]).astype(np.float32),
+        columns=np.ascontiguousarray(columns[:, :4].T, dtype=np.float32),
         mean_grey=mean_grey,
         normal=columns.T @ columns,
         radius_px=float(np.hypot(dx, dy).max()),
         n_averaged=n_averaged,
+        box_px=(float(dx.min()), float(dx.max()), float(dy.min()), float(dy.max())),
     )
 
 
@@ -149,9 +144,7 @@ def invert_normal(normal: NDArray[np.float64]) -> NDArray[np.float64] | None:
     return np.linalg.inv(scaled) * np.outer(scale, scale)
 
 
-def _best_pixels(
-    columns: NDArray[np.float64], inverse: NDArray[np.float64], count: int
-) -> NDArray[np.intp]:
+def _best_pixels(columns: NDArray[np.float64], inverse: NDArray[np.float64], count: int) -> NDArray[np.intp]:
     """Indices, in raster order, of the pixels with the largest influence on angle and position."""
     influence = columns @ inverse
     angle = influence[:, 0] ** 2 / inverse[0, 0]

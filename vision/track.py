@@ -2,9 +2,10 @@
 
 Place in the data flow: the public entrance of the package, `track_film`; the session stores what it returns.
 
-Steps: average the still frames, build a template per body, follow the bodies frame by frame (parents first), set the zero on the
-still frames, turn picture rotations into counter-clockwise angles. Memory does not grow with the film beyond the result's own
-columns. Failure: a film or outlines that cannot be tracked raise `InputError`; a frame that fails is NaN with a flag.
+Steps: average the still frames, build a template per body, follow the bodies frame by frame (parents first),
+set the zero on the still frames, turn picture rotations into counter-clockwise angles. Memory does not grow
+with the film beyond the result's own columns. Failure: a film or outlines that cannot be tracked raise
+`InputError`; a frame that fails is NaN with a flag.
 """
 
 from __future__ import annotations
@@ -17,7 +18,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from vision.angles import picture_to_ccw
-from vision.bodies import CLEARANCE_PX, Body, build_masks, parents_first, signed_distance
+from vision.bodies import Body, build_masks, parents_first
+from vision.covering import Covering
 from vision.errors import InputError, TrackingError
 from vision.fit import Fitter
 from vision.flags import FAILURE
@@ -78,9 +80,9 @@ def track_film(
     if isinstance(every, bool) or not isinstance(every, int | np.integer) or every < 1:
         raise InputError(f"every = {every!r}; needs a whole number of at least 1")
     if isinstance(path_or_source, str | os.PathLike):
-        with open_film(path_or_source) as film:
+        with open_film(path_or_source) as opened:
             return track_film(
-                film, bodies, frame_time_s, method=method, every=every, n_still=n_still, max_pixels=max_pixels,
+                opened, bodies, frame_time_s, method=method, every=every, n_still=n_still, max_pixels=max_pixels,
                 progress=progress,
             )  # fmt: skip
     film = path_or_source
@@ -147,7 +149,10 @@ def prepare(
 
 
 def predict_uncertainty(
-    path_or_source: str | os.PathLike[str] | FrameSource, bodies: Sequence[Body], *, n_still: int | None = None
+    path_or_source: str | os.PathLike[str] | FrameSource,
+    bodies: Sequence[Body],
+    *,
+    n_still: int | None = None,
 ) -> dict[str, float]:
     """Standard uncertainty of each body's angle, rad, to expect before the film is tracked."""
     if isinstance(path_or_source, str | os.PathLike):
@@ -160,17 +165,12 @@ def predict_uncertainty(
 class _Run:
     """The bodies of one film on their way through it."""
 
-    def __init__(self, film: FrameSource, bodies: Sequence[Body], templates: list[Template], method: str) -> None:
+    def __init__(
+        self, film: FrameSource, bodies: Sequence[Body], templates: list[Template], method: str
+    ) -> None:
         self.film, self.bodies, self.templates, self.method = film, bodies, templates, method
         self.order = parents_first(bodies)
-        shape = (film.height, film.width)
-        self._cover = [
-            (signed_distance(body.polygon_px, *shape) > -CLEARANCE_PX).astype(np.uint8) for body in bodies
-        ]
-        self._in_front = [
-            [j for j, other in enumerate(bodies) if j != i and other.layer >= body.layer]
-            for i, body in enumerate(bodies)
-        ]
+        self._covering = Covering(bodies, templates, film.height, film.width)
         self.searches = 0
         self.followers: list[Follower] = []
         self.restart()
@@ -192,24 +192,17 @@ class _Run:
             self.followers[i].step(self.film, index, step, self._covered(i, step), search)
 
     def _covered(self, i: int, step: int) -> NDArray[np.uint8] | None:
-        """Template pixels of a body that the bodies in front hide, by their predicted poses."""
-        if not self._in_front[i]:
+        """Template pixels of a body that the bodies in front hide, by their poses where known, else as
+        predicted."""
+        in_front = self._covering.in_front[i]
+        if not in_front:
             return None
-        from vision.kernels import mark_covered
-
-        template = self.templates[i]
-        covered = np.zeros(template.n_pixels, dtype=np.uint8)
-        pose = self.followers[i].predict(step)
-        for j in self._in_front[i]:
+        poses = {}
+        for j in in_front:
             other = self.followers[j]
-            # a body already fitted in this frame predicts itself exactly
-            there = other.fit.pose if other.absolute.newest_step() == step else other.predict(step)
-            centre = self.templates[j].centre_px
-            mark_covered(
-                template.dx, template.dy, template.centre_px[0] + pose[1], template.centre_px[1] + pose[2], pose[0],
-                self._cover[j], centre[0], centre[1], there[1], there[2], there[0], covered,
-            )  # fmt: skip
-        return covered
+            known = other.absolute.newest_step() == step
+            poses[j] = other.fit.pose if known else other.predict(step)
+        return self._covering.covered(i, self.followers[i].predict(step), poses)
 
     def info(self, reference: Reference) -> dict[str, Any]:
         """Counts and settings worth keeping with the result."""
@@ -257,7 +250,9 @@ def _times(film: FrameSource, frame_time_s: ArrayLike | None) -> NDArray[np.floa
         return own
     time_s = np.asarray(frame_time_s, dtype=float)
     if time_s.shape != (film.n_frames,):
-        raise InputError(f"{film.path}: {time_s.size} frame times for {film.n_frames} frames; give one per frame")
+        raise InputError(
+            f"{film.path}: {time_s.size} frame times for {film.n_frames} frames; give one per frame"
+        )
     if not np.all(np.isfinite(time_s)) or np.any(np.diff(time_s) <= 0.0):
         raise InputError(f"{film.path}: frame times must be finite and increase from frame to frame")
     return time_s

@@ -1,11 +1,12 @@
 """AVI, MP4 and similar films, decoded by OpenCV.
 
-Place in the data flow: opened by `frames.open_film`. Frames are decoded in order and counted, since a seek inside a
-compressed film may land on another frame; going back reopens the file. Colour is converted to grey by OpenCV's weights.
+Place in the data flow: opened by `frames.open_film`. Frames are decoded in order and counted, since a seek
+inside a compressed film may land on another frame; going back reopens the file. Colour is converted to grey
+by OpenCV's weights.
 
-Failure: an unreadable file, or one that ends before the number of frames it announces, raises `FilmError`. Codecs that
-predict a frame from its neighbours draw a `VisionWarning`: they hide noise on still frames and bias moving ones (errors of
-9 to 55 mdeg where raw film gives 2, measured with H.264).
+Failure: an unreadable file, or one that ends before the number of frames it announces, raises `FilmError`.
+Codecs that predict a frame from its neighbours draw a `VisionWarning`: they hide noise on still frames and
+bias moving ones (errors of 9 to 55 mdeg where raw film gives 2, measured with H.264).
 """
 
 from __future__ import annotations
@@ -15,21 +16,48 @@ from pathlib import Path
 from typing import Any
 
 import cv2
-import numpy as np
 from numpy.typing import NDArray
 
 from vision.errors import FilmError, VisionWarning
 from vision.frames import Film
 
-INTRA_CODECS = {"", "MJPG", "MJPA", "AVRN", "LJPG", "JPGL", "FFV1", "HFYU", "FFVH", "DIB ", "RAW ", "Y800", "Y8  "}
-INTRA_CODECS |= {"GREY", "I420", "IYUV", "YV12", "YUY2", "UYVY", "ULRG", "ULRA", "MAGY", "CFHD", "APCN", "APCH", "APCS"}
+INTRA_CODECS = {
+    "",
+    "MJPG",
+    "MJPA",
+    "AVRN",
+    "LJPG",
+    "JPGL",
+    "FFV1",
+    "HFYU",
+    "FFVH",
+    "DIB ",
+    "RAW ",
+    "Y800",
+    "Y8  ",
+}
+INTRA_CODECS |= {
+    "GREY",
+    "I420",
+    "IYUV",
+    "YV12",
+    "YUY2",
+    "UYVY",
+    "ULRG",
+    "ULRA",
+    "MAGY",
+    "CFHD",
+    "APCN",
+    "APCH",
+    "APCS",
+}
 
 
 class VideoFilm(Film):
     """A film in a video container.
 
-    ``frame_rate_hz`` is what the container says, which for high-speed film is often the play-back rate: hand the tracker the
-    true frame times.
+    ``frame_rate_hz`` is what the container says, which for high-speed film is often the play-back rate: hand
+    the tracker the true frame times.
     """
 
     def __init__(self, path: Path) -> None:
@@ -40,7 +68,8 @@ class VideoFilm(Film):
         announced = self._capture.get(cv2.CAP_PROP_FRAME_COUNT)
         if not (0 < self.width <= 65535 and 0 < self.height <= 65535 and 1 <= announced < 1e9):
             raise FilmError(
-                f"{path}: says {announced:g} frames of {self.width} x {self.height}; the file is cut short or not a video"
+                f"{path}: says {announced:g} frames of {self.width} x {self.height}; the file is "
+                "cut short or not a video"
             )
         self.n_frames = self._countable(int(announced))
         rate = float(self._capture.get(cv2.CAP_PROP_FPS))
@@ -50,8 +79,9 @@ class VideoFilm(Film):
         self._last: tuple[int, NDArray[Any]] | None = None
         if self.codec.upper() not in INTRA_CODECS:
             warnings.warn(
-                f"{path}: codec {self.codec} predicts frames from their neighbours; angles will be worse than stated, "
-                "export raw or MJPEG film",
+                f"{path}: codec {self.codec} predicts frames from their neighbours; angles will be "
+                "worse than "
+                "stated, export raw or MJPEG film",
                 VisionWarning,
                 stacklevel=3,
             )
@@ -89,24 +119,30 @@ class VideoFilm(Film):
         except cv2.error as error:
             raise FilmError(f"{self.path}: cannot be decoded ({error.err})") from None
         if not capture.isOpened():
-            raise FilmError(f"{self.path}: cannot be decoded; the file is damaged or its codec is not known to OpenCV")
+            raise FilmError(
+                f"{self.path}: cannot be decoded; the file is damaged or its codec is not known to OpenCV"
+            )
         return capture
 
     def _countable(self, announced: int) -> int:
-        """Number of frames after checking that the last one is there; an AVI cut short still announces all."""
+        """Number of frames after checking that the last one is there; an AVI cut short still announces
+        all."""
         present = 0
         while present < announced and self._capture.grab():
             present += 1
         self._capture.release()
         if present < announced:
             raise FilmError(
-                f"{self.path}: announces {announced} frames but ends after {present}; the film is cut short, copy it again"
+                f"{self.path}: announces {announced} frames but ends after {present}; the film is "
+                "cut short, copy it again"
             )
         self._capture = self._open()
         return announced
 
     def _ended(self, index: int) -> None:
-        raise FilmError(f"{self.path}: frame {index} of {self.n_frames} cannot be decoded; the film is damaged")
+        raise FilmError(
+            f"{self.path}: frame {index} of {self.n_frames} cannot be decoded; the film is damaged"
+        )
 
 
 def _fourcc(capture: cv2.VideoCapture) -> str:

@@ -1,9 +1,9 @@
 """Write films: Photron MRAW with its CIHX header, and AVI (uncompressed or MJPEG).
 
-Place in the data flow: the virtual camera and the tests write films frame by frame, so memory does not grow with the film.
-A file appears under its name only when it is complete: it is written under a temporary name and renamed, the data before
-the header that makes it readable. Failure: frames that do not fit the stated format, or a folder that cannot be written,
-raise `FilmError` and leave nothing behind.
+Place in the data flow: the virtual camera and the tests write films frame by frame, so memory does not grow
+with the film. A file appears under its name only when it is complete: it is written under a temporary name
+and renamed, the data before the header that makes it readable. Failure: frames that do not fit the stated
+format, or a folder that cannot be written, raise `FilmError` and leave nothing behind.
 """
 
 from __future__ import annotations
@@ -78,7 +78,9 @@ def write_mraw(
                         pending = flat[even:]
                         file.write(pack12(flat[:even]))
                     else:
-                        file.write(np.ascontiguousarray(frame, dtype="<u2" if bit_depth == 16 else np.uint8).data)
+                        file.write(
+                            np.ascontiguousarray(frame, dtype="<u2" if bit_depth == 16 else np.uint8).data
+                        )
                     n_frames += 1
                 if pending.size:
                     file.write(pack12(np.append(pending, 0).astype(np.uint16))[:2])
@@ -102,7 +104,9 @@ def write_mraw(
             os.replace(temporary, path)
             os.replace(temporary_header, header_path)
         except OSError as error:
-            raise FilmError(f"{path}: cannot be written ({error.strerror or error}); check folder and disk") from None
+            raise FilmError(
+                f"{path}: cannot be written ({error.strerror or error}); check folder and disk"
+            ) from None
     finally:
         _remove(temporary)
         _remove(temporary_header)
@@ -163,7 +167,9 @@ def write_avi(
                 size = (frame.shape[1], frame.shape[0])
                 writer = cv2.VideoWriter(str(temporary), fourcc, frame_rate_hz, size, frame.ndim == 3)
                 if not writer.isOpened():
-                    raise FilmError(f"{path}: cannot be written; check that the folder exists and is writable")
+                    raise FilmError(
+                        f"{path}: cannot be written; check that the folder exists and is writable"
+                    )
                 if quality is not None:
                     writer.set(cv2.VIDEOWRITER_PROP_QUALITY, quality)
             writer.write(np.ascontiguousarray(frame))

@@ -1,14 +1,14 @@
-"""The virtual bench's high-speed camera: films whippen, jack and repetition lever of a trial into a Photron MRAW file.
+"""The virtual bench's high-speed camera: films whippen, jack and repetition lever into a Photron MRAW file.
 
-Place in the data flow: the virtual bench hands over the true angles of its action as a function of time and the frame times; the
-film goes to disk frame by frame, through the same format as a real one; `film_bodies` gives the outlines a user would draw.
+Place in the data flow: the virtual bench hands over the true angles of its action as a function of time and
+the frame times; the film goes to disk frame by frame, in the format of a real one; `film_bodies` gives the
+outlines that a user would draw. What the camera sees stands in `camera_view`.
 
-Conventions: geometry in metres, x right, y up, angles counter-clockwise in rad (whippen from ground, jack and repetition
-lever from the whippen); `frame_time_s` is the middle of each exposure. Flicker is sinusoidal light of a stated frequency.
-The jack lies in front of the lever, both in front of the whippen.
+Conventions: angles counter-clockwise in rad (whippen from ground, jack and repetition lever from the
+whippen); `frame_time_s` is the middle of each exposure. Flicker is a sinusoidal ripple of the light, averaged
+over the exposure.
 
-Source of the geometry: Hirschkorn 2004 as carried by the thesis, pivots only; the outlines are drawn for this bench.
-Failure: settings that no camera can have raise `vision.errors.InputError`; nothing half-written is left.
+Failure: times or angles that no film can have raise `vision.errors.InputError`; nothing half-written is left.
 """
 
 from __future__ import annotations
@@ -21,92 +21,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.angles import ground_to_picture
-from vision.bodies import Body, build_masks
+from rig.simulated.camera_view import (
+    NAMES,
+    ActionGeometry,
+    CameraSettings,
+    film_bodies,
+    film_bounds,
+    film_scene,
+    poses,
+)
 from vision.errors import InputError
-from vision.synthetic import Scene, Sensor, SyntheticBody, background, speckle, thick_line, total_noise, wood_grain
-from vision.uncertainty import cramer_rao_bound
+from vision.synthetic import Scene, Sensor, total_noise
 from vision.writers import write_mraw
 
-NAMES = ("whippen", "jack", "repetition")
 MAX_BLUR_STEP_PX = 0.15
 MAX_INSTANTS = 24
-
-
-@dataclass(frozen=True)
-class ActionGeometry:
-    """Pivots and rest angles of the filmed bodies.
-
-    Attributes
-    ----------
-    whippen_pivot_m : (float, float)
-        In the ground frame.
-    jack_pivot_m, repetition_pivot_m : (float, float)
-        In the whippen's frame, whose origin is its own pivot.
-    rest_angle_rad : (float, float, float)
-        Whippen from ground, jack and repetition lever from the whippen, when the outlines are drawn.
-    """
-
-    whippen_pivot_m: tuple[float, float] = (-0.1810, 0.0528)
-    jack_pivot_m: tuple[float, float] = (0.0989, -0.0035)
-    repetition_pivot_m: tuple[float, float] = (0.0483, 0.0275)
-    rest_angle_rad: tuple[float, float, float] = (0.0251, 0.3198, 0.3523)
-
-
-@dataclass(frozen=True)
-class CameraSettings:
-    """What a user sets on the camera, and what the bodies look like.
-
-    Attributes
-    ----------
-    frame_rate_hz, exposure_s : float
-    width, height : int
-        Pixels.
-    scale_px_per_m : float
-    left_m, top_m : float
-        Place of the picture's left and top edge relative to the whippen's pivot.
-    texture : {"wood", "speckle"}
-    noise_grey : float
-        Standard deviation per pixel, grey of 8 bit, before rounding.
-    flicker : float
-        Amplitude of the light's ripple as a fraction of its mean.
-    flicker_hz : float
-        Twice the mains frequency.
-    bit_depth : {8, 12}
-    """
-
-    frame_rate_hz: float = 2000.0
-    exposure_s: float = 125e-6
-    width: int = 400
-    height: int = 304
-    scale_px_per_m: float = 3200.0
-    left_m: float = 0.008
-    top_m: float = 0.072
-    texture: str = "wood"
-    noise_grey: float = 2.0
-    flicker: float = 0.05
-    flicker_hz: float = 120.0
-    bit_depth: int = 8
-
-    def __post_init__(self) -> None:
-        if self.texture not in ("wood", "speckle"):
-            raise InputError(f"camera texture {self.texture!r} is not known; choose wood or speckle")
-        if self.bit_depth not in (8, 12):
-            raise InputError(f"camera bit_depth {self.bit_depth} is not known; choose 8 or 12")
-        for name in ("frame_rate_hz", "exposure_s", "scale_px_per_m"):
-            if not 0.0 < getattr(self, name) < 1e9:
-                raise InputError(f"camera {name} = {getattr(self, name)}; needs a positive number")
-        if self.exposure_s * self.frame_rate_hz > 1.0:
-            raise InputError(
-                f"camera exposure_s = {self.exposure_s:g} is longer than a frame, {1.0 / self.frame_rate_hz:g} s; shorten it"
-            )
-        if not (64 <= self.width <= 4096 and 64 <= self.height <= 4096):
-            raise InputError(f"camera picture {self.width} x {self.height}; each side must be 64..4096 px")
-        if not (0.0 <= self.noise_grey < 64.0 and 0.0 <= self.flicker < 1.0 and self.flicker_hz >= 0.0):
-            raise InputError(
-                f"camera noise_grey {self.noise_grey}, flicker {self.flicker}, flicker_hz {self.flicker_hz}; allowed are "
-                "0..64, 0..1 and 0 or more"
-            )
 
 
 @dataclass(frozen=True)
@@ -161,7 +90,8 @@ def film_trial(
     frame_time_s : ndarray, shape (n,)
         Middle of each exposure, s.
     angle_rad_of_time : callable
-        Maps times, shape (k,), to angles, shape (k, 3): whippen from ground, jack and repetition from the whippen, rad.
+        Maps times, shape (k,), to angles, shape (k, 3): whippen from ground, jack and repetition from the
+        whippen, rad.
     geometry : ActionGeometry, optional
     settings : CameraSettings, optional
     seed : int
@@ -183,8 +113,10 @@ def film_trial(
     geometry, settings = geometry or ActionGeometry(), settings or CameraSettings()
     times = np.asarray(frame_time_s, dtype=float)
     if times.ndim != 1 or times.size == 0 or not np.all(np.isfinite(times)) or np.any(np.diff(times) <= 0.0):
-        raise InputError(f"{path}: frame times must be finite and increasing, one per frame; found shape {times.shape}")
-    scene = film_scene(geometry, settings, seed)
+        raise InputError(
+            f"{path}: frame times must be finite and increasing, one per frame; found shape {times.shape}"
+        )
+    scene = film_scene(settings, seed)
     shoot = _Shooting(scene, geometry, settings, times, angle_rad_of_time, seed, progress)
     write_mraw(
         path, shoot.frames(), settings.frame_rate_hz, bit_depth=settings.bit_depth, exposure_s=settings.exposure_s,
@@ -194,94 +126,7 @@ def film_trial(
     bound = film_bounds(scene, geometry, settings, noise)
     relative = np.hypot(bound, bound[0])
     relative[0] = bound[0]
-    return FilmTruth(
-        times, shoot.centre, shoot.mean, NAMES, bound, relative, noise, shoot.n_instants
-    )
-
-
-def film_scene(geometry: ActionGeometry, settings: CameraSettings, seed: int) -> Scene:
-    """The three textured bodies before a background, back to front: whippen, repetition lever, jack; see `_DRAW_ORDER`."""
-    grain = {"whippen": 0.0, "jack": np.pi / 2.0, "repetition": -0.05}
-    bodies = []
-    for number, name in enumerate(_DRAW_ORDER):
-        polygon = ground_to_picture(_OUTLINES_M[name], settings.scale_px_per_m, (0.0, 0.0))
-        low, high = polygon.min(axis=0) - 6.0, polygon.max(axis=0) + 6.0
-        extent = (float(low[0]), float(low[1]), float(high[0]), float(high[1]))
-        body_seed = 1000 * seed + number
-        if settings.texture == "speckle":
-            texture = speckle(extent, body_seed)
-        else:
-            texture = wood_grain(extent, body_seed, direction_rad=grain[name], mean_grey=120.0 + 15.0 * number)
-        bodies.append(SyntheticBody(name, polygon, texture))
-    return Scene(bodies, background(settings.height, settings.width, 1000 * seed + 99))
-
-
-def film_bodies(geometry: ActionGeometry | None = None, settings: CameraSettings | None = None) -> list[Body]:
-    """Outlines of the three bodies at rest, as a user would draw them on the first frame."""
-    geometry, settings = geometry or ActionGeometry(), settings or CameraSettings()
-    rest = np.asarray(geometry.rest_angle_rad, dtype=float)[None, :]
-    poses = dict(zip(_DRAW_ORDER, _poses(geometry, settings, rest)[0], strict=True))
-    bodies = []
-    for name in NAMES:
-        polygon = ground_to_picture(_OUTLINES_M[name], settings.scale_px_per_m, (0.0, 0.0))
-        shape = SyntheticBody(name, polygon, speckle((0.0, 0.0, 1.0, 1.0), 0))
-        bodies.append(
-            Body(name, shape.outline(*poses[name]), None if name == "whippen" else "whippen", _DRAW_ORDER.index(name))
-        )
-    return bodies
-
-
-def film_bounds(
-    scene: Scene, geometry: ActionGeometry, settings: CameraSettings, noise_grey: float
-) -> NDArray[np.float64]:
-    """Cramer-Rao bound of each body's angle in one still frame, rad, shape (3,), in the order of `NAMES`."""
-    rest = np.asarray(geometry.rest_angle_rad, dtype=float)[None, :]
-    picture = scene.light(_poses(geometry, settings, rest))
-    masks = build_masks(film_bodies(geometry, settings), settings.height, settings.width)
-    return np.array([cramer_rao_bound(picture, mask, noise_grey)[0] for mask in masks])
-
-
-_DRAW_ORDER = ("whippen", "repetition", "jack")
-"""Back to front."""
-_OUTLINES_M: dict[str, NDArray[np.float64]] = {
-    # beam with the post that carries the repetition lever
-    "whippen": np.array(
-        [
-            [-0.006, -0.006], [0.104, -0.0085], [0.106, 0.0035], [0.0525, 0.0055], [0.0525, 0.026],
-            [0.0440, 0.026], [0.0440, 0.0055], [-0.006, 0.006],
-        ]
-    ),
-    # upright arm and toe, 10 mm and 9 mm wide
-    "jack": np.array(
-        [
-            [-0.0060, -0.0065], [0.0060, -0.0070], [0.0245, -0.0095], [0.0255, -0.0005], [0.0065, 0.0035],
-            [0.0055, 0.0300], [0.0040, 0.0495], [-0.0050, 0.0500], [-0.0060, 0.0250],
-        ]
-    ),
-    "repetition": thick_line([[-0.036, -0.009], [-0.010, -0.001], [0.030, 0.002], [0.056, 0.002]], [0.007, 0.009, 0.008, 0.007]),
-}  # fmt: skip
-
-
-def _poses(
-    geometry: ActionGeometry, settings: CameraSettings, angle_rad: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """Poses for `Scene.light`, shape (k, 3, 3), from angles (k, 3), in drawing order."""
-    whippen = angle_rad[:, 0]
-    cosine, sine = np.cos(whippen), np.sin(whippen)
-    # the picture moves with the ground: its corner is fixed relative to the whippen's pivot
-    origin = (-settings.left_m * settings.scale_px_per_m, settings.top_m * settings.scale_px_per_m)
-    out = np.empty((len(angle_rad), 3, 3))
-    places = {
-        "whippen": ((0.0, 0.0), whippen),
-        "jack": (geometry.jack_pivot_m, whippen + angle_rad[:, 1]),
-        "repetition": (geometry.repetition_pivot_m, whippen + angle_rad[:, 2]),
-    }
-    for i, name in enumerate(_DRAW_ORDER):
-        (x, y), angle = places[name]
-        ground = np.column_stack([cosine * x - sine * y, sine * x + cosine * y])
-        out[:, i, 0] = angle
-        out[:, i, 1:] = ground_to_picture(ground, settings.scale_px_per_m, origin)
-    return out
+    return FilmTruth(times, shoot.centre, shoot.mean, NAMES, bound, relative, noise, shoot.n_instants)
 
 
 @dataclass
@@ -306,7 +151,10 @@ class _Shooting:
         self.mean = self.centre.copy()
         # the tip of the longest arm, about 60 mm from its pivot, on top of the whippen's 0.13 m
         reach = self.settings.scale_px_per_m * np.array([0.13, 0.06, 0.06])
-        blur = np.abs(np.stack([end - start, 2 * (end - self.centre), 2 * (self.centre - start)])).max(axis=0) @ reach
+        blur = (
+            np.abs(np.stack([end - start, 2 * (end - self.centre), 2 * (self.centre - start)])).max(axis=0)
+            @ reach
+        )
         self._instants = np.clip(np.ceil(blur / MAX_BLUR_STEP_PX), 1, MAX_INSTANTS).astype(int)
 
     def frames(self) -> Iterator[NDArray[Any]]:
@@ -324,7 +172,7 @@ class _Shooting:
                 angles = self._angles(time + settings.exposure_s * step)
                 self.mean[i] = angles.mean(axis=0)
             self.n_instants += count
-            light = self.scene.light(_poses(self.geometry, settings, angles))
+            light = self.scene.light(poses(self.geometry, settings, angles))
             yield sensor.expose(light, 1.0 + ripple * np.cos(2.0 * np.pi * settings.flicker_hz * time))
             if self.progress is not None:
                 self.progress(i + 1, self.times.size)
@@ -333,6 +181,10 @@ class _Shooting:
         angles = np.asarray(self.angle_of_time(time_s), dtype=float)
         if angles.shape != (time_s.size, 3) or not np.all(np.isfinite(angles)):
             raise InputError(
-                f"angle_rad_of_time gave shape {angles.shape} for {time_s.size} times; needs finite ({time_s.size}, 3)"
+                f"angle_rad_of_time gave shape {angles.shape} for {time_s.size} times; needs finite "
+                f"({time_s.size}, 3)"
             )
         return angles
+
+
+__all__ = ["ActionGeometry", "CameraSettings", "FilmTruth", "film_bodies", "film_trial"]

@@ -1,7 +1,7 @@
 """The compiled loop that draws synthetic films (numba).
 
-Place in the data flow: `render` calls `composite` once per body and exposure step. It stands alone: numba's disk cache would
-not notice a change of a jitted function in another file.
+Place in the data flow: `render` calls `composite` once per body and exposure step. It stands alone: numba's
+disk cache would not notice a change of a jitted function in another file.
 """
 
 from __future__ import annotations
@@ -27,7 +27,8 @@ def composite(
     pivot_y: float,
     phi: float,
 ) -> None:
-    """Draw a textured body over a picture: its texture table is sampled by splines, its edge blended by ``alpha``."""
+    """Draw a textured body over a picture: its texture table is sampled by splines, its edge blended by
+    ``alpha``."""
     height, width = picture.shape
     rows, columns = coefficient.shape
     cosine, sine = math.cos(phi), math.sin(phi)

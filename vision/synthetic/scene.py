@@ -1,14 +1,15 @@
 """Synthetic bodies and the pictures they make: exact poses, motion blur, flicker, noise.
 
-Place in the data flow: tests, benchmarks and the virtual camera build a `Scene`, ask for frames and hand them to a writer; the tracker
-then has to find the poses again.
+Place in the data flow: tests, benchmarks and the virtual camera build a `Scene`, ask for frames and hand them
+to a writer; the tracker then has to find the poses again.
 
-Truth: a texture is tabulated from its formula at four points per pixel and sampled by cubic splines, which differs from the
-formula by less than 0.01 grey; whatever the table holds *is* the body, so the pose is exact. Motion blur is the mean over
-equally spaced instants of the exposure; the truth of a blurred frame is both the angle at its middle and the mean angle.
+Truth: a texture is tabulated from its formula at four points per pixel and sampled by cubic splines, which
+differs from the formula by less than 0.01 grey; whatever the table holds *is* the body, so the pose is exact.
+Motion blur is the mean over equally spaced instants of the exposure; the truth of a blurred frame is both the
+angle at its middle and the mean angle.
 
-Conventions: picture axes (y down); bodies are listed from back to front; a pose is a counter-clockwise angle (rad, y up) and
-the place of the body's origin (px).
+Conventions: picture axes (y down); bodies are listed from back to front; a pose is a counter-clockwise angle
+(rad, y up) and the place of the body's origin (px).
 """
 
 from __future__ import annotations
@@ -56,7 +57,9 @@ class SyntheticBody:
             x1, y1 = np.ceil(self.polygon_px.max(axis=0) + margin)
             columns, rows = int((x1 - x0) * OVERSAMPLING) + 1, int((y1 - y0) * OVERSAMPLING) + 1
             grey = self.texture.on_grid(float(x0), float(y0), 1.0 / OVERSAMPLING, rows, columns)
-            distance = signed_distance((self.polygon_px - (x0, y0)) * OVERSAMPLING, rows, columns) / OVERSAMPLING
+            distance = (
+                signed_distance((self.polygon_px - (x0, y0)) * OVERSAMPLING, rows, columns) / OVERSAMPLING
+            )
             self._table["all"] = (
                 coefficients(grey),
                 np.clip(0.5 + distance, 0.0, 1.0).astype(np.float32),
@@ -112,7 +115,9 @@ class Scene:
         return total if len(poses) == 1 else total / np.float32(len(poses))
 
 
-def background(height: int, width: int, seed: int, *, mean_grey: float = 60.0, contrast_grey: float = 6.0) -> NDArray[np.float32]:
+def background(
+    height: int, width: int, seed: int, *, mean_grey: float = 60.0, contrast_grey: float = 6.0
+) -> NDArray[np.float32]:
     """Out-of-focus background of low contrast, shape (height, width)."""
     import cv2
 

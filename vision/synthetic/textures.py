@@ -1,9 +1,10 @@
 """Textures with a closed form: speckle and wood grain, sums of Gaussian blobs that can be evaluated anywhere.
 
-Place in the data flow: `scene` gives a texture to each synthetic body. Because the grey value is a formula of the place on the body,
-a film rendered from it has a pose that is true by construction.
+Place in the data flow: `scene` gives a texture to each synthetic body. Because the grey value is a formula of
+the place on the body, a film rendered from it has a pose that is true by construction.
 
-Conventions: coordinates in pixels on the body (its own axes), grey values of 8 bit. A texture is reproducible from its seed.
+Conventions: coordinates in pixels on the body (its own axes), grey values of 8 bit. A texture is reproducible
+from its seed.
 """
 
 from __future__ import annotations
@@ -50,9 +51,7 @@ class BlobTexture:
             grey += self._blob(i, x - self.x[i], y - self.y[i])
         return grey
 
-    def on_grid(
-        self, x0: float, y0: float, step: float, rows: int, columns: int
-    ) -> NDArray[np.float32]:
+    def on_grid(self, x0: float, y0: float, step: float, rows: int, columns: int) -> NDArray[np.float32]:
         """Grey values on a grid with its first point at (x0, y0), shape (rows, columns)."""
         grey = np.full((rows, columns), self.mean_grey)
         grid_x = x0 + step * np.arange(columns)
@@ -120,7 +119,8 @@ def wood_grain(
     contrast_grey: float = 16.0,
     mean_grey: float = 140.0,
 ) -> BlobTexture:
-    """Bare wood: long thin fibres and broader growth rings along one direction, with little to hold on to along the grain.
+    """Bare wood: long thin fibres and broader growth rings along one direction, with little to hold on to
+    along the grain.
 
     Parameters
     ----------
@@ -155,7 +155,9 @@ def wood_grain(
                 direction_rad + spread * rng.standard_normal(n),
             )
         )
-    x, y, height_all, along_all, across_all, direction = (np.concatenate(part) for part in zip(*parts, strict=True))
+    x, y, height_all, along_all, across_all, direction = (
+        np.concatenate(part) for part in zip(*parts, strict=True)
+    )
     near = (x > x0 - REACH * along_all) & (x < x1 + REACH * along_all)
     near &= (y > y0 - REACH * along_all) & (y < y1 + REACH * along_all)
     return BlobTexture(
