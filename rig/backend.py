@@ -118,9 +118,7 @@ def open_backend(url: str, config: RigConfig) -> Backend:
     scheme, separator, _ = url.partition("://")
     found = {entry.name: entry for entry in entry_points(group=GROUP)}
     if not separator or scheme not in found:
-        known = ", ".join(f"{name}://" for name in sorted(found)) or (
-            "none (install the package: pip install -e .)"
-        )
+        known = ", ".join(f"{name}://" for name in sorted(found)) or ("none (install the package: pip install -e .)")
         raise InputError(f"backend address {url!r}: no backend for it; installed are {known}")
     opener: Opener = found[scheme].load()
     return opener(url, config)

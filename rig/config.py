@@ -60,9 +60,7 @@ class ForceConfig(_Table):
     @model_validator(mode="after")
     def _line(self) -> ForceConfig:
         if self.electrical[0] == self.electrical[1] or self.physical_n[0] == self.physical_n[1]:
-            raise ValueError(
-                f"force: the two calibration points {self.electrical} and {self.physical_n} must differ"
-            )
+            raise ValueError(f"force: the two calibration points {self.electrical} and {self.physical_n} must differ")
         if not self.min_n < self.max_n:
             raise ValueError(f"force.min_n = {self.min_n:g}, allowed below force.max_n = {self.max_n:g}")
         return self
@@ -185,9 +183,7 @@ class RigConfig(_Table):
         own = [counter.rsplit("/", 1)[-1].lower() for counter in counters]
         if len(set(own)) != len(own):
             raise ValueError(
-                f"encoders and camera use the counters {counters}, allowed "
-                "one task per counter; give "
-                "each its own"
+                f"encoders and camera use the counters {counters}, allowed one task per counter; give each its own"
             )
         terminals = [t for encoder in self.encoders for t in (encoder.a_terminal, encoder.b_terminal)]
         if len(set(terminals)) != len(terminals):
@@ -221,9 +217,7 @@ def load_rig(name: str | Path = "virtual") -> Rig:
     path = FOLDER / f"{name}.toml" if str(name) in built_in_rigs() else Path(name)
     if not path.is_file():
         raise InputError(
-            f"{name}: no such rig file; built in are "
-            f"{', '.join(built_in_rigs())}, or give the path of a "
-            "TOML file"
+            f"{name}: no such rig file; built in are {', '.join(built_in_rigs())}, or give the path of a TOML file"
         )
     return parse_rig(toml_file.read_text(path), str(path))
 

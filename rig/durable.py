@@ -30,9 +30,7 @@ def replace_when_complete(path: Path) -> Iterator[Path]:
         yield temporary
         os.replace(temporary, path)
     except OSError as error:
-        raise InputError(
-            f"{path}: cannot be written ({error.strerror or error}); choose a writable place"
-        ) from error
+        raise InputError(f"{path}: cannot be written ({error.strerror or error}); choose a writable place") from error
     finally:
         with contextlib.suppress(OSError):
             temporary.unlink(missing_ok=True)

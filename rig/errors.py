@@ -42,9 +42,7 @@ class HardwareFault(RigError):
 class ReadTimeout(HardwareFault):
     """The samples asked for did not arrive in time; ``samples_read`` of them did."""
 
-    def __init__(
-        self, message: str, *, code: int | None = None, phase: str = "read", samples_read: int = 0
-    ) -> None:
+    def __init__(self, message: str, *, code: int | None = None, phase: str = "read", samples_read: int = 0) -> None:
         super().__init__(message, code=code, phase=phase)
         self.samples_read = samples_read
 

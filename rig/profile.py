@@ -90,9 +90,7 @@ class Profile:
         force[-1] = 0.0
         return force
 
-    def check_limits(
-        self, force_limit_n: float, slew_limit_n_per_s: float, sample_rate_hz: float = 5000.0
-    ) -> None:
+    def check_limits(self, force_limit_n: float, slew_limit_n_per_s: float, sample_rate_hz: float = 5000.0) -> None:
         """Refuse a profile that asks for more force, or a faster change of it, than allowed.
 
         Raises
@@ -138,9 +136,7 @@ def load_profile(name: str | Path) -> Profile:
         path = FOLDER / f"{name}.toml"
     elif not path.is_file():
         raise InputError(
-            f"{name}: no such profile; built in are "
-            f"{', '.join(built_in_profiles())}, or give the path "
-            "of a TOML file"
+            f"{name}: no such profile; built in are {', '.join(built_in_profiles())}, or give the path of a TOML file"
         )
     return parse_profile(toml_file.read_text(path), str(path))
 
@@ -165,9 +161,7 @@ def _check_points(points: Sequence[_Point], where: str) -> None:
     for i, (before, after) in enumerate(zip(points, points[1:], strict=False)):
         if after.time_s == before.time_s:
             raise InputError(
-                f"{where}: points[{i}] and points[{i + 1}] are both at "
-                f"time_s = {after.time_s:g} s; move "
-                "or remove one"
+                f"{where}: points[{i}] and points[{i + 1}] are both at time_s = {after.time_s:g} s; move or remove one"
             )
         if after.time_s < before.time_s:
             raise InputError(
@@ -177,15 +171,11 @@ def _check_points(points: Sequence[_Point], where: str) -> None:
     for i, word in ((0, "start"), (len(points) - 1, "end")):
         if points[i].force_n != 0.0:
             raise InputError(
-                f"{where}: points[{i}].force_n = {points[i].force_n:g} "
-                "N, allowed 0: a profile must "
-                f"{word} at zero"
+                f"{where}: points[{i}].force_n = {points[i].force_n:g} N, allowed 0: a profile must {word} at zero"
             )
 
 
-def _monotone_cubic(
-    x: NDArray[np.float64], y: NDArray[np.float64], wanted: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _monotone_cubic(x: NDArray[np.float64], y: NDArray[np.float64], wanted: NDArray[np.float64]) -> NDArray[np.float64]:
     h = np.diff(x)
     slope = np.diff(y) / h
     tangent = np.zeros_like(y)

@@ -171,9 +171,7 @@ class NidaqmxBackend:
             reader.read_many_sample_double(ticks, n_samples, timeout_s)
         whole = np.rint(ticks)
         if not np.array_equal(whole, ticks):
-            raise HardwareFault(
-                f"{task.name}: counts are not whole numbers; the task is not in ticks", phase="read"
-            )
+            raise HardwareFault(f"{task.name}: counts are not whole numbers; the task is not in ticks", phase="read")
         return whole.astype(np.int64)
 
     def safe_stop(self) -> None:
@@ -228,9 +226,7 @@ class NidaqmxBackend:
 
     def _ready(self) -> tuple[RigConfig, nidaqmx.Task, nidaqmx.Task]:
         if self._config is None or self._force is None or self._motor is None:
-            raise HardwareFault(
-                "the backend is not configured, or has been stopped; call configure first", phase="arm"
-            )
+            raise HardwareFault("the backend is not configured, or has been stopped; call configure first", phase="arm")
         return self._config, self._force, self._motor
 
 
@@ -262,15 +258,11 @@ def _close_all(closing: list[nidaqmx.Task | None], phase: str) -> None:
 def _check_command(config: RigConfig, command_v: NDArray[np.float64]) -> None:
     """Last look at the motor command before it is loaded, whatever has been checked before."""
     if command_v.ndim != 1 or command_v.size < 2:
-        raise InputError(
-            f"motor command has shape {command_v.shape}, allowed one dimension and at least 2 samples"
-        )
+        raise InputError(f"motor command has shape {command_v.shape}, allowed one dimension and at least 2 samples")
     if not np.all(np.isfinite(command_v)):
         raise InputError(f"motor command is not finite at sample {int(np.argmin(np.isfinite(command_v)))}")
     if command_v[0] != 0.0 or command_v[-1] != 0.0:
-        raise InputError(
-            f"motor command starts at {command_v[0]:g} V and ends at {command_v[-1]:g} V, allowed 0 V"
-        )
+        raise InputError(f"motor command starts at {command_v[0]:g} V and ends at {command_v[-1]:g} V, allowed 0 V")
     reach = min(config.motor.voltage_limit_v, config.motor.force_limit_n / config.motor.force_per_volt_n)
     worst = float(np.max(np.abs(command_v)))
     if worst > reach * (1 + 1e-9):

@@ -155,9 +155,7 @@ def motor_task(new_task: NewTask, config: RigConfig, command_v: NDArray[np.float
     return task
 
 
-def camera_task(
-    new_task: NewTask, config: RigConfig, camera: CameraConfig
-) -> tuple[nidaqmx.Task, float, float]:
+def camera_task(new_task: NewTask, config: RigConfig, camera: CameraConfig) -> tuple[nidaqmx.Task, float, float]:
     """CO with the frame pulses, started by the AI start trigger; returns (task, rate Hz, first edge s)."""
     task = new_task("camera")
     channel = task.co_channels.add_co_pulse_chan_freq(
@@ -181,12 +179,8 @@ def write_zero(new_task: NewTask, config: RigConfig) -> None:
     """Put the motor output at 0 V with a fresh on-demand task: a stopped DAC holds its last value."""
     with new_task("motor_zero") as task:
         limit = config.motor.voltage_limit_v
-        task.ao_channels.add_ao_voltage_chan(
-            config.motor.channel, "motor", -limit, limit, ni.VoltageUnits.VOLTS, ""
-        )
-        AnalogSingleChannelWriter(task.out_stream, auto_start=True).write_one_sample(
-            0.0, timeout=WRITE_TIMEOUT_S
-        )
+        task.ao_channels.add_ao_voltage_chan(config.motor.channel, "motor", -limit, limit, ni.VoltageUnits.VOLTS, "")
+        AnalogSingleChannelWriter(task.out_stream, auto_start=True).write_one_sample(0.0, timeout=WRITE_TIMEOUT_S)
 
 
 def write_drive_enable(new_task: NewTask, line: str, enabled: bool) -> None:

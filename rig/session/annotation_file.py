@@ -41,9 +41,7 @@ def append(folder: Path, trial: int, kind: Kind, reason: str, author: str = "") 
         raise InputError(f"{folder}: annotation {kind!r}: allowed are {', '.join(get_args(Kind))}")
     if not reason.strip():
         raise InputError(f"{folder}: annotation of trial {trial} has no reason; give one")
-    annotation = Annotation(
-        trial=trial, kind=kind, reason=reason, author=author or "unknown", time_utc=utc_now()
-    )
+    annotation = Annotation(trial=trial, kind=kind, reason=reason, author=author or "unknown", time_utc=utc_now())
     line = (json.dumps(asdict(annotation)) + "\n").encode("utf-8")
     path = folder / FILE_NAME
     try:
@@ -66,9 +64,7 @@ def read(folder: Path) -> tuple[Annotation, ...]:
         return ()
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"{path}: cannot be read ({error})") from error
-    return tuple(
-        _parse(line, f"{path}:{number}") for number, line in enumerate(text.splitlines(), 1) if line.strip()
-    )
+    return tuple(_parse(line, f"{path}:{number}") for number, line in enumerate(text.splitlines(), 1) if line.strip())
 
 
 def _parse(line: str, where: str) -> Annotation:

@@ -24,9 +24,7 @@ if TYPE_CHECKING:
 SCHEMA = "piano-action-rig derived 1"
 
 
-def write_table(
-    path: Path, table: pd.DataFrame, attrs: Mapping[str, Any], parents_sha256: Mapping[str, str]
-) -> None:
+def write_table(path: Path, table: pd.DataFrame, attrs: Mapping[str, Any], parents_sha256: Mapping[str, str]) -> None:
     """Write a table of numbers, booleans or text, replacing an older result of the same step whole."""
     names = [str(name) for name in table.columns]
     if len(set(names)) != len(names) or any(not name or "/" in name or name == "row" for name in names):

@@ -92,14 +92,10 @@ class Session:
         file = folder / INFO_NAME
         if not file.is_file():
             raise InputError(f"{folder}: not a session, {INFO_NAME} is missing")
-        info = toml_file.check(
-            SessionInfo, toml_file.parse_toml(toml_file.read_text(file), str(file)), str(file)
-        )
+        info = toml_file.check(SessionInfo, toml_file.parse_toml(toml_file.read_text(file), str(file)), str(file))
         session = cls(folder, info)
         if require_trials and not session.trials:
-            raise InputError(
-                f"{folder}: the session has no trials (no file trial_0001.h5); record or import some"
-            )
+            raise InputError(f"{folder}: the session has no trials (no file trial_0001.h5); record or import some")
         return session
 
     @classmethod
@@ -157,9 +153,7 @@ class Session:
         for trial in self.trials:
             if trial.number == number:
                 return trial
-        raise InputError(
-            f"{self.path}: no trial {number}; there are {[trial.number for trial in self.trials]}"
-        )
+        raise InputError(f"{self.path}: no trial {number}; there are {[trial.number for trial in self.trials]}")
 
     def trial_path(self, number: int) -> Path:
         """Path of the file of trial ``number``."""

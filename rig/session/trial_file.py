@@ -54,9 +54,7 @@ def read_trial(path: Path) -> TrialData:
         with h5py.File(path, "r") as file:
             if file.attrs.get("schema") != SCHEMA:
                 raise InputError(
-                    f"{path}: schema {file.attrs.get('schema')!r}, expected "
-                    f"{SCHEMA!r}; not a trial of "
-                    "this rig"
+                    f"{path}: schema {file.attrs.get('schema')!r}, expected {SCHEMA!r}; not a trial of this rig"
                 )
             seal = _seal(file)
             if file.attrs["sha256"] != seal:
@@ -167,17 +165,13 @@ def _write_daq(group: h5py.Group, data: TrialData) -> None:
 
 
 def _attributes(info: ForceInfo) -> dict[str, Any]:
-    return {
-        key: np.array(value) if isinstance(value, tuple) else value for key, value in asdict(info).items()
-    }
+    return {key: np.array(value) if isinstance(value, tuple) else value for key, value in asdict(info).items()}
 
 
 def _write_camera(group: h5py.Group, camera: CameraInfo) -> None:
     for key, value in asdict(camera).items():
         group.attrs[key] = value
-    time = _dataset(
-        group, "time", camera.frame_time_s, "s", "middle of each exposure since the AI start trigger"
-    )
+    time = _dataset(group, "time", camera.frame_time_s, "s", "middle of each exposure since the AI start trigger")
     time.make_scale("time")
     index = _dataset(
         group, "frame", np.arange(camera.n_frames, dtype=np.int64), "1", "frame number in the film, from 0"
@@ -226,9 +220,7 @@ def _read(file: h5py.File, seal: str) -> TrialData:
     daq = file["daq"]
     force = daq["force"]
     info = ForceInfo(**{field: _plain(force.attrs[field]) for field in ForceInfo.__dataclass_fields__})
-    encoders = tuple(
-        EncoderInfo(**entry) for entry in json.loads(daq["encoder_count"].attrs["encoders_json"])
-    )
+    encoders = tuple(EncoderInfo(**entry) for entry in json.loads(daq["encoder_count"].attrs["encoders_json"]))
     camera = None
     if "camera" in file:
         attributes = file["camera"].attrs

@@ -88,19 +88,13 @@ def get(device: SimulatedDevice, task: SimulatedTask, category: str, channel: st
         channel = _channel(task, channel)
     if (category, channel, attribute) in task.attributes:
         return task.attributes[category, channel, attribute]
-    raise DaqStatusError(
-        status.ATTRIBUTE_NOT_SUPPORTED, f"Property: 0x{attribute:04X} ({category}) of {task.name}"
-    )
+    raise DaqStatusError(status.ATTRIBUTE_NOT_SUPPORTED, f"Property: 0x{attribute:04X} ({category}) of {task.name}")
 
 
-def put(
-    device: SimulatedDevice, task: SimulatedTask, category: str, channel: str, attribute: int, value: Any
-) -> None:
+def put(device: SimulatedDevice, task: SimulatedTask, category: str, channel: str, attribute: int, value: Any) -> None:
     """Set a property, after checking terminals and trigger types; refused while the task runs."""
     if attribute not in SETTABLE.get(category, frozenset()):
-        raise DaqStatusError(
-            status.ATTRIBUTE_NOT_SUPPORTED, f"Property: 0x{attribute:04X} ({category}) of {task.name}"
-        )
+        raise DaqStatusError(status.ATTRIBUTE_NOT_SUPPORTED, f"Property: 0x{attribute:04X} ({category}) of {task.name}")
     if task.state == "running":
         raise DaqStatusError(status.TASK_RUNNING, f"Task: {task.name}")
     if category == "Chan":
@@ -113,9 +107,7 @@ def put(
     if attribute == CO_TERM:
         device.inventory.terminal(value, output=True)
     if attribute == 0x1211 and value != DO_NOT_OVERWRITE:
-        raise DaqStatusError(
-            status.ATTRIBUTE_NOT_SUPPORTED, "only DO_NOT_OVERWRITE_UNREAD_SAMPLES is simulated"
-        )
+        raise DaqStatusError(status.ATTRIBUTE_NOT_SUPPORTED, "only DO_NOT_OVERWRITE_UNREAD_SAMPLES is simulated")
     if attribute == ARM_TYPE and value not in (DIGITAL_EDGE, NO_TRIGGER):
         raise DaqStatusError(status.INVALID_VALUE, f"Arm start trigger type {value}")
     task.attributes[category, channel, attribute] = value

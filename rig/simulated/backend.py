@@ -88,13 +88,7 @@ def _options(url: str) -> dict[str, str]:
     parts = urlsplit(url)
     pairs = parse_qsl(parts.query, keep_blank_values=True)
     unknown = sorted({key for key, _ in pairs} - set(OPTIONS))
-    if (
-        parts.scheme != "sim"
-        or parts.netloc
-        or parts.path.strip("/")
-        or unknown
-        or len(dict(pairs)) != len(pairs)
-    ):
+    if parts.scheme != "sim" or parts.netloc or parts.path.strip("/") or unknown or len(dict(pairs)) != len(pairs):
         raise InputError(
             f"backend address {url!r}: allowed is sim://?… with the options {', '.join(OPTIONS)}, each once"
         )

@@ -54,9 +54,7 @@ def force_bridge_two_point(device: SimulatedDevice, task: SimulatedTask, request
     for limit in (request.min_val, request.max_val):
         reading = (e0 + (limit * scale - p0) * (e1 - e0) / (p1 - p0)) / per_mv
         if product.bridge_range_mv_per_v and abs(reading) > product.bridge_range_mv_per_v * (1 + 1e-9):
-            raise DaqStatusError(
-                status.INVALID_VALUE, f"Limit {limit:g} needs {reading:.4g} mV/V of the input"
-            )
+            raise DaqStatusError(status.INVALID_VALUE, f"Limit {limit:g} needs {reading:.4g} mV/V of the input")
     if not request.min_val < request.max_val:
         raise DaqStatusError(status.INVALID_VALUE, "Minimum not below maximum")
     device.add_channels(
@@ -98,9 +96,7 @@ def ao_voltage(device: SimulatedDevice, task: SimulatedTask, request: Any) -> No
     _one_of(enum(request, "units"), (VOLTS,), "Units")
     reach = device.inventory.product.ao_range_v
     if not -reach <= request.min_val < request.max_val <= reach:
-        raise DaqStatusError(
-            status.INVALID_VALUE, f"Output limits {request.min_val:g} to {request.max_val:g} V"
-        )
+        raise DaqStatusError(status.INVALID_VALUE, f"Output limits {request.min_val:g} to {request.max_val:g} V")
     device.add_channels(
         task, "AO", "voltage_out", request.physical_channel, request.name_to_assign_to_channel,
         min_val=request.min_val, max_val=request.max_val,
@@ -114,8 +110,7 @@ def co_pulse_frequency(device: SimulatedDevice, task: SimulatedTask, request: An
     if not (0 < request.freq <= timebase / 4 and 0 < request.duty_cycle < 1 and request.initial_delay >= 0):
         raise DaqStatusError(
             status.INVALID_VALUE,
-            f"Frequency {request.freq:g}, duty cycle {request.duty_cycle:g}, initial delay "
-            f"{request.initial_delay:g}",
+            f"Frequency {request.freq:g}, duty cycle {request.duty_cycle:g}, initial delay {request.initial_delay:g}",
         )
     device.add_channels(task, "CO", "counter", request.counter, request.name_to_assign_to_channel)
     name = task.channels[-1].name

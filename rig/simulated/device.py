@@ -45,9 +45,7 @@ class SimulatedDevice:
         Told how much time passes.
     """
 
-    def __init__(
-        self, inventory: Inventory, plant: Plant, sensors: SensorSet, wiring: Wiring, clock: Clock
-    ) -> None:
+    def __init__(self, inventory: Inventory, plant: Plant, sensors: SensorSet, wiring: Wiring, clock: Clock) -> None:
         self.inventory = inventory
         self.plant = plant
         self.sensors = sensors
@@ -73,9 +71,7 @@ class SimulatedDevice:
 
     def create_task(self, name: str) -> SimulatedTask:
         """Make an empty task; an empty name gets a free one."""
-        name = name or next(
-            f"_unnamedTask<{i}>" for i in range(10**6) if f"_unnamedTask<{i}>" not in self.tasks
-        )
+        name = name or next(f"_unnamedTask<{i}>" for i in range(10**6) if f"_unnamedTask<{i}>" not in self.tasks)
         if name in self.tasks:
             raise DaqStatusError(status.DUPLICATE_TASK, f"Task: {name}")
         self.tasks[name] = SimulatedTask(name)
@@ -100,9 +96,7 @@ class SimulatedDevice:
             given = name if len(names) == 1 else f"{name}{index}"
             task.add_channel(type_, Channel(given if name else channel.name, channel, settings))
 
-    def configure_clock(
-        self, task: SimulatedTask, rate_hz: float, source: str, mode: int, samples: int
-    ) -> None:
+    def configure_clock(self, task: SimulatedTask, rate_hz: float, source: str, mode: int, samples: int) -> None:
         """Set a task's sample clock after coercing its rate and checking its route."""
         if not task.channels:
             raise DaqStatusError(status.NO_CHANNELS, f"Task: {task.name}")
@@ -118,9 +112,7 @@ class SimulatedDevice:
         elif terminal not in (AI_CLOCK,):
             # a counter has no clock of its own; an output could use one, but the bench's time is that of AI
             if not terminal and task.type == "CI":
-                raise DaqStatusError(
-                    -200303, "External sample clock source must be specified for this measurement."
-                )
+                raise DaqStatusError(-200303, "External sample clock source must be specified for this measurement.")
             raise NotImplementedByDevice(f"{task.type} clocked from {source or 'its own clock'}")
         elif task.type == "AO" and rate_hz > self.inventory.product.ao_max_rate_hz:
             raise DaqStatusError(status.RATE_TOO_HIGH, f"Requested {rate_hz:g}")
@@ -162,8 +154,7 @@ class SimulatedDevice:
             raise DaqStatusError(status.NO_DATA_WRITTEN, f"Task: {task.name}")
         if task.type == "AI" and task.clock is not None and task.clock.rate_hz != self.plant.sample_rate_hz:
             raise NotImplementedByDevice(
-                f"AI at {task.clock.rate_hz:g} Hz: the plant of this bench runs at "
-                f"{self.plant.sample_rate_hz:g} Hz"
+                f"AI at {task.clock.rate_hz:g} Hz: the plant of this bench runs at {self.plant.sample_rate_hz:g} Hz"
             )
         self.commit(task)
         task.state, task.generated = "running", 0
@@ -231,9 +222,7 @@ class SimulatedDevice:
         self.edge += n
         self.clock.advance(n / self.plant.sample_rate_hz)
 
-    def _latch(
-        self, task: SimulatedTask, cell: NDArray[np.float64], quarter: NDArray[np.int64]
-    ) -> NDArray[np.float64]:
+    def _latch(self, task: SimulatedTask, cell: NDArray[np.float64], quarter: NDArray[np.int64]) -> NDArray[np.float64]:
         if task.type == "AI":
             return np.column_stack([force_reading(self, channel, cell) for channel in task.channels])
         return np.column_stack([encoder_reading(self, task, channel, quarter) for channel in task.channels])

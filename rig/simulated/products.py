@@ -127,9 +127,7 @@ class Inventory:
         if not name.startswith("/" + self.name):
             raise DaqStatusError(status.NO_SUCH_TERMINAL, f"Terminal: {name!r}")
         relative = name[1 + len(self.name) :].lstrip("/")
-        known = relative in self.product.internal or any(
-            re.fullmatch(p, relative) for p in self.product.terminals
-        )
+        known = relative in self.product.internal or any(re.fullmatch(p, relative) for p in self.product.terminals)
         if not known or "/" + self.full_name(relative) != name:
             raise DaqStatusError(status.NO_SUCH_TERMINAL, f"Terminal: {name!r}")
         inputs = self.product.input_only_terminals

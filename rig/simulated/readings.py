@@ -27,9 +27,7 @@ NEWTON_IN = {NEWTONS: 1.0, POUNDS: 4.4482216152605, KILOGRAM_FORCE: 9.80665}
 VOLTS_PER_VOLT, MILLIVOLTS_PER_VOLT = 15896, 15897
 
 
-def force_reading(
-    device: SimulatedDevice, channel: Channel, cell_mv_per_v: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def force_reading(device: SimulatedDevice, channel: Channel, cell_mv_per_v: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return what an AI channel gives for the load cell's output, in the units its task asked for."""
     product, settings = device.inventory.product, channel.settings
     wired = channel.physical.name == device.inventory.full_name(device.wiring.force)

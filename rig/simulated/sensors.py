@@ -112,9 +112,7 @@ class ForceSignal:
             for order, phase in enumerate(stated[: len(self.sensor.hum_n)], 1)
         )
 
-    def millivolts_per_volt(
-        self, force_n: NDArray[np.float64], time_s: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
+    def millivolts_per_volt(self, force_n: NDArray[np.float64], time_s: NDArray[np.float64]) -> NDArray[np.float64]:
         """Output of the cell for the force it felt, (n,); ``time_s`` is the sample's time, for the hum."""
         sensor = self.sensor
         reading_n = (1 + sensor.gain_error) * force_n + self.offset_n

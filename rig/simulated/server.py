@@ -53,8 +53,6 @@ def serve(service: Service, *, host: str = "127.0.0.1", port: int = 0) -> tuple[
     try:
         bound = server.add_insecure_port(f"{host}:{port}")
     except RuntimeError as error:
-        raise HardwareFault(
-            f"{host}:{port} cannot be bound; another program may use it", phase="connect"
-        ) from error
+        raise HardwareFault(f"{host}:{port} cannot be bound; another program may use it", phase="connect") from error
     server.start()
     return server, bound

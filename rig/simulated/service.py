@@ -164,9 +164,7 @@ class Service:
             complete = came >= wanted
             filled = np.zeros((max(wanted, came), values.shape[1]))
             filled[:came] = values
-            by_scan = (
-                "fill_mode" in request.DESCRIPTOR.fields_by_name and enum(request, "fill_mode") == _BY_SCAN
-            )
+            by_scan = "fill_mode" in request.DESCRIPTOR.fields_by_name and enum(request, "fill_mode") == _BY_SCAN
             flat = (filled if by_scan else filled.T).ravel()
             code = 0 if complete else status.SAMPLES_NOT_YET_AVAILABLE
             return response(call, status=code, read_array=flat, samps_per_chan_read=came)
@@ -224,6 +222,4 @@ class Service:
         return response("GetDeviceAttributeString", value=self.device.inventory.product.name)
 
     def _error_string(self, request: Any) -> Any:
-        return response(
-            "GetErrorString", error_string=status.TEXTS.get(request.error_code, "Unknown status code.")
-        )
+        return response("GetErrorString", error_string=status.TEXTS.get(request.error_code, "Unknown status code."))

@@ -1,0 +1,156 @@
+"""The recorder: a session of trials from one profile, checked before anything moves, safe on every way out.
+
+Place in the data flow: profile and rig file → backend → session folder. Ctrl-C and faults stop the bench safely;
+what was recorded is kept and marked, and the exception goes on to the caller. When not one trial was recorded, no
+session folder is left.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import platform
+import shutil
+from collections.abc import Callable, Mapping
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+from rig.backend import Backend, open_backend
+from rig.config import Rig, load_rig
+from rig.errors import InputError
+from rig.feed import BlockFeed
+from rig.interrupts import deferred
+from rig.profile import Profile, load_profile
+from rig.session import Session, SessionInfo, Trial
+from rig.session.annotation_file import utc_now
+from rig.session.info import ActionInfo, FileInfo, PlanInfo, RoomInfo
+from rig.trial_run import Progress, motor_command, run_trial
+
+MAX_TRIALS = 9999
+PACKAGES = ("piano-action-rig", "numpy", "h5py", "nidaqmx", "grpcio")
+
+
+def record_session(
+    out: str | Path,
+    *,
+    profile: Profile | str | Path = "forte",
+    rig_config: Rig | str | Path = "virtual",
+    backend: Backend | str = "sim://",
+    trials: int = 5,
+    operator: str = "unknown",
+    action_name: str = "unknown",
+    action: ActionInfo | None = None,
+    room: RoomInfo | None = None,
+    notes: Mapping[str, str] | None = None,
+    progress: Callable[[Progress], None] | None = None,
+    after_trial: Callable[[Trial], None] | None = None,
+    feed: BlockFeed | None = None,
+) -> Session:
+    """Record a session.
+
+    Parameters
+    ----------
+    out : path
+        Session folder to create; must not exist, or be empty.
+    profile, rig_config : object, built-in name or path
+        What the motor does; the bench.
+    backend : Backend or str
+        An open backend (stays open), or an address to open and close.
+    trials : int
+        Number of trials, 1 to 9999.
+    operator, action_name, action, room, notes
+        What goes into ``session.toml``; ``action`` replaces ``action_name``.
+    progress : callable, optional
+        Called after each block with a :class:`rig.trial_run.Progress`; an exception in it stops the trial safely.
+    after_trial : callable, optional
+        Called with each sealed trial while the backend is still open, e.g. to save a film.
+    feed : BlockFeed, optional
+        Bounded feed for a live view.
+
+    Returns
+    -------
+    Session
+
+    Raises
+    ------
+    InputError
+        Bad profile, rig file, number of trials or path; nothing has moved and nothing is left behind.
+    HardwareFault
+        The bench stopped; earlier trials and the marked one are kept.
+    KeyboardInterrupt
+        The operator stopped; likewise.
+    """
+    if not 1 <= trials <= MAX_TRIALS:
+        raise InputError(f"trials = {trials}, allowed 1 to {MAX_TRIALS}")
+    profile = profile if isinstance(profile, Profile) else load_profile(profile)
+    rig = rig_config if isinstance(rig_config, Rig) else load_rig(rig_config)
+    command = motor_command(profile, rig.config)
+    existed = Path(out).is_dir()
+    opened = open_backend(backend, rig.config) if isinstance(backend, str) else backend
+    session: Session | None = None
+    try:
+        info = _session_info(
+            Path(out).name, opened, profile, rig, trials, operator, action or ActionInfo(name=action_name), room, notes
+        )
+        session = Session.create(out, info, {"rig.toml": rig.text, "profile.toml": profile.text})
+        for number in range(1, trials + 1):
+            outcome = run_trial(opened, rig.config, command, number, trials, progress=progress, feed=feed)
+            if outcome.data is not None:
+                with deferred():
+                    trial = session.add_trial(outcome.data)
+                if outcome.error is None and after_trial is not None:
+                    after_trial(trial)
+            if outcome.error is not None:
+                raise outcome.error
+    finally:
+        with deferred():
+            if isinstance(backend, str):
+                opened.close()
+            if session is not None and not session.trials:
+                _discard(session, existed)
+    return session
+
+
+def _session_info(
+    name: str,
+    backend: Backend,
+    profile: Profile,
+    rig: Rig,
+    trials: int,
+    operator: str,
+    action: ActionInfo,
+    room: RoomInfo | None,
+    notes: Mapping[str, str] | None,
+) -> SessionInfo:
+    capabilities = backend.capabilities
+    return SessionInfo(
+        name=name,
+        operator=operator,
+        created_utc=utc_now(),
+        simulated=capabilities.simulated,
+        action=action,
+        rig=FileInfo(name=rig.config.name, copy_name="rig.toml", sha256=rig.sha256),
+        profile=FileInfo(name=profile.name, copy_name="profile.toml", sha256=profile.sha256),
+        plan=PlanInfo(trials=trials),
+        room=room or RoomInfo(),
+        backend={"name": capabilities.name, **capabilities.description},
+        software=software_versions(),
+        notes=dict(notes or {}),
+    )
+
+
+def software_versions() -> dict[str, str]:
+    """Return versions of Python, the operating system and the packages a recording depends on."""
+    versions = {"python": platform.python_version(), "system": platform.platform()}
+    for package in PACKAGES:
+        with contextlib.suppress(PackageNotFoundError):
+            versions[package] = version(package)
+    return versions
+
+
+def _discard(session: Session, existed: bool) -> None:
+    """Remove a session without trials; a folder that was there before stays, empty."""
+    if existed:
+        for path in session.path.iterdir():
+            path.unlink()
+    else:
+        shutil.rmtree(session.path, ignore_errors=True)
