@@ -19,9 +19,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from validation import tables
+from validation.curve_tables import channel_tables, film_trace_table, score_table, trace_table, with_scores
 from validation.errors import InputError, TrialError
 from validation.event import Event
+from validation.event_tables import event_summary, event_table
 from validation.events import find_events
 from validation.geometry import ActionGeometry, geometry_of
 from validation.measurement import ENCODER_CHANNELS, U_REST_LEVEL_M, Measurement, measure
@@ -30,6 +31,7 @@ from validation.prediction import Prediction, action_sha256, predict_trial
 from validation.provenance import model_version, provenance
 from validation.repeatability import event_repeatability, few_trials_warning
 from validation.result import ValidationResult
+from validation.trial_tables import trial_row, uncertainty_table
 from validation.verdict import verdict
 from validation.window import common_window
 
@@ -105,9 +107,7 @@ def compare_session(
 
     measured, refused = _measure_all(session, load_of, u_rest_level_m)
     if not measured:
-        reasons = (
-            "; ".join(f"trial {number}: {reason}" for number, reason in refused.items()) or "it has no trials"
-        )
+        reasons = "; ".join(f"trial {number}: {reason}" for number, reason in refused.items()) or "it has no trials"
         raise InputError(f"{session.path}: no usable trial ({reasons}); record or accept at least one")
 
     trial_events = {m.number: find_events(m.motion, m.quiet.stop) for m in measured}
@@ -163,23 +163,24 @@ def _assemble(
     origin: Callable[[], dict[str, Any]],
 ) -> ValidationResult:
     """Build every table of the result."""
-    traces = {m.number: tables.trace_table(m, predictions[m.number]) for m in measured}
-    film = {m.number: tables.film_trace_table(m, predictions[m.number]) for m in measured}
+    traces = {m.number: trace_table(m, predictions[m.number]) for m in measured}
+    film = {m.number: film_trace_table(m, predictions[m.number]) for m in measured}
     filmed = {number: frame for number, frame in film.items() if frame is not None}
-    channels, spread = tables.channel_tables(traces, filmed, window)
+    uncertainty = uncertainty_table(measured, filmed)
+    u_sample = uncertainty.groupby("channel")["u_rad"].mean().to_dict()
+    channels, spread = channel_tables(traces, filmed, u_sample, window)
     impact = {
         number: events["string_impact"].value
         for number, events in trial_events.items()
         if events["string_impact"].status != "absent"
     }
     u_encoder = {m.number: m.u_rad for m in measured}
-    scores = tables.score_table(traces, filmed, u_encoder, channels, window, impact)
-    channels = tables.with_scores(channels, scores)
-    summary = tables.event_summary(trial_events, model_events)
+    scores = score_table(traces, filmed, u_encoder, channels, window, impact)
+    channels = with_scores(channels, scores)
+    summary = event_summary(trial_events, model_events)
     by_number = {m.number: m for m in measured}
     rows = [
-        tables.trial_row(n, by_number.get(n), refused.get(n, ""), predictions.get(n))
-        for n in sorted({*by_number, *refused})
+        trial_row(n, by_number.get(n), refused.get(n, ""), predictions.get(n)) for n in sorted({*by_number, *refused})
     ]
     name = getattr(session.info, "name", "") or session.path.name
     action_name = str(getattr(action, "name", "unknown"))
@@ -192,10 +193,10 @@ def _assemble(
         trials=pd.DataFrame(rows),
         scores=scores,
         channels=channels,
-        events=tables.event_table(trial_events, model_events),
+        events=event_table(trial_events, model_events),
         event_summary=summary,
         event_repeatability=event_repeatability(trial_events),
-        uncertainty=tables.uncertainty_table(measured, filmed),
+        uncertainty=uncertainty,
         spread=spread,
         traces=traces,
         film_traces=filmed,
@@ -250,9 +251,7 @@ def _measure_all(
     return measured, refused
 
 
-def _predicted_events(
-    m: Measurement, p: Prediction, geometry: ActionGeometry, tolerance: float
-) -> dict[str, Event]:
+def _predicted_events(m: Measurement, p: Prediction, geometry: ActionGeometry, tolerance: float) -> dict[str, Event]:
     """Events of a prediction by the same definitions; a sample is as uncertain as the tolerance asked for."""
     change = np.column_stack([p.change_rad(name) for name in ENCODER_CHANNELS])
     motion = motion_of(geometry, p.time_s, change, np.full(3, tolerance))

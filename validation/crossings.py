@@ -79,9 +79,7 @@ def with_level_uncertainty(
         return None, float("nan")
     if u_level <= 0:
         return value, u_time_s
-    shifts = [
-        abs(other - value) for other in (find(level - u_level), find(level + u_level)) if other is not None
-    ]
+    shifts = [abs(other - value) for other in (find(level - u_level), find(level + u_level)) if other is not None]
     # nothing found on either side: the level is grazed, and the value may be off by its own size
     spread = max(shifts) if shifts else abs(value)
     return value, float(np.hypot(spread, u_time_s))

@@ -7,6 +7,8 @@ Failure: none; what did not happen is ``absent``.
 
 from __future__ import annotations
 
+import math
+
 from validation.event import Event, absent
 from validation.holds import check, key_bottom, key_release, rest
 from validation.impact import Speed, Strike, find_strikes
@@ -33,14 +35,12 @@ def find_events(motion: Motion, quiet_stop: int) -> dict[str, Event]:
     second = strikes[1] if len(strikes) > 1 else None
     bottom = key_bottom(motion)
     down_s = bottom.value if bottom.status != "absent" else None
-    check_time, check_height = check(
-        motion, first.time_s if first else None, second.time_s if second else float("inf")
-    )
+    check_time, check_height = check(motion, first.time_s if first else None, second.time_s if second else float("inf"))
     found = [
         bottom,
         _impact("string_impact", first, "hammer never reaches the string"),
-        _speed("hammer_speed", first, first.arrival if first else None),
-        _speed("rebound_speed", first, first.rebound if first else None),
+        _speed("hammer_speed", first, first.arrival if first else None, motion.u_speed_relative),
+        _speed("rebound_speed", first, first.rebound if first else None, motion.u_speed_relative),
         check_time,
         check_height,
         key_release(motion, down_s),
@@ -53,14 +53,13 @@ def find_events(motion: Motion, quiet_stop: int) -> dict[str, Event]:
 def _impact(name: str, strike: Strike | None, why_absent: str) -> Event:
     if strike is None:
         return absent(name, why_absent)
-    return Event(
-        name, strike.time_s, strike.u_time_s, strike.status, strike.note if strike.status != "found" else ""
-    )
+    return Event(name, strike.time_s, strike.u_time_s, strike.status, strike.note if strike.status != "found" else "")
 
 
-def _speed(name: str, strike: Strike | None, speed: Speed | None) -> Event:
+def _speed(name: str, strike: Strike | None, speed: Speed | None, u_relative: float) -> Event:
     if strike is None or speed is None:
         return absent(name, "no string impact")
-    if speed.value != speed.value:
+    if math.isnan(speed.value):
         return absent(name, speed.note)
-    return Event(name, speed.value, speed.u, strike.status, speed.note)
+    u = math.hypot(speed.u, u_relative * speed.value)
+    return Event(name, speed.value, u, strike.status, speed.note)

@@ -58,9 +58,7 @@ class ActionGeometry:
             angle[:, body] += change
         return angle
 
-    def sensitivity(
-        self, function: Callable[[Array], Array], body: int, angle_rad: Array | None = None
-    ) -> float:
+    def sensitivity(self, function: Callable[[Array], Array], body: int, angle_rad: Array | None = None) -> float:
         """Magnitude of d(function)/d(angle of one body), m/rad, at absolute angles (rest by default)."""
         centre = self.rest_angle_rad if angle_rad is None else np.asarray(angle_rad, dtype=float)
         step = 1e-5
@@ -96,9 +94,7 @@ def geometry_of(action: Any, rest_angle_rad: Array) -> ActionGeometry:
     def dip(angle: Array) -> Array:
         return np.asarray(observables.key_dip_m(action, angle, rest), dtype=float)
 
-    return ActionGeometry(
-        rest, height, dip, touch_dip(rest, dip, lambda angle: key_front_gap_m(action, angle))
-    )
+    return ActionGeometry(rest, height, dip, touch_dip(rest, dip, lambda angle: key_front_gap_m(action, angle)))
 
 
 def key_front_gap_m(action: Any, angle_rad: Array) -> Array:

@@ -63,9 +63,7 @@ def check(motion: Motion, impact_s: float | None, until_s: float = np.inf) -> tu
     if window is None:
         window = _first_hold(motion, impact_s, until_s, DOUBTFUL_HOLD_S)
         if window is None:
-            return absent("check_time", "hammer is never held"), absent(
-                "check_height", "hammer is never held"
-            )
+            return absent("check_time", "hammer is never held"), absent("check_height", "hammer is never held")
         note = "held for less than 20 ms"
     first, last = window
     time, height = motion.time_s, motion.hammer_height_m
@@ -86,11 +84,7 @@ def check(motion: Motion, impact_s: float | None, until_s: float = np.inf) -> tu
     # the band is around the hammer's own held height, so the zero of the height does not enter
     value, u = with_level_uncertainty(entry, CHECK_BAND_M, motion.u_height_m)
     status: Status = "ambiguous" if note else "found"
-    when = (
-        absent("check_time", "no entry into the held band")
-        if value is None
-        else _timed("check_time", value, u)
-    )
+    when = absent("check_time", "no entry into the held band") if value is None else _timed("check_time", value, u)
     if note and value is not None:
         when = Event("check_time", value, u, "ambiguous", note)
     return when, Event("check_height", level, u_height, status, note)
@@ -163,7 +157,5 @@ def rest(motion: Motion, quiet_stop: int) -> Event:
 def _timed(name: str, value: float, u: float) -> Event:
     """A time event; one that jumps by more than 10 ms within its level's uncertainty is ambiguous."""
     if u > DOUBTFUL_S:
-        return Event(
-            name, value, u, "ambiguous", f"moves by {1e3 * u:.0f} ms within the uncertainty of its level"
-        )
+        return Event(name, value, u, "ambiguous", f"moves by {1e3 * u:.0f} ms within the uncertainty of its level")
     return Event(name, value, u, "found")

@@ -98,9 +98,7 @@ def one_sided_speed(time_s: Array, height_m: Array, contact_s: float, side: int,
 
     t2, h2 = stretch(WINDOW_S)
     if t2.size < MINIMUM_SAMPLES:
-        return Speed(
-            float("nan"), float("nan"), f"only {t2.size} samples within 2 ms of contact; 4 are needed"
-        )
+        return Speed(float("nan"), float("nan"), f"only {t2.size} samples within 2 ms of contact; 4 are needed")
     line, line_cov, _ = _polynomial(t2 - t2.mean(), h2, 1, sigma)
     curve, curve_cov, chi2 = _polynomial(t2, h2, 2, sigma)
     if not _passes(chi2, t2.size, 2):
@@ -110,9 +108,7 @@ def one_sided_speed(time_s: Array, height_m: Array, contact_s: float, side: int,
         u = np.hypot(np.sqrt(line_cov[1, 1]) * max(residual / sigma, 1.0), gap / 2)
         return Speed(float(line[1]), float(u), "line over 2 ms; residual above encoder noise (vibration)")
     if abs(2 * curve[2]) > FREE_FLIGHT_M_PER_S2 + 3 * 2 * np.sqrt(curve_cov[2, 2]):
-        return Speed(
-            float(curve[1]), float(np.sqrt(curve_cov[1, 1])), "not in free flight: parabola over 2 ms"
-        )
+        return Speed(float(curve[1]), float(np.sqrt(curve_cov[1, 1])), "not in free flight: parabola over 2 ms")
 
     flight, best, best_cov = WINDOW_S, curve, curve_cov
     for length in np.arange(WINDOW_S + 1e-3, LONGEST_FLIGHT_S + 1e-9, 1e-3):
@@ -125,9 +121,7 @@ def one_sided_speed(time_s: Array, height_m: Array, contact_s: float, side: int,
     back = float(t2.mean())
     value = line[1] - 2 * best[2] * back
     u = np.sqrt(line_cov[1, 1] + (2 * back) ** 2 * best_cov[2, 2])
-    return Speed(
-        float(value), float(u), f"line over 2 ms, deceleration over {1e3 * flight:.0f} ms of free flight"
-    )
+    return Speed(float(value), float(u), f"line over 2 ms, deceleration over {1e3 * flight:.0f} ms of free flight")
 
 
 def _reversal(motion: Motion, after_s: float) -> bool:

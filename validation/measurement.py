@@ -49,6 +49,7 @@ class Measurement:
     change_rad: Array
     u_rad: Array
     resolution_rad: Array
+    scale_relative_u: Array
     motion: Motion
     film: FilmAngles | None
     seal: str
@@ -85,9 +86,7 @@ def measure(
     names = [encoder.name for encoder in data.encoders]
     missing = [name for name in ENCODER_CHANNELS if name not in names]
     if missing:
-        raise TrialError(
-            f"encoder {missing[0]!r} is missing; found {names}; key, whippen and hammer are needed"
-        )
+        raise TrialError(f"encoder {missing[0]!r} is missing; found {names}; key, whippen and hammer are needed")
     order = [names.index(name) for name in ENCODER_CHANNELS]
     counts = np.asarray(data.encoder_count)[:, order]
     angle = np.asarray(data.angle_rad(), dtype=float)[:, order]
@@ -102,11 +101,21 @@ def measure(
         group_delay_s=info.group_delay_s,
         preload_n=info.preload_n,
         u_preload_n=info.u_preload_n,
+        u_group_delay_s=info.u_group_delay_s,
         gain_relative_u=info.u_gain_relative,
         mains_hz=info.mains_frequency_hz,
     )
     change, u = encoder_change(angle, quiet, resolution)
-    motion = motion_of(geometry, time, change, u, u_height_zero_m=u_rest_level_m, u_dip_zero_m=u_rest_level_m)
+    scale = np.array([data.encoders[i].u_scale_relative for i in order])
+    motion = motion_of(
+        geometry,
+        time,
+        change,
+        u,
+        u_height_zero_m=u_rest_level_m,
+        u_dip_zero_m=u_rest_level_m,
+        u_scale_relative=scale,
+    )
     film, notes = _film(film_table, data, quiet)
     if not force.hum.accepted:
         notes.append(f"hum not subtracted: {force.hum.reason}")
@@ -119,6 +128,7 @@ def measure(
         change,
         u,
         resolution,
+        scale,
         motion,
         film,
         seal,

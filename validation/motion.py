@@ -28,7 +28,10 @@ class Motion:
     u_dip_m, u_height_m : float
         Standard uncertainty of one sample relative to its neighbours.
     u_dip_zero_m, u_height_zero_m : float
-        Standard uncertainty common to all samples of the trial: the level of the rest position.
+        Standard uncertainty common to all samples of the trial: the level of the rest position, and what the encoder's
+        scale makes of the way from rest to the string or the key bottom.
+    u_speed_relative : float
+        Relative standard uncertainty of a hammer speed from the encoder's scale.
     rest_height_m, key_touch_dip_m : float
     """
 
@@ -39,6 +42,7 @@ class Motion:
     u_height_m: float
     u_dip_zero_m: float
     u_height_zero_m: float
+    u_speed_relative: float
     rest_height_m: float
     key_touch_dip_m: float
 
@@ -59,6 +63,7 @@ def motion_of(
     *,
     u_height_zero_m: float = 0.0,
     u_dip_zero_m: float = 0.0,
+    u_scale_relative: Array | None = None,
 ) -> Motion:
     """Build a `Motion` from changes of the key, whippen and hammer angle since rest.
 
@@ -72,9 +77,12 @@ def motion_of(
         Standard uncertainty of one angle sample.
     u_height_zero_m, u_dip_zero_m : float
         Standard uncertainty of the hammer height and the key dip at rest.
+    u_scale_relative : (3,) array, optional
+        Relative standard uncertainty of the scales of key, whippen and hammer encoder.
     """
     change = np.asarray(change_rad, dtype=float)
     angle = geometry.absolute({KEY: change[:, 0], WHIPPEN: change[:, 1], HAMMER: change[:, 2]})
+    scale = np.zeros(3) if u_scale_relative is None else np.asarray(u_scale_relative, dtype=float)
     per_hammer = geometry.sensitivity(geometry.hammer_height_m, HAMMER)
     per_key = geometry.sensitivity(geometry.key_dip_m, KEY)
     return Motion(
@@ -83,8 +91,9 @@ def motion_of(
         hammer_height_m=geometry.hammer_height_m(angle),
         u_dip_m=per_key * float(u_sample_rad[0]),
         u_height_m=per_hammer * float(u_sample_rad[2]),
-        u_dip_zero_m=u_dip_zero_m,
-        u_height_zero_m=u_height_zero_m,
+        u_dip_zero_m=float(np.hypot(u_dip_zero_m, scale[0] * geometry.key_touch_dip_m)),
+        u_height_zero_m=float(np.hypot(u_height_zero_m, scale[2] * geometry.rest_height_m)),
+        u_speed_relative=float(scale[2]),
         rest_height_m=geometry.rest_height_m,
         key_touch_dip_m=geometry.key_touch_dip_m,
     )

@@ -64,9 +64,7 @@ def action_sha256(action: Any) -> str:
     return hashlib.sha256(f"{action.content()}\n{structure}".encode()).hexdigest()
 
 
-def input_sha256(
-    measurement: Measurement, action_hash: str, tolerance: float, model_version: str, rest: Array
-) -> str:
+def input_sha256(measurement: Measurement, action_hash: str, tolerance: float, model_version: str, rest: Array) -> str:
     """Hash of everything a prediction depends on."""
     digest = hashlib.sha256()
     for text in (action_hash, repr(float(tolerance)), model_version):
@@ -146,10 +144,7 @@ def _read(session: Any, measurement: Measurement, key: str, rest: Array) -> Pred
         return None
     table, attrs = found
     columns = [f"{body}_rad" for body in BODIES], [f"{body}_rad_per_s" for body in BODIES]
-    if (
-        not all(name in table.columns for group in columns for name in group)
-        or len(table) != measurement.time_s.size
-    ):
+    if not all(name in table.columns for group in columns for name in group) or len(table) != measurement.time_s.size:
         return None
     angle, speed = (table[group].to_numpy(dtype=float) for group in columns)
     return Prediction(measurement.time_s, angle, speed, rest, key, True, attrs.get("counters", {}))

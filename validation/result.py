@@ -41,7 +41,8 @@ class ValidationResult:
     channels : DataFrame
         One row per channel: channel, source, n_trials, rmse_rad (root mean square over trials), range_rad,
         rmse_over_range, s_r_rad, s_r_low_rad, s_r_high_rad, s_r_largest_rad, limit_rad, rmse_over_s_r,
-        trial_to_trial_rmse_rad, pairs, state.
+        trial_to_trial_rmse_rad, pairs, mean_difference_rad,
+        resolved_share (of the window in which the mean paired difference exceeds its 95 % uncertainty), state.
     events : DataFrame
         One row per trial, source (trial or model) and event: trial, source, event, value, u, unit, status,
         note.
@@ -51,9 +52,10 @@ class ValidationResult:
     event_repeatability : DataFrame
         See `validation.repeatability.event_repeatability`.
     uncertainty : DataFrame
-        One row per trial and channel: trial, channel, source, quantisation_rad, u_rad.
+        One row per trial and channel: trial, channel, source, quantisation_rad, u_rad (one sample), scale_relative_u.
     spread : DataFrame
-        On the common time base inside the window: time_s, then <channel>_mean_rad and <channel>_s_r_rad.
+        On the common time base inside the window: time_s, then <channel>_mean_rad, _s_r_rad,
+        _difference_rad (mean paired difference) and _difference_u95_rad.
     traces : dict
         Trial → DataFrame of time_s, raw_force_n, force_time_s, force_n, <channel>_measured_rad,
         <body>_predicted_rad.

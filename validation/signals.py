@@ -122,9 +122,7 @@ def find_quiet(
         clean = force - hum.baseline_n(time)
         onset = _force_onset(clean, onset - margin)
     if onset is None:
-        raise TrialError(
-            "force never leaves its baseline by 5 sigma; was the blow played? check motor and load cell"
-        )
+        raise TrialError("force never leaves its baseline by 5 sigma; was the blow played? check motor and load cell")
     moved = onset
     if encoder_count is not None:
         counts = np.asarray(encoder_count)
@@ -149,6 +147,7 @@ def correct_force(
     group_delay_s: float = 0.0,
     preload_n: float = 0.0,
     u_preload_n: float = 0.0,
+    u_group_delay_s: float = 0.0,
     gain_relative_u: float = 0.0,
     mains_hz: float | None = None,
 ) -> CorrectedForce:
@@ -187,7 +186,8 @@ def correct_force(
     hum = fit_hum(time[: quiet.stop], force[: quiet.stop], mains_hz)
     corrected = force - hum.baseline_n(time) + preload_n
     noise = hum.residual_after_n if hum.accepted else hum.residual_before_n
-    u = np.sqrt(noise**2 + hum.u_baseline_n(time) ** 2 + u_preload_n**2)
+    slope = np.gradient(corrected, time)
+    u = np.sqrt(noise**2 + hum.u_baseline_n(time) ** 2 + u_preload_n**2 + (slope * u_group_delay_s) ** 2)
     return CorrectedForce(
         time - group_delay_s, corrected, u, gain_relative_u, hum, noise, preload_n, u_preload_n, group_delay_s
     )

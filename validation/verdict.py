@@ -2,8 +2,8 @@
 which events disagree.
 
 Place in the data flow: channel and event tables → here → top of the report and of `results.json`.
-Conventions: degrees and millimetres for reading; a difference within the repeatability limit is called not
-resolved, never "valid".
+Conventions: degrees for reading; the RMSE is set against the repeatability limit, the paired difference against its own
+uncertainty; no model is called valid.
 Failure: none; what is not known is said to be unknown.
 """
 
@@ -30,9 +30,7 @@ def verdict(session: str, action: str, channels: pd.DataFrame, events: pd.DataFr
     scored = channels[channels["rmse_rad"].notna()]
     parts = []
     for row in scored.itertuples():
-        text = (
-            f"{row.channel} {math.degrees(row.rmse_rad):.2g}° ({100 * row.rmse_over_range:.1f} % of its range"
-        )
+        text = f"{row.channel} {math.degrees(row.rmse_rad):.2g}° ({100 * row.rmse_over_range:.1f} % of its range"
         if row.rmse_over_s_r == row.rmse_over_s_r:
             text += f", {row.rmse_over_s_r:.1f} × s_r"
         parts.append(text + ")")
@@ -44,14 +42,16 @@ def verdict(session: str, action: str, channels: pd.DataFrame, events: pd.DataFr
     if len(scored):
         worst = scored.loc[scored["rmse_over_range"].idxmax()]
         sentences.append(f"Worst channel relative to its range: {worst['channel']}.")
-    if n_trials > 1 and len(scored):
-        judged = scored[scored["limit_rad"].notna()]
+    judged = scored[scored["resolved_share"].notna()]
+    if len(judged):
+        shares = ", ".join(f"{row.channel} {100 * row.resolved_share:.0f} %" for row in judged.itertuples())
+        sentences.append(f"Share of the window in which model and trials differ beyond the uncertainty: {shares}.")
         beyond = list(judged.loc[judged["rmse_rad"] > judged["limit_rad"], "channel"])
-        within = list(judged.loc[judged["rmse_rad"] <= judged["limit_rad"], "channel"])
-        if beyond:
-            sentences.append(f"Beyond the repeatability limit: {', '.join(beyond)}.")
-        if within:
-            sentences.append(f"Within the limit, so no model error is resolved: {', '.join(within)}.")
+        sentences.append(
+            "RMSE above the repeatability limit: " + ", ".join(beyond) + "."
+            if beyond
+            else "In no channel is the RMSE above the repeatability limit, by which two trials may differ."
+        )
     sentences.append(_events(events))
     return " ".join(sentences)
 

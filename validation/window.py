@@ -50,9 +50,7 @@ def common_window(measurements: list[Measurement], events: dict[int, dict[str, E
     events : dict
         Trial number → measured events.
     """
-    start = max(
-        min(m.quiet.onset_s for m in measurements) - LEAD_S, max(float(m.time_s[0]) for m in measurements)
-    )
+    start = max(min(m.quiet.onset_s for m in measurements) - LEAD_S, max(float(m.time_s[0]) for m in measurements))
     # the model knows no force for the last group delay of a record
     record = min(float(m.force.time_s[-1]) for m in measurements)
     rests = [events[m.number]["rest"] for m in measurements]
@@ -63,7 +61,5 @@ def common_window(measurements: list[Measurement], events: dict[int, dict[str, E
     if end > record:
         end, rule = record, "end of the shortest record"
     if not end > start:
-        raise InputError(
-            f"evaluation window: start {start:.4f} s, end {end:.4f} s; the trials do not overlap in time"
-        )
+        raise InputError(f"evaluation window: start {start:.4f} s, end {end:.4f} s; the trials do not overlap in time")
     return Window(start, end, "20 ms before the earliest force onset", rule)

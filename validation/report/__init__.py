@@ -61,9 +61,7 @@ def validate_session(
     session = open_session(session_path)
     folder = Path(out) if out is not None else Path(session.path)
     check_folder(folder)
-    result = compare_session(
-        session, action, tolerance=tolerance, predict=predict, progress=progress, **options
-    )
+    result = compare_session(session, action, tolerance=tolerance, predict=predict, progress=progress, **options)
     if progress is not None:
         progress("writing the report")
     return write_report(result, folder)

@@ -15,35 +15,26 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 from matplotlib import rc_context
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from validation.geometry import Array
 from validation.measurement import ENCODER_CHANNELS, FILM_CHANNELS
-from validation.report.svg import STYLE, decimate, figure_svg
+from validation.report.drawing import (
+    BLACK,
+    BLUE,
+    SKY,
+    TITLE,
+    VERMILION,
+    band,
+    degrees,
+    draw,
+    finish_axes,
+    legend,
+    line_style,
+    rotation_label,
+)
+from validation.report.svg import STYLE, figure_svg
 from validation.result import ValidationResult
 
-BLACK, ORANGE, SKY, GREEN, BLUE, VERMILION, PURPLE = (
-    "#000000",
-    "#B37400",
-    "#2A8FC4",
-    "#00785A",
-    "#0072B2",
-    "#C04A00",
-    "#A8528A",
-)
-COLOURS = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, BLACK, SKY)
-DASHES: tuple[tuple[float, ...] | None, ...] = (None, (5, 1.5), (1.5, 1.2), (6, 1.5, 1.5, 1.5), (8, 2))
-SIGN = {"key": -1.0, "whippen": 1.0, "jack": -1.0, "repetition": -1.0, "hammer": -1.0}
-SYMBOL = {"key": "k", "whippen": "w", "jack": "j", "repetition": "r", "hammer": "h"}
-TITLE = {
-    "key": "key",
-    "whippen": "whippen",
-    "jack": "jack",
-    "repetition": "repetition lever",
-    "hammer": "hammer",
-}
-MOST_IN_LEGEND = 8
 ZOOM_S = (0.02, 0.03)
 WIDTH_IN = 9.2
 
@@ -58,46 +49,8 @@ class ReportFigure:
     svg: str
 
 
-def rotation_label(channel: str) -> str:
-    """Axis label with the thesis's sign convention."""
-    s = SYMBOL[channel]
-    return f"θ{s} − θ{s}(0) (°)" if SIGN[channel] > 0 else f"θ{s}(0) − θ{s} (°)"
-
-
-def _style(i: int) -> dict[str, object]:
-    style: dict[str, object] = {"color": COLOURS[i % len(COLOURS)], "linewidth": 1.1}
-    dash = DASHES[i % len(DASHES)]
-    if dash is not None:
-        style["dashes"] = dash
-    return style
-
-
-def _draw(axes: Axes, time: Array, values: Array, label: str | None = None, **style: object) -> None:
-    t, v = decimate(time, values)
-    axes.plot(t, v, label=label, **style)  # type: ignore[arg-type]
-
-
-def _grid(axes: Axes, ylabel: str, *, bottom: bool = True) -> None:
-    axes.set_ylabel(ylabel)
-    axes.grid(True, color="#DDDDDD", linewidth=0.6)
-    axes.margins(x=0)
-    if bottom:
-        axes.set_xlabel("time (s)")
-    else:
-        axes.tick_params(labelbottom=False)
-
-
 def _window(result: ValidationResult, frame: pd.DataFrame) -> pd.DataFrame:
     return frame[result.window.mask(frame["time_s"].to_numpy())]
-
-
-def _legend(axes: Axes, n: int) -> None:
-    if n <= MOST_IN_LEGEND:
-        axes.legend(fontsize=8, ncols=2, framealpha=0.9, loc="best")
-
-
-def _degrees(channel: str, rad: pd.Series | Array) -> Array:
-    return SIGN[channel] * np.degrees(np.asarray(rad, dtype=float))
 
 
 def force_of_all_trials(result: ValidationResult) -> ReportFigure:
@@ -109,13 +62,11 @@ def force_of_all_trials(result: ValidationResult) -> ReportFigure:
         f = _window(result, frame)
         force = f["force_n"].to_numpy()
         peak = max(peak, float(force.max(initial=0.0)))
-        _draw(axes, f["force_time_s"].to_numpy(), force, f"trial {number}", **_style(i))
-    _grid(axes, "force (N)")
-    _legend(axes, len(result.traces))
+        draw(axes, f["force_time_s"].to_numpy(), force, f"trial {number}", **line_style(i))
+    finish_axes(axes, "force (N)")
+    legend(axes, len(result.traces))
     n = len(result.traces)
-    caption = (
-        f"Measured force of all {n} trials, corrected for offset, hum and channel delay, never smoothed."
-    )
+    caption = f"Measured force of all {n} trials, corrected for offset, hum and channel delay, never smoothed."
     text = f"{n} curves of force over time; the largest force is {peak:.1f} N."
     return _finish(figure, "force-all", "3.9", caption, text)
 
@@ -126,25 +77,23 @@ def rotation_of_all_trials(result: ValidationResult, channel: str, number: str) 
     top, low = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
     for i, (trial, frame) in enumerate(result.traces.items()):
         f = _window(result, frame)
-        _draw(
+        draw(
             top,
             f["time_s"].to_numpy(),
-            _degrees(channel, f[f"{channel}_measured_rad"]),
+            degrees(channel, f[f"{channel}_measured_rad"]),
             f"trial {trial}",
-            **_style(i),
+            **line_style(i),
         )
-    _grid(top, rotation_label(channel), bottom=False)
-    _legend(top, len(result.traces))
+    finish_axes(top, rotation_label(channel), bottom=False)
+    legend(top, len(result.traces))
     s_r = np.degrees(result.spread[f"{channel}_s_r_rad"].to_numpy())
     text = "Repeatability is not known with one trial."
     if np.isfinite(s_r).any():
-        _draw(low, result.spread["time_s"].to_numpy(), s_r, color=BLACK, linewidth=1.0)
+        draw(low, result.spread["time_s"].to_numpy(), s_r, color=BLACK, linewidth=1.0)
         text = f"s_r(t) is at most {np.nanmax(s_r):.3f}°."
-    _grid(low, "s_r (°)")
+    finish_axes(low, "s_r (°)")
     low.set_ylim(bottom=0)
-    caption = (
-        f"Rotation of the {TITLE[channel]} in all {len(result.traces)} trials; below: repeatability s_r(t)."
-    )
+    caption = f"Rotation of the {TITLE[channel]} in all {len(result.traces)} trials; below: repeatability s_r(t)."
     return _finish(figure, f"{channel}-all", number, caption, text)
 
 
@@ -158,29 +107,25 @@ def film_rotations(result: ValidationResult) -> list[ReportFigure]:
         grid = figure.subplots(2, 2, sharex=True, height_ratios=(2.4, 1))
         notes = []
         for j, channel in enumerate(FILM_CHANNELS):
-            measured = _degrees(channel, f[f"{channel}_measured_rad"])
-            model = _degrees(channel, f[f"{channel}_predicted_rad"])
-            band = 2 * np.degrees(f[f"{channel}_u_rad"].to_numpy())
+            measured = degrees(channel, f[f"{channel}_measured_rad"])
+            model = degrees(channel, f[f"{channel}_predicted_rad"])
+            reach = 2 * np.degrees(f[f"{channel}_u_rad"].to_numpy())
             top, low = grid[0, j], grid[1, j]
-            _band(top, time, measured - band, measured + band)
-            _draw(top, time, measured, "film, ±2u shaded", color=BLACK, linewidth=0.9)
-            _draw(top, time, model, "model", color=VERMILION, linewidth=1.2, dashes=(5, 1.5))
+            band(top, time, measured - reach, measured + reach)
+            draw(top, time, measured, "film, ±2u shaded", color=BLACK, linewidth=0.9)
+            draw(top, time, model, "model", color=VERMILION, linewidth=1.2, dashes=(5, 1.5))
             top.set_title(TITLE[channel], fontsize=9)
-            _grid(top, rotation_label(channel), bottom=False)
+            finish_axes(top, rotation_label(channel), bottom=False)
             top.legend(fontsize=8)
-            _band(low, time, -band, band)
-            _draw(low, time, model - measured, color=BLUE, linewidth=0.9)
-            _grid(low, "model − film (°)")
+            band(low, time, -reach, reach)
+            draw(low, time, model - measured, color=BLUE, linewidth=0.9)
+            finish_axes(low, "model − film (°)")
             lost = int(np.isnan(measured).sum())
-            median = float(np.nanmedian(band)) / 2 if np.isfinite(band).any() else float("nan")
-            notes.append(
-                f"{TITLE[channel]}: u = {median:.3f}° (median), {lost} of {measured.size} frames lost"
-            )
+            median = float(np.nanmedian(reach)) / 2 if np.isfinite(reach).any() else float("nan")
+            notes.append(f"{TITLE[channel]}: u = {median:.3f}° (median), {lost} of {measured.size} frames lost")
         caption = (
             f"Rotation of jack and repetition lever relative to the whippen, tracked on the film of "
-            f"trial {trial}. "
-            + "; ".join(notes)
-            + "."
+            f"trial {trial}. " + "; ".join(notes) + "."
         )
         figures.append(_finish(figure, f"film-{trial}", "3.13", caption, caption))
     return figures
@@ -193,7 +138,7 @@ def force_of_one_trial(result: ValidationResult, trial: int) -> ReportFigure:
     axes, zoom = figure.subplots(1, 2, width_ratios=(2.2, 1))
     at, peak = _peak(f)
     for panel in (axes, zoom):
-        _draw(
+        draw(
             panel,
             f["time_s"].to_numpy(),
             f["raw_force_n"].to_numpy(),
@@ -201,7 +146,7 @@ def force_of_one_trial(result: ValidationResult, trial: int) -> ReportFigure:
             color=SKY,
             linewidth=0.8,
         )
-        _draw(
+        draw(
             panel,
             f["force_time_s"].to_numpy(),
             f["force_n"].to_numpy(),
@@ -209,13 +154,11 @@ def force_of_one_trial(result: ValidationResult, trial: int) -> ReportFigure:
             color=BLACK,
             linewidth=1.1,
         )
-        _grid(panel, "force (N)")
+        finish_axes(panel, "force (N)")
     zoom.set_xlim(at - 0.012, at + 0.012)
     zoom.set_title("around the peak", fontsize=9)
     axes.legend(fontsize=8)
-    caption = (
-        f"Force of trial {trial}: as recorded, and as it drives the model, corrected (offset, hum, delay)."
-    )
+    caption = f"Force of trial {trial}: as recorded, and as it drives the model, corrected (offset, hum, delay)."
     return _finish(figure, "force-one", "4.1", caption, f"Peak of {peak:.1f} N at {at:.4f} s.")
 
 
@@ -223,25 +166,21 @@ def model_against_trial(result: ValidationResult, trial: int, channel: str, numb
     """One channel of one trial with its prediction, and the residuals of all trials (thesis 4.2–4.4)."""
     f = _window(result, result.traces[trial])
     time = f["time_s"].to_numpy()
-    measured = _degrees(channel, f[f"{channel}_measured_rad"])
-    model = _degrees(channel, f[f"{channel}_predicted_rad"])
+    measured = degrees(channel, f[f"{channel}_measured_rad"])
+    model = degrees(channel, f[f"{channel}_predicted_rad"])
     figure = Figure(figsize=(WIDTH_IN, 4.4), layout="constrained")
     grid = figure.subplots(2, 2, sharex="col", height_ratios=(2.2, 1), width_ratios=(2.2, 1))
     for top in grid[0]:
-        _draw(top, time, measured, f"trial {trial}", color=BLACK, linewidth=1.2)
-        _draw(top, time, model, "model", color=VERMILION, linewidth=1.3, dashes=(5, 1.5))
-        _grid(top, rotation_label(channel), bottom=False)
+        draw(top, time, measured, f"trial {trial}", color=BLACK, linewidth=1.2)
+        draw(top, time, model, "model", color=VERMILION, linewidth=1.3, dashes=(5, 1.5))
+        finish_axes(top, rotation_label(channel), bottom=False)
     for low in grid[1]:
         for i, (other, frame) in enumerate(result.traces.items()):
             part = _window(result, frame)
-            difference = (
-                part[f"{channel}_predicted_rad"].to_numpy() - part[f"{channel}_measured_rad"].to_numpy()
-            )
-            _draw(
-                low, part["time_s"].to_numpy(), _degrees(channel, difference), f"trial {other}", **_style(i)
-            )
+            difference = part[f"{channel}_predicted_rad"].to_numpy() - part[f"{channel}_measured_rad"].to_numpy()
+            draw(low, part["time_s"].to_numpy(), degrees(channel, difference), f"trial {other}", **line_style(i))
         low.axhline(0.0, color="#777777", linewidth=0.7)
-        _grid(low, "model − trial (°)")
+        finish_axes(low, "model − trial (°)")
     grid[0, 0].legend(fontsize=8)
     centre = _impact(result, trial)
     if centre is not None:
@@ -270,12 +209,6 @@ def all_figures(result: ValidationResult) -> dict[str, list[ReportFigure]]:
         for channel, number in zip(ENCODER_CHANNELS, ("4.2", "4.3", "4.4"), strict=True):
             comparison.append(model_against_trial(result, first, channel, number))
         return {"repeatability": repeatability, "comparison": comparison}
-
-
-def _band(axes: Axes, time: Array, low: Array, high: Array) -> None:
-    t, a = decimate(time, low, keep="min")
-    _, b = decimate(time, high, keep="max")
-    axes.fill_between(t, a, b, color=SKY, alpha=0.35, linewidth=0)
 
 
 def _peak(frame: pd.DataFrame) -> tuple[float, float]:

@@ -91,8 +91,7 @@ def score_matrix(result: ValidationResult) -> PageTable:
             ]
         )
     notes = [
-        "RMSE of model − trial in degrees inside the evaluation window; “all” is the root mean square "
-        "over trials.",
+        "RMSE of model − trial in degrees inside the evaluation window; “all” is the root mean square over trials.",
         "s_r: repeatability standard deviation; limit: 95 % of differences between two trials are "
         "smaller (ISO 5725, factor for "
         "few trials); trial–trial: the same RMSE between trials, the best a model could be asked for.",
@@ -103,6 +102,7 @@ def score_matrix(result: ValidationResult) -> PageTable:
 def resolution_table(result: ValidationResult) -> PageTable:
     """Before the impact, bias, largest difference and stated uncertainty per channel."""
     rows = []
+    shares = dict(zip(result.channels["channel"], result.channels["resolved_share"].astype(float), strict=True))
     for channel, part in result.scores.groupby("channel", sort=False):
         worst = part.loc[part["largest_rad"].idxmax()] if part["largest_rad"].notna().any() else None
         rows.append(
@@ -113,6 +113,7 @@ def resolution_table(result: ValidationResult) -> PageTable:
                 degrees(float(part["bias_rad"].mean())),
                 degrees(float(worst["largest_rad"])) if worst is not None else DASH,
                 f"{worst['largest_at_s']:.4f} (trial {int(worst['trial'])})" if worst is not None else DASH,
+                percent(shares[str(channel)]),
                 degrees(_rms(part["u_rms_rad"])),
                 str(int(part["n_lost"].sum())),
             ]
@@ -124,10 +125,15 @@ def resolution_table(result: ValidationResult) -> PageTable:
         "bias",
         "largest",
         "at (s)",
+        "resolved",
         "u of one sample",
         "lost samples",
     ]
-    return PageTable("differences", "Differences model − trial by channel (°)", head, rows)
+    notes = [
+        "resolved: share of the window in which the mean paired difference exceeds its 95 % uncertainty (Student's t "
+        "over trials and the sensor's own uncertainty, instant by instant)."
+    ]
+    return PageTable("differences", "Differences model − trial by channel (°)", head, rows, notes)
 
 
 def event_page_table(result: ValidationResult) -> PageTable:
@@ -150,8 +156,7 @@ def event_page_table(result: ValidationResult) -> PageTable:
         )
     head = ["event", "found in trials / model", "trials: mean ± s", "model: mean", "model − trial ± u"]
     notes = [
-        "Differences are paired by trial; u is a standard uncertainty (encoder, levels of rest, scatter "
-        "over trials)."
+        "Differences are paired by trial; u is a standard uncertainty (encoder, levels of rest, scatter over trials)."
     ]
     return PageTable("events", "Events: presence first, then timing", head, rows, notes)
 
@@ -167,9 +172,7 @@ def event_by_trial_table(result: ValidationResult) -> PageTable:
         kind = EVENTS[e.event]
         k = kind.display_factor
         shown = with_u(k * e.value, k * e.u)
-        rows.append(
-            [f"{kind.title} ({kind.display_unit})", str(e.trial), e.source, shown, e.status, e.note or ""]
-        )
+        rows.append([f"{kind.title} ({kind.display_unit})", str(e.trial), e.source, shown, e.status, e.note or ""])
     head = ["event", "trial", "source", "value ± u", "status", "note"]
     return PageTable("events-by-trial", "Every event of every trial", head, rows)
 

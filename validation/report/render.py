@@ -33,8 +33,7 @@ def render_html(result: ValidationResult) -> str:
     )
     template = environment.get_template("report.html.j2")
     figures = {
-        group: [{"figure": f, "svg": Markup(f.svg)} for f in members]
-        for group, members in all_figures(result).items()
+        group: [{"figure": f, "svg": Markup(f.svg)} for f in members] for group, members in all_figures(result).items()
     }
     return template.render(
         result=result,
@@ -77,15 +76,11 @@ def cannot_claim(result: ValidationResult) -> list[str]:
     if filmed == 0:
         limits.append("Jack and repetition lever were not filmed: nothing is said about them.")
     elif filmed == 1:
-        limits.append(
-            "Jack and repetition lever were filmed in one trial only: their repeatability is not known."
-        )
+        limits.append("Jack and repetition lever were filmed in one trial only: their repeatability is not known.")
     if n < 2:
         limits.append("With one trial no difference can be judged against repeatability.")
     if bool(result.provenance.get("session", {}).get("simulated", False)):
-        limits.append(
-            "The session is simulated: it shows that the method works, not how a real action behaves."
-        )
+        limits.append("The session is simulated: it shows that the method works, not how a real action behaves.")
     return limits
 
 

@@ -31,9 +31,7 @@ STYLE: dict[Any, Any] = {
 }
 
 
-def decimate(
-    time: Array, values: Array, *, columns: int = COLUMNS, keep: str = "both"
-) -> tuple[Array, Array]:
+def decimate(time: Array, values: Array, *, columns: int = COLUMNS, keep: str = "both") -> tuple[Array, Array]:
     """Thin a curve to the smallest and largest value of each pixel column, so that no spike is lost.
 
     Parameters

@@ -1,4 +1,4 @@
-"""The tables of a comparison: traces, scores, channels, events, trials, uncertainty.
+"""Tables of curves: traces of each trial, channel summary with repeatability, scores.
 
 Place in the data flow: measurements and predictions → here → `validation.comparison`.
 Conventions: SI and rad; differences are model − trial, paired by trial; nothing is aligned.
@@ -10,13 +10,26 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
-from validation.event import EVENTS, Event
 from validation.geometry import Array
 from validation.measurement import ENCODER_CHANNELS, FILM_CHANNELS, Measurement
 from validation.metrics import pair_rmse, score_curve
+from validation.paired import paired_difference
 from validation.prediction import BODIES, Prediction
 from validation.repeatability import curve_repeatability, s_interval_factors
 from validation.window import Window
+
+CURVE_COLUMNS = (
+    "range_rad",
+    "s_r_rad",
+    "s_r_low_rad",
+    "s_r_high_rad",
+    "s_r_largest_rad",
+    "limit_rad",
+    "trial_to_trial_rmse_rad",
+    "pairs",
+    "mean_difference_rad",
+    "resolved_share",
+)
 
 
 def trace_table(m: Measurement, p: Prediction) -> pd.DataFrame:
@@ -66,9 +79,15 @@ def on_common_base(time_s: Array, frames: dict[int, pd.DataFrame], column: str) 
 
 
 def channel_tables(
-    traces: dict[int, pd.DataFrame], film: dict[int, pd.DataFrame], window: Window
+    traces: dict[int, pd.DataFrame],
+    film: dict[int, pd.DataFrame],
+    u_sample: dict[str, float],
+    window: Window,
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Channel summary without scores, and mean and s_r over time, for encoder and film channels."""
+    """Channel summary without scores, and mean, s_r and paired difference over time, per channel.
+
+    ``u_sample`` is the standard uncertainty of one sample by channel.
+    """
     base = next(iter(traces.values()))["time_s"].to_numpy()
     base = base[window.mask(base)]
     rows: list[dict[str, object]] = []
@@ -76,14 +95,18 @@ def channel_tables(
     for names, frames, source in ((ENCODER_CHANNELS, traces, "encoder"), (FILM_CHANNELS, film, "film")):
         for name in names:
             if not frames:
-                rows.append({"channel": name, "source": source, "n_trials": 0, "state": "not filmed"})
+                nothing = dict.fromkeys(CURVE_COLUMNS, np.nan)
+                rows.append({"channel": name, "source": source, "n_trials": 0, **nothing, "state": "not filmed"})
                 continue
             curves = on_common_base(base, frames, f"{name}_measured_rad")
+            predicted = on_common_base(base, frames, f"{name}_predicted_rad")
+            paired = paired_difference(predicted, curves, u_sample.get(name, 0.0))
             r = curve_repeatability(curves)
             low, high = s_interval_factors(r.n_trials)
             ceiling, pairs = pair_rmse(curves)
             extent = [float(np.ptp(c[np.isfinite(c)])) if np.isfinite(c).any() else np.nan for c in curves.T]
             spread[f"{name}_mean_rad"], spread[f"{name}_s_r_rad"] = r.mean, r.s_r
+            spread[f"{name}_difference_rad"], spread[f"{name}_difference_u95_rad"] = paired.mean, paired.u95
             rows.append(
                 {
                     "channel": name,
@@ -97,6 +120,8 @@ def channel_tables(
                     "limit_rad": r.limit,
                     "trial_to_trial_rmse_rad": ceiling,
                     "pairs": pairs,
+                    "mean_difference_rad": paired.rms,
+                    "resolved_share": paired.resolved_share,
                     "state": "one trial" if r.n_trials == 1 else "",
                 }
             )
@@ -112,9 +137,7 @@ def score_table(
     impact_s: dict[int, float],
 ) -> pd.DataFrame:
     """Scores of every trial and channel inside the window."""
-    s_r = dict(
-        zip(channels["channel"], channels.get("s_r_rad", pd.Series(np.nan, channels.index)), strict=True)
-    )
+    s_r = dict(zip(channels["channel"], channels.get("s_r_rad", pd.Series(np.nan, channels.index)), strict=True))
     rows = []
     for names, frames, source in ((ENCODER_CHANNELS, traces, "encoder"), (FILM_CHANNELS, film, "film")):
         for number, whole in frames.items():
@@ -160,9 +183,6 @@ def with_scores(channels: pd.DataFrame, scores: pd.DataFrame) -> pd.DataFrame:
     rms = scores.groupby("channel")["rmse_rad"].agg(lambda v: float(np.sqrt(np.mean(np.square(v)))))
     out = channels.copy()
     out["rmse_rad"] = out["channel"].map(rms)
-    for name in ("range_rad", "s_r_rad"):
-        if name not in out:
-            out[name] = np.nan
     out["rmse_over_range"] = out["rmse_rad"] / out["range_rad"]
     out["rmse_over_s_r"] = out["rmse_rad"] / out["s_r_rad"].where(out["s_r_rad"] > 0)
     first = [
@@ -176,123 +196,3 @@ def with_scores(channels: pd.DataFrame, scores: pd.DataFrame) -> pd.DataFrame:
         "rmse_over_s_r",
     ]
     return out[first + [c for c in out.columns if c not in first]]
-
-
-def event_table(trial: dict[int, dict[str, Event]], model: dict[int, dict[str, Event]]) -> pd.DataFrame:
-    """Every event of every trial and of its prediction."""
-    rows = [
-        {
-            "trial": number,
-            "source": source,
-            "event": e.name,
-            "value": e.value,
-            "u": e.u,
-            "unit": EVENTS[e.name].unit,
-            "status": e.status,
-            "note": e.note,
-        }
-        for source, events in (("trial", trial), ("model", model))
-        for number, found in events.items()
-        for e in found.values()
-    ]
-    return pd.DataFrame(rows)
-
-
-def event_summary(trial: dict[int, dict[str, Event]], model: dict[int, dict[str, Event]]) -> pd.DataFrame:
-    """Presence first, then means and paired differences (model − trial) where both found the event."""
-    rows = []
-    for name, kind in EVENTS.items():
-        t = [events[name] for events in trial.values()]
-        m = [model[number][name] for number in trial]
-        there = np.array([e.status != "absent" for e in t])
-        predicted = np.array([e.status != "absent" for e in m])
-        both = there & predicted
-        tv, mv = np.array([e.value for e in t]), np.array([e.value for e in m])
-        tu, mu = np.array([e.u for e in t]), np.array([e.u for e in m])
-        d = (mv - tv)[both]
-        n = d.size
-        s = float(d.std(ddof=1)) if n > 1 else float("nan")
-        # the levels of rest are the same for all trials, so averaging does not shrink the stated uncertainty
-        stated = float(np.sqrt(np.mean(tu[both] ** 2 + mu[both] ** 2))) if n else float("nan")
-        rows.append(
-            {
-                "event": name,
-                "unit": kind.unit,
-                "n_trials": len(t),
-                "found_trial": int(there.sum()),
-                "found_model": int(predicted.sum()),
-                "agree": bool(np.all(there == predicted)),
-                "ambiguous": sum(e.status == "ambiguous" for e in t + m),
-                "trial_mean": float(tv[there].mean()) if there.any() else float("nan"),
-                "trial_s": float(tv[there].std(ddof=1)) if there.sum() > 1 else float("nan"),
-                "model_mean": float(mv[predicted].mean()) if predicted.any() else float("nan"),
-                "difference": float(d.mean()) if n else float("nan"),
-                "difference_s": s,
-                "u_difference": float(np.hypot(stated, s / np.sqrt(n))) if n > 1 else stated,
-            }
-        )
-    return pd.DataFrame(rows)
-
-
-def uncertainty_table(measurements: list[Measurement], film: dict[int, pd.DataFrame]) -> pd.DataFrame:
-    """Stated standard uncertainty of one sample of every channel; for film the median over frames."""
-    rows: list[dict[str, object]] = []
-    for m in measurements:
-        for i, name in enumerate(ENCODER_CHANNELS):
-            quantisation = float(m.resolution_rad[i] / np.sqrt(12))
-            rows.append(
-                {
-                    "trial": m.number,
-                    "channel": name,
-                    "source": "encoder",
-                    "quantisation_rad": quantisation,
-                    "u_rad": float(m.u_rad[i]),
-                }
-            )
-        if m.number in film:
-            for name in FILM_CHANNELS:
-                u = film[m.number][f"{name}_u_rad"].to_numpy()
-                u = u[np.isfinite(u)]
-                median = float(np.median(u)) if u.size else float("nan")
-                rows.append(
-                    {
-                        "trial": m.number,
-                        "channel": name,
-                        "source": "film",
-                        "quantisation_rad": np.nan,
-                        "u_rad": median,
-                    }
-                )
-    return pd.DataFrame(rows)
-
-
-def trial_row(number: int, m: Measurement | None, reason: str, p: Prediction | None) -> dict[str, object]:
-    """One row of the trial table; a trial that is not used has only its reason."""
-    if m is None or p is None:
-        return {"trial": number, "used": False, "reason": reason}
-    hum = m.force.hum
-    row: dict[str, object] = {
-        "trial": number,
-        "used": True,
-        "reason": "",
-        "quiet_s": m.quiet.length_s,
-        "onset_s": m.quiet.onset_s,
-        "offset_n": hum.offset_n,
-        "u_offset_n": hum.u_offset_n,
-        "hum_hz": hum.frequency_hz,
-        "hum_searched": hum.frequency_searched,
-        "hum_accepted": hum.accepted,
-    }
-    row |= {f"hum_{k}_n": a for k, a in enumerate(hum.amplitude_n, start=1)}
-    row |= {f"hum_{k}_phase_rad": a for k, a in enumerate(hum.phase_rad, start=1)}
-    return row | {
-        "noise_n": m.force.noise_n,
-        "preload_n": m.force.preload_n,
-        "u_preload_n": m.force.u_preload_n,
-        "group_delay_s": m.force.group_delay_s,
-        "peak_force_n": float(m.force.force_n.max()),
-        "filmed": m.film is not None,
-        "reused": p.reused,
-        "seal": m.seal,
-        "notes": "; ".join(m.notes),
-    }

@@ -1,0 +1,57 @@
+"""Paired differences: is a difference between model and trials larger than what scatter and sensors can explain?
+
+Place in the data flow: measured and predicted curves of all trials on one time base → here → channels, verdict.
+Conventions: columns are trials; difference = model − trial of the same trial, so that the scatter of the blows, which
+both share through the force, cancels.
+Source: Student's t for the mean of n paired differences at each instant, with the encoder's or film's own standard
+uncertainty added in quadrature (it is common to all trials at worst).  The statement is pointwise, not simultaneous.
+Failure: fewer than two trials give NaN.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+
+from validation.geometry import Array
+
+
+@dataclass(frozen=True)
+class PairedDifference:
+    """Mean difference over trials, its expanded uncertainty (95 %) and the share of time it exceeds it."""
+
+    mean: Array
+    u95: Array
+    rms: float
+    resolved_share: float
+
+
+def paired_difference(model: Array, trial: Array, u_sample: float) -> PairedDifference:
+    """Mean paired difference at each instant.
+
+    Parameters
+    ----------
+    model, trial : (n_samples, n_trials) arrays
+    u_sample : float
+        Standard uncertainty of one measured sample.
+
+    Returns
+    -------
+    PairedDifference
+        ``rms`` is the root mean square of the mean difference over the window.
+    """
+    difference = np.asarray(model, dtype=float) - np.asarray(trial, dtype=float)
+    n = difference.shape[1]
+    if n < 2:
+        nothing = np.full(difference.shape[0], np.nan)
+        return PairedDifference(difference[:, 0] if n else nothing, nothing, float("nan"), float("nan"))
+    mean = difference.mean(axis=1)
+    scatter = difference.std(axis=1, ddof=1) / np.sqrt(n)
+    u95 = np.hypot(stats.t.ppf(0.975, n - 1) * scatter, 1.96 * u_sample)
+    known = np.isfinite(mean)
+    if not known.any():
+        return PairedDifference(mean, u95, float("nan"), float("nan"))
+    beyond = np.abs(mean[known]) > u95[known]
+    return PairedDifference(mean, u95, float(np.sqrt(np.mean(mean[known] ** 2))), float(np.mean(beyond)))

@@ -1,0 +1,88 @@
+"""How curves are drawn in the report: colours, dashes, signs, labels, bands.
+
+Place in the data flow: used by `validation.report.figures` only.
+Conventions: the thesis's signs in degrees; Okabe–Ito colours, darkened where white needs it, each with its own
+dash pattern.
+Failure: none.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+
+from validation.geometry import Array
+from validation.report.svg import decimate
+
+BLACK, ORANGE, SKY, GREEN, BLUE, VERMILION, PURPLE = (
+    "#000000",
+    "#B37400",
+    "#2A8FC4",
+    "#00785A",
+    "#0072B2",
+    "#C04A00",
+    "#A8528A",
+)
+COLOURS = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, BLACK, SKY)
+DASHES: tuple[tuple[float, ...] | None, ...] = (None, (5, 1.5), (1.5, 1.2), (6, 1.5, 1.5, 1.5), (8, 2))
+SIGN = {"key": -1.0, "whippen": 1.0, "jack": -1.0, "repetition": -1.0, "hammer": -1.0}
+SYMBOL = {"key": "k", "whippen": "w", "jack": "j", "repetition": "r", "hammer": "h"}
+TITLE = {
+    "key": "key",
+    "whippen": "whippen",
+    "jack": "jack",
+    "repetition": "repetition lever",
+    "hammer": "hammer",
+}
+MOST_IN_LEGEND = 8
+
+
+def rotation_label(channel: str) -> str:
+    """Axis label with the thesis's sign convention."""
+    s = f"\\theta_{SYMBOL[channel]}"
+    return f"${s} - {s}(0)$ (°)" if SIGN[channel] > 0 else f"${s}(0) - {s}$ (°)"
+
+
+def line_style(i: int) -> dict[str, object]:
+    """Colour and dash pattern of the i-th curve."""
+    style: dict[str, object] = {"color": COLOURS[i % len(COLOURS)], "linewidth": 1.1}
+    dash = DASHES[i % len(DASHES)]
+    if dash is not None:
+        style["dashes"] = dash
+    return style
+
+
+def draw(axes: Axes, time: Array, values: Array, label: str | None = None, **style: object) -> None:
+    """Draw a thinned curve."""
+    t, v = decimate(time, values)
+    axes.plot(t, v, label=label, **style)  # type: ignore[arg-type]
+
+
+def finish_axes(axes: Axes, ylabel: str, *, bottom: bool = True) -> None:
+    """Label, grid and margins; the time axis only on the lowest panel."""
+    axes.set_ylabel(ylabel)
+    axes.grid(True, color="#DDDDDD", linewidth=0.6)
+    axes.margins(x=0)
+    if bottom:
+        axes.set_xlabel("time (s)")
+    else:
+        axes.tick_params(labelbottom=False)
+
+
+def legend(axes: Axes, n: int) -> None:
+    """A legend, unless there are too many curves for one."""
+    if n <= MOST_IN_LEGEND:
+        axes.legend(fontsize=8, ncols=2, framealpha=0.9, loc="best")
+
+
+def degrees(channel: str, rad: pd.Series | Array) -> Array:
+    """An angle or a difference of angles in degrees with the thesis's sign."""
+    return SIGN[channel] * np.degrees(np.asarray(rad, dtype=float))
+
+
+def band(axes: Axes, time: Array, low: Array, high: Array) -> None:
+    """A shaded band between two curves."""
+    t, a = decimate(time, low, keep="min")
+    _, b = decimate(time, high, keep="max")
+    axes.fill_between(t, a, b, color=SKY, alpha=0.35, linewidth=0)
