@@ -7,12 +7,15 @@ import os
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .errors import InputError
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 def check_writable(path: Path) -> None:
@@ -95,3 +98,16 @@ def print_json(item: Mapping[str, Any]) -> None:
         return str(value)
 
     print(json.dumps(item, default=plain))
+
+
+def write_table(path: Path, table: pd.DataFrame) -> None:
+    """Write a pandas table as CSV, whole or not at all."""
+    check_writable(path)
+    part = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        table.to_csv(part, index=False)
+        os.replace(part, path)
+    except OSError as problem:
+        raise InputError(f"{path}: cannot be written ({problem})") from None
+    finally:
+        part.unlink(missing_ok=True)

@@ -19,7 +19,9 @@ def command(
     output_rate: Annotated[
         float | None, typer.Option("--output-rate", help="Rows per second, Hz; default: the force table's times.")
     ] = None,
-    forces: Annotated[bool, typer.Option("--forces", help="Also write normal and friction force of each contact.")] = False,
+    forces: Annotated[
+        bool, typer.Option("--forces", help="Also write normal and friction force of each contact.")
+    ] = False,
     method: Annotated[str, typer.Option("--method", help="Integration method.")] = "rodas4p",
     as_json: Annotated[bool, typer.Option("--json", help="Print a JSON summary.")] = False,
 ) -> None:

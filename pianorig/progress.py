@@ -1,0 +1,56 @@
+"""Progress on the terminal for long work; silent where the output is not a terminal or JSON is asked for."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+
+@contextmanager
+def bar(label: str, quiet: bool = False) -> Iterator[Callable[[int, int], None] | None]:
+    """Progress bar on standard error: yields ``update(done, total)``, or None when quiet."""
+    if quiet or not sys.stderr.isatty():
+        yield None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = (TextColumn(label), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
+        task = progress.add_task(label, total=None)
+
+        def update(done: int, total: int) -> None:
+            progress.update(task, completed=done, total=total)
+
+        yield update
+
+
+def say(text: str, quiet: bool = False) -> None:
+    """One line about where the work is, on standard error, so that standard output stays the result."""
+    if not quiet:
+        print(text, file=sys.stderr, flush=True)
+
+
+@contextmanager
+def recording_line(quiet: bool = False) -> Iterator[Callable[[Any], None] | None]:
+    """One line that follows a recording: trial, time, peak force; yields the recorder's callback."""
+    if quiet or not sys.stderr.isatty():
+        yield None
+        return
+    peak = [0.0]
+
+    def update(at: Any) -> None:
+        peak[0] = at.peak_force_n if at.time_s < 0.05 else max(peak[0], at.peak_force_n)
+        print(
+            f"\rtrial {at.trial}/{at.trials}  t = {at.time_s:5.2f} s  peak {peak[0]:5.1f} N ",
+            end="",
+            file=sys.stderr,
+            flush=True,
+        )
+
+    try:
+        yield update
+    finally:
+        print("\r" + " " * 60 + "\r", end="", file=sys.stderr, flush=True)

@@ -1,0 +1,140 @@
+"""Recording a session, with films where the bench is the virtual one.
+
+The only place that joins the virtual bench's plant to its camera: after a filmed trial the plant's true angles are
+rendered into the film that a real camera would have saved beside the trial.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from .errors import InputError
+from .tracking import BODIES_NAME
+
+if TYPE_CHECKING:
+    from rig.session import Session, Trial
+    from rig.simulated.camera import FilmTruth
+    from rig.simulated.camera_view import CameraSettings
+    from rig.simulated.plant import PlantTruth
+
+STILL_BEFORE_S = 0.03  # still frames before the blow: reference picture and zero of the angles
+
+
+def film_virtual_trial(
+    session: Session,
+    trial: Trial,
+    truth: PlantTruth,
+    settings: CameraSettings | None = None,
+    seed: int = 0,
+    progress: Callable[[int, int], None] | None = None,
+) -> FilmTruth:
+    """Render the film of one recorded trial from the plant's truth and put it beside the trial.
+
+    Frames start `STILL_BEFORE_S` before the blow and follow the frame pulses of the trial's counter.
+
+    Raises
+    ------
+    InputError : the trial has no frame clock
+    """
+    from dataclasses import replace
+
+    from rig.simulated.camera import film_trial
+    from rig.simulated.camera_view import ActionGeometry, CameraSettings, film_bodies
+    from vision import save_bodies
+
+    data = trial.read()
+    if data.camera is None:
+        raise InputError(f"{trial.path}: has no frame clock; add a [camera] to the rig file to film")
+    camera = data.camera
+    settings = replace(
+        settings or CameraSettings(), frame_rate_hz=camera.frame_rate_hz, exposure_s=camera.exposure_s
+    )
+    times = camera.frame_time_s
+    inside = (times >= data.blow_start_s - STILL_BEFORE_S) & (times <= data.time_s[-1] - camera.exposure_s)
+    first = int(np.argmax(inside))
+    geometry = ActionGeometry()
+    film = film_trial(
+        trial.path.with_suffix(".mraw"),
+        times[inside],
+        truth.film_angles_at,
+        geometry,
+        settings,
+        seed=seed,
+        progress=progress,
+        start_frame=first,
+    )
+    outlines = session.path / BODIES_NAME
+    if not outlines.exists():
+        save_bodies(outlines, film_bodies(geometry, settings))
+    return film
+
+
+def record(
+    out: Path,
+    *,
+    profile: str | Path = "forte",
+    rig: str | Path = "virtual",
+    backend: str = "sim://",
+    trials: int = 5,
+    film: Collection[int] = (),
+    operator: str = "unknown",
+    action_name: str = "unknown",
+    progress: Callable[[Any], None] | None = None,
+    film_progress: Callable[[int, int], None] | None = None,
+    settings: CameraSettings | None = None,
+) -> tuple[Session, dict[int, PlantTruth], dict[int, FilmTruth]]:
+    """Record a session and film the trials named in ``film``.
+
+    Returns
+    -------
+    session : rig.session.Session
+    plants, films : truth of each filmed trial of a virtual bench, by number; empty on hardware
+
+    Raises
+    ------
+    InputError : bad profile, rig file, backend, trial numbers or path; nothing has moved
+    """
+    from rig.backend import open_backend
+    from rig.config import load_rig
+    from rig.recorder import record_session
+
+    wrong = [n for n in film if not 1 <= n <= trials]
+    if wrong:
+        raise InputError(f"--film {wrong[0]}: allowed trial numbers 1 to {trials}")
+    rig_file = load_rig(rig)
+    bench = open_backend(backend, rig_file.config)
+    plants: dict[int, PlantTruth] = {}
+    films: dict[int, FilmTruth] = {}
+
+    def after_trial(trial: Trial) -> None:
+        if trial.number not in film:
+            return
+        from rig.session import Session
+
+        session = Session.open(out)
+        plants[trial.number] = bench.plant.truth()  # type: ignore[attr-defined]
+        films[trial.number] = film_virtual_trial(
+            session, trial, plants[trial.number], settings, seed=trial.number, progress=film_progress
+        )
+
+    try:
+        if film and not hasattr(bench, "plant"):
+            raise InputError(f"--film: {backend} has no virtual camera; save the real film beside the trial instead")
+        session = record_session(
+            out,
+            profile=profile,
+            rig_config=rig_file,
+            backend=bench,
+            trials=trials,
+            operator=operator,
+            action_name=action_name,
+            progress=progress,
+            after_trial=after_trial,
+        )
+    finally:
+        bench.close()
+    return session, plants, films
