@@ -1,0 +1,117 @@
+"""A bench whose mechanics are known in closed form, and different in every channel, so that a swap cannot pass unseen."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+
+from rig.config import Rig, RigConfig, load_rig, parse_rig
+from rig.profile import Profile, parse_profile
+from rig.simulated.backend import SimulatedBackend, build_device
+from rig.simulated.contract import PlantBlock
+from rig.simulated.sensors import EncoderSensor, ForceSensor, SensorSet
+
+FORCE_PER_VOLT_N = 12.0
+RAD_PER_VOLT = np.array([-0.05, 0.02, 0.3])  # key, whippen, hammer
+REST_RAD = np.array([0.011, -0.007, 0.25])
+REST_FORCE_N = 0.05
+
+
+class AlgebraicPlant:
+    """State at edge k follows from the volts held before it: force 12 N/V, angles -0.05, 0.02, 0.3 rad/V about rest."""
+
+    def __init__(self, sample_rate_hz: float = 5000.0) -> None:
+        self.sample_rate_hz = sample_rate_hz
+        self.trials: list[int] = []
+        self.commands: list[np.ndarray] = []
+
+    def start_trial(self, trial: int) -> None:
+        self.trials.append(trial)
+        self.commands.append(np.empty(0))
+
+    def advance(self, command_v: np.ndarray) -> PlantBlock:
+        done = self.commands[-1]
+        before = done[-1] if done.size else 0.0
+        felt = np.concatenate(([before], command_v[:-1]))
+        time_s = (done.size + np.arange(command_v.size)) / self.sample_rate_hz
+        self.commands[-1] = np.concatenate((done, command_v))
+        return PlantBlock(
+            time_s=time_s,
+            force_n=REST_FORCE_N + FORCE_PER_VOLT_N * felt,
+            angle_rad=REST_RAD + felt[:, None] * RAD_PER_VOLT,
+            motor_rad=0.01 * felt,
+        )
+
+    def truth(self) -> Any:
+        return self.commands[-1]
+
+
+def sensors(*, noise_n: float = 0.0, seed: int = 7, **force: Any) -> SensorSet:
+    cell = ForceSensor(sensitivity_mv_per_v=2.0, full_scale_n=111.2, noise_n=noise_n, **force)
+    scales = (
+        EncoderSensor(counts_per_revolution=327680, sign=1),
+        EncoderSensor(counts_per_revolution=327680, sign=1),
+        EncoderSensor(counts_per_revolution=163840, sign=-1),
+    )
+    return SensorSet(cell, scales, seed)
+
+
+@pytest.fixture
+def rig() -> Rig:
+    return load_rig("virtual")
+
+
+@pytest.fixture
+def config(rig: Rig) -> RigConfig:
+    return rig.config
+
+
+@pytest.fixture
+def make_backend() -> Iterator[Any]:
+    opened: list[SimulatedBackend] = []
+
+    def make(config: RigConfig, *, noise_n: float = 0.0, clock: Any = None, **force: Any) -> SimulatedBackend:
+        device = build_device(
+            config, AlgebraicPlant(config.device.sample_rate_hz), sensors(noise_n=noise_n, **force), clock=clock
+        )
+        backend = SimulatedBackend(device)
+        opened.append(backend)
+        return backend
+
+    yield make
+    for backend in opened:
+        backend.close()
+
+
+@pytest.fixture
+def edited_rig(rig: Rig) -> Any:
+    """The virtual rig file with one text replaced by another."""
+
+    def edit(*pairs: tuple[str, str]) -> Rig:
+        text = rig.text
+        for old, new in pairs:
+            assert old in text
+            text = text.replace(old, new)
+        return parse_rig(text, "edited.toml")
+
+    return edit
+
+
+@pytest.fixture
+def step_profile() -> Profile:
+    """Up to 6 N within 10 ms, held 50 ms, down within 10 ms."""
+    points = [(0.0, 0), (0.01, 0), (0.02, 6), (0.07, 6), (0.08, 0)]
+    rows = "".join(f"  {{ time_s = {t}, force_n = {f} }},\n" for t, f in points)
+    return parse_profile(f'name = "step"\npoints = [\n{rows}]\n', "step.toml")
+
+
+@pytest.fixture
+def command(config: RigConfig) -> np.ndarray:
+    """0.1 s of volts: a triangle to 2 V on irregular steps, distinct at every sample, zero at both ends."""
+    k = np.arange(500)
+    volts = 2.0 * np.interp(k, [0, 100, 300, 499], [0.0, 0.0, 1.0, 0.0]) ** 1.1
+    volts[-1] = 0.0
+    return volts
