@@ -31,7 +31,7 @@ _HOME = {
     "simulate": "blow",
 }
 
-__all__ = [*_HOME, "observables"]
+__all__ = [*_HOME, "observables"]  # noqa: PLE0604
 
 
 def __getattr__(name: str) -> Any:

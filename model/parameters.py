@@ -109,7 +109,9 @@ def _read_toml(path: Path) -> dict[str, Any]:
     try:
         return tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as problem:
-        raise InputError(f"{path}: cannot be read ({problem.strerror}); name a built-in action or an existing file") from None
+        raise InputError(
+            f"{path}: cannot be read ({problem.strerror}); name a built-in action or an existing file"
+        ) from None
     except UnicodeDecodeError:
         raise InputError(f"{path}: is not a text file in UTF-8; an action is a TOML file") from None
     except tomllib.TOMLDecodeError as problem:
@@ -171,7 +173,9 @@ def load_action(name_or_path: str | Path = TEMPLATE, overrides: Mapping[str, flo
         else:
             raise InputError(f"{where}: {key}: unknown key; remove it or correct its name")
     for key in units.keys() - quantities.keys():
-        raise InputError(f"{where}: {key}: missing; give a table with value, unit = \"{units[key]}\", u, basis and source")
+        raise InputError(
+            f'{where}: {key}: missing; give a table with value, unit = "{units[key]}", u, basis and source'
+        )
     for key in structure.keys() - found_structure.keys():
         raise InputError(f"{where}: {key}: missing; allowed {structure[key]!r}")
     for key in quantities:
@@ -180,7 +184,10 @@ def load_action(name_or_path: str | Path = TEMPLATE, overrides: Mapping[str, flo
             if not 0.9 < length < 1.1:
                 raise InputError(f"{where}: {key[:-2]}: length found {length:g}, allowed 0.9 to 1.1 (a unit vector)")
     for key in quantities:
-        if key.endswith(".arc_start") and quantities[key].value >= quantities[key.replace("arc_start", "arc_end")].value:
+        if (
+            key.endswith(".arc_start")
+            and quantities[key].value >= quantities[key.replace("arc_start", "arc_end")].value
+        ):
             raise InputError(f"{where}: {key}: found {quantities[key].value:g}, allowed below arc_end")
     action = Action(
         name=str(table.get("name", path.stem)),

@@ -70,7 +70,9 @@ def check_value(path: str, value: Any, where: str) -> float:
         raise InputError(f"{where}: {path}: found {value!r}, allowed a number {describe_range(path)}")
     low, high, open_low = allowed_range(path)
     if not math.isfinite(value) or value > high or value < low or (open_low and value <= low):
-        raise InputError(f"{where}: {path}: found {value:g}, allowed {describe_range(path)}; correct the value or its unit")
+        raise InputError(
+            f"{where}: {path}: found {value:g}, allowed {describe_range(path)}; correct the value or its unit"
+        )
     return float(value)
 
 
@@ -92,9 +94,7 @@ def read_quantity(path: str, table: Any, unit: str, where: str) -> Quantity:
     if isinstance(u, bool) or not isinstance(u, (int, float)) or not math.isfinite(u) or u < 0.0:
         raise InputError(f"{where}: {path}.u: found {u!r}, allowed a standard uncertainty from 0 in {unit}")
     if table["basis"] not in get_args(Basis):
-        raise InputError(
-            f"{where}: {path}.basis: found {table['basis']!r}, allowed {', '.join(get_args(Basis))}"
-        )
+        raise InputError(f"{where}: {path}.basis: found {table['basis']!r}, allowed {', '.join(get_args(Basis))}")
     if not isinstance(table["source"], str) or not table["source"].strip():
         raise InputError(f"{where}: {path}.source: found {table['source']!r}, allowed a text that names the source")
     return Quantity(value, unit, float(u), table["basis"], table["source"])

@@ -92,10 +92,15 @@ def _chain(parent: list[int], a: int, b: int) -> list[tuple[int, int]]:
     return [(i, 1) for i in on_a if i not in on_b] + [(i, -1) for i in on_b if i not in on_a]
 
 
+def _index(bodies: list[str], name: str) -> int:
+    """Coordinate of a body, -1 for ground."""
+    return bodies.index(name) if name in bodies else -1
+
+
 def build_scene(action: Action, motor_arm: MotorArm | None = None) -> Scene:
     """Scene of the whole action, driven by a force on the key, or by the motor when an arm is given."""
     bodies = list(BODIES)
-    parent = [bodies.index(p) if (p := action.structure[f"{b}.parent"]) in bodies else -1 for b in bodies]
+    parent = [_index(bodies, action.structure[f"{b}.parent"]) for b in bodies]
     vector: list[float] = [action["gravity.g"], action["friction_threshold.v_t"], action["friction_threshold.omega_t"]]
     for b in bodies:
         vector += [action[f"{b}.{k}"] for k in ("pivot.x", "pivot.y", "center_of_mass.x", "center_of_mass.y")]
@@ -130,14 +135,12 @@ def build_scene(action: Action, motor_arm: MotorArm | None = None) -> Scene:
         numbers = _contact_numbers(action, name)
         if not any(numbers[L.K_A : L.K_C + 1]):
             continue
-        a, b = (
-            bodies.index(w) if (w := action.structure[f"{name}.{side}.body"]) in bodies else -1
-            for side in ("first", "second")
-        )
-        chain = _chain(parent, a, b)
+        first = _index(bodies, action.structure[f"{name}.first.body"])
+        second = _index(bodies, action.structure[f"{name}.second.body"])
+        chain = _chain(parent, first, second)
         pad = [(0, 0)] * (L.MAX_CHAIN - len(chain))
         names.append(name)
-        contacts.append([a, b, _SHAPES[action.structure[f"{name}.second.shape"]], len(chain)])
+        contacts.append([first, second, _SHAPES[action.structure[f"{name}.second.shape"]], len(chain)])
         chains.append([i for i, _ in chain + pad])
         sides.append([s for _, s in chain + pad])
         vector += numbers

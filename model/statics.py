@@ -75,7 +75,9 @@ def solve_rest(scene: Scene, u: float = 0.0, start: NDArray[np.float64] | None =
         else:
             shift = min(shift * 5.0, 1e4)
     else:
-        raise StaticsError(f"rest state: not found in 2000 iterations, largest residual {size:.2g} N m; check the geometry")
+        raise StaticsError(
+            f"rest state: not found in 2000 iterations, largest residual {size:.2g} N m; check the geometry"
+        )
     for _ in range(20):
         step = np.linalg.solve(-stiff, f)
         f_new, stiff_new = _balance(scene, q + step, u)

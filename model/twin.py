@@ -88,7 +88,8 @@ class Twin:
         rho = a[f"{name}.second.radius"]
         if shape == "hybrid":
             start, end = (
-                _rotate(self.angle[second] + a[f"{name}.second.arc_{k}"], np.array([1.0, 0.0])) for k in ("start", "end")
+                _rotate(self.angle[second] + a[f"{name}.second.arc_{k}"], np.array([1.0, 0.0]))
+                for k in ("start", "end")
             )
             lines = [e for e, t in ((start, -_turn(start)), (end, _turn(end))) if u @ t > 0]
             if lines:
@@ -137,4 +138,4 @@ class Twin:
     def acceleration(self, q: Vector, v: Vector, force_n: float) -> Vector:
         """Joint accelerations (5,), rad/s^2, at angles ``q`` and speeds ``v``."""
         f, mass = self.forces_and_mass(q, v, force_n)
-        return np.linalg.solve(mass, f)
+        return np.asarray(np.linalg.solve(mass, f))

@@ -75,8 +75,32 @@ def fit_to_input(t, step, u0, k, table_t, table_u, f_u, m_diag, tolerance_q, tol
 
 @kernel
 def integrate(
-    t, t_end, h, q, v, table_t, table_u, held, out_t, out_q, out_v, p, tables,
-    a_, c_, b_, node, d_, dense, gamma, tolerance_q, tolerance_v, exponent, h_max, max_steps, counters,
+    t,
+    t_end,
+    h,
+    q,
+    v,
+    table_t,
+    table_u,
+    held,
+    out_t,
+    out_q,
+    out_v,
+    p,
+    tables,
+    a_,
+    c_,
+    b_,
+    node,
+    d_,
+    dense,
+    gamma,
+    tolerance_q,
+    tolerance_v,
+    exponent,
+    h_max,
+    max_steps,
+    counters,
 ):
     """Advance (q, v) in place from ``t`` to ``t_end``; fill rows of ``out_q``, ``out_v`` at ``out_t``.
 

@@ -20,8 +20,9 @@ from typing import Any
 
 import numba
 import numpy as np
-from numba.core import config as numba_config
+from numba.core import config as _config
 
+numba_config: Any = _config  # set at run time by numba; its names are unknown to type checkers
 _PACKAGE = Path(__file__).resolve().parents[1]
 
 
@@ -77,3 +78,8 @@ def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
         return numba.njit(function, cache=_FOLDER is not None, nogil=True, error_model="numpy", fastmath=False)
     finally:
         numba_config.CACHE_DIR = before
+
+
+def inlined(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Compile a small ``function`` into each of its callers; not cached on its own, it lives in theirs."""
+    return numba.njit(function, nogil=True, error_model="numpy", fastmath=False, forceinline=True)

@@ -6,7 +6,7 @@ penetration and of sliding. Contacts act at mid-penetration on the common normal
 Equations: thesis Sections 2.1, 2.2; inertia about the centre of mass (decision 7).
 """
 
-from .compile import kernel
+from .compile import inlined, kernel
 from .kinematics import contact_offset, gap_geometry, place, point
 from .laws import felt, friction
 from .layout import (
@@ -47,7 +47,7 @@ from .layout import (
 )
 
 
-@kernel
+@inlined
 def mass_matrix(pose, p, parent, m_diag, m_up):
     """Diagonal (n,) and child-parent coupling (n,) of M; nothing else is filled in a two-level tree."""
     n = parent.shape[0]
@@ -68,7 +68,7 @@ def mass_matrix(pose, p, parent, m_diag, m_up):
             m_diag[w] += own + m * (dx * dx + dy * dy) + 2.0 * h
 
 
-@kernel
+@inlined
 def solve_mass(m_diag, m_up, parent, f, a):
     """Solve M a = f by eliminating children into their parents; (n,) each."""
     n = parent.shape[0]
@@ -93,7 +93,7 @@ def solve_mass(m_diag, m_up, parent, f, a):
             a[i] = (a[i] - m_up[i] * a[w]) / m_diag[i]
 
 
-@kernel
+@inlined
 def inertia_and_joint_forces(q, v, u, p, tables, pose, f):
     """Gravity, centrifugal terms, joint friction, springs and drives, added up in ``f`` (n,)."""
     parent = tables.parent
@@ -133,7 +133,7 @@ def inertia_and_joint_forces(q, v, u, p, tables, pose, f):
         o += DRIVE_SIZE
 
 
-@kernel
+@inlined
 def probe_state(v, p, o, a, b, pose):
     """One-sided vertical contact of a tip on A pressing down on a point of B.
 
@@ -176,7 +176,7 @@ def contact_state(c, v, p, tables, pose):
     return fn, ft, x, rate, slide
 
 
-@kernel
+@inlined
 def contact_forces(v, p, tables, pose, f, counters):
     """Add the forces of all touching contacts and probes to ``f`` (n,)."""
     start = tables.offset[1]

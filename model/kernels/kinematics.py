@@ -4,9 +4,9 @@ Called by ``dynamics`` and ``jacobian``. World frame: x right, y up, metres, ang
 Source: thesis Section 2.2.1; open points decided in docs/decisions/model-open-points.md.
 """
 
-from math import cos, hypot, sin
+from math import cos, sin, sqrt
 
-from .compile import kernel
+from .compile import inlined
 from .layout import (
     A_R,
     A_X,
@@ -38,7 +38,7 @@ from .layout import (
 )
 
 
-@kernel
+@inlined
 def place(q, v, p, parent, pose):
     """Fill ``pose`` (n, POSE_SIZE): pivot, orientation, centre of mass and angular speed of each body."""
     for i in range(q.shape[0]):
@@ -70,7 +70,7 @@ def place(q, v, p, parent, pose):
         pose[i, POSE_OMEGA] = omega
 
 
-@kernel
+@inlined
 def point(pose, body, x, y):
     """World coordinates of the point (x, y) of a body's frame; body -1 is ground."""
     if body < 0:
@@ -80,7 +80,7 @@ def point(pose, body, x, y):
     return pose[body, POSE_X] + c * x - s * y, pose[body, POSE_Y] + s * x + c * y
 
 
-@kernel
+@inlined
 def direction(pose, body, x, y):
     """World components of a vector of a body's frame; body -1 is ground."""
     if body < 0:
@@ -90,7 +90,7 @@ def direction(pose, body, x, y):
     return c * x - s * y, s * x + c * y
 
 
-@kernel
+@inlined
 def gap_geometry(pose, p, o, body_a, body_b, shape):
     """Penetration and contact frame of one contact.
 
@@ -123,11 +123,11 @@ def gap_geometry(pose, p, o, body_a, body_b, shape):
             return r + rho - gap_start, sx, sy, ax, ay, bx, by, 0.0
         if beyond_end:
             return r + rho - gap_end, ex, ey, ax, ay, bx, by, 0.0
-    distance = hypot(ux, uy)
+    distance = sqrt(ux * ux + uy * uy)
     return r + rho - distance, ux / distance, uy / distance, ax, ay, bx, by, distance
 
 
-@kernel
+@inlined
 def contact_offset(start, contact):
     """Where the numbers of a contact begin in the parameter vector."""
     return start + CONTACT_SIZE * contact
