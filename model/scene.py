@@ -78,18 +78,38 @@ def _contact_numbers(action: Action, name: str) -> list[float]:
     return numbers
 
 
+def _way_up(parent: list[int], body: int) -> list[int]:
+    out = []
+    while body >= 0:
+        out.append(body)
+        body = parent[body]
+    return out
+
+
 def _chain(parent: list[int], a: int, b: int) -> list[tuple[int, int]]:
     """Coordinates that move body ``a`` against ``b``, with their side; joints common to both drop out."""
-
-    def up(body: int) -> list[int]:
-        out = []
-        while body >= 0:
-            out.append(body)
-            body = parent[body]
-        return out
-
-    on_a, on_b = up(a), up(b)
+    on_a, on_b = _way_up(parent, a), _way_up(parent, b)
     return [(i, 1) for i in on_a if i not in on_b] + [(i, -1) for i in on_b if i not in on_a]
+
+
+def _reach(parent: list[int], pivot: list[complex], a: int, point: complex, b: int) -> float:
+    """Largest distance (m) the point of body ``a`` can have from the pivot of ``b``, at any angles.
+
+    A gap is a distance between a point carried by A and a surface carried by B, so it changes by no more than
+    this per radian of joint ``b``.
+    """
+    up_a, up_b = _way_up(parent, a), _way_up(parent, b)
+    on_a = [i for i in up_a if i not in up_b]
+    on_b = [i for i in up_b if i not in up_a]
+    if b in up_a:
+        return abs(point) + sum(abs(pivot[i]) for i in up_a[: up_a.index(b)])
+    # both ways end in the frame of the nearest common body: its fixed points are compared there
+    here, length = point, 0.0
+    for i in on_a:
+        length += abs(here)
+        here = pivot[i]
+    there = pivot[on_b[-1]]
+    return length + abs(here - there) + sum(abs(pivot[i]) for i in on_b[:-1])
 
 
 def _index(bodies: list[str], name: str) -> int:
@@ -119,6 +139,7 @@ def build_scene(action: Action, motor_arm: MotorArm | None = None) -> Scene:
         vector += [tip_x + motor_arm.length, tip_y, 0.0, 0.0, 0.0, motor_arm.inertia]
         vector += [motor_arm.joint_friction, 0.0, 0.0]
     n = len(bodies)
+    pivot = [complex(*vector[o : o + 2]) for o in range(L.GLOBALS, len(vector), L.BODY_SIZE)]
     offsets = [len(vector)]
     springs = []
     for b in ("jack", "repetition"):
@@ -138,6 +159,9 @@ def build_scene(action: Action, motor_arm: MotorArm | None = None) -> Scene:
         first = _index(bodies, action.structure[f"{name}.first.body"])
         second = _index(bodies, action.structure[f"{name}.second.body"])
         chain = _chain(parent, first, second)
+        point = complex(numbers[L.A_X], numbers[L.A_Y])
+        reach = [_reach(parent, pivot, first, point, b) for b, _ in chain]
+        numbers += reach + [0.0] * (L.MAX_CHAIN - len(chain))
         pad = [(0, 0)] * (L.MAX_CHAIN - len(chain))
         names.append(name)
         contacts.append([first, second, _SHAPES[action.structure[f"{name}.second.shape"]], len(chain)])

@@ -18,6 +18,7 @@ from .integrators import DEFAULT_METHOD, get_method
 from .integrators.rosenbrock import NOT_FINITE, STEP_TOO_SMALL, TOO_MANY_STEPS, integrate
 from .kernels import layout as L
 from .kernels.output import forces_along, probe_forces_along
+from .kernels.scenes import kernels_of
 from .scene import Scene
 
 # Local error allowed per step for a requested largest error of an angle over the whole run: found with
@@ -27,6 +28,8 @@ ANGLE_SHARE = 0.05
 SPEED_SHARE = 0.6  # 1/s
 EXPONENT = 1.1
 REFERENCE_TOLERANCE = 1e-5
+
+REST_SHARE = 0.1  # share of the requested tolerance that an action taken to be at rest may still move
 
 SMALLEST_TOLERANCE, LARGEST_TOLERANCE = 1e-12, 1e-2
 
@@ -71,6 +74,7 @@ class Simulation:
     largest_step_s: float = 0.05
     max_steps: int = 5_000_000
     counters: NDArray[np.int64] = field(default_factory=lambda: np.zeros(len(L.COUNTERS), dtype=np.int64))
+    times: NDArray[np.float64] = field(default_factory=lambda: np.zeros(1))
 
     def __post_init__(self) -> None:
         """Refuse a tolerance or a state that cannot be used."""
@@ -118,10 +122,11 @@ class Simulation:
         q, v = self.state.angle_rad.copy(), self.state.speed_rad_per_s.copy()
         time, step, status = integrate(
             self.state.time_s, float(until), self.state.step_s, q, v, times, values, held,
-            outputs, out_q, out_v, self.scene.vector, self.scene.tables,
-            tableau.a, tableau.c_coupling, tableau.b, tableau.c, tableau.d, tableau.dense, tableau.gamma,
+            outputs, out_q, out_v, self.scene.vector, self.scene.tables.parent,
+            *kernels_of(self.scene.tables), len(self.scene.contacts),
+            tableau.flat_a, tableau.flat_c, tableau.b, tableau.c, tableau.d, tableau.dense, tableau.gamma,
             ANGLE_SHARE * local, SPEED_SHARE * local, 1.0 / (tableau.embedded_order + 1),
-            self.largest_step_s, self.max_steps, self.counters,
+            REST_SHARE * self.tolerance, self.largest_step_s, self.max_steps, self.counters, self.times,
         )  # fmt: skip
         self.state = State(time, q, v, step)
         if status in _ADVICE:
@@ -143,6 +148,8 @@ class Simulation:
         probe_forces_along(angle_rad, speed_rad_per_s, self.scene.vector, self.scene.tables, force)
         return force
 
-    def work(self) -> dict[str, int]:
-        """Counters of the work done so far, by name."""
-        return {name: int(value) for name, value in zip(L.COUNTERS, self.counters, strict=True)}
+    def work(self) -> dict[str, int | float]:
+        """Counters of the work done so far, by name; ``time_at_rest`` in s."""
+        out: dict[str, int | float] = {n: int(k) for n, k in zip(L.COUNTERS, self.counters, strict=True)}
+        out["time_at_rest"] = float(self.times[0])
+        return out

@@ -24,7 +24,7 @@ class Solution:
     speed_rad_per_s : (m, n)
     contacts : names of the contacts in the scene
     contact_normal_n, contact_friction_n : (m, c) N, or None where forces were not asked for
-    counters : steps, rejections, right-hand sides, Jacobians, contact evaluations
+    counters : steps, rejections, right-hand sides, Jacobians, contact evaluations and skips, time at rest (s)
     tolerance : requested largest error of any angle, rad
     """
 
@@ -35,7 +35,7 @@ class Solution:
     contacts: tuple[str, ...] = ()
     contact_normal_n: NDArray[np.float64] | None = None
     contact_friction_n: NDArray[np.float64] | None = None
-    counters: dict[str, int] = field(default_factory=dict)
+    counters: dict[str, int | float] = field(default_factory=dict)
     tolerance: float = 1e-5
 
     def columns(self) -> dict[str, NDArray[np.float64]]:

@@ -121,7 +121,38 @@ def test_held_input_jumps_at_its_points(action: model.Action) -> None:
 def test_action_at_rest_stays_at_rest(action: model.Action) -> None:
     solution = model.simulate(action, [0.0, 1.0], [0.0, 0.0], output_time_s=np.linspace(0, 1, 11))
     assert np.abs(solution.angle_rad - solution.angle_rad[0]).max() < 1e-12
-    assert solution.counters["n_steps"] < 60
+    assert solution.counters["n_steps"] == 0
+    assert solution.counters["time_at_rest"] == 1.0
+
+
+def test_rest_after_a_blow_costs_nothing_and_a_creeping_hammer_is_not_at_rest(action: model.Action) -> None:
+    time, force, _ = reference("forte")
+    alone = model.simulate(action, time, force, output_time_s=[0.6])
+    longer = model.simulate(action, np.append(time, 61.0), np.append(force, 0.0), output_time_s=[0.6, 60.0, 61.0])
+    work = longer.counters["n_rhs"] / alone.counters["n_rhs"]
+    assert work < 1.1  # the action still swings at 0.6 s; 60 s more of it would otherwise be some 1200 steps
+    assert longer.counters["time_at_rest"] > 59.0
+    settled = model.rest_state(action).angle_rad
+    np.testing.assert_allclose(longer.angle_rad[-1], longer.angle_rad[-2], atol=1e-12)
+    # friction lets the action rest off the frictionless balance, but not by much
+    np.testing.assert_allclose(longer.angle_rad[-1], settled, atol=2e-4)
+    # held in check by friction the hammer creeps: a constant force, yet no rest
+    early = time < 0.2
+    hold = ([*time[early], 3.0], [*force[early], 10.0])
+    held = model.simulate(action, *hold, output_time_s=[0.3, 3.0])
+    fine = model.simulate(action, *hold, output_time_s=[0.3, 3.0], tolerance=1e-9)
+    assert np.abs(held.angle_rad - fine.angle_rad).max() < 1e-5
+    assert np.abs(held.angle_rad[1] - held.angle_rad[0]).max() > 1e-4
+    assert held.counters["time_at_rest"] < 0.2
+
+
+def test_rest_ends_with_the_next_change_of_the_input(action: model.Action) -> None:
+    table = np.array([[0, 0], [5, 0], [5.05, 6], [5.2, 6], [5.25, 0], [6, 0]], float)
+    at = np.linspace(5.0, 5.6, 301)
+    waited = model.simulate(action, table[:, 0], table[:, 1], output_time_s=at)
+    direct = model.simulate(action, table[1:, 0], table[1:, 1], output_time_s=at, tolerance=1e-8)
+    assert np.abs(waited.angle_rad - direct.angle_rad).max() < 1e-5
+    assert waited.counters["time_at_rest"] > 4.99
 
 
 @pytest.mark.parametrize(

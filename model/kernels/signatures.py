@@ -1,0 +1,16 @@
+"""Types of the four kernels that a scene provides to the step loop; see ``emit`` for what they do.
+
+With explicit types a compiled kernel is a plain value (`types.FunctionType`): one step loop per kind of method
+serves all scenes, and is compiled once.
+"""
+
+from numba import types
+
+_array = types.Array(types.float64, 1, "C")
+_f, _i = types.float64, types.int64
+
+LINEARISE = _i(_array, _array, _f)  # w, p, u -> number of touching contacts
+PREPARE = _i(_array, _f)  # w, gamma h -> 1, or 0 where the step is too large
+SKIP = _i(_array, _array)  # w, p -> mask of contacts that cannot touch
+STAGE = _i(_array, _array, _array, _array, _i, _f, _f, _f, _f, _i)
+# w, p, a, c, stage, gamma h, h, u, weight of du/dt, mask -> 1 where a coordinate left its allowance
