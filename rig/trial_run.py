@@ -155,7 +155,8 @@ def _joined(blocks: list[Block]) -> tuple[NDArray[np.float64], NDArray[np.int64]
 
 
 def _one_line(error: BaseException) -> str:
-    return " ".join(f"{type(error).__name__}: {error}".split())
+    text = f"{type(error).__name__}: {error}".replace("\0", " ")  # HDF5 text cannot hold a null
+    return " ".join(text.split())
 
 
 def _trial_data(
