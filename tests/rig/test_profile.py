@@ -1,4 +1,4 @@
-"""Profiles: the built-in ones are what the thesis describes; bad ones are refused in one line; interpolation against scipy."""
+"""Profiles: the built-in ones are what the thesis describes; bad ones are refused; interpolation against scipy."""
 
 from __future__ import annotations
 

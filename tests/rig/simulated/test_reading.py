@@ -1,0 +1,105 @@
+"""What the virtual device hands over: order, timeouts, overwriting, units; seen through the real client."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import nidaqmx
+import numpy as np
+import pytest
+from nidaqmx import constants as ni
+from nidaqmx.errors import DaqReadError
+
+
+@pytest.fixture
+def force_task(bridge) -> Any:
+    """Make a force task."""
+
+    def make(cdaq: Any, samples: int = 1000, mode: Any = ni.AcquisitionType.CONTINUOUS) -> nidaqmx.Task:
+        task = cdaq.task()
+        bridge(task)
+        task.timing.cfg_samp_clk_timing(5000, sample_mode=mode, samps_per_chan=samples)
+        return task
+
+    return make
+
+
+def test_a_slave_started_after_the_master_has_missed_its_trigger(cdaq, encoder, force_task) -> None:
+    force, counts = force_task(cdaq), cdaq.task()
+    encoder(counts)
+    counts.timing.cfg_samp_clk_timing(5000, source="/cDAQ1/ai/SampleClock", sample_mode=ni.AcquisitionType.CONTINUOUS)
+    counts.triggers.arm_start_trigger.trig_type = ni.TriggerType.DIGITAL_EDGE
+    counts.triggers.arm_start_trigger.dig_edge_src = "/cDAQ1/ai/StartTrigger"
+    force.start()
+    counts.start()
+    force.read(100)
+    with pytest.raises(DaqReadError) as late:
+        counts.read(100, timeout=0.5)
+    assert late.value.error_code == -200284
+
+
+def test_a_read_that_times_out_hands_over_what_came_and_can_go_on(cdaq, force_task) -> None:
+    force = force_task(cdaq)
+    force.start()
+    buffer = np.full(100, np.nan)
+    reader = nidaqmx.stream_readers.AnalogSingleChannelReader(force.in_stream)
+    with pytest.raises(DaqReadError) as late:
+        reader.read_many_sample(buffer, 100, timeout=0.01)
+    assert late.value.samps_per_chan_read == 50
+    reader.read_many_sample(buffer, 100, timeout=0.02)
+    assert force.in_stream.total_samp_per_chan_acquired == 150
+
+
+def test_a_finite_acquisition_ends_and_is_read_to_its_end(cdaq, force_task) -> None:
+    force = force_task(cdaq, 250, ni.AcquisitionType.FINITE)
+    force.start()
+    assert not force.is_task_done()
+    assert len(force.read(ni_all := nidaqmx.constants.READ_ALL_AVAILABLE)) == 250 and ni_all == -1
+    assert force.is_task_done()
+    with pytest.raises(DaqReadError):
+        force.read(1, timeout=0.1)
+
+
+def test_unread_samples_beyond_the_buffer_are_lost_and_said_so(cdaq, refused, force_task) -> None:
+    force = force_task(cdaq)
+    force.start()
+    force.read(10)
+    cdaq.device.advance(10_000)  # the driver keeps 10 kS at this rate
+    assert force.in_stream.avail_samp_per_chan == 10_000
+    cdaq.device.advance(1)
+    with refused(-200279):
+        force.read(10)
+
+
+def test_encoder_units_and_decoding_follow_the_task(cdaq, encoder, force_task) -> None:
+    cdaq.device.lines["cDAQ1Mod4/port0/line7"] = True
+    cdaq.device.output_v["cDAQ1Mod2/ao0"] = -1.0  # held from the start: hammer at -0.3 rad from sample 1
+    force, found = force_task(cdaq), {}
+    settings = {
+        "ticks": ({}, -163840 / (2 * np.pi) * -0.3),
+        "x2": ({"decoding_type": ni.EncoderType.X_2}, -81920 / (2 * np.pi) * -0.3),
+        "radians": ({"units": ni.AngleUnits.RADIANS, "pulses_per_rev": 40960, "initial_angle": 2.0}, 2.3),
+        "degrees": ({"units": ni.AngleUnits.DEGREES, "pulses_per_rev": 40960}, np.degrees(0.3)),
+    }
+    tasks = {}
+    for index, (name, (changes, _)) in enumerate(settings.items()):
+        tasks[name] = cdaq.task()
+        encoder(tasks[name], f"cDAQ1Mod3/ctr{index}", **changes)
+        tasks[name].timing.cfg_samp_clk_timing(
+            5000, source="/cDAQ1/ai/SampleClock", sample_mode=ni.AcquisitionType.CONTINUOUS
+        )
+        tasks[name].start()
+    force.start()
+    force.read(20)
+    for name, (_, expected) in settings.items():
+        found[name] = tasks[name].read(20)
+        assert found[name][10] == pytest.approx(expected, rel=2e-4), name
+
+
+def test_units_of_force_follow_the_task(cdaq, bridge) -> None:
+    cdaq.device.lines["cDAQ1Mod4/port0/line7"] = True
+    cdaq.device.output_v["cDAQ1Mod2/ao0"] = 2.0
+    task = cdaq.task()
+    bridge(task, min_val=-4.0, max_val=25.0, units=ni.ForceUnits.POUNDS)
+    task.timing.cfg_samp_clk_timing(5000, sample_mode=ni.AcquisitionType.CONTINUOUS)
+    assert task.read(60)[59] == pytest.approx(24.05 / 4.4482216, rel=1e-5)
