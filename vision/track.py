@@ -11,6 +11,7 @@ with the film beyond the result's own columns. Failure: a film or outlines that 
 from __future__ import annotations
 
 import os
+import warnings
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -20,17 +21,21 @@ from numpy.typing import ArrayLike, NDArray
 from vision.angles import picture_to_ccw
 from vision.bodies import Body, build_masks, parents_first
 from vision.covering import Covering
-from vision.errors import InputError, TrackingError
+from vision.errors import InputError, TrackingError, VisionWarning
 from vision.fit import Fitter
 from vision.flags import FAILURE
 from vision.follower import Follower
 from vision.frames import Film, FrameSource, open_film
 from vision.reference import Reference, average_still_frames
 from vision.results import TrackResult
+from vision.stillness import still_count
 from vision.template import Template, build_template
 from vision.uncertainty import predicted_u_angle
 
 METHODS = ("icgn", "ecc")
+WANTED_STILL = 10
+FIRST_LOOK = 4
+"""Frames averaged for the first template, with which the still frames are counted."""
 MAX_PIXELS = 12_000
 """Pixels fitted per body; beyond this the ones that tell least about the angle are left out."""
 
@@ -87,7 +92,7 @@ def track_film(
             )  # fmt: skip
     film = path_or_source
     time_s = _times(film, frame_time_s)
-    reference, templates = prepare(film, bodies, n_still, max_pixels)
+    reference, templates = prepare(film, bodies, n_still, max_pixels, method)
     predicted = np.array([predicted_u_angle(template, reference.noise_grey) for template in templates])
     run = _Run(film, bodies, templates, method)
     frames = np.arange(0, film.n_frames, every)
@@ -135,17 +140,44 @@ def track_film(
 
 
 def prepare(
-    film: FrameSource, bodies: Sequence[Body], n_still: int | None = None, max_pixels: int | None = MAX_PIXELS
+    film: FrameSource,
+    bodies: Sequence[Body],
+    n_still: int | None = None,
+    max_pixels: int | None = MAX_PIXELS,
+    method: str = "icgn",
 ) -> tuple[Reference, list[Template]]:
-    """Average the still frames and build the bodies' templates; shared by tracking and prediction."""
+    """Average the still frames and build the bodies' templates; shared by tracking and prediction.
+
+    Warns
+    -----
+    VisionWarning
+        When fewer than ten still frames are found.
+    """
     masks = build_masks(bodies, film.height, film.width)
     region = np.logical_or.reduce(masks)
+
+    def templates_of(reference: Reference) -> list[Template]:
+        return [
+            build_template(
+                body.name, reference.picture, mask, reference.n_averaged, max_pixels, reference.noise_grey
+            )
+            for body, mask in zip(bodies, masks, strict=True)
+        ]
+
+    if n_still is None:
+        candidates = average_still_frames(film, region).n_averaged
+        first = average_still_frames(film, region, min(FIRST_LOOK, candidates))
+        phi, u = _still_poses(_Run(film, bodies, templates_of(first), method), candidates)
+        n_still = still_count(phi.reshape(candidates, -1), u.reshape(candidates, -1))
+        if n_still < WANTED_STILL:
+            warnings.warn(
+                f"{film.path}: only {n_still} still frames at the start, {WANTED_STILL} wanted; "
+                "the zero is less sure",
+                VisionWarning,
+                stacklevel=4,
+            )
     reference = average_still_frames(film, region, n_still)
-    templates = [
-        build_template(body.name, reference.picture, mask, reference.n_averaged, max_pixels)
-        for body, mask in zip(bodies, masks, strict=True)
-    ]
-    return reference, templates
+    return reference, templates_of(reference)
 
 
 def predict_uncertainty(
@@ -223,23 +255,29 @@ def _fitter(template: Template, method: str) -> Fitter:
     return IcgnFitter(template)
 
 
-def _zero_of_still_frames(run: _Run, reference: Reference) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Mean picture rotation of each body over the still frames, and the standard uncertainty of that mean."""
-    n, m = reference.n_averaged, len(run.bodies)
-    phi, variance = np.full((n, m), np.nan), np.full((n, m), np.nan)
+def _still_poses(run: _Run, n: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Poses and their standard uncertainties in the first n frames, each (n, n_bodies, 3), NaN where lost."""
+    pose, u = np.full((n, len(run.bodies), 3), np.nan), np.full((n, len(run.bodies), 3), np.nan)
     for step in range(n):
         run.step(step, step, search=False)
         for i, follower in enumerate(run.followers):
             if not follower.flag & FAILURE:
-                phi[step, i], variance[step, i] = follower.fit.pose[0], follower.fit.covariance[0, 0]
-    good = np.count_nonzero(np.isfinite(phi), axis=0)
+                pose[step, i], u[step, i] = follower.fit.pose, np.sqrt(np.diag(follower.fit.covariance))
+    return pose, u
+
+
+def _zero_of_still_frames(run: _Run, reference: Reference) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Mean picture rotation of each body over the still frames, and the standard uncertainty of that mean."""
+    n = reference.n_averaged
+    pose, u = _still_poses(run, n)
+    good = np.count_nonzero(np.isfinite(pose[..., 0]), axis=0)
     for i, body in enumerate(run.bodies):
         if 2 * good[i] < n:
             raise TrackingError(
                 f"{run.film.path}: body {body.name} is found in {good[i]} of the {n} still frames; "
                 "check its outline against the first frame"
             )
-    return np.nanmean(phi, axis=0), np.sqrt(np.nanmean(variance, axis=0) / good)
+    return np.nanmean(pose[..., 0], axis=0), np.sqrt(np.nanmean(u[..., 0] ** 2, axis=0) / good)
 
 
 def _times(film: FrameSource, frame_time_s: ArrayLike | None) -> NDArray[np.float64]:
