@@ -144,7 +144,7 @@ def _read_until_rest(
         if progress is not None:
             peak = float(np.max(np.abs(block.force_n)))
             progress(Progress(number, trials, read / rate, command.blow_end_s, peak))
-        if read >= earliest and detector.at_rest(*_joined(blocks)):
+        if detector.add(block.force_n, block.encoder_count):
             return "complete"
         if read >= longest:
             return "not at rest"

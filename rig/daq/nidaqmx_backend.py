@@ -20,6 +20,7 @@ from nidaqmx import GrpcSessionOptions
 from nidaqmx.constants import TaskMode
 from nidaqmx.grpc_session_options import SessionInitializationBehavior
 from nidaqmx.stream_readers import AnalogSingleChannelReader, CounterReader
+from nidaqmx.system import Device
 from numpy.typing import NDArray
 
 from rig.backend import Block, Capabilities, Timing
@@ -39,12 +40,21 @@ def open_backend(url: str, config: RigConfig) -> NidaqmxBackend:
     except ValueError as error:
         raise InputError(f"backend address {url!r}: {error}") from None
     if parts.scheme == "ni" and parts.netloc in ("", "local"):
-        return NidaqmxBackend(None, name="NI-DAQmx driver", simulated=False)
+        return _identified(NidaqmxBackend(None, name="NI-DAQmx driver"), config)
     if parts.scheme == "ni-grpc" and parts.hostname:
         target = f"{parts.hostname}:{port}"
         channel = grpc.insecure_channel(target, options=[("grpc.max_receive_message_length", -1)])
-        return NidaqmxBackend(channel, name=f"NI gRPC Device Server at {target}", simulated=False)
+        return _identified(NidaqmxBackend(channel, name=f"NI gRPC Device Server at {target}"), config)
     raise InputError(f"backend address {url!r}: allowed are ni://local and ni-grpc://host:{DEFAULT_PORT}")
+
+
+def _identified(backend: NidaqmxBackend, config: RigConfig) -> NidaqmxBackend:
+    try:
+        backend.identify(config)
+    except BaseException:
+        backend.close()
+        raise
+    return backend
 
 
 class NidaqmxBackend:
@@ -57,14 +67,13 @@ class NidaqmxBackend:
         virtual bench.
     name : str
         Shown in reports.
-    simulated : bool
-        Whether what answers is a simulation.
     """
 
-    def __init__(self, channel: grpc.Channel | None, *, name: str, simulated: bool) -> None:
+    def __init__(self, channel: grpc.Channel | None, *, name: str) -> None:
         self._channel = channel
         self._name = name
-        self._simulated = simulated
+        self._simulated = False
+        self._product = "unknown"
         self._config: RigConfig | None = None
         self._tasks: dict[str, nidaqmx.Task] = {}
         """Open tasks by name in the order they were made; kept from the moment they exist, so that none is lost."""
@@ -73,7 +82,28 @@ class NidaqmxBackend:
     @property
     def capabilities(self) -> Capabilities:
         """What this backend is."""
-        return Capabilities(self._name, self._simulated, {"client": f"nidaqmx {version('nidaqmx')}"})
+        description = {"client": f"nidaqmx {version('nidaqmx')}", "product": self._product}
+        return Capabilities(self._name, self._simulated, description)
+
+    def identify(self, config: RigConfig) -> None:
+        """Ask the device what it is; a simulated one (ours or the driver's) is marked so in every session.
+
+        Raises
+        ------
+        InputError
+            When it is another product than the rig file says.
+        HardwareFault
+            When the driver, server or device does not answer.
+        """
+        name = config.device.name
+        options = None if self._channel is None else GrpcSessionOptions(self._channel, "")
+        with translated("connect", f"device {name}"):
+            device = Device(name, grpc_options=options)
+            self._product, self._simulated = str(device.product_type), bool(device.is_simulated)
+        if self._product != config.device.product:
+            raise InputError(
+                f"device.product = {config.device.product!r}: device {name} is a {self._product}; correct the rig file"
+            )
 
     def _kept_task(self, name: str) -> nidaqmx.Task:
         self._tasks[name] = task = self._new_task(name)
@@ -197,6 +227,7 @@ class NidaqmxBackend:
         try:
             self.safe_stop()
         finally:
+            self._config = None
             if self._channel is not None:
                 self._channel.close()
 

@@ -73,7 +73,7 @@ def read_status(path: Path) -> tuple[str, str]:
     """Return (status, seal) of a trial without reading its arrays."""
     try:
         with h5py.File(path, "r") as file:
-            return str(file.attrs["status"]), str(file.attrs["sha256"])
+            return str(file["daq"].attrs["status"]), str(file.attrs["sha256"])
     except (OSError, KeyError, RuntimeError) as error:
         raise InputError(f"{path}: not a readable trial file ({str(error).splitlines()[0]})") from error
 
@@ -99,9 +99,6 @@ def _write_root(file: h5py.File, data: TrialData) -> None:
     file.attrs["schema"] = SCHEMA
     file.attrs["Conventions"] = "SI units; time zero is the AI start trigger"
     file.attrs["trial"] = data.number
-    file.attrs["status"] = data.status
-    file.attrs["reason"] = data.reason
-    file.attrs["n_valid"] = data.n_valid
     file.attrs["started_utc"] = data.started_utc
     file.attrs["simulated"] = int(data.simulated)
     file.attrs["blow_start_s"] = data.blow_start_s
@@ -121,6 +118,9 @@ def _dataset(
 
 def _write_daq(group: h5py.Group, data: TrialData) -> None:
     group.attrs["sample_rate_hz"] = data.sample_rate_hz
+    group.attrs["n_valid"] = data.n_valid
+    group.attrs["status"] = data.status
+    group.attrs["reason"] = data.reason
     time = _dataset(
         group, "time", data.time_s, "s", "time since the AI start trigger", sample_rate_hz=data.sample_rate_hz
     )
@@ -227,8 +227,8 @@ def _read(file: h5py.File, seal: str) -> TrialData:
         camera = CameraInfo(**{field: _plain(attributes[field]) for field in CameraInfo.__dataclass_fields__})
     return TrialData(
         number=int(file.attrs["trial"]),
-        status=str(file.attrs["status"]),
-        reason=str(file.attrs["reason"]),
+        status=str(daq.attrs["status"]),
+        reason=str(daq.attrs["reason"]),
         started_utc=str(file.attrs["started_utc"]),
         simulated=bool(file.attrs["simulated"]),
         blow_start_s=float(file.attrs["blow_start_s"]),

@@ -56,6 +56,7 @@ class Service:
             "GetSystemInfoAttributeUInt32": self._system_info,
             "GetSystemInfoAttributeString": self._system_info_string,
             "GetDeviceAttributeString": self._device_string,
+            "GetDeviceAttributeBool": self._device_bool,
             "GetErrorString": self._error_string,
         }
 
@@ -215,11 +216,20 @@ class Service:
         return response("GetSystemInfoAttributeString", value=self.device.inventory.name)
 
     def _device_string(self, request: Any) -> Any:
-        if request.device_name != self.device.inventory.name:
-            raise DaqStatusError(status.INVALID_DEVICE, f"Device: {request.device_name}")
+        self._check_device(request.device_name)
         if enum(request, "attribute") != 0x0631:
             raise DaqStatusError(status.ATTRIBUTE_NOT_SUPPORTED, "Property (Device)")
         return response("GetDeviceAttributeString", value=self.device.inventory.product.name)
+
+    def _device_bool(self, request: Any) -> Any:
+        self._check_device(request.device_name)
+        if enum(request, "attribute") != 0x22CA:
+            raise DaqStatusError(status.ATTRIBUTE_NOT_SUPPORTED, "Property (Device)")
+        return response("GetDeviceAttributeBool", value=True)  # it says what it is
+
+    def _check_device(self, name: str) -> None:
+        if name.lower() != self.device.inventory.name.lower():
+            raise DaqStatusError(status.INVALID_DEVICE, f"Device: {name}")
 
     def _error_string(self, request: Any) -> Any:
         return response("GetErrorString", error_string=status.TEXTS.get(request.error_code, "Unknown status code."))

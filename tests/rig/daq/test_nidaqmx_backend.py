@@ -15,11 +15,11 @@ from rig.errors import (
     HardwareFault,
     InputError,
     NotSupported,
+    ReadTimeout,
     SamplesLost,
 )
-from rig.simulated import status
 from rig.simulated.server import serve
-from rig.simulated.status import DaqStatusError, NotImplementedByDevice
+from rig.simulated.status import NotImplementedByDevice
 
 RAD_PER_VOLT = np.array([-0.05, 0.02, 0.3])
 
@@ -33,6 +33,12 @@ def record(backend: NidaqmxBackend, config: Any, command: np.ndarray, blocks: in
     assert [block.first_sample for block in read] == list(range(0, 100 * blocks, 100))
     force, raw, count = ([getattr(b, name) for b in read] for name in ("force_n", "force_raw", "encoder_count"))
     return timing, np.concatenate(force), np.concatenate(raw), np.concatenate(count)
+
+
+def start(backend: NidaqmxBackend, config: Any, command: np.ndarray) -> None:
+    backend.configure(config, command)
+    backend.arm()
+    backend.start()
 
 
 def expected_force(command: np.ndarray, n: int, delay_samples: float) -> np.ndarray:
@@ -70,23 +76,36 @@ def test_the_same_rig_over_tcp_gives_identical_arrays(make_backend, assert_safe,
         for a, b in zip(here[1:], there[1:], strict=True):
             np.testing.assert_array_equal(a, b)
         assert here[1].std() > 0.01
-        assert near.service.trace == far.service.trace
-        far.device.advance = lambda n: (_ for _ in ()).throw(DaqStatusError(status.SAMPLES_NO_LONGER_AVAILABLE))
-        remote.configure(config, command)
-        remote.arm()
-        remote.start()
-        with pytest.raises(SamplesLost):
-            remote.read_block(100, 1.0)
+        assert near.service.trace == far.service.trace[5:]  # opening asked for version and device
         assert_safe(far)
     finally:
         remote.close()
         server.stop(None).wait()
+
+
+def test_faults_come_through_tcp_with_their_codes(make_backend, assert_safe, config, command) -> None:
+    far = make_backend(config)
+    server, port = serve(far.service)
+    remote = open_backend(f"ni-grpc://127.0.0.1:{port}", config)
+    start(remote, config, command)
+    with pytest.raises(ReadTimeout) as fault:
+        remote.read_block(100, 0.01)
+    assert (fault.value.code, fault.value.samples_read) == (-200284, 50)
     assert_safe(far)
-    gone = open_backend(f"ni-grpc://127.0.0.1:{port}", config)
-    with pytest.raises(DeviceNotFound, match="does not answer"):
-        gone.configure(config, command)
+    start(remote, config, command)
+    far.device.advance(100_001)
+    with pytest.raises(SamplesLost):
+        remote.read_block(100, 1.0)
+    assert_safe(far)
+    start(remote, config, command)
+    server.stop(None).wait()
+    with pytest.raises(DeviceNotFound, match="does not answer") as gone:
+        remote.read_block(100, 1.0)
+    assert gone.value.phase == "read"
     with pytest.raises(DeviceNotFound, match="emergency stop"):
-        gone.close()
+        remote.close()
+    with pytest.raises(DeviceNotFound, match="does not answer"):
+        open_backend(f"ni-grpc://127.0.0.1:{port}", config)
 
 
 SWAPS = {
@@ -193,16 +212,30 @@ def test_a_call_the_server_does_not_know_is_not_supported(make_backend, config, 
     backend.device.commit = commit
 
 
-def test_without_a_driver_ni_local_says_so(config, command) -> None:
-    backend = open_backend("ni://local", config)
-    assert backend.capabilities.simulated is False
+def test_without_the_driver_or_the_device_ni_local_says_so(config) -> None:
+    with pytest.raises(HardwareFault) as fault:
+        open_backend("ni://local", config)
+    assert fault.value.phase == "connect" and "\n" not in str(fault.value)
+
+
+def test_what_answers_must_be_the_product_of_the_rig_file_and_says_whether_it_is_simulated(
+    make_backend, config
+) -> None:
+    far = make_backend(config)
+    server, port = serve(far.service)
     try:
-        with pytest.raises(HardwareFault) as fault:
-            backend.configure(config, command)
-        if isinstance(fault.value, DeviceNotFound):  # a machine that has the driver refuses the device name instead
-            assert "driver is not installed" in str(fault.value) or fault.value.code is not None
+        remote = open_backend(f"ni-grpc://127.0.0.1:{port}", config)
+        assert remote.capabilities.simulated is True
+        assert remote.capabilities.description["product"] == "cDAQ-9189"
+        remote.close()
+        other = config.model_copy(update={"device": config.device.model_copy(update={"product": "PCIe-6363"})})
+        with pytest.raises(InputError, match="'PCIe-6363': device cDAQ1 is a cDAQ-9189"):
+            open_backend(f"ni-grpc://127.0.0.1:{port}", other)
+        unknown = config.model_copy(update={"device": config.device.model_copy(update={"name": "cDAQ7"})})
+        with pytest.raises(DeviceNotFound, match="device cDAQ7: no such device"):
+            open_backend(f"ni-grpc://127.0.0.1:{port}", unknown)
     finally:
-        backend._config = None  # nothing was ever opened
+        server.stop(None).wait()
 
 
 @pytest.mark.parametrize("url", ["ni://host", "ni-grpc://", "ni-grpc:///x", "ni-grpc://host:99999"])
@@ -211,9 +244,8 @@ def test_bad_addresses_are_refused(url, config) -> None:
         open_backend(url, config)
 
 
-def test_the_channel_is_closed_with_the_backend(config) -> None:
-    backend = open_backend("ni-grpc://127.0.0.1:1", config)
-    backend.close()
+def test_the_channel_is_closed_with_the_backend() -> None:
+    channel = grpc.insecure_channel("127.0.0.1:1")
+    NidaqmxBackend(channel, name="nobody").close()
     with pytest.raises(ValueError, match="closed"):
-        backend._channel.unary_unary("/x/y")(b"")
-    assert isinstance(backend._channel, grpc.Channel)
+        channel.unary_unary("/x/y")(b"")

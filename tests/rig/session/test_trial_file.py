@@ -92,6 +92,7 @@ def test_xarray_opens_the_groups_with_named_dimensions_and_units(tmp_path) -> No
         assert daq.encoder_count.dtype == np.int64
         assert daq.encoder_count.sel(encoder="whippen").values[3] == 6
         assert daq.time.values[5] == 0.001
+        assert (daq.attrs["n_valid"], daq.attrs["status"]) == (200, "complete")
     with xr.open_dataset(tmp_path / "t.h5", engine="h5netcdf", group="camera") as camera:
         assert camera.sizes["time"] == 37
         assert camera.time.values[2] == pytest.approx(0.00205)
@@ -108,7 +109,7 @@ def test_a_changed_sample_attribute_or_missing_seal_is_refused(tmp_path) -> None
     for name, change in {
         "sample": lambda f: f["daq/force"].__setitem__(3, 99.0),
         "attribute": lambda f: f["daq/force"].attrs.__setitem__("group_delay_s", 0.0),
-        "status": lambda f: f.attrs.__setitem__("status", "complete "),
+        "status": lambda f: f["daq"].attrs.__setitem__("status", "complete "),
         "extra": lambda f: f.create_dataset("daq/more", data=[1.0]),
         "seal": lambda f: f.attrs.__delitem__("sha256"),
         "schema": lambda f: f.attrs.__setitem__("schema", "other"),
