@@ -254,5 +254,5 @@ def _measure_all(
 def _predicted_events(m: Measurement, p: Prediction, geometry: ActionGeometry, tolerance: float) -> dict[str, Event]:
     """Events of a prediction by the same definitions; a sample is as uncertain as the tolerance asked for."""
     change = np.column_stack([p.change_rad(name) for name in ENCODER_CHANNELS])
-    motion = motion_of(geometry, p.time_s, change, np.full(3, tolerance))
+    motion = motion_of(geometry, p.time_s, change, np.full(3, tolerance), u_zero_rad=np.full(3, tolerance))
     return find_events(motion, m.quiet.stop)

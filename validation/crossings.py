@@ -72,14 +72,15 @@ def with_level_uncertainty(
     -------
     value : float or None
     u : float
-        NaN when nothing was found.
+        NaN when nothing was found, at the level or at a moved one.
     """
     value = find(level)
     if value is None:
         return None, float("nan")
     if u_level <= 0:
         return value, u_time_s
-    shifts = [abs(other - value) for other in (find(level - u_level), find(level + u_level)) if other is not None]
-    # nothing found on either side: the level is grazed, and the value may be off by its own size
-    spread = max(shifts) if shifts else abs(value)
+    sides = [find(level - u_level), find(level + u_level)]
+    if any(other is None for other in sides):
+        return value, float("nan")
+    spread = max(abs(other - value) for other in sides if other is not None)
     return value, float(np.hypot(spread, u_time_s))

@@ -11,6 +11,8 @@ note.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from validation.crossings import down_crossings, first_after, up_crossings, with_level_uncertainty
@@ -156,6 +158,8 @@ def rest(motion: Motion, quiet_stop: int) -> Event:
 
 def _timed(name: str, value: float, u: float) -> Event:
     """A time event; one that jumps by more than 10 ms within its level's uncertainty is ambiguous."""
+    if math.isnan(u):
+        return Event(name, value, u, "ambiguous", "grazes its level: not found within the uncertainty of the level")
     if u > DOUBTFUL_S:
         return Event(name, value, u, "ambiguous", f"moves by {1e3 * u:.0f} ms within the uncertainty of its level")
     return Event(name, value, u, "found")
