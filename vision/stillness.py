@@ -6,8 +6,8 @@ frames would be smeared and its zero shifted.
 
 Method: each pose coordinate of each body, over its standard uncertainty, is compared with the mean of the
 frames before, alone and as the mean of the last 2, 4, 8 and 16 frames. The first window that differs by more
-than `LIMIT` standard deviations ends the still run at that window's start, less `GUARD` frames in which the
-motion was still too small to see.
+than `LIMIT` standard deviations ends the still run, one window's length and `GUARD` frames before that
+window: a motion that starts gently is seen only some time after its start.
 """
 
 from __future__ import annotations
@@ -54,5 +54,5 @@ def still_count(pose: NDArray[np.float64], u_pose: NDArray[np.float64]) -> int:
             early = total[start] / start
             spread = typical * np.sqrt(1.0 / window + 1.0 / start)
             if np.any(np.abs(late - early) > LIMIT * spread):
-                return max(1, start - GUARD)
+                return max(1, start - window - GUARD)
     return n

@@ -11,33 +11,23 @@ with the film beyond the result's own columns. Failure: a film or outlines that 
 from __future__ import annotations
 
 import os
-import warnings
 from collections.abc import Callable, Sequence
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from vision.angles import picture_to_ccw
-from vision.bodies import Body, build_masks, parents_first
-from vision.covering import Covering
-from vision.errors import InputError, TrackingError, VisionWarning
-from vision.fit import Fitter
+from vision.bodies import Body
+from vision.errors import InputError, TrackingError
 from vision.flags import FAILURE
-from vision.follower import Follower
-from vision.frames import Film, FrameSource, open_film
-from vision.reference import Reference, average_still_frames
+from vision.frames import FrameSource, open_film
+from vision.preparation import MAX_PIXELS, prepare
+from vision.reference import Reference
 from vision.results import TrackResult
-from vision.stillness import still_count
-from vision.template import Template, build_template
+from vision.run import Run, first_poses
 from vision.uncertainty import predicted_u_angle
 
 METHODS = ("icgn", "ecc")
-WANTED_STILL = 10
-FIRST_LOOK = 4
-"""Frames averaged for the first template, with which the still frames are counted."""
-MAX_PIXELS = 12_000
-"""Pixels fitted per body; beyond this the ones that tell least about the angle are left out."""
 
 
 def track_film(
@@ -94,7 +84,7 @@ def track_film(
     time_s = _times(film, frame_time_s)
     reference, templates = prepare(film, bodies, n_still, max_pixels, method)
     predicted = np.array([predicted_u_angle(template, reference.noise_grey) for template in templates])
-    run = _Run(film, bodies, templates, method)
+    run = Run(film, bodies, templates, method)
     frames = np.arange(0, film.n_frames, every)
     zero, u_common = _zero_of_still_frames(run, reference)
     run.restart()
@@ -139,137 +129,10 @@ def track_film(
     )
 
 
-def prepare(
-    film: FrameSource,
-    bodies: Sequence[Body],
-    n_still: int | None = None,
-    max_pixels: int | None = MAX_PIXELS,
-    method: str = "icgn",
-) -> tuple[Reference, list[Template]]:
-    """Average the still frames and build the bodies' templates; shared by tracking and prediction.
-
-    Warns
-    -----
-    VisionWarning
-        When fewer than ten still frames are found.
-    """
-    masks = build_masks(bodies, film.height, film.width)
-    region = np.logical_or.reduce(masks)
-
-    def templates_of(reference: Reference) -> list[Template]:
-        return [
-            build_template(
-                body.name, reference.picture, mask, reference.n_averaged, max_pixels, reference.noise_grey
-            )
-            for body, mask in zip(bodies, masks, strict=True)
-        ]
-
-    if n_still is None:
-        candidates = average_still_frames(film, region).n_averaged
-        first = average_still_frames(film, region, min(FIRST_LOOK, candidates))
-        phi, u = _still_poses(_Run(film, bodies, templates_of(first), method), candidates)
-        n_still = still_count(phi.reshape(candidates, -1), u.reshape(candidates, -1))
-        if n_still < WANTED_STILL:
-            warnings.warn(
-                f"{film.path}: only {n_still} still frames at the start, {WANTED_STILL} wanted; "
-                "the zero is less sure",
-                VisionWarning,
-                stacklevel=4,
-            )
-    reference = average_still_frames(film, region, n_still)
-    return reference, templates_of(reference)
-
-
-def predict_uncertainty(
-    path_or_source: str | os.PathLike[str] | FrameSource,
-    bodies: Sequence[Body],
-    *,
-    n_still: int | None = None,
-) -> dict[str, float]:
-    """Standard uncertainty of each body's angle, rad, to expect before the film is tracked."""
-    if isinstance(path_or_source, str | os.PathLike):
-        with open_film(path_or_source) as film:
-            return predict_uncertainty(film, bodies, n_still=n_still)
-    reference, templates = prepare(path_or_source, bodies, n_still)
-    return {template.name: predicted_u_angle(template, reference.noise_grey) for template in templates}
-
-
-class _Run:
-    """The bodies of one film on their way through it."""
-
-    def __init__(
-        self, film: FrameSource, bodies: Sequence[Body], templates: list[Template], method: str
-    ) -> None:
-        self.film, self.bodies, self.templates, self.method = film, bodies, templates, method
-        self.order = parents_first(bodies)
-        self._covering = Covering(bodies, templates, film.height, film.width)
-        self.searches = 0
-        self.followers: list[Follower] = []
-        self.restart()
-
-    def restart(self) -> None:
-        """Put every body back to its place in the reference."""
-        self.searches += sum(follower.searches for follower in self.followers)
-        fitters = [_fitter(template, self.method) for template in self.templates]
-        self.followers = [Follower(fitter) for fitter in fitters]
-        names = [body.name for body in self.bodies]
-        for i in self.order:
-            parent = self.bodies[i].parent
-            self.followers[i].parent = None if parent is None else self.followers[names.index(parent)]
-            self.followers[i].start()
-
-    def step(self, index: int, step: int, search: bool = True) -> None:
-        """Fit all bodies in one frame, parents first."""
-        for i in self.order:
-            self.followers[i].step(self.film, index, step, self._covered(i, step), search)
-
-    def _covered(self, i: int, step: int) -> NDArray[np.uint8] | None:
-        """Template pixels of a body that the bodies in front hide, by their poses where known, else as
-        predicted."""
-        in_front = self._covering.in_front[i]
-        if not in_front:
-            return None
-        poses = {}
-        for j in in_front:
-            other = self.followers[j]
-            known = other.absolute.newest_step() == step
-            poses[j] = other.fit.pose if known else other.predict(step)
-        return self._covering.covered(i, self.followers[i].predict(step), poses)
-
-    def info(self, reference: Reference) -> dict[str, Any]:
-        """Counts and settings worth keeping with the result."""
-        return {
-            "pixels": {template.name: template.n_pixels for template in self.templates},
-            "noise_grey": reference.noise_grey,
-            "wide_searches": self.searches + sum(follower.searches for follower in self.followers),
-        }
-
-
-def _fitter(template: Template, method: str) -> Fitter:
-    if method == "ecc":
-        from vision.ecc import EccFitter
-
-        return EccFitter(template)
-    from vision.icgn import IcgnFitter
-
-    return IcgnFitter(template)
-
-
-def _still_poses(run: _Run, n: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Poses and their standard uncertainties in the first n frames, each (n, n_bodies, 3), NaN where lost."""
-    pose, u = np.full((n, len(run.bodies), 3), np.nan), np.full((n, len(run.bodies), 3), np.nan)
-    for step in range(n):
-        run.step(step, step, search=False)
-        for i, follower in enumerate(run.followers):
-            if not follower.flag & FAILURE:
-                pose[step, i], u[step, i] = follower.fit.pose, np.sqrt(np.diag(follower.fit.covariance))
-    return pose, u
-
-
-def _zero_of_still_frames(run: _Run, reference: Reference) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _zero_of_still_frames(run: Run, reference: Reference) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Mean picture rotation of each body over the still frames, and the standard uncertainty of that mean."""
     n = reference.n_averaged
-    pose, u = _still_poses(run, n)
+    pose, u = first_poses(run, n)
     good = np.count_nonzero(np.isfinite(pose[..., 0]), axis=0)
     for i, body in enumerate(run.bodies):
         if 2 * good[i] < n:
@@ -294,6 +157,3 @@ def _times(film: FrameSource, frame_time_s: ArrayLike | None) -> NDArray[np.floa
     if not np.all(np.isfinite(time_s)) or np.any(np.diff(time_s) <= 0.0):
         raise InputError(f"{film.path}: frame times must be finite and increase from frame to frame")
     return time_s
-
-
-__all__ = ["Film", "METHODS", "predict_uncertainty", "prepare", "track_film"]

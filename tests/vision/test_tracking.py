@@ -15,10 +15,11 @@ from vision.ecc import EccFitter
 from vision.errors import InputError, TrackingError, VisionWarning
 from vision.frames import ArrayFilm
 from vision.icgn import IcgnFitter
+from vision.preparation import predict_uncertainty
 from vision.reference import average_still_frames
 from vision.synthetic import Scene, SyntheticBody, background, box, speckle, total_noise
 from vision.template import build_template
-from vision.track import predict_uncertainty, track_film
+from vision.track import track_film
 from vision.uncertainty import cramer_rao_bound
 
 MDEG = np.radians(1e-3)
