@@ -35,7 +35,7 @@ class SimulatedBackend(NidaqmxBackend):
 
     def __init__(self, device: SimulatedDevice, description: dict[str, str] | None = None) -> None:
         self.device = device
-        self.plant: Plant = device.plant
+        self.plant: Plant = device.bench.plant
         self.service = Service(device)
         self._description = description or {}
         super().__init__(InProcessChannel(self.service), name="virtual bench")

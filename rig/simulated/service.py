@@ -24,6 +24,8 @@ from rig.simulated.tasks import SimulatedTask
 
 _ATTRIBUTE_CALL = re.compile(r"(Get|Set)(Task|Timing|Read|Write|Buffer|Chan|Trig)Attribute(\w+)")
 _BY_SCAN = 1
+POLL_S = 1e-3
+"""Bench time that passes when a client asks whether a task is done."""
 START, STOP, VERIFY, COMMIT, RESERVE, UNRESERVE, ABORT = range(7)
 
 
@@ -117,15 +119,18 @@ class Service:
         return response("TaskControl")
 
     def _is_task_done(self, request: Any) -> Any:
-        return response("IsTaskDone", is_task_done=self._task(request).done)
+        task = self._task(request)
+        if not task.done:
+            self.device.advance(max(int(POLL_S * self.device.bench.rate_hz), 1))  # asking takes its time
+        return response("IsTaskDone", is_task_done=task.done)
 
     def _wait_until_task_done(self, request: Any) -> Any:
         task = self._task(request)
-        step = max(int(0.02 * self.device.plant.sample_rate_hz), 1)
-        left = int(max(request.time_to_wait, 0) * self.device.plant.sample_rate_hz)
-        while not task.done and left > 0 and task.live:
-            self.device.advance(min(step, left))
-            left -= step
+        rate_hz = self.device.bench.rate_hz
+        forever = request.time_to_wait < 0
+        left = task.to_do if forever else int(min(request.time_to_wait * rate_hz, task.to_do))
+        if task.live and np.isfinite(left):
+            self.device.advance(int(left))
         if not task.done:
             raise DaqStatusError(status.OPERATION_TIMED_OUT, f"Task: {task.name}")
         return response("WaitUntilTaskDone")

@@ -56,8 +56,74 @@ def test_a_finite_acquisition_ends_and_is_read_to_its_end(cdaq, force_task) -> N
     assert not force.is_task_done()
     assert len(force.read(ni_all := nidaqmx.constants.READ_ALL_AVAILABLE)) == 250 and ni_all == -1
     assert force.is_task_done()
-    with pytest.raises(DaqReadError):
+    with pytest.raises(DaqReadError) as past:
         force.read(1, timeout=0.1)
+    assert past.value.error_code == -200278
+
+
+def test_asking_whether_a_task_is_done_lets_time_pass(cdaq, force_task) -> None:
+    force = force_task(cdaq, 250, ni.AcquisitionType.FINITE)
+    force.start()
+    polls = next(k for k in range(1000) if force.is_task_done())
+    assert polls == 50 - 1  # 1 ms each
+    force.stop()
+    force.start()
+    force.wait_until_done(timeout=0.05)
+    force.stop()
+    force.start()
+    with pytest.raises(nidaqmx.errors.DaqError, match="-200474"):
+        force.wait_until_done(timeout=0.049)
+
+
+def test_the_bench_follows_whatever_rate_the_clock_has(cdaq, bridge) -> None:
+    cdaq.device.lines["cDAQ1Mod4/port0/line7"] = True
+    task = cdaq.task()
+    bridge(task)
+    task.timing.cfg_samp_clk_timing(50_000, sample_mode=ni.AcquisitionType.CONTINUOUS)
+    task.read(10)
+    cdaq.device.output_v["cDAQ1Mod2/ao0"] = 1.0  # acts from edge 10, felt at 11, read 40.01 + 0.225 samples later
+    force = np.array(task.read(100))
+    np.testing.assert_allclose(force[[40, 42]], [0.05, 12.05], atol=1e-4)
+    assert cdaq.device.bench.clock.now_s == pytest.approx(110 / 50_000)
+
+
+def test_an_output_can_run_on_its_own_clock_and_hold_its_last_value(cdaq) -> None:
+    task = cdaq.task()
+    task.ao_channels.add_ao_voltage_chan("cDAQ1Mod2/ao0")
+    task.timing.cfg_samp_clk_timing(1000, samps_per_chan=100)
+    task.write(np.linspace(0, 3, 100), auto_start=True)
+    task.wait_until_done(timeout=0.2)
+    assert cdaq.device.output_v["cDAQ1Mod2/ao0"] == 3.0
+    assert cdaq.device.bench.plant.truth().size == 100
+
+
+def test_two_tasks_with_clocks_of_their_own_are_not_simulated(cdaq, force_task) -> None:
+    force_task(cdaq).start()
+    second = cdaq.task()
+    second.ao_channels.add_ao_voltage_chan("cDAQ1Mod2/ao0")
+    second.timing.cfg_samp_clk_timing(1000, samps_per_chan=10)
+    with pytest.raises(nidaqmx.errors.RpcError):
+        second.write(np.zeros(10), auto_start=True)
+
+
+def test_a_clock_that_nothing_drives_never_ticks(cdaq, bridge) -> None:
+    task = cdaq.task()
+    bridge(task)
+    task.timing.cfg_samp_clk_timing(5000, source="/cDAQ1Mod3/PFI0", sample_mode=ni.AcquisitionType.CONTINUOUS)
+    with pytest.raises(DaqReadError) as never:
+        task.read(1, timeout=0.5)
+    assert never.value.error_code == -200284
+
+
+def test_an_input_without_a_clock_reads_what_is_there_now(cdaq, bridge, encoder) -> None:
+    cdaq.device.lines["cDAQ1Mod4/port0/line7"] = True
+    cell, counts = cdaq.task(), cdaq.task()
+    bridge(cell)
+    encoder(counts)
+    assert cell.read() == pytest.approx(0.05, abs=1e-4)
+    assert counts.read() == 0.0
+    cdaq.device.output_v["cDAQ1Mod2/ao0"] = 1.0
+    assert cdaq.device.bench.clock.now_s == pytest.approx(1 / 5000)  # the first look starts the bench, no more
 
 
 def test_unread_samples_beyond_the_buffer_are_lost_and_said_so(cdaq, refused, force_task) -> None:
