@@ -190,7 +190,7 @@ def figure_lines(figures: Figures) -> list[str]:
     """The figures as lines of text."""
     mdeg = 1e3 * 180 / np.pi
     lines = [
-        f"simulation   {figures.simulation_s * 1e3:.0f} ms for 0.7 s of forte (warm), error {figures.simulation_error_rad:.1e} rad, "
+        f"simulation   {figures.simulation_s * 1e3:.0f} ms for 0.7 s of trial 1 (warm), error {figures.simulation_error_rad:.1e} rad, "
         f"{figures.simulation_steps} steps",
         f"tracking     {figures.tracking_frames_per_s:.0f} frames/s for three bodies together",
     ]
