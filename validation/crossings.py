@@ -82,5 +82,8 @@ def with_level_uncertainty(
     sides = [find(level - u_level), find(level + u_level)]
     if any(other is None for other in sides):
         return value, float("nan")
+    # a slow signal is a staircase of counts: three times the shift tells its slope where one may stay on a step
+    wide = [find(level - 3 * u_level), find(level + 3 * u_level)]
     spread = max(abs(other - value) for other in sides if other is not None)
+    spread = max([spread, *(abs(other - value) / 3 for other in wide if other is not None)])
     return value, float(np.hypot(spread, u_time_s))

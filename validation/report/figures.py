@@ -90,10 +90,10 @@ def rotation_of_all_trials(result: ValidationResult, channel: str, number: str) 
     text = "Repeatability is not known with one trial."
     if np.isfinite(s_r).any():
         draw(low, result.spread["time_s"].to_numpy(), s_r, color=BLACK, linewidth=1.0)
-        text = f"s_r(t) is at most {np.nanmax(s_r):.3f}°."
-    finish_axes(low, "s_r (°)")
+        text = f"sᵣ(t) is at most {np.nanmax(s_r):.3f}°."
+    finish_axes(low, "$s_r$ (°)")
     low.set_ylim(bottom=0)
-    caption = f"Rotation of the {TITLE[channel]} in all {len(result.traces)} trials; below: repeatability s_r(t)."
+    caption = f"Rotation of the {TITLE[channel]} in all {len(result.traces)} trials; below: repeatability sᵣ(t)."
     return _finish(figure, f"{channel}-all", number, caption, text)
 
 

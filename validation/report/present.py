@@ -68,8 +68,8 @@ def score_matrix(result: ValidationResult) -> PageTable:
         *(f"trial {t}" for t in trials),
         "all",
         "of range",
-        "s_r",
-        "RMSE / s_r",
+        "sᵣ",
+        "RMSE / sᵣ",
         "limit",
         "trial–trial",
     ]
@@ -92,7 +92,7 @@ def score_matrix(result: ValidationResult) -> PageTable:
         )
     notes = [
         "RMSE of model − trial in degrees inside the evaluation window; “all” is the root mean square over trials.",
-        "s_r: repeatability standard deviation; limit: 95 % of differences between two trials are "
+        "sᵣ: repeatability standard deviation; limit: 95 % of differences between two trials are "
         "smaller (ISO 5725, factor for "
         "few trials); trial–trial: the same RMSE between trials, the best a model could be asked for.",
     ]
@@ -208,7 +208,7 @@ def repeatability_tables(result: ValidationResult) -> list[PageTable]:
         PageTable(
             "repeatability",
             "Repeatability of the angles over the window (°)",
-            ["channel", "trials", "s_r pooled", "95 % interval of s_r", "largest s_r(t)", "limit"],
+            ["channel", "trials", "sᵣ pooled", "95 % interval of sᵣ", "largest sᵣ(t)", "limit"],
             channel_rows,
         ),
         PageTable(
@@ -225,7 +225,7 @@ def trial_page_table(result: ValidationResult) -> PageTable:
     rows = []
     for t in _complete(result.trials).itertuples():
         if not t.used:
-            rows.append([str(t.trial), "not used", *[DASH] * 7, str(t.reason)])
+            rows.append([str(t.trial), f"not used: {t.reason}", *[DASH] * 7])
             continue
         hum = f"{number(t.hum_1_n, 3)} at {t.hum_hz:.2f} Hz" if t.hum_accepted else "none subtracted"
         rows.append(
@@ -239,14 +239,19 @@ def trial_page_table(result: ValidationResult) -> PageTable:
                 number(1e3 * t.noise_n, 3),
                 number(1e3 * t.group_delay_s, 3),
                 "kept" if t.reused else "simulated",
-                str(t.notes or ""),
             ]
         )
     head = [
-        "trial", "state", "peak force (N)", "quiet (ms)", "offset (N)", "hum (N)", "noise (mN)", "delay "
-        "(ms)", "prediction",
-        "notes",
-    ]  # fmt: skip
+        "trial",
+        "state",
+        "peak (N)",
+        "quiet (ms)",
+        "offset (N)",
+        "hum (N)",
+        "noise (mN)",
+        "delay (ms)",
+        "prediction",
+    ]
     return PageTable("trials", "Trials and the correction of their force", head, rows)
 
 
