@@ -167,7 +167,7 @@ def test_a_bad_step_name_or_column_is_refused_and_a_damaged_table_too(session) -
         session.write_derived("s", 1, pd.DataFrame([[1, 2]], columns=["a", "a"]))
     path = session.write_derived("s", 1, table)
     path.write_bytes(path.read_bytes()[:500])
-    with pytest.raises(InputError, match="not a readable derived table"):
+    with pytest.raises(InputError, match="has no seal"):
         session.read_derived("s", 1)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import subprocess
 import sys
 from dataclasses import fields, replace
@@ -17,6 +18,7 @@ from hypothesis.extra.numpy import arrays
 
 from rig.errors import InputError
 from rig.session import CameraInfo, EncoderInfo, ForceInfo, TrialData
+from rig.session.sealed_hdf5 import MARK
 from rig.session.trial_file import read_status, read_trial, write_trial
 
 ENCODERS = (
@@ -105,6 +107,13 @@ def test_angles_follow_sign_and_counts_per_revolution_and_start_at_zero() -> Non
     np.testing.assert_allclose(data.angle_rad(), expected, atol=1e-15)
 
 
+def reseal(path: Path, *, honestly: bool) -> None:
+    """Put the seal back at the end, with the digest it had, or with the right one."""
+    body, _, old = path.read_bytes().rpartition(MARK)
+    digest = hashlib.sha256(body).hexdigest().encode() if honestly else old[:64]
+    path.write_bytes(body + MARK + digest + b"\n")
+
+
 def test_a_changed_sample_attribute_or_missing_seal_is_refused(tmp_path) -> None:
     for name, change in {
         "sample": lambda f: f["daq/force"].__setitem__(3, 99.0),
@@ -118,6 +127,7 @@ def test_a_changed_sample_attribute_or_missing_seal_is_refused(tmp_path) -> None
         write_trial(path, trial())
         with h5py.File(path, "r+") as file:
             change(file)
+        reseal(path, honestly=name == "schema")
         with pytest.raises(InputError) as refusal:
             read_trial(path)
         assert str(path) in str(refusal.value) and "\n" not in str(refusal.value)
@@ -133,6 +143,19 @@ def test_a_truncated_an_empty_and_a_missing_file_are_refused(tmp_path) -> None:
             read_trial(path)
     with pytest.raises(InputError):
         read_trial(tmp_path / "none.h5")
+
+
+def test_no_changed_byte_reaches_the_hdf5_library(tmp_path) -> None:
+    """The library crashes the process on some of these files."""
+    path = tmp_path / "t.h5"
+    write_trial(path, trial(20))
+    whole, random = path.read_bytes(), np.random.default_rng(1)
+    for place in random.integers(len(whole), size=300):
+        damaged = bytearray(whole)
+        damaged[place] ^= 1 << random.integers(8)
+        path.write_bytes(damaged)
+        with pytest.raises(InputError):
+            read_trial(path)
 
 
 def test_wrong_shapes_floats_for_counts_and_unknown_states_are_refused_before_writing(tmp_path) -> None:
