@@ -15,11 +15,17 @@ from rig.simulated.plant import PlantTruth, load_plant
 BENCH = Path(__file__).parents[2] / "rig" / "simulated" / "bench.toml"
 
 
+FINE = 20
+
+
 def replay(bench: Path, trial: int, command_v: np.ndarray) -> PlantTruth:
-    """What really happened in a trial: the plant played again with the recorded command."""
-    plant = load_plant(bench, None, 5000.0)
+    """What really happened in a trial: the plant played again with the recorded command, at 100 kHz.
+
+    Finer than the sample clock, because speeds jump within a sample where the hammer meets the string.
+    """
+    plant = load_plant(bench, None, 5000.0 * FINE)
     plant.start_trial(trial)
-    plant.advance(command_v)
+    plant.advance(np.repeat(command_v, FINE))
     return plant.truth()
 
 

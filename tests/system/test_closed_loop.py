@@ -16,7 +16,7 @@ from scipy.stats import chi2
 import model
 import validation
 from rig.simulated.plant import load_plant
-from tests.system.conftest import BENCH, Closed, fine_height
+from tests.system.conftest import BENCH, FINE, Closed, fine_height
 
 ENCODED = {"key": 0, "whippen": 1, "hammer": 4}
 
@@ -29,7 +29,7 @@ def test_encoder_angles_lie_within_their_stated_uncertainty(closed: Closed) -> N
         quiet = truth.time_s < 0.3
         for body, column in ENCODED.items():
             true = truth.angle_rad[:, column] - truth.angle_rad[quiet, column].mean()
-            error = trace[f"{body}_measured_rad"].to_numpy() - true[: len(trace)]
+            error = trace[f"{body}_measured_rad"].to_numpy() - true[::FINE]
             u = stated[(trial, body)]
             # a count plus the unknown place inside a count at rest: bounded, so never far outside 2 u
             assert np.sqrt(np.mean(error**2)) < 1.7 * u, (trial, body)
