@@ -80,6 +80,11 @@ class VideoFilm(Film):
             self._ended(index)
         self._next = index + 1
         grey = picture if picture.ndim == 2 else cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY)
+        if grey.shape != (self.height, self.width):
+            raise FilmError(
+                f"{self.path}: frame {index} is {grey.shape[1]} x {grey.shape[0]}, the header says "
+                f"{self.width} x {self.height}; the film is damaged"
+            )
         self._last = (index, grey)
         return grey
 
