@@ -15,7 +15,7 @@ import math
 
 import numpy as np
 
-from validation.crossings import down_crossings, first_after, up_crossings, with_level_uncertainty
+from validation.crossings import bend_uncertainty_s, down_crossings, first_after, up_crossings, with_level_uncertainty
 from validation.event import Event, Status, absent
 from validation.motion import Motion
 
@@ -85,6 +85,8 @@ def check(motion: Motion, impact_s: float | None, until_s: float = np.inf) -> tu
 
     # the band is around the hammer's own held height, so the zero of the height does not enter
     value, u = with_level_uncertainty(entry, CHECK_BAND_M, motion.u_height_m)
+    if value is not None:  # the back check brakes the hammer within a few samples
+        u = float(np.hypot(u, bend_uncertainty_s(time, height, value)))
     status: Status = "ambiguous" if note else "found"
     when = absent("check_time", "no entry into the held band") if value is None else _timed("check_time", value, u)
     if note and value is not None:

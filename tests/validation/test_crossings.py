@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from validation.crossings import down_crossings, first_after, up_crossings, with_level_uncertainty
+from validation.crossings import bend_uncertainty_s, down_crossings, first_after, up_crossings, with_level_uncertainty
 
 
 @given(slope=st.floats(0.1, 50), at=st.floats(0.011, 0.989))
@@ -67,6 +67,18 @@ def test_a_grazed_level_has_no_known_uncertainty():
     value, u = with_level_uncertainty(lambda x: first_after(up_crossings(time, np.sin(6 * time), x), 0.0), 0.99, 0.02)
     assert value is not None
     assert np.isnan(u)
+
+
+def test_a_bent_signal_is_missed_by_no_more_than_its_bend():
+    z = []
+    for phase in np.linspace(0, 1, 41)[:-1]:
+        time = (np.arange(60) + phase) * 1e-3
+        signal = 1.0 - 700.0 * (time - 0.05) ** 2
+        true = 0.05 - np.sqrt(0.5 / 700.0)
+        (found,) = [t for t in up_crossings(time, signal, 0.5) if t < 0.05]
+        z.append((found - true) / bend_uncertainty_s(time, signal, found))
+    assert 0.9 < np.sqrt(np.mean(np.square(z))) < 1.1
+    assert bend_uncertainty_s(np.arange(5.0), np.zeros(5), 2.5) == 0.0
 
 
 def test_nothing_found_is_none():
