@@ -24,7 +24,10 @@ TOLERANCES = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
 def main() -> int:
     action = model.load_action()
     bad = 0
-    print(f"{'blow':6} {'method':8} {'tolerance':>9} {'error rad':>10} {'error/tol':>9} {'ms':>7} {'steps':>7} {'rejected':>8} {'rhs':>7}")
+    print(
+        f"{'blow':6} {'method':8} {'tolerance':>9} {'error rad':>10} {'error/tol':>9} {'ms':>7} "
+        f"{'steps':>7} {'rejected':>8} {'rhs':>7}"
+    )
     for blow in BLOWS:
         force = np.loadtxt(DATA / f"{blow}_force.csv", delimiter=",", skiprows=1)
         rows = np.loadtxt(DATA / f"{blow}_reference.csv", delimiter=",", skiprows=1)

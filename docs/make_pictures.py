@@ -21,6 +21,7 @@ BLUE, ORANGE, GREEN = "#0072B2", "#D55E00", "#009E73"
 
 
 def main(folder: str) -> None:
+    """Draw docs/images/demo.png from the session in ``folder``."""
     result = validation.compare_session(folder)
     trace, film = result.traces[1], result.film_traces[1]
     session = Path(folder)
@@ -40,7 +41,8 @@ def main(folder: str) -> None:
     axes[1].plot(trace["time_s"][shown], -predicted, color=ORANGE, dashes=(4, 2), label="predicted")
     axes[1].set_title("hammer, θ_h(0) − θ_h", fontsize=9)
     axes[2].plot(film["time_s"], -np.degrees(film["jack_measured_rad"]), color=BLUE, label="tracked")
-    axes[2].plot(film["time_s"], -np.degrees(film["jack_predicted_rad"]), color=ORANGE, dashes=(4, 2), label="predicted")
+    jack = np.degrees(film["jack_predicted_rad"])
+    axes[2].plot(film["time_s"], -jack, color=ORANGE, dashes=(4, 2), label="predicted")
     axes[2].set_xlim(0.38, 0.95)
     axes[2].set_title("jack, θ_j(0) − θ_j", fontsize=9)
     for ax in axes[1:]:

@@ -21,8 +21,8 @@ from .kernels.output import forces_along, probe_forces_along
 from .scene import Scene
 
 # Local error allowed per step for a requested largest error of an angle over the whole run: found with
-# benchmarks/tolerance.py so that the error stays near or below the request on blows from piano to 60 N. Kinks of contacts
-# and force tables cost order, hence the extra power below the reference tolerance.
+# benchmarks/tolerance.py so that the error stays near or below the request on blows from piano to 60 N. Kinks of
+# contacts and force tables cost order, hence the extra power below the reference tolerance.
 ANGLE_SHARE = 0.05
 SPEED_SHARE = 0.6  # 1/s
 EXTRA = 0.1

@@ -104,7 +104,8 @@ def test_bad_profiles_move_nothing_and_leave_nothing(tmp_path: Path, capsys: pyt
     profile = tmp_path / "wild.toml"
     profile.write_text(
         'name = "wild"\ninterpolation = "linear"\n'
-        "points = [{ time_s = 0.0, force_n = 0.0 }, { time_s = 0.1, force_n = 500.0 }, { time_s = 0.2, force_n = 0.0 }]\n"
+        "points = [{ time_s = 0.0, force_n = 0.0 }, { time_s = 0.1, force_n = 500.0 }, "
+        "{ time_s = 0.2, force_n = 0.0 }]\n"
     )
     out = tmp_path / "session"
     assert run("record", "--profile", str(profile), "--out", str(out)) == 2
@@ -147,12 +148,13 @@ def _modules_after(*arguments: str) -> set[str]:
 
 
 def test_start_up_imports_only_what_a_command_needs(short_force: Path, tmp_path: Path) -> None:
-    assert not _modules_after("--help") & {"numpy", "numba", "pandas", "scipy", "matplotlib", "h5py", "cv2", "nidaqmx"}
+    heavy = {"numpy", "numba", "pandas", "scipy", "matplotlib", "h5py", "cv2", "nidaqmx"}
+    assert not _modules_after("--help") & heavy
     out = str(tmp_path / "o.csv")
     loaded = _modules_after("simulate", "--force", str(short_force), "--out", out)
     assert "numba" in loaded
     assert not loaded & {"pandas", "matplotlib", "cv2", "nidaqmx", "h5py"}
-    # numba itself loads scipy.linalg for its BLAS symbols (docs/decisions/start-up-imports.md); we load nothing of SciPy
+    # numba itself loads scipy.linalg for BLAS (docs/decisions/start-up-imports.md); we load nothing of SciPy
     assert not loaded & {"scipy.integrate", "scipy.optimize", "scipy.sparse", "scipy.special", "scipy.stats"}
 
 

@@ -51,10 +51,11 @@ def test_force_is_recovered_unfiltered_and_on_time(closed: Closed) -> None:
         # timing: shifting the recovered force by a sample either way makes the agreement worse
         spike = (time > 0.44) & (time < 0.48)
 
-        def misfit(shift: float) -> float:
-            return float(np.sum((force[spike] - np.interp(time[spike] + shift, truth.time_s, truth.force_n)) ** 2))
-
-        assert misfit(0.0) < misfit(2e-4) and misfit(0.0) < misfit(-2e-4)
+        misfit = [
+            float(np.sum((force[spike] - np.interp(time[spike] + shift, truth.time_s, truth.force_n)) ** 2))
+            for shift in (-2e-4, 0.0, 2e-4)
+        ]
+        assert misfit[1] == min(misfit)
 
 
 def test_tracked_angles_lie_within_their_stated_uncertainty(closed: Closed) -> None:
@@ -152,9 +153,7 @@ def test_a_model_of_the_specimen_itself_predicts_within_noise(closed: Closed) ->
     own = validation.compare_session(session, closed.truth[1].action, keep_predictions=False)
     printed = closed.demo.result
     for body in ENCODED:
-        mine, theirs = (
-            r.scores.set_index(["trial", "channel"]).loc[(1, body), "rmse_rad"] for r in (own, printed)
-        )
+        mine, theirs = (r.scores.set_index(["trial", "channel"]).loc[(1, body), "rmse_rad"] for r in (own, printed))
         assert mine < theirs, body
 
 

@@ -1,4 +1,4 @@
-"""The compiled step loop shows the order of its method on the real equations: the action swinging freely, equal steps."""
+"""The compiled step loop shows the order of its method on the real equations: free swing, equal steps."""
 
 from __future__ import annotations
 
@@ -15,7 +15,9 @@ END = 0.08
 @pytest.fixture(scope="module")
 def free() -> model.Scene:
     """No contact and no friction: smooth, coupled pendulums (whippen, jack and repetition hang together)."""
-    off = {"jack_spring": 0, "repetition_spring": 0} | {f"contact{i:02d}": 0 for i in range(1, 14)} | {f"{b}.joint_friction": 0 for b in model.BODIES}
+    off = {"jack_spring": 0, "repetition_spring": 0}
+    off |= {f"contact{i:02d}": 0 for i in range(1, 14)}
+    off |= {f"{b}.joint_friction": 0 for b in model.BODIES}
     return model.build_scene(model.load_action(overrides=off))
 
 

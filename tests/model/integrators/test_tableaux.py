@@ -1,4 +1,4 @@
-"""Coefficients satisfy the order conditions of Rosenbrock methods and show their order on a problem with known solution."""
+"""Coefficients satisfy the order conditions of Rosenbrock methods and show their order on a known problem."""
 
 from __future__ import annotations
 
