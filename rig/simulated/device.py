@@ -17,7 +17,7 @@ from rig.simulated import status
 from rig.simulated.bench_time import BenchTime
 from rig.simulated.clock import Clock
 from rig.simulated.contract import Plant
-from rig.simulated.products import Inventory, Kind
+from rig.simulated.products import Inventory, Kind, channel_names
 from rig.simulated.readings import encoder_reading, force_reading
 from rig.simulated.sensors import SensorSet
 from rig.simulated.status import DaqStatusError, NotImplementedByDevice
@@ -82,9 +82,7 @@ class SimulatedDevice:
         self, task: SimulatedTask, type_: TaskType, kind: Kind, physical: str, name: str, **settings: Any
     ) -> None:
         """Add the comma-separated physical channels to a task."""
-        names = [part.strip() for part in physical.split(",") if part.strip()]
-        if not names:
-            raise DaqStatusError(status.NO_SUCH_CHANNEL, "Physical Channel: ''")
+        names = channel_names(physical)
         for index, part in enumerate(names):
             channel = self.inventory.channel(part, kind)
             given = name if len(names) == 1 else f"{name}{index}"

@@ -93,6 +93,21 @@ PCIE_6363 = Product(
 PRODUCTS = {product.name: product for product in (CDAQ_9189, PCIE_6363)}
 
 
+def channel_names(text: str) -> list[str]:
+    """Return the channels a list such as ``Dev1/ai0:2, Dev1/ai7`` names, in its order."""
+    names: list[str] = []
+    for part in filter(None, (part.strip() for part in text.split(","))):
+        if match := re.fullmatch(r"(.*?)(\d{1,3}):(?:\1)?(\d{1,3})", part):
+            stem, first, last = match[1], int(match[2]), int(match[3])
+            step = 1 if last >= first else -1
+            names += [f"{stem}{i}" for i in range(first, last + step, step)]
+        else:
+            names.append(part)
+    if not names:
+        raise DaqStatusError(status.NO_SUCH_CHANNEL, f"Physical Channel: {text!r}")
+    return names
+
+
 class Inventory:
     """A product under the name it has in the system, e.g. chassis ``cDAQ1`` with modules ``cDAQ1Mod1`` …"""
 

@@ -14,6 +14,7 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rig.simulated import attributes, status
 from rig.simulated.channel_setup import CHANNEL_CALLS
@@ -52,6 +53,11 @@ class Service:
             "ReadAnalogF64": self._read_f64("ReadAnalogF64", "AI"),
             "ReadCounterF64Ex": self._read_f64("ReadCounterF64Ex", "CI"),
             "ReadCounterF64": self._read_f64("ReadCounterF64", "CI"),
+            "ReadCounterU32": self._read_f64("ReadCounterU32", "CI"),
+            "ReadCounterU32Ex": self._read_f64("ReadCounterU32Ex", "CI"),
+            "ReadAnalogScalarF64": self._read_scalar("ReadAnalogScalarF64", "AI"),
+            "ReadCounterScalarF64": self._read_scalar("ReadCounterScalarF64", "CI"),
+            "ReadCounterScalarU32": self._read_scalar("ReadCounterScalarU32", "CI"),
             "WriteAnalogF64": self._write_analog_f64,
             "WriteAnalogScalarF64": self._write_analog_scalar_f64,
             "WriteDigitalLines": self._write_digital_lines,
@@ -86,6 +92,12 @@ class Service:
 
     def _task(self, request: Any) -> SimulatedTask:
         return self.device.task(request.task.name)
+
+    def _task_of_type(self, request: Any, type_: str) -> SimulatedTask:
+        task = self._task(request)
+        if task.type != type_:
+            raise DaqStatusError(status.WRONG_MEASUREMENT_TYPE, f"Task: {task.name} is {task.type}")
+        return task
 
     def _create_task(self, request: Any) -> Any:
         task = self.device.create_task(request.session_name)
@@ -161,9 +173,7 @@ class Service:
 
     def _read_f64(self, call: str, type_: str) -> Callable[[Any], Any]:
         def read(request: Any) -> Any:
-            task = self._task(request)
-            if task.type != type_:
-                raise DaqStatusError(status.WRONG_MEASUREMENT_TYPE, f"Task: {task.name} is {task.type}")
+            task = self._task_of_type(request, type_)
             wanted = int(request.num_samps_per_chan)
             values = self.device.read(task, wanted, request.timeout)
             came = values.shape[0]
@@ -171,9 +181,21 @@ class Service:
             filled = np.zeros((max(wanted, came), values.shape[1]))
             filled[:came] = values
             by_scan = "fill_mode" in request.DESCRIPTOR.fields_by_name and enum(request, "fill_mode") == _BY_SCAN
-            flat = (filled if by_scan else filled.T).ravel()
+            flat = _counts_if(call, (filled if by_scan else filled.T).ravel())
             code = 0 if complete else status.SAMPLES_NOT_YET_AVAILABLE
             return response(call, status=code, read_array=flat, samps_per_chan_read=came)
+
+        return read
+
+    def _read_scalar(self, call: str, type_: str) -> Callable[[Any], Any]:
+        def read(request: Any) -> Any:
+            task = self._task_of_type(request, type_)
+            if len(task.channels) != 1:
+                raise DaqStatusError(status.TASK_MIXES_TYPES, f"Task: {task.name}: a scalar read needs one channel")
+            values = self.device.read(task, 1, request.timeout)
+            if not values.size:
+                raise DaqStatusError(status.SAMPLES_NOT_YET_AVAILABLE, f"Task: {task.name}", samples_read=0)
+            return response(call, value=_counts_if(call, values.ravel())[0])
 
         return read
 
@@ -238,3 +260,8 @@ class Service:
 
     def _error_string(self, request: Any) -> Any:
         return response("GetErrorString", error_string=status.TEXTS.get(request.error_code, "Unknown status code."))
+
+
+def _counts_if(call: str, values: NDArray[np.float64]) -> NDArray[Any]:
+    """Return the values as a 32-bit counter register holds them when the call asks for that."""
+    return (values.astype(np.int64) % 2**32).astype(np.uint32) if "U32" in call else values

@@ -1,4 +1,4 @@
-"""The recorder on the whole virtual bench: what is read agrees with the bench's own truth within what the bench file declares."""
+"""The recorder on the whole virtual bench: what is read agrees with the truth within what the bench file declares."""
 
 from __future__ import annotations
 

@@ -129,6 +129,16 @@ def test_a_damaged_annotation_is_refused_with_its_line_number(session, line) -> 
         session.trials  # noqa: B018
 
 
+def test_tables_for_notebooks_say_what_the_files_hold(session) -> None:
+    session.annotate(2, "reject", "the key stuck")
+    summary = session.summary()
+    assert list(summary.trial) == [1, 2] and list(summary.rejected) == ["", "the key stuck"]
+    assert list(summary.duration_s) == [0.002, 0.004] and list(summary.peak_force_n) == [9.0, 19.0]
+    table = session.trial(2).read().to_table()
+    assert list(table.columns) == ["time_s", "force_n", "force_raw", "motor_command_v", "key_count", "key_rad"]
+    assert table.force_n[3] == 3.0 and len(table) == 20
+
+
 def test_films_are_found_beside_the_trial(session) -> None:
     assert [t.film for t in session.trials] == [None, None]
     (session.path / "trial_0002.mraw").write_bytes(b"")

@@ -30,17 +30,27 @@ class Bench:
 
 
 @pytest.fixture
-def cdaq(make_backend) -> Iterator[Bench]:
-    bench = Bench(make_backend(load_rig("virtual").config))
-    yield bench
-    bench.close()
+def bench_of(make_backend) -> Iterator[Callable[[str], Bench]]:
+    """Make a bench for a built-in rig file."""
+    made: list[Bench] = []
+
+    def make(rig: str) -> Bench:
+        made.append(Bench(make_backend(load_rig(rig).config)))
+        return made[-1]
+
+    yield make
+    for bench in made:
+        bench.close()
 
 
 @pytest.fixture
-def card(make_backend) -> Iterator[Bench]:
-    bench = Bench(make_backend(load_rig("pcie6363").config))
-    yield bench
-    bench.close()
+def cdaq(bench_of) -> Bench:
+    return bench_of("virtual")
+
+
+@pytest.fixture
+def card(bench_of) -> Bench:
+    return bench_of("pcie6363")
 
 
 @pytest.fixture

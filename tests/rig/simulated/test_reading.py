@@ -169,3 +169,34 @@ def test_units_of_force_follow_the_task(cdaq, bridge) -> None:
     bridge(task, min_val=-4.0, max_val=25.0, units=ni.ForceUnits.POUNDS)
     task.timing.cfg_samp_clk_timing(5000, sample_mode=ni.AcquisitionType.CONTINUOUS)
     assert task.read(60)[59] == pytest.approx(24.05 / 4.4482216, rel=1e-5)
+
+
+def test_scalar_and_register_reads_give_the_next_sample_as_the_register_holds_it(cdaq, force_task, encoder) -> None:
+    cdaq.device.lines["cDAQ1Mod4/port0/line7"] = True
+    cdaq.device.output_v["cDAQ1Mod2/ao0"] = 1.0  # hammer: +0.3 rad, counts down
+    force, counts = force_task(cdaq), cdaq.task()
+    encoder(counts)
+    counts.timing.cfg_samp_clk_timing(5000, source="/cDAQ1/ai/SampleClock", sample_mode=ni.AcquisitionType.CONTINUOUS)
+    counts.start()
+    force.start()
+    cell = nidaqmx.stream_readers.AnalogSingleChannelReader(force.in_stream)
+    counter = nidaqmx.stream_readers.CounterReader(counts.in_stream)
+    assert cell.read_one_sample() == pytest.approx(0.05, abs=1e-4)
+    assert force.in_stream.total_samp_per_chan_acquired == 1
+    assert counter.read_one_sample_double() == 0.0
+    below = -int(163840 / (2 * np.pi) * 0.3)
+    assert counter.read_one_sample_uint32() == pytest.approx(2**32 + below, abs=1)
+    register = np.zeros(3, dtype=np.uint32)
+    counter.read_many_sample_uint32(register, 3)
+    assert register == pytest.approx(2**32 + below, abs=1)
+
+
+def test_a_range_of_channels_is_read_channel_by_channel_or_scan_by_scan(bench_of) -> None:
+    card = bench_of("pcie6363")
+    task = card.task()
+    task.ai_channels.add_ai_voltage_chan("Dev1/ai2:0", name_to_assign_to_channel="in")
+    task.timing.cfg_samp_clk_timing(10_000, sample_mode=ni.AcquisitionType.CONTINUOUS)
+    assert [c.physical_channel.name for c in task.ai_channels] == ["Dev1/ai2", "Dev1/ai1", "Dev1/ai0"]
+    rows = np.array(task.read(4))
+    assert rows.shape == (3, 4) and not rows[:2].any()
+    np.testing.assert_allclose(rows[2], 0.05 * 10 / 111.2, atol=20 / 2**16)
