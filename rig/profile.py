@@ -25,7 +25,7 @@ from rig.errors import InputError
 
 FOLDER = Path(__file__).parent / "profiles"
 MAX_DURATION_S = 60.0
-Finite = Annotated[float, Field(allow_inf_nan=False, strict=False)]
+Finite = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 
 
 class _Point(BaseModel):

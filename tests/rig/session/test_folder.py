@@ -198,7 +198,12 @@ def test_any_session_information_survives_a_round_trip(tmp_path_factory, name, o
 
 @pytest.mark.parametrize(
     ("text", "said"),
-    [("", "schema is missing|simulated is missing"), ("simulated = 3\n", "simulated"), ("= 1", "not a TOML file")],
+    [
+        ("", "schema is missing|simulated is missing"),
+        ("simulated = 3\n", "simulated"),
+        ("simulated = 'yes'\n", "simulated"),
+        ("= 1", "not a TOML file"),
+    ],
 )
 def test_a_damaged_session_toml_is_refused(tmp_path, text, said) -> None:
     (tmp_path / "session.toml").write_text(text)
