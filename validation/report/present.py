@@ -50,9 +50,11 @@ def with_u(value: float, u: float) -> str:
     return f"{value:.{decimals}f} ± {u:.{decimals}f}".replace("-", "−")
 
 
-def degrees(value: object, digits: int = 3) -> str:
-    """Radians shown in degrees."""
-    return number(math.degrees(value), digits) if isinstance(value, float) else DASH
+def degrees(value: object) -> str:
+    """Radians shown in degrees with four decimals, a quarter of a count of the encoders."""
+    if not isinstance(value, float) or not math.isfinite(value):
+        return DASH
+    return f"{math.degrees(value):.4f}".replace("-", "−").replace("−0.0000", "0.0000")
 
 
 def percent(value: object) -> str:
@@ -127,7 +129,7 @@ def resolution_table(result: ValidationResult) -> PageTable:
         "at (s)",
         "resolved",
         "u of one sample",
-        "lost samples",
+        "lost",
     ]
     notes = [
         "resolved: share of the window in which the mean paired difference exceeds its 95 % uncertainty (Student's t "
