@@ -2,9 +2,9 @@
 
     python benchmarks/acquisition.py
 
-Prints bench seconds per wall second: of the RPC layer alone, in process and over TCP on the loopback, at the 20 ms block
-length used in real time; and of five forte trials with the plant. Then the size of a trial file, and the time to check
-its seal and read it.
+Prints bench seconds per wall second: of the RPC layer alone, in process and over TCP on the loopback, at the 20 ms
+block length used in real time; and of five forte trials with the plant. Then the size of a trial file, and
+the time to check its seal and read it.
 """
 
 from __future__ import annotations
@@ -88,9 +88,7 @@ def main() -> None:
         backend.close()
         trials = Session.open(session.path).trials
         bench_s = sum(trial.read().n_valid for trial in trials) / config.device.sample_rate_hz
-        print(
-            f"five forte trials    : {bench_s:6.2f} s of bench time in {wall:.2f} s, {bench_s / wall:.0f} x real time"
-        )
+        print(f"five forte trials    : {bench_s / wall:6.0f} x real time, {bench_s:.2f} s in {wall:.2f} s")
         start = time.perf_counter()
         for trial in trials:
             trial.read()

@@ -22,7 +22,8 @@ from rig.rest import RestDetector
 from rig.session.annotation_file import utc_now
 from rig.session.records import CameraInfo, EncoderInfo, ForceInfo, TrialData
 
-READ_TIMEOUT_S = 10.0
+READ_TIMEOUT_S = 2.0
+"""How long a block may be late before the motor is stopped; a block takes 20 ms."""
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from rig.simulated.bench_time import BenchTime
 from rig.simulated.clock import Clock
 from rig.simulated.contract import Plant
 from rig.simulated.products import Inventory, Kind, channel_names
-from rig.simulated.readings import encoder_reading, force_reading
+from rig.simulated.readings import A_TERMINAL, B_TERMINAL, encoder_reading, force_reading
 from rig.simulated.sensors import SensorSet
 from rig.simulated.status import DaqStatusError, NotImplementedByDevice
 from rig.simulated.tasks import FINITE, Buffer, Channel, SampleClock, SimulatedTask, TaskType
@@ -122,6 +122,9 @@ class SimulatedDevice:
         """Take the task's resources; refuses what another task holds."""
         if not task.channels:
             raise DaqStatusError(status.NO_CHANNELS, f"Task: {task.name}")
+        for channel in task.channels if task.type == "CI" else []:
+            for attribute in (A_TERMINAL, B_TERMINAL):  # refused here when the product has none by itself
+                self.inventory.terminal(task.setting("Chan", channel.name, attribute, ""))
         for resource in self.resources(task):
             holder = self._reserved.get(resource)
             if holder not in (None, task.name):

@@ -44,6 +44,8 @@ class Product:
     bridge_bits: int = 24
     bridge_excitation_v: tuple[float, ...] = ()
     ai_ranges_v: tuple[float, ...] = ()
+    encoder_terminals: tuple[tuple[str, str], ...] = ()
+    """A and B terminals each counter has unless told otherwise; empty: they must be told."""
     ai_bits: int = 16
     input_only_terminals: str = r"(?!)"
     internal: tuple[str, ...] = field(
@@ -88,6 +90,7 @@ PCIE_6363 = Product(
     ai_max_rate_hz=2e6,
     counter_timebase_hz=100e6,
     ai_ranges_v=(0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0),
+    encoder_terminals=(("PFI8", "PFI10"), ("PFI3", "PFI11"), ("PFI0", "PFI1"), ("PFI5", "PFI6")),
 )
 
 PRODUCTS = {product.name: product for product in (CDAQ_9189, PCIE_6363)}

@@ -86,6 +86,15 @@ def test_a_counter_needs_a_clock_and_terminals_that_exist(cdaq, encoder, refused
         task.triggers.arm_start_trigger.dig_edge_src = "/cDAQ1/ai/StartTriger"
 
 
+def test_counters_have_the_terminals_of_the_card_and_on_the_chassis_must_be_told(cdaq, card, refused) -> None:
+    channel = card.task().ci_channels.add_ci_ang_encoder_chan("Dev1/ctr1", pulses_per_rev=81920)
+    assert (channel.ci_encoder_a_input_term, channel.ci_encoder_b_input_term) == ("/Dev1/PFI3", "/Dev1/PFI11")
+    task = cdaq.task()
+    task.ci_channels.add_ci_ang_encoder_chan("cDAQ1Mod3/ctr0", pulses_per_rev=81920)
+    with refused(-89120):
+        task.start()
+
+
 def test_frame_pulses_cannot_leave_through_an_input_module(cdaq, refused) -> None:
     channel = cdaq.task().co_channels.add_co_pulse_chan_freq("cDAQ1Mod4/ctr3", freq=2000.0)
     with refused(-89136):
