@@ -121,7 +121,7 @@ def test_command_can_change_while_under_way(plant: ActionPlant) -> None:
         ("inertia = 2.2e-4", "inertial = 2.2e-4", "motor_arm.inertial: unknown key"),
         ("motor_gain = 0.003", "motor_gain = 3", "scatter.motor_gain: found 3, allowed 0 to 0.3"),
         ("torque_per_volt_nm = 1.2", "torque_per_volt_nm = 0", "motor.torque_per_volt_nm: found 0"),
-        ('"contact04.friction.A" = 0.40', '"contact44.friction.A" = 0.40', "contact44.friction.A"),
+        ('"contact04.friction.A" = 0.36', '"contact44.friction.A" = 0.36', "contact44.friction.A"),
         ("\n[scatter]", "\n[scattered]", "[scatter]: missing"),
         ("seed = 52", "seed = = 52", "not valid TOML"),
     ],
