@@ -35,7 +35,7 @@ def write_table(path: Path, table: pd.DataFrame, attrs: Mapping[str, Any], paren
         raise InputError(f"{path.parent}: cannot be created ({error.strerror or error})") from error
     with write_sealed(path) as file:
         file.attrs["schema"] = SCHEMA
-        file.attrs["attributes_json"] = json.dumps(dict(attrs))
+        file.attrs["attributes_json"] = json.dumps(dict(attrs), default=_plain)
         file.attrs["parents_json"] = json.dumps(dict(parents_sha256), sort_keys=True)
         group = file.create_group("table", track_order=True)
         group.attrs["columns_json"] = json.dumps(names)
@@ -43,6 +43,15 @@ def write_table(path: Path, table: pd.DataFrame, attrs: Mapping[str, Any], paren
         row.make_scale("row")
         for position, name in enumerate(names):
             _write_column(group, name, table.iloc[:, position].to_numpy()).dims[0].attach_scale(row)
+
+
+def _plain(value: object) -> Any:
+    """Return what JSON can hold of a NumPy value or a path."""
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    if isinstance(value, Path):
+        return value.as_posix()
+    raise InputError(f"attribute {value!r} of a derived table is a {type(value).__name__}; use numbers, text or lists")
 
 
 def _write_column(group: h5py.Group, name: str, values: np.ndarray) -> h5py.Dataset:

@@ -7,8 +7,8 @@ from collections.abc import Callable
 from typing import Any
 
 from rig.simulated import status
-from rig.simulated.attributes import CO_DELAY, CO_FREQ, ENCODER_TERMINALS
-from rig.simulated.device import SimulatedDevice
+from rig.simulated.attributes import ENCODER_TERMINALS
+from rig.simulated.device import CO_DELAY, CO_FREQ, SimulatedDevice
 from rig.simulated.messages import enum
 from rig.simulated.readings import (
     DEGREES,

@@ -18,13 +18,15 @@ from rig.simulated.bench_time import BenchTime
 from rig.simulated.clock import Clock
 from rig.simulated.contract import Plant
 from rig.simulated.products import Inventory, Kind, channel_names
-from rig.simulated.readings import A_TERMINAL, B_TERMINAL, encoder_reading, force_reading
+from rig.simulated.readings import encoder_reading, force_reading
+from rig.simulated.reservations import Reservations
 from rig.simulated.sensors import SensorSet
 from rig.simulated.status import DaqStatusError, NotImplementedByDevice
 from rig.simulated.tasks import FINITE, Buffer, Channel, SampleClock, SimulatedTask, TaskType
 from rig.simulated.wiring import Wiring
 
 AO_CLOCK = "ao/SampleClock"
+CO_FREQ, CO_DELAY = 0x1178, 0x299
 INPUTS = ("AI", "CI")
 
 
@@ -54,7 +56,7 @@ class SimulatedDevice:
         """Volts each analog output holds, by full channel name; a stopped output holds its last value."""
         self.lines: dict[str, bool] = {}
         self.trial = 0
-        self._reserved: dict[str, str] = {}
+        self._reservations = Reservations(inventory)
         self._master: SimulatedTask | None = None
 
     def task(self, name: str) -> SimulatedTask:
@@ -107,35 +109,17 @@ class SimulatedDevice:
             raise DaqStatusError(status.RATE_TOO_HIGH, f"Requested {rate_hz:g}")
         task.clock = SampleClock(rate_hz, terminal, mode, samples)
 
-    def resources(self, task: SimulatedTask) -> list[str]:
-        """Hardware a task needs for itself."""
-        needed = [channel.physical.resource for channel in task.channels]
-        if task.clock is not None and task.type in ("AI", "AO"):
-            needed.append(f"{task.type} timing engine")
-        for channel in task.channels:
-            if task.type == "CO" and (terminal := task.setting("Chan", channel.name, 0x18E1, "")):
-                relative = self.inventory.terminal(terminal, output=True)
-                needed.append("pin4." + relative[-1] if relative.startswith("Mod4") else "PFI " + relative)
-        return needed
-
     def commit(self, task: SimulatedTask) -> None:
         """Take the task's resources; refuses what another task holds."""
         if not task.channels:
             raise DaqStatusError(status.NO_CHANNELS, f"Task: {task.name}")
-        for channel in task.channels if task.type == "CI" else []:
-            for attribute in (A_TERMINAL, B_TERMINAL):  # refused here when the product has none by itself
-                self.inventory.terminal(task.setting("Chan", channel.name, attribute, ""))
-        for resource in self.resources(task):
-            holder = self._reserved.get(resource)
-            if holder not in (None, task.name):
-                raise DaqStatusError(status.RESOURCE_RESERVED, f"Resource: {resource}, held by task {holder}")
-        self._reserved.update(dict.fromkeys(self.resources(task), task.name))
+        self._reservations.take(task)
         if task.state == "unreserved":
             task.state = "committed"
 
     def release(self, task: SimulatedTask) -> None:
         """Give the task's resources back."""
-        self._reserved = {key: holder for key, holder in self._reserved.items() if holder != task.name}
+        self._reservations.give_back(task)
         task.state, task.committed = "unreserved", False
 
     def start(self, task: SimulatedTask) -> None:
@@ -218,6 +202,17 @@ class SimulatedDevice:
         for task in clocked:
             if task.buffer is not None:
                 task.buffer.put(self._latch(task, cell, quarter)[: max(int(min(task.remaining(), n)), 0)])
+
+    def pulse_edges_s(self, counter: str) -> NDArray[np.float64]:
+        """Rising edges a counter has put out since the start trigger, s; none when it does not run."""
+        for task in self.tasks.values():
+            channel = next((c for c in task.channels if c.physical.name == counter), None)
+            if task.type == "CO" and task.live and channel is not None:
+                rate = task.setting("Chan", channel.name, CO_FREQ, 0.0)
+                first = task.setting("Chan", channel.name, CO_DELAY, 0.0)
+                passed = int(np.floor((self.bench.edge / self.bench.rate_hz - first) * rate + 1e-9)) + 1
+                return first + np.arange(max(passed, 0)) / rate
+        return np.empty(0)
 
     @property
     def edge(self) -> int:

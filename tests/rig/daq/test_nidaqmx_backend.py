@@ -108,6 +108,23 @@ def test_faults_come_through_tcp_with_their_codes(make_backend, assert_safe, con
         open_backend(f"ni-grpc://127.0.0.1:{port}", config)
 
 
+def test_the_frame_pulses_are_where_the_backend_says(make_backend, config, command) -> None:
+    camera = config.camera.model_copy(update={"frame_rate_hz": 3000.0, "start_delay_s": 0.0123})
+    config = config.model_copy(update={"camera": camera})
+    backend = make_backend(config)
+    timing = backend.configure(config, command)
+    backend.arm()
+    assert backend.device.pulse_edges_s(camera.counter).size == 0
+    backend.start()
+    backend.read_block(500, 1.0)
+    edges = backend.device.pulse_edges_s(camera.counter)
+    assert edges[0] == timing.first_pulse_s == pytest.approx(0.0123, abs=1e-7)
+    assert np.diff(edges) == pytest.approx(1 / timing.frame_rate_hz)
+    assert edges[-1] <= 0.1 < edges[-1] + 1 / 2999
+    backend.safe_stop()
+    assert backend.device.pulse_edges_s(camera.counter).size == 0
+
+
 SWAPS = {
     "a": (
         ("cDAQ1Mod3/ctr0", "cDAQ1Mod3/ctr9"),

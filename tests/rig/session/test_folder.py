@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 import os
+from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
 import xarray as xr
@@ -19,8 +21,6 @@ INFO = SessionInfo(simulated=True, rig=FileInfo(name="virtual"), profile=FileInf
 
 
 def add_trial(session: Session, number: int) -> None:
-    import numpy as np
-
     k = np.arange(10 * number)
     session.add_trial(
         TrialData(
@@ -157,10 +157,12 @@ def test_derived_tables_come_back_with_attributes_and_parents(session) -> None:
         }
     )
     assert session.read_derived("tracking", 1) is None
-    path = session.write_derived("tracking", 1, table, {"rms": 0.25, "bodies": ["jack"]})
+    given = {"rms": np.float64(0.25), "bodies": ["jack"], "n": np.int64(3), "row": np.arange(2), "film": Path("a/b")}
+    path = session.write_derived("tracking", 1, table, given)
     found, attrs = session.read_derived("tracking", 1)
     pd.testing.assert_frame_equal(found, table)
-    assert attrs == {"rms": 0.25, "bodies": ["jack"], "parents_sha256": {"trial_0001.h5": session.trial(1).sha256}}
+    plain = {"rms": 0.25, "bodies": ["jack"], "n": 3, "row": [0, 1], "film": "a/b"}
+    assert attrs == {**plain, "parents_sha256": {"trial_0001.h5": session.trial(1).sha256}}
     with xr.open_dataset(path, engine="h5netcdf", group="table") as data:
         assert data.jack_rad.dims == ("row",)
     session.write_derived("tracking", 1, table.iloc[:1], {}, {"film": "0" * 64})
@@ -173,6 +175,8 @@ def test_a_bad_step_name_or_column_is_refused_and_a_damaged_table_too(session) -
     for step in ("../x", "", "a/b", "."):
         with pytest.raises(InputError, match="derived step"):
             session.write_derived(step, 1, table)
+    with pytest.raises(InputError, match="attribute .* is a set"):
+        session.write_derived("s", 1, table, {"a": {1}})
     with pytest.raises(InputError, match="column names"):
         session.write_derived("s", 1, pd.DataFrame([[1, 2]], columns=["a", "a"]))
     path = session.write_derived("s", 1, table)
