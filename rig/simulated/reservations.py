@@ -1,4 +1,4 @@
-"""Who holds which piece of hardware: counters, converters, timing engines, pins. What one task holds another is refused."""
+"""Who holds which hardware: counters, converters, timing engines, pins. What one task holds another is refused."""
 
 from __future__ import annotations
 
