@@ -1,7 +1,7 @@
 """The main job from end to end on the virtual bench: record, film, track, simulate, report, and its figures.
 
-`run_demo` composes the public functions a notebook would call; `Figures` are the numbers it prints last, each measured in
-this very run against the known truth of the virtual bench.
+`run_demo` composes the public functions a notebook would call; `Figures` are the numbers it prints last, each measured
+in this very run against the known truth of the virtual bench.
 """
 
 from __future__ import annotations
@@ -172,9 +172,7 @@ def run_demo(
     start = time.perf_counter()
     trace = result.traces[FILMED]
     blow = (trace["force_time_s"] >= 0.3) & (trace["force_time_s"] <= 1.0)  # 0.7 s around the blow
-    simulation = measure_simulation(
-        trace["force_time_s"][blow].to_numpy(), trace["force_n"][blow].to_numpy()
-    )
+    simulation = measure_simulation(trace["force_time_s"][blow].to_numpy(), trace["force_n"][blow].to_numpy())
     lap("measure the simulation", start)
     figures = Figures(
         tracking_errors(track, films[FILMED]),
@@ -190,8 +188,8 @@ def figure_lines(figures: Figures) -> list[str]:
     """The figures as lines of text."""
     mdeg = 1e3 * 180 / np.pi
     lines = [
-        f"simulation   {figures.simulation_s * 1e3:.0f} ms for 0.7 s of forte (warm), error {figures.simulation_error_rad:.1e} rad, "
-        f"{figures.simulation_steps} steps",
+        f"simulation   {figures.simulation_s * 1e3:.0f} ms for 0.7 s of trial 1 (warm), "
+        f"error {figures.simulation_error_rad:.1e} rad, {figures.simulation_steps} steps",
         f"tracking     {figures.tracking_frames_per_s:.0f} frames/s for three bodies together",
     ]
     for t in figures.tracking:

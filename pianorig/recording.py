@@ -50,9 +50,7 @@ def film_virtual_trial(
     if data.camera is None:
         raise InputError(f"{trial.path}: has no frame clock; add a [camera] to the rig file to film")
     camera = data.camera
-    settings = replace(
-        settings or CameraSettings(), frame_rate_hz=camera.frame_rate_hz, exposure_s=camera.exposure_s
-    )
+    settings = replace(settings or CameraSettings(), frame_rate_hz=camera.frame_rate_hz, exposure_s=camera.exposure_s)
     times = camera.frame_time_s
     inside = (times >= data.blow_start_s - STILL_BEFORE_S) & (times <= data.time_s[-1] - camera.exposure_s)
     first = int(np.argmax(inside))

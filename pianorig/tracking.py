@@ -72,7 +72,9 @@ def track_film_file(
         if owner is not None:
             camera = owner[1].read().camera
             if camera is None:
-                raise InputError(f"{owner[1].path}: has no frame clock; record with a camera, or track a copy elsewhere")
+                raise InputError(
+                    f"{owner[1].path}: has no frame clock; record with a camera, or track a copy elsewhere"
+                )
             own = source.frame_time_s
             middle = 0.5 * (source.exposure_s or 0.0)
             index = np.arange(source.n_frames) if own is None else np.rint((own - middle) * camera.frame_rate_hz)

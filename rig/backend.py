@@ -4,9 +4,8 @@ Contract of a backend, in the order of a trial:
 
 1. ``configure(config, command_v)`` reserves every channel of the rig file, loads the motor command (volts,
    one per sample, the last 0 V) and returns what the device really does (rates after coercion, delays).
-   Nothing moves.
-2. ``arm()`` starts all slave tasks, so that they wait for the trigger; writes 0 V to the motor first, enables
-   the drive last.
+   Before anything else the motor is put at 0 V and the drive disabled. Nothing moves.
+2. ``arm()`` starts all slave tasks, so that they wait for the trigger, and enables the drive last.
 3. ``start()`` starts the master: force, counters, motor command and frame pulses begin on the same edge,
    sample 0.
 4. ``read_block(n, timeout_s)`` returns exactly the next n samples of every channel, in order, without a gap,

@@ -20,7 +20,8 @@ from rig.errors import InputError
 
 FOLDER = Path(__file__).parent / "rigs"
 BODIES = ("key", "whippen", "hammer")
-Number = Annotated[float, Field(allow_inf_nan=False)]
+Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+Count = Annotated[int, Field(strict=True)]
 Text = Annotated[str, Field(min_length=1)]
 
 
@@ -86,7 +87,7 @@ class EncoderConfig(_Table):
 
     name: Literal["key", "whippen", "hammer"]
     counter: Text
-    counts_per_revolution: int = Field(ge=4, le=100_000_000, multiple_of=4)
+    counts_per_revolution: Count = Field(ge=4, le=100_000_000, multiple_of=4)
     sign: Literal[1, -1]
     a_terminal: Text
     b_terminal: Text
@@ -151,7 +152,7 @@ class RecordingConfig(_Table):
 
     quiet_s: Number = Field(default=0.35, ge=0.3, le=10)
     rest_s: Number = Field(default=0.2, ge=0.2, le=10)
-    rest_counts: int = Field(default=1, ge=0, le=1000)
+    rest_counts: Count = Field(default=1, ge=0, le=1000)
     rest_force_n: Number = Field(default=0.2, gt=0, le=10)
     longest_s: Number = Field(default=3.0, ge=0.5, le=60)
     block_s: Number = Field(default=0.02, ge=0.001, le=1)

@@ -25,7 +25,7 @@ from rig.errors import InputError
 
 FOLDER = Path(__file__).parent / "profiles"
 MAX_DURATION_S = 60.0
-Finite = Annotated[float, Field(allow_inf_nan=False, strict=False)]
+Finite = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 
 
 class _Point(BaseModel):
@@ -187,7 +187,8 @@ def _monotone_cubic(x: NDArray[np.float64], y: NDArray[np.float64], wanted: NDAr
         inner = slope[:-1] * slope[1:] > 0
         w_left, w_right = 2 * h[1:] + h[:-1], h[1:] + 2 * h[:-1]
         left, right = np.where(inner, slope[:-1], 1.0), np.where(inner, slope[1:], 1.0)
-        tangent[1:-1] = np.where(inner, (w_left + w_right) / (w_left / left + w_right / right), 0.0)
+        with np.errstate(over="ignore"):  # a slope near the smallest float: the mean is zero, as it should be
+            tangent[1:-1] = np.where(inner, (w_left + w_right) / (w_left / left + w_right / right), 0.0)
     i = np.clip(np.searchsorted(x, wanted, side="right") - 1, 0, x.size - 2)
     s = (wanted - x[i]) / h[i]
     hermite = (

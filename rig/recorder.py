@@ -16,7 +16,7 @@ from pathlib import Path
 
 from rig.backend import Backend, open_backend
 from rig.config import Rig, load_rig
-from rig.errors import InputError
+from rig.errors import HardwareFault, InputError
 from rig.feed import BlockFeed
 from rig.interrupts import deferred
 from rig.profile import Profile, load_profile
@@ -101,10 +101,16 @@ def record_session(
                     after_trial(trial)
             if outcome.error is not None:
                 raise outcome.error
+    except BaseException:
+        if isinstance(backend, str):
+            with deferred(), contextlib.suppress(HardwareFault):
+                opened.close()  # the first fault is the one to report
+        raise
+    else:
+        if isinstance(backend, str):
+            opened.close()
     finally:
         with deferred():
-            if isinstance(backend, str):
-                opened.close()
             if session is not None and not session.trials:
                 _discard(session, existed)
     return session

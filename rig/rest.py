@@ -8,12 +8,14 @@ within a band about its mean over the quiet time before the blow. A body that re
 
 from __future__ import annotations
 
+from collections import deque
+
 import numpy as np
 from numpy.typing import NDArray
 
 
 class RestDetector:
-    """Looks at the last ``window`` samples once sample ``earliest`` has passed.
+    """Looks at the last ``window`` samples once sample ``earliest`` has passed; keeps no more than it needs.
 
     Parameters
     ----------
@@ -32,14 +34,22 @@ class RestDetector:
     def __init__(self, *, window: int, earliest: int, baseline: int, counts: int, force_n: float) -> None:
         self._window, self._earliest, self._baseline = window, earliest, baseline
         self._counts, self._force_n = counts, force_n
+        self._samples = 0
+        self._baseline_sum_n = 0.0
+        self._recent: deque[tuple[NDArray[np.float64], NDArray[np.int64]]] = deque()
 
-    def at_rest(self, force_n: NDArray[np.float64], encoder_count: NDArray[np.int64]) -> bool:
-        """Tell whether the trial so far, force (n,) and counts (n, 3), ends with a whole window at rest."""
-        n = force_n.shape[0]
-        if n < self._earliest + self._window or n < self._baseline:
+    def add(self, force_n: NDArray[np.float64], encoder_count: NDArray[np.int64]) -> bool:
+        """Take the next samples, force (m,) and counts (m, 3); tell whether they end a window at rest."""
+        if (missing := self._baseline - self._samples) > 0:
+            self._baseline_sum_n += float(force_n[:missing].sum())
+        self._samples += force_n.shape[0]
+        self._recent.append((force_n, encoder_count))
+        while sum(force.shape[0] for force, _ in self._recent) - self._recent[0][0].shape[0] >= self._window:
+            self._recent.popleft()
+        if self._samples < max(self._earliest + self._window, self._baseline):
             return False
-        last = encoder_count[n - self._window :]
-        if np.any(last.max(axis=0) - last.min(axis=0) > 2 * self._counts):
+        count = np.concatenate([count for _, count in self._recent])[-self._window :]
+        if np.any(count.max(axis=0) - count.min(axis=0) > 2 * self._counts):
             return False
-        drift = force_n[n - self._window :].mean() - force_n[: self._baseline].mean()
-        return bool(abs(drift) <= self._force_n)
+        force = np.concatenate([force for force, _ in self._recent])[-self._window :]
+        return bool(abs(force.mean() - self._baseline_sum_n / self._baseline) <= self._force_n)

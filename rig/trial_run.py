@@ -22,7 +22,8 @@ from rig.rest import RestDetector
 from rig.session.annotation_file import utc_now
 from rig.session.records import CameraInfo, EncoderInfo, ForceInfo, TrialData
 
-READ_TIMEOUT_S = 10.0
+READ_TIMEOUT_S = 2.0
+"""How long a block may be late before the motor is stopped; a block takes 20 ms."""
 
 
 @dataclass(frozen=True)
@@ -144,7 +145,7 @@ def _read_until_rest(
         if progress is not None:
             peak = float(np.max(np.abs(block.force_n)))
             progress(Progress(number, trials, read / rate, command.blow_end_s, peak))
-        if read >= earliest and detector.at_rest(*_joined(blocks)):
+        if detector.add(block.force_n, block.encoder_count):
             return "complete"
         if read >= longest:
             return "not at rest"
@@ -155,7 +156,8 @@ def _joined(blocks: list[Block]) -> tuple[NDArray[np.float64], NDArray[np.int64]
 
 
 def _one_line(error: BaseException) -> str:
-    return " ".join(f"{type(error).__name__}: {error}".split())
+    text = f"{type(error).__name__}: {error}".replace("\0", " ")  # HDF5 text cannot hold a null
+    return " ".join(text.split())
 
 
 def _trial_data(

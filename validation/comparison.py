@@ -32,7 +32,7 @@ from validation.provenance import model_version, provenance
 from validation.repeatability import event_repeatability, few_trials_warning
 from validation.result import ValidationResult
 from validation.trial_tables import trial_row, uncertainty_table
-from validation.verdict import verdict
+from validation.verdict import verdict_lines
 from validation.window import common_window
 
 USABLE_STATUS = ("complete", "not at rest")
@@ -187,7 +187,7 @@ def _assemble(
     return ValidationResult(
         session_name=name,
         action_name=action_name,
-        verdict=verdict(name, action_name, channels, summary, len(measured)),
+        verdict_lines=verdict_lines(name, action_name, channels, summary, len(measured)),
         warnings=warnings,
         window=window,
         trials=pd.DataFrame(rows),
@@ -254,5 +254,5 @@ def _measure_all(
 def _predicted_events(m: Measurement, p: Prediction, geometry: ActionGeometry, tolerance: float) -> dict[str, Event]:
     """Events of a prediction by the same definitions; a sample is as uncertain as the tolerance asked for."""
     change = np.column_stack([p.change_rad(name) for name in ENCODER_CHANNELS])
-    motion = motion_of(geometry, p.time_s, change, np.full(3, tolerance))
+    motion = motion_of(geometry, p.time_s, change, np.full(3, tolerance), u_zero_rad=np.full(3, tolerance))
     return find_events(motion, m.quiet.stop)

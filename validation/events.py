@@ -10,8 +10,9 @@ from __future__ import annotations
 import math
 
 from validation.event import Event, absent
+from validation.flight import Flight
 from validation.holds import check, key_bottom, key_release, rest
-from validation.impact import Speed, Strike, find_strikes
+from validation.impact import Strike, find_strikes
 from validation.motion import Motion
 
 
@@ -56,10 +57,10 @@ def _impact(name: str, strike: Strike | None, why_absent: str) -> Event:
     return Event(name, strike.time_s, strike.u_time_s, strike.status, strike.note if strike.status != "found" else "")
 
 
-def _speed(name: str, strike: Strike | None, speed: Speed | None, u_relative: float) -> Event:
+def _speed(name: str, strike: Strike | None, speed: Flight | None, u_relative: float) -> Event:
     if strike is None or speed is None:
         return absent(name, "no string impact")
-    if math.isnan(speed.value):
+    if math.isnan(speed.speed):
         return absent(name, speed.note)
-    u = math.hypot(speed.u, u_relative * speed.value)
-    return Event(name, speed.value, u, strike.status, speed.note)
+    u = math.hypot(speed.u_speed, u_relative * speed.speed)
+    return Event(name, speed.speed, u, strike.status, speed.note)

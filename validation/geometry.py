@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -44,6 +45,33 @@ class ActionGeometry:
     hammer_height_m: Callable[[Array], Array]
     key_dip_m: Callable[[Array], Array]
     key_touch_dip_m: float
+
+    @cached_property
+    def string_angle_rad(self) -> float:
+        """Hammer angle at which the head touches the string, the first one on the way up from rest."""
+        turn = np.linspace(0.0, -0.8, 1601)
+        height = self.hammer_height_m(self.absolute({HAMMER: turn}))
+        above = np.flatnonzero(height <= 0)
+        if above.size == 0 or above[0] == 0:
+            raise InputError(
+                f"action: hammer height is {1e3 * height[0]:.2f} mm at rest and stays above 0 for 0.8 rad; "
+                "check the string contact and the rest state"
+            )
+        low, high = turn[above[0] - 1], turn[above[0]]
+        for _ in range(60):
+            middle = 0.5 * (low + high)
+            if self.hammer_height_m(self.absolute({HAMMER: np.array([middle])}))[0] > 0:
+                low = middle
+            else:
+                high = middle
+        return float(self.rest_angle_rad[HAMMER] + 0.5 * (low + high))
+
+    @cached_property
+    def string_lever_m(self) -> float:
+        """Change of hammer height per angle at the string, m/rad, positive."""
+        angle = self.rest_angle_rad.copy()
+        angle[HAMMER] = self.string_angle_rad
+        return self.sensitivity(self.hammer_height_m, HAMMER, angle)
 
     @property
     def rest_height_m(self) -> float:

@@ -11,9 +11,11 @@ note.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
-from validation.crossings import down_crossings, first_after, up_crossings, with_level_uncertainty
+from validation.crossings import bend_uncertainty_s, down_crossings, first_after, up_crossings, with_level_uncertainty
 from validation.event import Event, Status, absent
 from validation.motion import Motion
 
@@ -83,6 +85,8 @@ def check(motion: Motion, impact_s: float | None, until_s: float = np.inf) -> tu
 
     # the band is around the hammer's own held height, so the zero of the height does not enter
     value, u = with_level_uncertainty(entry, CHECK_BAND_M, motion.u_height_m)
+    if value is not None:  # the back check brakes the hammer within a few samples
+        u = float(np.hypot(u, bend_uncertainty_s(time, height, value)))
     status: Status = "ambiguous" if note else "found"
     when = absent("check_time", "no entry into the held band") if value is None else _timed("check_time", value, u)
     if note and value is not None:
@@ -156,6 +160,8 @@ def rest(motion: Motion, quiet_stop: int) -> Event:
 
 def _timed(name: str, value: float, u: float) -> Event:
     """A time event; one that jumps by more than 10 ms within its level's uncertainty is ambiguous."""
+    if math.isnan(u):
+        return Event(name, value, u, "ambiguous", "grazes its level: not found within the uncertainty of the level")
     if u > DOUBTFUL_S:
         return Event(name, value, u, "ambiguous", f"moves by {1e3 * u:.0f} ms within the uncertainty of its level")
     return Event(name, value, u, "found")

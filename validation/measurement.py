@@ -105,13 +105,14 @@ def measure(
         gain_relative_u=info.u_gain_relative,
         mains_hz=info.mains_frequency_hz,
     )
-    change, u = encoder_change(angle, quiet, resolution)
+    change, u_sample, u_zero = encoder_change(angle, quiet, resolution)
     scale = np.array([data.encoders[i].u_scale_relative for i in order])
     motion = motion_of(
         geometry,
         time,
         change,
-        u,
+        u_sample,
+        u_zero_rad=u_zero,
         u_height_zero_m=u_rest_level_m,
         u_dip_zero_m=u_rest_level_m,
         u_scale_relative=scale,
@@ -126,7 +127,7 @@ def measure(
         force,
         quiet,
         change,
-        u,
+        np.hypot(u_sample, u_zero),
         resolution,
         scale,
         motion,

@@ -25,6 +25,8 @@ class Motion:
     time_s : (n,) array
     key_dip_m, hammer_height_m : (n,) arrays
         Height is 0 at the string and positive below it.
+    hammer_way_m : (n,) array
+        Hammer angle from the string times the head's lever there; equals the height close to the string.
     u_dip_m, u_height_m : float
         Standard uncertainty of one sample relative to its neighbours.
     u_dip_zero_m, u_height_zero_m : float
@@ -38,6 +40,7 @@ class Motion:
     time_s: Array
     key_dip_m: Array
     hammer_height_m: Array
+    hammer_way_m: Array
     u_dip_m: float
     u_height_m: float
     u_dip_zero_m: float
@@ -61,6 +64,7 @@ def motion_of(
     change_rad: Array,
     u_sample_rad: Array,
     *,
+    u_zero_rad: Array | None = None,
     u_height_zero_m: float = 0.0,
     u_dip_zero_m: float = 0.0,
     u_scale_relative: Array | None = None,
@@ -74,7 +78,9 @@ def motion_of(
     change_rad : (n, 3) array
         Key, whippen, hammer; 0 at rest.
     u_sample_rad : (3,) array
-        Standard uncertainty of one angle sample.
+        Standard uncertainty of one angle sample against its neighbours.
+    u_zero_rad : (3,) array, optional
+        Standard uncertainty of the zero of each angle.
     u_height_zero_m, u_dip_zero_m : float
         Standard uncertainty of the hammer height and the key dip at rest.
     u_scale_relative : (3,) array, optional
@@ -83,16 +89,20 @@ def motion_of(
     change = np.asarray(change_rad, dtype=float)
     angle = geometry.absolute({KEY: change[:, 0], WHIPPEN: change[:, 1], HAMMER: change[:, 2]})
     scale = np.zeros(3) if u_scale_relative is None else np.asarray(u_scale_relative, dtype=float)
+    zero = np.zeros(3) if u_zero_rad is None else np.asarray(u_zero_rad, dtype=float)
     per_hammer = geometry.sensitivity(geometry.hammer_height_m, HAMMER)
     per_key = geometry.sensitivity(geometry.key_dip_m, KEY)
     return Motion(
         time_s=np.asarray(time_s, dtype=float),
         key_dip_m=geometry.key_dip_m(angle),
         hammer_height_m=geometry.hammer_height_m(angle),
+        hammer_way_m=(angle[:, HAMMER] - geometry.string_angle_rad) * geometry.string_lever_m,
         u_dip_m=per_key * float(u_sample_rad[0]),
         u_height_m=per_hammer * float(u_sample_rad[2]),
-        u_dip_zero_m=float(np.hypot(u_dip_zero_m, scale[0] * geometry.key_touch_dip_m)),
-        u_height_zero_m=float(np.hypot(u_height_zero_m, scale[2] * geometry.rest_height_m)),
+        u_dip_zero_m=float(np.hypot(u_dip_zero_m, np.hypot(scale[0] * geometry.key_touch_dip_m, per_key * zero[0]))),
+        u_height_zero_m=float(
+            np.hypot(u_height_zero_m, np.hypot(scale[2] * geometry.rest_height_m, per_hammer * zero[2]))
+        ),
         u_speed_relative=float(scale[2]),
         rest_height_m=geometry.rest_height_m,
         key_touch_dip_m=geometry.key_touch_dip_m,

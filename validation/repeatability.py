@@ -150,6 +150,6 @@ def few_trials_warning(n: int) -> str:
         return "One trial: repeatability is not known, and no difference from the model can be judged by it."
     low, high = s_interval_factors(n)
     return (
-        f"{n} trials: s_r is known only to within a factor of {low:.2f} to {high:.2f} (95 %); "
+        f"{n} trials: sᵣ is known only to within a factor of {low:.2f} to {high:.2f} (95 %); "
         f"record at least {FEWEST_TRIALS}, better {RECOMMENDED_TRIALS}."
     )

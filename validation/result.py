@@ -24,9 +24,8 @@ class ValidationResult:
     Attributes
     ----------
     session_name, action_name : str
-    verdict : str
-        One paragraph: what was compared, how many trials, RMSE against repeatability, worst channel, events
-        that disagree.
+    verdict_lines : list of str
+        What was compared, how many trials, RMSE against repeatability, worst channel, events that disagree.
     warnings : list of str
         What a reader must know before using the numbers.
     window : Window
@@ -69,7 +68,7 @@ class ValidationResult:
 
     session_name: str
     action_name: str
-    verdict: str
+    verdict_lines: list[str]
     warnings: list[str]
     window: Window
     trials: pd.DataFrame
@@ -84,6 +83,11 @@ class ValidationResult:
     film_traces: dict[int, pd.DataFrame]
     provenance: dict[str, Any]
     files: dict[str, Path] = field(default_factory=dict)
+
+    @property
+    def verdict(self) -> str:
+        """The verdict as one paragraph."""
+        return " ".join(self.verdict_lines)
 
     @property
     def tables(self) -> dict[str, pd.DataFrame]:

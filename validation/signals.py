@@ -193,8 +193,8 @@ def correct_force(
     )
 
 
-def encoder_change(angle_rad: Array, quiet: Quiet, resolution_rad: Array) -> tuple[Array, Array]:
-    """Angles since rest and the standard uncertainty of one sample.
+def encoder_change(angle_rad: Array, quiet: Quiet, resolution_rad: Array) -> tuple[Array, Array, Array]:
+    """Angles since rest and their standard uncertainties.
 
     Zero is the mean over the quiet interval.  The uncertainty holds the quantisation of the sample, the
     quantisation left in the zero (an encoder that stands still repeats the same rounding error) and the
@@ -211,9 +211,12 @@ def encoder_change(angle_rad: Array, quiet: Quiet, resolution_rad: Array) -> tup
     -------
     change_rad : (n, m) array
     u_rad : (m,) array
+        Standard uncertainty of one sample against its neighbours.
+    u_zero_rad : (m,) array
+        Standard uncertainty of the zero, common to all samples.
     """
     angle = np.asarray(angle_rad, dtype=float)
     still = angle[: quiet.stop]
     jitter = still.std(axis=0, ddof=1)
     quantisation = np.asarray(resolution_rad, dtype=float) / np.sqrt(12.0)
-    return angle - still.mean(axis=0), np.sqrt(2 * quantisation**2 + jitter**2)
+    return angle - still.mean(axis=0), np.hypot(quantisation, jitter), quantisation

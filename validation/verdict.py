@@ -1,23 +1,23 @@
-"""The first line of the report, in words: what was compared, how far apart, against which repeatability,
-which events disagree.
+"""The first lines of the report: what was compared, how far apart, against which repeatability, which events differ.
 
 Place in the data flow: channel and event tables → here → top of the report and of `results.json`.
 Conventions: degrees for reading; the RMSE is set against the repeatability limit, the paired difference against its own
 uncertainty; no model is called valid.
-Failure: none; what is not known is said to be unknown.
+Failure: none; what is not known is left out or said to be unknown.
 """
 
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import pandas as pd
 
 from validation.event import EVENTS
 
 
-def verdict(session: str, action: str, channels: pd.DataFrame, events: pd.DataFrame, n_trials: int) -> str:
-    """One paragraph of plain text.
+def verdict_lines(session: str, action: str, channels: pd.DataFrame, events: pd.DataFrame, n_trials: int) -> list[str]:
+    """The verdict as sentences, the most important first.
 
     Parameters
     ----------
@@ -28,38 +28,51 @@ def verdict(session: str, action: str, channels: pd.DataFrame, events: pd.DataFr
         Trials used.
     """
     scored = channels[channels["rmse_rad"].notna()]
-    parts = []
-    for row in scored.itertuples():
-        text = f"{row.channel} {math.degrees(row.rmse_rad):.2g}° ({100 * row.rmse_over_range:.1f} % of its range"
-        if row.rmse_over_s_r == row.rmse_over_s_r:
-            text += f", {row.rmse_over_s_r:.1f} × s_r"
-        parts.append(text + ")")
-    word = "trial" if n_trials == 1 else "trials"
-    sentences = [
-        f"Model {action} against {n_trials} {word} of {session}, each driven by its own measured force.",
-        "RMSE: " + ", ".join(parts) + "." if parts else "No channel could be scored.",
-    ]
+    trials = "1 trial" if n_trials == 1 else f"{n_trials} trials"
+    head = f"Model {action} against {trials} of {session}, each driven by its own measured force: "
+    ranked = scored[scored["rmse_over_range"].notna()]
+    if len(ranked):
+        worst = ranked.loc[ranked["rmse_over_range"].astype(float).idxmax()]
+        head += f"worst channel {worst['channel']}, RMSE {_score(worst)}; "
+    differing = int((~events["agree"].astype(bool)).sum())
+    head += (
+        "every event happens in the model as often as in the trials."
+        if differing == 0
+        else f"{differing} kind{'s' if differing > 1 else ''} of event happen in one but not in the other."
+    )
+    lines = [head]
     if len(scored):
-        worst = scored.loc[scored["rmse_over_range"].idxmax()]
-        sentences.append(f"Worst channel relative to its range: {worst['channel']}.")
+        lines.append("RMSE: " + ", ".join(f"{row['channel']} {_score(row)}" for _, row in scored.iterrows()) + ".")
+    lines += _against_repeatability(scored)
+    return lines + _events(events)
+
+
+def _score(row: Any) -> str:
+    text = f"{math.degrees(row['rmse_rad']):.2g}°"
+    if math.isfinite(row["rmse_over_range"]):
+        text += f" ({100 * row['rmse_over_range']:.2g} % of its range"
+        text += f", {row['rmse_over_s_r']:.1f} × sᵣ)" if math.isfinite(row["rmse_over_s_r"]) else ")"
+    return text
+
+
+def _against_repeatability(scored: pd.DataFrame) -> list[str]:
     judged = scored[scored["resolved_share"].notna()]
-    if len(judged):
-        shares = ", ".join(f"{row.channel} {100 * row.resolved_share:.0f} %" for row in judged.itertuples())
-        sentences.append(f"Share of the window in which model and trials differ beyond the uncertainty: {shares}.")
-        beyond = list(judged.loc[judged["rmse_rad"] > judged["limit_rad"], "channel"])
-        sentences.append(
-            "RMSE above the repeatability limit: " + ", ".join(beyond) + "."
-            if beyond
-            else "In no channel is the RMSE above the repeatability limit, by which two trials may differ."
-        )
-    sentences.append(_events(events))
-    return " ".join(sentences)
+    if not len(judged):
+        return []
+    shares = ", ".join(f"{row.channel} {100 * row.resolved_share:.0f} %" for row in judged.itertuples())
+    beyond = list(judged.loc[judged["rmse_rad"] > judged["limit_rad"], "channel"])
+    return [
+        f"Share of the window in which model and trials differ beyond the uncertainty: {shares}.",
+        f"RMSE above the repeatability limit: {', '.join(beyond)}."
+        if beyond
+        else "In no channel is the RMSE above the repeatability limit, by which two trials may differ.",
+    ]
 
 
-def _events(events: pd.DataFrame) -> str:
+def _events(events: pd.DataFrame) -> list[str]:
     differ, doubtful, missing = [], [], []
     for row in events.itertuples():
-        kind = EVENTS[row.event]
+        kind = EVENTS[str(row.event)]
         title = kind.title.lower()
         if not row.agree:
             differ.append(f"{title} (trials {row.found_trial}, model {row.found_model} of {row.n_trials})")
@@ -67,14 +80,5 @@ def _events(events: pd.DataFrame) -> str:
             missing.append(title)
         if row.ambiguous:
             doubtful.append(title)
-    sentences = []
-    sentences.append(
-        "Events that happen in one but not the other: " + ", ".join(differ) + "."
-        if differ
-        else "Every event happens in the model as often as in the trials."
-    )
-    if missing:
-        sentences.append("Absent in both: " + ", ".join(missing) + ".")
-    if doubtful:
-        sentences.append("Ambiguous: " + ", ".join(doubtful) + ".")
-    return " ".join(sentences)
+    labels = (("Events in one but not in the other", differ), ("Absent in both", missing), ("Ambiguous", doubtful))
+    return [f"{label}: {', '.join(names)}." for label, names in labels if names]

@@ -27,8 +27,8 @@ if TYPE_CHECKING:
     from vision.frames import open_film as open_film
     from vision.overlay import write_contact_sheet as write_contact_sheet
     from vision.overlay import write_overlay as write_overlay
+    from vision.preparation import predict_uncertainty as predict_uncertainty
     from vision.results import TrackResult as TrackResult
-    from vision.track import predict_uncertainty as predict_uncertainty
     from vision.track import track_film as track_film
     from vision.writers import write_avi as write_avi
     from vision.writers import write_mraw as write_mraw
@@ -51,7 +51,7 @@ _HOME = {
     "write_contact_sheet": "overlay",
     "write_overlay": "overlay",
     "TrackResult": "results",
-    "predict_uncertainty": "track",
+    "predict_uncertainty": "preparation",
     "track_film": "track",
     "write_avi": "writers",
     "write_mraw": "writers",

@@ -6,7 +6,8 @@ OpenCV's own warps round coordinates to 1/32 pixel.
 
 Source: M. Unser, Splines: a perfect fit for signal and image processing, IEEE Signal Process. Mag. 16(6),
 1999: the interpolating prefilter has the impulse response ``sqrt(3) * z**|k|`` with pole ``z = sqrt(3) - 2``.
-It is cut after 7 taps on each side (2.7e-5 of the centre) and mirrored at the border.
+It is cut after 7 taps on each side, which changes a coefficient by at most 1.3e-4 of the largest per axis,
+and mirrored at the border.
 """
 
 from __future__ import annotations
@@ -50,6 +51,8 @@ def _filtered(
     picture: NDArray[Any], along_x: NDArray[np.float32], along_y: NDArray[np.float32]
 ) -> NDArray[np.float32]:
     """Correlate with one filter along x and one along y, mirrored at the border."""
+    if picture.dtype not in (np.uint8, np.uint16, np.float32):
+        picture = picture.astype(np.float32)
     result = cv2.sepFilter2D(
         np.ascontiguousarray(picture), cv2.CV_32F, along_x, along_y, borderType=cv2.BORDER_REFLECT_101
     )
@@ -69,6 +72,12 @@ def basis(fraction: NDArray[np.float64] | float) -> NDArray[np.float64]:
         ],
         axis=-1,
     )
+
+
+@lru_cache(maxsize=1)
+def slope_noise_gain() -> float:
+    """Variance of one component of `gradient` at a pixel, for white noise of variance one."""
+    return float(np.sum(np.convolve([0.5, 0.0, -0.5], prefilter_taps()) ** 2))
 
 
 @lru_cache(maxsize=1)

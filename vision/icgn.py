@@ -113,7 +113,7 @@ class IcgnFitter:
         spread = sum_value2 / weights - (sum_value / weights) ** 2
         explained = 1.0 - squares / weights / spread if spread > 0.0 else 0.0
         covariance = pose_covariance(
-            normal, variance, gain, kappa, self.template.n_averaged, TUKEY_FACTOR if self._robust else 1.0
+            normal, variance, gain, kappa, self.template, TUKEY_FACTOR if self._robust else 1.0
         )
         n = self.template.n_pixels
         return Fit(

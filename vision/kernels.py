@@ -1,15 +1,13 @@
 """The compiled loops of the pose fit (numba).
 
-Place in the data flow: `icgn` calls `fit_rigid` once per body and frame. Private to `vision`.
-
-They stay in one file because numba's disk cache only notices changes of the file in which the cached function
-stands: a jitted function called from another file would go stale without a word. The other compiled loops of
-this package, `covering.mark_covered` and `synthetic.kernels.composite`, call nothing and stand alone.
+Place in the data flow: `icgn` calls `fit_rigid` once per body and frame. Private to `vision`. They stay in
+one file because numba's disk cache only notices changes of the file in which the cached function stands: a
+jitted function called from another file would go stale without a word. The other compiled loops of this
+package, `covering.mark_covered` and `synthetic.kernels.composite`, call nothing and stand alone.
 
 Conventions: picture axes (x right, y down). A template pixel at offset ``(dx, dy)`` from the body's centre
 ``(cx, cy)`` lies in a frame at ``centre + (tx, ty) + R(phi) (dx, dy)``, ``R = [[cos, -sin], [sin, cos]]``.
-`spline coefficients` are those of `bspline.coefficients`. No kernel allocates in its loops or raises: failure
-is a status number.
+Coefficients are those of `bspline`; failure is a status number.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Lazy reader of Photron MRAW films, 8, 12 or 16 bit per pixel.
 
-Place in the data flow: opened by `frames.open_film`. The file is memory-mapped; a region read touches only
-its own rows, so memory does not grow with the film.
+Place in the data flow: opened by `frames.open_film`. A window of the file is memory-mapped and moves along
+with the reading; a region read touches only the pages of its own rows. So memory does not grow with the film.
 
 Format: frames follow one another without padding, row after row. 8 bit: one byte; 16 bit: little-endian
 words; 12 bit: two pixels in three bytes, the first pixel in the upper twelve bits (checked on a film of a
@@ -22,6 +22,9 @@ from numpy.typing import NDArray
 from vision.cih import FilmHeader, read_header
 from vision.errors import FilmError
 from vision.frames import Film
+
+WINDOW_BYTES = 32 * 1024 * 1024
+"""Mapped at a time: pages already read count as used memory until their window is let go."""
 
 
 class MrawFilm(Film):
@@ -62,11 +65,11 @@ class MrawFilm(Film):
                 raise FilmError(f"{words}; the film is cut short ({whole} whole frames): copy it again")
             self.n_frames = whole
         try:
-            with data_path.open("rb") as file:
-                self._map = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
-        except (OSError, ValueError) as error:
-            raise FilmError(f"{data_path}: cannot be read ({error})") from None
-        self._bytes = np.frombuffer(self._map, dtype=np.uint8)
+            self._file = data_path.open("rb")
+        except OSError as error:
+            raise FilmError(f"{data_path}: cannot be read ({error.strerror})") from None
+        self._size = size
+        self._window: tuple[int, NDArray[np.uint8]] = (0, np.empty(0, dtype=np.uint8))
 
     @property
     def frame_time_s(self) -> NDArray[np.float64] | None:
@@ -86,25 +89,39 @@ class MrawFilm(Film):
         self._check_region(y0, y1, x0, x1)
         first = index * self.width * self.height
         bits = self.header.colour_bit
+        # whole bytes that hold the rows asked for; 12-bit pixels come in pairs
+        low = first + y0 * self.width
+        high = first + y1 * self.width
         if bits == 12:
-            return unpack12_region(self._bytes, first, self.width, y0, y1, x0, x1)
+            start = low // 2 * 3
+            data = self._mapped(start, min((high + 1) // 2 * 3, self._size))
+            return unpack12_region(data, low % 2, self.width, y1 - y0, x0, x1)
         pixel_bytes = bits // 8
-        start = first * pixel_bytes
-        flat = self._bytes[start : start + self.width * self.height * pixel_bytes]
-        frame = flat.view("<u2" if bits == 16 else np.uint8).reshape(self.height, self.width)
-        region = frame[y0:y1, x0:x1]
+        data = self._mapped(low * pixel_bytes, high * pixel_bytes)
+        region = data.view("<u2" if bits == 16 else np.uint8).reshape(y1 - y0, self.width)[:, x0:x1]
         if bits == 16 and self.header.bit_side == "higher" and self.bit_depth < 16:
             region = region >> (16 - self.bit_depth)
         return region
 
     def close(self) -> None:
-        """Unmap the file; views handed out earlier keep it open until they are gone."""
-        self._bytes = np.empty(0, dtype=np.uint8)
-        try:
-            self._map.close()
-        except BufferError:
-            # a caller still holds a frame; the map closes with the last of them
-            return
+        """Close the file; frames handed out earlier stay valid and keep their own window mapped."""
+        self._window = (0, np.empty(0, dtype=np.uint8))
+        self._file.close()
+
+    def _mapped(self, start: int, end: int) -> NDArray[np.uint8]:
+        """Bytes ``start..end-1`` of the file, from a window that moves along it; only touched pages are
+        read."""
+        offset, window = self._window
+        if not (offset <= start and end <= offset + window.size):
+            offset = start // mmap.ALLOCATIONGRANULARITY * mmap.ALLOCATIONGRANULARITY
+            length = min(max(WINDOW_BYTES, end - offset), self._size - offset)
+            try:
+                view = mmap.mmap(self._file.fileno(), length, access=mmap.ACCESS_READ, offset=offset)
+            except (OSError, ValueError) as error:
+                raise FilmError(f"{self.path}: cannot be read at byte {offset} ({error})") from None
+            window = np.frombuffer(view, dtype=np.uint8)
+            self._window = (offset, window)
+        return window[start - offset : end - offset]
 
 
 def film_bytes(header: FilmHeader) -> int:
@@ -113,27 +130,24 @@ def film_bytes(header: FilmHeader) -> int:
 
 
 def unpack12_region(
-    data: NDArray[np.uint8], first_pixel: int, width: int, y0: int, y1: int, x0: int, x1: int
+    data: NDArray[np.uint8], skip: int, width: int, rows: int, x0: int, x1: int
 ) -> NDArray[np.uint16]:
-    """Unpack a rectangle of a 12-bit frame that starts at pixel ``first_pixel`` of the byte stream
-    ``data``."""
-    start = first_pixel + y0 * width
-    if width % 2 == 0 and start % 2 == 0:
+    """Unpack columns ``x0..x1-1`` of ``rows`` rows of 12-bit pixels.
+
+    ``data`` starts with the pair of pixels that holds the first one; ``skip`` is 1 when that is the second of
+    its pair.
+    """
+    if width % 2 == 0 and skip == 0:
         # every row starts on a whole byte: take only the columns asked for
         left, right = x0 - x0 % 2, x1 + x1 % 2
-        row_bytes = 3 * width // 2
-        offset = start // 2 * 3
-        rows = data[offset : offset + (y1 - y0) * row_bytes].reshape(y1 - y0, row_bytes)
-        packed = rows[:, left // 2 * 3 : right // 2 * 3].reshape(y1 - y0, -1, 3)
-        return _unpack12(packed).reshape(y1 - y0, right - left)[:, x0 - left : x1 - left]
-    end = first_pixel + y1 * width
-    offset = start // 2 * 3
-    # the last pixel of an odd number of them ends in the middle of a byte
-    chunk = data[offset : min((end + 1) // 2 * 3, data.size)]
-    if chunk.size % 3:
-        chunk = np.concatenate([chunk, np.zeros(3 - chunk.size % 3, dtype=np.uint8)])
-    flat = _unpack12(chunk.reshape(-1, 3)).reshape(-1)[start % 2 : start % 2 + end - start]
-    return flat.reshape(y1 - y0, width)[:, x0:x1]
+        lines = data[: rows * 3 * width // 2].reshape(rows, 3 * width // 2)
+        packed = lines[:, left // 2 * 3 : right // 2 * 3].reshape(rows, -1, 3)
+        return _unpack12(packed).reshape(rows, right - left)[:, x0 - left : x1 - left]
+    if data.size % 3:
+        # the last pixel of an odd number of them ends in the middle of a byte
+        data = np.concatenate([data, np.zeros(3 - data.size % 3, dtype=np.uint8)])
+    flat = _unpack12(data.reshape(-1, 3)).reshape(-1)[skip : skip + rows * width]
+    return flat.reshape(rows, width)[:, x0:x1]
 
 
 def _unpack12(packed: NDArray[np.uint8]) -> NDArray[np.uint16]:

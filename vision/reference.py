@@ -1,4 +1,4 @@
-"""The still frames at the start of a film: how many there are, their average, and their noise.
+"""The average of the still frames at the start of a film, and their noise.
 
 Place in the data flow: first step of tracking. The average is the template's picture and the still frames set
 the zero of all angles, so their number sets the error common to all frames: ten give a third of one frame's
@@ -6,23 +6,22 @@ noise.
 
 Method: frames are compared one by one with the running mean inside the bodies' regions, after fitting gain
 and offset, which takes out flicker. The run ends where the difference exceeds what the noise of the first
-frames explains.
+frames explains. That test is quick but sees only coarse motion; `stillness` then follows the bodies through
+the run and ends it at the first motion of their poses.
 """
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.errors import TrackingError, VisionWarning
+from vision.errors import TrackingError
 from vision.frames import FrameSource
 
 MAX_STILL = 64
-WANTED_STILL = 10
 GROWTH = 1.25
 """A still frame may differ this much more than the quietest pair of first frames."""
 GREY_FLOOR = 0.4
@@ -57,7 +56,7 @@ def average_still_frames(
     region : ndarray of bool, shape (height, width)
         Pixels of the bodies; the rest of the picture may move.
     n_still : int or None
-        Number of still frames; found from the film when None.
+        Number of frames to average; as many as look alike when None.
     max_still : int
         No more than this many are looked at.
 
@@ -69,11 +68,6 @@ def average_still_frames(
     ------
     TrackingError
         When the film has fewer than two frames, or fewer than ``n_still``.
-
-    Warns
-    -----
-    VisionWarning
-        When fewer than ten still frames are found.
     """
     if film.n_frames < 2:
         raise TrackingError(f"{film.path}: {film.n_frames} frame; tracking needs at least two")
@@ -100,13 +94,6 @@ def average_still_frames(
         total += frame
         count += 1
         mean = total.reshape(-1)[pixels].astype(float) / count
-    if count < WANTED_STILL and n_still is None:
-        warnings.warn(
-            f"{film.path}: only {count} still frames at the start, {WANTED_STILL} wanted; the zero "
-            "is less sure",
-            VisionWarning,
-            stacklevel=3,
-        )
     return Reference(
         total / np.float32(count), count, float(np.sqrt(np.mean(variances))) if variances else 0.0
     )

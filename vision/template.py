@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.bspline import gradient
+from vision.bspline import gradient, slope_noise_gain
 from vision.errors import BodyError
 
 
@@ -37,6 +37,8 @@ class Template:
     mean_grey : float
     normal : ndarray, shape (5, 5)
         Sum of products of the five columns over the pixels.
+    noise_normal : ndarray, shape (5, 5)
+        Part of ``normal`` that is expected from the noise left in the averaged picture, not from the body.
     radius_px : float
         Largest distance of a pixel from the centre.
     n_averaged : int
@@ -52,6 +54,7 @@ class Template:
     mean_grey: float
     normal: NDArray[np.float64]
     radius_px: float
+    noise_normal: NDArray[np.float64]
     n_averaged: int
     box_px: tuple[float, float, float, float]
 
@@ -77,7 +80,9 @@ def design_columns(
     dx, dy = cols.astype(float) - centre_px[0], rows.astype(float) - centre_px[1]
     gx, gy = slope_x[rows, cols].astype(float), slope_y[rows, cols].astype(float)
     grey = np.asarray(picture, dtype=float)[rows, cols]
-    columns: NDArray[np.float64] = np.column_stack([gy * dx - gx * dy, gx, gy, grey - grey.mean(), np.ones_like(grey)])
+    columns: NDArray[np.float64] = np.column_stack(
+        [gy * dx - gx * dy, gx, gy, grey - grey.mean(), np.ones_like(grey)]
+    )
     return columns, dx, dy
 
 
@@ -87,6 +92,7 @@ def build_template(
     mask: NDArray[np.bool_],
     n_averaged: int,
     max_pixels: int | None = None,
+    noise_grey: float = 0.0,
 ) -> Template:
     """Prepare a body for tracking.
 
@@ -100,6 +106,8 @@ def build_template(
         Frames averaged in ``picture``.
     max_pixels : int or None
         Keep only the pixels that tell most about the angle (Fisher score). None keeps all.
+    noise_grey : float
+        Standard deviation of one frame's noise, as found in the still frames.
 
     Raises
     ------
@@ -127,6 +135,7 @@ def build_template(
         mean_grey=mean_grey,
         normal=columns.T @ columns,
         radius_px=float(np.hypot(dx, dy).max()),
+        noise_normal=_noise_normal(dx, dy, noise_grey**2 / n_averaged),
         n_averaged=n_averaged,
         box_px=(float(dx.min()), float(dx.max()), float(dy.min()), float(dy.max())),
     )
@@ -142,6 +151,16 @@ def invert_normal(normal: NDArray[np.float64]) -> NDArray[np.float64] | None:
     if np.linalg.cond(scaled) > 1e10:
         return None
     return np.linalg.inv(scaled) * np.outer(scale, scale)
+
+
+def _noise_normal(dx: NDArray[np.float64], dy: NDArray[np.float64], variance: float) -> NDArray[np.float64]:
+    """Expected normal matrix of white noise alone: its slopes look like texture, as much in x as in y."""
+    noise = np.diag([np.sum(dx * dx + dy * dy), dx.size, dx.size, 0.0, 0.0])
+    noise[0, 1] = noise[1, 0] = -np.sum(dy)
+    noise[0, 2] = noise[2, 0] = np.sum(dx)
+    noise *= slope_noise_gain()
+    noise[3, 3] = dx.size
+    return noise * variance
 
 
 def _best_pixels(columns: NDArray[np.float64], inverse: NDArray[np.float64], count: int) -> NDArray[np.intp]:

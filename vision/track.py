@@ -12,27 +12,22 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Sequence
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from vision.angles import picture_to_ccw
-from vision.bodies import Body, build_masks, parents_first
-from vision.covering import Covering
+from vision.bodies import Body
 from vision.errors import InputError, TrackingError
-from vision.fit import Fitter
 from vision.flags import FAILURE
-from vision.follower import Follower
-from vision.frames import Film, FrameSource, open_film
-from vision.reference import Reference, average_still_frames
+from vision.frames import FrameSource, open_film
+from vision.preparation import MAX_PIXELS, prepare
+from vision.reference import Reference
 from vision.results import TrackResult
-from vision.template import Template, build_template
+from vision.run import Run, first_poses
 from vision.uncertainty import predicted_u_angle
 
 METHODS = ("icgn", "ecc")
-MAX_PIXELS = 12_000
-"""Pixels fitted per body; beyond this the ones that tell least about the angle are left out."""
 
 
 def track_film(
@@ -87,9 +82,9 @@ def track_film(
             )  # fmt: skip
     film = path_or_source
     time_s = _times(film, frame_time_s)
-    reference, templates = prepare(film, bodies, n_still, max_pixels)
+    reference, templates = prepare(film, bodies, n_still, max_pixels, method)
     predicted = np.array([predicted_u_angle(template, reference.noise_grey) for template in templates])
-    run = _Run(film, bodies, templates, method)
+    run = Run(film, bodies, templates, method)
     frames = np.arange(0, film.n_frames, every)
     zero, u_common = _zero_of_still_frames(run, reference)
     run.restart()
@@ -134,112 +129,18 @@ def track_film(
     )
 
 
-def prepare(
-    film: FrameSource, bodies: Sequence[Body], n_still: int | None = None, max_pixels: int | None = MAX_PIXELS
-) -> tuple[Reference, list[Template]]:
-    """Average the still frames and build the bodies' templates; shared by tracking and prediction."""
-    masks = build_masks(bodies, film.height, film.width)
-    region = np.logical_or.reduce(masks)
-    reference = average_still_frames(film, region, n_still)
-    templates = [
-        build_template(body.name, reference.picture, mask, reference.n_averaged, max_pixels)
-        for body, mask in zip(bodies, masks, strict=True)
-    ]
-    return reference, templates
-
-
-def predict_uncertainty(
-    path_or_source: str | os.PathLike[str] | FrameSource,
-    bodies: Sequence[Body],
-    *,
-    n_still: int | None = None,
-) -> dict[str, float]:
-    """Standard uncertainty of each body's angle, rad, to expect before the film is tracked."""
-    if isinstance(path_or_source, str | os.PathLike):
-        with open_film(path_or_source) as film:
-            return predict_uncertainty(film, bodies, n_still=n_still)
-    reference, templates = prepare(path_or_source, bodies, n_still)
-    return {template.name: predicted_u_angle(template, reference.noise_grey) for template in templates}
-
-
-class _Run:
-    """The bodies of one film on their way through it."""
-
-    def __init__(
-        self, film: FrameSource, bodies: Sequence[Body], templates: list[Template], method: str
-    ) -> None:
-        self.film, self.bodies, self.templates, self.method = film, bodies, templates, method
-        self.order = parents_first(bodies)
-        self._covering = Covering(bodies, templates, film.height, film.width)
-        self.searches = 0
-        self.followers: list[Follower] = []
-        self.restart()
-
-    def restart(self) -> None:
-        """Put every body back to its place in the reference."""
-        self.searches += sum(follower.searches for follower in self.followers)
-        fitters = [_fitter(template, self.method) for template in self.templates]
-        self.followers = [Follower(fitter) for fitter in fitters]
-        names = [body.name for body in self.bodies]
-        for i in self.order:
-            parent = self.bodies[i].parent
-            self.followers[i].parent = None if parent is None else self.followers[names.index(parent)]
-            self.followers[i].start()
-
-    def step(self, index: int, step: int, search: bool = True) -> None:
-        """Fit all bodies in one frame, parents first."""
-        for i in self.order:
-            self.followers[i].step(self.film, index, step, self._covered(i, step), search)
-
-    def _covered(self, i: int, step: int) -> NDArray[np.uint8] | None:
-        """Template pixels of a body that the bodies in front hide, by their poses where known, else as
-        predicted."""
-        in_front = self._covering.in_front[i]
-        if not in_front:
-            return None
-        poses = {}
-        for j in in_front:
-            other = self.followers[j]
-            known = other.absolute.newest_step() == step
-            poses[j] = other.fit.pose if known else other.predict(step)
-        return self._covering.covered(i, self.followers[i].predict(step), poses)
-
-    def info(self, reference: Reference) -> dict[str, Any]:
-        """Counts and settings worth keeping with the result."""
-        return {
-            "pixels": {template.name: template.n_pixels for template in self.templates},
-            "noise_grey": reference.noise_grey,
-            "wide_searches": self.searches + sum(follower.searches for follower in self.followers),
-        }
-
-
-def _fitter(template: Template, method: str) -> Fitter:
-    if method == "ecc":
-        from vision.ecc import EccFitter
-
-        return EccFitter(template)
-    from vision.icgn import IcgnFitter
-
-    return IcgnFitter(template)
-
-
-def _zero_of_still_frames(run: _Run, reference: Reference) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _zero_of_still_frames(run: Run, reference: Reference) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Mean picture rotation of each body over the still frames, and the standard uncertainty of that mean."""
-    n, m = reference.n_averaged, len(run.bodies)
-    phi, variance = np.full((n, m), np.nan), np.full((n, m), np.nan)
-    for step in range(n):
-        run.step(step, step, search=False)
-        for i, follower in enumerate(run.followers):
-            if not follower.flag & FAILURE:
-                phi[step, i], variance[step, i] = follower.fit.pose[0], follower.fit.covariance[0, 0]
-    good = np.count_nonzero(np.isfinite(phi), axis=0)
+    n = reference.n_averaged
+    pose, u = first_poses(run, n)
+    good = np.count_nonzero(np.isfinite(pose[..., 0]), axis=0)
     for i, body in enumerate(run.bodies):
         if 2 * good[i] < n:
             raise TrackingError(
                 f"{run.film.path}: body {body.name} is found in {good[i]} of the {n} still frames; "
                 "check its outline against the first frame"
             )
-    return np.nanmean(phi, axis=0), np.sqrt(np.nanmean(variance, axis=0) / good)
+    return np.nanmean(pose[..., 0], axis=0), np.sqrt(np.nanmean(u[..., 0] ** 2, axis=0) / good)
 
 
 def _times(film: FrameSource, frame_time_s: ArrayLike | None) -> NDArray[np.float64]:
@@ -256,6 +157,3 @@ def _times(film: FrameSource, frame_time_s: ArrayLike | None) -> NDArray[np.floa
     if not np.all(np.isfinite(time_s)) or np.any(np.diff(time_s) <= 0.0):
         raise InputError(f"{film.path}: frame times must be finite and increase from frame to frame")
     return time_s
-
-
-__all__ = ["Film", "METHODS", "predict_uncertainty", "prepare", "track_film"]

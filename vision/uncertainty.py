@@ -4,10 +4,12 @@ Place in the data flow: `predicted_u_angle` is shown before tracking; the tracke
 every frame; films with known truth are judged against `cramer_rao_bound`.
 
 Model: independent grey noise of variance s2 per pixel. A spline sample between pixels carries only ``kappa *
-s2`` (`bspline .noise_gain`) but the samples are correlated, so that the pose keeps the covariance of white
+s2`` (`bspline.noise_gain`) but the samples are correlated, so that the pose keeps the covariance of white
 noise; the residual variance must therefore be divided by kappa. The averaged reference of n frames adds ``s2
-/ n`` to each residual. After the zero is set on the mean of the n still frames, the common error of all
-angles is the mean of n single errors.
+/ n`` to each residual, and its own noise looks like texture: its expected share N of the normal matrix M
+tells nothing about the pose, so the covariance is ``(M - N)^-1 M (M - N)^-1`` and not ``M^-1``. After the
+zero is set on the mean of the n still frames, the common error of all angles is that of the mean of n single
+ones.
 
 Common part and per-frame part are kept apart: the first cancels in differences between frames, the second
 does not.
@@ -55,7 +57,7 @@ def pose_covariance(
     residual_variance: float,
     gain: float,
     noise_gain: float,
-    n_averaged: int,
+    template: Template,
     factor: float = TUKEY_FACTOR,
 ) -> NDArray[np.float64]:
     """Covariance of (turn, x, y) from one frame's noise, without the reference's part.
@@ -70,8 +72,7 @@ def pose_covariance(
         Fitted gain of the frame.
     noise_gain : float
         Mean kappa of the samples.
-    n_averaged : int
-        Frames in the reference.
+    template : Template
     factor : float
         1 for least squares.
 
@@ -80,11 +81,12 @@ def pose_covariance(
     ndarray, shape (3, 3)
         NaN when the matrix is singular.
     """
-    inverse = invert_normal(weighted_normal)
+    in_use = weighted_normal[4, 4] / template.n_pixels
+    inverse = invert_normal(weighted_normal - in_use * template.noise_normal)
     if inverse is None or not np.isfinite(residual_variance):
         return np.full((3, 3), np.nan)
-    noise = residual_variance / (noise_gain + gain**2 / n_averaged)
-    return factor * noise * inverse[:3, :3] / gain**2
+    noise = residual_variance / (noise_gain + gain**2 / template.n_averaged)
+    return factor * noise * (inverse @ weighted_normal @ inverse)[:3, :3] / gain**2
 
 
 def predicted_u_angle(template: Template, noise_grey: float) -> float:
@@ -92,12 +94,13 @@ def predicted_u_angle(template: Template, noise_grey: float) -> float:
 
     Includes the common part of the zero; assumes all pixels visible and no motion blur.
     """
-    inverse = invert_normal(template.normal)
+    inverse = invert_normal(template.normal - template.noise_normal)
     if inverse is None:
         return float("nan")
+    variance = (inverse @ template.normal @ inverse)[0, 0]
     # Tukey's weights cost 2.6 % against least squares on normal noise
     efficiency = 0.95
-    return float(noise_grey * np.sqrt(inverse[0, 0] * (1.0 + 1.0 / template.n_averaged) / efficiency))
+    return float(noise_grey * np.sqrt(variance * (1.0 + 1.0 / template.n_averaged) / efficiency))
 
 
 def cramer_rao_bound(

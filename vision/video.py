@@ -18,39 +18,14 @@ from typing import Any
 import cv2
 from numpy.typing import NDArray
 
+from vision.container import check_whole
 from vision.errors import FilmError, VisionWarning
 from vision.frames import Film
 
-INTRA_CODECS = {
-    "",
-    "MJPG",
-    "MJPA",
-    "AVRN",
-    "LJPG",
-    "JPGL",
-    "FFV1",
-    "HFYU",
-    "FFVH",
-    "DIB ",
-    "RAW ",
-    "Y800",
-    "Y8  ",
-}
-INTRA_CODECS |= {
-    "GREY",
-    "I420",
-    "IYUV",
-    "YV12",
-    "YUY2",
-    "UYVY",
-    "ULRG",
-    "ULRA",
-    "MAGY",
-    "CFHD",
-    "APCN",
-    "APCH",
-    "APCS",
-}
+# codecs that store every frame by itself, and raw formats; an empty code is uncompressed film
+_INTRA = """MJPG MJPA AVRN LJPG JPGL FFV1 HFYU FFVH MPNG DIB RAW Y800 Y8 GREY I420 IYUV YV12 YUY2 UYVY ULRG
+ULRA ULY0 MAGY CFHD APCN APCH APCS"""
+INTRA_CODECS = frozenset(["", *_INTRA.split()])
 
 
 class VideoFilm(Film):
@@ -62,6 +37,7 @@ class VideoFilm(Film):
 
     def __init__(self, path: Path) -> None:
         self.path = path
+        check_whole(path)
         self._capture = self._open()
         self.width = int(self._capture.get(cv2.CAP_PROP_FRAME_WIDTH))
         self.height = int(self._capture.get(cv2.CAP_PROP_FRAME_HEIGHT))
@@ -77,11 +53,11 @@ class VideoFilm(Film):
         self.codec = _fourcc(self._capture)
         self._next = 0
         self._last: tuple[int, NDArray[Any]] | None = None
-        if self.codec.upper() not in INTRA_CODECS:
+        if self.codec.strip().upper() not in INTRA_CODECS:
             warnings.warn(
-                f"{path}: codec {self.codec} predicts frames from their neighbours; angles will be "
-                "worse than "
-                "stated, export raw or MJPEG film",
+                f"{path}: codec {self.codec} predicts frames from their neighbours, so angles will "
+                "be worse than stated; "
+                "export raw or MJPEG film",
                 VisionWarning,
                 stacklevel=3,
             )
@@ -104,6 +80,11 @@ class VideoFilm(Film):
             self._ended(index)
         self._next = index + 1
         grey = picture if picture.ndim == 2 else cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY)
+        if grey.shape != (self.height, self.width):
+            raise FilmError(
+                f"{self.path}: frame {index} is {grey.shape[1]} x {grey.shape[0]}, the header says "
+                f"{self.width} x {self.height}; the film is damaged"
+            )
         self._last = (index, grey)
         return grey
 

@@ -141,7 +141,7 @@ def write_avi(
     frame_rate_hz : float
         Play-back rate.
     quality : int or None
-        MJPEG quality 1..100; None stores without compression.
+        MJPEG quality 1..100; None stores without loss.
     progress : callable, optional
         Called with the number of frames written.
 
@@ -161,9 +161,10 @@ def write_avi(
     n_frames = 0
     try:
         for frame in frames:
-            shape = _check_frame(path, frame, shape, 8, n_frames)
+            shape = _check_frame(path, frame, shape, 8, n_frames, colour=True)
             if writer is None:
-                fourcc = cv2.VideoWriter.fourcc(*("MJPG" if quality is not None else "DIB "))
+                lossless = "GREY" if frame.ndim == 2 else "FFV1"
+                fourcc = cv2.VideoWriter.fourcc(*(lossless if quality is None else "MJPG"))
                 size = (frame.shape[1], frame.shape[0])
                 writer = cv2.VideoWriter(str(temporary), fourcc, frame_rate_hz, size, frame.ndim == 3)
                 if not writer.isOpened():
@@ -190,11 +191,18 @@ def write_avi(
 
 
 def _check_frame(
-    path: Path, frame: NDArray[Any], shape: tuple[int, ...] | None, bit_depth: int, number: int
+    path: Path,
+    frame: NDArray[Any],
+    shape: tuple[int, ...] | None,
+    bit_depth: int,
+    number: int,
+    colour: bool = False,
 ) -> tuple[int, ...]:
     if shape is not None and frame.shape != shape:
         raise FilmError(f"{path}: frame {number} has shape {frame.shape}, the first has {shape}")
-    if shape is None and (frame.ndim not in (2, 3) or 0 in frame.shape or frame.shape[2:] not in ((), (3,))):
+    if shape is None and (
+        frame.ndim not in (2, 3) or 0 in frame.shape or frame.shape[2:] not in ((), (3,) * colour)
+    ):
         raise FilmError(f"{path}: frame {number} has shape {frame.shape}, needs (height, width)")
     if frame.dtype.kind not in "ui":
         raise FilmError(f"{path}: frame {number} is of type {frame.dtype}, needs whole numbers")

@@ -14,9 +14,7 @@ def command(
         Path | None, typer.Option("--out", help="Session folder to create; default: sessions/<date>_<profile>.")
     ] = None,
     trials: Annotated[int, typer.Option("--trials", help="Number of trials.")] = 5,
-    backend: Annotated[
-        str, typer.Option("--backend", help="sim://, ni://local or ni-grpc://host:31763.")
-    ] = "sim://",
+    backend: Annotated[str, typer.Option("--backend", help="sim://, ni://local or ni-grpc://host:31763.")] = "sim://",
     rig: Annotated[str, typer.Option("--rig", help="Built-in rig or a TOML file.")] = "virtual",
     film: Annotated[
         list[int] | None, typer.Option("--film", help="Film this trial (virtual bench); may be repeated.")

@@ -13,7 +13,9 @@ def command(
     bodies: Annotated[
         Path | None, typer.Option("--bodies", help="TOML file with the outlines; default: the session's.")
     ] = None,
-    out: Annotated[Path | None, typer.Option("--out", help="CSV file; default: FILM with the ending .angles.csv.")] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", help="CSV file; default: FILM with the ending .angles.csv.")
+    ] = None,
     method: Annotated[str, typer.Option("--method", help="icgn or ecc.")] = "icgn",
     every: Annotated[int, typer.Option("--every", help="Track every N-th frame.")] = 1,
     as_json: Annotated[bool, typer.Option("--json", help="Print a JSON summary.")] = False,

@@ -30,9 +30,7 @@ def command(
     from ..settings import read_settings
 
     chosen = model.load_action(action, read_settings(set_ or []))
-    result = validation.validate_session(
-        session, chosen, out, tolerance=tolerance, progress=None if as_json else say
-    )
+    result = validation.validate_session(session, chosen, out, tolerance=tolerance, progress=None if as_json else say)
     if as_json:
         print_json({"verdict": result.verdict, "files": {k: str(v) for k, v in result.files.items()}})
         return

@@ -20,6 +20,7 @@ from nidaqmx import GrpcSessionOptions
 from nidaqmx.constants import TaskMode
 from nidaqmx.grpc_session_options import SessionInitializationBehavior
 from nidaqmx.stream_readers import AnalogSingleChannelReader, CounterReader
+from nidaqmx.system import Device
 from numpy.typing import NDArray
 
 from rig.backend import Block, Capabilities, Timing
@@ -34,13 +35,26 @@ DEFAULT_PORT = 31763
 def open_backend(url: str, config: RigConfig) -> NidaqmxBackend:
     """Open ``ni://local`` or ``ni-grpc://host[:port]``; raises InputError for another address."""
     parts = urlsplit(url)
+    try:
+        port = parts.port or DEFAULT_PORT
+    except ValueError as error:
+        raise InputError(f"backend address {url!r}: {error}") from None
     if parts.scheme == "ni" and parts.netloc in ("", "local"):
-        return NidaqmxBackend(None, name="NI-DAQmx driver", simulated=False)
+        return _identified(NidaqmxBackend(None, name="NI-DAQmx driver"), config)
     if parts.scheme == "ni-grpc" and parts.hostname:
-        target = f"{parts.hostname}:{parts.port or DEFAULT_PORT}"
+        target = f"{parts.hostname}:{port}"
         channel = grpc.insecure_channel(target, options=[("grpc.max_receive_message_length", -1)])
-        return NidaqmxBackend(channel, name=f"NI gRPC Device Server at {target}", simulated=False)
+        return _identified(NidaqmxBackend(channel, name=f"NI gRPC Device Server at {target}"), config)
     raise InputError(f"backend address {url!r}: allowed are ni://local and ni-grpc://host:{DEFAULT_PORT}")
+
+
+def _identified(backend: NidaqmxBackend, config: RigConfig) -> NidaqmxBackend:
+    try:
+        backend.identify(config)
+    except BaseException:
+        backend.close()
+        raise
+    return backend
 
 
 class NidaqmxBackend:
@@ -53,25 +67,47 @@ class NidaqmxBackend:
         virtual bench.
     name : str
         Shown in reports.
-    simulated : bool
-        Whether what answers is a simulation.
     """
 
-    def __init__(self, channel: grpc.Channel | None, *, name: str, simulated: bool) -> None:
+    def __init__(self, channel: grpc.Channel | None, *, name: str) -> None:
         self._channel = channel
         self._name = name
-        self._simulated = simulated
+        self._simulated = False
+        self._product = "unknown"
         self._config: RigConfig | None = None
-        self._force: nidaqmx.Task | None = None
-        self._encoders: list[nidaqmx.Task] = []
-        self._motor: nidaqmx.Task | None = None
-        self._camera: nidaqmx.Task | None = None
+        self._tasks: dict[str, nidaqmx.Task] = {}
+        """Open tasks by name in the order they were made; kept from the moment they exist, so that none is lost."""
         self._next_sample = 0
 
     @property
     def capabilities(self) -> Capabilities:
         """What this backend is."""
-        return Capabilities(self._name, self._simulated, {"client": f"nidaqmx {version('nidaqmx')}"})
+        description = {"client": f"nidaqmx {version('nidaqmx')}", "product": self._product}
+        return Capabilities(self._name, self._simulated, description)
+
+    def identify(self, config: RigConfig) -> None:
+        """Ask the device what it is; a simulated one (ours or the driver's) is marked so in every session.
+
+        Raises
+        ------
+        InputError
+            When it is another product than the rig file says.
+        HardwareFault
+            When the driver, server or device does not answer.
+        """
+        name = config.device.name
+        options = None if self._channel is None else GrpcSessionOptions(self._channel, "")
+        with translated("connect", f"device {name}"):
+            device = Device(name, grpc_options=options)
+            self._product, self._simulated = str(device.product_type), bool(device.is_simulated)
+        if self._product != config.device.product:
+            raise InputError(
+                f"device.product = {config.device.product!r}: device {name} is a {self._product}; correct the rig file"
+            )
+
+    def _kept_task(self, name: str) -> nidaqmx.Task:
+        self._tasks[name] = task = self._new_task(name)
+        return task
 
     def _new_task(self, name: str) -> nidaqmx.Task:
         if self._channel is None:
@@ -84,13 +120,17 @@ class NidaqmxBackend:
     def configure(self, config: RigConfig, command_v: NDArray[np.float64]) -> Timing:
         """Put the outputs in their safe state, reserve every channel, load the motor command."""
         _check_command(config, command_v)
+        if self._tasks:
+            self.safe_stop()
         self._config = config
         frame_rate_hz = first_pulse_s = None
         try:
-            self._outputs_safe("configure")
+            failures: list[BaseException] = []
+            self._outputs_safe("configure", failures)
+            if failures:
+                raise failures[0]
             with translated("configure", config.force.channel):
-                self._force = tasks.force_task(self._new_task, config)
-                rate = float(self._force.timing.samp_clk_rate)
+                rate = float(tasks.force_task(self._kept_task, config).timing.samp_clk_rate)
             if abs(rate - config.device.sample_rate_hz) > 1e-6 * rate:
                 raise InputError(
                     f"device.sample_rate_hz = {config.device.sample_rate_hz:g} Hz: "
@@ -99,18 +139,15 @@ class NidaqmxBackend:
                 )
             for encoder in config.encoders:
                 with translated("configure", encoder.counter):
-                    self._encoders.append(tasks.encoder_task(self._new_task, config, encoder))
+                    tasks.encoder_task(self._kept_task, config, encoder)
             with translated("configure", config.motor.channel):
-                self._motor = tasks.motor_task(self._new_task, config, command_v)
+                tasks.motor_task(self._kept_task, config, command_v)
             if config.camera is not None:
                 with translated("configure", config.camera.counter):
-                    self._camera, frame_rate_hz, first_pulse_s = tasks.camera_task(
-                        self._new_task, config, config.camera
-                    )
-            for task in (self._force, *self._encoders, self._motor, self._camera):
-                if task is not None:
-                    with translated("configure", task.name):
-                        task.control(TaskMode.TASK_COMMIT)
+                    frame_rate_hz, first_pulse_s = tasks.camera_task(self._kept_task, config, config.camera)
+            for name, task in self._tasks.items():
+                with translated("configure", name):
+                    task.control(TaskMode.TASK_COMMIT)
         except BaseException:
             self._stop_quietly()
             raise
@@ -118,11 +155,11 @@ class NidaqmxBackend:
 
     def arm(self) -> None:
         """Start all slaves, which wait for the master's clock and trigger; enable the drive last, at 0 V."""
-        config, _, motor = self._ready()
+        config = self._ready()
         try:
-            for task in (*self._encoders, self._camera, motor):
-                if task is not None:
-                    with translated("arm", task.name):
+            for name, task in self._tasks.items():
+                if name != tasks.MASTER:
+                    with translated("arm", name):
                         task.start()
             if config.drive_enable is not None:
                 with translated("arm", config.drive_enable.line):
@@ -133,29 +170,30 @@ class NidaqmxBackend:
 
     def start(self) -> None:
         """Start the master task."""
-        _, force, _ = self._ready()
+        self._ready()
         self._next_sample = 0
         try:
-            with translated("start", "force"):
-                force.start()
+            with translated("start", tasks.MASTER):
+                self._tasks[tasks.MASTER].start()
         except BaseException:
             self._stop_quietly()
             raise
 
     def read_block(self, n_samples: int, timeout_s: float) -> Block:
         """Read the next samples of force and encoders; on a fault the outputs are made safe first."""
-        config, force_task, _ = self._ready()
+        config = self._ready()
         try:
             values = np.empty(n_samples)
-            with translated("read", "force"):
-                AnalogSingleChannelReader(force_task.in_stream).read_many_sample(values, n_samples, timeout_s)
+            with translated("read", tasks.MASTER):
+                reader = AnalogSingleChannelReader(self._tasks[tasks.MASTER].in_stream)
+                reader.read_many_sample(values, n_samples, timeout_s)
             if config.force.kind == "bridge":
                 force_n, raw = values, tasks.volts_of_force(config, values)
             else:
                 force_n, raw = tasks.force_of_volts(config, values), values
-            count = np.empty((n_samples, len(self._encoders)), dtype=np.int64)
-            for column, task in enumerate(self._encoders):
-                count[:, column] = self._read_ticks(task, n_samples, timeout_s)
+            count = np.empty((n_samples, len(config.encoders)), dtype=np.int64)
+            for column, encoder in enumerate(config.encoders):
+                count[:, column] = self._read_ticks(tasks.encoder_task_name(encoder), n_samples, timeout_s)
         except BaseException:
             self._stop_quietly()
             raise
@@ -163,23 +201,24 @@ class NidaqmxBackend:
         self._next_sample += n_samples
         return block
 
-    def _read_ticks(self, task: nidaqmx.Task, n_samples: int, timeout_s: float) -> NDArray[np.int64]:
+    def _read_ticks(self, name: str, n_samples: int, timeout_s: float) -> NDArray[np.int64]:
         ticks = np.empty(n_samples)
-        with translated("read", task.name):
-            reader = CounterReader(task.in_stream)
+        with translated("read", name):
+            reader = CounterReader(self._tasks[name].in_stream)
             reader.verify_array_shape = False  # saves a round trip to the server per read
             reader.read_many_sample_double(ticks, n_samples, timeout_s)
         whole = np.rint(ticks)
         if not np.array_equal(whole, ticks):
-            raise HardwareFault(f"{task.name}: counts are not whole numbers; the task is not in ticks", phase="read")
+            raise HardwareFault(f"{name}: counts are not whole numbers; the task is not in ticks", phase="read")
         return whole.astype(np.int64)
 
     def safe_stop(self) -> None:
         """Stop all, motor at 0 V, drive disabled; each step is tried, then the first failure raised."""
         failures: list[BaseException] = []
-        stops = [self._release_motor, lambda: self._outputs_safe("stop"), self._release_inputs]
-        for step in stops:
-            _attempt(step, failures)
+        self._release(tasks.MOTOR, failures)
+        self._outputs_safe("stop", failures)
+        for name in list(self._tasks):
+            self._release(name, failures)
         if failures:
             raise failures[0]
 
@@ -188,6 +227,7 @@ class NidaqmxBackend:
         try:
             self.safe_stop()
         finally:
+            self._config = None
             if self._channel is not None:
                 self._channel.close()
 
@@ -195,39 +235,41 @@ class NidaqmxBackend:
         """Make safe while another fault is on its way; that one is reported."""
         _attempt(self.safe_stop, [])
 
-    def _outputs_safe(self, phase: str) -> None:
+    def _outputs_safe(self, phase: str, failures: list[BaseException]) -> None:
         config = self._config
         if config is None:
             return
-        failures: list[BaseException] = []
 
         def zero() -> None:
-            with translated(phase, config.motor.channel):
+            with translated(phase, f"{config.motor.channel} not put at 0 V, use the emergency stop"):
                 tasks.write_zero(self._new_task, config)
 
         def disable() -> None:
             if config.drive_enable is not None:
-                with translated(phase, config.drive_enable.line):
-                    tasks.write_drive_enable(self._new_task, config.drive_enable.line, False)
+                line = config.drive_enable.line
+                with translated(phase, f"{line} not disabled, use the emergency stop"):
+                    tasks.write_drive_enable(self._new_task, line, False)
 
         _attempt(zero, failures)
         _attempt(disable, failures)
-        if failures:
-            raise failures[0]
 
-    def _release_motor(self) -> None:
-        motor, self._motor = self._motor, None
-        _close_all([motor], "stop")
+    def _release(self, name: str, failures: list[BaseException]) -> None:
+        task = self._tasks.pop(name, None)
+        if task is None:
+            return
 
-    def _release_inputs(self) -> None:
-        released = [self._camera, *self._encoders, self._force]
-        self._camera, self._encoders, self._force = None, [], None
-        _close_all(released, "stop")
+        def close() -> None:
+            with translated("stop", name), warnings.catch_warnings():
+                # the driver warns (200010) when a finite generation is stopped before its end
+                warnings.simplefilter("ignore", nidaqmx.errors.DaqWarning)
+                task.close()
 
-    def _ready(self) -> tuple[RigConfig, nidaqmx.Task, nidaqmx.Task]:
-        if self._config is None or self._force is None or self._motor is None:
+        _attempt(close, failures)
+
+    def _ready(self) -> RigConfig:
+        if self._config is None or tasks.MOTOR not in self._tasks:
             raise HardwareFault("the backend is not configured, or has been stopped; call configure first", phase="arm")
-        return self._config, self._force, self._motor
+        return self._config
 
 
 def _attempt(step: Callable[[], None], failures: list[BaseException]) -> None:
@@ -236,23 +278,6 @@ def _attempt(step: Callable[[], None], failures: list[BaseException]) -> None:
         step()
     except BaseException as error:
         failures.append(error)
-
-
-def _close_all(closing: list[nidaqmx.Task | None], phase: str) -> None:
-    failures: list[BaseException] = []
-    for task in closing:
-        if task is None:
-            continue
-
-        def close(task: nidaqmx.Task = task) -> None:
-            with translated(phase, "task"), warnings.catch_warnings():
-                # the driver warns (200010) when a finite generation is stopped before its end
-                warnings.simplefilter("ignore", nidaqmx.errors.DaqWarning)
-                task.close()
-
-        _attempt(close, failures)
-    if failures:
-        raise failures[0]
 
 
 def _check_command(config: RigConfig, command_v: NDArray[np.float64]) -> None:

@@ -22,6 +22,13 @@ from rig.config import CameraConfig, EncoderConfig, RigConfig
 BUFFER_S = 20.0
 """Length of the driver's buffers: how long the program may be late before samples are lost."""
 WRITE_TIMEOUT_S = 5.0
+MASTER, MOTOR, CAMERA = "force", "motor", "camera"
+"""Names of the tasks."""
+
+
+def encoder_task_name(encoder: EncoderConfig) -> str:
+    """Return the name of an encoder's task."""
+    return f"encoder_{encoder.name}"
 
 
 class NewTask(Protocol):
@@ -39,7 +46,7 @@ def buffer_samples(sample_rate_hz: float) -> int:
 
 def force_task(new_task: NewTask, config: RigConfig) -> nidaqmx.Task:
     """AI on the load cell, continuous, on its own clock: the master."""
-    task = new_task("force")
+    task = new_task(MASTER)
     force, rate = config.force, config.device.sample_rate_hz
     if force.kind == "bridge":
         task.ai_channels.add_ai_force_bridge_two_point_lin_chan(
@@ -96,7 +103,7 @@ def force_of_volts(config: RigConfig, electrical: NDArray[np.float64]) -> NDArra
 
 def encoder_task(new_task: NewTask, config: RigConfig, encoder: EncoderConfig) -> nidaqmx.Task:
     """One counter on one encoder: X4 ticks, latched on the AI sample clock from the AI start trigger on."""
-    task = new_task(f"encoder_{encoder.name}")
+    task = new_task(encoder_task_name(encoder))
     rate, device = config.device.sample_rate_hz, config.device.name
     channel = task.ci_channels.add_ci_ang_encoder_chan(
         encoder.counter,
@@ -133,7 +140,7 @@ def encoder_task(new_task: NewTask, config: RigConfig, encoder: EncoderConfig) -
 
 def motor_task(new_task: NewTask, config: RigConfig, command_v: NDArray[np.float64]) -> nidaqmx.Task:
     """AO with the whole command, finite, one sample per AI clock edge; the last sample is 0 V."""
-    task = new_task("motor")
+    task = new_task(MOTOR)
     limit = config.motor.voltage_limit_v
     task.ao_channels.add_ao_voltage_chan(
         config.motor.channel,
@@ -155,9 +162,9 @@ def motor_task(new_task: NewTask, config: RigConfig, command_v: NDArray[np.float
     return task
 
 
-def camera_task(new_task: NewTask, config: RigConfig, camera: CameraConfig) -> tuple[nidaqmx.Task, float, float]:
-    """CO with the frame pulses, started by the AI start trigger; returns (task, rate Hz, first edge s)."""
-    task = new_task("camera")
+def camera_task(new_task: NewTask, config: RigConfig, camera: CameraConfig) -> tuple[float, float]:
+    """CO with the frame pulses, started by the AI start trigger; returns its real rate, Hz, and first edge, s."""
+    task = new_task(CAMERA)
     channel = task.co_channels.add_co_pulse_chan_freq(
         camera.counter,
         name_to_assign_to_channel="camera",
@@ -172,7 +179,7 @@ def camera_task(new_task: NewTask, config: RigConfig, camera: CameraConfig) -> t
     task.triggers.start_trigger.cfg_dig_edge_start_trig(
         f"/{config.device.name}/ai/StartTrigger", trigger_edge=ni.Edge.RISING
     )
-    return task, float(channel.co_pulse_freq), float(channel.co_pulse_freq_initial_delay)
+    return float(channel.co_pulse_freq), float(channel.co_pulse_freq_initial_delay)
 
 
 def write_zero(new_task: NewTask, config: RigConfig) -> None:

@@ -45,7 +45,7 @@ def append(folder: Path, trial: int, kind: Kind, reason: str, author: str = "") 
     line = (json.dumps(asdict(annotation)) + "\n").encode("utf-8")
     path = folder / FILE_NAME
     try:
-        descriptor = os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o666)
+        descriptor = os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT | getattr(os, "O_BINARY", 0), 0o666)
         try:
             os.write(descriptor, line)
         finally:

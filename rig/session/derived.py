@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Any
 import h5py
 import numpy as np
 
-from rig.durable import replace_when_complete
 from rig.errors import InputError
+from rig.session.sealed_hdf5 import open_sealed, write_sealed
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -33,9 +33,9 @@ def write_table(path: Path, table: pd.DataFrame, attrs: Mapping[str, Any], paren
         path.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f"{path.parent}: cannot be created ({error.strerror or error})") from error
-    with replace_when_complete(path) as temporary, h5py.File(temporary, "w", track_order=True) as file:
+    with write_sealed(path) as file:
         file.attrs["schema"] = SCHEMA
-        file.attrs["attributes_json"] = json.dumps(dict(attrs))
+        file.attrs["attributes_json"] = json.dumps(dict(attrs), default=_plain)
         file.attrs["parents_json"] = json.dumps(dict(parents_sha256), sort_keys=True)
         group = file.create_group("table", track_order=True)
         group.attrs["columns_json"] = json.dumps(names)
@@ -43,6 +43,15 @@ def write_table(path: Path, table: pd.DataFrame, attrs: Mapping[str, Any], paren
         row.make_scale("row")
         for position, name in enumerate(names):
             _write_column(group, name, table.iloc[:, position].to_numpy()).dims[0].attach_scale(row)
+
+
+def _plain(value: object) -> Any:
+    """Return what JSON can hold of a NumPy value or a path."""
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    if isinstance(value, Path):
+        return value.as_posix()
+    raise InputError(f"attribute {value!r} of a derived table is a {type(value).__name__}; use numbers, text or lists")
 
 
 def _write_column(group: h5py.Group, name: str, values: np.ndarray) -> h5py.Dataset:
@@ -61,19 +70,14 @@ def read_table(path: Path) -> tuple[pd.DataFrame, dict[str, Any]]:
     """Return the table and its attributes, among them ``parents_sha256``."""
     import pandas as pd  # here, so that opening a session does not load pandas
 
-    try:
-        with h5py.File(path, "r") as file:
-            if file.attrs.get("schema") != SCHEMA:
-                raise InputError(f"{path}: schema {file.attrs.get('schema')!r}, expected {SCHEMA!r}")
-            attrs = json.loads(file.attrs["attributes_json"])
-            attrs["parents_sha256"] = json.loads(file.attrs["parents_json"])
-            group = file["table"]
-            columns = {name: _read_column(group[name]) for name in json.loads(group.attrs["columns_json"])}
-            index = pd.RangeIndex(group["row"].shape[0])
-    except InputError:
-        raise
-    except (OSError, KeyError, RuntimeError, ValueError, TypeError) as error:
-        raise InputError(f"{path}: not a readable derived table ({str(error).splitlines()[0]})") from error
+    with open_sealed(path) as file:
+        if file.attrs.get("schema") != SCHEMA:
+            raise InputError(f"{path}: schema {file.attrs.get('schema')!r}, expected {SCHEMA!r}")
+        attrs = json.loads(file.attrs["attributes_json"])
+        attrs["parents_sha256"] = json.loads(file.attrs["parents_json"])
+        group = file["table"]
+        columns = {name: _read_column(group[name]) for name in json.loads(group.attrs["columns_json"])}
+        index = pd.RangeIndex(group["row"].shape[0])
     return pd.DataFrame(columns, index=index), attrs
 
 

@@ -148,6 +148,26 @@ class Session:
                     found.append(Trial(file, number, rejected.get(number)))
         return tuple(sorted(found, key=lambda trial: trial.number))
 
+    def summary(self) -> pd.DataFrame:
+        """Return one row per trial: number, status, rejected (reason or ""), duration, peak force, frames, film."""
+        import pandas as pd  # here, so that opening a session does not load pandas
+
+        rows = []
+        for trial in self.trials:
+            data = trial.read()
+            rows.append(
+                {
+                    "trial": trial.number,
+                    "status": data.status,
+                    "rejected": trial.rejected or "",
+                    "duration_s": data.n_valid / data.sample_rate_hz,
+                    "peak_force_n": float(data.force_n.max()) if data.n_valid else float("nan"),
+                    "frames": data.camera.n_frames if data.camera else 0,
+                    "film": trial.film.name if trial.film else "",
+                }
+            )
+        return pd.DataFrame(rows)
+
     def trial(self, number: int) -> Trial:
         """Return the trial with this number."""
         for trial in self.trials:

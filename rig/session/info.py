@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field
 
 SCHEMA: Literal["piano-action-rig session 1"] = "piano-action-rig session 1"
-Measured = Annotated[float, Field(allow_inf_nan=False)] | Literal["unknown"]
+Measured = Annotated[float, Field(strict=True, allow_inf_nan=False)] | Literal["unknown"]
 Digest = Annotated[str, Field(pattern=r"^([0-9a-f]{64})?$")]
 
 
@@ -39,7 +39,7 @@ class FileInfo(_Table):
 class PlanInfo(_Table):
     """What was to be recorded."""
 
-    trials: Annotated[int, Field(ge=1)] = 1
+    trials: Annotated[int, Field(strict=True, ge=1)] = 1
 
 
 class RoomInfo(_Table):
@@ -56,7 +56,7 @@ class SessionInfo(_Table):
     name: str = ""
     operator: str = "unknown"
     created_utc: str = ""
-    simulated: bool
+    simulated: Annotated[bool, Field(strict=True)]
     action: ActionInfo = ActionInfo()
     rig: FileInfo
     profile: FileInfo

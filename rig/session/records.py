@@ -8,9 +8,13 @@ first sample.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 @dataclass(frozen=True)
@@ -123,6 +127,22 @@ class TrialData:
     def n_valid(self) -> int:
         """Number of samples, all of them valid and without a gap."""
         return int(self.time_s.shape[0])
+
+    def to_table(self) -> pd.DataFrame:
+        """Return the trial as a table: time, force, command, and of each encoder the counts and the angle."""
+        import pandas as pd  # here, so that reading a session does not load pandas
+
+        columns: dict[str, NDArray[Any]] = {
+            "time_s": self.time_s,
+            "force_n": self.force_n,
+            "force_raw": self.force_raw,
+            "motor_command_v": self.motor_command_v,
+        }
+        angle_rad = self.angle_rad()
+        for index, encoder in enumerate(self.encoders):
+            columns[f"{encoder.name}_count"] = self.encoder_count[:, index]
+            columns[f"{encoder.name}_rad"] = angle_rad[:, index]
+        return pd.DataFrame(columns)
 
     def angle_rad(self) -> NDArray[np.float64]:
         """Return the encoder angles, rad, counter-clockwise, zero at the first sample, shape (n, 3)."""

@@ -1,10 +1,8 @@
-"""One trial as an HDF5 file that netCDF-4 tools open: group ``/daq`` on the sample clock, group ``/camera``
-on the frame clock.
+"""One trial as an HDF5 file that netCDF-4 tools open: ``/daq`` on the sample clock, ``/camera`` on the frame clock.
 
-Place in the data flow: written once, sealed, when a trial ends; read by validation and vision. Every dataset
-carries its unit and the SHA-256 of its bytes; the root carries a seal over all of them and over the
-attributes. Reading checks the seal, so a truncated or altered file is refused with
-:class:`rig.errors.InputError`, never half understood.
+Place in the data flow: written once and sealed when a trial ends; read by validation and vision. Every dataset
+carries its unit and the SHA-256 of its bytes; the root carries the SHA-256 of all content, which names the trial in
+derived results. A truncated or altered file is refused with :class:`rig.errors.InputError`, never half understood.
 """
 
 from __future__ import annotations
@@ -19,9 +17,9 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.durable import replace_when_complete
 from rig.errors import InputError
 from rig.session.records import CameraInfo, EncoderInfo, ForceInfo, TrialData
+from rig.session.sealed_hdf5 import open_sealed, write_sealed
 
 SCHEMA = "piano-action-rig trial 1"
 STATUSES = ("complete", "not at rest", "interrupted", "fault")
@@ -32,50 +30,35 @@ def write_trial(path: Path, data: TrialData) -> str:
     if path.exists():
         raise InputError(f"{path}: exists already; a sealed trial is never replaced")
     _check_shapes(path, data)
-    with replace_when_complete(path) as temporary, h5py.File(temporary, "w", track_order=True) as file:
+    with write_sealed(path) as file:
         _write_root(file, data)
         _write_daq(file.create_group("daq", track_order=True), data)
         if data.camera is not None:
             _write_camera(file.create_group("camera", track_order=True), data.camera)
-        seal = _seal(file)
-        file.attrs["sha256"] = seal
-    return seal
+        digest = _content_sha256(file)
+        file.attrs["sha256"] = digest
+    return digest
 
 
 def read_trial(path: Path) -> TrialData:
-    """Read one trial and check its seal.
+    """Read one trial after checking its seal.
 
     Raises
     ------
     InputError
         When the file is missing, truncated, of another kind, or altered since it was sealed.
     """
-    try:
-        with h5py.File(path, "r") as file:
-            if file.attrs.get("schema") != SCHEMA:
-                raise InputError(
-                    f"{path}: schema {file.attrs.get('schema')!r}, expected {SCHEMA!r}; not a trial of this rig"
-                )
-            seal = _seal(file)
-            if file.attrs["sha256"] != seal:
-                raise InputError(
-                    f"{path}: altered since it was sealed (SHA-256 does not match); restore it from a copy"
-                )
-            return _read(file, seal)
-    except InputError:
-        raise
-    except (OSError, KeyError, RuntimeError, ValueError, TypeError) as error:
-        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise InputError(f"{path}: not a readable trial file ({reason})") from error
+    with open_sealed(path) as file:
+        if file.attrs.get("schema") != SCHEMA:
+            found = file.attrs.get("schema")
+            raise InputError(f"{path}: schema {found!r}, expected {SCHEMA!r}; not a trial of this rig")
+        return _read(file, str(file.attrs["sha256"]))
 
 
 def read_status(path: Path) -> tuple[str, str]:
-    """Return (status, seal) of a trial without reading its arrays."""
-    try:
-        with h5py.File(path, "r") as file:
-            return str(file.attrs["status"]), str(file.attrs["sha256"])
-    except (OSError, KeyError, RuntimeError) as error:
-        raise InputError(f"{path}: not a readable trial file ({str(error).splitlines()[0]})") from error
+    """Return (status, SHA-256 of the content) of a trial without reading its arrays."""
+    with open_sealed(path) as file:
+        return str(file["daq"].attrs["status"]), str(file.attrs["sha256"])
 
 
 def _check_shapes(path: Path, data: TrialData) -> None:
@@ -99,9 +82,6 @@ def _write_root(file: h5py.File, data: TrialData) -> None:
     file.attrs["schema"] = SCHEMA
     file.attrs["Conventions"] = "SI units; time zero is the AI start trigger"
     file.attrs["trial"] = data.number
-    file.attrs["status"] = data.status
-    file.attrs["reason"] = data.reason
-    file.attrs["n_valid"] = data.n_valid
     file.attrs["started_utc"] = data.started_utc
     file.attrs["simulated"] = int(data.simulated)
     file.attrs["blow_start_s"] = data.blow_start_s
@@ -121,6 +101,9 @@ def _dataset(
 
 def _write_daq(group: h5py.Group, data: TrialData) -> None:
     group.attrs["sample_rate_hz"] = data.sample_rate_hz
+    group.attrs["n_valid"] = data.n_valid
+    group.attrs["status"] = data.status
+    group.attrs["reason"] = data.reason
     time = _dataset(
         group, "time", data.time_s, "s", "time since the AI start trigger", sample_rate_hz=data.sample_rate_hz
     )
@@ -188,7 +171,7 @@ def array_sha256(values: NDArray[Any]) -> str:
     return hashlib.sha256(array.astype(array.dtype.newbyteorder("<")).tobytes()).hexdigest()
 
 
-def _seal(file: h5py.File) -> str:
+def _content_sha256(file: h5py.File) -> str:
     """Hash every array and attribute that carries meaning, not HDF5's own bookkeeping."""
     digest = hashlib.sha256()
 
@@ -216,7 +199,7 @@ def _plain(value: Any) -> Any:
     return value.item() if isinstance(value, np.generic) else value
 
 
-def _read(file: h5py.File, seal: str) -> TrialData:
+def _read(file: h5py.File, sha256: str) -> TrialData:
     daq = file["daq"]
     force = daq["force"]
     info = ForceInfo(**{field: _plain(force.attrs[field]) for field in ForceInfo.__dataclass_fields__})
@@ -227,8 +210,8 @@ def _read(file: h5py.File, seal: str) -> TrialData:
         camera = CameraInfo(**{field: _plain(attributes[field]) for field in CameraInfo.__dataclass_fields__})
     return TrialData(
         number=int(file.attrs["trial"]),
-        status=str(file.attrs["status"]),
-        reason=str(file.attrs["reason"]),
+        status=str(daq.attrs["status"]),
+        reason=str(daq.attrs["reason"]),
         started_utc=str(file.attrs["started_utc"]),
         simulated=bool(file.attrs["simulated"]),
         blow_start_s=float(file.attrs["blow_start_s"]),
@@ -241,5 +224,5 @@ def _read(file: h5py.File, seal: str) -> TrialData:
         encoders=encoders,
         force_info=info,
         camera=camera,
-        sha256=seal,
+        sha256=sha256,
     )

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from rig.simulated import status
 from rig.simulated.status import DaqStatusError
-from rig.simulated.tasks import FINITE, SimulatedTask
+from rig.simulated.tasks import FINITE, Channel, SimulatedTask
 
 if TYPE_CHECKING:
     from rig.simulated.device import SimulatedDevice
@@ -19,7 +19,7 @@ DRIVER_VERSION = {0x1272: 26, 0x1923: 0, 0x2F22: 0}
 """Major, minor and update number of NI-DAQmx that the virtual device behaves like."""
 DIGITAL_EDGE, NO_TRIGGER = 10150, 10230
 DO_NOT_OVERWRITE = 10159
-CO_FREQ, CO_DELAY, CO_TERM = 0x1178, 0x299, 0x18E1
+CO_TERM = 0x18E1
 ARM_TYPE, ARM_EDGE, ARM_SOURCE = 0x1414, 0x1415, 0x1417
 ENCODER_TERMINALS = (0x219D, 0x219E)
 
@@ -68,6 +68,8 @@ GETTABLE: dict[tuple[str, int], Getter] = {
     ("Timing", 0x1852): _clock_source,
     ("Timing", 0x1300): _clock("mode"),
     ("Timing", 0x1310): _clock("samples"),
+    ("Read", 0x1823): lambda device, task: ", ".join(channel.name for channel in task.channels),
+    ("Write", 0x217F): lambda device, task: 1,
     ("Read", 0x217B): lambda device, task: len(task.channels),
     ("Read", 0x1223): _samples("available"),
     ("Read", 0x192A): _samples("acquired"),
@@ -80,12 +82,27 @@ GETTABLE: dict[tuple[str, int], Getter] = {
 }
 
 
+CHANNEL_TYPE = {"AI": 10100, "AO": 10102, "DO": 10153, "CI": 10131, "CO": 10132}
+VOLTAGE, FORCE_BRIDGE, ANGULAR_ENCODER = 10322, 15899, 10360
+MEASUREMENT_TYPE = {"bridge": FORCE_BRIDGE, "voltage_in": VOLTAGE, "voltage_out": VOLTAGE, "counter": ANGULAR_ENCODER}
+CHANNEL_GETTABLE: dict[int, Callable[[SimulatedTask, Channel], Any]] = {
+    0x187F: lambda task, channel: CHANNEL_TYPE[task.type or ""],
+    0x18F5: lambda task, channel: channel.physical.name,
+    0x0695: lambda task, channel: MEASUREMENT_TYPE[channel.physical.kind] if task.type == "AI" else None,
+    0x18A0: lambda task, channel: MEASUREMENT_TYPE[channel.physical.kind] if task.type == "CI" else None,
+}
+"""Properties of a channel; None means that this type of channel does not have it."""
+
+
 def get(device: SimulatedDevice, task: SimulatedTask, category: str, channel: str, attribute: int) -> Any:
     """Return a property of a task or of one of its channels."""
     if (category, attribute) in GETTABLE:
         return GETTABLE[category, attribute](device, task)
     if category == "Chan":
-        channel = _channel(task, channel)
+        found = _channel(task, channel)
+        channel = found.name
+        if attribute in CHANNEL_GETTABLE and (value := CHANNEL_GETTABLE[attribute](task, found)) is not None:
+            return value
     if (category, channel, attribute) in task.attributes:
         return task.attributes[category, channel, attribute]
     raise DaqStatusError(status.ATTRIBUTE_NOT_SUPPORTED, f"Property: 0x{attribute:04X} ({category}) of {task.name}")
@@ -98,7 +115,7 @@ def put(device: SimulatedDevice, task: SimulatedTask, category: str, channel: st
     if task.state == "running":
         raise DaqStatusError(status.TASK_RUNNING, f"Task: {task.name}")
     if category == "Chan":
-        channel = _channel(task, channel)
+        channel = _channel(task, channel).name
         wrong_type = task.type != ("CO" if attribute == CO_TERM else "CI")
         if wrong_type:
             raise DaqStatusError(status.ATTRIBUTE_NOT_SUPPORTED, f"Property: 0x{attribute:04X} of {channel}")
@@ -117,10 +134,10 @@ def put(device: SimulatedDevice, task: SimulatedTask, category: str, channel: st
         task.arm_trigger = device.inventory.terminal(source) if armed and source else ""
 
 
-def _channel(task: SimulatedTask, name: str) -> str:
-    names = [channel.name for channel in task.channels]
-    if not name and len(names) == 1:
-        return names[0]
-    if name not in names:
-        raise DaqStatusError(status.NO_SUCH_CHANNEL, f"Channel: {name!r} in task {task.name}")
-    return name
+def _channel(task: SimulatedTask, name: str) -> Channel:
+    """Return the channel of that name; of several names, or of none, the first (they are of one type)."""
+    first = name.split(",")[0].strip()
+    for channel in task.channels:
+        if first in ("", channel.name):
+            return channel
+    raise DaqStatusError(status.NO_SUCH_CHANNEL, f"Channel: {name!r} in task {task.name}")

@@ -35,10 +35,10 @@ class SimulatedBackend(NidaqmxBackend):
 
     def __init__(self, device: SimulatedDevice, description: dict[str, str] | None = None) -> None:
         self.device = device
-        self.plant: Plant = device.plant
+        self.plant: Plant = device.bench.plant
         self.service = Service(device)
         self._description = description or {}
-        super().__init__(InProcessChannel(self.service), name="virtual bench", simulated=True)
+        super().__init__(InProcessChannel(self.service), name="virtual bench")
 
     @property
     def capabilities(self) -> Capabilities:
@@ -67,21 +67,22 @@ def open_backend(url: str, config: RigConfig) -> SimulatedBackend:
     bench = Path(options["bench"]) if options.get("bench") else DEFAULT_BENCH
     if not bench.is_file():
         raise InputError(f"{url}: bench file {bench} does not exist")
-    seed = _seed(url, options.get("seed"))
+    seed, clock = _seed(url, options.get("seed")), _clock(url, options.get("clock", "virtual"))
     sensors = load_sensors(bench, seed=seed)
     from rig.simulated.plant import load_plant  # here: only this path needs the model and its kernels
 
     plant = load_plant(bench, seed=seed, sample_rate_hz=config.device.sample_rate_hz)
-    device = build_device(config, plant, sensors, clock=_clock(url, options.get("clock", "virtual")))
-    return SimulatedBackend(
+    device = build_device(config, plant, sensors, clock=clock)
+    backend = SimulatedBackend(
         device,
         {
-            "product": config.device.product + " (simulated)",
             "bench": bench.name,
             "bench_sha256": sha256_of_file(bench),
             "seed": str(sensors.seed),
         },
     )
+    backend.identify(config)
+    return backend
 
 
 def _options(url: str) -> dict[str, str]:

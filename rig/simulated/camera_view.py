@@ -96,7 +96,7 @@ class CameraSettings:
                 "shorten it"
             )
         if not (64 <= self.width <= 4096 and 64 <= self.height <= 4096):
-            raise InputError(f"camera picture {self.width} x {self.height}; each side must be 64..4096 px")
+            raise InputError(f"camera width x height = {self.width} x {self.height}; each side must be 64..4096 px")
         if not (0.0 <= self.noise_grey < 64.0 and 0.0 <= self.flicker < 1.0 and self.flicker_hz >= 0.0):
             raise InputError(
                 f"camera noise_grey {self.noise_grey}, flicker {self.flicker}, flicker_hz {self.flicker_hz}; "

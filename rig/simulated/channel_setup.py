@@ -7,8 +7,8 @@ from collections.abc import Callable
 from typing import Any
 
 from rig.simulated import status
-from rig.simulated.attributes import CO_DELAY, CO_FREQ
-from rig.simulated.device import SimulatedDevice
+from rig.simulated.attributes import ENCODER_TERMINALS
+from rig.simulated.device import CO_DELAY, CO_FREQ, SimulatedDevice
 from rig.simulated.messages import enum
 from rig.simulated.readings import (
     DEGREES,
@@ -89,6 +89,11 @@ def ci_angular_encoder(device: SimulatedDevice, task: SimulatedTask, request: An
         decoding_type=decoding, units=units, pulses_per_rev=request.pulses_per_rev,
         initial_angle=request.initial_angle,
     )  # fmt: skip
+    if device.inventory.product.encoder_terminals:
+        channel = task.channels[-1]
+        pair = device.inventory.product.encoder_terminals[int(channel.physical.resource.removeprefix("ctr"))]
+        for attribute, terminal in zip(ENCODER_TERMINALS, pair, strict=True):
+            task.attributes["Chan", channel.name, attribute] = "/" + device.inventory.full_name(terminal)
 
 
 def ao_voltage(device: SimulatedDevice, task: SimulatedTask, request: Any) -> None:

@@ -47,6 +47,7 @@ class Plant(Protocol):
     """A piano action with a motor arm, or anything else that answers a motor command."""
 
     sample_rate_hz: float
+    """Rate of the edges; the device sets it to the rate of the sample clock before each ``start_trial``."""
 
     def start_trial(self, trial: int) -> None:
         """Put the plant at rest for trial ``trial`` (1, 2, …) and draw that trial's scatter from the seed."""

@@ -14,17 +14,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.simulated import status
+from rig.simulated.bench_time import BenchTime
 from rig.simulated.clock import Clock
 from rig.simulated.contract import Plant
-from rig.simulated.converters import DelayLine
-from rig.simulated.products import Inventory, Kind
+from rig.simulated.products import Inventory, Kind, channel_names
 from rig.simulated.readings import encoder_reading, force_reading
-from rig.simulated.sensors import EncoderSignals, ForceSignal, SensorSet
+from rig.simulated.reservations import Reservations
+from rig.simulated.sensors import SensorSet
 from rig.simulated.status import DaqStatusError, NotImplementedByDevice
-from rig.simulated.tasks import Buffer, Channel, SampleClock, SimulatedTask, TaskType
+from rig.simulated.tasks import FINITE, Buffer, Channel, SampleClock, SimulatedTask, TaskType
 from rig.simulated.wiring import Wiring
 
-AI_CLOCK, AI_START = "ai/SampleClock", "ai/StartTrigger"
+AO_CLOCK = "ao/SampleClock"
+CO_FREQ, CO_DELAY = 0x1178, 0x299
 INPUTS = ("AI", "CI")
 
 
@@ -36,7 +38,7 @@ class SimulatedDevice:
     inventory : Inventory
         Product under the name it has in the system.
     plant : Plant
-        Mechanics; its sample rate is the only one the AI clock may have.
+        Mechanics; takes the rate of the sample clock that runs.
     sensors : SensorSet
         Load cell and scales.
     wiring : Wiring
@@ -47,21 +49,15 @@ class SimulatedDevice:
 
     def __init__(self, inventory: Inventory, plant: Plant, sensors: SensorSet, wiring: Wiring, clock: Clock) -> None:
         self.inventory = inventory
-        self.plant = plant
-        self.sensors = sensors
+        self.bench = BenchTime(plant, sensors, clock)
         self.wiring = wiring
-        self.clock = clock
         self.tasks: dict[str, SimulatedTask] = {}
         self.output_v: dict[str, float] = {}
         """Volts each analog output holds, by full channel name; a stopped output holds its last value."""
         self.lines: dict[str, bool] = {}
         self.trial = 0
-        self.edge = 0
-        self._reserved: dict[str, str] = {}
+        self._reservations = Reservations(inventory)
         self._master: SimulatedTask | None = None
-        self._force: ForceSignal | None = None
-        self._encoders: EncoderSignals | None = None
-        self._delay = DelayLine(0.0)
 
     def task(self, name: str) -> SimulatedTask:
         """Return a task by name."""
@@ -88,9 +84,7 @@ class SimulatedDevice:
         self, task: SimulatedTask, type_: TaskType, kind: Kind, physical: str, name: str, **settings: Any
     ) -> None:
         """Add the comma-separated physical channels to a task."""
-        names = [part.strip() for part in physical.split(",") if part.strip()]
-        if not names:
-            raise DaqStatusError(status.NO_SUCH_CHANNEL, "Physical Channel: ''")
+        names = channel_names(physical)
         for index, part in enumerate(names):
             channel = self.inventory.channel(part, kind)
             given = name if len(names) == 1 else f"{name}{index}"
@@ -106,44 +100,26 @@ class SimulatedDevice:
             raise DaqStatusError(status.INVALID_VALUE, f"Rate {rate_hz:g}, samples per channel {samples}")
         terminal = self.inventory.terminal(source) if source and source != "OnboardClock" else ""
         if task.type == "AI":
-            if terminal:
-                raise NotImplementedByDevice(f"AI clocked from {source}")
             rate_hz = self.inventory.coerced_ai_rate(rate_hz, task.channels[0].physical.kind)
-        elif terminal not in (AI_CLOCK,):
-            # a counter has no clock of its own; an output could use one, but the bench's time is that of AI
-            if not terminal and task.type == "CI":
-                raise DaqStatusError(-200303, "External sample clock source must be specified for this measurement.")
-            raise NotImplementedByDevice(f"{task.type} clocked from {source or 'its own clock'}")
+        elif task.type == "CI" and not terminal:
+            raise DaqStatusError(-200303, "External sample clock source must be specified for this measurement.")
+        elif task.type not in ("CI", "AO"):
+            raise NotImplementedByDevice(f"sample clock of a {task.type} task")
         elif task.type == "AO" and rate_hz > self.inventory.product.ao_max_rate_hz:
             raise DaqStatusError(status.RATE_TOO_HIGH, f"Requested {rate_hz:g}")
         task.clock = SampleClock(rate_hz, terminal, mode, samples)
-
-    def resources(self, task: SimulatedTask) -> list[str]:
-        """Hardware a task needs for itself."""
-        needed = [channel.physical.resource for channel in task.channels]
-        if task.clock is not None and task.type in ("AI", "AO"):
-            needed.append(f"{task.type} timing engine")
-        for channel in task.channels:
-            if task.type == "CO" and (terminal := task.setting("Chan", channel.name, 0x18E1, "")):
-                relative = self.inventory.terminal(terminal, output=True)
-                needed.append("pin4." + relative[-1] if relative.startswith("Mod4") else "PFI " + relative)
-        return needed
 
     def commit(self, task: SimulatedTask) -> None:
         """Take the task's resources; refuses what another task holds."""
         if not task.channels:
             raise DaqStatusError(status.NO_CHANNELS, f"Task: {task.name}")
-        for resource in self.resources(task):
-            holder = self._reserved.get(resource)
-            if holder not in (None, task.name):
-                raise DaqStatusError(status.RESOURCE_RESERVED, f"Resource: {resource}, held by task {holder}")
-        self._reserved.update(dict.fromkeys(self.resources(task), task.name))
+        self._reservations.take(task)
         if task.state == "unreserved":
             task.state = "committed"
 
     def release(self, task: SimulatedTask) -> None:
         """Give the task's resources back."""
-        self._reserved = {key: holder for key, holder in self._reserved.items() if holder != task.name}
+        self._reservations.give_back(task)
         task.state, task.committed = "unreserved", False
 
     def start(self, task: SimulatedTask) -> None:
@@ -152,33 +128,40 @@ class SimulatedDevice:
             raise DaqStatusError(status.TASK_RUNNING, f"Task: {task.name}")
         if task.type == "AO" and task.output is None and task.clock is not None:
             raise DaqStatusError(status.NO_DATA_WRITTEN, f"Task: {task.name}")
-        if task.type == "AI" and task.clock is not None and task.clock.rate_hz != self.plant.sample_rate_hz:
-            raise NotImplementedByDevice(
-                f"AI at {task.clock.rate_hz:g} Hz: the plant of this bench runs at {self.plant.sample_rate_hz:g} Hz"
-            )
         self.commit(task)
         task.state, task.generated = "running", 0
         if task.type in INPUTS:
             task.buffer = Buffer(task.buffer_size, len(task.channels))
-        if task.type == "AI" and task.clock is not None:
-            self._trigger(task)
+        own_clock = task.clock is not None and not task.clock.source
+        if task.clock is not None and own_clock and not task.start_trigger:
+            self._trigger(task, task.clock)
+        elif own_clock:
+            raise NotImplementedByDevice(f"{task.name} with a clock of its own and a start trigger")
         else:
             # a trigger that is waited for must still come; one that has passed never comes again
             task.live = not (task.start_trigger or task.arm_trigger)
 
-    def _trigger(self, master: SimulatedTask) -> None:
-        self._master = master
-        self.trial += 1
-        self.edge = 0
-        self.plant.start_trial(self.trial)
-        self._force = ForceSignal(self.sensors.force, self.sensors.seed, self.trial)
-        self._encoders = EncoderSignals(self.sensors.encoders, self.sensors.seed, self.trial)
-        rate = self.plant.sample_rate_hz
-        self._delay = DelayLine(self.inventory.input_delay_s(master.channels[0].physical.kind, rate) * rate)
-        master.live = True
+    def _trigger(self, master: SimulatedTask, clock: SampleClock) -> None:
+        if self._master is not None:
+            raise NotImplementedByDevice(f"{master.name} on a clock of its own beside {self._master.name}")
+        self._master, self.trial = master, self.trial + 1
+        delay_s = self.inventory.input_delay_s(master.channels[0].physical.kind, clock.rate_hz)
+        self.bench.begin(self.trial, clock.rate_hz, delay_s)
+        trigger = f"{str(master.type).lower()}/StartTrigger"
         for task in self.tasks.values():
-            if task.state == "running" and AI_START in (task.start_trigger, task.arm_trigger):
+            if task is master or (task.state == "running" and trigger in (task.start_trigger, task.arm_trigger)):
                 task.live = True
+
+    def _ticking(self) -> set[str]:
+        """Sample clock terminals that carry the running clock; "" is the master's own."""
+        if self._master is None:
+            return set()
+        ticking = {"", f"{str(self._master.type).lower()}/SampleClock"}
+        if any(
+            t.type == "AO" and t.live and t.clock is not None and t.clock.source in ticking for t in self.tasks.values()
+        ):
+            ticking.add(AO_CLOCK)
+        return ticking
 
     def stop(self, task: SimulatedTask) -> None:
         """Stop a task; an output keeps the value it has."""
@@ -198,29 +181,43 @@ class SimulatedDevice:
         return line is None or self.lines.get(self.inventory.full_name(line), False)
 
     def advance(self, n: int) -> None:
-        """Let n edges of the AI sample clock pass: outputs, plant, inputs, in this order."""
-        if n <= 0 or self._master is None or self._force is None or self._encoders is None:
+        """Let at most n edges of the running sample clock pass: outputs, plant, inputs, in this order."""
+        if self._master is None:
             return
+        n = int(min(n, self._master.remaining()))
+        if n <= 0:
+            return
+        ticking = self._ticking()
+        clocked = [t for t in self.tasks.values() if t.live and t.clock is not None and t.clock.source in ticking]
         motor = self.inventory.full_name(self.wiring.motor)
         command = np.full(n, self.output_v.get(motor, 0.0))
-        for task in self.tasks.values():
-            if task.type == "AO" and task.live and task.clock is not None:
-                rows = task.next_output(n)
-                for column, channel in enumerate(task.channels):
-                    if rows.shape[0]:
-                        self.output_v[channel.physical.name] = float(rows[-1, column])
-                    if channel.physical.name == motor and rows.shape[0]:
-                        command[: rows.shape[0]] = rows[:, column]
-                        command[rows.shape[0] :] = rows[-1, column]
-        block = self.plant.advance(command if self.drive_enabled() else np.zeros(n))
-        time_s = (self.edge + np.arange(n)) / self.plant.sample_rate_hz
-        cell = self._force.millivolts_per_volt(self._delay.push(block.force_n), time_s)
-        quarter = self._encoders.quarter_counts(block.angle_rad)
-        for task in self.tasks.values():
-            if task.live and task.buffer is not None and task.clock is not None:
+        for task in clocked:
+            rows = task.next_output(n) if task.type == "AO" else np.empty((0, 0))
+            for column, channel in enumerate(task.channels if rows.shape[0] else []):
+                self.output_v[channel.physical.name] = float(rows[-1, column])
+                if channel.physical.name == motor:
+                    command[: rows.shape[0]] = rows[:, column]
+                    command[rows.shape[0] :] = rows[-1, column]
+        cell, quarter = self.bench.step(command if self.drive_enabled() else np.zeros(n))
+        for task in clocked:
+            if task.buffer is not None:
                 task.buffer.put(self._latch(task, cell, quarter)[: max(int(min(task.remaining(), n)), 0)])
-        self.edge += n
-        self.clock.advance(n / self.plant.sample_rate_hz)
+
+    def pulse_edges_s(self, counter: str) -> NDArray[np.float64]:
+        """Rising edges a counter has put out since the start trigger, s; none when it does not run."""
+        for task in self.tasks.values():
+            channel = next((c for c in task.channels if c.physical.name == counter), None)
+            if task.type == "CO" and task.live and channel is not None:
+                rate = task.setting("Chan", channel.name, CO_FREQ, 0.0)
+                first = task.setting("Chan", channel.name, CO_DELAY, 0.0)
+                passed = int(np.floor((self.bench.edge / self.bench.rate_hz - first) * rate + 1e-9)) + 1
+                return first + np.arange(max(passed, 0)) / rate
+        return np.empty(0)
+
+    @property
+    def edge(self) -> int:
+        """Edges of the sample clock since the last start trigger."""
+        return self.bench.edge
 
     def _latch(self, task: SimulatedTask, cell: NDArray[np.float64], quarter: NDArray[np.int64]) -> NDArray[np.float64]:
         if task.type == "AI":
@@ -228,27 +225,26 @@ class SimulatedDevice:
         return np.column_stack([encoder_reading(self, task, channel, quarter) for channel in task.channels])
 
     def read(self, task: SimulatedTask, n: int, timeout_s: float) -> NDArray[np.float64]:
-        """Return n samples per channel, shape (n, channels), letting time pass until they exist.
+        """Return up to n samples per channel, shape (m, channels), letting time pass until they exist.
 
-        Raises
-        ------
-        DaqStatusError
-            Overwritten samples; or a timeout, with the samples that came attached as ``partial``.
+        Fewer come when the timeout ends first. Raises DaqStatusError when samples were overwritten or will never come.
         """
         if task.state != "running":
             self.start(task)
         if task.clock is None or task.buffer is None:
-            raise NotImplementedByDevice(f"reading task {task.name} without a sample clock")
+            present = [self._latch(task, *self.bench.present()) for _ in range(max(n, 1))]
+            return np.concatenate(present)
         if n < 0:
-            n = task.buffer.available if task.clock.mode != 10178 else task.clock.samples - task.buffer.read
+            n = task.buffer.available if task.clock.mode != FINITE else task.clock.samples - task.buffer.read
         missing = n - task.buffer.available
+        if missing > task.remaining():
+            raise DaqStatusError(status.PAST_THE_END, f"Task: {task.name}", samples_read=0)
         if missing > 0:
-            rate = self.plant.sample_rate_hz
-            allowed = missing if timeout_s < 0 else min(missing, int(timeout_s * rate + 1e-9))
-            if task.live and self._master is not None:
+            allowed = missing if timeout_s < 0 else min(missing, int(timeout_s * self.bench.rate_hz + 1e-9))
+            if task.live and task.clock.source in self._ticking():
                 self.advance(int(min(allowed, task.remaining())))
             elif timeout_s > 0:
-                self.clock.advance(timeout_s)
+                self.bench.clock.advance(timeout_s)
         return task.buffer.take(min(n, task.buffer.available))
 
     def write(self, task: SimulatedTask, values: NDArray[np.float64], auto_start: bool) -> None:

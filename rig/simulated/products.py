@@ -44,6 +44,8 @@ class Product:
     bridge_bits: int = 24
     bridge_excitation_v: tuple[float, ...] = ()
     ai_ranges_v: tuple[float, ...] = ()
+    encoder_terminals: tuple[tuple[str, str], ...] = ()
+    """A and B terminals each counter has unless told otherwise; empty: they must be told."""
     ai_bits: int = 16
     input_only_terminals: str = r"(?!)"
     internal: tuple[str, ...] = field(
@@ -88,9 +90,25 @@ PCIE_6363 = Product(
     ai_max_rate_hz=2e6,
     counter_timebase_hz=100e6,
     ai_ranges_v=(0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0),
+    encoder_terminals=(("PFI8", "PFI10"), ("PFI3", "PFI11"), ("PFI0", "PFI1"), ("PFI5", "PFI6")),
 )
 
 PRODUCTS = {product.name: product for product in (CDAQ_9189, PCIE_6363)}
+
+
+def channel_names(text: str) -> list[str]:
+    """Return the channels a list such as ``Dev1/ai0:2, Dev1/ai7`` names, in its order."""
+    names: list[str] = []
+    for part in filter(None, (part.strip() for part in text.split(","))):
+        if match := re.fullmatch(r"(.*?)(\d{1,3}):(?:\1)?(\d{1,3})", part):
+            stem, first, last = match[1], int(match[2]), int(match[3])
+            step = 1 if last >= first else -1
+            names += [f"{stem}{i}" for i in range(first, last + step, step)]
+        else:
+            names.append(part)
+    if not names:
+        raise DaqStatusError(status.NO_SUCH_CHANNEL, f"Physical Channel: {text!r}")
+    return names
 
 
 class Inventory:

@@ -22,7 +22,8 @@ from pydantic import BaseModel, ConfigDict, Field
 from rig import toml_file
 from rig.simulated.contract import ENCODED_BODIES
 
-Number = Annotated[float, Field(allow_inf_nan=False)]
+Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+Count = Annotated[int, Field(strict=True)]
 _FORCE_STREAM, _ENCODER_STREAM = 1, 2
 
 
@@ -42,14 +43,14 @@ class ForceSensor(_Table):
     hum_n: tuple[Number, ...] = ()
     hum_hz: Number = Field(default=60.0, gt=0, le=1000)
     hum_phase_rad: tuple[Number, ...] = ()
-    hum_phase_scatter: bool = True
+    hum_phase_scatter: bool = Field(default=True, strict=True)
     saturation_mv_per_v: Number = Field(default=25.0, gt=0)
 
 
 class EncoderSensor(_Table):
     """Table ``[encoders.<body>]`` of the bench file: the real scale and the sense it is mounted in."""
 
-    counts_per_revolution: int = Field(ge=4, multiple_of=4)
+    counts_per_revolution: Count = Field(ge=4, multiple_of=4)
     sign: Literal[1, -1] = 1
 
 
@@ -63,7 +64,7 @@ class _BenchTables(BaseModel):
     model_config = ConfigDict(frozen=True, extra="ignore")  # the rest of the bench file belongs to the plant
     force_sensor: ForceSensor
     encoders: _Encoders
-    seed: int = Field(default=0, ge=0)
+    seed: Count = Field(default=0, ge=0)
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rig.simulated import attributes, status
 from rig.simulated.channel_setup import CHANNEL_CALLS
@@ -24,6 +25,8 @@ from rig.simulated.tasks import SimulatedTask
 
 _ATTRIBUTE_CALL = re.compile(r"(Get|Set)(Task|Timing|Read|Write|Buffer|Chan|Trig)Attribute(\w+)")
 _BY_SCAN = 1
+POLL_S = 1e-3
+"""Bench time that passes when a client asks whether a task is done."""
 START, STOP, VERIFY, COMMIT, RESERVE, UNRESERVE, ABORT = range(7)
 
 
@@ -50,12 +53,18 @@ class Service:
             "ReadAnalogF64": self._read_f64("ReadAnalogF64", "AI"),
             "ReadCounterF64Ex": self._read_f64("ReadCounterF64Ex", "CI"),
             "ReadCounterF64": self._read_f64("ReadCounterF64", "CI"),
+            "ReadCounterU32": self._read_f64("ReadCounterU32", "CI"),
+            "ReadCounterU32Ex": self._read_f64("ReadCounterU32Ex", "CI"),
+            "ReadAnalogScalarF64": self._read_scalar("ReadAnalogScalarF64", "AI"),
+            "ReadCounterScalarF64": self._read_scalar("ReadCounterScalarF64", "CI"),
+            "ReadCounterScalarU32": self._read_scalar("ReadCounterScalarU32", "CI"),
             "WriteAnalogF64": self._write_analog_f64,
             "WriteAnalogScalarF64": self._write_analog_scalar_f64,
             "WriteDigitalLines": self._write_digital_lines,
             "GetSystemInfoAttributeUInt32": self._system_info,
             "GetSystemInfoAttributeString": self._system_info_string,
             "GetDeviceAttributeString": self._device_string,
+            "GetDeviceAttributeBool": self._device_bool,
             "GetErrorString": self._error_string,
         }
 
@@ -83,6 +92,12 @@ class Service:
 
     def _task(self, request: Any) -> SimulatedTask:
         return self.device.task(request.task.name)
+
+    def _task_of_type(self, request: Any, type_: str) -> SimulatedTask:
+        task = self._task(request)
+        if task.type != type_:
+            raise DaqStatusError(status.WRONG_MEASUREMENT_TYPE, f"Task: {task.name} is {task.type}")
+        return task
 
     def _create_task(self, request: Any) -> Any:
         task = self.device.create_task(request.session_name)
@@ -116,15 +131,18 @@ class Service:
         return response("TaskControl")
 
     def _is_task_done(self, request: Any) -> Any:
-        return response("IsTaskDone", is_task_done=self._task(request).done)
+        task = self._task(request)
+        if not task.done:
+            self.device.advance(max(int(POLL_S * self.device.bench.rate_hz), 1))  # asking takes its time
+        return response("IsTaskDone", is_task_done=task.done)
 
     def _wait_until_task_done(self, request: Any) -> Any:
         task = self._task(request)
-        step = max(int(0.02 * self.device.plant.sample_rate_hz), 1)
-        left = int(max(request.time_to_wait, 0) * self.device.plant.sample_rate_hz)
-        while not task.done and left > 0 and task.live:
-            self.device.advance(min(step, left))
-            left -= step
+        rate_hz = self.device.bench.rate_hz
+        forever = request.time_to_wait < 0
+        left = task.to_do if forever else int(min(request.time_to_wait * rate_hz, task.to_do))
+        if task.live and np.isfinite(left):
+            self.device.advance(int(left))
         if not task.done:
             raise DaqStatusError(status.OPERATION_TIMED_OUT, f"Task: {task.name}")
         return response("WaitUntilTaskDone")
@@ -155,9 +173,7 @@ class Service:
 
     def _read_f64(self, call: str, type_: str) -> Callable[[Any], Any]:
         def read(request: Any) -> Any:
-            task = self._task(request)
-            if task.type != type_:
-                raise DaqStatusError(status.WRONG_MEASUREMENT_TYPE, f"Task: {task.name} is {task.type}")
+            task = self._task_of_type(request, type_)
             wanted = int(request.num_samps_per_chan)
             values = self.device.read(task, wanted, request.timeout)
             came = values.shape[0]
@@ -165,9 +181,21 @@ class Service:
             filled = np.zeros((max(wanted, came), values.shape[1]))
             filled[:came] = values
             by_scan = "fill_mode" in request.DESCRIPTOR.fields_by_name and enum(request, "fill_mode") == _BY_SCAN
-            flat = (filled if by_scan else filled.T).ravel()
+            flat = _counts_if(call, (filled if by_scan else filled.T).ravel())
             code = 0 if complete else status.SAMPLES_NOT_YET_AVAILABLE
             return response(call, status=code, read_array=flat, samps_per_chan_read=came)
+
+        return read
+
+    def _read_scalar(self, call: str, type_: str) -> Callable[[Any], Any]:
+        def read(request: Any) -> Any:
+            task = self._task_of_type(request, type_)
+            if len(task.channels) != 1:
+                raise DaqStatusError(status.TASK_MIXES_TYPES, f"Task: {task.name}: a scalar read needs one channel")
+            values = self.device.read(task, 1, request.timeout)
+            if not values.size:
+                raise DaqStatusError(status.SAMPLES_NOT_YET_AVAILABLE, f"Task: {task.name}", samples_read=0)
+            return response(call, value=_counts_if(call, values.ravel())[0])
 
         return read
 
@@ -215,11 +243,25 @@ class Service:
         return response("GetSystemInfoAttributeString", value=self.device.inventory.name)
 
     def _device_string(self, request: Any) -> Any:
-        if request.device_name != self.device.inventory.name:
-            raise DaqStatusError(status.INVALID_DEVICE, f"Device: {request.device_name}")
+        self._check_device(request.device_name)
         if enum(request, "attribute") != 0x0631:
             raise DaqStatusError(status.ATTRIBUTE_NOT_SUPPORTED, "Property (Device)")
         return response("GetDeviceAttributeString", value=self.device.inventory.product.name)
 
+    def _device_bool(self, request: Any) -> Any:
+        self._check_device(request.device_name)
+        if enum(request, "attribute") != 0x22CA:
+            raise DaqStatusError(status.ATTRIBUTE_NOT_SUPPORTED, "Property (Device)")
+        return response("GetDeviceAttributeBool", value=True)  # it says what it is
+
+    def _check_device(self, name: str) -> None:
+        if name.lower() != self.device.inventory.name.lower():
+            raise DaqStatusError(status.INVALID_DEVICE, f"Device: {name}")
+
     def _error_string(self, request: Any) -> Any:
         return response("GetErrorString", error_string=status.TEXTS.get(request.error_code, "Unknown status code."))
+
+
+def _counts_if(call: str, values: NDArray[np.float64]) -> NDArray[Any]:
+    """Return the values as a 32-bit counter register holds them when the call asks for that."""
+    return (values.astype(np.int64) % 2**32).astype(np.uint32) if "U32" in call else values

@@ -21,6 +21,7 @@ NO_ROUTE = -89136
 NO_DATA_WRITTEN = -200462
 TASK_RUNNING = -200479
 NOT_STARTED = -200846
+PAST_THE_END = -200278
 DUPLICATE_TASK = -200089
 INVALID_TASK = -200088
 NO_CHANNELS = -200478
@@ -46,6 +47,7 @@ TEXTS = {
     NO_DATA_WRITTEN: "Generation cannot be started: no samples have been written.",
     TASK_RUNNING: "The operation cannot be performed while the task is running.",
     NOT_STARTED: "Cannot write to a task that is not started when auto start is false and it is on demand.",
+    PAST_THE_END: "The read is past the last sample of a finite acquisition.",
     DUPLICATE_TASK: "A task of that name exists already.",
     INVALID_TASK: "Task is invalid or does not exist.",
     NO_CHANNELS: "The task has no channels.",

@@ -127,9 +127,14 @@ class SimulatedTask:
 
     def remaining(self) -> float:
         """Samples a finite input task will still acquire; infinite when it is continuous."""
-        if self.clock is None or self.clock.mode != FINITE or self.buffer is None:
+        return self.to_do if self.buffer is not None else float("inf")
+
+    @property
+    def to_do(self) -> float:
+        """Samples a finite task will still acquire or generate; infinite when it is continuous."""
+        if self.clock is None or self.clock.mode != FINITE:
             return float("inf")
-        return self.clock.samples - self.buffer.acquired
+        return self.clock.samples - (self.buffer.acquired if self.buffer is not None else self.generated)
 
     def next_output(self, n: int) -> NDArray[np.float64]:
         """Return the next samples of a generation, at most n, shape (m, channels); fewer when it ends.
@@ -149,6 +154,4 @@ class SimulatedTask:
         """Whether a finite task has acquired or generated all its samples, or the task does not run."""
         if self.state != "running":
             return True
-        if self.clock is None or self.clock.mode != FINITE:
-            return False
-        return self.generated >= self.clock.samples if self.type == "AO" else self.remaining() <= 0
+        return self.to_do <= 0

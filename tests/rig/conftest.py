@@ -1,4 +1,4 @@
-"""A bench whose mechanics are known in closed form, and different in every channel, so that a swap cannot pass unseen."""
+"""A bench whose mechanics are known in closed form and differ in every channel, so that a swap cannot pass unseen."""
 
 from __future__ import annotations
 
@@ -115,3 +115,16 @@ def command(config: RigConfig) -> np.ndarray:
     volts = 2.0 * np.interp(k, [0, 100, 300, 499], [0.0, 0.0, 1.0, 0.0]) ** 1.1
     volts[-1] = 0.0
     return volts
+
+
+@pytest.fixture
+def assert_safe() -> Any:
+    """Checks the virtual device: motor at 0 V, drive disabled, nothing reserved."""
+
+    def check(backend: Any) -> None:
+        device = backend.device
+        assert device.output_v == {device.inventory.full_name(device.wiring.motor): 0.0}
+        assert device.lines == {device.inventory.full_name(device.wiring.drive_enable): False}
+        assert device.tasks == {}
+
+    return check

@@ -54,6 +54,9 @@ def test_the_9237_delays_by_40_03_samples_at_5_khz_and_a_voltage_input_does_not(
         ),
         ("quiet_s = 0.35", "quiet_s = 0.1", "recording.quiet_s = 0.1"),
         ("rest_s = 0.2", "rest_s = 0.0", "recording.rest_s = 0.0"),
+        ("sample_rate_hz = 5000.0", "sample_rate_hz = true", "device.sample_rate_hz = True"),
+        ("sample_rate_hz = 5000.0", 'sample_rate_hz = "5000"', "device.sample_rate_hz = '5000'"),
+        ("electrical = [0.0, 2.0]", "electrical = [0.0, 2.0, 3.0]", "force.electrical"),
         ("u_noise_n = 0.02", 'u_noise_n = "0.02 N"', "force.u_noise_n = '0.02 N'"),
     ],
 )

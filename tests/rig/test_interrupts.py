@@ -14,7 +14,7 @@ from rig.interrupts import deferred
 @pytest.mark.skipif(os.name == "nt", reason="signal.raise_signal(SIGINT) ends the test run on Windows")
 def test_an_interrupt_inside_the_block_arrives_after_it() -> None:
     steps = []
-    with pytest.raises(KeyboardInterrupt):  # noqa: PT012
+    with pytest.raises(KeyboardInterrupt):
         with deferred():
             signal.raise_signal(signal.SIGINT)
             steps.append("made safe")

@@ -1,4 +1,4 @@
-"""Profiles: the built-in ones are what the thesis describes; bad ones are refused in one line; interpolation against scipy."""
+"""Profiles: the built-in ones are what the thesis describes; bad ones are refused; interpolation against scipy."""
 
 from __future__ import annotations
 
@@ -106,6 +106,7 @@ def test_bad_key_points_are_refused_with_file_key_and_value(points, said) -> Non
         "points = 4\nname='a'",
         "name='a'\npoints=[{time_s=0,force_n=0},{time_s='x',force_n=0}]",
         "x = = 1",
+        "name='a'\npoints=[{time_s=0,force_n=0},{time_s=1,force_n=false}]",
         "\x00",
     ],
 )

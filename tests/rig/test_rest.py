@@ -8,9 +8,13 @@ import pytest
 from rig.rest import RestDetector
 
 
-@pytest.fixture
-def detector() -> RestDetector:
-    return RestDetector(window=100, earliest=200, baseline=50, counts=1, force_n=0.2)
+def ends(force: np.ndarray, count: np.ndarray, block: int = 100) -> int | None:
+    """Feed a record in blocks; return the number of samples after which rest is seen."""
+    detector = RestDetector(window=100, earliest=200, baseline=50, counts=1, force_n=0.2)
+    for start in range(0, force.size, block):
+        if detector.add(force[start : start + block], count[start : start + block]):
+            return min(start + block, force.size)
+    return None
 
 
 def still(n: int) -> tuple[np.ndarray, np.ndarray]:
@@ -19,22 +23,27 @@ def still(n: int) -> tuple[np.ndarray, np.ndarray]:
     return force, count
 
 
-def test_at_rest_once_a_whole_window_after_the_blow_is_still(detector) -> None:
-    assert not detector.at_rest(*still(299))
-    assert detector.at_rest(*still(300))
+@pytest.mark.parametrize(("block", "seen"), [(1, 300), (7, 301), (100, 300), (90, 360), (1000, 1000)])
+def test_at_rest_once_a_whole_window_after_the_blow_is_still_however_it_is_read(block, seen) -> None:
+    assert ends(*still(1000), block) == seen
+    assert ends(*still(299), block) is None
 
 
-def test_a_toggling_count_is_rest_and_a_creeping_one_is_not(detector) -> None:
+def test_a_toggling_count_is_rest_and_a_creeping_one_is_not() -> None:
     force, count = still(400)
-    count[300:, 1] += np.arange(100) % 3 - 1
-    assert detector.at_rest(force, count)
-    count[399, 2] += 3
-    assert not detector.at_rest(force, count)
+    count[200:, 1] += np.arange(200) % 3 - 1
+    assert ends(force, count) == 300
+    creeping = still(2000)[1]
+    creeping[:, 2] += np.arange(2000) // 20
+    assert ends(np.full(2000, 0.3), creeping) is None
+    creeping[1000:, 2] = 7
+    assert ends(np.full(2000, 0.3), creeping) == 1100
 
 
-def test_force_must_be_back_in_its_band_but_may_be_noisy(detector) -> None:
-    force, count = still(400)
-    noisy = force + 0.5 * np.where(np.arange(400) % 2, 1, -1)
-    assert detector.at_rest(noisy, count)
-    force[300:] += 0.25
-    assert not detector.at_rest(force, count)
+def test_force_must_be_back_in_its_band_but_may_be_noisy() -> None:
+    force, count = still(2000)
+    noise = 0.5 * np.where(np.arange(2000) % 2, 1, -1)
+    assert ends(force + noise, count) == 300
+    force[100:1000] += 0.25
+    assert ends(force, count) == 1100
+    assert ends(force + np.where(np.arange(2000) > 60, 0.25, 0), count) is None

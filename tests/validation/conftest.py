@@ -145,6 +145,14 @@ def compared(recorded):
 
 
 @pytest.fixture(scope="session")
+def written(compared, tmp_path_factory):
+    """The report of the comparison, written once."""
+    from validation import write_report
+
+    return write_report(compared, tmp_path_factory.mktemp("report"))
+
+
+@pytest.fixture(scope="session")
 def make():
     """The builders of this file, for tests that need other sessions."""
     return SimpleNamespace(

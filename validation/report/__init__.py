@@ -58,6 +58,8 @@ def validate_session(
     """
     from validation.comparison import compare_session, open_session
 
+    if out is not None:
+        check_folder(Path(out))  # before any work is done
     session = open_session(session_path)
     folder = Path(out) if out is not None else Path(session.path)
     check_folder(folder)
@@ -73,6 +75,7 @@ def write_report(result: ValidationResult, folder: str | Path) -> ValidationResu
     from validation.report.results import results_json, table_csv
 
     target = Path(folder)
+    check_folder(target)
     texts = {f"tables/{name}.csv": table_csv(table) for name, table in result.tables.items()}
     texts["results.json"] = results_json(result)
     texts["report.html"] = render_html(result)  # last: a page never points at tables that are not there yet

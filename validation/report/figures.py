@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 from matplotlib import rc_context
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from validation.measurement import ENCODER_CHANNELS, FILM_CHANNELS
@@ -74,26 +75,24 @@ def force_of_all_trials(result: ValidationResult) -> ReportFigure:
 def rotation_of_all_trials(result: ValidationResult, channel: str, number: str) -> ReportFigure:
     """One encoder channel of every trial, with s_r(t) below (thesis 3.10–3.12)."""
     figure = Figure(figsize=(WIDTH_IN, 3.9), layout="constrained")
-    top, low = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
+    grid = figure.subplots(2, 2, sharex="col", height_ratios=(3, 1), width_ratios=(2.2, 1))
     for i, (trial, frame) in enumerate(result.traces.items()):
         f = _window(result, frame)
-        draw(
-            top,
-            f["time_s"].to_numpy(),
-            degrees(channel, f[f"{channel}_measured_rad"]),
-            f"trial {trial}",
-            **line_style(i),
-        )
-    finish_axes(top, rotation_label(channel), bottom=False)
-    legend(top, len(result.traces))
+        for top in grid[0]:
+            rotation = degrees(channel, f[f"{channel}_measured_rad"])
+            draw(top, f["time_s"].to_numpy(), rotation, f"trial {trial}", **line_style(i))
     s_r = np.degrees(result.spread[f"{channel}_s_r_rad"].to_numpy())
-    text = "Repeatability is not known with one trial."
-    if np.isfinite(s_r).any():
-        draw(low, result.spread["time_s"].to_numpy(), s_r, color=BLACK, linewidth=1.0)
-        text = f"s_r(t) is at most {np.nanmax(s_r):.3f}°."
-    finish_axes(low, "s_r (°)")
-    low.set_ylim(bottom=0)
-    caption = f"Rotation of the {TITLE[channel]} in all {len(result.traces)} trials; below: repeatability s_r(t)."
+    known = bool(np.isfinite(s_r).any())
+    for top, low in grid.T:
+        if known:
+            draw(low, result.spread["time_s"].to_numpy(), s_r, color=BLACK, linewidth=1.0)
+        finish_axes(top, rotation_label(channel), bottom=False)
+        finish_axes(low, "$s_r$ (°)")
+        low.set_ylim(bottom=0)
+    legend(grid[0, 0], len(result.traces))
+    _zoom_on_impact(result, next(iter(result.traces)), grid[0, 1])
+    text = f"sᵣ(t) is at most {np.nanmax(s_r):.3f}°." if known else "Repeatability is not known with one trial."
+    caption = f"Rotation of the {TITLE[channel]} in all {len(result.traces)} trials; below: repeatability sᵣ(t)."
     return _finish(figure, f"{channel}-all", number, caption, text)
 
 
@@ -155,7 +154,8 @@ def force_of_one_trial(result: ValidationResult, trial: int) -> ReportFigure:
             linewidth=1.1,
         )
         finish_axes(panel, "force (N)")
-    zoom.set_xlim(at - 0.012, at + 0.012)
+    delay = float(f["time_s"].iloc[0] - f["force_time_s"].iloc[0])
+    zoom.set_xlim(at - 0.01, at + 0.01 + delay)
     zoom.set_title("around the peak", fontsize=9)
     axes.legend(fontsize=8)
     caption = f"Force of trial {trial}: as recorded, and as it drives the model, corrected (offset, hum, delay)."
@@ -182,10 +182,7 @@ def model_against_trial(result: ValidationResult, trial: int, channel: str, numb
         low.axhline(0.0, color="#777777", linewidth=0.7)
         finish_axes(low, "model − trial (°)")
     grid[0, 0].legend(fontsize=8)
-    centre = _impact(result, trial)
-    if centre is not None:
-        grid[0, 1].set_xlim(centre - ZOOM_S[0], centre + ZOOM_S[1])
-        grid[0, 1].set_title("around the string impact", fontsize=9)
+    _zoom_on_impact(result, trial, grid[0, 1])
     row = result.scores[(result.scores["trial"] == trial) & (result.scores["channel"] == channel)].iloc[0]
     caption = (
         f"Rotation of the {TITLE[channel]}, model and trial {trial}; below: model minus trial for all "
@@ -216,10 +213,13 @@ def _peak(frame: pd.DataFrame) -> tuple[float, float]:
     return float(frame["force_time_s"].iloc[i]), float(frame["force_n"].iloc[i])
 
 
-def _impact(result: ValidationResult, trial: int) -> float | None:
+def _zoom_on_impact(result: ValidationResult, trial: int, axes: Axes) -> None:
+    """Limit a panel to the moments around the string impact of a trial, when there is one."""
     e = result.events
     hit = e[(e["trial"] == trial) & (e["source"] == "trial") & (e["event"] == "string_impact")]["value"]
-    return float(hit.iloc[0]) if len(hit) and np.isfinite(hit.iloc[0]) else None
+    if len(hit) and np.isfinite(hit.iloc[0]):
+        axes.set_xlim(float(hit.iloc[0]) - ZOOM_S[0], float(hit.iloc[0]) + ZOOM_S[1])
+        axes.set_title("around the string impact", fontsize=9)
 
 
 def _finish(figure: Figure, key: str, number: str, caption: str, description: str) -> ReportFigure:

@@ -50,9 +50,11 @@ def with_u(value: float, u: float) -> str:
     return f"{value:.{decimals}f} ± {u:.{decimals}f}".replace("-", "−")
 
 
-def degrees(value: object, digits: int = 3) -> str:
-    """Radians shown in degrees."""
-    return number(math.degrees(value), digits) if isinstance(value, float) else DASH
+def degrees(value: object) -> str:
+    """Radians shown in degrees with four decimals, a quarter of a count of the encoders."""
+    if not isinstance(value, float) or not math.isfinite(value):
+        return DASH
+    return f"{math.degrees(value):.4f}".replace("-", "−").replace("−0.0000", "0.0000")
 
 
 def percent(value: object) -> str:
@@ -68,8 +70,8 @@ def score_matrix(result: ValidationResult) -> PageTable:
         *(f"trial {t}" for t in trials),
         "all",
         "of range",
-        "s_r",
-        "RMSE / s_r",
+        "sᵣ",
+        "RMSE / sᵣ",
         "limit",
         "trial–trial",
     ]
@@ -92,7 +94,7 @@ def score_matrix(result: ValidationResult) -> PageTable:
         )
     notes = [
         "RMSE of model − trial in degrees inside the evaluation window; “all” is the root mean square over trials.",
-        "s_r: repeatability standard deviation; limit: 95 % of differences between two trials are "
+        "sᵣ: repeatability standard deviation; limit: 95 % of differences between two trials are "
         "smaller (ISO 5725, factor for "
         "few trials); trial–trial: the same RMSE between trials, the best a model could be asked for.",
     ]
@@ -127,7 +129,7 @@ def resolution_table(result: ValidationResult) -> PageTable:
         "at (s)",
         "resolved",
         "u of one sample",
-        "lost samples",
+        "lost",
     ]
     notes = [
         "resolved: share of the window in which the mean paired difference exceeds its 95 % uncertainty (Student's t "
@@ -208,7 +210,7 @@ def repeatability_tables(result: ValidationResult) -> list[PageTable]:
         PageTable(
             "repeatability",
             "Repeatability of the angles over the window (°)",
-            ["channel", "trials", "s_r pooled", "95 % interval of s_r", "largest s_r(t)", "limit"],
+            ["channel", "trials", "sᵣ pooled", "95 % interval of sᵣ", "largest sᵣ(t)", "limit"],
             channel_rows,
         ),
         PageTable(
@@ -225,7 +227,7 @@ def trial_page_table(result: ValidationResult) -> PageTable:
     rows = []
     for t in _complete(result.trials).itertuples():
         if not t.used:
-            rows.append([str(t.trial), "not used", *[DASH] * 7, str(t.reason)])
+            rows.append([str(t.trial), f"not used: {t.reason}", *[DASH] * 7])
             continue
         hum = f"{number(t.hum_1_n, 3)} at {t.hum_hz:.2f} Hz" if t.hum_accepted else "none subtracted"
         rows.append(
@@ -239,14 +241,19 @@ def trial_page_table(result: ValidationResult) -> PageTable:
                 number(1e3 * t.noise_n, 3),
                 number(1e3 * t.group_delay_s, 3),
                 "kept" if t.reused else "simulated",
-                str(t.notes or ""),
             ]
         )
     head = [
-        "trial", "state", "peak force (N)", "quiet (ms)", "offset (N)", "hum (N)", "noise (mN)", "delay "
-        "(ms)", "prediction",
-        "notes",
-    ]  # fmt: skip
+        "trial",
+        "state",
+        "peak (N)",
+        "quiet (ms)",
+        "offset (N)",
+        "hum (N)",
+        "noise (mN)",
+        "delay (ms)",
+        "prediction",
+    ]
     return PageTable("trials", "Trials and the correction of their force", head, rows)
 
 

@@ -4,7 +4,7 @@ Place in the data flow: `ValidationResult` → text.
 
 Schema ``piano-action-rig results 1``; SI units and radians; a value that does not exist is null:
 
-- ``schema``, ``session``, ``action``, ``verdict``: text; ``warnings``: list of text
+- ``schema``, ``session``, ``action``, ``verdict``: text; ``verdict_lines``, ``warnings``: lists of text
 - ``window``: start_s, end_s, start_rule, end_rule
 - ``tables``: name → list of rows, each a mapping of column → value.  Columns are those of `ValidationResult`:
   ``trials``, ``scores``, ``channels``, ``events``, ``event_summary``, ``event_repeatability``,
@@ -37,6 +37,7 @@ def results_json(result: ValidationResult) -> str:
         "session": result.session_name,
         "action": result.action_name,
         "verdict": result.verdict,
+        "verdict_lines": result.verdict_lines,
         "warnings": result.warnings,
         "window": {
             "start_s": result.window.start_s,

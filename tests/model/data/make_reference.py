@@ -26,7 +26,10 @@ def blows() -> dict[str, tuple[np.ndarray, np.ndarray]]:
     """Force tables by name: 5 kHz, rounded to 1e-4 N so that the files hold them exactly."""
     t = np.round(np.arange(0, 3001) * 2e-4, 4)
     knots = {
-        "forte": ([0, 0.05, 0.07, 0.09, 0.11, 0.1125, 0.115, 0.118, 0.3, 0.39, 1], [0, 0, 1.4, 4.9, 10, 27, 15, 10, 10, 0, 0]),
+        "forte": (
+            [0, 0.05, 0.07, 0.09, 0.11, 0.1125, 0.115, 0.118, 0.3, 0.39, 1],
+            [0, 0, 1.4, 4.9, 10, 27, 15, 10, 10, 0, 0],
+        ),
         "piano": ([0, 0.03, 0.16, 0.165, 0.17, 0.35, 0.45, 1], [0, 0, 1.5, 3.0, 1.5, 1.5, 0, 0]),
     }
     out = {name: (t, np.round(np.interp(t, *k), 4)) for name, k in knots.items()}
@@ -52,7 +55,9 @@ def explicit(t: np.ndarray, force: np.ndarray, every: int = 10) -> np.ndarray:
 
         def rhs(time: float, y: np.ndarray, k: int = k, slope: float = slope) -> np.ndarray:
             u = force[k] + slope * (time - t[k])
-            dynamics.acceleration(y[:n].copy(), y[n:].copy(), u, scene.vector, scene.tables, pose, m_diag, m_up, f, a, counters)
+            dynamics.acceleration(
+                y[:n].copy(), y[n:].copy(), u, scene.vector, scene.tables, pose, m_diag, m_up, f, a, counters
+            )
             return np.concatenate([y[n:], a])
 
         solver = DOP853(rhs, t[k], y, t[k + 1], rtol=1e-12, atol=1e-12, first_step=min(step, t[k + 1] - t[k]))
@@ -73,7 +78,9 @@ def explicit(t: np.ndarray, force: np.ndarray, every: int = 10) -> np.ndarray:
 def main() -> None:
     names = ["time_s", *(f"{b}_rad" for b in model.BODIES), *(f"{b}_rad_per_s" for b in model.BODIES)]
     for name, (t, force) in blows().items():
-        np.savetxt(HERE / f"{name}_force.csv", np.column_stack([t, force]), "%.4f", ",", header="time_s,force_n", comments="")
+        np.savetxt(
+            HERE / f"{name}_force.csv", np.column_stack([t, force]), "%.4f", ",", header="time_s,force_n", comments=""
+        )
         rows = explicit(t, force)
         np.savetxt(HERE / f"{name}_reference.csv", rows, "%.12g", ",", header=",".join(names), comments="")
         print(name, len(rows), "rows")

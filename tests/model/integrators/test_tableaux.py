@@ -1,4 +1,4 @@
-"""Coefficients satisfy the order conditions of Rosenbrock methods and show their order on a problem with known solution."""
+"""Coefficients satisfy the order conditions of Rosenbrock methods and show their order on a known problem."""
 
 from __future__ import annotations
 
@@ -51,7 +51,9 @@ def test_stiffly_accurate_and_l_stable(tableau: RosenbrockTableau) -> None:
     assert max(abs(amplification(1j * y)) for y in np.logspace(-3, 4, 400)) <= 1 + 1e-9
 
 
-def step(tableau: RosenbrockTableau, y: np.ndarray, t: float, h: float, inside: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def step(
+    tableau: RosenbrockTableau, y: np.ndarray, t: float, h: float, inside: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """One step on y0' = y1, y1' = -sin(y0) - y1/5 + cos(3 t), and its dense output at the fractions ``inside``."""
 
     def f(t: float, y: np.ndarray) -> np.ndarray:
@@ -93,7 +95,9 @@ def test_observed_order_of_step_and_dense_output(tableau: RosenbrockTableau) -> 
         y, h, worst = np.array([0.5, 0.2]), 2 / n, 0.0
         for k in range(n):
             y, rows = step(tableau, y, k * h, h, inside)
-            worst = max(worst, *(np.abs(r - at[round((k + x) * h, 12)]).max() for x, r in zip(inside, rows, strict=True)))
+            worst = max(
+                worst, *(np.abs(r - at[round((k + x) * h, 12)]).max() for x, r in zip(inside, rows, strict=True))
+            )
         ends.append(np.abs(y - truth[-1]).max())
         insides.append(worst)
     order = np.polyfit(np.log(1 / counts), np.log(ends), 1)[0]

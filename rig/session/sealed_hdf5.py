@@ -1,0 +1,75 @@
+"""HDF5 files that end with the SHA-256 of themselves: written whole, and never opened when a single byte has changed.
+
+The HDF5 library may crash the process on damaged metadata, so the seal is checked before the library sees the file. The
+seal is one line of text behind the last byte of HDF5, where the library and netCDF-4 tools do not look. Failures are
+:class:`rig.errors.InputError`, one line.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+from collections.abc import Iterator
+from pathlib import Path
+
+import h5py
+
+from rig.durable import replace_when_complete
+from rig.errors import InputError
+
+MARK = b"\npiano-action-rig sha256 "
+_TAIL = len(MARK) + 64 + 1
+
+
+@contextlib.contextmanager
+def write_sealed(path: Path) -> Iterator[h5py.File]:
+    """Give an empty HDF5 file to fill; seal it and put it at ``path`` when the block ends without an exception."""
+    with replace_when_complete(path) as temporary:
+        with h5py.File(temporary, "w", track_order=True) as file:
+            yield file
+        with temporary.open("rb+") as stream:
+            digest = hashlib.file_digest(stream, "sha256").hexdigest()
+            stream.seek(0, 2)
+            stream.write(MARK + digest.encode() + b"\n")
+
+
+@contextlib.contextmanager
+def open_sealed(path: Path) -> Iterator[h5py.File]:
+    """Check the seal and give the HDF5 file for reading.
+
+    Raises
+    ------
+    InputError
+        When the file is missing, unreadable, not sealed or altered, or lacks what the block looks for.
+    """
+    _check_seal(path)
+    try:
+        with h5py.File(path, "r") as file:
+            yield file
+    except InputError:
+        raise
+    except (OSError, KeyError, RuntimeError, ValueError, TypeError) as error:
+        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise InputError(f"{path}: not a file of this program or version ({reason})") from error
+
+
+def _check_seal(path: Path) -> None:
+    try:
+        with path.open("rb") as stream:
+            size = stream.seek(0, 2)
+            stream.seek(max(size - _TAIL, 0))
+            tail = stream.read()
+            if len(tail) != _TAIL or not tail.startswith(MARK):
+                raise InputError(
+                    f"{path}: has no seal at its end: truncated, or rewritten by another program; restore it"
+                )
+            digest = hashlib.sha256()
+            stream.seek(0)
+            left = size - _TAIL
+            while left > 0 and (chunk := stream.read(min(left, 1 << 20))):
+                digest.update(chunk)
+                left -= len(chunk)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror or error})") from error
+    if tail[len(MARK) : -1] != digest.hexdigest().encode():
+        raise InputError(f"{path}: altered since it was sealed (SHA-256 does not match); restore it from a copy")

@@ -1,0 +1,47 @@
+"""Who holds which hardware: counters, converters, timing engines, pins. What one task holds another is refused."""
+
+from __future__ import annotations
+
+from rig.simulated import status
+from rig.simulated.products import Inventory
+from rig.simulated.readings import A_TERMINAL, B_TERMINAL
+from rig.simulated.status import DaqStatusError
+from rig.simulated.tasks import SimulatedTask
+
+CO_TERMINAL = 0x18E1
+
+
+class Reservations:
+    """Resources of one device and the tasks that hold them."""
+
+    def __init__(self, inventory: Inventory) -> None:
+        self._inventory = inventory
+        self._holders: dict[str, str] = {}
+
+    def needed(self, task: SimulatedTask) -> list[str]:
+        """Return the hardware a task needs for itself; refuses terminals that it should have been told."""
+        needed = [channel.physical.resource for channel in task.channels]
+        if task.clock is not None and task.type in ("AI", "AO"):
+            needed.append(f"{task.type} timing engine")
+        for channel in task.channels:
+            if task.type == "CI":
+                for attribute in (A_TERMINAL, B_TERMINAL):
+                    self._inventory.terminal(task.setting("Chan", channel.name, attribute, ""))
+            if task.type == "CO" and (terminal := task.setting("Chan", channel.name, CO_TERMINAL, "")):
+                relative = self._inventory.terminal(terminal, output=True)
+                # on the 9401 a terminal and a line of the same number are one pin
+                needed.append("pin4." + relative[-1] if relative.startswith("Mod4") else "PFI " + relative)
+        return needed
+
+    def take(self, task: SimulatedTask) -> None:
+        """Take all a task needs, or nothing."""
+        needed = self.needed(task)
+        for resource in needed:
+            holder = self._holders.get(resource)
+            if holder not in (None, task.name):
+                raise DaqStatusError(status.RESOURCE_RESERVED, f"Resource: {resource}, held by task {holder}")
+        self._holders.update(dict.fromkeys(needed, task.name))
+
+    def give_back(self, task: SimulatedTask) -> None:
+        """Give back all a task holds."""
+        self._holders = {key: holder for key, holder in self._holders.items() if holder != task.name}

@@ -1,0 +1,49 @@
+"""The disk cache of compiled kernels never returns numbers of an edited kernel, and is used when nothing changed."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import model
+
+CODE = """
+import numpy as np, model
+from model.kernels import dynamics
+s = model.build_scene(model.load_action())
+from model.kernels import layout as L
+n = s.size
+pose = np.zeros((n, L.POSE_SIZE)); f, a, d, u = (np.zeros(n) for _ in range(4))
+counters = np.zeros(len(L.COUNTERS), dtype=np.int64)
+q = np.array([0.0286, 0.0251, 0.3198, 0.3523, 0.2951])
+dynamics.acceleration(q, np.full(n, 0.1), 1.0, s.vector, s.tables, pose, d, u, f, a, counters)
+print(repr(a.tolist()), dynamics.acceleration.stats.cache_hits and sum(dynamics.acceleration.stats.cache_hits.values()))
+"""
+
+
+def run(folder: Path, cache: Path) -> tuple[str, int]:
+    environment = {**os.environ, "PYTHONPATH": str(folder), "PIANORIG_CACHE_DIR": str(cache)}
+    done = subprocess.run(
+        [sys.executable, "-c", CODE], capture_output=True, text=True, cwd=folder, env=environment, check=True
+    )
+    numbers, _, hits = done.stdout.strip().rpartition(" ")
+    return numbers, int(hits if hits.isdigit() else 0)
+
+
+def test_editing_a_callee_changes_the_answer_in_a_new_process(tmp_path: Path) -> None:
+    package = tmp_path / "model"
+    shutil.copytree(Path(model.__file__).parent, package, ignore=shutil.ignore_patterns("__pycache__"))
+    cache = tmp_path / "cache"
+    first, hits = run(tmp_path, cache)
+    assert hits == 0
+    again, hits = run(tmp_path, cache)
+    assert again == first and hits == 1  # nothing changed: loaded, not compiled
+    laws = package / "kernels" / "laws.py"
+    text = laws.read_text(encoding="utf-8")
+    assert "return a * value, a * slope / scale" in text
+    laws.write_text(text.replace("return a * value,", "return 2.0 * a * value,"), encoding="utf-8")
+    edited, _ = run(tmp_path, cache)
+    assert edited != first

@@ -1,0 +1,164 @@
+"""The command line as a user meets it: names, exit codes, one-line errors, nothing half-written."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pianorig import commands
+from pianorig.cli import main
+
+DATA = Path(__file__).parents[1] / "model" / "data"
+
+
+def run(*arguments: str) -> int:
+    """Exit code of a command run in this process."""
+    with pytest.raises(SystemExit) as caught:
+        main(list(arguments))
+    return int(caught.value.code or 0)
+
+
+@pytest.fixture
+def short_force(tmp_path: Path) -> Path:
+    rows = np.loadtxt(DATA / "forte_force.csv", delimiter=",", skiprows=1)[400:600]
+    path = tmp_path / "force.csv"
+    np.savetxt(path, rows, "%.4f", ",", header="time_s,force_n", comments="")
+    return path
+
+
+def test_simulate_writes_the_columns_in_their_order(
+    short_force: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "angles.csv"
+    assert run("simulate", "--force", str(short_force), "--out", str(out), "--json") == 0
+    facts = json.loads(capsys.readouterr().out)
+    bodies = ["key", "whippen", "jack", "repetition", "hammer"]
+    header = out.read_text().splitlines()[0].split(",")
+    assert header == ["time_s", *(f"{b}_rad" for b in bodies), *(f"{b}_rad_per_s" for b in bodies)]
+    rows = np.loadtxt(out, delimiter=",", skiprows=1)
+    force = np.loadtxt(short_force, delimiter=",", skiprows=1)
+    np.testing.assert_array_equal(rows[:, 0], force[:, 0])
+    assert facts["rows"] == 200 and facts["n_steps"] > 0
+
+    import model
+
+    solution = model.simulate(model.load_action(), force[:, 0], force[:, 1])
+    np.testing.assert_array_equal(rows[:, 1:6], solution.angle_rad)  # the text reads back to the same numbers
+    np.testing.assert_array_equal(rows[:, 6:], solution.speed_rad_per_s)
+
+
+def test_simulate_with_forces_rate_settings_and_hdf5(short_force: Path, tmp_path: Path) -> None:
+    import h5py
+
+    out = tmp_path / "angles.h5"
+    arguments = ["--set", "contact04.friction=0", "--set", "hammer.mass=0.012", "--output-rate", "1000", "--forces"]
+    assert run("simulate", "--force", str(short_force), "--out", str(out), *arguments) == 0
+    with h5py.File(out) as file:
+        assert "contact01_normal_n" in file and "contact13_friction_n" in file
+        assert file["contact04_friction_n"].attrs["units"] == "N"
+        assert file["hammer_rad_per_s"].attrs["units"] == "rad/s"
+        assert np.all(file["contact04_friction_n"][:] == 0.0)
+        assert np.any(file["contact07_friction_n"][:] != 0.0)
+        np.testing.assert_allclose(np.diff(file["time_s"][:]), 1e-3)
+        assert "hammer.mass=0.012" in file.attrs["changed"]
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"--force": "missing.csv"}, "missing.csv: cannot be read"),
+        ({"--action": "steinway"}, "action 'steinway': not found; built in: hirschkorn2004"),
+        ({"--set": "hammer.mass=heavy"}, "--set hammer.mass: value found 'heavy'"),
+        ({"--set": "hammer.mass"}, "allowed path=value"),
+        ({"--set": "hammer.mass=-1"}, "hammer.mass: found -1, allowed above 0"),
+        ({"--tolerance": "0"}, "tolerance: found 0"),
+        ({"--output-rate": "0"}, "output rate: found 0"),
+        ({"--out": "nowhere/angles.csv"}, "does not exist"),
+        ({"--out": "angles.xlsx"}, "allowed .csv or .h5"),
+    ],
+)
+def test_bad_input_is_one_line_and_exit_2(
+    short_force: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    change: dict[str, str],
+    words: str,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    options = {"--force": short_force.name, "--out": "angles.csv", **change}
+    before = sorted(p.name for p in tmp_path.iterdir())
+    assert run("simulate", *(part for pair in options.items() for part in pair)) == 2
+    error = capsys.readouterr().err
+    assert words in error and error.count("\n") == 1
+    assert sorted(p.name for p in tmp_path.iterdir()) == before
+
+
+def test_bad_profiles_move_nothing_and_leave_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    profile = tmp_path / "wild.toml"
+    profile.write_text(
+        'name = "wild"\ninterpolation = "linear"\n'
+        "points = [{ time_s = 0.0, force_n = 0.0 }, { time_s = 0.1, force_n = 500.0 }, "
+        "{ time_s = 0.2, force_n = 0.0 }]\n"
+    )
+    out = tmp_path / "session"
+    assert run("record", "--profile", str(profile), "--out", str(out)) == 2
+    error = capsys.readouterr().err
+    assert "500" in error and "120" in error and error.count("\n") == 1
+    assert not out.exists()
+
+
+def test_validate_refuses_a_folder_without_trials(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run("validate", str(tmp_path)) == 2
+    assert capsys.readouterr().err.count("\n") == 1
+    assert not any(tmp_path.iterdir())
+
+
+def test_track_refuses_a_film_without_outlines(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    film = tmp_path / "film.mraw"
+    film.write_bytes(b"1234")
+    assert run("track", str(film)) == 2
+    assert "--bodies" in capsys.readouterr().err
+    assert [p.name for p in tmp_path.iterdir()] == ["film.mraw"]
+
+
+def test_every_command_has_an_example_and_json(capsys: pytest.CaptureFixture[str]) -> None:
+    for name in commands.NAMES:
+        assert run(name, "--help") == 0
+        text = capsys.readouterr().out
+        assert f"pianorig {name}" in text and "Example:" in text and "--json" in text, name
+
+
+def _modules_after(*arguments: str) -> set[str]:
+    """Modules that a fresh process has imported after a command."""
+    code = (
+        "import sys\n"
+        "from pianorig.cli import main\n"
+        f"try:\n    main({list(arguments)!r})\nexcept SystemExit as stop:\n    assert not stop.code, stop.code\n"
+        "print('MODULES', *sorted(sys.modules))\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, env=os.environ)
+    return set(done.stdout.splitlines()[-1].split()[1:])
+
+
+def test_start_up_imports_only_what_a_command_needs(short_force: Path, tmp_path: Path) -> None:
+    heavy = {"numpy", "numba", "pandas", "scipy", "matplotlib", "h5py", "cv2", "nidaqmx"}
+    assert not _modules_after("--help") & heavy
+    out = str(tmp_path / "o.csv")
+    loaded = _modules_after("simulate", "--force", str(short_force), "--out", out)
+    assert "numba" in loaded
+    assert not loaded & {"pandas", "matplotlib", "cv2", "nidaqmx", "h5py"}
+    # numba itself loads scipy.linalg for BLAS (docs/decisions/start-up-imports.md); we load nothing of SciPy
+    assert not loaded & {"scipy.integrate", "scipy.optimize", "scipy.sparse", "scipy.special", "scipy.stats"}
+
+
+def test_reading_a_session_needs_neither_nidaqmx_nor_numba() -> None:
+    code = "import sys, rig.session; print('nidaqmx' in sys.modules, 'numba' in sys.modules, 'model' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["False", "False", "False"]

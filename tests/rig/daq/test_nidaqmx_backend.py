@@ -1,0 +1,268 @@
+"""The backend on the real client: the same rig in process and over TCP, every channel its own, bad input refused."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import grpc
+import numpy as np
+import pytest
+
+from rig.config import load_rig
+from rig.daq import NidaqmxBackend, open_backend
+from rig.errors import (
+    DeviceNotFound,
+    HardwareFault,
+    InputError,
+    NotSupported,
+    ReadTimeout,
+    SamplesLost,
+)
+from rig.simulated.server import serve
+from rig.simulated.status import NotImplementedByDevice
+
+RAD_PER_VOLT = np.array([-0.05, 0.02, 0.3])
+
+
+def record(backend: NidaqmxBackend, config: Any, command: np.ndarray, blocks: int = 10) -> tuple[np.ndarray, ...]:
+    timing = backend.configure(config, command)
+    backend.arm()
+    backend.start()
+    read = [backend.read_block(100, 1.0) for _ in range(blocks)]
+    backend.safe_stop()
+    assert [block.first_sample for block in read] == list(range(0, 100 * blocks, 100))
+    force, raw, count = ([getattr(b, name) for b in read] for name in ("force_n", "force_raw", "encoder_count"))
+    return timing, np.concatenate(force), np.concatenate(raw), np.concatenate(count)
+
+
+def start(backend: NidaqmxBackend, config: Any, command: np.ndarray) -> None:
+    backend.configure(config, command)
+    backend.arm()
+    backend.start()
+
+
+def expected_force(command: np.ndarray, n: int, delay_samples: float) -> np.ndarray:
+    """Force of the algebraic plant: 12 N per volt held before the edge, 0.05 N at rest, read later."""
+    held = np.concatenate((command, np.zeros(n)))[:n]
+    felt = 0.05 + 12.0 * np.concatenate(([0.0], held[:-1]))
+    return np.interp(np.arange(n) - delay_samples, np.arange(n), felt)
+
+
+@pytest.mark.parametrize("name", ["virtual", "pcie6363"])
+def test_each_channel_reads_its_own_sensor_with_the_delay_of_its_module(name, make_backend, command) -> None:
+    config = load_rig(name).config
+    timing, force, raw, count = record(make_backend(config), config, command)
+    delay = (40 + 5 / 512) + 4.5e-6 * 5000 if name == "virtual" else 0.0
+    assert timing.force_group_delay_s * 5000 == pytest.approx(delay)
+    resolution = 111.2 / 10 * 20 / 2**16 if name == "pcie6363" else 1e-3
+    np.testing.assert_allclose(force, expected_force(command, 1000, delay), atol=resolution)
+    per_newton = 2.0 / 111.2 if name == "virtual" else 10.0 / 111.2
+    np.testing.assert_allclose(raw, force * per_newton, atol=1e-12)
+    felt = np.concatenate(([0.0], command, np.zeros(500)))[:1000]
+    per_rad = np.array([327680, 327680, -163840]) / (2 * np.pi)
+    assert count.dtype == np.int64
+    assert np.max(np.abs(count - felt[:, None] * RAD_PER_VOLT * per_rad)) < 1.0
+    assert timing.frame_rate_hz == 2000.0 and timing.first_pulse_s == pytest.approx(1e-3)
+
+
+def test_the_same_rig_over_tcp_gives_identical_arrays(make_backend, assert_safe, config, command) -> None:
+    near = make_backend(config, noise_n=0.03, hum_n=(0.1,))
+    far = make_backend(config, noise_n=0.03, hum_n=(0.1,))
+    server, port = serve(far.service)
+    remote = open_backend(f"ni-grpc://127.0.0.1:{port}", config)
+    try:
+        here, there = record(near, config, command), record(remote, config, command)
+        assert here[0] == there[0]
+        for a, b in zip(here[1:], there[1:], strict=True):
+            np.testing.assert_array_equal(a, b)
+        assert here[1].std() > 0.01
+        assert near.service.trace == far.service.trace[5:]  # opening asked for version and device
+        assert_safe(far)
+    finally:
+        remote.close()
+        server.stop(None).wait()
+
+
+def test_faults_come_through_tcp_with_their_codes(make_backend, assert_safe, config, command) -> None:
+    far = make_backend(config)
+    server, port = serve(far.service)
+    remote = open_backend(f"ni-grpc://127.0.0.1:{port}", config)
+    start(remote, config, command)
+    with pytest.raises(ReadTimeout) as fault:
+        remote.read_block(100, 0.01)
+    assert (fault.value.code, fault.value.samples_read) == (-200284, 50)
+    assert_safe(far)
+    start(remote, config, command)
+    far.device.advance(100_001)
+    with pytest.raises(SamplesLost):
+        remote.read_block(100, 1.0)
+    assert_safe(far)
+    start(remote, config, command)
+    server.stop(None).wait()
+    with pytest.raises(DeviceNotFound, match="does not answer") as gone:
+        remote.read_block(100, 1.0)
+    assert gone.value.phase == "read"
+    with pytest.raises(DeviceNotFound, match="emergency stop"):
+        remote.close()
+    with pytest.raises(DeviceNotFound, match="does not answer"):
+        open_backend(f"ni-grpc://127.0.0.1:{port}", config)
+
+
+def test_the_frame_pulses_are_where_the_backend_says(make_backend, config, command) -> None:
+    camera = config.camera.model_copy(update={"frame_rate_hz": 3000.0, "start_delay_s": 0.0123})
+    config = config.model_copy(update={"camera": camera})
+    backend = make_backend(config)
+    timing = backend.configure(config, command)
+    backend.arm()
+    assert backend.device.pulse_edges_s(camera.counter).size == 0
+    backend.start()
+    backend.read_block(500, 1.0)
+    edges = backend.device.pulse_edges_s(camera.counter)
+    assert edges[0] == timing.first_pulse_s == pytest.approx(0.0123, abs=1e-7)
+    assert np.diff(edges) == pytest.approx(1 / timing.frame_rate_hz)
+    assert edges[-1] <= 0.1 < edges[-1] + 1 / 2999
+    backend.safe_stop()
+    assert backend.device.pulse_edges_s(camera.counter).size == 0
+
+
+SWAPS = {
+    "a": (
+        ("cDAQ1Mod3/ctr0", "cDAQ1Mod3/ctr9"),
+        ("cDAQ1Mod3/ctr1", "cDAQ1Mod3/ctr0"),
+        ("cDAQ1Mod3/ctr9", "cDAQ1Mod3/ctr1"),
+    ),
+    "b": (("PFI0", "PFI9"), ("PFI2", "PFI0"), ("PFI9", "PFI2"), ("PFI1", "PFI9"), ("PFI3", "PFI1"), ("PFI9", "PFI3")),
+    "c": (("PFI4", "PFI9"), ("PFI5", "PFI4"), ("PFI9", "PFI5")),
+}
+
+
+@pytest.mark.parametrize(
+    ("swap", "columns", "signs"),
+    [("a", (0, 1, 2), (1, 1, 1)), ("b", (1, 0, 2), (1, 1, 1)), ("c", (0, 1, 2), (1, 1, -1))],
+    ids=["counters exchanged: harmless", "terminals of key and whippen exchanged", "A and B of the hammer exchanged"],
+)
+def test_swapped_wires_show_in_the_counts(swap, columns, signs, make_backend, edited_rig, config, command) -> None:
+    straight = record(make_backend(config), config, command)[3]
+    changed = edited_rig(*SWAPS[swap]).config
+    crossed = record(make_backend(changed), changed, command)[3]
+    np.testing.assert_array_equal(crossed, straight[:, columns] * np.array(signs))
+    if columns != (0, 1, 2):
+        assert not np.array_equal(crossed, straight)
+
+
+def test_a_motor_or_load_cell_on_the_wrong_terminal_is_dead(make_backend, edited_rig, command) -> None:
+    wrong_motor = edited_rig(("cDAQ1Mod2/ao0", "cDAQ1Mod2/ao1")).config
+    _, force, _, count = record(make_backend(wrong_motor), wrong_motor, command)
+    np.testing.assert_allclose(force, 0.05, atol=1e-3)
+    assert not count.any()
+    wrong_cell = edited_rig(("cDAQ1Mod1/ai0", "cDAQ1Mod1/ai2")).config
+    _, force, _, count = record(make_backend(wrong_cell), wrong_cell, command)
+    assert not force.any() and count.any()
+
+
+def test_without_drive_enable_nothing_moves(make_backend, config, command) -> None:
+    backend = make_backend(config)
+    backend.configure(config.model_copy(update={"drive_enable": None}), command)
+    backend.arm()
+    backend.start()
+    assert not backend.read_block(300, 1.0).encoder_count.any()
+
+
+def test_the_drive_is_enabled_last_and_the_output_is_zero_before_anything_is_reserved(
+    make_backend, config, command
+) -> None:
+    backend = make_backend(config)
+    backend.device.output_v["cDAQ1Mod2/ao0"] = 3.0  # another program left it there
+    backend.configure(config, command)
+    assert backend.device.output_v["cDAQ1Mod2/ao0"] == 0.0
+    assert not backend.device.drive_enabled()
+    backend.arm()
+    trace = backend.service.trace
+    assert backend.device.drive_enabled()
+    last_start = len(trace) - trace[::-1].index("StartTask") - 1
+    assert "WriteDigitalLines" in trace[last_start:]
+
+
+@pytest.mark.parametrize(
+    "bad",
+    [
+        np.zeros((4, 2)),
+        np.zeros(1),
+        np.array([0, np.nan, 0]),
+        np.array([0, 1.0]),
+        np.array([1.0, 0]),
+        np.array([0, 10.5, 0]),
+    ],
+)
+def test_a_bad_command_is_refused_before_anything_is_touched(bad, make_backend, config) -> None:
+    backend = make_backend(config)
+    with pytest.raises(InputError, match="motor command"):
+        backend.configure(config, bad)
+    assert backend.service.trace == []
+
+
+def test_a_rate_the_9237_does_not_have_is_refused_with_the_one_it_has(make_backend, edited_rig) -> None:
+    config = edited_rig(("sample_rate_hz = 5000.0", "sample_rate_hz = 4000.0")).config
+    backend = make_backend(config)
+    with pytest.raises(InputError, match="4000 Hz: NI 9237 gives 4166.67 Hz"):
+        backend.configure(config, np.zeros(10))
+
+
+def test_calls_out_of_order_are_faults_not_crashes(make_backend, config, command) -> None:
+    backend = make_backend(config)
+    for step in (backend.arm, backend.start, lambda: backend.read_block(10, 1.0)):
+        with pytest.raises(HardwareFault, match="call configure first"):
+            step()
+    backend.configure(config, command)
+    backend.safe_stop()
+    backend.safe_stop()
+    with pytest.raises(HardwareFault):
+        backend.arm()
+
+
+def test_a_call_the_server_does_not_know_is_not_supported(make_backend, config, command) -> None:
+    backend = make_backend(config)
+    commit = backend.device.commit
+    backend.device.commit = lambda task: (_ for _ in ()).throw(NotImplementedByDevice("commit"))
+    with pytest.raises(NotSupported):
+        backend.configure(config, command)
+    backend.device.commit = commit
+
+
+def test_without_the_driver_or_the_device_ni_local_says_so(config) -> None:
+    with pytest.raises(HardwareFault) as fault:
+        open_backend("ni://local", config)
+    assert fault.value.phase == "connect" and "\n" not in str(fault.value)
+
+
+def test_what_answers_must_be_the_product_of_the_rig_file_and_says_whether_it_is_simulated(
+    make_backend, config
+) -> None:
+    far = make_backend(config)
+    server, port = serve(far.service)
+    try:
+        remote = open_backend(f"ni-grpc://127.0.0.1:{port}", config)
+        assert remote.capabilities.simulated is True
+        assert remote.capabilities.description["product"] == "cDAQ-9189"
+        remote.close()
+        other = config.model_copy(update={"device": config.device.model_copy(update={"product": "PCIe-6363"})})
+        with pytest.raises(InputError, match="'PCIe-6363': device cDAQ1 is a cDAQ-9189"):
+            open_backend(f"ni-grpc://127.0.0.1:{port}", other)
+        unknown = config.model_copy(update={"device": config.device.model_copy(update={"name": "cDAQ7"})})
+        with pytest.raises(DeviceNotFound, match="device cDAQ7: no such device"):
+            open_backend(f"ni-grpc://127.0.0.1:{port}", unknown)
+    finally:
+        server.stop(None).wait()
+
+
+@pytest.mark.parametrize("url", ["ni://host", "ni-grpc://", "ni-grpc:///x", "ni-grpc://host:99999"])
+def test_bad_addresses_are_refused(url, config) -> None:
+    with pytest.raises(InputError):
+        open_backend(url, config)
+
+
+def test_the_channel_is_closed_with_the_backend() -> None:
+    channel = grpc.insecure_channel("127.0.0.1:1")
+    NidaqmxBackend(channel, name="nobody").close()
+    with pytest.raises(ValueError, match="closed"):
+        channel.unary_unary("/x/y")(b"")

@@ -1,0 +1,133 @@
+"""Every exit leaves the motor at 0 V and the drive disabled; every fault is typed, with code and phase."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from rig.errors import (
+    DeviceNotFound,
+    HardwareFault,
+    NotSupported,
+    OutputUnderrun,
+    ReadTimeout,
+    ResourceBusy,
+    SamplesLost,
+)
+from rig.simulated.status import DaqStatusError
+
+
+def run_into(backend: Any, config: Any, command: np.ndarray) -> None:
+    backend.configure(config, command)
+    backend.arm()
+    backend.start()
+    for _ in range(10):
+        backend.read_block(100, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("code", "kind"),
+    [
+        (-200279, SamplesLost),
+        (-200284, ReadTimeout),
+        (-200290, OutputUnderrun),
+        (-50103, ResourceBusy),
+        (-201003, DeviceNotFound),
+        (-200170, NotSupported),
+        (-299999, HardwareFault),
+    ],
+)
+@pytest.mark.parametrize("phase", ["configure", "arm", "start", "read"])
+def test_every_fault_is_typed_with_code_and_phase_and_leaves_the_bench_safe(
+    code, kind, phase, make_backend, assert_safe, config, command
+) -> None:
+    backend = make_backend(config)
+    device = backend.device
+
+    def fail(*args: Any, **kwargs: Any) -> None:
+        raise DaqStatusError(code)
+
+    target = {"configure": "configure_clock", "read": "read"}.get(phase)
+    if target:
+        setattr(device, target, fail)
+    else:
+        starting, real = {"arm": "encoder_hammer", "start": "force"}[phase], device.start
+        device.start = lambda task: fail() if task.name == starting else real(task)
+    with pytest.raises(kind) as fault:
+        run_into(backend, config, command)
+    assert type(fault.value) is kind
+    assert (fault.value.code, fault.value.phase, fault.value.exit_code) == (code, phase, 3)
+    assert "\n" not in str(fault.value) and str(code) in str(fault.value)
+    assert_safe(backend)
+
+
+def test_a_read_that_times_out_tells_how_many_samples_came(make_backend, assert_safe, config, command) -> None:
+    backend = make_backend(config)
+    backend.configure(config, command)
+    backend.arm()
+    backend.start()
+    with pytest.raises(ReadTimeout) as fault:
+        backend.read_block(100, 0.01)
+    assert fault.value.samples_read == 50 and fault.value.code == -200284
+    assert_safe(backend)
+
+
+def test_a_program_that_reads_too_late_learns_that_samples_are_lost(make_backend, assert_safe, config, command) -> None:
+    backend = make_backend(config)
+    backend.configure(config, command)
+    backend.arm()
+    backend.start()
+    backend.read_block(100, 1.0)
+    backend.device.advance(100_001)  # 20 s at 5 kHz is what the driver was told to keep
+    with pytest.raises(SamplesLost, match="overwritten"):
+        backend.read_block(100, 1.0)
+    assert_safe(backend)
+
+
+def test_an_exception_of_the_program_half_way_ends_at_zero_volts(make_backend, assert_safe, config, command) -> None:
+    backend = make_backend(config)
+    with pytest.raises(ZeroDivisionError):
+        try:
+            backend.configure(config, command)
+            backend.arm()
+            backend.start()
+            backend.read_block(250, 1.0)
+            assert backend.device.output_v["cDAQ1Mod2/ao0"] > 1.0
+            _ = 1 / 0
+        finally:
+            backend.safe_stop()
+    assert_safe(backend)
+
+
+def test_a_stopped_output_would_hold_its_last_value(make_backend, config, command) -> None:
+    """The hazard that the fresh 0 V task is there for: without it the virtual DAC stays where it was."""
+    backend = make_backend(config)
+    backend.configure(config, command)
+    backend.arm()
+    backend.start()
+    backend.read_block(250, 1.0)
+    backend.device.stop(backend.device.task("motor"))
+    assert backend.device.output_v["cDAQ1Mod2/ao0"] == command[249] > 1.0
+
+
+def test_when_zero_volts_cannot_be_written_the_drive_is_still_disabled_and_the_fault_reported(
+    make_backend, config, command
+) -> None:
+    backend = make_backend(config)
+    backend.configure(config, command)
+    backend.arm()
+    backend.start()
+    backend.read_block(100, 1.0)
+    write = backend.device.write
+
+    def refuse(*args: Any) -> None:
+        raise DaqStatusError(-201003)
+
+    backend.device.write = refuse
+    with pytest.raises(DeviceNotFound) as fault:
+        backend.safe_stop()
+    assert fault.value.phase == "stop"
+    assert not backend.device.drive_enabled() and backend.device.tasks == {}
+    backend.device.write = write

@@ -1,0 +1,84 @@
+"""The sim:// address: options checked, clock as asked for, the whole bench behind it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from rig.backend import open_backend
+from rig.errors import InputError
+from rig.simulated.clock import PacedClock, VirtualClock
+from rig.simulated.messages import CALLS
+from rig.simulated.service import Service
+
+
+@pytest.mark.parametrize(
+    ("url", "said"),
+    [
+        ("sim://?sed=3", "options bench, seed, clock"),
+        ("sim://host", "allowed is sim://"),
+        ("sim://?seed=1&seed=2", "each once"),
+        ("sim://?seed=-1", "allowed a whole number"),
+        ("sim://?seed=1.5", "allowed a whole number"),
+        ("sim://?clock=fast", "allowed virtual, real, or a speed"),
+        ("sim://?clock=nan", "allowed virtual, real, or a speed"),
+        ("sim://?bench=/no/such/bench.toml", "does not exist"),
+    ],
+)
+def test_bad_options_are_refused(url, said, config) -> None:
+    with pytest.raises(InputError, match=said):
+        open_backend(url, config)
+
+
+def test_the_whole_bench_records_a_blow_and_the_seed_decides_the_scatter(config) -> None:
+    command = np.concatenate((np.zeros(250), np.full(100, 0.3), np.zeros(1)))
+    records = []
+    for seed in (3, 3, 4):
+        backend = open_backend(f"sim://?seed={seed}", config)
+        assert backend.capabilities.simulated and backend.capabilities.description["seed"] == str(seed)
+        backend.configure(config, command)
+        backend.arm()
+        backend.start()
+        block = backend.read_block(600, 1.0)
+        records.append((block.force_n, block.encoder_count))
+        backend.close()
+    np.testing.assert_array_equal(records[0][0], records[1][0])
+    assert not np.array_equal(records[0][0], records[2][0])
+    assert records[0][0].max() > 1.0 and np.abs(records[0][1]).max(axis=0).min() > 10
+
+
+def test_the_virtual_clock_takes_no_time_and_the_paced_one_waits_for_the_wall() -> None:
+    virtual = VirtualClock()
+    virtual.advance(3600.0)
+    assert virtual.now_s == 3600.0
+    wall = [100.0]
+    waits: list[float] = []
+
+    def wait(seconds: float) -> None:
+        waits.append(seconds)
+        wall[0] += seconds
+
+    paced = PacedClock(2.0, wall_s=lambda: wall[0], wait=wait)
+    paced.advance(0.5)
+    wall[0] += 1.0
+    paced.advance(0.5)  # already behind: no wait
+    assert waits == pytest.approx([0.25]) and paced.now_s == 1.0
+
+
+def test_the_device_s_time_is_that_of_the_samples_read(make_backend, config, command) -> None:
+    clock = VirtualClock()
+    backend = make_backend(config, clock=clock)
+    backend.configure(config, command)
+    backend.arm()
+    backend.start()
+    assert clock.now_s == 0.0
+    backend.read_block(300, 1.0)
+    assert clock.now_s == pytest.approx(0.06)
+
+
+def test_every_call_the_service_answers_is_one_of_nis(make_backend, config) -> None:
+    from rig.simulated.channel_setup import CHANNEL_CALLS
+
+    service: Service = make_backend(config).service
+    assert set(service._handlers) | set(CHANNEL_CALLS) <= CALLS
+    assert len(CALLS) > 400

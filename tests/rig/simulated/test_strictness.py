@@ -1,0 +1,188 @@
+"""The virtual device refuses what the product refuses, with the driver's status, seen through the real client."""
+
+from __future__ import annotations
+
+import grpc
+import nidaqmx
+import numpy as np
+import pytest
+from nidaqmx import constants as ni
+from nidaqmx.errors import RpcError
+
+
+def test_channels_that_do_not_exist_or_cannot_measure_this(cdaq, card, bridge, refused) -> None:
+    with refused(-200170):
+        bridge(cdaq.task(), "cDAQ1Mod1/ai4")
+    with refused(-200220):
+        bridge(cdaq.task(), "Dev7/ai0")
+    with refused(-200431):
+        bridge(cdaq.task(), "cDAQ1Mod2/ao0")
+    with refused(-200431):
+        bridge(card.task(), "Dev1/ai0")  # an X Series card has no bridge input
+    with refused(-200431):
+        cdaq.task().ai_channels.add_ai_voltage_chan("cDAQ1Mod1/ai0")
+    with refused(-200432):
+        cdaq.task().ao_channels.add_ao_voltage_chan("cDAQ1Mod1/ai0")
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"voltage_excit_val": 4.0},
+        {"max_val": 1500.0},  # 27 mV/V
+        {"second_physical_val": 0.0},
+        {"min_val": 111.2},
+        {"units": ni.ForceUnits.FROM_CUSTOM_SCALE},
+    ],
+)
+def test_bridge_settings_the_9237_does_not_have(changes, cdaq, bridge, refused) -> None:
+    with refused(-200077):
+        bridge(cdaq.task(), **changes)
+
+
+@pytest.mark.parametrize(
+    ("asked", "got"), [(5000, 5000), (4999, 5000), (4000, 50e3 / 12), (50e3, 50e3), (30e3, 50e3), (100, 50e3 / 31)]
+)
+def test_the_9237_runs_at_50_khz_over_n_coerced_up(asked, got, cdaq, bridge) -> None:
+    task = cdaq.task()
+    bridge(task)
+    task.timing.cfg_samp_clk_timing(asked, sample_mode=ni.AcquisitionType.CONTINUOUS)
+    assert task.timing.samp_clk_rate == pytest.approx(got, rel=1e-12)
+
+
+def test_rates_above_the_product_are_refused(cdaq, card, bridge, refused) -> None:
+    task = cdaq.task()
+    bridge(task)
+    with refused(-200332):
+        task.timing.cfg_samp_clk_timing(50_001)
+    voltage = card.task()
+    voltage.ai_channels.add_ai_voltage_chan("Dev1/ai0")
+    with refused(-200332):
+        voltage.timing.cfg_samp_clk_timing(2_000_001)
+    with refused(-200077):
+        voltage.timing.cfg_samp_clk_timing(0)
+
+
+def test_one_counter_per_task_and_no_mixture_of_types(cdaq, bridge, encoder, refused) -> None:
+    task = cdaq.task()
+    encoder(task)
+    with refused(-200147):
+        task.ci_channels.add_ci_ang_encoder_chan("cDAQ1Mod3/ctr1", pulses_per_rev=81920)
+    with refused(-200559):
+        bridge(task)
+
+
+def test_a_counter_needs_a_clock_and_terminals_that_exist(cdaq, encoder, refused) -> None:
+    task = cdaq.task()
+    channel = encoder(task)
+    with refused(-200303):
+        task.timing.cfg_samp_clk_timing(5000)
+    for terminal in ("/cDAQ1/ai/SampelClock", "cDAQ1/ai/SampleClock", "/Dev1/ai/SampleClock", "/cDAQ1/Mod3/PFI0"):
+        with refused(-89120):
+            task.timing.cfg_samp_clk_timing(5000, source=terminal)
+    with refused(-89120):
+        channel.ci_encoder_a_input_term = "/cDAQ1Mod3/PFI6"
+    with refused(-89120):
+        task.triggers.arm_start_trigger.dig_edge_src = "/cDAQ1/ai/StartTriger"
+
+
+def test_counters_have_the_terminals_of_the_card_and_on_the_chassis_must_be_told(cdaq, card, refused) -> None:
+    channel = card.task().ci_channels.add_ci_ang_encoder_chan("Dev1/ctr1", pulses_per_rev=81920)
+    assert (channel.ci_encoder_a_input_term, channel.ci_encoder_b_input_term) == ("/Dev1/PFI3", "/Dev1/PFI11")
+    task = cdaq.task()
+    task.ci_channels.add_ci_ang_encoder_chan("cDAQ1Mod3/ctr0", pulses_per_rev=81920)
+    with refused(-89120):
+        task.start()
+
+
+def test_frame_pulses_cannot_leave_through_an_input_module(cdaq, refused) -> None:
+    channel = cdaq.task().co_channels.add_co_pulse_chan_freq("cDAQ1Mod4/ctr3", freq=2000.0)
+    with refused(-89136):
+        channel.co_pulse_term = "/cDAQ1Mod3/PFI0"
+
+
+def test_pulse_rates_are_whole_ticks_of_the_timebase(cdaq) -> None:
+    channel = cdaq.task().co_channels.add_co_pulse_chan_freq("cDAQ1Mod4/ctr3", freq=3000.0, initial_delay=1e-4)
+    assert channel.co_pulse_freq == 80e6 / 26667
+    assert channel.co_pulse_freq_initial_delay == 1e-4
+
+
+def test_what_another_task_holds_is_reserved_until_it_lets_go(cdaq, encoder, refused) -> None:
+    first, second = cdaq.task(), cdaq.task()
+    encoder(first)
+    encoder(second, "cDAQ1Mod4/ctr0")  # the chassis has four counters, whatever module they are named by
+    first.control(ni.TaskMode.TASK_COMMIT)
+    with refused(-50103):
+        second.control(ni.TaskMode.TASK_COMMIT)
+    first.control(ni.TaskMode.TASK_UNRESERVE)
+    second.control(ni.TaskMode.TASK_COMMIT)
+    with refused(-50103):
+        first.start()
+
+
+def test_a_line_that_carries_frame_pulses_cannot_be_written(cdaq, refused) -> None:
+    pulses, lines = cdaq.task(), cdaq.task()
+    pulses.co_channels.add_co_pulse_chan_freq("cDAQ1Mod4/ctr3", freq=2000.0).co_pulse_term = "/cDAQ1Mod4/PFI4"
+    pulses.control(ni.TaskMode.TASK_COMMIT)
+    lines.do_channels.add_do_chan("cDAQ1Mod4/port0/line4")
+    with refused(-50103):
+        lines.write(True)
+
+
+def motor(task: nidaqmx.Task, samples: int = 10) -> None:
+    task.ao_channels.add_ao_voltage_chan("cDAQ1Mod2/ao0", min_val=-5.0, max_val=5.0)
+    task.timing.cfg_samp_clk_timing(5000, source="/cDAQ1/ai/SampleClock", samps_per_chan=samples)
+
+
+def test_outputs_refuse_values_ranges_and_starting_empty(cdaq, refused) -> None:
+    task = cdaq.task()
+    with refused(-200077):
+        task.ao_channels.add_ao_voltage_chan("cDAQ1Mod2/ao0", min_val=-10.1, max_val=10.0)
+    motor(task)
+    with refused(-200462):
+        task.start()
+    for bad in (5.1, -5.1, np.nan):
+        with refused(-200561):
+            task.write([0.0, bad, 0.0], auto_start=False)
+
+
+def test_a_generation_in_progress_holds_its_channel_against_an_on_demand_write(cdaq, refused) -> None:
+    running, zero = cdaq.task(), cdaq.task()
+    motor(running)
+    running.write(np.ones(10), auto_start=True)
+    zero.ao_channels.add_ao_voltage_chan("cDAQ1Mod2/ao0")
+    with refused(-50103):
+        zero.write(0.0, auto_start=True)
+    running.stop()
+    zero.write(0.0, auto_start=True)
+    with refused(-200846):
+        zero.write(0.0, auto_start=False)
+
+
+def test_calls_and_properties_that_are_not_simulated_are_refused_never_invented(cdaq, refused, bridge) -> None:
+    task = cdaq.task()
+    bridge(task)
+    task.timing.cfg_samp_clk_timing(5000)
+    with pytest.raises(RpcError) as unknown:
+        task.ai_channels.add_ai_thrmcpl_chan("cDAQ1Mod1/ai1")
+    assert unknown.value.rpc_code == grpc.StatusCode.UNIMPLEMENTED
+    with pytest.raises(RpcError):
+        task.register_every_n_samples_acquired_into_buffer_event(100, lambda *a: 0)
+    with refused(-200452):
+        _ = task.ai_channels[0].ai_lowpass_enable
+    with refused(-200452):
+        task.in_stream.overwrite = ni.OverwriteMode.OVERWRITE_UNREAD_SAMPLES
+
+
+def test_names_are_unique_and_a_cleared_task_is_gone(cdaq, refused) -> None:
+    task = cdaq.task("a")
+    with refused(-200089):
+        nidaqmx.Task("a", grpc_options=nidaqmx.GrpcSessionOptions(cdaq._channel, "a"))
+    assert cdaq.task().name != cdaq.task().name
+    with refused(-200478):
+        task.start()
+    cdaq.device.clear_task("a")
+    with refused(-200088):
+        task.start()
+    cdaq._tasks.remove(task)
+    task._handle = None  # its task on the device is gone; nothing is left to clear

@@ -1,0 +1,50 @@
+"""One whole session on the virtual bench, recorded once: five forte blows, one filmed, tracked and validated."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import model
+from pianorig.demonstration import Demo, run_demo
+from rig.simulated.plant import PlantTruth, load_plant
+
+BENCH = Path(__file__).parents[2] / "rig" / "simulated" / "bench.toml"
+
+
+FINE = 20
+
+
+def replay(bench: Path, trial: int, command_v: np.ndarray) -> PlantTruth:
+    """What really happened in a trial: the plant played again with the recorded command, at 100 kHz.
+
+    Finer than the sample clock, because speeds jump within a sample where the hammer meets the string.
+    """
+    plant = load_plant(bench, None, 5000.0 * FINE)
+    plant.start_trial(trial)
+    plant.advance(np.repeat(command_v, FINE))
+    return plant.truth()
+
+
+@dataclass(frozen=True)
+class Closed:
+    """A demo and the truth of each of its trials."""
+
+    demo: Demo
+    truth: dict[int, PlantTruth]
+
+
+@pytest.fixture(scope="session")
+def closed(tmp_path_factory: pytest.TempPathFactory) -> Closed:
+    demo = run_demo(tmp_path_factory.mktemp("system") / "session")
+    truth = {t.number: replay(BENCH, t.number, t.read().motor_command_v) for t in demo.session.trials}
+    return Closed(demo, truth)
+
+
+def fine_height(truth: PlantTruth, start: float, end: float) -> tuple[np.ndarray, np.ndarray]:
+    """Times every microsecond and the hammer's height there."""
+    time = np.arange(start, end, 1e-6)
+    return time, model.observables.hammer_height_m(truth.action, truth.angles_at(time)[:, :5])

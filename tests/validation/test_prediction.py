@@ -1,0 +1,120 @@
+"""Predictions: driven by the trial's own force, kept, reused only when nothing changed."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from validation import PredictionError, compare_session
+from validation.prediction import Prediction, action_sha256
+
+
+class Counting:
+    """Stands for ``model.simulate`` and remembers its calls; module and name as a user's own predictor."""
+
+    def __init__(self, shape=5):
+        self.calls = []
+        self.shape = shape
+
+    def __call__(self, action, time_s, force_n, *, tolerance, output_time_s, initial):
+        self.calls.append(SimpleNamespace(time_s=time_s, force_n=force_n, output_time_s=output_time_s, initial=initial))
+        push = np.interp(output_time_s, time_s, force_n)[:, None] * np.array([-1e-3, 2e-3, -3e-3, -4e-3, -5e-3])
+        angle = initial.angle_rad + push - push[0]
+        return SimpleNamespace(
+            angle_rad=angle[:, : self.shape], speed_rad_per_s=np.zeros_like(angle), counters={"n_steps": 7}
+        )
+
+
+@pytest.fixture
+def small(make, tmp_path):
+    return make.session(tmp_path / "small", n_trials=2, filmed=(2,))
+
+
+def test_each_trial_is_driven_by_its_own_corrected_force_from_rest(small, make):
+    session, truth = small
+    predict = Counting()
+    result = compare_session(session, truth.action, predict=predict)
+    assert len(predict.calls) == 2
+    for call, number in zip(predict.calls, (1, 2), strict=True):
+        true = np.interp(call.time_s, truth.time_s, truth.force_n[number])
+        assert np.abs(call.force_n - true).max() < 0.15
+        assert np.mean(call.force_n[:1500]) == pytest.approx(make.preload_n, abs=2e-3)
+        np.testing.assert_allclose(call.time_s, truth.time_s - make.group_delay_s, atol=1e-12)
+        assert call.output_time_s[-1] <= call.time_s[-1]
+        np.testing.assert_allclose(call.initial.angle_rad, truth.rest_rad, atol=1e-4)
+    frame = result.traces[1]
+    # no force is known for the last group delay of the record
+    lost = frame["key_predicted_rad"].isna().to_numpy()
+    assert lost.sum() == int(round(make.group_delay_s * make.rate_hz))
+    assert lost[-1]
+
+
+def test_an_unchanged_trial_is_not_simulated_again(small):
+    session, truth = small
+    predict = Counting()
+    first = compare_session(session, truth.action, predict=predict)
+    again = compare_session(session, truth.action, predict=predict)
+    assert len(predict.calls) == 2
+    assert not first.trials["reused"].any()
+    assert again.trials["reused"].all()
+    for number in (1, 2):
+        np.testing.assert_array_equal(first.traces[number].to_numpy(), again.traces[number].to_numpy())
+
+
+def test_what_a_prediction_depends_on_makes_it_anew(small):
+    session, truth = small
+    predict = Counting()
+    compare_session(session, truth.action, predict=predict)
+    compare_session(session, truth.action, predict=predict, tolerance=1e-6)
+    assert len(predict.calls) == 4
+    compare_session(session, truth.action.with_values({"hammer.mass": 0.0118}), predict=predict, tolerance=1e-6)
+    assert len(predict.calls) == 6
+    compare_session(session, truth.action, predict=predict, keep_predictions=False)
+    assert len(predict.calls) == 8
+
+
+def test_a_damaged_prediction_is_made_again(small):
+    session, truth = small
+    predict = Counting()
+    compare_session(session, truth.action, predict=predict)
+    session.derived_path("prediction", 1).write_bytes(b"not a file")
+    result = compare_session(session, truth.action, predict=predict)
+    assert len(predict.calls) == 3
+    assert list(result.trials["reused"]) == [False, True]
+
+
+def test_a_prediction_that_cannot_be_kept_is_said_and_used(small):
+    session, truth = small
+    (session.path / "derived").rename(session.path / "elsewhere")
+    (session.path / "derived").write_text("a file where a folder is needed")
+    result = compare_session(session, truth.action, predict=Counting())
+    assert any("prediction not kept" in text for text in result.warnings)
+    assert np.isfinite(result.channels.set_index("channel").loc["key", "rmse_rad"])
+
+
+def test_a_prediction_of_the_wrong_shape_is_refused(small):
+    session, truth = small
+    with pytest.raises(PredictionError, match=r"prediction has shape \(\d+, 3\), expected \(\d+, 5\)"):
+        compare_session(session, truth.action, predict=Counting(shape=3))
+
+
+def test_predicted_angles_between_samples_follow_angles_and_speeds():
+    time = np.arange(0, 0.1, 2e-4)
+    turn = 2 * np.pi * 80 * time
+    angle, speed = np.zeros((time.size, 5)), np.zeros((time.size, 5))
+    angle[:, 2], speed[:, 2] = 0.3 + 0.1 * np.sin(turn), 0.1 * 2 * np.pi * 80 * np.cos(turn)
+    angle[-10:] = np.nan
+    p = Prediction(time, angle, speed, np.array([0.0, 0.0, 0.3, 0.0, 0.0]), "", False, {})
+    at = np.array([0.00513, 0.0421, 0.0995, 0.2])
+    out = p.change_at("jack", at)
+    np.testing.assert_allclose(out[:2], 0.1 * np.sin(2 * np.pi * 80 * at[:2]), atol=1e-7)
+    assert np.isnan(out[2:]).all()
+
+
+def test_the_hash_of_an_action_knows_values_and_structure(recorded):
+    action = recorded[1].action
+    same = action_sha256(action)
+    assert same == action_sha256(action.with_values({}))
+    assert same != action_sha256(action.with_values({"hammer.mass": 0.011741}))

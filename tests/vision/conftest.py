@@ -1,0 +1,80 @@
+"""Synthetic films with known poses, never square, with a scene that has no symmetry."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from vision.bodies import Body
+from vision.frames import ArrayFilm
+from vision.synthetic import Scene, Sensor, SyntheticBody, background, box, speckle, wood_grain
+
+HEIGHT, WIDTH = 150, 210
+PIVOT = (92.0, 96.0)
+
+
+@dataclass(frozen=True)
+class KnownFilm:
+    """Frames with the poses they were drawn at."""
+
+    film: ArrayFilm
+    bodies: list[Body]
+    pose: NDArray[np.float64]  # (n_frames, n_bodies, 3): angle ccw, x, y of the origin
+    light: NDArray[np.float32]
+    noise_grey: float
+
+
+def one_body_scene(texture: str, seed: int = 5) -> Scene:
+    """A bar of 110 x 44 px on a background, its origin off its middle."""
+    extent = (-36.0, -28.0, 86.0, 28.0)
+    make = speckle(extent, seed) if texture == "speckle" else wood_grain(extent, seed, direction_rad=0.15)
+    body = SyntheticBody("bar", box(-30.0, -22.0, 80.0, 22.0), make)
+    return Scene([body], background(HEIGHT, WIDTH, seed + 1))
+
+
+@pytest.fixture
+def film_of() -> Callable[..., KnownFilm]:
+    """Factory: render a scene at given poses, (n_frames, n_bodies, 3), one instant each."""
+
+    def make(
+        scene: Scene,
+        pose: NDArray[np.float64],
+        *,
+        noise_grey: float = 2.0,
+        seed: int = 0,
+        gain: NDArray[np.float64] | None = None,
+        parents: dict[str, str] | None = None,
+        cover: Callable[[int, NDArray[np.float32]], None] | None = None,
+    ) -> KnownFilm:
+        sensor = Sensor(noise_grey, 8, seed)
+        frames = []
+        for i, poses in enumerate(pose):
+            light = scene.light(poses[None])
+            if cover is not None:
+                light = light.copy()
+                cover(i, light)
+            frames.append(sensor.expose(light, 1.0 if gain is None else float(gain[i])))
+        bodies = [
+            Body(body.name, body.outline(*pose[0, k]), (parents or {}).get(body.name), layer=k)
+            for k, body in enumerate(scene.bodies)
+        ]
+        film = ArrayFilm(np.stack(frames), frame_rate_hz=2000.0)
+        return KnownFilm(film, bodies, pose, scene.light(pose[0][None]), noise_grey)
+
+    return make
+
+
+@pytest.fixture
+def bar_scene() -> Callable[[str], Scene]:
+    """Factory of the one-body scene."""
+    return one_body_scene
+
+
+@pytest.fixture
+def pivot() -> tuple[float, float]:
+    """Where the tests put the origin of the bar."""
+    return PIVOT

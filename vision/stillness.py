@@ -1,0 +1,58 @@
+"""How many frames at the start of a film are still, judged by the poses of the bodies themselves.
+
+Place in the data flow: between the quick look of `reference` and the final templates. A fit sees motion of a
+hundredth of a pixel, long before grey values differ by more than their noise; a reference that contains such
+frames would be smeared and its zero shifted.
+
+Method: each pose coordinate of each body, over its standard uncertainty, is compared with the mean of the
+frames before, alone and as the mean of the last 2, 4, 8 and 16 frames. The first window that differs by more
+than `LIMIT` standard deviations ends the still run, one window's length and `GUARD` frames before that
+window: a motion that starts gently is seen only some time after its start.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+WINDOWS = (1, 2, 4, 8, 16)
+LIMIT = 5.0
+GUARD = 2
+FIRST = 2
+"""The comparison starts after this many frames."""
+
+
+def still_count(pose: NDArray[np.float64], u_pose: NDArray[np.float64]) -> int:
+    """Number of still frames at the start.
+
+    Parameters
+    ----------
+    pose : ndarray, shape (n, k)
+        Pose coordinates of all bodies, frame by frame; NaN where lost.
+    u_pose : ndarray, shape (n, k)
+        Standard uncertainty of each, from that frame's noise.
+
+    Returns
+    -------
+    int
+        Between 1 and n.
+    """
+    n = len(pose)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        typical = np.sqrt(np.nanmean(u_pose**2, axis=0))
+    total = np.vstack([np.zeros(pose.shape[1]), np.cumsum(np.nan_to_num(pose), axis=0)])
+    lost = np.vstack([np.zeros(pose.shape[1], dtype=int), np.cumsum(np.isnan(pose), axis=0)])
+    for end in range(FIRST + 1, n + 1):
+        for window in WINDOWS:
+            start = end - window
+            if start < FIRST:
+                break
+            if lost[end].any():
+                # a body that cannot be found is not known to be still
+                return max(1, end - 1)
+            late = (total[end] - total[start]) / window
+            early = total[start] / start
+            spread = typical * np.sqrt(1.0 / window + 1.0 / start)
+            if np.any(np.abs(late - early) > LIMIT * spread):
+                return max(1, start - window - GUARD)
+    return n
