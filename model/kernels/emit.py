@@ -17,7 +17,7 @@ _HEAD = '''"""Generated from the structure of a scene by model.kernels.emit; do 
 
 from model.kernels.compile import generated
 from model.kernels.laws import felt, friction
-from model.kernels.signatures import LINEARISE, PREPARE, SKIP, STAGE
+from model.kernels.signatures import ACCELERATION, LINEARISE, PREPARE, SKIP, STAGE
 from model.kernels.terms import (
     circle_gap, circle_room, contact_force, contact_laws, cosine_sine, hybrid_gap, hybrid_room, turn_of_arm,
     turn_of_first, turn_of_second,
@@ -179,6 +179,16 @@ def _linearise(s: Structure) -> list[str]:
     return [*out, "return touching"]
 
 
+def _acceleration(s: Structure) -> list[str]:
+    out = [f"q{i} = w[{W.Q + i}]\nv{i} = w[{W.V + i}]" for i in range(s.n)]
+    out += ["mask = 0", *_pose(s), *_mass(s), *_forces(s, False)]
+    for c in range(len(s.contact)):
+        out += contact_forces(s, c)
+    for k in range(len(s.probe)):
+        out += probe(s, k, False)
+    return [*out, *_solve_mass(s), *(f"w[{W.ACC + i}] = a{i}" for i in range(s.n)), "return 0"]
+
+
 def _filled(s: Structure) -> set[tuple[int, int]]:
     """Pattern of the factors."""
     out = s.pattern()
@@ -267,13 +277,22 @@ def _stage(s: Structure) -> list[str]:
 def emit(tables: L.Tables) -> str:
     """Source of the module that holds the four kernels of a scene with this structure."""
     s = Structure(tables)
-    parts = [_HEAD]
-    for name, arguments, body in (
+    return _module(
         ("linearise", "w, p, u", _linearise(s)),
         ("prepare", "w, gh", _prepare(s)),
         ("skip", "w, p", _skip(s)),
         ("stage", "w, p, a, c, k, gh, step, u, ft, mask", _stage(s)),
-    ):
+    )
+
+
+def emit_acceleration(tables: L.Tables) -> str:
+    """Source of ``acceleration`` alone: the right-hand side that other solvers need."""
+    return _module(("acceleration", "w, p, u", _acceleration(Structure(tables))))
+
+
+def _module(*functions: tuple[str, str, list[str]]) -> str:
+    parts = [_HEAD]
+    for name, arguments, body in functions:
         lines = [line for text in body for line in text.split("\n")]
         parts.append(f"\n\n@generated({name.upper()})\ndef {name}({arguments}):\n")
         parts.append("\n".join("    " + line for line in lines) + "\n")
