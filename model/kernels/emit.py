@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from . import layout as L
 from . import workspace as W
-from .emit_contacts import contact_derivatives, contact_forces, contact_room, probe
+from .emit_contacts import contact_forces, contact_linearised, probe, sliding_rate
 
 _HEAD = '''"""Generated from the structure of a scene by model.kernels.emit; do not edit."""
 
@@ -93,14 +93,14 @@ def _solve_mass(s: Structure) -> list[str]:
     out = []
     for i, w in enumerate(s.parent):
         if w >= 0:
-            out.append(f"z{i} = mu{i} / md{i}")
+            out += [f"i{i} = 1.0 / md{i}", f"z{i} = mu{i} * i{i}"]
     for w in (i for i, up in enumerate(s.parent) if up < 0):
         top = " ".join([f"f{w}", *(f"- z{i} * f{i}" for i in s.children(w))])
         bottom = " ".join([f"md{w}", *(f"- z{i} * mu{i}" for i in s.children(w))])
         out.append(f"a{w} = ({top}) / ({bottom})")
     for i, w in enumerate(s.parent):
         if w >= 0:
-            out.append(f"a{i} = f{i} / md{i} - z{i} * a{w}")
+            out.append(f"a{i} = f{i} * i{i} - z{i} * a{w}")
     return out
 
 
@@ -132,8 +132,7 @@ def _forces(s: Structure, slopes: bool) -> list[str]:
 
 def _derivatives(s: Structure) -> list[str]:
     """K, D and df/du of everything but contacts, after the accelerations are known."""
-    out = [f"k{i}_{j} = 0.0\nd{i}_{j} = 0.0" for i, j in sorted(s.pattern())]
-    out += [f"u{i} = 0.0" for i in range(s.n)]
+    out = [f"u{i} = 0.0" for i in range(s.n)]
     for i, w in enumerate(s.parent):
         m = s.body(i, L.MASS)
         out += [f"d{i}_{i} -= e{i}", f"k{i}_{i} += {m} * g * ry{i}"]
@@ -161,15 +160,15 @@ def _derivatives(s: Structure) -> list[str]:
 
 def _linearise(s: Structure) -> list[str]:
     out = [f"q{i} = w[{W.Q + i}]\nv{i} = w[{W.V + i}]" for i in range(s.n)]
+    out += [f"k{i}_{j} = 0.0\nd{i}_{j} = 0.0" for i, j in sorted(s.pattern())]
     out += ["touching = 0", *_pose(s), *_mass(s), *_forces(s, True)]
-    contacts = []
+    rates = []
     for c in range(len(s.contact)):
-        out += contact_room(s, c)
-        contacts += contact_derivatives(s, c)
+        out += contact_linearised(s, c)
+        rates += sliding_rate(s, c)
     for k in range(len(s.probe)):
-        out += probe(s, k, False)
-        contacts += probe(s, k, True)
-    out += [*_solve_mass(s), *_derivatives(s), *contacts]
+        out += probe(s, k, True)
+    out += [*_solve_mass(s), *_derivatives(s), *rates]
     for i, j in sorted(s.pattern()):
         out += [f"w[{W.STIFF + W.WIDTH * i + j}] = k{i}_{j}", f"w[{W.DAMP + W.WIDTH * i + j}] = d{i}_{j}"]
     for i in range(s.n):

@@ -101,67 +101,54 @@ def contact_forces(s: Structure, c: int) -> list[str]:
     return [f"if mask & {1 << c} == 0:", *_indent(inner)]
 
 
-def contact_room(s: Structure, c: int) -> list[str]:
-    """Force of contact ``c`` where it touches; else its room and closing speed. Leaves what derivatives need."""
-    keep = ("nx", "ny", "distance", "ax", "ay", "bx", "by", "r", "fn", "fnx", "fnr", "mu", "mus")
-    chain = range(len(s.chain[c]))
-    touch = [*_rates(s, c), f"fn, fnx, fnr, mu, mus = contact_laws(x, rate, slide, {_law(s, c)})"]
-    touch += ["fx = fn * nx + mu * fn * ny", "fy = fn * ny - mu * fn * nx", *_push(s, c), "touching += 1"]
-    touch += [f"{name}_{c} = {name}" for name in keep]
-    arms = [f"{name}{k}" for k in chain for name in ("lx", "ly", "gn", "gt")]
-    touch += [f"{name}_{c} = {name}" for name in arms]
-    away = [*_surface(s, c, True)]
+def contact_linearised(s: Structure, c: int) -> list[str]:
+    """Force and derivatives of contact ``c`` where it touches, its room and closing speed where it does not."""
+    chain = s.chain[c]
+    slides = [f"slides{k}_{c}" for k in range(len(chain))]
+    law = [f"fn, fnx, fnr, mu, mus = contact_laws(x, rate, slide, {_law(s, c)})"]
+    law += ["fx = fn * nx + mu * fn * ny", "fy = fn * ny - mu * fn * nx", *_push(s, c), "touching += 1"]
+    law += [f"{name} = gt{k}" for k, name in enumerate(slides)]
+    touch = [*_rates(s, c), *law, f"w[{W.ROOM + c}] = 0.0", f"w[{W.CLOSING + c}] = 0.0", f"w[{W.SLIDE + c}] = slide"]
     moves = []
-    for b, side in s.chain[c]:
-        # normal speed of A's centre as carried by each joint: the part of a line's own turning included
+    for b, side in chain:
         x, y = _pivot(s, b)
         moves.append(f"{'-' if side > 0 else '+'} v{b} * ((ax - {x}) * ny - (ay - {y}) * nx)")
-    away += [f"w[{W.ROOM + c}] = room", f"w[{W.CLOSING + c}] = " + " ".join(moves)]
-    zero = [
-        f"fn_{c} = 0.0",
-        *(f"{n}_{c} = 0.0" for n in keep if n != "fn"),
-        *(f"{n}_{c} = 0.0" for n in arms),
-    ]
+    away = [*_surface(s, c, True), f"w[{W.ROOM + c}] = room", f"w[{W.CLOSING + c}] = " + " ".join(moves)]
     return [
-        *zero, *_centres(s, c), *_surface(s, c, False),
-        "if x > 0.0:", *_indent([*touch, f"w[{W.ROOM + c}] = 0.0", f"w[{W.CLOSING + c}] = 0.0"]),
+        *(f"{name} = 0.0" for name in slides), *_centres(s, c), *_surface(s, c, False),
+        "if x > 0.0:", *_indent([*touch, "if fn > 0.0:", *_indent(_derivatives(s, c))]),
         "else:", *_indent(away),
     ]  # fmt: skip
 
 
-def contact_derivatives(s: Structure, c: int) -> list[str]:
+def sliding_rate(s: Structure, c: int) -> list[str]:
+    """How fast the sliding speed of contact ``c`` changes, once the accelerations are known."""
+    rate = " + ".join(f"slides{k}_{c} * a{b}" for k, (b, _) in enumerate(s.chain[c]))
+    return [f"w[{W.SLIDE_RATE + c}] = {rate}"]
+
+
+def _derivatives(s: Structure, c: int) -> list[str]:
     """Add the derivatives of a pushing contact to K and D."""
     chain = s.chain[c]
-    out = [f"along{k} = gn{k}_{c} - mu_{c} * gt{k}_{c}" for k in range(len(chain))]
+    out = [f"along{k} = gn{k} - mu * gt{k}" for k in range(len(chain))]
     for j, (cj, side) in enumerate(chain):
         qx, qy = _pivot(s, cj)
         what, centre = ("first", "a") if side > 0 else ("second", "b")
         out.append(
-            f"kappa, xx, xy = turn_of_{what}({centre}x_{c}, {centre}y_{c}, {qx}, {qy}, nx_{c}, ny_{c}, "
-            f"distance_{c}, r_{c}, -gn{j}_{c})"
+            f"kappa, xx, xy = turn_of_{what}({centre}x, {centre}y, {qx}, {qy}, nx, ny, distance, r, -gn{j})"
         )
         for k, (b, sk) in enumerate(chain):
             bx, by = _pivot(s, b)
-            hangs = s.parent[b] == cj
-            mx, my = (f"xx + ({by} - {qy})", f"xy - ({bx} - {qx})") if hangs else ("xx", "xy")
-            out.append(
-                f"dn{k}, dt{k} = turn_of_arm({float(sk)}, {mx}, {my}, nx_{c}, ny_{c}, kappa, lx{k}_{c}, ly{k}_{c})"
-            )
+            mx, my = (f"xx + ({by} - {qy})", f"xy - ({bx} - {qx})") if s.parent[b] == cj else ("xx", "xy")
+            out.append(f"dn{k}, dt{k} = turn_of_arm({float(sk)}, {mx}, {my}, nx, ny, kappa, lx{k}, ly{k})")
         rate = " + ".join(f"dn{k} * v{b}" for k, (b, _) in enumerate(chain))
         slide = " + ".join(f"dt{k} * v{b}" for k, (b, _) in enumerate(chain))
-        out += [
-            f"fnj = -fnx_{c} * gn{j}_{c} - fnr_{c} * ({rate})",
-            f"fmu = fn_{c} * mus_{c} * ({slide})",
-            f"fnv = -fnr_{c} * gn{j}_{c}",
-            f"fmv = fn_{c} * mus_{c} * gt{j}_{c}",
-        ]
+        out += [f"fnj = -fnx * gn{j} - fnr * ({rate})", f"fmu = fn * mus * ({slide})"]
+        out += [f"fnv = -fnr * gn{j}", f"fmv = fn * mus * gt{j}"]
         for k, (b, _) in enumerate(chain):
-            out.append(f"k{b}_{cj} += fnj * along{k} + fn_{c} * (dn{k} - mu_{c} * dt{k}) - fmu * gt{k}_{c}")
-            out.append(f"d{b}_{cj} += fnv * along{k} - fmv * gt{k}_{c}")
-    rate = " + ".join(f"gt{k}_{c} * a{b}" for k, (b, _) in enumerate(chain))
-    out += [f"w[{W.SLIDE + c}] = " + " + ".join(f"gt{k}_{c} * v{b}" for k, (b, _) in enumerate(chain))]
-    out += [f"w[{W.SLIDE_RATE + c}] = {rate}"]
-    return [f"w[{W.SLIDE_RATE + c}] = 0.0", f"if fn_{c} > 0.0:", *_indent(out)]
+            out.append(f"k{b}_{cj} += fnj * along{k} + fn * (dn{k} - mu * dt{k}) - fmu * gt{k}")
+            out.append(f"d{b}_{cj} += fnv * along{k} - fmv * gt{k}")
+    return out
 
 
 def probe(s: Structure, k: int, derivatives: bool) -> list[str]:
@@ -176,7 +163,7 @@ def probe(s: Structure, k: int, derivatives: bool) -> list[str]:
     if not derivatives:
         return [*out, f"f{a} += fn * la", f"f{b} -= fn * lb"]
     return [
-        *out,
+        *out, f"f{a} += fn * la", f"f{b} -= fn * lb",
         f"fqa = -fnx * la + fnr * ha * v{a}", f"fqb = fnx * lb - fnr * hb * v{b}",
         f"k{a}_{a} += fqa * la - fn * ha", f"k{a}_{b} += fqb * la",
         f"k{b}_{a} -= fqa * lb", f"k{b}_{b} += -fqb * lb + fn * hb",

@@ -57,7 +57,8 @@ def fit_to_input(t, step, u0, k, table_t, table_u, w, n, tolerance_q, tolerance_
     """
     gain = 0.0
     for i in range(n):
-        gain = max(gain, abs(w[F_U + i]) / w[M_DIAG + i])
+        if w[F_U + i] != 0.0:
+            gain = max(gain, abs(w[F_U + i]) / w[M_DIAG + i])
     gain *= KINK_SHARE
     last = table_t.shape[0] - 1
     while True:
