@@ -124,7 +124,8 @@ def contact_linearised(s: Structure, c: int) -> list[str]:
 def sliding_rate(s: Structure, c: int) -> list[str]:
     """How fast the sliding speed of contact ``c`` changes, once the accelerations are known."""
     rate = " + ".join(f"slides{k}_{c} * a{b}" for k, (b, _) in enumerate(s.chain[c]))
-    return [f"w[{W.SLIDE_RATE + c}] = {rate}"]
+    rubs = f"{_numbers(s, c, L.MU_A)[0]} != 0.0"
+    return [f"w[{W.SLIDE_RATE + c}] = 0.0", f"if {rubs}:", f"    w[{W.SLIDE_RATE + c}] = {rate}"]
 
 
 def _derivatives(s: Structure, c: int) -> list[str]:

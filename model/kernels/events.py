@@ -7,7 +7,7 @@ across is nearly always. All estimates are of first order and only ever shorten 
 from math import sqrt
 
 from .compile import kernel
-from .layout import OMEGA_T, V_T
+from .layout import BODY_SIZE, GLOBALS, JF_A, OMEGA_T, V_T
 from .workspace import (
     ACC,
     CLOSING,
@@ -35,7 +35,8 @@ def fit_to_events(step, w, p, n, n_contacts):
         v = w[V + i]
         a = w[ACC + i]
         left = abs(v) - LAYER * p[OMEGA_T]
-        if v * a < 0.0 and left > 0.0 and WORTH * planned * abs(a) < left < step * abs(a):
+        rubs = p[GLOBALS + BODY_SIZE * i + JF_A] != 0.0
+        if rubs and v * a < 0.0 and left > 0.0 and WORTH * planned * abs(a) < left < step * abs(a):
             step = left / abs(a)
     for c in range(n_contacts):
         if w[CLOSING + c] > SLOWEST_CLOSING:
