@@ -24,6 +24,7 @@ _HOME = {
     "rest_state": "statics",
     "Simulation": "simulation",
     "State": "simulation",
+    "EnergyAudit": "solution",
     "Solution": "solution",
     "read_force_table": "blow",
     "check_force_table": "blow",

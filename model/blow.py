@@ -17,7 +17,7 @@ from .integrators import DEFAULT_METHOD
 from .parameters import Action
 from .scene import build_scene
 from .simulation import Simulation, State
-from .solution import Solution
+from .solution import EnergyAudit, Solution
 from .statics import RestState, solve_rest
 
 LARGEST_FORCE_N = 1000.0
@@ -89,6 +89,7 @@ def simulate(
     output_time_s: ArrayLike | None = None,
     contact_forces: bool = False,
     initial: RestState | State | None = None,
+    energy: bool = False,
     method: str = DEFAULT_METHOD,
 ) -> Solution:
     """Predict the motion of all five bodies under a force on the key.
@@ -101,6 +102,7 @@ def simulate(
     output_time_s : (m,) increasing, within the table; by default the table's own times
     contact_forces : also compute normal and friction force of each contact
     initial : where to start; by default at rest without force
+    energy : also say where the work of the force went (`Solution.energy`)
     method : integration method, see `model.integrators`
 
     Raises
@@ -127,7 +129,8 @@ def simulate(
     else:
         angle = solve_rest(scene) if initial is None else initial.angle_rad
         state = State(float(times[0]), np.array(angle, dtype=float), np.zeros(scene.size))
-    run = Simulation(scene, state, tolerance=tolerance, method=method)
+    run = Simulation(scene, state, tolerance=tolerance, method=method, energy=energy)
+    stored = run.stored_energy() if energy else 0.0
     end = float(outputs[-1]) if len(outputs) else float(times[-1])
     angles, speeds = run.advance(end, times, forces, output_time_s=outputs)
     normal, tangential = run.contact_forces(angles, speeds) if contact_forces else (None, None)
@@ -141,4 +144,5 @@ def simulate(
         contact_friction_n=tangential,
         counters=run.work(),
         tolerance=tolerance,
+        energy=EnergyAudit(float(run.audit[0]), run.stored_energy() - stored, *map(float, run.audit[1:])) if energy else None,
     )

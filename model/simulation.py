@@ -17,8 +17,9 @@ from .errors import InputError, IntegrationError
 from .integrators import DEFAULT_METHOD, get_method
 from .integrators.rosenbrock import NOT_FINITE, STEP_TOO_SMALL, TOO_MANY_STEPS, integrate
 from .kernels import layout as L
+from .kernels import workspace as W
 from .kernels.output import forces_along, probe_forces_along
-from .kernels.scenes import kernels_of
+from .kernels.scenes import energy_of, kernels_of
 from .scene import Scene
 
 # Local error allowed per step for a requested largest error of an angle over the whole run: found with
@@ -64,6 +65,7 @@ class Simulation:
     state : where it starts; changed by `advance`
     tolerance : requested largest error of any angle, rad
     method : name of the integration method
+    energy : also add up work and losses along the motion (see `energies`)
     largest_step_s : upper bound of a step, s
     """
 
@@ -74,6 +76,8 @@ class Simulation:
     largest_step_s: float = 0.05
     max_steps: int = 5_000_000
     counters: NDArray[np.int64] = field(default_factory=lambda: np.zeros(len(L.COUNTERS), dtype=np.int64))
+    energy: bool = False
+    audit: NDArray[np.float64] = field(default_factory=lambda: np.zeros(4))
     times: NDArray[np.float64] = field(default_factory=lambda: np.zeros(1))
 
     def __post_init__(self) -> None:
@@ -111,6 +115,7 @@ class Simulation:
         angles, speeds : (m, n)
         """
         tableau = get_method(self.method)
+        kernels = kernels_of(self.scene.tables)
         local = self.tolerance * min(1.0, (self.tolerance / REFERENCE_TOLERANCE) ** EXTRA)
         outputs = np.empty(0) if output_time_s is None else np.ascontiguousarray(output_time_s, dtype=float)
         out_q = np.full((len(outputs), self.scene.size), np.nan)
@@ -123,15 +128,24 @@ class Simulation:
         time, step, status = integrate(
             self.state.time_s, float(until), self.state.step_s, q, v, times, values, held,
             outputs, out_q, out_v, self.scene.vector, self.scene.tables.parent,
-            *kernels_of(self.scene.tables), len(self.scene.contacts),
+            *kernels, len(self.scene.contacts),
             tableau.flat_a, tableau.flat_c, tableau.b, tableau.c, tableau.d, tableau.dense, tableau.gamma,
             ANGLE_SHARE * local, SPEED_SHARE * local, 1.0 / (tableau.embedded_order + 1),
             REST_SHARE * self.tolerance, self.largest_step_s, self.max_steps, self.counters, self.times,
+            energy_of(self.scene.tables) if self.energy else kernels.linearise, self.audit if self.energy else np.empty(0),
         )  # fmt: skip
         self.state = State(time, q, v, step)
         if status in _ADVICE:
             raise IntegrationError(f"simulation stopped at t = {time:.6g} s: {_ADVICE[status]}")
         return out_q, out_v
+
+    def stored_energy(self) -> float:
+        """Kinetic, potential and elastic energy of the present state, J; zero of heights at the ground's origin."""
+        w = np.zeros(W.SIZE)
+        w[W.AUDIT_Q : W.AUDIT_Q + self.scene.size] = self.state.angle_rad
+        w[W.AUDIT_V : W.AUDIT_V + self.scene.size] = self.state.speed_rad_per_s
+        energy_of(self.scene.tables)(w, self.scene.vector, 0.0)
+        return float(w[W.ENERGY])
 
     def contact_forces(
         self, angle_rad: NDArray[np.float64], speed_rad_per_s: NDArray[np.float64]

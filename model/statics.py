@@ -13,8 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import InputError, StaticsError
-from .kernels import dynamics, jacobian
+from .kernels import dynamics
 from .kernels import layout as L
+from .kernels import workspace as W
+from .kernels.kinematics import place
+from .kernels.scenes import kernels_of
 from .parameters import Action
 from .scene import Scene, build_scene
 
@@ -34,17 +37,17 @@ class RestState:
 
 
 def _balance(scene: Scene, q: NDArray[np.float64], u: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Generalised force (n,) and stiffness K (n, n) at rest."""
+    """Generalised force (n,) and its derivative (n, n) at rest; exact where the force is zero."""
     n = scene.size
-    zero = np.zeros(n)
-    pose = np.zeros((n, L.POSE_SIZE))
-    f, a, m_diag, m_up, f_u = (np.zeros(n) for _ in range(5))
-    stiff, damp = np.zeros((n, n)), np.zeros((n, n))
-    counters = np.zeros(len(L.COUNTERS), dtype=np.int64)
-    dynamics.acceleration(q, zero, u, scene.vector, scene.tables, pose, m_diag, m_up, f, a, counters)
-    work = np.zeros((4, L.MAX_CHAIN))
-    jacobian.linearise(zero, u, zero, scene.vector, scene.tables, pose, work, stiff, damp, f_u)
-    return f, stiff
+    w = np.zeros(W.SIZE)
+    w[W.Q : W.Q + n] = q
+    kernels_of(scene.tables).linearise(w, scene.vector, u)
+    mass = np.diag(w[W.M_DIAG : W.M_DIAG + n])
+    for i, parent in enumerate(scene.tables.parent):
+        if parent >= 0:
+            mass[i, parent] = mass[parent, i] = w[W.M_UP + i]
+    stiff = w[W.STIFF : W.STIFF + W.WIDTH**2].reshape(W.WIDTH, W.WIDTH)[:n, :n]
+    return mass @ w[W.ACC : W.ACC + n], stiff
 
 
 def solve_rest(scene: Scene, u: float = 0.0, start: NDArray[np.float64] | None = None) -> NDArray[np.float64]:
@@ -99,11 +102,9 @@ def rest_state(action: Action, force_n: float = 0.0, scene: Scene | None = None)
     """
     scene = build_scene(action) if scene is None else scene
     q = solve_rest(scene, force_n)
-    n = scene.size
-    zero, pose = np.zeros(n), np.zeros((n, L.POSE_SIZE))
-    f, a, m_diag, m_up = (np.zeros(n) for _ in range(4))
-    counters = np.zeros(len(L.COUNTERS), dtype=np.int64)
-    dynamics.acceleration(q, zero, force_n, scene.vector, scene.tables, pose, m_diag, m_up, f, a, counters)
+    forces, _ = _balance(scene, q, force_n)
+    zero, pose = np.zeros(scene.size), np.zeros((scene.size, L.POSE_SIZE))
+    place(q, zero, scene.vector, scene.tables.parent, pose)
     states = [dynamics.contact_state(c, zero, scene.vector, scene.tables, pose) for c in range(len(scene.contacts))]
     return RestState(
         bodies=scene.bodies,
@@ -111,5 +112,5 @@ def rest_state(action: Action, force_n: float = 0.0, scene: Scene | None = None)
         contacts=scene.contacts,
         contact_normal_n=np.array([s[0] for s in states]),
         penetration_m=np.array([s[2] for s in states]),
-        residual_nm=float(np.max(np.abs(f))),
+        residual_nm=float(np.max(np.abs(forces))),
     )

@@ -22,7 +22,7 @@ from model.kernels.layout import (
     N_SKIPPED,
     N_STEPS,
 )
-from model.kernels.workspace import ACC, ALLOWANCE, Q1, SIZE, V1, WIDTH, Q, U, V
+from model.kernels.workspace import ACC, ALLOWANCE, AUDIT_Q, AUDIT_V, POWER_IN, Q, Q1, SIZE, U, V, V1, WIDTH
 
 DONE, STEP_TOO_SMALL, NOT_FINITE, TOO_MANY_STEPS = 0, 1, 2, 3
 
@@ -32,6 +32,7 @@ SHRINK = 0.15
 SMALLEST_STEP = 1e-12
 WAKING_STEP = 1e-5
 STAGE = 2 * WIDTH
+GAUSS, WEIGHT = (-0.3872983346207417, 0.0, 0.3872983346207417), (5.0 / 18.0, 4.0 / 9.0, 5.0 / 18.0)
 
 
 @kernel
@@ -56,11 +57,12 @@ def fill_outputs(w, dense, x, n, s, row_q, row_v):
 def integrate(
     t, t_end, h, q, v, table_t, table_u, held, out_t, out_q, out_v, p, parent, linearise, prepare, skip, stage,
     n_contacts, a_, c_, b_, node, d_, dense, gamma, tolerance_q, tolerance_v, exponent, rest_limit, h_max, max_steps,
-    counters, times,
+    counters, times, energy, audit,
 ):  # fmt: skip
     """Advance (q, v) in place from ``t`` to ``t_end``; fill rows of ``out_q``, ``out_v`` at ``out_t``.
 
-    Adds the time spent at rest to ``times[0]``. Returns the time reached, the next step to try and a status.
+    Adds the time spent at rest to ``times[0]`` and, where ``audit`` (4,) is not empty, work put in and energies lost
+    (J) to it, by Gauss's rule along each step's dense output. Returns the time reached, the next step to try and a status.
     """
     n = q.shape[0]
     s = b_.shape[0]
@@ -168,6 +170,14 @@ def integrate(
         while k_out < n_out and out_t[k_out] <= t1:
             fill_outputs(w, dense, (out_t[k_out] - t) / step, n, s, out_q[k_out], out_v[k_out])
             k_out += 1
+        if audit.shape[0] > 0:
+            for g in range(3):
+                x = 0.5 + GAUSS[g]
+                fill_outputs(w, dense, x, n, s, w[AUDIT_Q : AUDIT_Q + n], w[AUDIT_V : AUDIT_V + n])
+                u, _, k_in = input_at(t + x * step, k_in, table_t, table_u, held)
+                energy(w, p, u0 if held else u)
+                for j in range(4):
+                    audit[j] += step * WEIGHT[g] * w[POWER_IN + j]
         factor = GROW if error == 0.0 else min(GROW, max(SHRINK, SAFETY * error ** (-exponent)))
         if rejected:
             factor = min(factor, 1.0)

@@ -11,15 +11,15 @@ from __future__ import annotations
 
 from . import layout as L
 from . import workspace as W
-from .emit_contacts import contact_forces, contact_linearised, probe, sliding_rate
+from .emit_contacts import contact_energy, contact_forces, contact_linearised, probe, probe_energy, sliding_rate
 
 _HEAD = '''"""Generated from the structure of a scene by model.kernels.emit; do not edit."""
 
 from model.kernels.compile import generated
 from model.kernels.laws import felt, friction
-from model.kernels.signatures import ACCELERATION, LINEARISE, PREPARE, SKIP, STAGE
+from model.kernels.signatures import ACCELERATION, ENERGY, LINEARISE, PREPARE, SKIP, STAGE
 from model.kernels.terms import (
-    circle_gap, circle_room, contact_force, contact_laws, cosine_sine, hybrid_gap, hybrid_room, turn_of_arm,
+    circle_gap, circle_room, contact_force, contact_laws, cosine_sine, felt_energy, hybrid_gap, hybrid_room, turn_of_arm,
     turn_of_first, turn_of_second,
 )
 '''
@@ -287,6 +287,33 @@ def emit(tables: L.Tables) -> str:
 def emit_acceleration(tables: L.Tables) -> str:
     """Source of ``acceleration`` alone: the right-hand side that other solvers need."""
     return _module(("acceleration", "w, p, u", _acceleration(Structure(tables))))
+
+
+def emit_energy(tables: L.Tables) -> str:
+    """Source of ``energy`` alone: energy of a state, power put in and powers lost, for the energy audit."""
+    s = Structure(tables)
+    out = [f"q{i} = w[{W.AUDIT_Q + i}]\nv{i} = w[{W.AUDIT_V + i}]" for i in range(s.n)]
+    out += [*_pose(s), *_mass(s), "energy = 0.0", "felt_loss = 0.0", "friction_loss = 0.0", "joints = 0.0", "given = 0.0"]
+    for i, w in enumerate(s.parent):
+        law = ", ".join(s.body(i, k) for k in (L.JF_A, L.JF_B1, L.JF_B2))
+        out += [f"torque, _ = friction(v{i}, p[{L.OMEGA_T}], {law})", f"joints += torque * v{i}"]
+        out.append(f"energy += 0.5 * md{i} * v{i} * v{i} + {s.body(i, L.MASS)} * p[{L.GRAVITY}] * (y{i} + ry{i})")
+        if w >= 0:
+            out.append(f"energy += mu{i} * v{i} * v{w}")
+    for k, i in enumerate(s.spring):
+        o = s.offset[0] + L.SPRING_SIZE * k
+        out += [f"x = q{i} - p[{o + L.SPRING_Q0}]", f"energy += (0.5 * p[{o + L.SPRING_K}] * x - p[{o + L.SPRING_T0}]) * x"]
+    for k, (kind, i) in enumerate(s.drive):
+        o = s.offset[2] + L.DRIVE_SIZE * k
+        arm = f"(c{i} * p[{o + L.DRIVE_X}] - s{i} * p[{o + L.DRIVE_Y}])"
+        out.append(f"given -= u * {arm} * v{i}" if kind == L.FORCE_DOWN else f"given += u * v{i}")
+    for c in range(len(s.contact)):
+        out += contact_energy(s, c)
+    for k in range(len(s.probe)):
+        out += probe_energy(s, k)
+    names = {W.ENERGY: "energy", W.POWER_IN: "given", W.POWER_FELT: "felt_loss", W.POWER_FRICTION: "friction_loss"}
+    out += [f"w[{at}] = {name}" for at, name in names.items()]
+    return _module(("energy", "w, p, u", [*out, f"w[{W.POWER_JOINTS}] = joints", "return 0"]))
 
 
 def _module(*functions: tuple[str, str, list[str]]) -> str:

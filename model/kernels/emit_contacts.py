@@ -171,3 +171,26 @@ def probe(s: Structure, k: int, derivatives: bool) -> list[str]:
         f"d{a}_{a} -= fnr * la * la", f"d{a}_{b} += fnr * lb * la",
         f"d{b}_{a} += fnr * la * lb", f"d{b}_{b} -= fnr * lb * lb",
     ]  # fmt: skip
+
+
+def contact_energy(s: Structure, c: int) -> list[str]:
+    """Elastic energy and losses of contact ``c``."""
+    stiffness = ", ".join(_numbers(s, c, L.K_A, L.K_B, L.K_C))
+    touch = [
+        *_rates(s, c), f"fn, _, _, mu, _ = contact_laws(x, rate, slide, {_law(s, c)})",
+        f"stored, lost = felt_energy(x, rate, fn, {stiffness})", "energy += stored", "felt_loss += lost",
+        "friction_loss += mu * fn * slide",
+    ]  # fmt: skip
+    return [*_centres(s, c), *_surface(s, c, False), "if x > 0.0:", *_indent(touch)]
+
+
+def probe_energy(s: Structure, k: int) -> list[str]:
+    """Elastic energy and losses of a probe."""
+    a, b = s.probe[k]
+    o = s.offset[3] + L.PROBE_SIZE * k
+    out = [line for line in probe(s, k, False) if not line.startswith("f" + str(a)) and not line.startswith("f" + str(b))]
+    touch = [
+        f"stored, lost = felt_energy(x, lb * v{b} - la * v{a}, fn, p[{o + 4}], p[{o + 5}], p[{o + 6}])",
+        "energy += stored", "felt_loss += lost",
+    ]  # fmt: skip
+    return [*out, f"x = y{b} + hb - y{a} - ha", "if x > 0.0:", *_indent(touch)]

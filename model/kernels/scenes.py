@@ -17,7 +17,7 @@ from types import ModuleType
 from typing import Any, NamedTuple
 
 from . import compile as _compile
-from .emit import emit, emit_acceleration
+from .emit import emit, emit_acceleration, emit_energy
 from .layout import Tables
 
 
@@ -31,6 +31,7 @@ class Kernels(NamedTuple):
 
 
 _loaded: dict[bytes, Kernels] = {}
+_energies: dict[bytes, Any] = {}
 COMPILED = {"scenes": 0}  # how often source was turned into machine code or fetched from disk in this process
 
 
@@ -59,9 +60,21 @@ def _load(text: str) -> ModuleType:
     return module
 
 
+def _key(tables: Tables) -> bytes:
+    return b"".join(bytes(str(t.shape), "ascii") + t.tobytes() for t in tables)
+
+
+def energy_of(tables: Tables) -> Any:
+    """Kernel of the energy audit of a structure; compiled only when a run asks for it."""
+    key = _key(tables)
+    if key not in _energies:
+        _energies[key] = _load(emit_energy(tables)).energy
+    return _energies[key]
+
+
 def kernels_of(tables: Tables) -> Kernels:
     """Kernels of the structure in ``tables``: from memory, from the disk cache, or compiled (a few seconds, once)."""
-    key = b"".join(bytes(str(t.shape), "ascii") + t.tobytes() for t in tables)
+    key = _key(tables)
     if key not in _loaded:
         module = _load(emit(tables))
         _loaded[key] = Kernels(module.linearise, module.prepare, module.skip, module.stage)

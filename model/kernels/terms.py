@@ -117,6 +117,12 @@ def contact_laws(x, rate, slide, a, b, c, damping, v_t, mu_a, mu_b1, mu_b2):
 
 
 @inlined
+def felt_energy(x, rate, fn, a, b, c):
+    """Elastic energy (J) of felt pressed in by ``x`` and the power (W) it takes beyond that."""
+    return x * x * (0.5 * c + x * (b / 3.0 + 0.25 * a * x)), (fn - ((a * x + b) * x + c) * x) * rate
+
+
+@inlined
 def turn_of_first(ax, ay, qx, qy, nx, ny, distance, r, x_j):
     """How the normal (by kappa t) and the point of action move when a joint at (qx, qy) turns body A."""
     vx = -(ay - qy)

@@ -208,3 +208,42 @@ def test_bad_tolerance_and_output_times(action: model.Action) -> None:
         model.output_times(0, 1, -5)
     with pytest.raises(model.InputError, match="allowed rodas4p, rodas5p"):
         model.simulate(action, [0, 1], [0, 0], method="euler")
+
+
+@pytest.mark.parametrize("blow", BLOWS)
+def test_energy_audit_closes_and_closes_better_at_tighter_tolerance(action: model.Action, blow: str) -> None:
+    time, force, _ = reference(blow)
+    residuals = []
+    for tolerance in (1e-5, 1e-7, 1e-9):
+        energy = model.simulate(action, time, force, output_time_s=[0.6], tolerance=tolerance, energy=True).energy
+        assert energy is not None
+        residuals.append(abs(energy.residual) / energy.work_in)
+        lost = (energy.lost_in_felt, energy.lost_in_contact_friction, energy.lost_in_joint_friction)
+        assert min(lost) > 0.02 * energy.work_in
+    assert residuals[0] < 1e-5 and residuals[1] < 1e-6 and residuals[2] < 5e-8
+
+
+def test_energy_audit_of_the_work_of_the_force(action: model.Action) -> None:
+    """Work of the force from its table and the key's motion."""
+    time, force, _ = reference("forte")
+    fine = np.linspace(0, 0.6, 60_001)
+    solution = model.simulate(action, time, force, output_time_s=fine, energy=True)
+    height = model.observables.key_front_height_m(action, solution.angle_rad)
+    pressed = np.interp(fine, time, force)
+    work = -float(np.sum(0.5 * (pressed[1:] + pressed[:-1]) * np.diff(height)))
+    assert solution.energy is not None
+    assert solution.energy.work_in == pytest.approx(work, rel=1e-5)
+
+
+def test_energy_audit_without_any_loss(action: model.Action) -> None:
+    off: dict = {f"{c}.normal.D": 0.0 for c in model.build_scene(action).contacts}
+    off |= {f"{c}.friction": 0.0 for c in model.build_scene(action).contacts}
+    off |= {f"{b}.joint_friction": 0.0 for b in model.BODIES}
+    time, force, _ = reference("forte")
+    for tolerance, most in ((1e-5, 1e-4), (1e-7, 1e-6)):
+        energy = model.simulate(
+            action.with_values(off), time, force, output_time_s=[0.3], tolerance=tolerance, energy=True
+        ).energy
+        assert energy is not None
+        assert energy.lost_in_felt == energy.lost_in_contact_friction == energy.lost_in_joint_friction == 0.0
+        assert abs(energy.residual) < most * energy.work_in
