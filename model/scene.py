@@ -14,11 +14,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from .choice import SceneChoice
 from .kernels import layout as L
-from .parameters import BODIES, Action
+from .parameters import BODIES, CONTACTS, Action
+
+# where the printed action rests, to two digits: the solver needs only a start on the right side of each contact
+PRINTED_REST = {"key": 0.029, "whippen": 0.025, "jack": 0.32, "repetition": 0.35, "hammer": 0.295}
 
 _SHAPES = {"circle": L.CIRCLE, "line": L.LINE, "hybrid": L.HYBRID}
-CONTACTS = tuple(f"contact{i:02d}" for i in range(1, 14))
 
 
 @dataclass(frozen=True)
@@ -117,17 +120,20 @@ def _index(bodies: list[str], name: str) -> int:
     return bodies.index(name) if name in bodies else -1
 
 
-def build_scene(action: Action, motor_arm: MotorArm | None = None) -> Scene:
-    """Scene of the whole action, driven by a force on the key, or by the motor when an arm is given."""
-    bodies = list(BODIES)
+def build_scene(action: Action, motor_arm: MotorArm | None = None, choice: SceneChoice | None = None) -> Scene:
+    """Scene of the whole action or of what ``choice`` leaves of it.
+
+    Driven by a force on the key, or by the motor when an arm is given.
+    """
+    choice = SceneChoice() if choice is None else choice
+    bodies = list(choice.bodies)
     parent = [_index(bodies, action.structure[f"{b}.parent"]) for b in bodies]
     vector: list[float] = [action["gravity.g"], action["friction_threshold.v_t"], action["friction_threshold.omega_t"]]
     for b in bodies:
         vector += [action[f"{b}.{k}"] for k in ("pivot.x", "pivot.y", "center_of_mass.x", "center_of_mass.y")]
         vector += [action[f"{b}.mass"], action[f"{b}.inertia"]]
         vector += [action[f"{b}.joint_friction.{k}"] for k in ("A", "B1", "B2")]
-    # where the printed action rests, to two digits: the solver needs only a start on the right side of each contact
-    start = [0.029, 0.025, 0.32, 0.35, 0.295]
+    start = [PRINTED_REST[b] for b in bodies]
     key = bodies.index("key")
     px, py = action["drive.point.x"], action["drive.point.y"]
     if motor_arm is not None:
@@ -142,7 +148,7 @@ def build_scene(action: Action, motor_arm: MotorArm | None = None) -> Scene:
     pivot = [complex(*vector[o : o + 2]) for o in range(L.GLOBALS, len(vector), L.BODY_SIZE)]
     offsets = [len(vector)]
     springs = []
-    for b in ("jack", "repetition"):
+    for b in (b for b in ("jack", "repetition") if b in bodies and f"{b}_spring" not in choice.without):
         numbers = [action[f"{b}_spring.{k}"] for k in ("torque", "stiffness", "angle")]
         if numbers[0] != 0.0 or numbers[1] != 0.0:
             springs.append(bodies.index(b))
@@ -154,7 +160,8 @@ def build_scene(action: Action, motor_arm: MotorArm | None = None) -> Scene:
     names, contacts, chains, sides = [], [], [], []
     for name in CONTACTS:
         numbers = _contact_numbers(action, name)
-        if not any(numbers[L.K_A : L.K_C + 1]):
+        between = {action.structure[f"{name}.{side}.body"] for side in ("first", "second")}
+        if not any(numbers[L.K_A : L.K_C + 1]) or name in choice.without or between - {*bodies, "ground"}:
             continue
         first = _index(bodies, action.structure[f"{name}.first.body"])
         second = _index(bodies, action.structure[f"{name}.second.body"])

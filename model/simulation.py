@@ -32,6 +32,10 @@ REFERENCE_TOLERANCE = 1e-5
 
 REST_SHARE = 0.1  # share of the requested tolerance that an action taken to be at rest may still move
 
+LARGEST_PLAUSIBLE_N = 1e4  # beyond any force in a piano action
+
+STEPS_AT_LEAST, STEPS_PER_SECOND = 100_000, 3_000_000
+
 SMALLEST_TOLERANCE, LARGEST_TOLERANCE = 1e-12, 1e-2
 
 _ADVICE = {
@@ -65,8 +69,9 @@ class Simulation:
     state : where it starts; changed by `advance`
     tolerance : requested largest error of any angle, rad
     method : name of the integration method
-    energy : also add up work and losses along the motion (see `energies`)
     largest_step_s : upper bound of a step, s
+    max_steps : most steps of one `advance`; by default in proportion to the time to cover
+    energy : also add up work and losses along the motion (see `energies`)
     """
 
     scene: Scene
@@ -74,7 +79,7 @@ class Simulation:
     tolerance: float = 1e-5
     method: str = DEFAULT_METHOD
     largest_step_s: float = 0.05
-    max_steps: int = 5_000_000
+    max_steps: int | None = None
     counters: NDArray[np.int64] = field(default_factory=lambda: np.zeros(len(L.COUNTERS), dtype=np.int64))
     energy: bool = False
     audit: NDArray[np.float64] = field(default_factory=lambda: np.zeros(4))
@@ -124,6 +129,10 @@ class Simulation:
         values = np.ascontiguousarray(input_value, dtype=float)
         if len(times) == 1:
             times, values = np.array([times[0], times[0] + 1.0]), np.array([values[0], values[0]])
+        most = self.max_steps
+        if most is None:
+            # ten times what a blow needs at the tightest tolerance: no run goes on for ever
+            most = STEPS_AT_LEAST + int(STEPS_PER_SECOND * max(0.0, min(1e6, until - self.state.time_s)))
         q, v = self.state.angle_rad.copy(), self.state.speed_rad_per_s.copy()
         time, step, status = integrate(
             self.state.time_s, float(until), self.state.step_s, q, v, times, values, held,
@@ -131,13 +140,24 @@ class Simulation:
             *kernels, len(self.scene.contacts),
             tableau.flat_a, tableau.flat_c, tableau.b, tableau.c, tableau.d, tableau.dense, tableau.gamma,
             ANGLE_SHARE * local, SPEED_SHARE * local, 1.0 / (tableau.embedded_order + 1),
-            REST_SHARE * self.tolerance, self.largest_step_s, self.max_steps, self.counters, self.times,
+            REST_SHARE * self.tolerance, self.largest_step_s, most, self.counters, self.times,
             energy_of(self.scene.tables) if self.energy else kernels.linearise, self.audit if self.energy else np.empty(0),
         )  # fmt: skip
         self.state = State(time, q, v, step)
         if status in _ADVICE:
-            raise IntegrationError(f"simulation stopped at t = {time:.6g} s: {_ADVICE[status]}")
+            raise IntegrationError(f"simulation stopped at t = {time:.6g} s: {_ADVICE[status]}{self._hardest_contact()}")
         return out_q, out_v
+
+    def _hardest_contact(self) -> str:
+        """A hint at what is wrong with a state that cannot be integrated."""
+        normal, _ = self.contact_forces(self.state.angle_rad[None], self.state.speed_rad_per_s[None])
+        if normal.size == 0 or not np.max(normal) > LARGEST_PLAUSIBLE_N:
+            return ""
+        worst = int(np.argmax(normal[0]))
+        return (
+            f"; {self.scene.contacts[worst]} presses with {normal[0, worst]:.3g} N: bodies lie inside each other, "
+            "check the geometry and the start"
+        )
 
     def stored_energy(self) -> float:
         """Kinetic, potential and elastic energy of the present state, J; zero of heights at the ground's origin."""

@@ -60,6 +60,22 @@ def solve_rest(scene: Scene, u: float = 0.0, start: NDArray[np.float64] | None =
     if not np.isfinite(u):
         raise InputError(f"rest state: input found {u}, allowed a finite number")
     q = np.array(scene.start if start is None else start, dtype=float)
+    for _ in range(10):
+        q, stiff = _descend(scene, q, u)
+        weakness, modes = np.linalg.eigh(-0.5 * (stiff + stiff.T))
+        if weakness[0] > 0.0:
+            return q
+        # a saddle: leave it along its weakest direction, to the side where the forces carry on
+        off = 0.01 * modes[:, 0]
+        force, _ = _balance(scene, q + off, u)
+        q = q + off if float(force @ off) > 0.0 else q - off
+    raise StaticsError("rest state: the balance found is not stable; check springs and geometry")
+
+
+def _descend(
+    scene: Scene, q: NDArray[np.float64], u: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Follow the forces from ``q`` to a balance; angles (n,) and stiffness (n, n) there."""
     f, stiff = _balance(scene, q, u)
     shift = 1e-2
     for _ in range(2000):
@@ -87,9 +103,7 @@ def solve_rest(scene: Scene, u: float = 0.0, start: NDArray[np.float64] | None =
         if not np.max(np.abs(f_new)) < np.max(np.abs(f)):
             break
         q, f, stiff = q + step, f_new, stiff_new
-    if np.min(np.linalg.eigvalsh(-0.5 * (stiff + stiff.T))) <= 0.0:
-        raise StaticsError("rest state: the balance found is not stable; check springs and geometry")
-    return q
+    return q, stiff
 
 
 def rest_state(action: Action, force_n: float = 0.0, scene: Scene | None = None) -> RestState:

@@ -10,7 +10,7 @@ from math import isfinite
 
 import numpy as np
 
-from model.kernels.compile import kernel
+from model.kernels.compile import kernel, step_loop
 from model.kernels.events import at_rest, fit_to_events
 from model.kernels.inputs import constant_until, fit_to_input, input_at
 from model.kernels.layout import (
@@ -22,6 +22,7 @@ from model.kernels.layout import (
     N_SKIPPED,
     N_STEPS,
 )
+from model.kernels.signatures import INTEGRATE
 from model.kernels.workspace import ACC, ALLOWANCE, AUDIT_Q, AUDIT_V, POWER_IN, Q, Q1, SIZE, U, V, V1, WIDTH
 
 DONE, STEP_TOO_SMALL, NOT_FINITE, TOO_MANY_STEPS = 0, 1, 2, 3
@@ -53,7 +54,7 @@ def fill_outputs(w, dense, x, n, s, row_q, row_v):
         row_v[i] = (1.0 - x) * w[V + i] + x * (w[V1 + i] + (1.0 - x) * dv)
 
 
-@kernel
+@step_loop(INTEGRATE)
 def integrate(
     t, t_end, h, q, v, table_t, table_u, held, out_t, out_q, out_v, p, parent, linearise, prepare, skip, stage,
     n_contacts, a_, c_, b_, node, d_, dense, gamma, tolerance_q, tolerance_v, exponent, rest_limit, h_max, max_steps,

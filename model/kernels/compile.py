@@ -91,21 +91,28 @@ def inlined(function: Callable[..., Any]) -> Callable[..., Any]:
     return numba.njit(function, nogil=True, error_model="numpy", fastmath=False, forceinline=True)
 
 
-def generated(signature: Any) -> Callable[[Callable[..., Any]], Any]:
-    """Decorator of generated kernels: explicit types, cached, multiply-add contracted where the processor has it."""
-
+def _explicit(signature: Any, fastmath: Any) -> Callable[[Callable[..., Any]], Any]:
     def compiled(function: Callable[..., Any]) -> Any:
         before = numba_config.CACHE_DIR
         numba_config.CACHE_DIR = "" if FOLDER is None else str(FOLDER)
         try:
             return numba.njit(
-                signature,
-                cache=FOLDER is not None,
-                nogil=True,
-                error_model="numpy",
-                fastmath={"contract", "nsz"},
+                signature, cache=FOLDER is not None, nogil=True, error_model="numpy", fastmath=fastmath
             )(function)
         finally:
             numba_config.CACHE_DIR = before
 
     return compiled
+
+
+def step_loop(signature: Any) -> Callable[[Callable[..., Any]], Any]:
+    """Decorator of a step loop: explicit types, in which a scene's kernels are values, so that one loop serves all.
+
+    Without them numba compiles the loop again for every scene, and never finds it on disk.
+    """
+    return _explicit(signature, False)
+
+
+def generated(signature: Any) -> Callable[[Callable[..., Any]], Any]:
+    """Decorator of generated kernels: explicit types, cached, multiply-add contracted where the processor has it."""
+    return _explicit(signature, {"contract", "nsz"})

@@ -10,21 +10,24 @@ from .workspace import F_U, M_DIAG
 # What a method loses at a kink inside a step, as a share of the bound on the kink's effect; measured with
 # benchmarks/tolerance.py on noisy tables: less rejects more steps, more lands on too many points.
 KINK_SHARE = 0.5
+# Points of a linear table closer than this (s) are a jump; no step is taken inside it.
+JUMP = 1e-10
 
 
 @kernel
 def input_at(t, k, table_t, table_u, held):
     """Input at ``t`` and its slope; ``k`` is a start for the search. Returns u, slope, k."""
     last = table_t.shape[0] - 1
-    while k < last - 1 and t >= table_t[k + 1]:
+    early = 0.0 if held else JUMP
+    while k < last - 1 and t >= table_t[k + 1] - early:
         k += 1
-    while k > 0 and t < table_t[k]:
+    while k > 0 and t < table_t[k] - early:
         k -= 1
     if held:
         return table_u[last] if t >= table_t[last] else table_u[k], 0.0, k
     if t <= table_t[0]:
         return table_u[0], 0.0, k
-    if t >= table_t[last]:
+    if t >= table_t[last] - early:
         return table_u[last], 0.0, k
     slope = (table_u[k + 1] - table_u[k]) / (table_t[k + 1] - table_t[k])
     return table_u[k] + slope * (t - table_t[k]), slope, k
