@@ -40,6 +40,7 @@ def render_html(result: ValidationResult) -> str:
         style=Markup((HERE / "report.css").read_text(encoding="utf-8")),
         figures=figures,
         score_matrix=present.score_matrix(result),
+        iso=present.iso_table(result),
         differences=present.resolution_table(result),
         events=present.event_page_table(result),
         events_by_trial=present.event_by_trial_table(result),
