@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 WINDOWS = (1, 2, 4, 8, 16)
 LIMIT = 5.0
 GUARD = 2
-FIRST = 2
+SCATTER_FRAMES = 12
+FIRST = 4
 """The comparison starts after this many frames."""
 
 
@@ -38,8 +39,12 @@ def still_count(pose: NDArray[np.float64], u_pose: NDArray[np.float64]) -> int:
         Between 1 and n.
     """
     n = len(pose)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        typical = np.sqrt(np.nanmean(u_pose**2, axis=0))
+    typical = np.sqrt(np.nanmean(u_pose**2, axis=0))
+    if n >= SCATTER_FRAMES:
+        # what the poses really scatter by from frame to frame, where that is more (compressed film); the quarter
+        # of the smallest steps tells it, so that later motion does not count
+        step = np.nanquantile(np.abs(np.diff(pose, axis=0)), 0.25, axis=0)
+        typical = np.maximum(typical, step / (0.3186 * np.sqrt(2.0)))
     total = np.vstack([np.zeros(pose.shape[1]), np.cumsum(np.nan_to_num(pose), axis=0)])
     lost = np.vstack([np.zeros(pose.shape[1], dtype=int), np.cumsum(np.isnan(pose), axis=0)])
     for end in range(FIRST + 1, n + 1):
