@@ -1,8 +1,9 @@
 """Static rest state of a scene: the angles at which all forces balance and nothing moves.
 
 At zero speed friction vanishes and felt is a conservative spring, so rest is a minimum of energy. Found by
-a damped Newton iteration with the analytic stiffness, which follows the energy down where a contact is still open,
-then polished until the residual stops falling. Fails with ``StaticsError`` that says how far it got.
+Newton's iteration along the principal axes of the analytic stiffness, which follows the energy down where a contact is
+still open or a balance is unstable, then polished until the residual stops falling. Fails with ``StaticsError`` that
+says how far it got.
 """
 
 from __future__ import annotations
@@ -19,6 +20,8 @@ from .parameters import Action
 from .scene import Scene, build_scene
 
 LARGEST_TURN = 0.05  # rad per iteration
+KICK = 1e-3  # rad, off a saddle
+MOST_ITERATIONS, MOST_ESCAPES = 2000, 10
 
 
 @dataclass(frozen=True)
@@ -52,41 +55,57 @@ def solve_rest(scene: Scene, u: float = 0.0, start: NDArray[np.float64] | None =
 
     Raises
     ------
-    StaticsError : no stable balance within 2000 iterations.
+    StaticsError : no stable balance found.
+    InputError : the input or the start is not finite.
     """
     if not np.isfinite(u):
         raise InputError(f"rest state: input found {u}, allowed a finite number")
     q = np.array(scene.start if start is None else start, dtype=float)
+    if q.shape != (scene.size,) or not np.all(np.isfinite(q)):
+        raise InputError(f"rest state: start found {q}, allowed {scene.size} finite angles")
+    for _ in range(MOST_ESCAPES):
+        q, f, stiff = _descend(scene, q, u)
+        for _ in range(20):
+            step = np.linalg.lstsq(-stiff, f, rcond=None)[0]
+            f_new, stiff_new = _balance(scene, q + step, u)
+            if not np.max(np.abs(f_new)) < np.max(np.abs(f)):
+                break
+            q, f, stiff = q + step, f_new, stiff_new
+        value, direction = np.linalg.eigh(-0.5 * (stiff + stiff.T))
+        if value[0] > 0.0:
+            return q
+        q = q + KICK * direction[:, 0]  # off the saddle; the next descent leaves it for good
+    raise StaticsError("rest state: the balance found is not stable; check springs and geometry")
+
+
+def _descend(
+    scene: Scene, q: NDArray[np.float64], u: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Follow the energy down from ``q`` to where the force (n,) vanishes; also returns that force and K (n, n).
+
+    The step is Newton's along each principal axis of the stiffness, downhill where that is negative, and limited
+    on each axis by itself: a loose body may swing far without holding back one that is pressed hard.
+    """
     f, stiff = _balance(scene, q, u)
-    shift = 1e-2
-    for _ in range(2000):
+    radius = LARGEST_TURN
+    for _ in range(MOST_ITERATIONS):
         size = float(np.max(np.abs(f)))
+        if not np.isfinite(size) or not np.all(np.isfinite(stiff)):
+            raise StaticsError(f"rest state: forces are not finite at the angles {q}; check the geometry")
         if size < 1e-9:
-            break
-        step = np.linalg.solve(shift * np.eye(scene.size) - stiff, f)
-        turn = float(np.max(np.abs(step)))
-        if turn > LARGEST_TURN:
-            step *= LARGEST_TURN / turn
+            return q, f, stiff
+        value, axis = np.linalg.eigh(-0.5 * (stiff + stiff.T))
+        step = axis @ np.clip(axis.T @ f / np.maximum(np.abs(value), 1e-12), -radius, radius)
         f_new, stiff_new = _balance(scene, q + step, u)
         # energy falls along the step while the force still points with it
-        if float(f_new @ step) > -0.5 * abs(float(f @ step)) and float(f @ step) > 0.0:
+        if float(f_new @ step) > -0.5 * float(f @ step):
             q, f, stiff = q + step, f_new, stiff_new
-            shift = max(shift * 0.3, 1e-12)
+            radius = min(radius * 2.0, LARGEST_TURN)
         else:
-            shift = min(shift * 5.0, 1e4)
-    else:
-        raise StaticsError(
-            f"rest state: not found in 2000 iterations, largest residual {size:.2g} N m; check the geometry"
-        )
-    for _ in range(20):
-        step = np.linalg.solve(-stiff, f)
-        f_new, stiff_new = _balance(scene, q + step, u)
-        if not np.max(np.abs(f_new)) < np.max(np.abs(f)):
-            break
-        q, f, stiff = q + step, f_new, stiff_new
-    if np.min(np.linalg.eigvalsh(-0.5 * (stiff + stiff.T))) <= 0.0:
-        raise StaticsError("rest state: the balance found is not stable; check springs and geometry")
-    return q
+            radius = max(0.25 * min(radius, float(np.max(np.abs(step)))), 1e-15)
+    raise StaticsError(
+        f"rest state: not found in {MOST_ITERATIONS} iterations, largest residual {size:.2g} N m; check the geometry"
+    )
 
 
 def rest_state(action: Action, force_n: float = 0.0, scene: Scene | None = None) -> RestState:
