@@ -22,6 +22,8 @@ from vision.errors import TrackingError
 from vision.frames import FrameSource
 
 MAX_STILL = 64
+MOST_PIXELS = 5000
+"""Compared per frame: enough to know the noise to one per cent."""
 GROWTH = 1.25
 """A still frame may differ this much more than the quietest pair of first frames."""
 GREY_FLOOR = 0.4
@@ -75,8 +77,8 @@ def average_still_frames(
         raise TrackingError(f"{film.path}: {n_still} still frames asked for, the film has {film.n_frames}")
     total = film.read(0).astype(np.float32)
     pixels = np.flatnonzero(region.reshape(-1))
-    if pixels.size > 20000:
-        pixels = pixels[:: pixels.size // 20000 + 1]
+    if pixels.size > MOST_PIXELS:
+        pixels = pixels[:: pixels.size // MOST_PIXELS + 1]
     mean = total.reshape(-1)[pixels].astype(float)
     differences: list[float] = []
     variances: list[float] = []
