@@ -62,16 +62,15 @@ def test_a_key_that_grazes_its_felt_is_ambiguous():
 def test_release_is_not_mistaken_for_a_key_that_lifts_off_the_balance_rail():
     time = clock()
     dip = pressed_m(time)
-    # the false reading of thesis 3.2.2: half the dip is gone for 6 ms
-    dip -= 0.005 * np.exp(-(((time - 0.23) / 0.003) ** 2))
-    event = key_release(motion(time, dip), 0.22)
-    level = 0.9 * TOUCH_M
-    assert event.value == pytest.approx(0.6 + 0.04 * (1 - level / 0.0098), abs=1e-5)
+    # the false reading of thesis 3.2.2: more than half the dip is gone for some milliseconds
+    dip -= 0.006 * np.exp(-(((time - 0.23) / 0.003) ** 2))
+    event = key_release(motion(time, dip))
+    assert event.value == pytest.approx(0.6 + 0.04 * (1 - 0.5 * TOUCH_M / 0.0098), abs=1e-5)
 
 
-def test_a_key_held_to_the_end_is_not_released():
-    assert key_release(motion(clock(), pressed_m(clock(), up_s=2.0)), 0.22).status == "absent"
-    assert key_release(motion(clock()), None).status == "absent"
+def test_a_key_held_to_the_end_or_never_pressed_is_not_released():
+    assert key_release(motion(clock(), pressed_m(clock(), up_s=2.0))).status == "absent"
+    assert key_release(motion(clock(), pressed_m(clock(), deep_m=0.004))).status == "absent"
 
 
 def caught_m(time, impact_s=0.3, held_m=0.0158, until_s=0.6, hold_starts_s=0.31):
@@ -189,4 +188,4 @@ def test_a_second_strike_is_found_in_a_double_blow(reference_action):
     found, _, _ = events_of(model, action, time, blow(0.05) + blow(0.25))
     assert found["second_strike"].status == "found"
     assert 0.17 < found["second_strike"].value - found["string_impact"].value < 0.25
-    assert found["key_release"].value < found["second_strike"].value
+    assert found["key_release"].value > found["second_strike"].value

@@ -135,31 +135,16 @@ def force_of_one_trial(result: ValidationResult, trial: int) -> ReportFigure:
     f = _window(result, result.traces[trial])
     figure = Figure(figsize=(WIDTH_IN, 3.0), layout="constrained")
     axes, zoom = figure.subplots(1, 2, width_ratios=(2.2, 1))
-    at, peak = _peak(f)
     for panel in (axes, zoom):
-        draw(
-            panel,
-            f["time_s"].to_numpy(),
-            f["raw_force_n"].to_numpy(),
-            "as recorded",
-            color=SKY,
-            linewidth=0.8,
-        )
-        draw(
-            panel,
-            f["force_time_s"].to_numpy(),
-            f["force_n"].to_numpy(),
-            "corrected",
-            color=BLACK,
-            linewidth=1.1,
-        )
+        draw(panel, f["time_s"].to_numpy(), f["raw_force_n"].to_numpy(), "as recorded", color=SKY, linewidth=0.8)
+        draw(panel, f["force_time_s"].to_numpy(), f["force_n"].to_numpy(), "corrected", color=BLACK, linewidth=1.1)
         finish_axes(panel, "force (N)")
-    delay = float(f["time_s"].iloc[0] - f["force_time_s"].iloc[0])
-    zoom.set_xlim(at - 0.01, at + 0.01 + delay)
-    zoom.set_title("around the peak", fontsize=9)
+    _zoom_on_impact(result, trial, zoom)
     axes.legend(fontsize=8)
     caption = f"Force of trial {trial}: as recorded, and as it drives the model, corrected (offset, hum, delay)."
-    return _finish(figure, "force-one", "4.1", caption, f"Peak of {peak:.1f} N at {at:.4f} s.")
+    at = int(np.nanargmax(f["force_n"].to_numpy()))
+    text = f"The largest force is {f['force_n'].iloc[at]:.1f} N at {f['force_time_s'].iloc[at]:.4f} s."
+    return _finish(figure, "force-one", "4.1", caption, text)
 
 
 def model_against_trial(result: ValidationResult, trial: int, channel: str, number: str) -> ReportFigure:
@@ -206,11 +191,6 @@ def all_figures(result: ValidationResult) -> dict[str, list[ReportFigure]]:
         for channel, number in zip(ENCODER_CHANNELS, ("4.2", "4.3", "4.4"), strict=True):
             comparison.append(model_against_trial(result, first, channel, number))
         return {"repeatability": repeatability, "comparison": comparison}
-
-
-def _peak(frame: pd.DataFrame) -> tuple[float, float]:
-    i = int(np.nanargmax(frame["force_n"].to_numpy()))
-    return float(frame["force_time_s"].iloc[i]), float(frame["force_n"].iloc[i])
 
 
 def _zoom_on_impact(result: ValidationResult, trial: int, axes: Axes) -> None:
