@@ -131,10 +131,17 @@ def channel_tables(
                     "iso_ceiling": _iso_ceiling(base, curves),
                     "mean_difference_rad": paired.rms,
                     "resolved_share": paired.resolved_share,
-                    "state": "one trial" if r.n_trials == 1 else "",
+                    "state": _state(curves),
                 }
             )
     return pd.DataFrame(rows), pd.DataFrame(spread)
+
+
+def _state(curves: Array) -> str:
+    """Why a channel has no repeatability, or an empty text."""
+    if not np.isfinite(curves).any():
+        return "no frame tracked"
+    return "one trial" if curves.shape[1] == 1 else ""
 
 
 def score_table(

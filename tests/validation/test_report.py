@@ -122,6 +122,20 @@ def test_one_trial_and_no_film_are_said(make, tmp_path):
     assert "against 1 trial of" in result.verdict
 
 
+def test_a_blow_too_soft_for_the_string_and_a_film_without_a_frame_are_reported(make, tmp_path):
+    session, truth = make.session(tmp_path / "s", n_trials=1, filmed=(1,), strength=(0.06,))
+    table, _ = session.read_derived("angles", 1)
+    table["jack_relative_rad"] = np.nan
+    session.write_derived("angles", 1, table)
+    result = compare_session(session, truth.action)
+    assert "Absent in both: string impact, hammer speed at impact" in result.verdict
+    channels = result.channels.set_index("channel")
+    assert channels.loc["jack", "state"] == "no frame tracked"
+    assert np.isnan(channels.loc["jack", "rmse_rad"])
+    assert np.isfinite(channels.loc["repetition", "rmse_rad"])
+    assert "jack (no frame tracked)" in render_html(result)
+
+
 def test_rejected_and_damaged_trials_are_named_and_the_rest_is_compared(make, tmp_path):
     session, truth = make.session(tmp_path / "s", n_trials=4, filmed=())
     session.annotate(2, "reject", "double <b>strike</b>")

@@ -26,6 +26,7 @@ from validation.report.drawing import (
     TITLE,
     VERMILION,
     band,
+    columns_for,
     degrees,
     draw,
     finish_axes,
@@ -63,7 +64,14 @@ def force_of_all_trials(result: ValidationResult) -> ReportFigure:
         f = _window(result, frame)
         force = f["force_n"].to_numpy()
         peak = max(peak, float(force.max(initial=0.0)))
-        draw(axes, f["force_time_s"].to_numpy(), force, f"trial {number}", **line_style(i))
+        draw(
+            axes,
+            f["force_time_s"].to_numpy(),
+            force,
+            f"trial {number}",
+            columns=columns_for(len(result.traces)),
+            **line_style(i),
+        )
     finish_axes(axes, "force (N)")
     legend(axes, len(result.traces))
     n = len(result.traces)
@@ -80,7 +88,14 @@ def rotation_of_all_trials(result: ValidationResult, channel: str, number: str) 
         f = _window(result, frame)
         for top in grid[0]:
             rotation = degrees(channel, f[f"{channel}_measured_rad"])
-            draw(top, f["time_s"].to_numpy(), rotation, f"trial {trial}", **line_style(i))
+            draw(
+                top,
+                f["time_s"].to_numpy(),
+                rotation,
+                f"trial {trial}",
+                columns=columns_for(len(result.traces)),
+                **line_style(i),
+            )
     s_r = np.degrees(result.spread[f"{channel}_s_r_rad"].to_numpy())
     known = bool(np.isfinite(s_r).any())
     for top, low in grid.T:
@@ -163,7 +178,14 @@ def model_against_trial(result: ValidationResult, trial: int, channel: str, numb
         for i, (other, frame) in enumerate(result.traces.items()):
             part = _window(result, frame)
             difference = part[f"{channel}_predicted_rad"].to_numpy() - part[f"{channel}_measured_rad"].to_numpy()
-            draw(low, part["time_s"].to_numpy(), degrees(channel, difference), f"trial {other}", **line_style(i))
+            draw(
+                low,
+                part["time_s"].to_numpy(),
+                degrees(channel, difference),
+                f"trial {other}",
+                columns=columns_for(len(result.traces)),
+                **line_style(i),
+            )
         low.axhline(0.0, color="#777777", linewidth=0.7)
         finish_axes(low, "model − trial (°)")
     grid[0, 0].legend(fontsize=8)
