@@ -29,6 +29,8 @@ EXTRA = 0.1
 REFERENCE_TOLERANCE = 1e-5
 
 SMALLEST_TOLERANCE, LARGEST_TOLERANCE = 1e-12, 1e-2
+LARGEST_ANGLE, LARGEST_SPEED = 1e3, 1e6  # rad, rad/s
+TIME_SLACK = 1e-9  # s, rounding of times computed in different ways
 
 _ADVICE = {
     STEP_TOO_SMALL: "the step fell below 1e-12 s; loosen --tolerance or check stiffness and friction thresholds",
@@ -83,6 +85,17 @@ class Simulation:
                 raise InputError(f"state: {np.shape(array)} {name} found, allowed ({self.scene.size},)")
             if not np.all(np.isfinite(array)):
                 raise InputError(f"state: {name} must be finite, found {array}")
+        for name, found, limit in (
+            ("angles", self.state.angle_rad, LARGEST_ANGLE),
+            ("speeds", self.state.speed_rad_per_s, LARGEST_SPEED),
+        ):
+            if np.max(np.abs(found)) > limit:
+                raise InputError(f"state: {name} found up to {np.max(np.abs(found)):g}, allowed to {limit:g} (rad, s)")
+        if not (np.isfinite(self.state.time_s) and self.state.step_s > 0.0 and np.isfinite(self.state.step_s)):
+            raise InputError(
+                f"state: found time {self.state.time_s:g} s, next step {self.state.step_s:g} s; "
+                "allowed finite numbers and a step above 0"
+            )
 
     def advance(
         self,
@@ -113,6 +126,7 @@ class Simulation:
         out_v = np.full((len(outputs), self.scene.size), np.nan)
         times = np.ascontiguousarray(input_time_s, dtype=float)
         values = np.ascontiguousarray(input_value, dtype=float)
+        self._check(float(until), times, values, outputs)
         if len(times) == 1:
             times, values = np.array([times[0], times[0] + 1.0]), np.array([values[0], values[0]])
         q, v = self.state.angle_rad.copy(), self.state.speed_rad_per_s.copy()
@@ -127,6 +141,28 @@ class Simulation:
         if status in _ADVICE:
             raise IntegrationError(f"simulation stopped at t = {time:.6g} s: {_ADVICE[status]}")
         return out_q, out_v
+
+    def _check(
+        self,
+        until: float,
+        times: NDArray[np.float64],
+        values: NDArray[np.float64],
+        outputs: NDArray[np.float64],
+    ) -> None:
+        """Refuse what would end in a wrong answer without a word."""
+        now = self.state.time_s
+        if not until >= now - TIME_SLACK or np.isinf(until):
+            raise InputError(f"end of the run: found {until:g} s, allowed a finite time from now on ({now:g} s)")
+        if times.ndim != 1 or times.shape != values.shape or len(times) == 0:
+            raise InputError(f"input: found shapes {times.shape} and {values.shape}, allowed two equal rows of numbers")
+        if not (np.all(np.isfinite(times)) and np.all(np.isfinite(values))):
+            raise InputError("input: found a time or value that is not finite; remove or repair the row")
+        if np.any(np.diff(times) <= 0.0):
+            raise InputError("input: times found that do not increase; allowed increasing times")
+        if len(outputs) and not (
+            np.all(np.diff(outputs) >= 0.0) and outputs[0] >= now - TIME_SLACK and outputs[-1] <= until + TIME_SLACK
+        ):
+            raise InputError(f"output times: allowed increasing, from now ({now:g} s) to the end ({until:g} s)")
 
     def contact_forces(
         self, angle_rad: NDArray[np.float64], speed_rad_per_s: NDArray[np.float64]

@@ -21,6 +21,7 @@ from .scene import Scene, build_scene
 
 LARGEST_TURN = 0.05  # rad per iteration
 KICK = 1e-3  # rad, off a saddle
+LARGEST_INPUT = 1e4  # N or N m
 MOST_ITERATIONS, MOST_ESCAPES = 2000, 10
 
 
@@ -58,8 +59,8 @@ def solve_rest(scene: Scene, u: float = 0.0, start: NDArray[np.float64] | None =
     StaticsError : no stable balance found.
     InputError : the input or the start is not finite.
     """
-    if not np.isfinite(u):
-        raise InputError(f"rest state: input found {u}, allowed a finite number")
+    if not abs(u) <= LARGEST_INPUT:
+        raise InputError(f"rest state: input found {u:g}, allowed a finite number up to {LARGEST_INPUT:g}")
     q = np.array(scene.start if start is None else start, dtype=float)
     if q.shape != (scene.size,) or not np.all(np.isfinite(q)):
         raise InputError(f"rest state: start found {q}, allowed {scene.size} finite angles")
