@@ -72,9 +72,9 @@ def check(motion: Motion, impact_s: float | None, until_s: float = np.inf) -> tu
     outside = np.flatnonzero(np.abs(height - centre) > HOLD_RANGE_M)
     later = outside[outside >= last]
     stop = int(later[0]) if later.size else time.size
-    level = float(np.median(height[first:stop]))
-    held = height[first:stop]
-    u_height = float(np.hypot(motion.level_u_height_m(), np.std(held) / np.sqrt(max(len(held), 1))))
+    held = height[first:stop][np.isfinite(height[first:stop])]
+    level = float(np.median(held))
+    u_height = float(np.hypot(motion.level_u_height_m(), np.std(held) / np.sqrt(len(held))))
 
     def entry(band: float) -> float | None:
         away = np.abs(height - level)
@@ -107,7 +107,9 @@ def _first_hold(motion: Motion, after_s: float, until_s: float, length_s: float)
     origin = -(n // 2)  # windows that begin at the sample
     top = maximum_filter1d(part, n, mode="constant", cval=np.inf, origin=origin)
     low = minimum_filter1d(part, n, mode="constant", cval=-np.inf, origin=origin)
-    held = (top - low < HOLD_RANGE_M) & (low > CHECK_HIGHEST_M) & (top < CHECK_LOWEST * motion.rest_height_m)
+    with np.errstate(invalid="ignore"):  # a window of lost samples only
+        narrow = top - low < HOLD_RANGE_M
+    held = narrow & (low > CHECK_HIGHEST_M) & (top < CHECK_LOWEST * motion.rest_height_m)
     hits = np.flatnonzero(held[: part.size - n + 1])
     return (begin + int(hits[0]), begin + int(hits[0]) + n) if hits.size else None
 
@@ -145,7 +147,7 @@ def rest(motion: Motion, quiet_stop: int) -> Event:
 
     value, u = with_level_uncertainty(find, REST_BAND_M, max(motion.u_height_m, motion.u_dip_m))
     if value is None:
-        left = 1e3 * float(away[-1]) if away.size else float("nan")
+        left = 1e3 * float(away[np.isfinite(away)][-1])
         return absent("rest", f"not at rest for the last 50 ms of the record; {left:.2f} mm away at its end")
     return _timed("rest", value, u)
 

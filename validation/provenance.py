@@ -83,9 +83,8 @@ def provenance(
             "start_rule": window.start_rule,
             "end_rule": window.end_rule,
         },
-        "force": "offset and mains hum fitted on the quiet baseline and subtracted; channel delay taken "
-        "off the time axis; "
-        "never smoothed",
+        "force": "offset and mains hum fitted on the quiet baseline and subtracted, declared preload added; channel "
+        "delay taken off the time axis; never smoothed",
         "alignment": "none: model and trial share the DAQ clock",
         "event_definitions": {name: kind.definition for name, kind in EVENTS.items()},
         "versions": versions(),

@@ -17,7 +17,7 @@ import pandas as pd
 from validation.window import Window
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class ValidationResult:
     """Result of comparing one session with one model.
 
@@ -83,6 +83,9 @@ class ValidationResult:
     film_traces: dict[int, pd.DataFrame]
     provenance: dict[str, Any]
     files: dict[str, Path] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        return f"ValidationResult({self.session_name!r}, {self.action_name!r}, {len(self.traces)} trials)"
 
     @property
     def verdict(self) -> str:

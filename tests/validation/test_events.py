@@ -99,6 +99,19 @@ def test_a_short_hold_is_ambiguous_and_a_bounce_is_none():
     assert check(motion(time), None)[0].note == "no string impact"
 
 
+def test_the_unknown_end_of_a_prediction_hides_no_event():
+    """The model knows no force for the last group delay: its angles are NaN there."""
+    time = clock()
+    height, dip = caught_m(time, until_s=2.0), pressed_m(time, up_s=2.0)
+    height[-400:] = dip[-400:] = np.nan
+    lost = motion(time, dip, height)
+    assert check(lost, 0.3)[1].value == pytest.approx(0.0158, abs=1e-9)
+    assert check(lost, 0.95)[1].status == "absent"
+    assert "15.80 mm away" in rest(lost, 1000).note
+    assert key_bottom(lost).status == "found"
+    assert key_release(lost).status == "absent"
+
+
 def test_a_later_strike_ends_the_search_for_a_check():
     time = clock()
     late = caught_m(time, impact_s=0.3, hold_starts_s=0.45, until_s=0.7)

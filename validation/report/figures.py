@@ -192,8 +192,7 @@ def model_against_trial(result: ValidationResult, trial: int, channel: str, numb
     _zoom_on_impact(result, trial, grid[0, 1])
     row = result.scores[(result.scores["trial"] == trial) & (result.scores["channel"] == channel)].iloc[0]
     caption = (
-        f"Rotation of the {TITLE[channel]}, model and trial {trial}; below: model minus trial for all "
-        f"trials. "
+        f"Rotation of the {TITLE[channel]}, model and trial {trial}; below: model minus trial for all trials. "
         f"RMSE of trial {trial}: {np.degrees(row['rmse_rad']):.3f}°."
     )
     largest = f"{np.degrees(row['largest_rad']):.3f}° at {row['largest_at_s']:.4f} s"

@@ -94,9 +94,8 @@ def score_matrix(result: ValidationResult) -> PageTable:
         )
     notes = [
         "RMSE of model − trial in degrees inside the evaluation window; “all” is the root mean square over trials.",
-        "sᵣ: repeatability standard deviation; limit: 95 % of differences between two trials are "
-        "smaller (ISO 5725, factor for "
-        "few trials); trial–trial: the same RMSE between trials, the best a model could be asked for.",
+        "sᵣ: repeatability standard deviation; limit: 95 % of differences between two trials are smaller (ISO 5725, "
+        "factor for few trials); trial–trial: the same RMSE between trials, the best a model could be asked for.",
     ]
     return PageTable("scores", "RMSE of every trial and channel (°)", head, rows, notes)
 
