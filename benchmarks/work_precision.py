@@ -21,13 +21,15 @@ import sys
 import time
 from collections.abc import Callable
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
+from typing import TypeVar
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))  # measures the checkout this file lies in
 
 import numpy as np  # noqa: E402
-from peers import solvers  # noqa: E402
+from peers import solvers, traced  # noqa: E402
 from peers.compiled import CompiledEquations, pack  # noqa: E402
 from peers.diagram import draw  # noqa: E402
 from peers.equations import largest_deviation  # noqa: E402
@@ -41,20 +43,22 @@ OUR_TOLERANCES = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9)
 PEERS: dict[str, tuple[Callable[[solvers.Task], solvers.Solver], tuple[float, ...]]] = {
     "CVODE from C": (solvers.c_cvode, (1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9)),
     "scikit-sundae CVODE": (solvers.sundae_cvode, (1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9)),
-    "CasADi CVODES": (solvers.casadi_cvodes, (1e-4, 1e-5, 1e-6, 1e-7)),
+    "CasADi CVODES": (traced.casadi_cvodes, (1e-4, 1e-5, 1e-6, 1e-7)),
+    "diffrax Kvaerno5": (traced.diffrax_kvaerno5, (1e-4, 1e-6)),
     "SciPy odeint (LSODA)": (solvers.scipy_odeint, (1e-4, 1e-5, 1e-6, 1e-7, 1e-8)),
     "SciPy LSODA": (solvers.scipy_lsoda, (1e-4, 1e-5, 1e-6, 1e-7, 1e-8)),
     "SciPy BDF": (solvers.scipy_bdf, (1e-4, 1e-6)),
     "SciPy Radau": (solvers.scipy_radau, (1e-4, 1e-6)),
     "explicit DOP853, compiled": (solvers.explicit_dop853, (1e-4, 1e-6, 1e-8, 1e-10)),
-    "plain NumPy, LSODA": (solvers.plain_numpy, (1e-4,)),  # once, on the first blow
+    "plain NumPy, LSODA": (solvers.plain_numpy, (1e-4,)),
 }
 QUICK_OURS = (1e-3, 1e-5)
 QUICK_PEERS = ("CVODE from C", "scikit-sundae CVODE", "SciPy odeint (LSODA)")
-ONCE = ("plain NumPy, LSODA",)
+ONCE = ("plain NumPy, LSODA", "diffrax Kvaerno5")  # slow: on the first blow only
 TARGETS = (1e-4, 1e-5, 1e-6, 1e-7)
 REFERENCE_TOLERANCE = (1e-13, 1e-12)
 LARGEST_REFERENCE_DIFFERENCE = 1e-9
+T = TypeVar("T")
 OUTPUT_EVERY = 5  # points of the force table: 1 ms
 
 
@@ -145,7 +149,7 @@ def main(arguments: list[str] | None = None) -> int:
     here = machine()
     print(", ".join(f"{k} {v}" for k, v in here.items()), flush=True)
 
-    def timed(what: str, work: Callable[[], object]) -> object:
+    def timed(what: str, work: Callable[[], T]) -> T:
         start = time.perf_counter()
         out = work()
         preparation[what] = time.perf_counter() - start
@@ -153,10 +157,15 @@ def main(arguments: list[str] | None = None) -> int:
 
     preparation: dict[str, float] = {}
     action = model.load_action()
-    rest = model.rest_state(action)
+
+    def first_call() -> model.RestState:
+        at_rest = model.rest_state(action)
+        model.simulate(action, [0.0, 1e-3], [0.0, 0.0], initial=at_rest)
+        return at_rest
+
+    rest = timed("ours, first call", first_call)
     start = np.concatenate([rest.angle_rad, np.zeros(len(rest.angle_rad))])
     equations = timed("peers' equations, numba", lambda: CompiledEquations(action))
-    assert isinstance(equations, CompiledEquations)
     deviation = largest_deviation(equations.accelerations, action, rest.angle_rad)
     print(f"peers' equations differ from the plain NumPy twin by {deviation:.1e} relative", flush=True)
     if not deviation < 1e-9:
@@ -171,15 +180,14 @@ def main(arguments: list[str] | None = None) -> int:
     for blow in blows:
         t, f = force_table(blow)
         task = solvers.Task(action, equations, t, f, pack(t, f), start, np.ascontiguousarray(t[::OUTPUT_EVERY]))
-        if not preparation.get("first call of ours"):
-            timed("first call of ours", lambda task=task: our_solver(task, rest, DEFAULT_METHOD)(1e-3))
         explicit, steps = equations.explicit(start, task.table, OUTPUT_EVERY, REFERENCE_TOLERANCE[0])
         reference = explicit[:, : len(rest.angle_rad)]
         other = our_solver(task, rest, sharpest)(REFERENCE_TOLERANCE[1])
         differences[blow] = float(np.abs(reference - other.angle_rad).max())
         print(
             f"{blow}: reference in {steps} explicit steps; {sharpest} at {REFERENCE_TOLERANCE[1]:.0e} "
-            f"({other.steps} steps) differs by {differences[blow]:.1e} rad",
+            f"({other.steps} steps) differs by {differences[blow]:.1e} rad; peers' right-hand side "
+            f"{equations.seconds_per_call(explicit, task.table) * 1e6:.2f} µs",
             flush=True,
         )
         ours = QUICK_OURS if args.quick else OUR_TOLERANCES
@@ -189,12 +197,12 @@ def main(arguments: list[str] | None = None) -> int:
             if name in skipped or (name in ONCE and blow != blows[0]):
                 continue
             try:
-                solver = timed(f"{name}, {blow}", lambda factory=factory, task=task: factory(task))
+                solver = timed(f"{name}, {blow}", partial(factory, task))
             except solvers.Unavailable as reason:
                 skipped[name] = str(reason)
                 print(f"skipped: {name}: {reason}", flush=True)
                 continue
-            entries.append(Entry(name, False, solver, (1e-5,) if args.quick else tolerances))  # type: ignore[arg-type]
+            entries.append(Entry(name, False, solver, (1e-5,) if args.quick else tolerances, name not in ONCE))
         rows += race(blow, entries, reference, repeats, lambda text: print(text, flush=True))
     add_ratios(rows, default)
     print("\n" + table(rows) + "\n")

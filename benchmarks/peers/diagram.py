@@ -19,6 +19,7 @@ PEERS = {
     "SciPy odeint (LSODA)": ("#E69F00", "<"),
     "SciPy LSODA": ("#009E73", ">"),
     "CasADi CVODES": ("#56B4E9", "h"),
+    "diffrax Kvaerno5": ("#CC79A7", "p"),
     "SciPy BDF": ("#666666", "x"),
     "SciPy Radau": ("#666666", "+"),
     "explicit DOP853, compiled": ("#999999", "d"),
@@ -65,6 +66,7 @@ def draw(rows: Sequence[Row], blows: Sequence[str], default: str, path: Path) ->
         panel.set_yscale("log")
         panel.grid(True, which="major", color="#dddddd", lw=0.6)
         panel.xaxis.set_major_locator(LogLocator(numticks=7))
+        panel.minorticks_off()
         panel.tick_params(labelbottom=True, labelleft=True)
         panel.set_xlabel("largest angle error, rad")
         panel.set_ylabel("run time, ms")

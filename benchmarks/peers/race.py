@@ -1,11 +1,12 @@
 """Runs every method at every tolerance, in turns, and keeps the best time of each.
 
 Methods take turns within a round, so that another program's load on the machine falls on all of them; long runs are
-repeated less often. Every method gets one run beforehand that is not counted (compilation, caches).
+repeated less often. All but the slowest get one run beforehand that is not counted (caches).
 """
 
 from __future__ import annotations
 
+import contextlib
 import math
 import time
 from collections.abc import Callable, Iterable
@@ -50,6 +51,7 @@ class Entry:
     ours: bool
     solver: Solver
     tolerances: tuple[float, ...]
+    warm: bool = True  # one run beforehand that is not counted
 
 
 def race(
@@ -63,12 +65,9 @@ def race(
     rows: list[Row] = []
     runs: list[tuple[Row, Solver]] = []
     for entry in entries:
-        if entry.tolerances:
-            try:
-                if repeats > 1:
-                    entry.solver(max(entry.tolerances))
-            except (RuntimeError, ArithmeticError):
-                pass  # told below, with its tolerance
+        if entry.warm:
+            with contextlib.suppress(RuntimeError, ArithmeticError):  # told below, with its tolerance
+                entry.solver(max(entry.tolerances))
         for tolerance in entry.tolerances:
             runs.append(
                 (Row(blow, entry.method, entry.ours, tolerance, math.nan, math.inf, 0, *[None] * 4), entry.solver)

@@ -20,7 +20,7 @@ from model.twin import Twin
 
 from .compiled import CompiledEquations
 from .cvode_from_c import Unavailable, cvode_in_c
-from .equations import N, accelerations
+from .equations import N
 
 Array = NDArray[np.float64]
 
@@ -165,37 +165,6 @@ def c_cvode(task: Task) -> Solver:
     def run(tolerance: float) -> Answer:
         y, counts = solve(tolerance)
         return Answer(y[:, :N], *counts)
-
-    return run
-
-
-def casadi_cvodes(task: Task) -> Solver:
-    """CVODES of CasADi: expressions in its own virtual machine, Jacobian by automatic differentiation."""
-    try:
-        import casadi as ca
-    except ImportError:
-        raise Unavailable("casadi is missing; pip install casadi") from None
-    names = {"sin": ca.sin, "cos": ca.cos, "tanh": ca.tanh, "sqrt": ca.sqrt, "where": ca.if_else}
-    y, u = ca.SX.sym("y", 2 * N), ca.SX.sym("u")
-    dy = ca.vertcat(y[N:], *accelerations(task.action, names, branches=False)(y, u))
-    rhs = ca.Function("rhs", [y, u], [dy])
-    force = ca.interpolant("force", "linear", [task.time_s], task.force_n, {"lookup_mode": ["exact"]})
-    x, t = ca.MX.sym("x", 2 * N), ca.MX.sym("t")
-    problem = {"x": x, "t": t, "ode": rhs(x, force(t))}
-    ready: dict[float, Any] = {}
-
-    def run(tolerance: float) -> Answer:
-        if tolerance not in ready:
-            options = {"abstol": tolerance, "reltol": tolerance, "max_num_steps": 10**7}
-            ready[tolerance] = ca.integrator(
-                "cvodes", "cvodes", problem, float(task.output_s[0]), task.output_s[1:], options
-            )
-        integrator = ready[tolerance]
-        states = np.asarray(integrator(x0=task.y0)["xf"]).T
-        stats = integrator.stats()
-        rejected = stats.get("netfails")
-        angles = np.vstack([task.y0[None, :N], states[:, :N]])
-        return Answer(angles, stats.get("nsteps"), rejected, stats.get("nfevals"), stats.get("nlinsetups"))
 
     return run
 
