@@ -27,7 +27,7 @@ from vision.errors import BodyError
 
 EROSION_PX = 4.0
 """Width of the rim that is not used: edge pixels mix the body with what lies behind it."""
-CLEARANCE_PX = 3.0
+CLEARANCE_PX = 4.0
 """Distance kept from the outline of a body that lies in front."""
 MIN_PIXELS = 100
 """Below this a five-parameter fit is not worth starting."""
