@@ -152,7 +152,14 @@ def compare_session(
         window,
         [text for text in warnings if text],
         lambda: provenance(
-            session, action, action_hash, version, tolerance, window, now().strftime("%Y-%m-%dT%H:%M:%SZ")
+            session,
+            action,
+            action_hash,
+            version,
+            tolerance,
+            window,
+            {m.number: m.seal for m in measured},
+            now().strftime("%Y-%m-%dT%H:%M:%SZ"),
         ),
     )
 

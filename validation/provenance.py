@@ -53,6 +53,7 @@ def provenance(
     version: str,
     tolerance: float,
     window: Window,
+    seals: dict[int, str],
     created_utc: str,
 ) -> dict[str, Any]:
     """Everything a reader needs to make the same report again, as plain values."""
@@ -69,6 +70,7 @@ def provenance(
             "profile": getattr(getattr(info, "profile", None), "name", ""),
             "profile_sha256": getattr(getattr(info, "profile", None), "sha256", ""),
         },
+        "trials_sha256": {f"trial_{number:04d}": seal for number, seal in seals.items()},
         "action": {
             "name": getattr(action, "name", "unknown"),
             "origin": Path(str(getattr(action, "origin", ""))).name,

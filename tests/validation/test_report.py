@@ -53,6 +53,7 @@ def test_the_verdict_comes_first_and_limits_and_provenance_are_there(page, compa
     assert page.index("Model hirschkorn2004 against 5 trials") < page.index("<table")
     assert "What this report cannot claim" in page
     assert "action.values_sha256" in page
+    assert all(seal in page for seal in compared.trials["seal"])
     assert f"{compared.window.start_s:.4f} s" in page
     assert "5 trials: sᵣ is known only to within a factor" in page
 
