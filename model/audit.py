@@ -35,7 +35,8 @@ class Audit:
     flow_j : time integral of each of `FLOWS` from the start, (m,) each
     stored_j : energy stored at each time, all kinds together, (m,)
     residual_j : (m,) input - losses - change of stored energy
-    turnover_j : what the force gave and took, plus the widest swing of any kind of stored energy; scale of ``residual``
+    turnover_j : what the force gave and took + widest swing of any kind of stored energy + most that felt ever stored
+        (where bodies are jammed, an angle within its tolerance is worth energy in proportion); scale of ``residual``
     residual : largest |residual_j| / turnover_j
     quadrature : bound on the share of ``residual`` that the integration over time may have caused
     """
@@ -96,7 +97,8 @@ def audit(
         if level == 0:
             given = width[:, 0] / 12.0 * (np.abs(flows[:, 0]) @ np.array([1.0, 4.0, 2.0, 4.0, 1.0]))
             at_start = float(total[0, 0])
-            turnover = float(given.sum()) + max(float(np.ptp(part)) for part in stored.values())
+            swing = max(float(np.ptp(part)) for part in stored.values())
+            turnover = float(given.sum()) + swing + float(np.max(stored["felt"]))
         worst = np.maximum(np.abs(rest), doubt)
         open_ = ~(worst <= goal * turnover / 100.0)
         room = (MOST_POINTS - points) // (4 * SPLIT) if level < rounds else 0

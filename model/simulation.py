@@ -33,7 +33,8 @@ LARGEST_ANGLE, LARGEST_SPEED = 1e3, 1e6  # rad, rad/s
 TIME_SLACK = 1e-9  # s, rounding of times computed in different ways
 
 _ADVICE = {
-    STEP_TOO_SMALL: "the step fell below 1e-12 s; loosen --tolerance or check stiffness and friction thresholds",
+    STEP_TOO_SMALL: "the step fell below 1e-12 s; check that no bodies overlap at the start, "
+    "then stiffness and friction thresholds; or loosen --tolerance",
     NOT_FINITE: "the equations gave a value that is not finite; check the input and the geometry",
     TOO_MANY_STEPS: "too many steps; loosen --tolerance or shorten the run",
 }
@@ -139,8 +140,18 @@ class Simulation:
         )  # fmt: skip
         self.state = State(time, q, v, step)
         if status in _ADVICE:
-            raise IntegrationError(f"simulation stopped at t = {time:.6g} s: {_ADVICE[status]}")
+            raise IntegrationError(f"simulation stopped at t = {time:.6g} s{self._extremes()}: {_ADVICE[status]}")
         return out_q, out_v
+
+    def _extremes(self) -> str:
+        """What stands out in the present state, for a message: most often bodies that overlap or race."""
+        q, v = self.state.angle_rad, self.state.speed_rad_per_s
+        fastest = int(np.argmax(np.abs(v)))
+        words = f" ({self.scene.bodies[fastest]} at {v[fastest]:.3g} rad/s"
+        if self.scene.contacts:
+            normal = self.contact_forces(q[None], v[None])[0][0]
+            words += f", {self.scene.contacts[int(np.argmax(normal))]} presses with {normal.max():.3g} N"
+        return words + ")"
 
     def _check(
         self,

@@ -93,7 +93,7 @@ def _descend(
         size = float(np.max(np.abs(f)))
         if not np.isfinite(size) or not np.all(np.isfinite(stiff)):
             raise StaticsError(f"rest state: forces are not finite at the angles {q}; check the geometry")
-        if size < 1e-9:
+        if size < max(1e-9, 1e-15 * float(np.max(np.abs(stiff)))):  # below that lies rounding
             return q, f, stiff
         value, axis = np.linalg.eigh(-0.5 * (stiff + stiff.T))
         step = axis @ np.clip(axis.T @ f / np.maximum(np.abs(value), 1e-12), -radius, radius)
