@@ -33,8 +33,16 @@ def test_slope_of_the_energy_is_the_twins_force_at_rest(action: model.Action, tw
         np.testing.assert_allclose(np.array(slope) / (2 * step), -force, rtol=0, atol=1e-7 * np.abs(force).max())
 
 
-def test_energy_changes_by_what_flows(action: model.Action, twin: Twin) -> None:
-    """d(stored)/dt along the twin's motion = input - losses; with friction, damping, separation and contact."""
+@pytest.mark.parametrize("pocket", [False, True])
+def test_energy_changes_by_what_flows(action: model.Action, pocket: bool) -> None:
+    """d(stored)/dt along the twin's motion = input - losses; with friction, damping, separation and contact.
+
+    With ``pocket`` every felt's static law is negative over part of its range; it still takes energy only.
+    """
+    if pocket:
+        felts = [f"contact{i:02d}.normal" for i in range(1, 14)]
+        action = action.with_values({f"{f}.b": -((6.0 * action[f"{f}.a"] * action[f"{f}.c"]) ** 0.5) for f in felts})
+    twin = Twin(action)
     step = 1e-9
     for q, v, force in random_states(200, 5):
         a = twin.acceleration(q, v, force)
