@@ -9,9 +9,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from vision.angles import ccw_to_picture
 from vision.bodies import Body, build_masks
 from vision.errors import VisionWarning
+from vision.icgn import IcgnFitter
+from vision.reference import average_still_frames
 from vision.synthetic import Scene, total_noise
+from vision.template import build_template
 from vision.track import track_film
 from vision.uncertainty import cramer_rao_bound
 
@@ -82,6 +86,42 @@ def test_unknown_thing_in_the_way(
     mask = build_masks(known.bodies, known.film.height, known.film.width)[0]
     bound = cramer_rao_bound(known.light, mask, total_noise(2.0, 8))[0]
     assert np.sqrt(np.mean(error**2)) < 1.6 * bound  # the hidden third costs about 1.3 by itself
+
+
+@pytest.mark.parametrize("texture", ["speckle", "wood"])
+def test_fit_has_settled(
+    bar_scene: Callable[[str], Scene],
+    film_of: Callable[..., object],
+    pivot: tuple[float, float],
+    texture: str,
+) -> None:
+    """With a part freshly covered, a second fit from the first one's end stays where it is."""
+    n = 60
+    rng = np.random.default_rng(3)
+    pose = np.tile([0.0, *pivot], (n, 1))[:, None, :]
+    pose[20:, 0] += rng.uniform([-0.1, -3.0, -3.0], [0.1, 3.0, 3.0], (n - 20, 3))
+
+    def block(i: int, light: NDArray[np.float32]) -> None:
+        if i >= 20:
+            left = 66 + i % 60
+            light[:, left : left + 16] = 20.0
+
+    known = film_of(bar_scene(texture), pose, cover=block)
+    mask = build_masks(known.bodies, known.film.height, known.film.width)[0]
+    reference = average_still_frames(known.film, mask, 20)
+    template = build_template("bar", reference.picture, mask, 20, noise_grey=reference.noise_grey)
+    moved = []
+    for i in range(20, n):
+        phi = float(ccw_to_picture(pose[i, 0, 0]))
+        arm = np.array(template.centre_px) - pivot
+        c, s = np.cos(phi), np.sin(phi)
+        shift = pose[i, 0, 1:] - pivot + np.array([[c, -s], [s, c]]) @ arm - arm
+        fitter = IcgnFitter(template)
+        first = fitter.fit(known.film, i, np.array([phi + 0.003, *(shift + 0.2)]), None)
+        second = fitter.fit(known.film, i, first.pose, None)
+        assert first.converged and second.converged
+        moved.append(np.abs(second.pose - first.pose) / np.sqrt(np.diag(second.covariance)))
+    assert np.max(moved) < 0.3
 
 
 def test_leaving_the_picture(
