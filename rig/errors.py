@@ -68,6 +68,10 @@ class NotSupported(HardwareFault):
     """The device refuses what was asked for: channel, range, route, rate or call."""
 
 
+class WatchdogTripped(HardwareFault):
+    """The program was silent for too long: the device itself has put the outputs in their safe state."""
+
+
 class RecordingFault(HardwareFault):
     """The disk does not take what is acquired (phase ``write``)."""
 

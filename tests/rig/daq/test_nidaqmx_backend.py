@@ -83,7 +83,8 @@ def test_the_same_rig_over_tcp_gives_identical_arrays(make_backend, assert_safe,
         server.stop(None).wait()
 
 
-def test_faults_come_through_tcp_with_their_codes(make_backend, assert_safe, config, command) -> None:
+def test_faults_come_through_tcp_with_their_codes(make_backend, assert_safe, unwatched, command) -> None:
+    config = unwatched
     far = make_backend(config)
     server, port = serve(far.service)
     remote = open_backend(f"ni-grpc://127.0.0.1:{port}", config)
@@ -113,7 +114,8 @@ def test_every_task_runs_on_the_clock_and_trigger_of_the_force_input(name, make_
     config = load_rig(name).config
     backend = make_backend(config)
     backend.configure(config, command)
-    tasks = backend.device.tasks
+    tasks = dict(backend.device.tasks)
+    assert tasks.pop("watchdog").state == "running"
     assert list(tasks) == ["force", "encoder_key", "encoder_whippen", "encoder_hammer", "motor", "camera"]
     clocks = {task: t.clock.source if t.clock else None for task, t in tasks.items()}
     slaves = ["encoder_key", "encoder_whippen", "encoder_hammer", "motor"]
