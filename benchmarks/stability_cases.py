@@ -191,7 +191,9 @@ def check_finer(runner: Runner, case: Case, result: Result) -> None:
             moved = 0.0
             for kick in TOLERANCE * np.eye(5):
                 moved += float(np.max(np.abs(runner.states(at, fine, moment, kick, steps=10 * STEPS)[0] - reference)))
-            result.growth = max(result.growth, moved / TOLERANCE)
+                result.growth = max(result.growth, moved / TOLERANCE)
+                if result.difference <= FACTOR * TOLERANCE * result.growth:
+                    return
     except model.IntegrationError as problem:
         result.detail = f"at {fine:g} rad: {problem}"
         return

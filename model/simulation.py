@@ -27,9 +27,9 @@ ANGLE_SHARE = 0.05
 SPEED_SHARE = 0.6  # 1/s
 EXTRA = 0.1
 REFERENCE_TOLERANCE = 1e-5
-# What sticks by friction creeps at a fraction of the threshold speed v_t. A local error of that size shakes it loose, in
-# the simulation only, whatever the tolerance says: share of v_t at a lever of 0.1 m that an error may reach
-# (benchmarks/stability.py, tests/model/data/false_slip.json). It costs no steps: a false slip costs more.
+# What sticks by friction creeps at a fraction of the threshold speed v_t. A local error of that size shakes it loose,
+# in the simulation only, whatever the tolerance says: share of v_t at a lever of 0.1 m that an error may reach
+# (tests/model/data/false_slip.json, found by benchmarks/stability.py). It costs next to no steps.
 CREEP_SHARE, LEVER_M = 0.03, 0.1
 
 SMALLEST_TOLERANCE, LARGEST_TOLERANCE = 1e-12, 1e-2

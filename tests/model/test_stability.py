@@ -16,21 +16,21 @@ DATA = Path(__file__).parent / "data"
 
 
 def test_plausible_actions_run_and_keep_their_energy() -> None:
-    results = [stability.run_case(stability.plausible(2, number), finer=number == 3) for number in range(6)]
-    assert [r.outcome for r in results] == ["finished"] * 6, [r for r in results if r.outcome != "finished"]
+    results = [stability.run_case(stability.plausible(2, number), finer=number == 3) for number in range(5)]
+    assert [r.outcome for r in results] == ["finished"] * 5, [r for r in results if r.outcome != "finished"]
     assert max(r.residual for r in results) < stability.RESIDUAL
     assert results[3].difference is not None
 
 
 def test_abuse_ends_in_a_right_answer_or_a_typed_refusal() -> None:
-    results = [stability.run_case(stability.abused(2, number)) for number in range(6)]
+    results = [stability.run_case(stability.abused(2, number)) for number in range(5)]
     assert not [r for r in results if r.outcome.startswith("wrong")]
     kinds = {r.outcome for r in results}
     assert "finished" in kinds and any(kind.startswith("refused") for kind in kinds)
 
 
 def test_a_case_is_its_numbers_and_survives_a_file(tmp_path: Path) -> None:
-    for number in range(40):
+    for number in range(8):
         case = stability.abused(3, number)
         stability.save_case(case, stability.Result("B", number, "finished"), tmp_path / "case.json")
         again = stability.load_case(tmp_path / "case.json")
@@ -117,6 +117,15 @@ def rest_case(number: int) -> dict[str, float]:
         else:
             out[path] = value * random.uniform(0.5, 1.5)
     return out
+
+
+def test_friction_holds_what_it_holds() -> None:
+    """Tiny v_t and a back check that holds: an error of the speed must not shake it loose (0.08 rad before)."""
+    runner = stability.Runner(stability.load_case(DATA / "false_slip.json"))
+    at = np.linspace(0.0, 0.4, 201)
+    angles = [runner.states(at, tolerance)[0] for tolerance in (1e-4, 1e-5, 1e-7)]
+    assert np.abs(angles[1] - angles[2]).max() < 1e-5
+    assert np.abs(angles[0] - angles[2]).max() < 1e-4
 
 
 @pytest.mark.xfail(
