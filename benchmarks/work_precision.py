@@ -1,199 +1,240 @@
-"""Error against run time: our methods and other people's solvers on five blows.
+"""Work against precision: our integrators and their peers on the same equations and the same force tables.
 
-    python benchmarks/work_precision.py [--quick] [--repeat 3] [--blow forte ...] [--plot docs/work_precision.svg]
-
-Error: largest difference of any of the five angles, at 1 kHz, from the reference. Reference: compiled explicit Runge-Kutta of
-order 8 at 1e-13, restarted at every force point; its difference from Rodas5P at 1e-12 is printed. Time: best of
-``--repeat`` runs in this process, after a first one that compiles. Speed ratios are printed for the time each solver
-needs for an error of 1e-5 and 2e-6 rad, interpolated between its runs. Exits with 1 when the references
-differ by more than 1e-10 rad, or when an error of ours is more than 10 times the requested tolerance.
+Run:  python benchmarks/work_precision.py [--quick] [--blow NAME] [--out DIAGRAM] [--json FILE]
+Error is max |difference| over the five angles (rad), every 1 ms, from a reference made by two methods that share
+neither the equations' code nor the algorithm: explicit order 8 at 1e-13 that lands on every force point, and our own
+highest-order method at 1e-12; their difference is printed. Time is the best of several runs, all methods taking
+turns; compiling is not in it and is printed apart. A ratio is a method's time over that of our default method at no
+larger error, read off the log-log line between its points ("-": our runs stop short of that error).
+Peers get the equations with all parameters frozen into machine code; missing ones are named and left out.
+Exit 1: one of our errors exceeds twice its requested tolerance, or the references differ by more than 1e-9 rad.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
+import math
 import os
+import platform
 import sys
 import time
 from collections.abc import Callable
+from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
-from typing import NamedTuple
+from typing import TypeVar
 
-import numpy as np
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT))  # measures the checkout this file lies in
 
-import model
-from model.integrators import METHODS
+import numpy as np  # noqa: E402
+from peers import solvers, traced  # noqa: E402
+from peers.compiled import CompiledEquations, pack  # noqa: E402
+from peers.diagram import draw  # noqa: E402
+from peers.equations import largest_deviation  # noqa: E402
+from peers.forces import BLOWS, force_table  # noqa: E402
+from peers.race import Entry, Row, add_ratios, race, time_at_error  # noqa: E402
 
-sys.path.insert(0, str(Path(__file__).parent))
-import peers  # noqa: E402
-from blows import blows  # noqa: E402
-from reference import explicit  # noqa: E402
+import model  # noqa: E402
+from model.integrators import DEFAULT_METHOD, METHODS  # noqa: E402
 
-OURS = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9)
+OUR_TOLERANCES = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9)
+PEERS: dict[str, tuple[Callable[[solvers.Task], solvers.Solver], tuple[float, ...]]] = {
+    "CVODE from C": (solvers.c_cvode, (1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9)),
+    "scikit-sundae CVODE": (solvers.sundae_cvode, (1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9)),
+    "CasADi CVODES": (traced.casadi_cvodes, (1e-4, 1e-5, 1e-6, 1e-7)),
+    "diffrax Kvaerno5": (traced.diffrax_kvaerno5, (1e-4, 1e-6)),
+    "SciPy odeint (LSODA)": (solvers.scipy_odeint, (1e-4, 1e-5, 1e-6, 1e-7, 1e-8)),
+    "SciPy LSODA": (solvers.scipy_lsoda, (1e-4, 1e-5, 1e-6, 1e-7, 1e-8)),
+    "SciPy BDF": (solvers.scipy_bdf, (1e-4, 1e-6)),
+    "SciPy Radau": (solvers.scipy_radau, (1e-4, 1e-6)),
+    "explicit DOP853, compiled": (solvers.explicit_dop853, (1e-4, 1e-6, 1e-8, 1e-10)),
+    "plain NumPy, LSODA": (solvers.plain_numpy, (1e-4,)),
+}
+QUICK_OURS = (1e-3, 1e-5)
+QUICK_PEERS = ("CVODE from C", "scikit-sundae CVODE", "SciPy odeint (LSODA)")
+ONCE = ("plain NumPy, LSODA", "diffrax Kvaerno5")  # slow: on the first blow only
+TARGETS = (1e-4, 1e-5, 1e-6, 1e-7)
+REFERENCE_TOLERANCE = (1e-13, 1e-12)
+LARGEST_REFERENCE_DIFFERENCE = 1e-9
+T = TypeVar("T")
+OUTPUT_EVERY = 5  # points of the force table: 1 ms
 
 
-class Point(NamedTuple):
-    blow: str
-    solver: str
-    tolerance: float
-    error: float
-    ms: float
-    n_rhs: int
-    n_steps: int
-    n_rejected: int
-
-
-def ours(method: str) -> Callable[[peers.Problem, np.ndarray, float], tuple[peers.Answer, int]]:
-    def run(problem: peers.Problem, at: np.ndarray, tolerance: float) -> tuple[peers.Answer, int]:
-        out = model.simulate(
-            problem.action, problem.time, problem.force, tolerance=tolerance, output_time_s=at, method=method
-        )
-        c = out.counters
-        rows = np.hstack([out.angle_rad, out.speed_rad_per_s])
-        return peers.Answer(rows, int(c["n_rhs"]), int(c["n_steps"])), int(c["n_rejected"])
+def our_solver(task: solvers.Task, rest: model.RestState, method: str) -> solvers.Solver:
+    def run(tolerance: float) -> solvers.Answer:
+        s = model.simulate(
+            task.action, task.time_s, task.force_n,
+            tolerance=tolerance, method=method, initial=rest, output_time_s=task.output_s,
+        )  # fmt: skip
+        count = s.counters.get
+        return solvers.Answer(s.angle_rad, count("n_steps"), count("n_rejected"), count("n_rhs"), count("n_jacobian"))
 
     return run
 
 
-def contenders(quick: bool) -> tuple[dict[str, tuple[Callable, tuple[float, ...], bool]], list[str]]:
-    """Solver, its tolerances, whether it runs on the forte only; and a line for each one left out."""
-    out: dict[str, tuple[Callable, tuple[float, ...], bool]] = {m: (ours(m), OURS, False) for m in METHODS}
-    missing = []
-    library = peers.build_cvode()
-    if isinstance(library, str):
-        missing.append(f"skipped: CVODE from C: {library}")
-    else:
-        out["CVODE from C"] = (peers.cvode_from_c(library), (1e-5, 1e-6, 1e-7, 1e-8, 1e-9), False)
-    try:
-        import sksundae  # noqa: F401
-
-        out["scikit-sundae CVODE"] = (peers.sundae, (1e-5, 1e-6, 1e-7, 1e-8), False)
-    except ImportError:
-        missing.append("skipped: scikit-sundae CVODE: not installed (pip install scikit-sundae)")
-    out["SciPy LSODA"] = (peers.scipy_solver("LSODA"), (1e-5, 1e-6, 1e-7, 1e-8), False)
-    if not quick:
-        out["SciPy BDF"] = (peers.scipy_solver("BDF"), (1e-5, 1e-6), True)
-        out["SciPy Radau"] = (peers.scipy_solver("Radau"), (1e-5, 1e-6), True)
-        out["NumPy twin, LSODA"] = (peers.twin_lsoda, (1e-5,), True)
-    return out, missing
+def table(rows: list[Row]) -> str:
+    lines = [
+        f"{'blow':10} {'method':26} {'tolerance':>9} {'error rad':>9} {'ms':>9} {'ratio':>7} "
+        f"{'steps':>7} {'rejected':>8} {'rhs':>8} {'jacobians':>9} {'runs':>4}"
+    ]
+    for r in rows:
+        ratio = "-" if r.ratio is None else f"{r.ratio:.2f}"
+        counts = ["-" if c is None else str(c) for c in (r.steps, r.rejected, r.rhs, r.jacobians)]
+        lines.append(
+            f"{r.blow:10} {r.method:26} {r.tolerance:9.0e} {r.error_rad:9.1e} {r.best_s * 1e3:9.1f} {ratio:>7} "
+            f"{counts[0]:>7} {counts[1]:>8} {counts[2]:>8} {counts[3]:>9} {r.repeats:4d}"
+        )
+    return "\n".join(lines)
 
 
-def time_at_error(points: list[Point], error: float) -> float:
-    """Milliseconds a solver needs for that error: along the lower envelope of its runs, log-log; NaN beyond them."""
-    points = sorted(points, key=lambda p: p.ms)
-    envelope = [p for i, p in enumerate(points) if all(p.error < q.error for q in points[:i])]
-    errors = np.log([max(p.error, 1e-15) for p in envelope])[::-1]
-    times = np.log([p.ms for p in envelope])[::-1]
-    if len(envelope) == 0 or np.log(error) < errors[0]:
-        return float("nan")
-    return float(np.exp(np.interp(np.log(error), errors, times)))
+def summary(rows: list[Row], blow: str, default: str) -> str:
+    """Milliseconds to reach a given error, and the ratio to our default method."""
+    lines = [
+        f"{blow}: ms to reach an error of (ratio to {default})",
+        " " * 26 + "".join(f"{e:>18.0e}" for e in TARGETS),
+    ]
+    of = {m: [r for r in rows if r.blow == blow and r.method == m] for m in dict.fromkeys(r.method for r in rows)}
+    for method, own in of.items():
+        cells = []
+        for target in TARGETS:
+            own_s, our_s = time_at_error(own, target), time_at_error(of[default], target)
+            ratio = "" if own_s is None or our_s is None else f"({own_s / our_s:.2f})"
+            cells.append(f"{'-':>18}" if own_s is None else f"{own_s * 1e3:9.1f} {ratio:>8}")
+        if own:
+            lines.append(f"{method:26}" + "".join(cells))
+    return "\n".join(lines)
 
 
-def measure(names: list[str], quick: bool, repeat: int) -> tuple[list[Point], int]:
+def check(rows: list[Row], differences: dict[str, float]) -> list[str]:
+    """What must not be: one line for each wrong answer."""
+    bad = [
+        f"{r.blow}: {r.method} at {r.tolerance:.0e}: error {r.error_rad:.2e} rad, allowed {2 * r.tolerance:.0e}"
+        for r in rows
+        if r.ours and not r.error_rad <= 2 * r.tolerance
+    ]
+    return bad + [
+        f"{blow}: the two references differ by {d:.1e} rad, allowed {LARGEST_REFERENCE_DIFFERENCE:.0e}"
+        for blow, d in differences.items()
+        if not d <= LARGEST_REFERENCE_DIFFERENCE
+    ]
+
+
+def machine() -> dict[str, object]:
+    cpu = platform.processor()
+    if Path("/proc/cpuinfo").exists():
+        names = [x for x in Path("/proc/cpuinfo").read_text().splitlines() if x.startswith("model name")]
+        cpu = names[0].split(":", 1)[1].strip() if names else cpu
+    load = os.getloadavg()[0] if hasattr(os, "getloadavg") else None
+    return {"cpu": cpu, "cores": os.cpu_count(), "load_1min": load, "python": platform.python_version()}
+
+
+def parse(arguments: list[str] | None) -> argparse.Namespace:
+    p = argparse.ArgumentParser(description="Error against run time: our integrators and their peers.")
+    p.add_argument("--quick", action="store_true", help="one blow, few tolerances, quick peers; draws only with --out")
+    p.add_argument("--blow", action="append", choices=BLOWS, help="only this blow (may be repeated)")
+    p.add_argument("--only-ours", action="store_true", help="no peers")
+    p.add_argument("--repeats", type=int, default=None, help="rounds of runs (default 5, quick 2)")
+    p.add_argument("--out", type=Path, help="diagram (default docs/work_precision.svg for a full run)")
+    p.add_argument("--json", type=Path, help="also write all rows and the machine as JSON")
+    return p.parse_args(arguments)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    args = parse(arguments)
+    blows = args.blow or (["forte"] if args.quick else list(BLOWS))
+    names = [] if args.only_ours else list(QUICK_PEERS if args.quick else PEERS)
+    repeats = args.repeats or (2 if args.quick else 5)
+    here = machine()
+    print(", ".join(f"{k} {v}" for k, v in here.items()), flush=True)
+
+    def timed(what: str, work: Callable[[], T]) -> T:
+        start = time.perf_counter()
+        out = work()
+        preparation[what] = time.perf_counter() - start
+        return out
+
+    preparation: dict[str, float] = {}
     action = model.load_action()
-    solvers, missing = contenders(quick)
-    print("\n".join(missing))
-    bad, points = 0, []
-    print(f"{'blow':11}{'solver':21}{'tolerance':>10}{'error rad':>11}{'ms':>10}{'rhs':>9}{'steps':>8}{'rejected':>10}")
-    for blow in names:
-        t, force = blows()[blow]
-        rows = explicit(action, t, force)
-        fine = model.simulate(action, t, force, tolerance=1e-12, method="rodas5p")
-        apart = float(np.abs(rows[:, :5] - fine.angle_rad).max())
-        print(f"{blow:11}references (explicit order 8, Rodas5P) differ by {apart:.1e} rad")
-        bad += apart > 1e-10
-        problem, at, truth = peers.Problem(action, t, force), t[::5], rows[::5, :5]
-        for name, (run, tolerances, forte_only) in solvers.items():
-            if forte_only and blow != "forte":
+
+    def first_call() -> model.RestState:
+        at_rest = model.rest_state(action)
+        model.simulate(action, [0.0, 1e-3], [0.0, 0.0], initial=at_rest)
+        return at_rest
+
+    rest = timed("ours, first call", first_call)
+    start = np.concatenate([rest.angle_rad, np.zeros(len(rest.angle_rad))])
+    equations = timed("peers' equations, numba", lambda: CompiledEquations(action))
+    deviation = largest_deviation(equations.accelerations, action, rest.angle_rad)
+    print(f"peers' equations differ from the plain NumPy twin by {deviation:.1e} relative", flush=True)
+    if not deviation < 1e-9:
+        print("the peers' equations are not the model's", file=sys.stderr)
+        return 1
+
+    default = f"ours {DEFAULT_METHOD}"
+    sharpest = max(METHODS.values(), key=lambda m: m.order).name
+    rows: list[Row] = []
+    differences: dict[str, float] = {}
+    skipped: dict[str, str] = {}
+    for blow in blows:
+        t, f = force_table(blow)
+        task = solvers.Task(action, equations, t, f, pack(t, f), start, np.ascontiguousarray(t[::OUTPUT_EVERY]))
+        explicit, steps = equations.explicit(start, task.table, OUTPUT_EVERY, REFERENCE_TOLERANCE[0])
+        reference = explicit[:, : len(rest.angle_rad)]
+        other = our_solver(task, rest, sharpest)(REFERENCE_TOLERANCE[1])
+        differences[blow] = float(np.abs(reference - other.angle_rad).max())
+        print(
+            f"{blow}: reference in {steps} explicit steps; {sharpest} at {REFERENCE_TOLERANCE[1]:.0e} "
+            f"({other.steps} steps) differs by {differences[blow]:.1e} rad; peers' right-hand side "
+            f"{equations.seconds_per_call(explicit, task.table) * 1e6:.2f} µs",
+            flush=True,
+        )
+        ours = QUICK_OURS if args.quick else OUR_TOLERANCES
+        entries = [Entry(f"ours {m}", True, our_solver(task, rest, m), ours) for m in METHODS]
+        for name in names:
+            factory, tolerances = PEERS[name]
+            if name in skipped or (name in ONCE and blow != blows[0]):
                 continue
-            run(problem, at[:2], tolerances[0])  # compile
-            for tolerance in tolerances:
-                best, rejected = float("inf"), -1
-                for _ in range(repeat if "SciPy" not in name and "twin" not in name else 1):
-                    start = time.perf_counter()
-                    try:
-                        answer = run(problem, at, tolerance)
-                    except RuntimeError as problem_found:
-                        print(f"{blow:11}{name:21}{tolerance:10.0e}  failed: {problem_found}")
-                        break
-                    best = min(best, time.perf_counter() - start)
-                    if name in METHODS:
-                        answer, rejected = answer
-                else:
-                    error = float(np.abs(answer.rows[:, :5] - truth).max())
-                    point = Point(blow, name, tolerance, error, best * 1e3, answer.n_rhs, answer.n_steps, rejected)
-                    points.append(point)
-                    told = [str(k) if k >= 0 else "-" for k in point[5:]]
-                    print(
-                        f"{blow:11}{name:21}{tolerance:10.0e}{error:11.1e}{point.ms:10.2f}"
-                        f"{told[0]:>9}{told[1]:>8}{told[2]:>10}",
-                        flush=True,
-                    )
-                    if name in METHODS and error > 10 * tolerance + apart:
-                        bad += 1
-                        print(f"  error above ten times the requested {tolerance:g} rad")
-    return points, bad
-
-
-def ratios(points: list[Point], names: list[str]) -> None:
-    solvers = list(dict.fromkeys(p.solver for p in points))
-    print(f"\nms for an error of 1e-5 and of 2e-6 rad, and how many times the default method ({model.integrators.DEFAULT_METHOD})")
-    for blow in names:
-        for solver in solvers:
-            cells = []
-            for error in (1e-5, 2e-6):
-                needed = [
-                    time_at_error([p for p in points if p.blow == blow and p.solver == s], error)
-                    for s in (solver, model.integrators.DEFAULT_METHOD)
-                ]
-                cells.append(f"{needed[0]:9.1f} ms {needed[0] / needed[1]:7.1f} x")
-            if any("nan ms" not in c for c in cells):
-                print(f"{blow:11}{solver:21}" + "   ".join(cells))
-
-
-def draw(points: list[Point], names: list[str], path: Path) -> None:
-    import matplotlib
-
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-
-    figure, axes = plt.subplots(1, len(names), figsize=(3.6 * len(names), 4.2), sharey=True, squeeze=False)
-    for ax, blow in zip(axes[0], names, strict=True):
-        for k, solver in enumerate(dict.fromkeys(p.solver for p in points)):
-            mine = sorted((p for p in points if p.blow == blow and p.solver == solver), key=lambda p: p.tolerance)
-            if mine:
-                ax.loglog(
-                    [p.error for p in mine], [p.ms for p in mine], marker="osDv^<>Xp*"[k % 10], label=solver,
-                    lw=1.6 if solver in METHODS else 0.9, ms=4,
-                )  # fmt: skip
-        ax.set_title(blow)
-        ax.set_xlabel("largest error of an angle / rad")
-        ax.grid(alpha=0.3)
-        ax.invert_xaxis()
-    axes[0][0].set_ylabel("time for 0.6 s of motion / ms")
-    handles = dict(zip(*reversed(axes[0][0].get_legend_handles_labels()), strict=True))
-    figure.legend(handles.values(), handles.keys(), loc="lower center", ncol=6, fontsize=8, frameon=False)
-    figure.tight_layout(rect=(0, 0.1, 1, 1))
-    path.parent.mkdir(exist_ok=True)
-    figure.savefig(path, metadata={"Date": None} if path.suffix == ".svg" else None)
-    print(f"drawn: {path}")
-
-
-def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--quick", action="store_true", help="leave out the slowest peers")
-    parser.add_argument("--repeat", type=int, default=3)
-    parser.add_argument("--blow", nargs="+", choices=list(blows()), default=list(blows()))
-    parser.add_argument("--plot", type=Path, default=None)
-    chosen = parser.parse_args()
-    print(f"numpy {np.__version__}, {os.cpu_count()} cores, load {os.getloadavg()[0]:.1f}")
-    points, bad = measure(chosen.blow, chosen.quick, chosen.repeat)
-    ratios(points, chosen.blow)
-    if chosen.plot is not None:
-        draw(points, chosen.blow, chosen.plot)
-    if bad:
-        print(f"{bad} answers off")
+            try:
+                solver = timed(f"{name}, {blow}", partial(factory, task))
+            except solvers.Unavailable as reason:
+                skipped[name] = str(reason)
+                print(f"skipped: {name}: {reason}", flush=True)
+                continue
+            entries.append(Entry(name, False, solver, (1e-5,) if args.quick else tolerances, name not in ONCE))
+        rows += race(blow, entries, reference, repeats, lambda text: print(text, flush=True))
+    add_ratios(rows, default)
+    print("\n" + table(rows) + "\n")
+    for blow in blows:
+        print(summary(rows, blow, default) + "\n")
+    print("not in the times, s: " + "; ".join(f"{k} {v:.2f}" for k, v in preparation.items() if v > 0.05))
+    bad = check(rows, differences)
+    out = args.out or (None if args.quick or args.blow or args.only_ours else ROOT / "docs" / "work_precision.svg")
+    if out is not None:
+        draw(rows, blows, default, out)
+        print(f"diagram: {out}")
+    if args.json is not None:
+        record = {
+            "made": datetime.now(UTC).isoformat(timespec="seconds"), "machine": here, "default_method": DEFAULT_METHOD,
+            "reference_difference_rad": differences, "skipped": skipped, "preparation_s": preparation, "failed": bad,
+            "rows": [r.as_dict() for r in rows],
+        }  # fmt: skip
+        args.json.write_text(json.dumps(_plain(record), indent=1) + "\n", encoding="utf-8")
+    for line in bad:
+        print(f"WRONG  {line}", file=sys.stderr)
     return 1 if bad else 0
+
+
+def _plain(value: object) -> object:
+    """Numbers JSON knows: numpy's as Python's, what is not finite as None."""
+    if isinstance(value, dict):
+        return {k: _plain(v) for k, v in value.items()}
+    if isinstance(value, list):
+        return [_plain(v) for v in value]
+    if isinstance(value, np.generic):
+        value = value.item()
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 if __name__ == "__main__":

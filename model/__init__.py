@@ -33,15 +33,19 @@ _HOME = {
     "check_force_table": "blow",
     "output_times": "blow",
     "simulate": "blow",
+    "Press": "press",
+    "hand_set_rest": "press",
+    "slow_press": "press",
 }
+_ROOMS = ("observables", "regulation")
 
-__all__ = [*_HOME, "observables"]  # noqa: PLE0604
+__all__ = [*_HOME, *_ROOMS]  # noqa: PLE0604
 
 
 def __getattr__(name: str) -> Any:
     """Import the home of a public name when it is first asked for."""
     if name in _HOME:
         return getattr(import_module(f".{_HOME[name]}", __name__), name)
-    if name == "observables":
-        return import_module(".observables", __name__)
+    if name in _ROOMS:
+        return import_module(f".{name}", __name__)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -28,8 +28,10 @@ def check_force_table(
     time_s: ArrayLike, force_n: ArrayLike, where: str = "force table"
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return times and forces (k,) as float arrays; raise ``InputError`` at the first row that cannot be used."""
-    times = np.asarray(time_s, dtype=float)
-    forces = np.asarray(force_n, dtype=float)
+    try:
+        times, forces = np.asarray(time_s, dtype=float), np.asarray(force_n, dtype=float)
+    except (TypeError, ValueError):
+        raise InputError(f"{where}: found something that is not a number; allowed two columns of numbers") from None
     if times.ndim != 1 or times.shape != forces.shape:
         raise InputError(f"{where}: found shapes {times.shape} and {forces.shape}, allowed two equal columns")
     if len(times) < 2:
@@ -150,5 +152,7 @@ def simulate(
         contact_friction_n=tangential,
         counters=run.work(),
         tolerance=tolerance,
-        energy=EnergyAudit(float(run.audit[0]), run.stored_energy() - stored, *map(float, run.audit[1:])) if energy else None,
+        energy=EnergyAudit(float(run.audit[0]), run.stored_energy() - stored, *map(float, run.audit[1:]))
+        if energy
+        else None,
     )

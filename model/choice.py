@@ -1,4 +1,4 @@
-"""What a scene contains and gives out: built-in names and small TOML files, for ``simulate(scene=...)`` and the command.
+"""What a scene contains and gives out: built-in names and small TOML files, for ``simulate(scene=...)``.
 
     bodies = ["key", "whippen"]            # default: all; a body brings its contacts with the bodies that are there
     without = ["contact12", "jack_spring"] # contacts and springs to leave out

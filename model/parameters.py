@@ -62,6 +62,7 @@ class Action:
                 number = check_value(single, value, "--set")
                 quantities[single] = replace(quantities[single], value=number, source=f"set to {number:g} by the user")
                 changed[single] = number
+        _check_shapes(quantities, "--set")
         return replace(self, quantities=quantities, changed=changed)
 
     def content(self) -> str:
@@ -117,6 +118,21 @@ def _read_toml(path: Path) -> dict[str, Any]:
         raise InputError(f"{path}: is not a text file in UTF-8; an action is a TOML file") from None
     except tomllib.TOMLDecodeError as problem:
         raise InputError(f"{path}: is not valid TOML: {problem}") from None
+
+
+def _check_shapes(quantities: Mapping[str, Quantity], where: str) -> None:
+    """Refuse directions and arcs that are none."""
+    for key in quantities:
+        if key.endswith(".normal.x"):
+            length = math.hypot(quantities[key].value, quantities[key[:-1] + "y"].value)
+            if not 0.9 < length < 1.1:
+                raise InputError(f"{where}: {key[:-2]}: length found {length:g}, allowed 0.9 to 1.1 (a unit vector)")
+    for key in quantities:
+        if (
+            key.endswith(".arc_start")
+            and quantities[key].value >= quantities[key.replace("arc_start", "arc_end")].value
+        ):
+            raise InputError(f"{where}: {key}: found {quantities[key].value:g}, allowed below arc_end")
 
 
 @cache
@@ -179,17 +195,7 @@ def load_action(name_or_path: str | Path = TEMPLATE, overrides: Mapping[str, flo
         )
     for key in structure.keys() - found_structure.keys():
         raise InputError(f"{where}: {key}: missing; allowed {structure[key]!r}")
-    for key in quantities:
-        if key.endswith(".normal.x"):
-            length = math.hypot(quantities[key].value, quantities[key[:-1] + "y"].value)
-            if not 0.9 < length < 1.1:
-                raise InputError(f"{where}: {key[:-2]}: length found {length:g}, allowed 0.9 to 1.1 (a unit vector)")
-    for key in quantities:
-        if (
-            key.endswith(".arc_start")
-            and quantities[key].value >= quantities[key.replace("arc_start", "arc_end")].value
-        ):
-            raise InputError(f"{where}: {key}: found {quantities[key].value:g}, allowed below arc_end")
+    _check_shapes(quantities, where)
     action = Action(
         name=str(table.get("name", path.stem)),
         description=str(table.get("description", "")),

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from .choice import SceneChoice
 from .kernels import layout as L
-from .parameters import BODIES, CONTACTS, Action
+from .parameters import CONTACTS, Action
 
 # where the printed action rests, to two digits: the solver needs only a start on the right side of each contact
 PRINTED_REST = {"key": 0.029, "whippen": 0.025, "jack": 0.32, "repetition": 0.35, "hammer": 0.295}

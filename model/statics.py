@@ -1,8 +1,9 @@
 """Static rest state of a scene: the angles at which all forces balance and nothing moves.
 
 At zero speed friction vanishes and felt is a conservative spring, so rest is a minimum of energy. Found by
-a damped Newton iteration with the analytic stiffness, which follows the energy down where a contact is still open,
-then polished until the residual stops falling. Fails with ``StaticsError`` that says how far it got.
+Newton's iteration along the principal axes of the analytic stiffness, which follows the energy down where a contact is
+still open or a balance is unstable, then polished until the residual stops falling. Fails with ``StaticsError`` that
+says how far it got.
 """
 
 from __future__ import annotations
@@ -13,15 +14,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import InputError, StaticsError
-from .kernels import dynamics
-from .kernels import layout as L
 from .kernels import workspace as W
-from .kernels.kinematics import place
+from .kernels.output import forces_along, penetrations
 from .kernels.scenes import kernels_of
 from .parameters import Action
 from .scene import Scene, build_scene
 
 LARGEST_TURN = 0.05  # rad per iteration
+KICK = 1e-3  # rad, off a saddle
+LARGEST_INPUT = 1e4  # N or N m
+MOST_ITERATIONS, MOST_ESCAPES = 2000, 10
 
 
 @dataclass(frozen=True)
@@ -37,10 +39,11 @@ class RestState:
 
 
 def _balance(scene: Scene, q: NDArray[np.float64], u: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Generalised force (n,) and its derivative (n, n) at rest; exact where the force is zero."""
+    """Generalised force (n,) and stiffness K (n, n) at rest."""
     n = scene.size
     w = np.zeros(W.SIZE)
     w[W.Q : W.Q + n] = q
+    w[W.STATIC] = 1.0
     kernels_of(scene.tables).linearise(w, scene.vector, u)
     mass = np.diag(w[W.M_DIAG : W.M_DIAG + n])
     for i, parent in enumerate(scene.tables.parent):
@@ -55,55 +58,57 @@ def solve_rest(scene: Scene, u: float = 0.0, start: NDArray[np.float64] | None =
 
     Raises
     ------
-    StaticsError : no stable balance within 2000 iterations.
+    StaticsError : no stable balance found.
+    InputError : the input or the start is not finite.
     """
-    if not np.isfinite(u):
-        raise InputError(f"rest state: input found {u}, allowed a finite number")
+    if not abs(u) <= LARGEST_INPUT:
+        raise InputError(f"rest state: input found {u:g}, allowed a finite number up to {LARGEST_INPUT:g}")
     q = np.array(scene.start if start is None else start, dtype=float)
-    for _ in range(10):
-        q, stiff = _descend(scene, q, u)
-        weakness, modes = np.linalg.eigh(-0.5 * (stiff + stiff.T))
-        if weakness[0] > 0.0:
+    if q.shape != (scene.size,) or not np.all(np.isfinite(q)):
+        raise InputError(f"rest state: start found {q}, allowed {scene.size} finite angles")
+    for _ in range(MOST_ESCAPES):
+        q, f, stiff = _descend(scene, q, u)
+        for _ in range(20):
+            step = np.linalg.lstsq(-stiff, f, rcond=None)[0]
+            f_new, stiff_new = _balance(scene, q + step, u)
+            if not np.max(np.abs(f_new)) < np.max(np.abs(f)):
+                break
+            q, f, stiff = q + step, f_new, stiff_new
+        value, direction = np.linalg.eigh(-0.5 * (stiff + stiff.T))
+        if value[0] > 0.0:
             return q
-        # a saddle: leave it along its weakest direction, to the side where the forces carry on
-        off = 0.01 * modes[:, 0]
-        force, _ = _balance(scene, q + off, u)
-        q = q + off if float(force @ off) > 0.0 else q - off
+        q = q + KICK * direction[:, 0]  # off the saddle; the next descent leaves it for good
     raise StaticsError("rest state: the balance found is not stable; check springs and geometry")
 
 
 def _descend(
     scene: Scene, q: NDArray[np.float64], u: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Follow the forces from ``q`` to a balance; angles (n,) and stiffness (n, n) there."""
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Follow the energy down from ``q`` to where the force (n,) vanishes; also returns that force and K (n, n).
+
+    The step is Newton's along each principal axis of the stiffness, downhill where that is negative, and limited
+    on each axis by itself: a loose body may swing far without holding back one that is pressed hard.
+    """
     f, stiff = _balance(scene, q, u)
-    shift = 1e-2
-    for _ in range(2000):
+    radius = LARGEST_TURN
+    for _ in range(MOST_ITERATIONS):
         size = float(np.max(np.abs(f)))
-        if size < 1e-9:
-            break
-        step = np.linalg.solve(shift * np.eye(scene.size) - stiff, f)
-        turn = float(np.max(np.abs(step)))
-        if turn > LARGEST_TURN:
-            step *= LARGEST_TURN / turn
+        if not np.isfinite(size) or not np.all(np.isfinite(stiff)):
+            raise StaticsError(f"rest state: forces are not finite at the angles {q}; check the geometry")
+        if size < max(1e-9, 1e-15 * float(np.max(np.abs(stiff)))):  # below that lies rounding
+            return q, f, stiff
+        value, axis = np.linalg.eigh(-0.5 * (stiff + stiff.T))
+        step = axis @ np.clip(axis.T @ f / np.maximum(np.abs(value), 1e-12), -radius, radius)
         f_new, stiff_new = _balance(scene, q + step, u)
         # energy falls along the step while the force still points with it
-        if float(f_new @ step) > -0.5 * abs(float(f @ step)) and float(f @ step) > 0.0:
+        if float(f_new @ step) > -0.5 * float(f @ step):
             q, f, stiff = q + step, f_new, stiff_new
-            shift = max(shift * 0.3, 1e-12)
+            radius = min(radius * 2.0, LARGEST_TURN)
         else:
-            shift = min(shift * 5.0, 1e4)
-    else:
-        raise StaticsError(
-            f"rest state: not found in 2000 iterations, largest residual {size:.2g} N m; check the geometry"
-        )
-    for _ in range(20):
-        step = np.linalg.solve(-stiff, f)
-        f_new, stiff_new = _balance(scene, q + step, u)
-        if not np.max(np.abs(f_new)) < np.max(np.abs(f)):
-            break
-        q, f, stiff = q + step, f_new, stiff_new
-    return q, stiff
+            radius = max(0.25 * min(radius, float(np.max(np.abs(step)))), 1e-15)
+    raise StaticsError(
+        f"rest state: not found in {MOST_ITERATIONS} iterations, largest residual {size:.2g} N m; check the geometry"
+    )
 
 
 def rest_state(action: Action, force_n: float = 0.0, scene: Scene | None = None) -> RestState:
@@ -117,14 +122,16 @@ def rest_state(action: Action, force_n: float = 0.0, scene: Scene | None = None)
     scene = build_scene(action) if scene is None else scene
     q = solve_rest(scene, force_n)
     forces, _ = _balance(scene, q, force_n)
-    zero, pose = np.zeros(scene.size), np.zeros((scene.size, L.POSE_SIZE))
-    place(q, zero, scene.vector, scene.tables.parent, pose)
-    states = [dynamics.contact_state(c, zero, scene.vector, scene.tables, pose) for c in range(len(scene.contacts))]
+    still = np.zeros(scene.size)
+    normal, tangential = (np.zeros((1, len(scene.contacts))) for _ in range(2))
+    forces_along(q[None], still[None], scene.vector, scene.tables, normal, tangential)
+    depth = np.zeros(len(scene.contacts))
+    penetrations(q, still, scene.vector, scene.tables, depth)
     return RestState(
         bodies=scene.bodies,
         angle_rad=q,
         contacts=scene.contacts,
-        contact_normal_n=np.array([s[0] for s in states]),
-        penetration_m=np.array([s[2] for s in states]),
+        contact_normal_n=normal[0],
+        penetration_m=depth,
         residual_nm=float(np.max(np.abs(forces))),
     )

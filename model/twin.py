@@ -108,7 +108,8 @@ class Twin:
         relative = self._point_jacobian(first, point) - self._point_jacobian(second, point)
         speed = relative @ v
         ka, kb, kc, damping = (a[f"{name}.normal.{k}"] for k in ("a", "b", "c", "D"))
-        normal = max(0.0, (ka * x**3 + kb * x**2 + kc * x) * (1 - damping * float(n @ speed)))
+        static = ka * x**3 + kb * x**2 + kc * x
+        normal = max(0.0, static) * max(0.0, 1 - damping * float(n @ speed))
         t = _turn(n)
         tangential = -normal * self._curve(float(t @ speed), a["friction_threshold.v_t"], f"{name}.friction")
         return normal, tangential, relative.T @ (normal * n + tangential * t)

@@ -7,6 +7,7 @@ purpose carries ``exit_code`` (2 bad input, 3 hardware or safety, 1 defect) and 
 
 from __future__ import annotations
 
+import io
 import os
 import sys
 
@@ -38,6 +39,9 @@ for _name in commands.NAMES:
 
 def main(arguments: list[str] | None = None) -> None:
     """Run the command line; exits the process."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):  # a Windows pipe may not know every sign; never die of that
+            stream.reconfigure(errors="replace")
     try:
         app(args=arguments, standalone_mode=True)
     except KeyboardInterrupt:
@@ -52,3 +56,7 @@ def main(arguments: list[str] | None = None) -> None:
             raise SystemExit(1) from None
         print(f"pianorig: {' '.join(str(problem).split())}", file=sys.stderr)
         raise SystemExit(code) from None
+
+
+if __name__ == "__main__":
+    main()

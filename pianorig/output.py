@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -98,6 +98,14 @@ def print_json(item: Mapping[str, Any]) -> None:
         return str(value)
 
     print(json.dumps(item, default=plain))
+
+
+def print_verdict(lines: Sequence[str]) -> None:
+    """Headline of a comparison, then its details one below the other."""
+    headline, *details = lines
+    print(headline)
+    for line in details:
+        print(f"  - {line}")
 
 
 def write_table(path: Path, table: pd.DataFrame) -> None:

@@ -18,10 +18,21 @@ from .tracking import BODIES_NAME
 if TYPE_CHECKING:
     from rig.session import Session, Trial
     from rig.simulated.camera import FilmTruth
-    from rig.simulated.camera_view import CameraSettings
+    from rig.simulated.camera_view import ActionGeometry, CameraSettings
     from rig.simulated.plant import PlantTruth
 
 STILL_BEFORE_S = 0.03  # still frames before the blow: reference picture and zero of the angles
+
+
+def action_geometry(truth: PlantTruth) -> ActionGeometry:
+    """Pivots and rest angles of the specimen's filmed bodies, as the camera sees them before the blow."""
+    from rig.simulated.camera_view import ActionGeometry
+
+    def pivot(body: str) -> tuple[float, float]:
+        return truth.action[f"{body}.pivot.x"], truth.action[f"{body}.pivot.y"]
+
+    whippen, jack, repetition = (float(angle) for angle in truth.film_angles_at(truth.time_s[:1])[0])
+    return ActionGeometry(pivot("whippen"), pivot("jack"), pivot("repetition"), (whippen, jack, repetition))
 
 
 def film_virtual_trial(
@@ -43,7 +54,7 @@ def film_virtual_trial(
     from dataclasses import replace
 
     from rig.simulated.camera import film_trial
-    from rig.simulated.camera_view import ActionGeometry, CameraSettings, film_bodies
+    from rig.simulated.camera_view import CameraSettings, film_bodies
     from vision import save_bodies
 
     data = trial.read()
@@ -54,7 +65,7 @@ def film_virtual_trial(
     times = camera.frame_time_s
     inside = (times >= data.blow_start_s - STILL_BEFORE_S) & (times <= data.time_s[-1] - camera.exposure_s)
     first = int(np.argmax(inside))
-    geometry = ActionGeometry()
+    geometry = action_geometry(truth)
     film = film_trial(
         trial.path.with_suffix(".mraw"),
         times[inside],

@@ -37,6 +37,47 @@ def session_trial_of(film: Path) -> tuple[Session, Trial] | None:
     return None
 
 
+def outlines_of(film: Path, bodies_file: Path | None) -> Path:
+    """File with a film's outlines: the one named, or its session's.
+
+    Raises
+    ------
+    InputError : there is no such film, or it belongs to no session and no file is named
+    """
+    if not film.exists():
+        raise InputError(f"{film}: no such film")
+    if bodies_file is not None:
+        return bodies_file
+    owner = session_trial_of(film)
+    if owner is None:
+        raise InputError(f"{film}: does not belong to a session; name its outlines with --bodies B.toml")
+    return owner[0].path / BODIES_NAME
+
+
+def expected_uncertainty(film: Path, bodies_file: Path | None = None) -> dict[str, float]:
+    """Standard uncertainty of each body's angle (rad) to expect, before the film is tracked."""
+    import vision
+
+    bodies = vision.load_bodies(outlines_of(film, bodies_file))
+    return vision.predict_uncertainty(film, bodies)
+
+
+def draw_track(
+    film: Path, bodies_file: Path | None, result: TrackResult, overlay: Path | None, contact_sheet: Path | None
+) -> None:
+    """Draw what was tracked: an overlay film (.avi) and a contact sheet of the worst frames (.png), where named."""
+    import vision
+
+    if overlay is None and contact_sheet is None:
+        return
+    bodies = vision.load_bodies(outlines_of(film, bodies_file))
+    with vision.open_film(film) as source:
+        if overlay is not None:
+            vision.write_overlay(overlay, source, bodies, result)
+        if contact_sheet is not None:
+            vision.write_contact_sheet(contact_sheet, source, bodies, result)
+
+
 def track_film_file(
     film: Path,
     bodies_file: Path | None = None,
@@ -59,13 +100,8 @@ def track_film_file(
     """
     import vision
 
-    if not film.exists():
-        raise InputError(f"{film}: no such film")
     owner = session_trial_of(film)
-    if bodies_file is None:
-        if owner is None:
-            raise InputError(f"{film}: does not belong to a session; name its outlines with --bodies B.toml")
-        bodies_file = owner[0].path / BODIES_NAME
+    bodies_file = outlines_of(film, bodies_file)
     bodies = vision.load_bodies(bodies_file)
     times = None
     with vision.open_film(film) as source:

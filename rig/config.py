@@ -147,6 +147,12 @@ class DriveEnableConfig(_Table):
     line: Text
 
 
+class WatchdogConfig(_Table):
+    """The device's watchdog timer: outputs made safe when the program has been silent for ``timeout_s``."""
+
+    timeout_s: Number = Field(default=0.5, ge=0.05, le=30)
+
+
 class RecordingConfig(_Table):
     """Timing of a trial and what counts as rest."""
 
@@ -170,6 +176,7 @@ class RigConfig(_Table):
     motor: MotorConfig
     camera: CameraConfig | None = None
     drive_enable: DriveEnableConfig | None = None
+    watchdog: WatchdogConfig | None = None
     recording: RecordingConfig = RecordingConfig()
 
     @model_validator(mode="after")
@@ -185,6 +192,11 @@ class RigConfig(_Table):
         if len(set(own)) != len(own):
             raise ValueError(
                 f"encoders and camera use the counters {counters}, allowed one task per counter; give each its own"
+            )
+        if self.watchdog is not None and self.recording.block_s > self.watchdog.timeout_s / 2:
+            raise ValueError(
+                f"recording.block_s = {self.recording.block_s:g} s, allowed at most half of watchdog.timeout_s = "
+                f"{self.watchdog.timeout_s:g} s"
             )
         terminals = [t for encoder in self.encoders for t in (encoder.a_terminal, encoder.b_terminal)]
         if len(set(terminals)) != len(terminals):

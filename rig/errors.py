@@ -28,7 +28,8 @@ class HardwareFault(RigError):
     code : int or None
         Status code of the vendor's driver (for NI-DAQmx a negative number), if there is one.
     phase : str
-        What was being done: ``connect``, ``configure``, ``arm``, ``start``, ``read`` or ``stop``.
+        What was being done: ``connect``, ``configure``, ``arm``, ``start``, ``read``, ``write``, ``interlock``
+        or ``stop``.
     """
 
     exit_code: int = 3
@@ -65,3 +66,15 @@ class DeviceNotFound(HardwareFault):
 
 class NotSupported(HardwareFault):
     """The device refuses what was asked for: channel, range, route, rate or call."""
+
+
+class WatchdogTripped(HardwareFault):
+    """The program was silent for too long: the device itself has put the outputs in their safe state."""
+
+
+class RecordingFault(HardwareFault):
+    """The disk does not take what is acquired (phase ``write``)."""
+
+
+class LimitExceeded(HardwareFault):
+    """A measured value left the limits of the rig file (phase ``interlock``)."""

@@ -1,7 +1,7 @@
-"""Ctrl-C put off while the bench is being made safe or a trial is being sealed.
+"""Ctrl-C and SIGTERM: turned into an exception, and put off while the bench is made safe or a trial is sealed.
 
-Only the main thread receives signals; elsewhere the block runs as it is. The interrupt is delivered when the block
-ends.
+Only the main thread receives signals; elsewhere the blocks run as they are. An interrupt that was put off is delivered
+when the block ends. A program that is killed outright runs none of this; that is what watchdog and journal are for.
 """
 
 from __future__ import annotations
@@ -11,23 +11,58 @@ import signal
 import threading
 from collections.abc import Iterator
 from types import FrameType
+from typing import Any
+
+_ENDING = ("SIGTERM", "SIGHUP", "SIGBREAK")
+"""Signals that ask a program to end; which of them exist depends on the system."""
+
+
+class Terminated(KeyboardInterrupt):
+    """The system or another program asked this one to end."""
+
+
+def _signals(*names: str) -> list[int]:
+    return [int(getattr(signal, name)) for name in names if hasattr(signal, name)]
+
+
+@contextlib.contextmanager
+def termination_as_interrupt() -> Iterator[None]:
+    """Raise :class:`Terminated` inside the block when the program is asked to end, so that it ends like Ctrl-C."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+
+    def terminate(number: int, frame: FrameType | None) -> None:
+        raise Terminated(f"stopped by {signal.Signals(number).name}")
+
+    previous: dict[int, Any] = {}
+    for number in _signals(*_ENDING):
+        if signal.getsignal(number) is signal.SIG_DFL:  # whoever installed a handler of his own keeps it
+            previous[number] = signal.signal(number, terminate)
+    try:
+        yield
+    finally:
+        for number, handler in previous.items():
+            signal.signal(number, handler)
 
 
 @contextlib.contextmanager
 def deferred() -> Iterator[None]:
-    """Hold back SIGINT until the block has ended."""
+    """Hold back Ctrl-C and the signals that end a program until the block has ended."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
     waiting: list[tuple[int, FrameType | None]] = []
-    previous = signal.getsignal(signal.SIGINT)
-    if previous is None:  # installed by C code, cannot be put back from here
-        yield
-        return
-    signal.signal(signal.SIGINT, lambda number, frame: waiting.append((number, frame)))
+    previous: dict[int, Any] = {}
+    for number in _signals("SIGINT", *_ENDING):
+        handler = signal.getsignal(number)
+        if callable(handler):  # not installed by C code, nor the system's default
+            previous[number] = handler
+            signal.signal(number, lambda at, frame: waiting.append((at, frame)))
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, previous)
-        if waiting and callable(previous):
-            previous(*waiting[-1])
+        for number, handler in previous.items():
+            signal.signal(number, handler)
+        if waiting:
+            previous[waiting[-1][0]](*waiting[-1])

@@ -1,8 +1,8 @@
 """The recorder: a session of trials from one profile, checked before anything moves, safe on every way out.
 
-Place in the data flow: profile and rig file → backend → session folder. Ctrl-C and faults stop the bench safely;
-what was recorded is kept and marked, and the exception goes on to the caller. When not one trial was recorded, no
-session folder is left.
+Place in the data flow: profile and rig file → backend → session folder. Ctrl-C, SIGTERM and faults stop the bench
+safely; what was recorded is kept and marked, and the exception goes on to the caller. When not one trial was recorded,
+no session folder is left. A program that is killed leaves a journal, see :mod:`rig.recover`.
 """
 
 from __future__ import annotations
@@ -18,12 +18,13 @@ from rig.backend import Backend, open_backend
 from rig.config import Rig, load_rig
 from rig.errors import HardwareFault, InputError
 from rig.feed import BlockFeed
-from rig.interrupts import deferred
+from rig.interrupts import deferred, termination_as_interrupt
 from rig.profile import Profile, load_profile
 from rig.session import Session, SessionInfo, Trial
 from rig.session.annotation_file import utc_now
 from rig.session.info import ActionInfo, FileInfo, PlanInfo, RoomInfo
-from rig.trial_run import Progress, motor_command, run_trial
+from rig.session.journal import JournalWriter
+from rig.trial_run import OpenJournal, Progress, motor_command, run_trial
 
 MAX_TRIALS = 9999
 PACKAGES = ("piano-action-rig", "numpy", "h5py", "nidaqmx", "grpcio")
@@ -44,6 +45,7 @@ def record_session(
     progress: Callable[[Progress], None] | None = None,
     after_trial: Callable[[Trial], None] | None = None,
     feed: BlockFeed | None = None,
+    open_journal: OpenJournal = JournalWriter,
 ) -> Session:
     """Record a session.
 
@@ -65,6 +67,8 @@ def record_session(
         Called with each sealed trial while the backend is still open, e.g. to save a film.
     feed : BlockFeed, optional
         Bounded feed for a live view.
+    open_journal : callable, optional
+        Creates each trial's journal; tests put a bad disk here.
 
     Returns
     -------
@@ -92,15 +96,22 @@ def record_session(
             Path(out).name, opened, profile, rig, trials, operator, action or ActionInfo(name=action_name), room, notes
         )
         session = Session.create(out, info, {"rig.toml": rig.text, "profile.toml": profile.text})
-        for number in range(1, trials + 1):
-            outcome = run_trial(opened, rig.config, command, number, trials, progress=progress, feed=feed)
-            if outcome.data is not None:
-                with deferred():
-                    trial = session.add_trial(outcome.data)
-                if outcome.error is None and after_trial is not None:
-                    after_trial(trial)
-            if outcome.error is not None:
-                raise outcome.error
+        with termination_as_interrupt():
+            for number in range(1, trials + 1):
+                journal = session.journal_path(number)
+                outcome = run_trial(
+                    opened, rig.config, command, number, trials, journal,
+                    progress=progress, feed=feed, open_journal=open_journal,
+                )  # fmt: skip
+                if outcome.data is not None:
+                    with deferred():
+                        trial = session.add_trial(outcome.data)
+                        if outcome.journal is not None:
+                            outcome.journal.remove()
+                    if outcome.error is None and after_trial is not None:
+                        after_trial(trial)
+                if outcome.error is not None:
+                    raise outcome.error
     except BaseException:
         if isinstance(backend, str):
             with deferred(), contextlib.suppress(HardwareFault):
@@ -111,7 +122,7 @@ def record_session(
             opened.close()
     finally:
         with deferred():
-            if session is not None and not session.trials:
+            if session is not None and not session.trials and not session.journals:
                 _discard(session, existed)
     return session
 

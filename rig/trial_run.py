@@ -1,13 +1,15 @@
 """One trial on a backend: quiet, blow, rest; whatever happens the bench is made safe and what was recorded is kept.
 
-Place in the data flow: recorder → this → backend; returns the trial's data with a status, and the exception that
-ended it, if any.
+Place in the data flow: recorder → this → backend and journal; returns the trial's data with a status, and the
+exception that ended it, if any. A block is in the journal before anybody is told of it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +22,9 @@ from rig.interrupts import deferred
 from rig.profile import Profile
 from rig.rest import RestDetector
 from rig.session.annotation_file import utc_now
-from rig.session.records import CameraInfo, EncoderInfo, ForceInfo, TrialData
+from rig.session.journal import JournalWriter
+from rig.session.records import EncoderInfo, ForceInfo, TrialData
+from rig.session.trial_head import FrameClock, TrialHead
 
 READ_TIMEOUT_S = 2.0
 """How long a block may be late before the motor is stopped; a block takes 20 ms."""
@@ -28,21 +32,34 @@ READ_TIMEOUT_S = 2.0
 
 @dataclass(frozen=True)
 class Progress:
-    """Where the recording is: trial of trials, time in the trial, and the largest force of the last block."""
+    """Where the recording is: trial of trials, time in the trial, and the largest force of the last block.
+
+    What lies before ``committed_s`` is in the journal and survives whatever happens to the program.
+    """
 
     trial: int
     trials: int
     time_s: float
     blow_end_s: float
     peak_force_n: float
+    committed_s: float = 0.0
+
+
+class OpenJournal(Protocol):
+    """Creates the journal of a trial: path, head, largest number of samples and of blocks."""
+
+    def __call__(self, path: Path, head: TrialHead, most_samples: int, most_blocks: int) -> JournalWriter:
+        """Create it."""
+        ...
 
 
 @dataclass(frozen=True, eq=False)
 class TrialOutcome:
-    """Data of a trial (None when not one sample came) and what ended it early."""
+    """Data of a trial (None when not one sample came), its journal, and what ended it early."""
 
     data: TrialData | None
     error: BaseException | None
+    journal: JournalWriter | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,24 +96,42 @@ def run_trial(
     command: MotorCommand,
     number: int,
     trials: int,
+    journal_path: Path,
     *,
     progress: Callable[[Progress], None] | None = None,
     feed: BlockFeed | None = None,
+    open_journal: OpenJournal = JournalWriter,
 ) -> TrialOutcome:
-    """Record one trial; never raises for what happens on the bench, the outcome carries it."""
+    """Record one trial; never raises for what happens on the bench, the outcome carries it.
+
+    The journal at ``journal_path`` is closed but still there: the caller removes it once the trial is sealed.
+    """
     blocks: list[Block] = []
-    started = utc_now()
     status, reason = "fault", ""
     error: BaseException | None = None
-    timing: Timing | None = None
+    head: TrialHead | None = None
+    journal: JournalWriter | None = None
     try:
         timing = backend.configure(config, command.volts)
+        head = _head(config, command, timing, number, backend.capabilities.simulated)
+        size, longest = _lengths(config, command, timing)
+        journal = open_journal(journal_path, head, longest + size, longest // size + 2)
         backend.arm()
-        started = utc_now()
         backend.start()
-        status = _read_until_rest(backend, config, command, timing, blocks, number, trials, progress, feed)
+
+        def keep(block: Block) -> None:
+            blocks.append(block)
+            committed = journal.append(block)
+            if feed is not None:
+                feed.publish(block)
+            if progress is not None:
+                peak = float(np.max(np.abs(block.force_n)))
+                rate, read = timing.sample_rate_hz, block.first_sample + block.force_n.size
+                progress(Progress(number, trials, read / rate, command.blow_end_s, peak, committed / rate))
+
+        status = _read_until_rest(backend, config, command, timing, keep)
     except KeyboardInterrupt as interrupt:
-        status, reason, error = "interrupted", "stopped by the operator", interrupt
+        status, reason, error = "interrupted", str(interrupt) or "stopped by the operator", interrupt
     except BaseException as fault:
         status, reason, error = "fault", _one_line(fault), fault
     finally:
@@ -105,32 +140,36 @@ def run_trial(
                 backend.safe_stop()
             except HardwareFault as fault:
                 status, reason, error = "fault", _one_line(fault), error or fault
-    if status == "not at rest":
-        reason = f"not at rest {config.recording.longest_s:g} s after the blow"
-    if not blocks or timing is None:
+            if status == "not at rest":
+                reason = f"not at rest {config.recording.longest_s:g} s after the blow"
+            if journal is not None:
+                try:
+                    journal.close(status, reason)
+                except HardwareFault as fault:
+                    if error is None:
+                        status, reason, error = "fault", _one_line(fault), fault
+    if not blocks or head is None:
+        if journal is not None:
+            journal.remove()
         return TrialOutcome(None, error)
-    simulated = backend.capabilities.simulated
-    return TrialOutcome(_trial_data(config, command, timing, blocks, number, started, status, reason, simulated), error)
+    return TrialOutcome(head.assemble(blocks, status, reason), error, journal)
+
+
+def _lengths(config: RigConfig, command: MotorCommand, timing: Timing) -> tuple[int, int]:
+    """Return samples per block, and of the longest trial."""
+    rate, recording = timing.sample_rate_hz, config.recording
+    size = max(int(round(recording.block_s * rate)), 1)
+    return size, command.volts.size + int(np.ceil(recording.longest_s * rate))
 
 
 def _read_until_rest(
-    backend: Backend,
-    config: RigConfig,
-    command: MotorCommand,
-    timing: Timing,
-    blocks: list[Block],
-    number: int,
-    trials: int,
-    progress: Callable[[Progress], None] | None,
-    feed: BlockFeed | None,
+    backend: Backend, config: RigConfig, command: MotorCommand, timing: Timing, keep: Callable[[Block], None]
 ) -> str:
     rate, recording = timing.sample_rate_hz, config.recording
-    size = max(int(round(recording.block_s * rate)), 1)
-    earliest = command.volts.size + int(np.ceil(timing.force_group_delay_s * rate))
-    longest = command.volts.size + int(np.ceil(recording.longest_s * rate))
+    size, longest = _lengths(config, command, timing)
     detector = RestDetector(
         window=int(np.ceil(recording.rest_s * rate)),
-        earliest=earliest,
+        earliest=command.volts.size + int(np.ceil(timing.force_group_delay_s * rate)),
         baseline=int(command.blow_start_s * rate),
         counts=recording.rest_counts,
         force_n=recording.rest_force_n,
@@ -138,21 +177,12 @@ def _read_until_rest(
     read = 0
     while True:
         block = backend.read_block(size, READ_TIMEOUT_S)
-        blocks.append(block)
+        keep(block)
         read += size
-        if feed is not None:
-            feed.publish(block)
-        if progress is not None:
-            peak = float(np.max(np.abs(block.force_n)))
-            progress(Progress(number, trials, read / rate, command.blow_end_s, peak))
         if detector.add(block.force_n, block.encoder_count):
             return "complete"
         if read >= longest:
             return "not at rest"
-
-
-def _joined(blocks: list[Block]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    return np.concatenate([b.force_n for b in blocks]), np.concatenate([b.encoder_count for b in blocks])
 
 
 def _one_line(error: BaseException) -> str:
@@ -160,39 +190,17 @@ def _one_line(error: BaseException) -> str:
     return " ".join(text.split())
 
 
-def _trial_data(
-    config: RigConfig,
-    command: MotorCommand,
-    timing: Timing,
-    blocks: list[Block],
-    number: int,
-    started: str,
-    status: str,
-    reason: str,
-    simulated: bool,
-) -> TrialData:
-    force_n, count = _joined(blocks)
-    n, rate = force_n.size, timing.sample_rate_hz
-    if [block.first_sample for block in blocks] != list(np.cumsum([0, *(b.force_n.size for b in blocks[:-1])])):
-        raise HardwareFault(f"trial {number}: the blocks read do not follow each other without a gap")
-    volts = np.zeros(n)
-    volts[: min(n, command.volts.size)] = command.volts[:n]
-    return TrialData(
+def _head(config: RigConfig, command: MotorCommand, timing: Timing, number: int, simulated: bool) -> TrialHead:
+    return TrialHead(
         number=number,
-        status=status,
-        reason=reason,
-        started_utc=started,
+        started_utc=utc_now(),
         simulated=simulated,
-        sample_rate_hz=rate,
-        time_s=np.arange(n) / rate,
-        force_n=force_n,
-        force_raw=np.concatenate([block.force_raw for block in blocks]),
-        motor_command_v=volts,
-        encoder_count=count,
+        sample_rate_hz=timing.sample_rate_hz,
+        blow_start_s=command.blow_start_s,
+        command_v=command.volts,
         encoders=_encoders(config),
         force_info=_force_info(config, timing),
-        camera=_camera(config, timing, (n - 1) / rate),
-        blow_start_s=command.blow_start_s,
+        frame_clock=_frame_clock(config, timing),
     )
 
 
@@ -222,16 +230,7 @@ def _force_info(config: RigConfig, timing: Timing) -> ForceInfo:
     )
 
 
-def _camera(config: RigConfig, timing: Timing, end_s: float) -> CameraInfo | None:
+def _frame_clock(config: RigConfig, timing: Timing) -> FrameClock | None:
     if config.camera is None or timing.frame_rate_hz is None or timing.first_pulse_s is None:
         return None
-    exposure_s = config.camera.exposure_s
-    # a frame counts when its exposure ended within the record
-    frames = int(np.floor((end_s - timing.first_pulse_s - exposure_s) * timing.frame_rate_hz + 1e-9)) + 1
-    return CameraInfo(
-        frame_rate_hz=timing.frame_rate_hz,
-        first_frame_time_s=timing.first_pulse_s + exposure_s / 2,
-        exposure_s=exposure_s,
-        n_frames=max(frames, 0),
-        u_time_s=config.camera.u_time_s,
-    )
+    return FrameClock(timing.frame_rate_hz, timing.first_pulse_s, config.camera.exposure_s, config.camera.u_time_s)

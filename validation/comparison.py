@@ -19,17 +19,24 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from validation.curve_tables import channel_tables, film_trace_table, score_table, trace_table, with_scores
+from validation.curve_tables import (
+    channel_tables,
+    film_trace_table,
+    on_common_base,
+    score_table,
+    trace_table,
+    with_scores,
+)
 from validation.errors import InputError, TrialError
 from validation.event import Event
 from validation.event_tables import event_summary, event_table
 from validation.events import find_events
-from validation.geometry import ActionGeometry, geometry_of
+from validation.geometry import ActionGeometry, Array, geometry_of
 from validation.measurement import ENCODER_CHANNELS, U_REST_LEVEL_M, Measurement, measure
 from validation.motion import motion_of
 from validation.prediction import Prediction, action_sha256, predict_trial
 from validation.provenance import model_version, provenance
-from validation.repeatability import event_repeatability, few_trials_warning
+from validation.repeatability import STANDS_OUT, distance_ratios, event_repeatability, few_trials_warning
 from validation.result import ValidationResult
 from validation.trial_tables import trial_row, uncertainty_table
 from validation.verdict import verdict_lines
@@ -145,7 +152,14 @@ def compare_session(
         window,
         [text for text in warnings if text],
         lambda: provenance(
-            session, action, action_hash, version, tolerance, window, now().strftime("%Y-%m-%dT%H:%M:%SZ")
+            session,
+            action,
+            action_hash,
+            version,
+            tolerance,
+            window,
+            {m.number: m.seal for m in measured},
+            now().strftime("%Y-%m-%dT%H:%M:%SZ"),
         ),
     )
 
@@ -174,6 +188,8 @@ def _assemble(
         for number, events in trial_events.items()
         if events["string_impact"].status != "absent"
     }
+    base = spread["time_s"].to_numpy()
+    warnings = warnings + _outlying(base, traces)
     u_encoder = {m.number: m.u_rad for m in measured}
     scores = score_table(traces, filmed, u_encoder, channels, window, impact)
     channels = with_scores(channels, scores)
@@ -202,6 +218,19 @@ def _assemble(
         film_traces=filmed,
         provenance=origin(),
     )
+
+
+def _outlying(base: Array, traces: dict[int, pd.DataFrame]) -> list[str]:
+    """Trials that stand out from the others in a channel, said and kept."""
+    texts = []
+    for channel in ENCODER_CHANNELS:
+        ratios = distance_ratios(on_common_base(base, traces, f"{channel}_measured_rad"))
+        texts += [
+            f"trial {number} stands out in {channel}: {ratio:.1f} times as far from the others as is usual; it is kept"
+            for number, ratio in zip(traces, ratios, strict=True)
+            if ratio > STANDS_OUT
+        ]
+    return texts
 
 
 def open_session(session: Any) -> Any:

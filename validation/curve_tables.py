@@ -7,6 +7,9 @@ Failure: what cannot be stated is NaN, and the column ``state`` or ``reason`` sa
 
 from __future__ import annotations
 
+from itertools import combinations
+from typing import TYPE_CHECKING
+
 import numpy as np
 import pandas as pd
 
@@ -18,6 +21,9 @@ from validation.prediction import BODIES, Prediction
 from validation.repeatability import curve_repeatability, s_interval_factors
 from validation.window import Window
 
+if TYPE_CHECKING:
+    from validation.iso18571 import IsoScore
+
 CURVE_COLUMNS = (
     "range_rad",
     "s_r_rad",
@@ -27,9 +33,11 @@ CURVE_COLUMNS = (
     "limit_rad",
     "trial_to_trial_rmse_rad",
     "pairs",
+    "iso_ceiling",
     "mean_difference_rad",
     "resolved_share",
 )
+CEILING_PAIRS = 10
 
 
 def trace_table(m: Measurement, p: Prediction) -> pd.DataFrame:
@@ -120,12 +128,20 @@ def channel_tables(
                     "limit_rad": r.limit,
                     "trial_to_trial_rmse_rad": ceiling,
                     "pairs": pairs,
+                    "iso_ceiling": _iso_ceiling(base, curves),
                     "mean_difference_rad": paired.rms,
                     "resolved_share": paired.resolved_share,
-                    "state": "one trial" if r.n_trials == 1 else "",
+                    "state": _state(curves),
                 }
             )
     return pd.DataFrame(rows), pd.DataFrame(spread)
+
+
+def _state(curves: Array) -> str:
+    """Why a channel has no repeatability, or an empty text."""
+    if not np.isfinite(curves).any():
+        return "no frame tracked"
+    return "one trial" if curves.shape[1] == 1 else ""
 
 
 def score_table(
@@ -150,6 +166,7 @@ def score_table(
                     frame[f"{name}_predicted_rad"].to_numpy(),
                 )
                 score = score_curve(time, trial, model, s_r[name])
+                iso = _iso(time, trial, model)
                 before = score_curve(time[early], trial[early], model[early])
                 if source == "encoder":
                     u = float(u_encoder[number][i])
@@ -166,6 +183,12 @@ def score_table(
                         "before_impact_rmse_rad": before.rmse,
                         "rmse_over_range": score.rmse_over_range,
                         "rmse_over_s_r": score.rmse_over_s_r,
+                        "iso_overall": iso.overall if iso else np.nan,
+                        "iso_corridor": iso.corridor if iso else np.nan,
+                        "iso_phase": iso.phase if iso else np.nan,
+                        "iso_magnitude": iso.magnitude if iso else np.nan,
+                        "iso_slope": iso.slope if iso else np.nan,
+                        "iso_shift_s": iso.shift_samples * (time[1] - time[0]) if iso else np.nan,
                         "bias_rad": score.bias,
                         "scatter_rad": score.scatter,
                         "largest_rad": score.largest,
@@ -178,11 +201,29 @@ def score_table(
     return pd.DataFrame(rows)
 
 
+def _iso(time: Array, trial: Array, model: Array) -> IsoScore | None:
+    """ISO 18571-style score, or None where a sample is lost or there are too few."""
+    from validation.iso18571 import FEWEST_SAMPLES, iso_score
+
+    if time.size < FEWEST_SAMPLES or not (np.isfinite(trial).all() and np.isfinite(model).all()):
+        return None
+    return iso_score(trial, model, float(np.mean(np.diff(time))))
+
+
+def _iso_ceiling(base: Array, curves: Array) -> float:
+    """Mean overall score of one trial against another, over the first ten pairs."""
+    pairs = list(combinations(range(curves.shape[1]), 2))[:CEILING_PAIRS]
+    scores = [_iso(base, curves[:, i], curves[:, j]) for i, j in pairs]
+    known = [score.overall for score in scores if score is not None]
+    return float(np.mean(known)) if known else float("nan")
+
+
 def with_scores(channels: pd.DataFrame, scores: pd.DataFrame) -> pd.DataFrame:
     """Channel summary with the root mean square of its trials' RMSE."""
     rms = scores.groupby("channel")["rmse_rad"].agg(lambda v: float(np.sqrt(np.mean(np.square(v)))))
     out = channels.copy()
     out["rmse_rad"] = out["channel"].map(rms)
+    out["iso_overall"] = out["channel"].map(scores.groupby("channel")["iso_overall"].mean())
     out["rmse_over_range"] = out["rmse_rad"] / out["range_rad"]
     out["rmse_over_s_r"] = out["rmse_rad"] / out["s_r_rad"].where(out["s_r_rad"] > 0)
     first = [

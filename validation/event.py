@@ -78,7 +78,7 @@ EVENTS: dict[str, EventKind] = {
         "Check height", "m", "mm", 1e3, "median hammer height while held for at least 20 ms after the impact"
     ),
     "key_release": EventKind(
-        "Key release", "s", "ms", 1e3, "key dip falls below 0.9 of the touching dip and stays below for 20 ms"
+        "Key release", "s", "ms", 1e3, "key dip falls for the last time through half the touching dip"
     ),
     "second_strike": EventKind(
         "Second strike",

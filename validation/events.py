@@ -34,17 +34,15 @@ def find_events(motion: Motion, quiet_stop: int) -> dict[str, Event]:
     strikes = find_strikes(motion)
     first = strikes[0] if strikes else None
     second = strikes[1] if len(strikes) > 1 else None
-    bottom = key_bottom(motion)
-    down_s = bottom.value if bottom.status != "absent" else None
     check_time, check_height = check(motion, first.time_s if first else None, second.time_s if second else float("inf"))
     found = [
-        bottom,
+        key_bottom(motion),
         _impact("string_impact", first, "hammer never reaches the string"),
         _speed("hammer_speed", first, first.arrival if first else None, motion.u_speed_relative),
         _speed("rebound_speed", first, first.rebound if first else None, motion.u_speed_relative),
         check_time,
         check_height,
-        key_release(motion, down_s),
+        key_release(motion),
         _impact("second_strike", second, "one string impact only" if first else "no string impact"),
         rest(motion, quiet_stop),
     ]

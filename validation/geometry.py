@@ -152,9 +152,8 @@ def touch_dip(rest_rad: Array, dip: Callable[[Array], Array], key_gap: Callable[
     closed = np.flatnonzero(gap <= 0)
     if closed.size == 0 or closed[0] == 0:
         raise InputError(
-            f"action: gap under the key front is {1e3 * gap[0]:.2f} mm at rest and {1e3 * gap[-1]:.2f} "
-            f"mm after 0.2 rad; "
-            "it must start above 0 and close; check the key front contact"
+            f"action: gap under the key front is {1e3 * gap[0]:.2f} mm at rest and {1e3 * gap[-1]:.2f} mm "
+            "after 0.2 rad; it must start above 0 and close; check the key front contact"
         )
     i = int(closed[0])
     share = gap[i - 1] / (gap[i - 1] - gap[i])

@@ -25,8 +25,7 @@ HOLD_RANGE_M = 0.5e-3
 CHECK_BAND_M = 0.25e-3
 CHECK_LOWEST = 0.85
 CHECK_HIGHEST_M = 1e-3
-RELEASE_SHARE = 0.9
-RELEASE_STAYS_S = 0.02
+RELEASE_SHARE = 0.5
 DIP_HYSTERESIS_M = 0.5e-3
 REST_BAND_M = 0.1e-3
 REST_STAYS_S = 0.05
@@ -73,9 +72,9 @@ def check(motion: Motion, impact_s: float | None, until_s: float = np.inf) -> tu
     outside = np.flatnonzero(np.abs(height - centre) > HOLD_RANGE_M)
     later = outside[outside >= last]
     stop = int(later[0]) if later.size else time.size
-    level = float(np.median(height[first:stop]))
-    held = height[first:stop]
-    u_height = float(np.hypot(motion.level_u_height_m(), np.std(held) / np.sqrt(max(len(held), 1))))
+    held = height[first:stop][np.isfinite(height[first:stop])]
+    level = float(np.median(held))
+    u_height = float(np.hypot(motion.level_u_height_m(), np.std(held) / np.sqrt(len(held))))
 
     def entry(band: float) -> float | None:
         away = np.abs(height - level)
@@ -108,31 +107,26 @@ def _first_hold(motion: Motion, after_s: float, until_s: float, length_s: float)
     origin = -(n // 2)  # windows that begin at the sample
     top = maximum_filter1d(part, n, mode="constant", cval=np.inf, origin=origin)
     low = minimum_filter1d(part, n, mode="constant", cval=-np.inf, origin=origin)
-    held = (top - low < HOLD_RANGE_M) & (low > CHECK_HIGHEST_M) & (top < CHECK_LOWEST * motion.rest_height_m)
+    with np.errstate(invalid="ignore"):  # a window of lost samples only
+        narrow = top - low < HOLD_RANGE_M
+    held = narrow & (low > CHECK_HIGHEST_M) & (top < CHECK_LOWEST * motion.rest_height_m)
     hits = np.flatnonzero(held[: part.size - n + 1])
     return (begin + int(hits[0]), begin + int(hits[0]) + n) if hits.size else None
 
 
-def key_release(motion: Motion, after_s: float | None) -> Event:
-    """First fall of the key dip through 0.9 of the touching dip that lasts 20 ms, after a given time."""
-    if after_s is None:
-        return absent("key_release", "key never reached its bottom")
+def key_release(motion: Motion) -> Event:
+    """Last fall of the key dip through half the touching dip, when the key stays up to the end of the record."""
     time, dip = motion.time_s, motion.key_dip_m
 
     def find(level: float) -> float | None:
+        falls = down_crossings(time, dip, level)
         rises = up_crossings(time, dip, level)
-        for fall in down_crossings(time, dip, level):
-            again = first_after(rises, fall)
-            if fall >= after_s and (again is None or again - fall >= RELEASE_STAYS_S):
-                return fall
-        return None
+        return falls[-1] if falls and (not rises or rises[-1] < falls[-1]) else None
 
     value, u = with_level_uncertainty(find, RELEASE_SHARE * motion.key_touch_dip_m, motion.level_u_dip_m())
-    return (
-        absent("key_release", "key stays down to the end of the record")
-        if value is None
-        else _timed("key_release", value, u)
-    )
+    if value is None:
+        return absent("key_release", "key never went half down, or is still down at the end of the record")
+    return _timed("key_release", value, u)
 
 
 def rest(motion: Motion, quiet_stop: int) -> Event:
@@ -153,7 +147,7 @@ def rest(motion: Motion, quiet_stop: int) -> Event:
 
     value, u = with_level_uncertainty(find, REST_BAND_M, max(motion.u_height_m, motion.u_dip_m))
     if value is None:
-        left = 1e3 * float(away[-1]) if away.size else float("nan")
+        left = 1e3 * float(away[np.isfinite(away)][-1])
         return absent("rest", f"not at rest for the last 50 ms of the record; {left:.2f} mm away at its end")
     return _timed("rest", value, u)
 

@@ -93,7 +93,7 @@ def measure(
     resolution = np.array([abs(data.encoders[i].rad_per_count) for i in order])
     info = data.force_info
     time = np.asarray(data.time_s, dtype=float)
-    quiet = find_quiet(time, data.force_n, counts, mains_hz=info.mains_frequency_hz)
+    quiet = find_quiet(time, data.force_n, counts, mains_hz=info.mains_frequency_hz, group_delay_s=info.group_delay_s)
     force = correct_force(
         time,
         data.force_n,
@@ -152,8 +152,8 @@ def _film(table: pd.DataFrame | None, data: Any, quiet: Quiet) -> tuple[FilmAngl
     notes = []
     if time[0] > quiet.end_s:
         notes.append(
-            f"film starts at {time[0]:.4f} s, after the quiet interval ended at {quiet.end_s:.4f} s: its "
-            f"zero is not at rest"
+            f"film starts at {time[0]:.4f} s, after the quiet interval ended at {quiet.end_s:.4f} s: "
+            "its zero is not at rest"
         )
     for name in FILM_CHANNELS:
         lost = int((~np.isfinite(change[name])).sum())

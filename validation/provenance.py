@@ -53,6 +53,7 @@ def provenance(
     version: str,
     tolerance: float,
     window: Window,
+    seals: dict[int, str],
     created_utc: str,
 ) -> dict[str, Any]:
     """Everything a reader needs to make the same report again, as plain values."""
@@ -69,6 +70,7 @@ def provenance(
             "profile": getattr(getattr(info, "profile", None), "name", ""),
             "profile_sha256": getattr(getattr(info, "profile", None), "sha256", ""),
         },
+        "trials_sha256": {f"trial_{number:04d}": seal for number, seal in seals.items()},
         "action": {
             "name": getattr(action, "name", "unknown"),
             "origin": Path(str(getattr(action, "origin", ""))).name,
@@ -83,9 +85,8 @@ def provenance(
             "start_rule": window.start_rule,
             "end_rule": window.end_rule,
         },
-        "force": "offset and mains hum fitted on the quiet baseline and subtracted; channel delay taken "
-        "off the time axis; "
-        "never smoothed",
+        "force": "offset and mains hum fitted on the quiet baseline and subtracted, declared preload added; channel "
+        "delay taken off the time axis; never smoothed",
         "alignment": "none: model and trial share the DAQ clock",
         "event_definitions": {name: kind.definition for name, kind in EVENTS.items()},
         "versions": versions(),

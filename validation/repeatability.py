@@ -22,6 +22,8 @@ from validation.geometry import Array
 CONFIDENCE = 0.95
 RECOMMENDED_TRIALS = 10
 FEWEST_TRIALS = 6
+FEWEST_TO_STAND_OUT = 4
+STANDS_OUT = 4.0  # fewer than 3 % of good sessions of six trials (simulated in the tests)
 
 
 @dataclass(frozen=True)
@@ -102,6 +104,31 @@ def curve_repeatability(curves: Array) -> CurveRepeatability:
     pooled = float(np.sqrt(np.mean(usable**2))) if usable.size else float("nan")
     largest = float(usable.max()) if usable.size else float("nan")
     return CurveRepeatability(s_r, mean, pooled, largest, values.shape[1])
+
+
+def distance_ratios(curves: Array) -> Array:
+    """How far each trial lies from the others, over how far trials usually do.
+
+    The distance of a trial is the root mean square of its difference from the median curve of the others; the ratio is
+    to the median distance.  NaN with fewer than four trials, where one trial cannot be told from the others.
+
+    Parameters
+    ----------
+    curves : (n_samples, n_trials) array
+
+    Returns
+    -------
+    (n_trials,) array
+    """
+    values = np.asarray(curves, dtype=float)
+    n = values.shape[1]
+    if n < FEWEST_TO_STAND_OUT:
+        return np.full(n, np.nan)
+    known = values[np.isfinite(values).all(axis=1)]
+    others = [np.median(np.delete(known, i, axis=1), axis=1) for i in range(n)]
+    distance = np.array([np.sqrt(np.mean((known[:, i] - o) ** 2)) for i, o in enumerate(others)])
+    usual = float(np.median(distance))
+    return distance / usual if usual > 0 else np.full(n, np.nan)
 
 
 def event_repeatability(events: dict[int, dict[str, Event]]) -> pd.DataFrame:

@@ -17,7 +17,7 @@ import pandas as pd
 from validation.window import Window
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class ValidationResult:
     """Result of comparing one session with one model.
 
@@ -34,13 +34,13 @@ class ValidationResult:
         One row per trial: trial, used, reason, quiet_s, onset_s, offset_n, u_offset_n, hum_hz, hum_1_n …
         hum_3_n, hum_accepted, noise_n, preload_n, group_delay_s, peak_force_n, filmed, reused, notes.
     scores : DataFrame
-        One row per trial and channel: trial, channel, source, rmse_rad, before_impact_rmse_rad,
-        rmse_over_range, rmse_over_s_r, bias_rad, scatter_rad, largest_rad, largest_at_s, u_rms_rad, n,
-        n_lost.
+        One row per trial and channel: trial, channel, source, rmse_rad, before_impact_rmse_rad, rmse_over_range,
+        rmse_over_s_r, iso_overall, iso_corridor, iso_phase, iso_magnitude, iso_slope, iso_shift_s, bias_rad,
+        scatter_rad, largest_rad, largest_at_s, u_rms_rad, n, n_lost.
     channels : DataFrame
         One row per channel: channel, source, n_trials, rmse_rad (root mean square over trials), range_rad,
         rmse_over_range, s_r_rad, s_r_low_rad, s_r_high_rad, s_r_largest_rad, limit_rad, rmse_over_s_r,
-        trial_to_trial_rmse_rad, pairs, mean_difference_rad,
+        trial_to_trial_rmse_rad, pairs, iso_overall, iso_ceiling (trial against trial), mean_difference_rad,
         resolved_share (of the window in which the mean paired difference exceeds its 95 % uncertainty), state.
     events : DataFrame
         One row per trial, source (trial or model) and event: trial, source, event, value, u, unit, status,
@@ -83,6 +83,9 @@ class ValidationResult:
     film_traces: dict[int, pd.DataFrame]
     provenance: dict[str, Any]
     files: dict[str, Path] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        return f"ValidationResult({self.session_name!r}, {self.action_name!r}, {len(self.traces)} trials)"
 
     @property
     def verdict(self) -> str:

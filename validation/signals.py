@@ -4,7 +4,7 @@ Place in the data flow: `rig.session` trial data → here → the force that dri
 scored on.
 Conventions: force positive downwards; sample i of the force was taken at ``time_s[i] - group_delay_s``, so
 the delay moves the force's time axis and never its values; nothing is ever smoothed or resampled.
-Source: notes in `docs/` on validation; mains hum in `validation.hum`.
+Source: docs/decisions/validation-hum.md and bench-preload-and-offset.md; mains hum in `validation.hum`.
 Failure: a trial without a usable baseline is a `TrialError` that states how much is needed.
 """
 
@@ -24,12 +24,13 @@ MINIMUM_QUIET_S = 0.02
 MARGIN_S = 0.01
 ONSET_SIGMA = 5.0
 ONSET_SAMPLES = 5
+ONSET_SHARE = 0.01
 MOVED_COUNTS = 3
 
 
 @dataclass(frozen=True)
 class Quiet:
-    """The baseline before the blow: samples ``[0, stop)``; `onset_s` is where the force first leaves it."""
+    """The baseline before the blow: samples ``[0, stop)``; `onset_s` is when the force began to act."""
 
     stop: int
     start_s: float
@@ -61,6 +62,15 @@ class CorrectedForce:
     group_delay_s: float
 
 
+def _refuse_lost(time: Array, force: Array) -> None:
+    lost = np.flatnonzero(~np.isfinite(force))
+    if lost.size:
+        raise TrialError(
+            f"force: {lost.size} lost samples, the first at {time[lost[0]]:.4f} s; the model needs every sample; "
+            "reject the trial or record it again"
+        )
+
+
 def _first_run(mask: NDArray[np.bool_], length: int) -> int | None:
     """Index of the first of `length` successive True values."""
     if mask.size < length:
@@ -71,10 +81,14 @@ def _first_run(mask: NDArray[np.bool_], length: int) -> int | None:
 
 
 def _force_onset(force: Array, first: int) -> int | None:
-    """Sample at which the force leaves its first look by 5 σ, walked back to its last baseline crossing."""
+    """Sample at which the force leaves its first look, walked back to its last baseline crossing.
+
+    It has left when it is 5 σ away, and at least a hundredth of its largest excursion, so that a slow drift is no blow.
+    """
     centre = float(np.mean(force[:first]))
     sigma = float(np.std(force[:first], ddof=1))
-    away = np.abs(force - centre) > max(ONSET_SIGMA * sigma, 1e-9)
+    excursion = np.abs(force - centre)
+    away = excursion > max(ONSET_SIGMA * sigma, ONSET_SHARE * float(excursion.max()), 1e-9)
     onset = _first_run(away, ONSET_SAMPLES)
     if onset is None:
         return None
@@ -89,6 +103,7 @@ def find_quiet(
     encoder_count: NDArray[np.int64] | None = None,
     *,
     mains_hz: float | None = None,
+    group_delay_s: float = 0.0,
 ) -> Quiet:
     """Find the quiet baseline before the blow.
 
@@ -101,13 +116,16 @@ def find_quiet(
     time_s, force_n : (n,) arrays
     encoder_count : (n, m) array of int, optional
     mains_hz : float or None
+    group_delay_s : float
+        Delay of the force channel; the onset is given at the time the force acted.
 
     Raises
     ------
     TrialError
-        When less than 20 ms of baseline are left, or the force never leaves it.
+        When force samples are lost, less than 20 ms of baseline are left, or the force never leaves it.
     """
     time, force = np.asarray(time_s, dtype=float), np.asarray(force_n, dtype=float)
+    _refuse_lost(time, force)
     step = float(np.median(np.diff(time)))
     first = max(int(round(FIRST_LOOK_S / step)), 8)
     if time.size <= 2 * first:
@@ -136,7 +154,7 @@ def find_quiet(
             f"{1e3 * MINIMUM_QUIET_S:.0f} ms are needed to find the force offset; "
             "record a longer rest before the blow"
         )
-    return Quiet(stop, float(time[0]), float(time[stop - 1]), float(time[onset]))
+    return Quiet(stop, float(time[0]), float(time[stop - 1]), float(time[onset]) - group_delay_s)
 
 
 def correct_force(
@@ -176,13 +194,7 @@ def correct_force(
         When force samples are lost (NaN).
     """
     time, force = np.asarray(time_s, dtype=float), np.asarray(force_n, dtype=float)
-    lost = np.flatnonzero(~np.isfinite(force))
-    if lost.size:
-        raise TrialError(
-            f"force: {lost.size} lost samples, the first at {time[lost[0]]:.4f} s; the model needs every "
-            f"sample; "
-            "reject the trial or record it again"
-        )
+    _refuse_lost(time, force)
     hum = fit_hum(time[: quiet.stop], force[: quiet.stop], mains_hz)
     corrected = force - hum.baseline_n(time) + preload_n
     noise = hum.residual_after_n if hum.accepted else hum.residual_before_n

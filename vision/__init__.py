@@ -11,6 +11,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from vision.avi import write_avi as write_avi
     from vision.bodies import Body as Body
     from vision.bodies import load_bodies as load_bodies
     from vision.bodies import save_bodies as save_bodies
@@ -30,7 +31,6 @@ if TYPE_CHECKING:
     from vision.preparation import predict_uncertainty as predict_uncertainty
     from vision.results import TrackResult as TrackResult
     from vision.track import track_film as track_film
-    from vision.writers import write_avi as write_avi
     from vision.writers import write_mraw as write_mraw
 
 _HOME = {
@@ -53,7 +53,7 @@ _HOME = {
     "TrackResult": "results",
     "predict_uncertainty": "preparation",
     "track_film": "track",
-    "write_avi": "writers",
+    "write_avi": "avi",
     "write_mraw": "writers",
 }
 __all__ = list(_HOME)

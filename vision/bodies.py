@@ -13,7 +13,6 @@ layer cover each other, which is the safe assumption when nothing is known. Bad 
 from __future__ import annotations
 
 import os
-import tempfile
 import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -27,7 +26,7 @@ from vision.errors import BodyError
 
 EROSION_PX = 4.0
 """Width of the rim that is not used: edge pixels mix the body with what lies behind it."""
-CLEARANCE_PX = 3.0
+CLEARANCE_PX = 4.0
 """Distance kept from the outline of a body that lies in front."""
 MIN_PIXELS = 100
 """Below this a five-parameter fit is not worth starting."""
@@ -181,13 +180,14 @@ def save_bodies(toml_path: str | os.PathLike[str], bodies: Sequence[Body]) -> No
         if body.parent is not None:
             lines.append(f"parent = {_toml_text(body.parent)}")
         lines += [f"layer = {body.layer}", f"polygon_px = [{points}]"]
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
-        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=path.name, suffix=".tmp")
+        temporary.write_text("\n".join(lines) + "\n", encoding="utf-8", newline="\n")
+        os.replace(temporary, path)
     except OSError as error:
         raise BodyError(f"{path}: cannot be written ({error.strerror}); choose a writable folder") from None
-    with os.fdopen(handle, "w", encoding="utf-8", newline="\n") as file:
-        file.write("\n".join(lines) + "\n")
-    os.replace(temporary, path)
+    finally:
+        temporary.unlink(missing_ok=True)
 
 
 def _toml_text(text: str) -> str:

@@ -23,6 +23,8 @@ class FrameFlag(IntFlag):
     """Further from the prediction than a fit can be trusted to find."""
     NO_COVARIANCE = 16
     """The uncertainty could not be computed."""
+    ODD_GAIN = 64
+    """The contrast has changed more than light can change it."""
     REACQUIRED = 32
     """Found again by a wide search after it was lost; not a failure."""
 
@@ -33,4 +35,5 @@ FAILURE = (
     | FrameFlag.FEW_INLIERS
     | FrameFlag.JUMP
     | FrameFlag.NO_COVARIANCE
+    | FrameFlag.ODD_GAIN
 )

@@ -28,9 +28,10 @@ MIN_ZNCC = 0.6
 MIN_INLIER = 0.3
 MAX_JUMP_RAD = math.radians(8.0)
 MAX_JUMP_PX = 12.0
-REACQUIRED_SHARE = 0.85
-"""A body found by wide search must correlate with at least this share of what it did when it was last
-seen."""
+USUAL_SHARE = 0.85
+"""Least correlation as a share of the usual one; blur lowers it slowly, a wrong place at once."""
+MIN_GAIN = 0.6
+"""Flicker changes the light by some per cent; a contrast that collapses is another surface in the way."""
 PATIENCE = 60
 """Lost frames in a row after which the wide search runs on every fifth frame only."""
 
@@ -53,6 +54,7 @@ class Follower:
     flag: FrameFlag = FrameFlag.NOT_CONVERGED
     lost_in_a_row: int = 0
     usual_zncc: float = 0.0
+    usual_gain: float = 1.0
     searches: int = 0
 
     @property
@@ -93,6 +95,7 @@ class Follower:
             return fit
         self.lost_in_a_row = 0
         self.usual_zncc = fit.zncc if self.usual_zncc == 0.0 else 0.9 * self.usual_zncc + 0.1 * fit.zncc
+        self.usual_gain += 0.1 * (fit.gain - self.usual_gain)
         place = self._placement(fit.pose)
         self.absolute.add(step, place)
         parent_now = self._parent_placement(step)
@@ -114,7 +117,7 @@ class Follower:
         self.fitter.reset()
         fit = self.fitter.fit(film, index, newest, covered)
         flag = self._judge(fit, newest)
-        if not flag & FAILURE and self._as_before(fit):
+        if not flag & FAILURE:
             return fit, flag | (FrameFlag.REACQUIRED if self.lost_in_a_row else FrameFlag.GOOD)
         if not search or (self.lost_in_a_row > PATIENCE and self.lost_in_a_row % 5):
             return FAILED, first_flag
@@ -124,7 +127,7 @@ class Follower:
             self.fitter.reset()
             fit = self.fitter.fit(film, index, start, covered)
             flag = self._judge(fit, start)
-            if not flag & FAILURE and self._as_before(fit) and fit.zncc > best.zncc:
+            if not flag & FAILURE and fit.zncc > best.zncc:
                 best, best_flag = fit, flag | FrameFlag.REACQUIRED
         return best, best_flag
 
@@ -132,8 +135,10 @@ class Follower:
         if not fit.converged:
             return FrameFlag.NOT_CONVERGED
         flag = FrameFlag.GOOD
-        if not fit.zncc >= MIN_ZNCC:
+        if not (fit.zncc >= MIN_ZNCC and fit.zncc >= USUAL_SHARE * self.usual_zncc):
             flag |= FrameFlag.LOW_CORRELATION
+        if not MIN_GAIN <= fit.gain / self.usual_gain <= 1.0 / MIN_GAIN:
+            flag |= FrameFlag.ODD_GAIN
         if not fit.inlier >= MIN_INLIER:
             flag |= FrameFlag.FEW_INLIERS
         moved = np.abs(fit.pose - expected)
@@ -142,9 +147,6 @@ class Follower:
         if not (np.all(np.isfinite(fit.covariance)) and fit.covariance[0, 0] > 0.0):
             flag |= FrameFlag.NO_COVARIANCE
         return flag
-
-    def _as_before(self, fit: Fit) -> bool:
-        return fit.zncc >= REACQUIRED_SHARE * self.usual_zncc
 
     def _newest(self, step: int) -> NDArray[np.float64]:
         place = self.absolute.last()

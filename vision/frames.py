@@ -184,6 +184,13 @@ def open_film(path: str | os.PathLike[str], *, allow_truncated: bool = False) ->
         from vision.mraw import MrawFilm
 
         return MrawFilm(path, allow_truncated=allow_truncated)
+    if suffix == ".avi":
+        from vision.avi_film import AviFilm
+
+        avi = AviFilm(path)
+        if avi.readable:
+            return avi
+        avi.close()
     if suffix in VIDEO_SUFFIXES:
         from vision.video import VideoFilm
 

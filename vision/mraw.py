@@ -12,7 +12,6 @@ Failure: a file whose size is not exactly the one its header implies is refused 
 
 from __future__ import annotations
 
-import mmap
 from pathlib import Path
 from typing import Any
 
@@ -21,10 +20,8 @@ from numpy.typing import NDArray
 
 from vision.cih import FilmHeader, read_header
 from vision.errors import FilmError
+from vision.file_window import FileWindow
 from vision.frames import Film
-
-WINDOW_BYTES = 32 * 1024 * 1024
-"""Mapped at a time: pages already read count as used memory until their window is let go."""
 
 
 class MrawFilm(Film):
@@ -64,12 +61,7 @@ class MrawFilm(Film):
             if not allow_truncated or whole < 1:
                 raise FilmError(f"{words}; the film is cut short ({whole} whole frames): copy it again")
             self.n_frames = whole
-        try:
-            self._file = data_path.open("rb")
-        except OSError as error:
-            raise FilmError(f"{data_path}: cannot be read ({error.strerror})") from None
-        self._size = size
-        self._window: tuple[int, NDArray[np.uint8]] = (0, np.empty(0, dtype=np.uint8))
+        self._file = FileWindow(data_path)
 
     @property
     def frame_time_s(self) -> NDArray[np.float64] | None:
@@ -94,34 +86,18 @@ class MrawFilm(Film):
         high = first + y1 * self.width
         if bits == 12:
             start = low // 2 * 3
-            data = self._mapped(start, min((high + 1) // 2 * 3, self._size))
+            data = self._file.view(start, min((high + 1) // 2 * 3, self._file.size))
             return unpack12_region(data, low % 2, self.width, y1 - y0, x0, x1)
         pixel_bytes = bits // 8
-        data = self._mapped(low * pixel_bytes, high * pixel_bytes)
+        data = self._file.view(low * pixel_bytes, high * pixel_bytes)
         region = data.view("<u2" if bits == 16 else np.uint8).reshape(y1 - y0, self.width)[:, x0:x1]
         if bits == 16 and self.header.bit_side == "higher" and self.bit_depth < 16:
             region = region >> (16 - self.bit_depth)
         return region
 
     def close(self) -> None:
-        """Close the file; frames handed out earlier stay valid and keep their own window mapped."""
-        self._window = (0, np.empty(0, dtype=np.uint8))
+        """Close the file; frames handed out earlier stay valid."""
         self._file.close()
-
-    def _mapped(self, start: int, end: int) -> NDArray[np.uint8]:
-        """Bytes ``start..end-1`` of the file, from a window that moves along it; only touched pages are
-        read."""
-        offset, window = self._window
-        if not (offset <= start and end <= offset + window.size):
-            offset = start // mmap.ALLOCATIONGRANULARITY * mmap.ALLOCATIONGRANULARITY
-            length = min(max(WINDOW_BYTES, end - offset), self._size - offset)
-            try:
-                view = mmap.mmap(self._file.fileno(), length, access=mmap.ACCESS_READ, offset=offset)
-            except (OSError, ValueError) as error:
-                raise FilmError(f"{self.path}: cannot be read at byte {offset} ({error})") from None
-            window = np.frombuffer(view, dtype=np.uint8)
-            self._window = (offset, window)
-        return window[start - offset : end - offset]
 
 
 def film_bytes(header: FilmHeader) -> int:

@@ -19,11 +19,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.angles import ccw_to_picture
+from vision.avi import write_avi
 from vision.bodies import Body, build_masks
 from vision.errors import FilmError, InputError
 from vision.frames import FrameSource
 from vision.results import TrackResult
-from vision.writers import write_avi
 
 COLOURS = ((0, 220, 255), (120, 255, 60), (255, 180, 40), (255, 80, 255), (200, 200, 200))
 LOST = (60, 60, 255)

@@ -18,8 +18,9 @@ from numpy.typing import NDArray
 WINDOWS = (1, 2, 4, 8, 16)
 LIMIT = 5.0
 GUARD = 2
-FIRST = 2
-"""The comparison starts after this many frames."""
+SCATTER_FRAMES = 12
+FIRST, FIRST_LIMIT = 4, 8.0
+"""With fewer frames before, only gross motion is believed."""
 
 
 def still_count(pose: NDArray[np.float64], u_pose: NDArray[np.float64]) -> int:
@@ -38,21 +39,27 @@ def still_count(pose: NDArray[np.float64], u_pose: NDArray[np.float64]) -> int:
         Between 1 and n.
     """
     n = len(pose)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        typical = np.sqrt(np.nanmean(u_pose**2, axis=0))
+    if n < 2 or np.any(np.isnan(pose[0])):
+        return 1
+    typical = np.sqrt(np.nanmean(u_pose**2, axis=0))
+    if n >= SCATTER_FRAMES:
+        # what the poses really scatter by from frame to frame, where that is more (compressed film); the quarter
+        # of the smallest steps tells it, so that later motion does not count
+        step = np.nanquantile(np.abs(np.diff(pose, axis=0)), 0.25, axis=0)
+        typical = np.maximum(typical, step / (0.3186 * np.sqrt(2.0)))
     total = np.vstack([np.zeros(pose.shape[1]), np.cumsum(np.nan_to_num(pose), axis=0)])
-    lost = np.vstack([np.zeros(pose.shape[1], dtype=int), np.cumsum(np.isnan(pose), axis=0)])
-    for end in range(FIRST + 1, n + 1):
+    for end in range(2, n + 1):
+        if np.any(np.isnan(pose[end - 1])):
+            # a body that cannot be found is not known to be still
+            return end - 1
         for window in WINDOWS:
             start = end - window
-            if start < FIRST:
+            if start < 1:
                 break
-            if lost[end].any():
-                # a body that cannot be found is not known to be still
-                return max(1, end - 1)
             late = (total[end] - total[start]) / window
             early = total[start] / start
             spread = typical * np.sqrt(1.0 / window + 1.0 / start)
-            if np.any(np.abs(late - early) > LIMIT * spread):
+            limit = LIMIT if start >= FIRST else FIRST_LIMIT
+            if np.any(np.abs(late - early) > limit * spread):
                 return max(1, start - window - GUARD)
     return n

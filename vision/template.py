@@ -148,9 +148,14 @@ def invert_normal(normal: NDArray[np.float64]) -> NDArray[np.float64] | None:
         return None
     scale = 1.0 / np.sqrt(diagonal)
     scaled = normal * np.outer(scale, scale)
-    if np.linalg.cond(scaled) > 1e10:
+    try:
+        inverse = np.linalg.inv(scaled)
+    except np.linalg.LinAlgError:
         return None
-    return np.linalg.inv(scaled) * np.outer(scale, scale)
+    # the columns are scaled to length one, so the inverse is as large as the condition number
+    if not np.abs(inverse).max() < 1e9 or np.any(np.diag(inverse) <= 0.0):
+        return None
+    return inverse * np.outer(scale, scale)
 
 
 def _noise_normal(dx: NDArray[np.float64], dy: NDArray[np.float64], variance: float) -> NDArray[np.float64]:

@@ -86,7 +86,7 @@ def track_film(
     predicted = np.array([predicted_u_angle(template, reference.noise_grey) for template in templates])
     run = Run(film, bodies, templates, method)
     frames = np.arange(0, film.n_frames, every)
-    zero, u_common = _zero_of_still_frames(run, reference)
+    zero, u_single, good = _zero_of_still_frames(run, reference)
     run.restart()
     n, m = frames.size, len(bodies)
     columns = {name: np.full((n, m), np.nan) for name in ("phi", "u", "x", "y", "zncc", "inlier", "noise")}
@@ -107,6 +107,11 @@ def track_film(
             columns["noise"][step, i] = fit.noise_grey
         if progress is not None:
             progress(step + 1, n)
+    # a still frame agrees too well with the average it is part of, so the others tell the noise of one frame
+    others = columns["u"][frames >= reference.n_averaged]
+    known = np.isfinite(others).sum(axis=0) > 0
+    u_single[known] = np.nanmedian(others[:, known], axis=0)
+    u_common = u_single / np.sqrt(good)
     return TrackResult(
         bodies=tuple(body.name for body in bodies),
         parents=tuple(body.parent for body in bodies),
@@ -129,8 +134,10 @@ def track_film(
     )
 
 
-def _zero_of_still_frames(run: Run, reference: Reference) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Mean picture rotation of each body over the still frames, and the standard uncertainty of that mean."""
+def _zero_of_still_frames(
+    run: Run, reference: Reference
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.intp]]:
+    """Mean picture rotation of each body over the still frames, standard uncertainty of one frame, frames counted."""
     n = reference.n_averaged
     pose, u = first_poses(run, n)
     good = np.count_nonzero(np.isfinite(pose[..., 0]), axis=0)
@@ -140,7 +147,7 @@ def _zero_of_still_frames(run: Run, reference: Reference) -> tuple[NDArray[np.fl
                 f"{run.film.path}: body {body.name} is found in {good[i]} of the {n} still frames; "
                 "check its outline against the first frame"
             )
-    return np.nanmean(pose[..., 0], axis=0), np.sqrt(np.nanmean(u[..., 0] ** 2, axis=0) / good)
+    return np.nanmean(pose[..., 0], axis=0), np.sqrt(np.nanmean(u[..., 0] ** 2, axis=0)), good
 
 
 def _times(film: FrameSource, frame_time_s: ArrayLike | None) -> NDArray[np.float64]:

@@ -1,4 +1,4 @@
-"""Write films: Photron MRAW with its CIHX header, and AVI (uncompressed or MJPEG).
+"""Write films as Photron MRAW with the CIHX header that real viewers read.
 
 Place in the data flow: the virtual camera and the tests write films frame by frame, so memory does not grow
 with the film. A file appears under its name only when it is complete: it is written under a temporary name
@@ -9,7 +9,7 @@ format, or a folder that cannot be written, raise `FilmError` and leave nothing 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -63,7 +63,7 @@ def write_mraw(
     if not 0.0 < frame_rate_hz < 1e9:
         raise FilmError(f"{path}: frame rate {frame_rate_hz} Hz; needs a positive number")
     header_path = path.with_suffix(".cihx")
-    temporary, temporary_header = _temporary(path), _temporary(header_path)
+    temporary, temporary_header = temporary_name(path), temporary_name(header_path)
     shape: tuple[int, ...] | None = None
     n_frames = 0
     try:
@@ -71,7 +71,7 @@ def write_mraw(
             with temporary.open("wb") as file:
                 pending = np.empty(0, dtype=np.uint16)
                 for frame in frames:
-                    shape = _check_frame(path, frame, shape, bit_depth, n_frames)
+                    shape = check_frame(path, frame, shape, bit_depth, n_frames)
                     if bit_depth == 12:
                         flat = np.concatenate([pending, frame.reshape(-1).astype(np.uint16)])
                         even = flat.size - flat.size % 2
@@ -99,17 +99,14 @@ def write_mraw(
                 comment=comment,
             )
             temporary_header.write_bytes(cihx_bytes(header))
-            # an old header must not describe the new data, not even for a moment
-            header_path.unlink(missing_ok=True)
-            os.replace(temporary, path)
-            os.replace(temporary_header, header_path)
+            _swap(path, temporary, header_path, temporary_header)
         except OSError as error:
             raise FilmError(
                 f"{path}: cannot be written ({error.strerror or error}); check folder and disk"
             ) from None
     finally:
-        _remove(temporary)
-        _remove(temporary_header)
+        remove(temporary)
+        remove(temporary_header)
     return n_frames
 
 
@@ -123,74 +120,7 @@ def pack12(values: NDArray[np.uint16]) -> bytes:
     return out.tobytes()
 
 
-def write_avi(
-    path: str | os.PathLike[str],
-    frames: Iterable[NDArray[Any]],
-    frame_rate_hz: float,
-    *,
-    quality: int | None = 95,
-    progress: Callable[[int], None] | None = None,
-) -> int:
-    """Write 8-bit frames, grey (h, w) or BGR (h, w, 3), as AVI.
-
-    Parameters
-    ----------
-    path : path
-        Ends in ``.avi``.
-    frames : iterable of ndarray of uint8
-    frame_rate_hz : float
-        Play-back rate.
-    quality : int or None
-        MJPEG quality 1..100; None stores without loss.
-    progress : callable, optional
-        Called with the number of frames written.
-
-    Returns
-    -------
-    int
-        Number of frames written.
-    """
-    import cv2
-
-    path = Path(path)
-    if path.suffix.lower() != ".avi":
-        raise FilmError(f"{path}: an AVI film must end in .avi")
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.part.avi")
-    writer: cv2.VideoWriter | None = None
-    shape: tuple[int, ...] | None = None
-    n_frames = 0
-    try:
-        for frame in frames:
-            shape = _check_frame(path, frame, shape, 8, n_frames, colour=True)
-            if writer is None:
-                lossless = "GREY" if frame.ndim == 2 else "FFV1"
-                fourcc = cv2.VideoWriter.fourcc(*(lossless if quality is None else "MJPG"))
-                size = (frame.shape[1], frame.shape[0])
-                writer = cv2.VideoWriter(str(temporary), fourcc, frame_rate_hz, size, frame.ndim == 3)
-                if not writer.isOpened():
-                    raise FilmError(
-                        f"{path}: cannot be written; check that the folder exists and is writable"
-                    )
-                if quality is not None:
-                    writer.set(cv2.VIDEOWRITER_PROP_QUALITY, quality)
-            writer.write(np.ascontiguousarray(frame))
-            n_frames += 1
-            if progress is not None:
-                progress(n_frames)
-        if writer is None:
-            raise FilmError(f"{path}: no frames to write")
-        writer.release()
-        if not temporary.is_file() or temporary.stat().st_size == 0:
-            raise FilmError(f"{path}: OpenCV wrote nothing; the disk may be full")
-        os.replace(temporary, path)
-    finally:
-        if writer is not None:
-            writer.release()
-        _remove(temporary)
-    return n_frames
-
-
-def _check_frame(
+def check_frame(
     path: Path,
     frame: NDArray[Any],
     shape: tuple[int, ...] | None,
@@ -198,6 +128,7 @@ def _check_frame(
     number: int,
     colour: bool = False,
 ) -> tuple[int, ...]:
+    """Shape of a frame that fits the film so far; raises `FilmError` for any other."""
     if shape is not None and frame.shape != shape:
         raise FilmError(f"{path}: frame {number} has shape {frame.shape}, the first has {shape}")
     if shape is None and (
@@ -214,11 +145,31 @@ def _check_frame(
     return frame.shape
 
 
-def _temporary(path: Path) -> Path:
+def _swap(path: Path, new_data: Path, header_path: Path, new_header: Path) -> None:
+    """Put a new film in place of an old one; an old header never describes new data, not even for a
+    moment."""
+    old_header = header_path.with_name(f".{header_path.name}.{os.getpid()}.old")
+    had_header = header_path.exists()
+    if had_header:
+        os.replace(header_path, old_header)
+    try:
+        os.replace(new_data, path)
+    except OSError:
+        # the old film is in use (Windows): leave it as it was
+        if had_header:
+            os.replace(old_header, header_path)
+        raise
+    os.replace(new_header, header_path)
+    remove(old_header)
+
+
+def temporary_name(path: Path) -> Path:
+    """Name in the same folder under which a file is written before it is whole."""
     return path.with_name(f".{path.name}.{os.getpid()}.part")
 
 
-def _remove(path: Path) -> None:
+def remove(path: Path) -> None:
+    """Remove what is left of a file that did not become whole."""
     try:
         path.unlink(missing_ok=True)
     except OSError:

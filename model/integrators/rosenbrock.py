@@ -23,7 +23,7 @@ from model.kernels.layout import (
     N_STEPS,
 )
 from model.kernels.signatures import INTEGRATE
-from model.kernels.workspace import ACC, ALLOWANCE, AUDIT_Q, AUDIT_V, POWER_IN, Q, Q1, SIZE, U, V, V1, WIDTH
+from model.kernels.workspace import ACC, ALLOWANCE, AUDIT_Q, AUDIT_V, POWER_IN, Q1, SIZE, V1, WIDTH, Q, U, V
 
 DONE, STEP_TOO_SMALL, NOT_FINITE, TOO_MANY_STEPS = 0, 1, 2, 3
 
@@ -63,7 +63,7 @@ def integrate(
     """Advance (q, v) in place from ``t`` to ``t_end``; fill rows of ``out_q``, ``out_v`` at ``out_t``.
 
     Adds the time spent at rest to ``times[0]`` and, where ``audit`` (4,) is not empty, work put in and energies lost
-    (J) to it, by Gauss's rule along each step's dense output. Returns the time reached, the next step to try and a status.
+    (J) to it, by Gauss's rule along each step's dense output. Returns the time reached, the next step to try, a status.
     """
     n = q.shape[0]
     s = b_.shape[0]

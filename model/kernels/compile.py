@@ -96,9 +96,9 @@ def _explicit(signature: Any, fastmath: Any) -> Callable[[Callable[..., Any]], A
         before = numba_config.CACHE_DIR
         numba_config.CACHE_DIR = "" if FOLDER is None else str(FOLDER)
         try:
-            return numba.njit(
-                signature, cache=FOLDER is not None, nogil=True, error_model="numpy", fastmath=fastmath
-            )(function)
+            return numba.njit(signature, cache=FOLDER is not None, nogil=True, error_model="numpy", fastmath=fastmath)(
+                function
+            )
         finally:
             numba_config.CACHE_DIR = before
 

@@ -17,10 +17,10 @@ _HEAD = '''"""Generated from the structure of a scene by model.kernels.emit; do 
 
 from model.kernels.compile import generated
 from model.kernels.laws import felt, friction
-from model.kernels.signatures import ACCELERATION, ENERGY, LINEARISE, PREPARE, SKIP, STAGE
+from model.kernels.signatures import ENERGY, LINEARISE, PREPARE, SKIP, STAGE
 from model.kernels.terms import (
-    circle_gap, circle_room, contact_force, contact_laws, cosine_sine, felt_energy, hybrid_gap, hybrid_room, turn_of_arm,
-    turn_of_first, turn_of_second,
+    circle_gap, circle_room, contact_force, contact_laws, cosine_sine, felt_energy, hybrid_gap, hybrid_room,
+    turn_of_arm, turn_of_first, turn_of_second,
 )
 '''
 
@@ -132,7 +132,7 @@ def _forces(s: Structure, slopes: bool) -> list[str]:
 
 def _derivatives(s: Structure) -> list[str]:
     """K, D and df/du of everything but contacts, after the accelerations are known."""
-    out = [f"u{i} = 0.0" for i in range(s.n)]
+    out = [f"u{i} = 0.0" for i in range(s.n)] + [f"moving = 1.0 - w[{W.STATIC}]"]
     for i, w in enumerate(s.parent):
         m = s.body(i, L.MASS)
         out += [f"d{i}_{i} -= e{i}", f"k{i}_{i} += {m} * g * ry{i}"]
@@ -140,8 +140,9 @@ def _derivatives(s: Structure) -> list[str]:
             out += [
                 f"k{w}_{w} += {m} * g * (dy{i} + ry{i})",
                 f"k{i}_{w} += {m} * g * ry{i}",
-                f"k{w}_{i} += {m} * g * ry{i} + h{i} * (2.0 * w{w} + v{i}) * v{i} - 2.0 * t{i} * a{w} - t{i} * a{i}",
-                f"k{i}_{i} -= h{i} * w{w} * w{w} + t{i} * a{w}",
+                f"k{w}_{i} += {m} * g * ry{i} + h{i} * (2.0 * w{w} + v{i}) * v{i}"
+                f" - moving * t{i} * (2.0 * a{w} + a{i})",
+                f"k{i}_{i} -= h{i} * w{w} * w{w} + moving * t{i} * a{w}",
                 f"d{w}_{w} -= 2.0 * t{i} * v{i}",
                 f"d{w}_{i} -= 2.0 * t{i} * (w{w} + v{i})",
                 f"d{i}_{w} += 2.0 * t{i} * w{w}",
@@ -178,16 +179,6 @@ def _linearise(s: Structure) -> list[str]:
     return [*out, "return touching"]
 
 
-def _acceleration(s: Structure) -> list[str]:
-    out = [f"q{i} = w[{W.Q + i}]\nv{i} = w[{W.V + i}]" for i in range(s.n)]
-    out += ["mask = 0", *_pose(s), *_mass(s), *_forces(s, False)]
-    for c in range(len(s.contact)):
-        out += contact_forces(s, c)
-    for k in range(len(s.probe)):
-        out += probe(s, k, False)
-    return [*out, *_solve_mass(s), *(f"w[{W.ACC + i}] = a{i}" for i in range(s.n)), "return 0"]
-
-
 def _filled(s: Structure) -> set[tuple[int, int]]:
     """Pattern of the factors."""
     out = s.pattern()
@@ -200,7 +191,7 @@ def _filled(s: Structure) -> set[tuple[int, int]]:
 
 
 def _prepare(s: Structure) -> list[str]:
-    """Factors of M / (gamma h) - D - gamma h K without exchanges; 0 where one is not finite or would lose six digits."""
+    """Factors of M / (gamma h) - D - gamma h K without exchanges; 0 where that would lose six digits."""
     out = ["inverse = 1.0 / gh"]
     start, pattern = s.pattern(), _filled(s)
     for i, j in sorted(pattern):
@@ -284,16 +275,19 @@ def emit(tables: L.Tables) -> str:
     )
 
 
-def emit_acceleration(tables: L.Tables) -> str:
-    """Source of ``acceleration`` alone: the right-hand side that other solvers need."""
-    return _module(("acceleration", "w, p, u", _acceleration(Structure(tables))))
-
-
 def emit_energy(tables: L.Tables) -> str:
     """Source of ``energy`` alone: energy of a state, power put in and powers lost, for the energy audit."""
     s = Structure(tables)
     out = [f"q{i} = w[{W.AUDIT_Q + i}]\nv{i} = w[{W.AUDIT_V + i}]" for i in range(s.n)]
-    out += [*_pose(s), *_mass(s), "energy = 0.0", "felt_loss = 0.0", "friction_loss = 0.0", "joints = 0.0", "given = 0.0"]
+    out += [
+        *_pose(s),
+        *_mass(s),
+        "energy = 0.0",
+        "felt_loss = 0.0",
+        "friction_loss = 0.0",
+        "joints = 0.0",
+        "given = 0.0",
+    ]
     for i, w in enumerate(s.parent):
         law = ", ".join(s.body(i, k) for k in (L.JF_A, L.JF_B1, L.JF_B2))
         out += [f"torque, _ = friction(v{i}, p[{L.OMEGA_T}], {law})", f"joints += torque * v{i}"]
@@ -302,7 +296,10 @@ def emit_energy(tables: L.Tables) -> str:
             out.append(f"energy += mu{i} * v{i} * v{w}")
     for k, i in enumerate(s.spring):
         o = s.offset[0] + L.SPRING_SIZE * k
-        out += [f"x = q{i} - p[{o + L.SPRING_Q0}]", f"energy += (0.5 * p[{o + L.SPRING_K}] * x - p[{o + L.SPRING_T0}]) * x"]
+        out += [
+            f"x = q{i} - p[{o + L.SPRING_Q0}]",
+            f"energy += (0.5 * p[{o + L.SPRING_K}] * x - p[{o + L.SPRING_T0}]) * x",
+        ]
     for k, (kind, i) in enumerate(s.drive):
         o = s.offset[2] + L.DRIVE_SIZE * k
         arm = f"(c{i} * p[{o + L.DRIVE_X}] - s{i} * p[{o + L.DRIVE_Y}])"

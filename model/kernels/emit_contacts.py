@@ -135,9 +135,7 @@ def _derivatives(s: Structure, c: int) -> list[str]:
     for j, (cj, side) in enumerate(chain):
         qx, qy = _pivot(s, cj)
         what, centre = ("first", "a") if side > 0 else ("second", "b")
-        out.append(
-            f"kappa, xx, xy = turn_of_{what}({centre}x, {centre}y, {qx}, {qy}, nx, ny, distance, r, -gn{j})"
-        )
+        out.append(f"kappa, xx, xy = turn_of_{what}({centre}x, {centre}y, {qx}, {qy}, nx, ny, distance, r, -gn{j})")
         for k, (b, sk) in enumerate(chain):
             bx, by = _pivot(s, b)
             mx, my = (f"xx + ({by} - {qy})", f"xy - ({bx} - {qx})") if s.parent[b] == cj else ("xx", "xy")
@@ -188,7 +186,9 @@ def probe_energy(s: Structure, k: int) -> list[str]:
     """Elastic energy and losses of a probe."""
     a, b = s.probe[k]
     o = s.offset[3] + L.PROBE_SIZE * k
-    out = [line for line in probe(s, k, False) if not line.startswith("f" + str(a)) and not line.startswith("f" + str(b))]
+    out = [
+        line for line in probe(s, k, False) if not line.startswith("f" + str(a)) and not line.startswith("f" + str(b))
+    ]
     touch = [
         f"stored, lost = felt_energy(x, lb * v{b} - la * v{a}, fn, p[{o + 4}], p[{o + 5}], p[{o + 6}])",
         "energy += stored", "felt_loss += lost",

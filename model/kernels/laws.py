@@ -15,10 +15,10 @@ def felt(x, rate, a, b, c, damping):
         return 0.0, 0.0, 0.0
     fit = ((a * x + b) * x + c) * x
     factor = 1.0 + damping * rate
-    force = fit * factor
-    if force <= 0.0:
+    # each factor by itself: two negative ones would push (docs/decisions/model-felt-pocket.md)
+    if fit <= 0.0 or factor <= 0.0:
         return 0.0, 0.0, 0.0
-    return force, ((3.0 * a * x + 2.0 * b) * x + c) * factor, fit * damping
+    return fit * factor, ((3.0 * a * x + 2.0 * b) * x + c) * factor, fit * damping
 
 
 @inlined

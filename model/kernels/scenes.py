@@ -17,7 +17,7 @@ from types import ModuleType
 from typing import Any, NamedTuple
 
 from . import compile as _compile
-from .emit import emit, emit_acceleration, emit_energy
+from .emit import emit, emit_energy
 from .layout import Tables
 
 
@@ -80,8 +80,3 @@ def kernels_of(tables: Tables) -> Kernels:
         _loaded[key] = Kernels(module.linearise, module.prepare, module.skip, module.stage)
         COMPILED["scenes"] += 1
     return _loaded[key]
-
-
-def acceleration_of(tables: Tables) -> Any:
-    """The bare right-hand side of a structure, w, p, u -> accelerations in w; for comparisons with other solvers."""
-    return _load(emit_acceleration(tables)).acceleration

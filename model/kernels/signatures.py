@@ -10,7 +10,6 @@ _array = types.Array(types.float64, 1, "C")
 _f, _i = types.float64, types.int64
 
 LINEARISE = _i(_array, _array, _f)  # w, p, u -> number of touching contacts
-ACCELERATION = LINEARISE  # w, p, u -> 0
 ENERGY = LINEARISE  # w, p, u -> 0
 PREPARE = _i(_array, _f)  # w, gamma h -> 1, or 0 where the step is too large
 SKIP = _i(_array, _array)  # w, p -> mask of contacts that cannot touch

@@ -35,7 +35,7 @@ def cosine_sine(x):
 
 @inlined
 def circle_gap(ux, uy, reach):
-    """Penetration, normal and centre distance of two circles whose radii add up to ``reach``; centres (ux, uy) apart."""
+    """Penetration, normal and centre distance of two circles; (ux, uy) between centres, radii add up to ``reach``."""
     square = ux * ux + uy * uy
     if square >= reach * reach:
         return 0.0, 0.0, 0.0, 0.0
@@ -118,8 +118,19 @@ def contact_laws(x, rate, slide, a, b, c, damping, v_t, mu_a, mu_b1, mu_b2):
 
 @inlined
 def felt_energy(x, rate, fn, a, b, c):
-    """Elastic energy (J) of felt pressed in by ``x`` and the power (W) it takes beyond that."""
-    return x * x * (0.5 * c + x * (b / 3.0 + 0.25 * a * x)), (fn - ((a * x + b) * x + c) * x) * rate
+    """Elastic energy (J) of felt pressed in by ``x`` and the power (W) it takes beyond that.
+
+    Where a x^2 + b x + c dips below zero the felt does not press, and stores nothing (model-felt-pocket.md).
+    """
+    stored = x * x * (0.5 * c + x * (b / 3.0 + 0.25 * a * x))
+    spread = b * b - 4.0 * a * c
+    if b < 0.0 and spread > 0.0 and a > 0.0:
+        low = (-b - sqrt(spread)) / (2.0 * a)
+        high = min(x, (-b + sqrt(spread)) / (2.0 * a))
+        if x > low:
+            stored += low * low * (0.5 * c + low * (b / 3.0 + 0.25 * a * low))
+            stored -= high * high * (0.5 * c + high * (b / 3.0 + 0.25 * a * high))
+    return stored, (fn - max(0.0, ((a * x + b) * x + c) * x)) * rate
 
 
 @inlined

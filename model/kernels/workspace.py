@@ -21,4 +21,5 @@ U = SLIDE_RATE + MAX_CONTACTS  # (MAX_STAGES, 2, WIDTH) stages: angle part, spee
 AUDIT_Q = U + MAX_STAGES * 2 * WIDTH  # state at which energies and powers are asked for
 AUDIT_V = AUDIT_Q + WIDTH
 ENERGY, POWER_IN, POWER_FELT, POWER_FRICTION, POWER_JOINTS = range(AUDIT_V + WIDTH, AUDIT_V + WIDTH + 5)  # J, W
-SIZE = ENERGY + WIDTH
+STATIC = ENERGY + WIDTH  # 1 leaves (dM/dq) a out of K, for statics
+SIZE = STATIC + WIDTH

@@ -6,10 +6,10 @@ from collections.abc import Callable
 from importlib import import_module
 from typing import Any
 
-NAMES = ("demo", "record", "track", "simulate", "validate", "info")
+NAMES = ("demo", "record", "recover", "track", "simulate", "regulate", "validate", "serve-sim", "info")
 
 
 def load(name: str) -> Callable[..., Any]:
     """The function of a command; its module imports nothing heavy."""
-    function: Callable[..., Any] = import_module(f".{name}", __name__).command
+    function: Callable[..., Any] = import_module("." + name.replace("-", "_"), __name__).command
     return function

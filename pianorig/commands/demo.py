@@ -21,7 +21,7 @@ def command(
     Example:  pianorig demo --out sessions/try
     """
     from ..demonstration import figure_lines, run_demo
-    from ..output import print_json
+    from ..output import print_json, print_verdict
     from ..progress import bar, recording_line, say
     from ..sessions import new_session_folder
 
@@ -53,7 +53,7 @@ def command(
             }
         )
         return
-    print(demo.result.verdict)
+    print_verdict(demo.result.verdict_lines)
     print(f"report: {report}")
     print()
     for line in figure_lines(demo.figures):

@@ -18,6 +18,10 @@ def command(
     ] = None,
     method: Annotated[str, typer.Option("--method", help="icgn or ecc.")] = "icgn",
     every: Annotated[int, typer.Option("--every", help="Track every N-th frame.")] = 1,
+    overlay: Annotated[Path | None, typer.Option("--overlay", help="Film (.avi) with the tracked outlines.")] = None,
+    contact_sheet: Annotated[
+        Path | None, typer.Option("--contact-sheet", help="Picture (.png) of the worst frames.")
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print a JSON summary.")] = False,
 ) -> None:
     """Track rigid bodies and give their angles with a standard uncertainty per frame.
@@ -27,14 +31,20 @@ def command(
     import math
 
     from ..output import check_writable, print_json, write_table
-    from ..progress import bar
-    from ..tracking import summary, track_film_file
+    from ..progress import bar, say
+    from ..tracking import draw_track, expected_uncertainty, summary, track_film_file
 
     target = out if out is not None else film.with_suffix(".angles.csv")
-    check_writable(target)
+    for path in (target, overlay, contact_sheet):
+        if path is not None:
+            check_writable(path)
+    expected = expected_uncertainty(film, bodies)
+    words = ", ".join(f"{body} {math.degrees(u) * 1e3:.1f}" for body, u in expected.items())
+    say(f"expected standard uncertainty in mdeg: {words}", quiet=as_json)
     with bar("tracking", quiet=as_json) as progress:
         result = track_film_file(film, bodies, method=method, every=every, progress=progress)
     write_table(target, result.to_table())
+    draw_track(film, bodies, result, overlay, contact_sheet)
     facts = summary(result)
     if as_json:
         print_json({"out": target, **facts})

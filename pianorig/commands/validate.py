@@ -25,7 +25,7 @@ def command(
     import model
     import validation
 
-    from ..output import print_json
+    from ..output import print_json, print_verdict
     from ..progress import say
     from ..settings import read_settings
 
@@ -34,5 +34,5 @@ def command(
     if as_json:
         print_json({"verdict": result.verdict, "files": {k: str(v) for k, v in result.files.items()}})
         return
-    print(result.verdict)
+    print_verdict(result.verdict_lines)
     print(f"report: {result.files['report.html']}")

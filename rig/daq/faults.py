@@ -21,6 +21,7 @@ from rig.errors import (
     ReadTimeout,
     ResourceBusy,
     SamplesLost,
+    WatchdogTripped,
 )
 
 _FAULT_OF_CODE: dict[int, tuple[type[HardwareFault], str]] = {
@@ -37,6 +38,8 @@ _FAULT_OF_CODE: dict[int, tuple[type[HardwareFault], str]] = {
     -200220: (DeviceNotFound, "no such device; compare device.name of the rig file with NI MAX"),
     -201003: (DeviceNotFound, "the device cannot be reached; check power and cable"),
     -88705: (DeviceNotFound, "the device is gone; check power and cable"),
+    -200644: (WatchdogTripped, "the watchdog has tripped: motor at 0 V, drive disabled; the program was too slow"),
+    -200678: (WatchdogTripped, "the watchdog has tripped: motor at 0 V, drive disabled; the program was too slow"),
     -200170: (NotSupported, "no such channel; compare the rig file with the modules in the chassis"),
     -200431: (
         NotSupported,

@@ -1,13 +1,13 @@
-"""The backend contract on NI-DAQmx: one set of tasks per trial, slaves started before the master, 0 V on
-every exit.
+"""The backend contract on NI-DAQmx: one set of tasks per trial, slaves before the master, 0 V on every exit.
 
 Place in the data flow: recorder → this class → ``nidaqmx`` client → driver, gRPC Device Server, or the
-virtual bench. The contract is in :mod:`rig.backend`; faults are in :mod:`rig.errors`. Software is the second
-safety layer only: the drive's own torque limit, hard stops and emergency stop are the first.
+virtual bench. The contract is in :mod:`rig.backend`. Software is the second safety layer only: the drive's own
+torque limit, hard stops and emergency stop are the first.
 """
 
 from __future__ import annotations
 
+import contextlib
 import warnings
 from collections.abc import Callable
 from importlib.metadata import version
@@ -27,6 +27,7 @@ from rig.backend import Block, Capabilities, Timing
 from rig.config import RigConfig
 from rig.daq import tasks
 from rig.daq.faults import translated
+from rig.daq.watchdog import Watchdog
 from rig.errors import HardwareFault, InputError
 
 DEFAULT_PORT = 31763
@@ -49,11 +50,10 @@ def open_backend(url: str, config: RigConfig) -> NidaqmxBackend:
 
 
 def _identified(backend: NidaqmxBackend, config: RigConfig) -> NidaqmxBackend:
-    try:
+    with contextlib.ExitStack() as unless_known:
+        unless_known.callback(backend.close)
         backend.identify(config)
-    except BaseException:
-        backend.close()
-        raise
+        unless_known.pop_all()
     return backend
 
 
@@ -72,21 +72,21 @@ class NidaqmxBackend:
     def __init__(self, channel: grpc.Channel | None, *, name: str) -> None:
         self._channel = channel
         self._name = name
-        self._simulated = False
-        self._product = "unknown"
+        self._simulated, self._product = False, "unknown"
         self._config: RigConfig | None = None
         self._tasks: dict[str, nidaqmx.Task] = {}
         """Open tasks by name in the order they were made; kept from the moment they exist, so that none is lost."""
+        self._watchdog: Watchdog | None = None
         self._next_sample = 0
 
     @property
     def capabilities(self) -> Capabilities:
-        """What this backend is."""
+        """What this is."""
         description = {"client": f"nidaqmx {version('nidaqmx')}", "product": self._product}
-        return Capabilities(self._name, self._simulated, description)
+        return Capabilities(self._name, self._simulated, description, watchdog=True)
 
     def identify(self, config: RigConfig) -> None:
-        """Ask the device what it is; a simulated one (ours or the driver's) is marked so in every session.
+        """Ask the device what it is; a simulated one is marked so in every session.
 
         Raises
         ------
@@ -119,7 +119,7 @@ class NidaqmxBackend:
 
     def configure(self, config: RigConfig, command_v: NDArray[np.float64]) -> Timing:
         """Put the outputs in their safe state, reserve every channel, load the motor command."""
-        _check_command(config, command_v)
+        tasks.check_command(config, command_v)
         if self._tasks:
             self.safe_stop()
         self._config = config
@@ -129,6 +129,9 @@ class NidaqmxBackend:
             self._outputs_safe("configure", failures)
             if failures:
                 raise failures[0]
+            if config.watchdog is not None:
+                with translated("configure", "watchdog"):
+                    self._watchdog = Watchdog(self._channel, config)
             with translated("configure", config.force.channel):
                 rate = float(tasks.force_task(self._kept_task, config).timing.samp_clk_rate)
             if abs(rate - config.device.sample_rate_hz) > 1e-6 * rate:
@@ -147,6 +150,7 @@ class NidaqmxBackend:
                     frame_rate_hz, first_pulse_s = tasks.camera_task(self._kept_task, config, config.camera)
             for name, task in self._tasks.items():
                 with translated("configure", name):
+                    self._kick()
                     task.control(TaskMode.TASK_COMMIT)
         except BaseException:
             self._stop_quietly()
@@ -160,6 +164,7 @@ class NidaqmxBackend:
             for name, task in self._tasks.items():
                 if name != tasks.MASTER:
                     with translated("arm", name):
+                        self._kick()
                         task.start()
             if config.drive_enable is not None:
                 with translated("arm", config.drive_enable.line):
@@ -174,15 +179,21 @@ class NidaqmxBackend:
         self._next_sample = 0
         try:
             with translated("start", tasks.MASTER):
+                self._kick()
                 self._tasks[tasks.MASTER].start()
         except BaseException:
             self._stop_quietly()
             raise
 
     def read_block(self, n_samples: int, timeout_s: float) -> Block:
-        """Read the next samples of force and encoders; on a fault the outputs are made safe first."""
+        """Read the next samples of force and encoders; on a fault the outputs are made safe first.
+
+        Asking for the next block says that the last one was judged good: only this keeps the watchdog quiet.
+        """
         config = self._ready()
         try:
+            with translated("read", "watchdog"):
+                self._kick()
             values = np.empty(n_samples)
             with translated("read", tasks.MASTER):
                 reader = AnalogSingleChannelReader(self._tasks[tasks.MASTER].in_stream)
@@ -216,9 +227,14 @@ class NidaqmxBackend:
         """Stop all, motor at 0 V, drive disabled; each step is tried, then the first failure raised."""
         failures: list[BaseException] = []
         self._release(tasks.MOTOR, failures)
+        if self._watchdog is not None:
+            _attempt(self._watchdog.release_outputs, [])  # what stays locked is reported by the next step
         self._outputs_safe("stop", failures)
         for name in list(self._tasks):
             self._release(name, failures)
+        if self._watchdog is not None:
+            _attempt(self._watchdog.close, [])  # last: until here it watches over the steps above
+        self._watchdog = None
         if failures:
             raise failures[0]
 
@@ -266,6 +282,10 @@ class NidaqmxBackend:
 
         _attempt(close, failures)
 
+    def _kick(self) -> None:
+        if self._watchdog is not None:
+            self._watchdog.kick()
+
     def _ready(self) -> RigConfig:
         if self._config is None or tasks.MOTOR not in self._tasks:
             raise HardwareFault("the backend is not configured, or has been stopped; call configure first", phase="arm")
@@ -273,22 +293,8 @@ class NidaqmxBackend:
 
 
 def _attempt(step: Callable[[], None], failures: list[BaseException]) -> None:
-    """Try one step of making safe; a second Ctrl-C must not keep the next step from happening."""
+    """Try one step of making safe; a second Ctrl-C must not keep the next from happening."""
     try:
         step()
     except BaseException as error:
         failures.append(error)
-
-
-def _check_command(config: RigConfig, command_v: NDArray[np.float64]) -> None:
-    """Last look at the motor command before it is loaded, whatever has been checked before."""
-    if command_v.ndim != 1 or command_v.size < 2:
-        raise InputError(f"motor command has shape {command_v.shape}, allowed one dimension and at least 2 samples")
-    if not np.all(np.isfinite(command_v)):
-        raise InputError(f"motor command is not finite at sample {int(np.argmin(np.isfinite(command_v)))}")
-    if command_v[0] != 0.0 or command_v[-1] != 0.0:
-        raise InputError(f"motor command starts at {command_v[0]:g} V and ends at {command_v[-1]:g} V, allowed 0 V")
-    reach = min(config.motor.voltage_limit_v, config.motor.force_limit_n / config.motor.force_per_volt_n)
-    worst = float(np.max(np.abs(command_v)))
-    if worst > reach * (1 + 1e-9):
-        raise InputError(f"motor command reaches {worst:g} V, allowed {reach:g} V on {config.motor.channel}")

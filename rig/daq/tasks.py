@@ -18,6 +18,7 @@ from nidaqmx.stream_writers import AnalogSingleChannelWriter, DigitalSingleChann
 from numpy.typing import NDArray
 
 from rig.config import CameraConfig, EncoderConfig, RigConfig
+from rig.errors import InputError
 
 BUFFER_S = 20.0
 """Length of the driver's buffers: how long the program may be late before samples are lost."""
@@ -198,3 +199,17 @@ def write_drive_enable(new_task: NewTask, line: str, enabled: bool) -> None:
         )
         writer = DigitalSingleChannelWriter(task.out_stream, auto_start=True)
         writer.write_one_sample_one_line(enabled, timeout=WRITE_TIMEOUT_S)
+
+
+def check_command(config: RigConfig, command_v: NDArray[np.float64]) -> None:
+    """Last look at the motor command before it is loaded, whatever has been checked before."""
+    if command_v.ndim != 1 or command_v.size < 2:
+        raise InputError(f"motor command has shape {command_v.shape}, allowed one dimension and at least 2 samples")
+    if not np.all(np.isfinite(command_v)):
+        raise InputError(f"motor command is not finite at sample {int(np.argmin(np.isfinite(command_v)))}")
+    if command_v[0] != 0.0 or command_v[-1] != 0.0:
+        raise InputError(f"motor command starts at {command_v[0]:g} V and ends at {command_v[-1]:g} V, allowed 0 V")
+    reach = min(config.motor.voltage_limit_v, config.motor.force_limit_n / config.motor.force_per_volt_n)
+    worst = float(np.max(np.abs(command_v)))
+    if worst > reach * (1 + 1e-9):
+        raise InputError(f"motor command reaches {worst:g} V, allowed {reach:g} V on {config.motor.channel}")

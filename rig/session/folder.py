@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 INFO_NAME = "session.toml"
 FILM_SUFFIXES = (".mraw", ".avi", ".tif", ".tiff", ".mp4")
 _TRIAL_NAME = re.compile(r"trial_(\d{4,})\.h5")
+_JOURNAL_NAME = re.compile(r"trial_(\d{4,})\.journal")
 
 
 class Trial:
@@ -44,7 +45,7 @@ class Trial:
 
     @property
     def status(self) -> str:
-        """``complete``, ``not at rest``, ``interrupted`` or ``fault``."""
+        """``complete``, ``not at rest``, ``interrupted``, ``fault`` or ``incomplete``."""
         return read_status(self.path)[0]
 
     @property
@@ -95,6 +96,8 @@ class Session:
         info = toml_file.check(SessionInfo, toml_file.parse_toml(toml_file.read_text(file), str(file)), str(file))
         session = cls(folder, info)
         if require_trials and not session.trials:
+            if session.journals:
+                raise InputError(f"{folder}: the recording was cut off; run  pianorig recover {folder}")
             raise InputError(f"{folder}: the session has no trials (no file trial_0001.h5); record or import some")
         return session
 
@@ -148,6 +151,16 @@ class Session:
                     found.append(Trial(file, number, rejected.get(number)))
         return tuple(sorted(found, key=lambda trial: trial.number))
 
+    @property
+    def journals(self) -> dict[int, Path]:
+        """Journals of trials that were never sealed, by number; while a session is recorded, of the trial at work."""
+        found = {}
+        with contextlib.suppress(FileNotFoundError):
+            for file in self.path.iterdir():
+                if match := _JOURNAL_NAME.fullmatch(file.name):
+                    found[int(match.group(1))] = file
+        return dict(sorted(found.items()))
+
     def summary(self) -> pd.DataFrame:
         """Return one row per trial: number, status, rejected (reason or ""), duration, peak force, frames, film."""
         import pandas as pd  # here, so that opening a session does not load pandas
@@ -178,6 +191,10 @@ class Session:
     def trial_path(self, number: int) -> Path:
         """Path of the file of trial ``number``."""
         return self.path / f"trial_{number:04d}.h5"
+
+    def journal_path(self, number: int) -> Path:
+        """Path of the journal of trial ``number``."""
+        return self.path / f"trial_{number:04d}.journal"
 
     def add_trial(self, data: TrialData) -> Trial:
         """Write and seal one trial under its number."""

@@ -91,7 +91,7 @@ class TrialData:
     number : int
         Trial number, from 1.
     status : str
-        ``complete``, ``not at rest``, ``interrupted`` or ``fault``.
+        ``complete``, ``not at rest``, ``interrupted``, ``fault`` or ``incomplete`` (recovered from the journal).
     reason : str
         Why the status is not ``complete``; empty otherwise.
     time_s : ndarray, shape (n,)

@@ -22,7 +22,7 @@ from rig.session.records import CameraInfo, EncoderInfo, ForceInfo, TrialData
 from rig.session.sealed_hdf5 import open_sealed, write_sealed
 
 SCHEMA = "piano-action-rig trial 1"
-STATUSES = ("complete", "not at rest", "interrupted", "fault")
+STATUSES = ("complete", "not at rest", "interrupted", "fault", "incomplete")
 
 
 def write_trial(path: Path, data: TrialData) -> str:

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from rig.simulated import status
+from rig.simulated.reservations import ARM_TYPE, NO_TRIGGER
 from rig.simulated.status import DaqStatusError
 from rig.simulated.tasks import FINITE, Channel, SimulatedTask
 
@@ -17,10 +18,10 @@ if TYPE_CHECKING:
 
 DRIVER_VERSION = {0x1272: 26, 0x1923: 0, 0x2F22: 0}
 """Major, minor and update number of NI-DAQmx that the virtual device behaves like."""
-DIGITAL_EDGE, NO_TRIGGER = 10150, 10230
+DIGITAL_EDGE = 10150
 DO_NOT_OVERWRITE = 10159
 CO_TERM = 0x18E1
-ARM_TYPE, ARM_EDGE, ARM_SOURCE = 0x1414, 0x1415, 0x1417
+ARM_EDGE, ARM_SOURCE = 0x1415, 0x1417
 ENCODER_TERMINALS = (0x219D, 0x219E)
 
 SETTABLE: dict[str, frozenset[int]] = {

@@ -18,6 +18,10 @@ class Clock(Protocol):
     def now_s(self) -> float:
         """Time since the clock was made, s."""
 
+    @property
+    def elapsed_s(self) -> float:
+        """The same as somebody sees it who does not wait for a read: a watchdog timer, s."""
+
     def advance(self, duration_s: float) -> None:
         """Let ``duration_s`` pass."""
 
@@ -30,6 +34,11 @@ class VirtualClock:
 
     @property
     def now_s(self) -> float:
+        """Virtual time, s."""
+        return self._now_s
+
+    @property
+    def elapsed_s(self) -> float:
         """Virtual time, s."""
         return self._now_s
 
@@ -58,6 +67,11 @@ class PacedClock:
     def now_s(self) -> float:
         """Virtual time, s."""
         return self._now_s
+
+    @property
+    def elapsed_s(self) -> float:
+        """Wall-clock time, s, slowed down with the bench but never sped up; goes on when nobody reads."""
+        return (self._wall_s() - self._origin_s) * min(self._speed, 1.0)
 
     def advance(self, duration_s: float) -> None:
         """Add ``duration_s`` to the time, then wait until the wall clock has caught up."""

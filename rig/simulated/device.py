@@ -23,6 +23,7 @@ from rig.simulated.reservations import Reservations
 from rig.simulated.sensors import SensorSet
 from rig.simulated.status import DaqStatusError, NotImplementedByDevice
 from rig.simulated.tasks import FINITE, Buffer, Channel, SampleClock, SimulatedTask, TaskType
+from rig.simulated.watchdog import Watchdogs
 from rig.simulated.wiring import Wiring
 
 AO_CLOCK = "ao/SampleClock"
@@ -56,6 +57,7 @@ class SimulatedDevice:
         """Volts each analog output holds, by full channel name; a stopped output holds its last value."""
         self.lines: dict[str, bool] = {}
         self.trial = 0
+        self.watchdogs = Watchdogs(self)
         self._reservations = Reservations(inventory)
         self._master: SimulatedTask | None = None
 
@@ -79,6 +81,7 @@ class SimulatedDevice:
         self.stop(task)
         self.release(task)
         del self.tasks[name]
+        self.watchdogs.forget(name)
 
     def add_channels(
         self, task: SimulatedTask, type_: TaskType, kind: Kind, physical: str, name: str, **settings: Any
@@ -126,6 +129,8 @@ class SimulatedDevice:
         """Start a task; starting AI is the start trigger of everything armed."""
         if task.state == "running":
             raise DaqStatusError(status.TASK_RUNNING, f"Task: {task.name}")
+        if self.watchdogs.started(task):
+            return
         if task.type == "AO" and task.output is None and task.clock is not None:
             raise DaqStatusError(status.NO_DATA_WRITTEN, f"Task: {task.name}")
         self.commit(task)
@@ -168,6 +173,7 @@ class SimulatedDevice:
         if task.state != "running":
             return
         task.live = False
+        self.watchdogs.stopped(task)
         if task is self._master:
             self._master = None
         if task.committed:
@@ -257,6 +263,7 @@ class SimulatedDevice:
             if not np.all(inside):
                 detail = f"Channel: {channel.name}, limits {low:g} to {high:g} V"
                 raise DaqStatusError(status.INVALID_AO_DATA, detail)
+        self.watchdogs.refuse_if_held(task)
         if task.clock is not None:
             if task.state == "running":
                 raise NotImplementedByDevice("writing to a running generation")
@@ -271,6 +278,7 @@ class SimulatedDevice:
         """Set digital lines at once."""
         if task.type != "DO" or len(states) != len(task.channels):
             raise DaqStatusError(status.WRONG_OUTPUT_TYPE, f"Task: {task.name}, {len(states)} lines")
+        self.watchdogs.refuse_if_held(task)
         self._at_once(task, auto_start)
         self.lines.update({c.physical.name: state for c, state in zip(task.channels, states, strict=True)})
 

@@ -47,6 +47,8 @@ class Product:
     encoder_terminals: tuple[tuple[str, str], ...] = ()
     """A and B terminals each counter has unless told otherwise; empty: they must be told."""
     ai_bits: int = 16
+    watchdog_reach: tuple[Kind, ...] = ()
+    """Kinds of outputs the product's watchdog timer can put into a state."""
     input_only_terminals: str = r"(?!)"
     internal: tuple[str, ...] = field(
         default=("ai/SampleClock", "ai/StartTrigger", "ao/SampleClock", "ao/StartTrigger")
@@ -74,6 +76,7 @@ CDAQ_9189 = Product(
     bridge_range_mv_per_v=25.0,
     bridge_excitation_v=(2.5, 3.3, 5.0, 10.0),
     input_only_terminals=r"Mod3/PFI\d+",
+    watchdog_reach=("voltage_out", "line"),
 )
 
 PCIE_6363 = Product(
@@ -91,6 +94,7 @@ PCIE_6363 = Product(
     counter_timebase_hz=100e6,
     ai_ranges_v=(0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0),
     encoder_terminals=(("PFI8", "PFI10"), ("PFI3", "PFI11"), ("PFI0", "PFI1"), ("PFI5", "PFI6")),
+    watchdog_reach=("line",),  # X Series manual: digital and PFI lines, not the analog outputs
 )
 
 PRODUCTS = {product.name: product for product in (CDAQ_9189, PCIE_6363)}

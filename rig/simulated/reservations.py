@@ -9,6 +9,7 @@ from rig.simulated.status import DaqStatusError
 from rig.simulated.tasks import SimulatedTask
 
 CO_TERMINAL = 0x18E1
+ARM_TYPE, NO_TRIGGER = 0x1414, 10230
 
 
 class Reservations:
@@ -23,6 +24,8 @@ class Reservations:
         needed = [channel.physical.resource for channel in task.channels]
         if task.clock is not None and task.type in ("AI", "AO"):
             needed.append(f"{task.type} timing engine")
+        if task.setting("Trig", "", ARM_TYPE, NO_TRIGGER) != NO_TRIGGER and not task.arm_trigger:
+            raise DaqStatusError(status.NO_SUCH_TERMINAL, f"Task: {task.name}: arm start trigger without a source")
         for channel in task.channels:
             if task.type == "CI":
                 for attribute in (A_TERMINAL, B_TERMINAL):

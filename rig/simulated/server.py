@@ -48,7 +48,9 @@ def serve(service: Service, *, host: str = "127.0.0.1", port: int = 0) -> tuple[
     HardwareFault
         When the address cannot be bound.
     """
-    server = grpc.server(ThreadPoolExecutor(max_workers=4), options=[("grpc.max_receive_message_length", -1)])
+    # without the second option two servers may share a port on Linux, and a client talk to either
+    options = [("grpc.max_receive_message_length", -1), ("grpc.so_reuseport", 0)]
+    server = grpc.server(ThreadPoolExecutor(max_workers=4), options=options)
     server.add_generic_rpc_handlers((_Handler(service),))
     try:
         bound = server.add_insecure_port(f"{host}:{port}")

@@ -11,6 +11,7 @@ from __future__ import annotations
 import re
 import threading
 from collections.abc import Callable
+from contextlib import AbstractContextManager
 from typing import Any
 
 import numpy as np
@@ -22,6 +23,7 @@ from rig.simulated.device import SimulatedDevice
 from rig.simulated.messages import CALLS, attribute_value, enum, response, session
 from rig.simulated.status import DaqStatusError, NotImplementedByDevice
 from rig.simulated.tasks import SimulatedTask
+from rig.simulated.watchdog_calls import WATCHDOG_CALLS
 
 _ATTRIBUTE_CALL = re.compile(r"(Get|Set)(Task|Timing|Read|Write|Buffer|Chan|Trig)Attribute(\w+)")
 _BY_SCAN = 1
@@ -68,6 +70,10 @@ class Service:
             "GetErrorString": self._error_string,
         }
 
+    def alone(self) -> AbstractContextManager[bool]:
+        """Keep clients waiting while the device is looked at."""
+        return self._lock
+
     def handle(self, call: str, request: Any) -> Any:
         """Answer one call.
 
@@ -79,12 +85,15 @@ class Service:
             When the virtual device does not have the call.
         """
         with self._lock:
+            self.device.watchdogs.look()
             self.trace.append(call)
             if call in self._handlers:
                 return self._handlers[call](request)
             if call in CHANNEL_CALLS:
                 CHANNEL_CALLS[call](self.device, self._task(request), request)
                 return response(call)
+            if call in WATCHDOG_CALLS:
+                return WATCHDOG_CALLS[call](self.device, request)
             match = _ATTRIBUTE_CALL.fullmatch(call)
             if match and call in CALLS:
                 return self._attribute(call, match.group(1), match.group(2), request)

@@ -29,6 +29,12 @@ ATTRIBUTE_NOT_SUPPORTED = -200452
 RATE_TOO_HIGH = -200332
 TASK_MIXES_TYPES = -200559
 OPERATION_TIMED_OUT = -200474
+WATCHDOG_NOT_SUPPORTED = -200662
+WATCHDOG_TIMEOUT_OUT_OF_RANGE = -200668
+WATCHDOG_WHILE_OTHERS_RESERVED = -201477
+CANNOT_RESET_EXPIRED_WATCHDOG = -200644
+WRITE_AFTER_WATCHDOG = -200678
+NOT_A_WATCHDOG = -200635
 
 TEXTS = {
     SAMPLES_NOT_YET_AVAILABLE: "Some or all of the samples requested have not yet been acquired.",
@@ -54,6 +60,12 @@ TEXTS = {
     ATTRIBUTE_NOT_SUPPORTED: "The property is not supported by the virtual device for this task.",
     RATE_TOO_HIGH: "The sample clock rate exceeds what the device supports.",
     TASK_MIXES_TYPES: "Channels of different types cannot be in one task.",
+    WATCHDOG_NOT_SUPPORTED: "The device has no watchdog timer for this output.",
+    WATCHDOG_TIMEOUT_OUT_OF_RANGE: "The timeout of the watchdog timer is out of range.",
+    WATCHDOG_WHILE_OTHERS_RESERVED: "A watchdog task cannot be reserved while other tasks are.",
+    CANNOT_RESET_EXPIRED_WATCHDOG: "The watchdog timer has expired and must be cleared, not reset.",
+    WRITE_AFTER_WATCHDOG: "The output cannot be written: the watchdog timer has expired.",
+    NOT_A_WATCHDOG: "The task is not a watchdog timer task.",
     OPERATION_TIMED_OUT: "The operation did not complete within the time allowed.",
 }
 

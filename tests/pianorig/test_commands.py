@@ -158,6 +158,27 @@ def test_start_up_imports_only_what_a_command_needs(short_force: Path, tmp_path:
     assert not loaded & {"scipy.integrate", "scipy.optimize", "scipy.sparse", "scipy.special", "scipy.stats"}
 
 
+def test_output_survives_a_narrow_encoding(tmp_path: Path) -> None:
+    """A Windows pipe is cp1252; a sign it lacks is replaced, not a crash."""
+    name = "t\u1d63y.csv"
+    done = subprocess.run(
+        [
+            sys.executable,
+            "-m",
+            "pianorig.cli",
+            "simulate",
+            "--force",
+            str(tmp_path / name),
+            "--out",
+            str(tmp_path / "o.csv"),
+        ],
+        capture_output=True,
+        env={**os.environ, "PYTHONIOENCODING": "cp1252"},
+    )
+    assert done.returncode == 2
+    assert b"cannot be read" in done.stderr
+
+
 def test_reading_a_session_needs_neither_nidaqmx_nor_numba() -> None:
     code = "import sys, rig.session; print('nidaqmx' in sys.modules, 'numba' in sys.modules, 'model' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

@@ -101,6 +101,12 @@ def edited_rig(rig: Rig) -> Any:
 
 
 @pytest.fixture
+def unwatched(edited_rig: Any) -> RigConfig:
+    """The virtual rig without its watchdog."""
+    return edited_rig(("[watchdog]\ntimeout_s = 0.5\n", "")).config
+
+
+@pytest.fixture
 def step_profile() -> Profile:
     """Up to 6 N within 10 ms, held 50 ms, down within 10 ms."""
     points = [(0.0, 0), (0.01, 0), (0.02, 6), (0.07, 6), (0.08, 0)]

@@ -91,7 +91,7 @@ def trial_data(number, time_s, force_n, change_rad, *, status="complete", camera
     )  # fmt: skip
 
 
-def make_session(folder: Path, n_trials=5, filmed=(2,), **info):
+def make_session(folder: Path, n_trials=5, filmed=(2,), strength=STRENGTH, **info):
     """Create a session on disk whose specimen differs from the model in friction; return it with truth."""
     import model
     from rig.session import CameraInfo, Session
@@ -103,7 +103,7 @@ def make_session(folder: Path, n_trials=5, filmed=(2,), **info):
     time = np.arange(int(LENGTH_S * RATE_HZ)) / RATE_HZ
     truth = Truth(time, {}, {}, {}, rest.angle_rad, action, specimen)
     for number in range(1, n_trials + 1):
-        force = PRELOAD_N + forte_n(time, STRENGTH[(number - 1) % len(STRENGTH)])
+        force = PRELOAD_N + forte_n(time, strength[(number - 1) % len(strength)])
         solution = model.simulate(specimen, time, force, initial=rest)
         truth.angle_rad[number] = solution.angle_rad
         truth.speed_rad_per_s[number] = solution.speed_rad_per_s

@@ -62,16 +62,15 @@ def test_a_key_that_grazes_its_felt_is_ambiguous():
 def test_release_is_not_mistaken_for_a_key_that_lifts_off_the_balance_rail():
     time = clock()
     dip = pressed_m(time)
-    # the false reading of thesis 3.2.2: half the dip is gone for 6 ms
-    dip -= 0.005 * np.exp(-(((time - 0.23) / 0.003) ** 2))
-    event = key_release(motion(time, dip), 0.22)
-    level = 0.9 * TOUCH_M
-    assert event.value == pytest.approx(0.6 + 0.04 * (1 - level / 0.0098), abs=1e-5)
+    # the false reading of thesis 3.2.2: more than half the dip is gone for some milliseconds
+    dip -= 0.006 * np.exp(-(((time - 0.23) / 0.003) ** 2))
+    event = key_release(motion(time, dip))
+    assert event.value == pytest.approx(0.6 + 0.04 * (1 - 0.5 * TOUCH_M / 0.0098), abs=1e-5)
 
 
-def test_a_key_held_to_the_end_is_not_released():
-    assert key_release(motion(clock(), pressed_m(clock(), up_s=2.0)), 0.22).status == "absent"
-    assert key_release(motion(clock()), None).status == "absent"
+def test_a_key_held_to_the_end_or_never_pressed_is_not_released():
+    assert key_release(motion(clock(), pressed_m(clock(), up_s=2.0))).status == "absent"
+    assert key_release(motion(clock(), pressed_m(clock(), deep_m=0.004))).status == "absent"
 
 
 def caught_m(time, impact_s=0.3, held_m=0.0158, until_s=0.6, hold_starts_s=0.31):
@@ -98,6 +97,19 @@ def test_a_short_hold_is_ambiguous_and_a_bounce_is_none():
     bounce = np.minimum(REST_M, 2.0 * np.clip(time - 0.3, 0, None))
     assert check(motion(time, height=bounce), 0.3)[1].status == "absent"
     assert check(motion(time), None)[0].note == "no string impact"
+
+
+def test_the_unknown_end_of_a_prediction_hides_no_event():
+    """The model knows no force for the last group delay: its angles are NaN there."""
+    time = clock()
+    height, dip = caught_m(time, until_s=2.0), pressed_m(time, up_s=2.0)
+    height[-400:] = dip[-400:] = np.nan
+    lost = motion(time, dip, height)
+    assert check(lost, 0.3)[1].value == pytest.approx(0.0158, abs=1e-9)
+    assert check(lost, 0.95)[1].status == "absent"
+    assert "15.80 mm away" in rest(lost, 1000).note
+    assert key_bottom(lost).status == "found"
+    assert key_release(lost).status == "absent"
 
 
 def test_a_later_strike_ends_the_search_for_a_check():
@@ -189,4 +201,4 @@ def test_a_second_strike_is_found_in_a_double_blow(reference_action):
     found, _, _ = events_of(model, action, time, blow(0.05) + blow(0.25))
     assert found["second_strike"].status == "found"
     assert 0.17 < found["second_strike"].value - found["string_impact"].value < 0.25
-    assert found["key_release"].value < found["second_strike"].value
+    assert found["key_release"].value > found["second_strike"].value

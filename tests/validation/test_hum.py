@@ -63,8 +63,8 @@ def test_the_mains_frequency_is_found_when_not_told():
 def test_a_baseline_without_hum_is_left_alone_at_the_stated_rate():
     rng = np.random.default_rng(5)
     time = np.arange(1750) / RATE_HZ
-    accepted = sum(fit_hum(time, rng.normal(0.1, 0.02, time.size), 60.0).accepted for _ in range(200))
-    assert accepted <= 3  # one in a thousand by the F test, a few more because the frequency is searched
+    accepted = sum(fit_hum(time, rng.normal(0.1, 0.02, time.size), 60.0).accepted for _ in range(120))
+    assert accepted <= 2  # one in a thousand by the F test, a few more because the frequency is searched
 
 
 def test_a_refused_fit_subtracts_the_offset_only():
@@ -105,7 +105,7 @@ def test_the_uncertainty_of_the_baseline_covers_the_truth(with_hum):
     n = int(0.35 * RATE_HZ)
     at = np.array([0, n - 1, time.size - 1])
     z = []
-    for _ in range(250):
+    for _ in range(150):
         phase = tuple(rng.uniform(-np.pi, np.pi, 3))
         hum = hum_n(time, 60 + rng.uniform(-0.1, 0.1), (0.3, 0.0, 0.1), phase) if with_hum else np.zeros(time.size)
         true = 0.15 + hum
@@ -113,8 +113,8 @@ def test_the_uncertainty_of_the_baseline_covers_the_truth(with_hum):
         if fit.accepted == with_hum:
             z.append((fit.baseline_n(time[at]) - true[at]) / fit.u_baseline_n(time[at]))
     z = np.array(z)
-    assert len(z) >= 245
-    # 250 draws: the standard deviation of z is known to 4.5 %
+    assert len(z) >= 147
+    # 150 draws: the standard deviation of z is known to 6 %
     assert np.all(np.abs(z.std(axis=0) - 1) < 0.2)
     assert np.all(np.abs(z.mean(axis=0)) < 0.25)
 

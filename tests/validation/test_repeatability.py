@@ -7,7 +7,9 @@ import pytest
 
 from validation.event import EVENTS, Event, absent
 from validation.repeatability import (
+    STANDS_OUT,
     curve_repeatability,
+    distance_ratios,
     event_repeatability,
     few_trials_warning,
     limit_factor,
@@ -80,6 +82,22 @@ def test_one_trial_has_no_repeatability():
     assert np.isnan(r.limit)
     assert np.isnan(limit_factor(1))
     assert all(np.isnan(s_interval_factors(1)))
+
+
+def test_one_trial_that_stands_out_is_found_and_good_ones_are_not():
+    rng = np.random.default_rng(17)
+    base = np.sin(np.linspace(0, 9, 800))
+    shapes = rng.normal(size=(300, 6, 5)) @ np.array([np.cos(np.linspace(0, k, 800)) for k in range(1, 6)])
+    false = [distance_ratios((base + 0.01 * s).T).max() > STANDS_OUT for s in shapes]
+    assert np.mean(false) < 0.03
+    bad = base + 0.01 * shapes[0]
+    bad[3] = np.roll(bad[3], 40)
+    ratios = distance_ratios(bad.T)
+    assert ratios.argmax() == 3
+    assert ratios[3] > STANDS_OUT
+    assert np.delete(ratios, 3).max() < STANDS_OUT
+    assert np.isnan(distance_ratios(bad[:3].T)).all()
+    assert np.isnan(distance_ratios(np.ones((10, 5)))).all()
 
 
 def test_pooled_s_weighs_by_degrees_of_freedom():

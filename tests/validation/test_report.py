@@ -53,18 +53,28 @@ def test_the_verdict_comes_first_and_limits_and_provenance_are_there(page, compa
     assert page.index("Model hirschkorn2004 against 5 trials") < page.index("<table")
     assert "What this report cannot claim" in page
     assert "action.values_sha256" in page
+    assert all(seal in page for seal in compared.trials["seal"])
     assert f"{compared.window.start_s:.4f} s" in page
     assert "5 trials: sᵣ is known only to within a factor" in page
 
 
-def test_text_from_a_session_is_escaped(make, tmp_path):
-    hostile = "<script>alert('x')</script>&\"quote\""
-    session, truth = make.session(tmp_path / "s", n_trials=1, filmed=(), operator=hostile, name=hostile)
-    result = validate_session(session, truth.action, tmp_path / "out")
+HOSTILE = "<script>alert('x')</script>&\"quote\""
+
+
+@pytest.fixture(scope="module")
+def lonely(make, tmp_path_factory):
+    """One trial, no film, hostile text in the session; reported into its own folder."""
+    folder = tmp_path_factory.mktemp("lonely") / "s"
+    session, truth = make.session(folder, n_trials=1, filmed=(), operator=HOSTILE, name=HOSTILE)
+    return session, validate_session(session, truth.action)
+
+
+def test_text_from_a_session_is_escaped(lonely):
+    _, result = lonely
     text = result.files["report.html"].read_text(encoding="utf-8")
     assert "<script" not in text
     assert "&lt;script&gt;alert(" in text
-    assert json.loads(result.files["results.json"].read_text(encoding="utf-8"))["session"] == hostile
+    assert json.loads(result.files["results.json"].read_text(encoding="utf-8"))["session"] == HOSTILE
 
 
 def test_results_json_has_no_nan_and_the_same_numbers(compared, written):
@@ -110,9 +120,8 @@ def test_older_files_are_replaced_together(tmp_path):
     assert not list(tmp_path.rglob("*.part"))
 
 
-def test_one_trial_and_no_film_are_said(make, tmp_path):
-    session, truth = make.session(tmp_path / "s", n_trials=1, filmed=())
-    result = validate_session(session, truth.action)
+def test_one_trial_and_no_film_are_said(lonely):
+    session, result = lonely
     text = result.files["report.html"].read_text(encoding="utf-8")
     assert result.files["report.html"].parent == session.path
     assert "repeatability is not known" in text
@@ -122,13 +131,27 @@ def test_one_trial_and_no_film_are_said(make, tmp_path):
     assert "against 1 trial of" in result.verdict
 
 
+def test_a_blow_too_soft_for_the_string_and_a_film_without_a_frame_are_reported(make, tmp_path):
+    session, truth = make.session(tmp_path / "s", n_trials=1, filmed=(1,), strength=(0.06,))
+    table, _ = session.read_derived("angles", 1)
+    table["jack_relative_rad"] = np.nan
+    session.write_derived("angles", 1, table)
+    result = compare_session(session, truth.action)
+    assert "Absent in both: string impact, hammer speed at impact" in result.verdict
+    channels = result.channels.set_index("channel")
+    assert channels.loc["jack", "state"] == "no frame tracked"
+    assert np.isnan(channels.loc["jack", "rmse_rad"])
+    assert np.isfinite(channels.loc["repetition", "rmse_rad"])
+    assert "jack (no frame tracked)" in render_html(result)
+
+
 def test_rejected_and_damaged_trials_are_named_and_the_rest_is_compared(make, tmp_path):
-    session, truth = make.session(tmp_path / "s", n_trials=4, filmed=())
+    session, truth = make.session(tmp_path / "s", n_trials=3, filmed=())
     session.annotate(2, "reject", "double <b>strike</b>")
     session.trial_path(3).write_bytes(session.trial_path(3).read_bytes()[:5000])
     result = compare_session(session, truth.action)
     used = result.trials.set_index("trial")["used"]
-    assert list(used) == [True, False, False, True]
+    assert list(used) == [True, False, False]
     assert result.trials.set_index("trial").loc[2, "reason"] == "rejected: double <b>strike</b>"
     assert "trial_0003.h5" in result.trials.set_index("trial").loc[3, "reason"]
     assert sum("is not used" in text for text in result.warnings) == 2

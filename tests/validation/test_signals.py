@@ -80,6 +80,14 @@ def test_the_declared_preload_is_what_the_baseline_means():
     assert corrected.u_force_n.min() > 0.03
 
 
+def test_a_slow_drift_of_the_baseline_is_no_blow_and_the_onset_is_when_the_force_acted():
+    time, force, _ = record(noise_n=0.004)
+    drifting = force + 0.05 * np.sin(2 * np.pi * 1.5 * time)
+    quiet = find_quiet(time, drifting, group_delay_s=0.008)
+    assert quiet.onset_s == pytest.approx(0.4 - 0.008, abs=2e-3)
+    assert quiet.length_s > 0.37
+
+
 def test_nothing_is_smoothed():
     time, force, _ = record()
     quiet = find_quiet(time, force)
@@ -92,8 +100,9 @@ def test_lost_force_samples_are_refused_with_their_place():
     time, force, _ = record()
     quiet = find_quiet(time, force)
     force[3000:3004] = np.nan
-    with pytest.raises(TrialError, match=r"4 lost samples, the first at 0\.6000 s"):
-        correct_force(time, force, quiet)
+    for refuse in (lambda: correct_force(time, force, quiet), lambda: find_quiet(time, force)):
+        with pytest.raises(TrialError, match=r"4 lost samples, the first at 0\.6000 s"):
+            refuse()
 
 
 @settings(max_examples=40, deadline=None)

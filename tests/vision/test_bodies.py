@@ -94,7 +94,7 @@ def test_masks_leave_out_the_rim_and_what_is_in_front() -> None:
     masks = build_masks([Body("back", back, layer=0), Body("front", front, layer=1)], 64, 96)
     rows, cols = np.nonzero(masks[0])
     assert rows.min() == 15 and rows.max() == 35 and cols.min() == 15  # 4 px of rim, the line itself excluded
-    assert not masks[0][:, 47:74].any() and masks[0][20, 46] and masks[0][20, 75]
+    assert not masks[0][:, 46:75].any() and masks[0][20, 45] and masks[0][20, 75]
     assert masks[1][20:40, 55:65].all()
     # of one layer, each gives way to the other
     same = build_masks([Body("back", back), Body("front", front)], 64, 96)

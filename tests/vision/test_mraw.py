@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-import vision.mraw
+import vision.file_window
 from vision.cih import FilmHeader, cihx_bytes
 from vision.errors import FilmError
 from vision.frames import open_film
@@ -140,7 +140,7 @@ def resident_bytes() -> int:
 @pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="reads Linux's account of memory in use")
 def test_memory_does_not_grow_with_the_film(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A sparse film of 20 GB: regions of 120 frames touch 50 MB of it, of which only the window stays."""
-    monkeypatch.setattr(vision.mraw, "WINDOW_BYTES", 4_000_000)
+    monkeypatch.setattr(vision.file_window, "WINDOW_BYTES", 4_000_000)
     path = tmp_path / "long.mraw"
     n = 20_000_000_000 // (1280 * 1024 * 3 // 2)
     with path.open("wb") as file:

@@ -18,6 +18,13 @@ def test_noise_alone_is_still() -> None:
     assert np.mean(np.array(counts) == 64) > 0.99
 
 
+def test_understated_uncertainty_is_noticed() -> None:
+    """Compressed film: the poses scatter by twice what is stated, but stand still."""
+    rng = np.random.default_rng(5)
+    counts = [still_count(2.0 * rng.standard_normal((64, 3)), np.ones((64, 3))) for _ in range(100)]
+    assert np.mean(np.array(counts) == 64) > 0.93
+
+
 @pytest.mark.parametrize("power", [1, 2, 3])
 def test_motion_ends_it_before_it_matters(power: int) -> None:
     """Drifts that start at frame 30: what is kept moves the zero, in RMS, by less than its uncertainty."""

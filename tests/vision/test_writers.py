@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -9,9 +10,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from vision.avi import write_avi
 from vision.errors import FilmError
 from vision.frames import open_film
-from vision.writers import write_avi, write_mraw
+from vision.writers import write_mraw
 
 GOOD = np.zeros((2, 6, 8), dtype=np.uint8)
 
@@ -40,6 +42,25 @@ def test_an_old_film_survives_a_failure(tmp_path: Path) -> None:
     assert sorted(p.name for p in tmp_path.iterdir()) == ["film.cihx", "film.mraw"]
 
 
+def test_a_film_in_use_keeps_its_header(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Windows refuses to replace an open file: the old film must stay readable."""
+    path = tmp_path / "film.mraw"
+    write_mraw(path, GOOD + 7, 2000.0)
+    replace = os.replace
+
+    def refuse(source: Path, target: Path) -> None:
+        if target == path:
+            raise PermissionError(13, "in use")
+        replace(source, target)
+
+    monkeypatch.setattr(os, "replace", refuse)
+    with pytest.raises(FilmError, match="in use"):
+        write_mraw(path, GOOD, 1000.0)
+    with open_film(path) as film:
+        assert film.frame_rate_hz == 2000.0 and film.read(0).min() == 7
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["film.cihx", "film.mraw"]
+
+
 @pytest.mark.parametrize(
     ("frames", "bit_depth", "words"),
     [
@@ -64,10 +85,12 @@ def test_paths_and_sizes(tmp_path: Path) -> None:
     with pytest.raises(FilmError, match="cannot be written"):
         write_mraw(tmp_path / "absent" / "film.mraw", GOOD, 2000.0)
     with pytest.raises(FilmError, match="cannot be written"):
-        write_avi(tmp_path / "absent" / "film.avi", GOOD, 2000.0)
+        write_avi(tmp_path / "absent" / "film.avi", GOOD, 25.0)
     with pytest.raises(FilmError, match=r"\.mraw"):
         write_mraw(tmp_path / "film.raw", GOOD, 2000.0)
     with pytest.raises(FilmError, match="frame 1 has shape"):
         write_mraw(tmp_path / "film.mraw", iter([GOOD[0], GOOD[0].T]), 2000.0)
+    with pytest.raises(FilmError, match="JPEG quality 0"):
+        write_avi(tmp_path / "film.avi", GOOD, 2000.0, quality=0)
     with pytest.raises(FilmError, match="frame rate"):
         write_mraw(tmp_path / "film.mraw", GOOD, 0.0)

@@ -13,7 +13,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 
 from validation.geometry import Array
-from validation.report.svg import decimate
+from validation.report.svg import COLUMNS, decimate
 
 BLACK, ORANGE, SKY, GREEN, BLUE, VERMILION, PURPLE = (
     "#000000",
@@ -36,6 +36,8 @@ TITLE = {
     "hammer": "hammer",
 }
 MOST_IN_LEGEND = 8
+FULL_CURVES = 8
+FEWEST_COLUMNS = 60
 
 
 def rotation_label(channel: str) -> str:
@@ -53,9 +55,16 @@ def line_style(i: int) -> dict[str, object]:
     return style
 
 
-def draw(axes: Axes, time: Array, values: Array, label: str | None = None, **style: object) -> None:
+def columns_for(curves: int) -> int:
+    """Pixel columns per curve, fewer when many curves share a panel, so that the page stays below some megabytes."""
+    return max(FEWEST_COLUMNS, min(COLUMNS, COLUMNS * FULL_CURVES // max(curves, 1)))
+
+
+def draw(
+    axes: Axes, time: Array, values: Array, label: str | None = None, *, columns: int = COLUMNS, **style: object
+) -> None:
     """Draw a thinned curve."""
-    t, v = decimate(time, values)
+    t, v = decimate(time, values, columns=columns)
     axes.plot(t, v, label=label, **style)  # type: ignore[arg-type]
 
 

@@ -26,6 +26,7 @@ from validation.report.drawing import (
     TITLE,
     VERMILION,
     band,
+    columns_for,
     degrees,
     draw,
     finish_axes,
@@ -63,7 +64,14 @@ def force_of_all_trials(result: ValidationResult) -> ReportFigure:
         f = _window(result, frame)
         force = f["force_n"].to_numpy()
         peak = max(peak, float(force.max(initial=0.0)))
-        draw(axes, f["force_time_s"].to_numpy(), force, f"trial {number}", **line_style(i))
+        draw(
+            axes,
+            f["force_time_s"].to_numpy(),
+            force,
+            f"trial {number}",
+            columns=columns_for(len(result.traces)),
+            **line_style(i),
+        )
     finish_axes(axes, "force (N)")
     legend(axes, len(result.traces))
     n = len(result.traces)
@@ -80,7 +88,14 @@ def rotation_of_all_trials(result: ValidationResult, channel: str, number: str) 
         f = _window(result, frame)
         for top in grid[0]:
             rotation = degrees(channel, f[f"{channel}_measured_rad"])
-            draw(top, f["time_s"].to_numpy(), rotation, f"trial {trial}", **line_style(i))
+            draw(
+                top,
+                f["time_s"].to_numpy(),
+                rotation,
+                f"trial {trial}",
+                columns=columns_for(len(result.traces)),
+                **line_style(i),
+            )
     s_r = np.degrees(result.spread[f"{channel}_s_r_rad"].to_numpy())
     known = bool(np.isfinite(s_r).any())
     for top, low in grid.T:
@@ -135,31 +150,16 @@ def force_of_one_trial(result: ValidationResult, trial: int) -> ReportFigure:
     f = _window(result, result.traces[trial])
     figure = Figure(figsize=(WIDTH_IN, 3.0), layout="constrained")
     axes, zoom = figure.subplots(1, 2, width_ratios=(2.2, 1))
-    at, peak = _peak(f)
     for panel in (axes, zoom):
-        draw(
-            panel,
-            f["time_s"].to_numpy(),
-            f["raw_force_n"].to_numpy(),
-            "as recorded",
-            color=SKY,
-            linewidth=0.8,
-        )
-        draw(
-            panel,
-            f["force_time_s"].to_numpy(),
-            f["force_n"].to_numpy(),
-            "corrected",
-            color=BLACK,
-            linewidth=1.1,
-        )
+        draw(panel, f["time_s"].to_numpy(), f["raw_force_n"].to_numpy(), "as recorded", color=SKY, linewidth=0.8)
+        draw(panel, f["force_time_s"].to_numpy(), f["force_n"].to_numpy(), "corrected", color=BLACK, linewidth=1.1)
         finish_axes(panel, "force (N)")
-    delay = float(f["time_s"].iloc[0] - f["force_time_s"].iloc[0])
-    zoom.set_xlim(at - 0.01, at + 0.01 + delay)
-    zoom.set_title("around the peak", fontsize=9)
+    _zoom_on_impact(result, trial, zoom)
     axes.legend(fontsize=8)
     caption = f"Force of trial {trial}: as recorded, and as it drives the model, corrected (offset, hum, delay)."
-    return _finish(figure, "force-one", "4.1", caption, f"Peak of {peak:.1f} N at {at:.4f} s.")
+    at = int(np.nanargmax(f["force_n"].to_numpy()))
+    text = f"The largest force is {f['force_n'].iloc[at]:.1f} N at {f['force_time_s'].iloc[at]:.4f} s."
+    return _finish(figure, "force-one", "4.1", caption, text)
 
 
 def model_against_trial(result: ValidationResult, trial: int, channel: str, number: str) -> ReportFigure:
@@ -178,15 +178,21 @@ def model_against_trial(result: ValidationResult, trial: int, channel: str, numb
         for i, (other, frame) in enumerate(result.traces.items()):
             part = _window(result, frame)
             difference = part[f"{channel}_predicted_rad"].to_numpy() - part[f"{channel}_measured_rad"].to_numpy()
-            draw(low, part["time_s"].to_numpy(), degrees(channel, difference), f"trial {other}", **line_style(i))
+            draw(
+                low,
+                part["time_s"].to_numpy(),
+                degrees(channel, difference),
+                f"trial {other}",
+                columns=columns_for(len(result.traces)),
+                **line_style(i),
+            )
         low.axhline(0.0, color="#777777", linewidth=0.7)
         finish_axes(low, "model − trial (°)")
     grid[0, 0].legend(fontsize=8)
     _zoom_on_impact(result, trial, grid[0, 1])
     row = result.scores[(result.scores["trial"] == trial) & (result.scores["channel"] == channel)].iloc[0]
     caption = (
-        f"Rotation of the {TITLE[channel]}, model and trial {trial}; below: model minus trial for all "
-        f"trials. "
+        f"Rotation of the {TITLE[channel]}, model and trial {trial}; below: model minus trial for all trials. "
         f"RMSE of trial {trial}: {np.degrees(row['rmse_rad']):.3f}°."
     )
     largest = f"{np.degrees(row['largest_rad']):.3f}° at {row['largest_at_s']:.4f} s"
@@ -206,11 +212,6 @@ def all_figures(result: ValidationResult) -> dict[str, list[ReportFigure]]:
         for channel, number in zip(ENCODER_CHANNELS, ("4.2", "4.3", "4.4"), strict=True):
             comparison.append(model_against_trial(result, first, channel, number))
         return {"repeatability": repeatability, "comparison": comparison}
-
-
-def _peak(frame: pd.DataFrame) -> tuple[float, float]:
-    i = int(np.nanargmax(frame["force_n"].to_numpy()))
-    return float(frame["force_time_s"].iloc[i]), float(frame["force_n"].iloc[i])
 
 
 def _zoom_on_impact(result: ValidationResult, trial: int, axes: Axes) -> None:

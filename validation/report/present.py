@@ -94,11 +94,29 @@ def score_matrix(result: ValidationResult) -> PageTable:
         )
     notes = [
         "RMSE of model − trial in degrees inside the evaluation window; “all” is the root mean square over trials.",
-        "sᵣ: repeatability standard deviation; limit: 95 % of differences between two trials are "
-        "smaller (ISO 5725, factor for "
-        "few trials); trial–trial: the same RMSE between trials, the best a model could be asked for.",
+        "sᵣ: repeatability standard deviation; limit: 95 % of differences between two trials are smaller (ISO 5725, "
+        "factor for few trials); trial–trial: the same RMSE between trials, the best a model could be asked for.",
     ]
     return PageTable("scores", "RMSE of every trial and channel (°)", head, rows, notes)
+
+
+def iso_table(result: ValidationResult) -> PageTable:
+    """ISO 18571-style scores per channel: mean over trials, and what trials score against each other."""
+    rows = []
+    ceiling = dict(zip(result.channels["channel"], result.channels["iso_ceiling"].astype(float), strict=True))
+    for channel, part in result.scores.groupby("channel", sort=False):
+        names = ("iso_overall", "iso_corridor", "iso_phase", "iso_magnitude", "iso_slope")
+        means = [float(part[name].mean()) for name in names]
+        shift = 1e3 * float(part["iso_shift_s"].abs().max())
+        cells = [number(value, 3) if math.isfinite(value) else DASH for value in means]
+        rows.append([str(channel), *cells, number(ceiling[str(channel)], 3), number(shift, 2)])
+    head = ["channel", "overall", "corridor", "phase", "magnitude", "slope", "trial–trial", "largest shift (ms)"]
+    notes = [
+        "From 0 to 1, mean over trials; trial–trial: the overall score of trials against each other. The specification "
+        "is made for forces and accelerations of vehicle safety; here it is a style of scoring. A curve with lost "
+        "frames has no score."
+    ]
+    return PageTable("iso", "ISO/TS 18571-style scores", head, rows, notes)
 
 
 def resolution_table(result: ValidationResult) -> PageTable:

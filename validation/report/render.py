@@ -40,6 +40,7 @@ def render_html(result: ValidationResult) -> str:
         style=Markup((HERE / "report.css").read_text(encoding="utf-8")),
         figures=figures,
         score_matrix=present.score_matrix(result),
+        iso=present.iso_table(result),
         differences=present.resolution_table(result),
         events=present.event_page_table(result),
         events_by_trial=present.event_by_trial_table(result),
@@ -56,21 +57,16 @@ def cannot_claim(result: ValidationResult) -> list[str]:
     """What a reader must not take from this report."""
     n = len(result.traces)
     limits = [
-        "The trials were played in one session on one action: this is repeatability. Other days, "
-        "remounting, other actions and "
-        "other benches are reproducibility, which is not measured here.",
-        "The model is driven by the measured force, and that force depends on the action that was "
-        "played; the motor is not part "
-        "of the comparison.",
-        "An encoder reads a rotation only while its body turns about its pivot. A key that lifts off the "
-        "balance rail gives "
-        "false readings; they are not removed from the scores of this report.",
-        "Whole-window scores mix a phase that is predicted well (until the string is struck) with one in "
-        "which small differences "
-        "grow; the score before the impact is listed beside them.",
-        "Hammer height and key dip at rest are taken from the model's rest position; how well the bench "
-        "agrees with it is part "
-        "of the stated uncertainty of events, not measured here.",
+        "The trials were played in one session on one action: this is repeatability. Other days, remounting, other "
+        "actions and other benches are reproducibility, which is not measured here.",
+        "The model is driven by the measured force, and that force depends on the action that was played; the motor is "
+        "not part of the comparison.",
+        "An encoder reads a rotation only while its body turns about its pivot. A key that lifts off the balance rail "
+        "gives false readings; they are not removed from the scores of this report.",
+        "Whole-window scores mix a phase that is predicted well (until the string is struck) with one in which small "
+        "differences grow; the score before the impact is listed beside them.",
+        "Hammer height and key dip at rest are taken from the model's rest position; how well the bench agrees with it "
+        "is part of the stated uncertainty of events, not measured here.",
     ]
     filmed = len(result.film_traces)
     if filmed == 0:

@@ -83,7 +83,8 @@ def test_the_same_rig_over_tcp_gives_identical_arrays(make_backend, assert_safe,
         server.stop(None).wait()
 
 
-def test_faults_come_through_tcp_with_their_codes(make_backend, assert_safe, config, command) -> None:
+def test_faults_come_through_tcp_with_their_codes(make_backend, assert_safe, unwatched, command) -> None:
+    config = unwatched
     far = make_backend(config)
     server, port = serve(far.service)
     remote = open_backend(f"ni-grpc://127.0.0.1:{port}", config)
@@ -106,6 +107,24 @@ def test_faults_come_through_tcp_with_their_codes(make_backend, assert_safe, con
         remote.close()
     with pytest.raises(DeviceNotFound, match="does not answer"):
         open_backend(f"ni-grpc://127.0.0.1:{port}", config)
+
+
+@pytest.mark.parametrize("name", ["virtual", "pcie6363"])
+def test_every_task_runs_on_the_clock_and_trigger_of_the_force_input(name, make_backend, command) -> None:
+    config = load_rig(name).config
+    backend = make_backend(config)
+    backend.configure(config, command)
+    tasks = dict(backend.device.tasks)
+    assert tasks.pop("watchdog").state == "running"
+    assert list(tasks) == ["force", "encoder_key", "encoder_whippen", "encoder_hammer", "motor", "camera"]
+    clocks = {task: t.clock.source if t.clock else None for task, t in tasks.items()}
+    slaves = ["encoder_key", "encoder_whippen", "encoder_hammer", "motor"]
+    assert clocks == {"force": "", "camera": None, **dict.fromkeys(slaves, "ai/SampleClock")}
+    assert [tasks[s].arm_trigger for s in slaves] == ["ai/StartTrigger"] * 3 + [""]
+    assert tasks["camera"].start_trigger == "ai/StartTrigger"
+    assert all(t.state == "committed" for t in tasks.values())
+    np.testing.assert_array_equal(tasks["motor"].output[:, 0], command)
+    assert tasks["motor"].clock.samples == command.size and tasks["motor"].clock.mode == 10178  # finite
 
 
 def test_the_frame_pulses_are_where_the_backend_says(make_backend, config, command) -> None:

@@ -74,7 +74,10 @@ def test_a_read_that_times_out_tells_how_many_samples_came(make_backend, assert_
     assert_safe(backend)
 
 
-def test_a_program_that_reads_too_late_learns_that_samples_are_lost(make_backend, assert_safe, config, command) -> None:
+def test_a_program_that_reads_too_late_learns_that_samples_are_lost(
+    make_backend, assert_safe, unwatched, command
+) -> None:
+    config = unwatched
     backend = make_backend(config)
     backend.configure(config, command)
     backend.arm()

@@ -57,9 +57,7 @@ def test_film_is_tracked_near_the_bound(filmed: tuple[Path, FilmTruth]) -> None:
             angle, u, _ = result.relative(body)
         error = angle - (truth.mean_angle_rad[:, k] - truth.mean_angle_rad[: result.n_still, k].mean())
         rms = np.sqrt(np.mean(error**2))
-        assert rms < 1.3 * truth.relative_crlb_rad[k], (
-            f"{body}: {rms / truth.relative_crlb_rad[k]:.2f} of the bound"
-        )
+        assert rms < 1.3 * truth.relative_crlb_rad[k], f"{body}: {rms / truth.relative_crlb_rad[k]:.2f} of the bound"
         assert 0.90 <= np.mean(np.abs(error) < 1.96 * u) <= 0.995, body
         assert 0.85 < np.std(error / u) < 1.15, body
 

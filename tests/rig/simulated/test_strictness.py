@@ -95,6 +95,14 @@ def test_counters_have_the_terminals_of_the_card_and_on_the_chassis_must_be_told
         task.start()
 
 
+def test_an_arm_trigger_needs_a_source(cdaq, encoder, refused) -> None:
+    task = cdaq.task()
+    encoder(task)
+    task.triggers.arm_start_trigger.trig_type = ni.TriggerType.DIGITAL_EDGE
+    with refused(-89120):
+        task.start()
+
+
 def test_frame_pulses_cannot_leave_through_an_input_module(cdaq, refused) -> None:
     channel = cdaq.task().co_channels.add_co_pulse_chan_freq("cDAQ1Mod4/ctr3", freq=2000.0)
     with refused(-89136):

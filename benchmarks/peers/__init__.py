@@ -1,0 +1,1 @@
+"""What the work-precision benchmark compares with: force tables, equations, solvers, reference, table and diagram."""

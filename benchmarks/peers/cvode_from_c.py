@@ -1,0 +1,64 @@
+"""CVODE driven by a C program: what the method itself costs, without Python in its loop.
+
+Builds ``cvode.c`` with gcc against the system's SUNDIALS (Debian: ``libsundials-dev``) in a temporary folder.
+Where the compiler or the library is missing, ``build`` raises ``Unavailable``.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+LIBRARIES = ("sundials_cvode", "sundials_nvecserial", "sundials_sunmatrixdense", "sundials_sunlinsoldense")
+
+
+class Unavailable(Exception):
+    """A peer cannot take part on this machine; the message says why and what would help."""
+
+
+def build() -> ctypes.CDLL:
+    """Compile and load the C program."""
+    compiler = shutil.which("gcc")
+    if compiler is None:
+        raise Unavailable("gcc is missing")
+    source = Path(__file__).with_name("cvode.c")
+    names = [f"-l{name}" for name in LIBRARIES]
+    problem = ""
+    with tempfile.TemporaryDirectory(prefix="work-precision-", ignore_cleanup_errors=True) as folder:
+        library = Path(folder) / "cvode_peer.so"
+        base = [compiler, "-O3", "-march=native", "-shared", "-fPIC", "-o", str(library), str(source)]
+        for extra in ([], ["-lsundials_core"]):  # SUNDIALS 7 keeps its context in a library of its own
+            done = subprocess.run([*base, *names, *extra, "-lm"], capture_output=True, text=True, check=False)
+            if done.returncode == 0:
+                return ctypes.CDLL(str(library))  # loaded: the file may go
+            problem = problem or (done.stderr.strip().splitlines() or ["no message"])[0]
+    raise Unavailable(f"cvode.c does not build ({problem}); on Debian: apt-get install libsundials-dev")
+
+
+def cvode_in_c(
+    address: int, table: Array, y0: Array, times: Array
+) -> Callable[[float], tuple[Array, tuple[int, int, int, int]]]:
+    """Return a function of the tolerance: states (m, n), and steps, rejected, right-hand sides, Jacobians."""
+    library = build()
+    double = np.ctypeslib.ndpointer(float, flags="C_CONTIGUOUS")
+    library.solve.argtypes = [
+        ctypes.c_void_p, double, ctypes.c_long, ctypes.c_int, double, ctypes.c_int, double, ctypes.c_double,
+        double, np.ctypeslib.ndpointer(np.int_, flags="C_CONTIGUOUS"),
+    ]  # fmt: skip
+
+    def run(tolerance: float) -> tuple[Array, tuple[int, int, int, int]]:
+        out, counts = np.full((len(times), len(y0)), np.nan), np.zeros(4, dtype=np.int_)
+        status = library.solve(address, table, len(table), len(y0), y0, len(times), times, tolerance, out, counts)
+        if status:
+            raise RuntimeError(f"CVODE from C failed with status {status}")
+        return out, tuple(int(x) for x in counts)
+
+    return run

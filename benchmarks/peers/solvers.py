@@ -1,0 +1,180 @@
+"""The peers: each factory makes a function of the tolerance that gives states and counts of work.
+
+All get the same compiled equations (parameters frozen as literals), the same force table, start and output times.
+``rtol = atol = tolerance`` throughout, the finite-difference Jacobian each brings along unless it makes its own.
+A factory raises ``Unavailable`` with the reason where its package is missing. Preparing is not timed, solving is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.integrate import BDF, LSODA, Radau, odeint, solve_ivp
+
+from model import Action
+from model.twin import Twin
+
+from .compiled import CompiledEquations
+from .cvode_from_c import Unavailable, cvode_in_c
+from .equations import N
+
+Array = NDArray[np.float64]
+
+
+@dataclass
+class Answer:
+    """Angles (m, 5) at the output times and what they cost; None where the solver does not tell."""
+
+    angle_rad: Array
+    steps: int | None = None
+    rejected: int | None = None
+    rhs: int | None = None
+    jacobians: int | None = None
+
+
+@dataclass
+class Task:
+    """One blow as every peer receives it; output times (m,) are points of the force table."""
+
+    action: Action
+    equations: CompiledEquations
+    time_s: Array
+    force_n: Array
+    table: Array
+    y0: Array
+    output_s: Array
+
+
+Solver = Callable[[float], Answer]
+
+
+def _scipy(base: Any, task: Task, rhs: Callable[[float, Array], Array]) -> Solver:
+    class Counted(base):  # type: ignore[misc]
+        steps = 0
+
+        def step(self) -> Any:
+            Counted.steps += 1
+            return super().step()
+
+    def run(tolerance: float) -> Answer:
+        Counted.steps = 0
+        span = (task.output_s[0], task.output_s[-1])
+        sol = solve_ivp(rhs, span, task.y0, method=Counted, t_eval=task.output_s, rtol=tolerance, atol=tolerance)
+        if not sol.success:
+            raise RuntimeError(sol.message)
+        return Answer(sol.y[:N].T, Counted.steps, None, sol.nfev, sol.njev)
+
+    return run
+
+
+def _compiled(task: Task) -> Callable[[float, Array], Array]:
+    give, table = task.equations.give, task.table
+    return lambda t, y: give(t, y, table)
+
+
+def scipy_lsoda(task: Task) -> Solver:
+    """SciPy ``solve_ivp`` with LSODA."""
+    return _scipy(LSODA, task, _compiled(task))
+
+
+def scipy_bdf(task: Task) -> Solver:
+    """SciPy ``solve_ivp`` with BDF."""
+    return _strided(BDF, task)
+
+
+def scipy_radau(task: Task) -> Solver:
+    """SciPy ``solve_ivp`` with Radau."""
+    return _strided(Radau, task)
+
+
+def _strided(base: Any, task: Task) -> Solver:
+    # these two hand over columns of a matrix for their Jacobian, and do not count those calls
+    give, table, calls = task.equations.give, task.table, 0
+
+    def rhs(t: float, y: Array) -> Array:
+        nonlocal calls
+        calls += 1
+        return give(t, np.ascontiguousarray(y), table)
+
+    solve = _scipy(base, task, rhs)
+
+    def run(tolerance: float) -> Answer:
+        nonlocal calls
+        calls = 0
+        answer = solve(tolerance)
+        answer.rhs = calls
+        return answer
+
+    return run
+
+
+def scipy_odeint(task: Task) -> Solver:
+    """SciPy ``odeint``: LSODA again, its loop in compiled code, only the right-hand side called from Python."""
+
+    def run(tolerance: float) -> Answer:
+        y, info = odeint(
+            task.equations.give, task.y0, task.output_s, args=(task.table,), tfirst=True,
+            rtol=tolerance, atol=tolerance, mxstep=10**7, full_output=True,
+        )  # fmt: skip
+        return Answer(y[:, :N], int(info["nst"][-1]), None, int(info["nfe"][-1]), int(info["nje"][-1]))
+
+    return run
+
+
+def plain_numpy(task: Task) -> Solver:
+    """What a user would write: the plain NumPy equations in ``solve_ivp`` with LSODA."""
+    twin = Twin(task.action)
+
+    def rhs(t: float, y: Array) -> Array:
+        force = float(np.interp(t, task.time_s, task.force_n))
+        return np.concatenate([y[N:], twin.acceleration(y[:N], y[N:], force)])
+
+    return _scipy(LSODA, task, rhs)
+
+
+def sundae_cvode(task: Task) -> Solver:
+    """CVODE (BDF) of scikit-sundae, which calls the compiled right-hand side through Python."""
+    try:
+        from sksundae.cvode import CVODE
+    except ImportError:
+        raise Unavailable("scikit-sundae is missing; pip install scikit-sundae") from None
+    fill, table = task.equations.fill, task.table
+
+    def rhs(t: float, y: Array, dy: Array) -> None:
+        fill(t, y, dy, table)
+
+    def run(tolerance: float) -> Answer:
+        solver = CVODE(rhs, method="BDF", rtol=tolerance, atol=tolerance, max_num_steps=10**7)
+        sol = solver.solve(task.output_s, task.y0)
+        if not sol.success:
+            raise RuntimeError(sol.message)
+        # a dense difference quotient takes one more right-hand side for each state; CVODE counts those apart
+        return Answer(sol.y[:, :N], None, None, int(sol.nfev) + 2 * N * int(sol.njev), int(sol.njev))
+
+    return run
+
+
+def c_cvode(task: Task) -> Solver:
+    """CVODE (BDF) driven from C with the address of the compiled right-hand side."""
+    solve = cvode_in_c(task.equations.address, task.table, task.y0, task.output_s)
+
+    def run(tolerance: float) -> Answer:
+        y, counts = solve(tolerance)
+        return Answer(y[:, :N], *counts)
+
+    return run
+
+
+def explicit_dop853(task: Task) -> Solver:
+    """The compiled explicit method of the reference: what stiffness costs."""
+    every = round(float((task.output_s[1] - task.output_s[0]) * task.table[1]))
+
+    def run(tolerance: float) -> Answer:
+        y, steps = task.equations.explicit(task.y0, task.table, every, tolerance)
+        return Answer(y[:, :N], steps)
+
+    return run

@@ -1,0 +1,166 @@
+"""Energy of a state and where power goes: kinetic, gravity, springs, felt; joint and contact friction, felt damping.
+
+An independent check of the compiled equations, in plain NumPy straight from an `Action`, vectorised over time:
+nothing of ``kernels`` is used, so that a wrong kernel cannot agree with itself. ``model.audit`` integrates these along
+a motion. Felt stores the integral of its static law where that presses (docs/decisions/model-felt-pocket.md).
+Source: thesis eqs. 2.4, 2.10, 2.12, A.3. A state that is not finite gives terms that are not finite.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .parameters import BODIES, Action
+
+Array = NDArray[np.float64]
+_CONTACTS = tuple(f"contact{i:02d}" for i in range(1, 14))
+
+
+def _rotate(angle: Array, vector: Array) -> Array:
+    c, s = np.cos(angle), np.sin(angle)
+    return np.stack([c * vector[..., 0] - s * vector[..., 1], s * vector[..., 0] + c * vector[..., 1]], axis=-1)
+
+
+def _turn(vector: Array) -> Array:
+    return np.stack([-vector[..., 1], vector[..., 0]], axis=-1)
+
+
+def _dot(a: Array, b: Array) -> Array:
+    return a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1]
+
+
+def _curve(action: Action, path: str, z: Array) -> Array:
+    a, b1, b2 = (action[f"{path}.{k}"] for k in ("A", "B1", "B2"))
+    return a * (np.tanh(z) + b1 * z / (1.0 + b2 * z**4))
+
+
+class _Motion:
+    """Angles, pivots and their velocities of all bodies, (m,) and (m, 2)."""
+
+    def __init__(self, action: Action, q: Array, v: Array) -> None:
+        self.action = action
+        self._contacts: dict[str, tuple[Array, Array, Array]] = {}
+        still = np.zeros(len(q))
+        self.angle, self.omega = {"ground": still}, {"ground": still}
+        self.pivot, self.velocity = {"ground": np.zeros((len(q), 2))}, {"ground": np.zeros((len(q), 2))}
+        for i, body in enumerate(BODIES):
+            up = action.structure[f"{body}.parent"]
+            self.pivot[body], self.velocity[body] = self.carried(up, f"{body}.pivot")
+            self.angle[body], self.omega[body] = self.angle[up] + q[:, i], self.omega[up] + v[:, i]
+
+    def carried(self, body: str, path: str) -> tuple[Array, Array]:
+        """Position and velocity (m, 2) of the point ``path`` fixed to ``body``."""
+        point = self.pivot[body] + _rotate(self.angle[body], self.local(path))
+        return point, self.velocity_at(body, point)
+
+    def velocity_at(self, body: str, point: Array) -> Array:
+        """Velocity (m, 2) of the material point of ``body`` that is at ``point``."""
+        return self.velocity[body] + self.omega[body][:, None] * _turn(point - self.pivot[body])
+
+    def local(self, path: str) -> Array:
+        return np.array([self.action[f"{path}.x"], self.action[f"{path}.y"]])
+
+    def contact(self, name: str) -> tuple[Array, Array, Array]:
+        """Penetration (m), its rate and the sliding speed (m/s) of a contact, (m,) each."""
+        if name not in self._contacts:
+            self._contacts[name] = self._contact(name)
+        return self._contacts[name]
+
+    def _contact(self, name: str) -> tuple[Array, Array, Array]:
+        a = self.action
+        first, second = a.structure[f"{name}.first.body"], a.structure[f"{name}.second.body"]
+        shape, r = a.structure[f"{name}.second.shape"], a[f"{name}.first.radius"]
+        centre = self.carried(first, f"{name}.first")[0]
+        u = centre - self.carried(second, f"{name}.second")[0]
+        if shape == "line":
+            normal = self.local(f"{name}.second.normal")
+            normal = _rotate(self.angle[second], normal / np.hypot(*normal))
+            x = r - _dot(u, normal)
+        else:
+            distance = np.hypot(u[:, 0], u[:, 1])
+            normal = u / distance[:, None]
+            if shape == "hybrid":
+                start, end = (
+                    _rotate(self.angle[second] + a[f"{name}.second.arc_{k}"], np.array([1.0, 0.0]))
+                    for k in ("start", "end")
+                )
+                past_start, past_end = _dot(u, _turn(start)) < 0.0, _dot(u, _turn(end)) > 0.0
+                on_start = past_start & (~past_end | (_dot(u, start) >= _dot(u, end)))
+                normal = np.where(on_start[:, None], start, np.where(past_end[:, None], end, normal))
+                distance = np.where(past_start | past_end, _dot(u, normal), distance)
+            x = r + a[f"{name}.second.radius"] - distance
+        point = centre - (r - 0.5 * x)[:, None] * normal
+        relative = self.velocity_at(first, point) - self.velocity_at(second, point)
+        return x, -_dot(relative, normal), _dot(relative, _turn(normal))
+
+
+def _felt(action: Action, name: str) -> Array:
+    return np.array([action[f"{name}.normal.{k}"] for k in ("a", "b", "c", "D")])
+
+
+def felt_energy(a: float, b: float, c: float, x: Array) -> Array:
+    """Energy (J) stored by felt compressed by ``x`` (m): the integral of max(0, a x^3 + b x^2 + c x)."""
+
+    def integral(s: Array) -> Array:
+        return ((a / 4.0 * s + b / 3.0) * s + c / 2.0) * s**2
+
+    x = np.maximum(x, 0.0)
+    inside = b * b - 4.0 * a * c
+    if not (b < 0.0 and inside > 0.0):
+        return integral(x)
+    low = 2.0 * c / (-b + np.sqrt(inside))  # the law is negative between these two compressions
+    out = integral(np.minimum(x, low))
+    if a > 0.0:
+        high = (-b + np.sqrt(inside)) / (2.0 * a)
+        out += integral(np.maximum(x, high)) - integral(np.array(high))
+    return out
+
+
+def _stored(action: Action, motion: _Motion, q: Array) -> dict[str, Array]:
+    kinetic, gravity, spring, felt = (np.zeros(len(q)) for _ in range(4))
+    for body in BODIES:
+        centre, velocity = motion.carried(body, f"{body}.center_of_mass")
+        m = action[f"{body}.mass"]
+        kinetic += 0.5 * m * _dot(velocity, velocity) + 0.5 * action[f"{body}.inertia"] * motion.omega[body] ** 2
+        gravity += m * action["gravity.g"] * centre[:, 1]
+    for body in ("jack", "repetition"):
+        torque, k, q0 = (action[f"{body}_spring.{key}"] for key in ("torque", "stiffness", "angle"))
+        turn = q[:, BODIES.index(body)] - q0
+        spring += 0.5 * k * turn**2 - torque * turn
+    for name in _CONTACTS:
+        a, b, c, _ = _felt(action, name)
+        felt += felt_energy(a, b, c, motion.contact(name)[0])
+    return {"kinetic": kinetic, "gravity": gravity, "spring": spring, "felt": felt}
+
+
+def _powers(action: Action, motion: _Motion, v: Array, force: Array) -> dict[str, Array]:
+    joint, sliding, damping = (np.zeros(len(v)) for _ in range(3))
+    for i, body in enumerate(BODIES):
+        joint += v[:, i] * _curve(action, f"{body}.joint_friction", v[:, i] / action["friction_threshold.omega_t"])
+    for name in _CONTACTS:
+        x, rate, slide = motion.contact(name)
+        a, b, c, d = _felt(action, name)
+        static = np.maximum(0.0, ((a * x + b) * x + c) * np.maximum(x, 0.0))
+        normal = static * np.maximum(0.0, 1.0 + d * rate)
+        damping += (normal - static) * rate
+        sliding += normal * slide * _curve(action, f"{name}.friction", slide / action["friction_threshold.v_t"])
+    down = -motion.carried("key", "drive.point")[1][:, 1]
+    return {"input": force * down, "joint_friction": joint, "contact_friction": sliding, "felt_damping": damping}
+
+
+def energy_terms(
+    action: Action, angle_rad: ArrayLike, speed_rad_per_s: ArrayLike, force_n: ArrayLike
+) -> tuple[dict[str, Array], dict[str, Array]]:
+    """What states (m, 5) store and exchange under forces (m,) on the key.
+
+    Returns
+    -------
+    stored : energy (J), (m,) each: ``kinetic``, ``gravity``, ``spring``, ``felt``
+    powers : power (W), (m,) each: ``input`` of the force and, positive when lost, ``joint_friction``,
+        ``contact_friction``, ``felt_damping``
+    """
+    q, v = np.atleast_2d(np.asarray(angle_rad, float)), np.atleast_2d(np.asarray(speed_rad_per_s, float))
+    with np.errstate(all="ignore"):  # a state far outside gives inf or nan, which the caller sees
+        motion = _Motion(action, q, v)
+        return _stored(action, motion, q), _powers(action, motion, v, np.asarray(force_n, float))

@@ -1,0 +1,188 @@
+"""The seven quantities a technician regulates, measured on the model: at rest, in a slow press, in a medium blow.
+
+An action in, lengths in metres out, each as thesis Section 2.3 describes it and as decided in
+docs/decisions/model-regulation.md. Rest is the static balance with the hammer let down on the jack; the slow press and
+the blow are simulated with all friction. What cannot be seen (the jack never lets go, the hammer is not caught) is
+NaN and says so in ``remarks``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..blow import simulate
+from ..errors import InputError
+from ..observables import hammer_height_m, key_dip_m
+from ..parameters import BODIES, Action
+from ..press import Press, hand_set_rest, slow_press
+from ..simulation import State
+from ..twin import Twin
+
+Array = NDArray[np.float64]
+
+KEY_FRONT, BACK_CHECK, JACK_KNUCKLE = "contact02", "contact04", "contact07"
+PRESS_SPEED = 0.005  # m/s at the key front
+SETTLE = 0.3  # s at the bottom before the drop is read
+# medium blow: the force grows with the square of time, then stays
+BLOW_N, BLOW_RISE, BLOW_READ = 5.0, 0.15, 0.5  # N, s, s
+SLIPPED = math.radians(25.0)  # round the jack's edge: friction no longer holds the knuckle, the hammer falls
+CAUGHT_N, CAUGHT_STILL = 0.2, 0.05  # the check presses at least so hard, the hammer turns no faster (rad/s)
+
+
+@dataclass(frozen=True)
+class Target:
+    """What is regulated: name, words, the length wanted (m) and the situation it is seen in."""
+
+    name: str
+    words: str
+    wanted_m: float
+    seen_in: str
+
+
+TARGETS = (
+    Target("dip", "key dip to first touch", 10.0e-3, "rest"),
+    Target("hammer_height", "hammer height at rest", 48.0e-3, "rest"),
+    Target("jack", "jack's right side beyond knuckle's right edge", 0.0, "rest"),
+    Target("repetition", "repetition lever below jack", 0.0, "rest"),
+    Target("let_off", "let-off", 1.0e-3, "press"),
+    Target("drop", "drop", 3.0e-3, "press"),
+    Target("check", "check height, medium blow", 15.0e-3, "blow"),
+)
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """Values (m) by target name, and remarks on what could not be seen."""
+
+    value_m: dict[str, float]
+    remarks: dict[str, str] = field(default_factory=dict)
+
+
+def first_touch_angle(action: Action, key_rest_rad: float) -> float:
+    """Angle of the key (rad) at which it first touches the felt under its front, without pressing it."""
+    felt, line = f"{KEY_FRONT}.first", f"{KEY_FRONT}.second"
+    nx, ny = action[f"{line}.normal.x"], action[f"{line}.normal.y"]
+    length = math.hypot(nx, ny)
+    nx, ny = nx / length, ny / length
+    ax, ay = action[f"{felt}.x"] - action["key.pivot.x"], action[f"{felt}.y"] - action["key.pivot.y"]
+    # touch: (felt centre) . R(angle) normal = line's own distance + radius
+    along, across = ax * nx + ay * ny, ay * nx - ax * ny
+    reach = action[f"{line}.x"] * nx + action[f"{line}.y"] * ny + action[f"{felt}.radius"]
+    size = math.hypot(along, across)
+    if abs(reach) > size:
+        raise InputError(f"{KEY_FRONT}: the key never touches the felt under its front; correct {felt}.y")
+    middle, half = math.atan2(across, along), math.acos(reach / size)
+    options = [(a - key_rest_rad + math.pi) % (2.0 * math.pi) - math.pi for a in (middle - half, middle + half)]
+    return key_rest_rad + min(options, key=abs)
+
+
+def at_rest(action: Action, rest_rad: Array | None = None) -> dict[str, float]:
+    """Dip, hammer height, jack and repetition lever (m) of an action at rest, (5,) rad."""
+    q = hand_set_rest(action) if rest_rad is None else rest_rad
+    touch = q.copy()
+    touch[BODIES.index("key")] = first_touch_angle(action, float(q[BODIES.index("key")]))
+    twin = Twin(action)
+    twin.forces_and_mass(q, np.zeros(len(BODIES)), 0.0)  # places the bodies
+    # the jack's right side is the line of contact 9; the knuckle's right edge is seen square to it
+    x, face, centre, _, _ = twin.gap("contact09")
+    side = float(centre @ face) - action["contact09.first.radius"] + x
+    on_jack, _, knuckle, _, _ = twin.gap(JACK_KNUCKLE)
+    edge = float(knuckle @ face) + action[f"{JACK_KNUCKLE}.first.radius"]
+    return {
+        "dip": float(key_dip_m(action, touch[None, :], q)[0]),
+        "hammer_height": float(hammer_height_m(action, q)),
+        "jack": side - edge,
+        # gap under the knuckle; where the lever carries the hammer, how far it holds the knuckle off the jack
+        "repetition": min(0.0, float(on_jack)) - float(twin.gap("contact10")[0]),
+    }
+
+
+def slip_angle(action: Action, angle_rad: Array) -> Array:
+    """How far (rad) the knuckle has gone round the jack's top edge, (m,); 0 on top, pi/2 beside the jack; (m, 5) in."""
+
+    def place(body: str, path: str, parent: tuple[Any, Array] | None) -> tuple[Any, Array]:
+        angle = angle_rad[:, BODIES.index(body)]
+        x, y = np.full(len(angle), action[f"{path}.x"]), np.full(len(angle), action[f"{path}.y"])
+        if parent is None:
+            return x + 1j * y, angle
+        return parent[0] + (x + 1j * y) * np.exp(1j * parent[1]), angle + parent[1]
+
+    whippen = place("whippen", "whippen.pivot", None)
+    jack = place("jack", "jack.pivot", whippen)
+    hammer = place("hammer", "hammer.pivot", None)
+    edge = complex(action[f"{JACK_KNUCKLE}.second.x"], action[f"{JACK_KNUCKLE}.second.y"])
+    knuckle = complex(action[f"{JACK_KNUCKLE}.first.x"], action[f"{JACK_KNUCKLE}.first.y"])
+    way = hammer[0] + knuckle * np.exp(1j * hammer[1]) - jack[0] - edge * np.exp(1j * jack[1])
+    top = np.exp(1j * (jack[1] + action[f"{JACK_KNUCKLE}.second.arc_start"]))
+    out: Array = np.angle(way / top)
+    return out
+
+
+def in_press(action: Action, rest_rad: Array, dip_m: float) -> tuple[dict[str, float], dict[str, str], Press]:
+    """Let-off and drop (m) in a slow press to first touch of the key-front felt, remarks, and the press itself.
+
+    Let-off is the nearest the hammer comes to the string before the knuckle slips off the jack's edge; drop is
+    where it then rests on the repetition lever with the key down.
+    """
+    press = slow_press(action, rest_rad, [dip_m], speed_m_per_s=PRESS_SPEED, hold_s=SETTLE)
+    slipped = np.flatnonzero(slip_angle(action, press.angle_rad) > SLIPPED)
+    height = press.hammer_height_m
+    if not len(slipped):
+        remarks = {
+            "let_off": "the jack does not let go before the key is down",
+            "drop": "without let-off the hammer does not drop",
+        }
+        return {"let_off": math.nan, "drop": math.nan}, remarks, press
+    return {"let_off": float(height[: slipped[0] + 1].min()), "drop": float(height[-1])}, {}, press
+
+
+def medium_blow() -> tuple[Array, Array]:
+    """Times (s) and force (N) of the medium blow."""
+    rise = np.linspace(0.0, BLOW_RISE, 61)
+    return np.append(rise, BLOW_READ), np.append(BLOW_N * (rise / BLOW_RISE) ** 2, BLOW_N)
+
+
+def in_blow(action: Action, rest_rad: Array) -> tuple[dict[str, float], dict[str, str]]:
+    """Height (m) at which the back check holds the hammer after a medium blow, and remarks."""
+    times, force = medium_blow()
+    start = State(float(times[0]), np.array(rest_rad, dtype=float), np.zeros(len(BODIES)))
+    end = simulate(
+        action, times, force, initial=start, output_time_s=times[-1:], contact_forces=True
+    )  # fmt: skip
+    height = float(hammer_height_m(action, end.angle_rad)[0])
+    if end.contact_normal_n is None or BACK_CHECK not in end.contacts:
+        return {"check": math.nan}, {"check": "there is no back check"}
+    push = float(end.contact_normal_n[0, end.contacts.index(BACK_CHECK)])
+    if push < CAUGHT_N or abs(float(end.speed_rad_per_s[0, BODIES.index("hammer")])) > CAUGHT_STILL:
+        return {"check": math.nan}, {"check": f"the hammer is not caught (at {1e3 * height:.1f} mm after the blow)"}
+    return {"check": height}, {}
+
+
+def measure(action: Action, progress: Callable[[str], None] | None = None) -> Measurement:
+    """All seven quantities of an action.
+
+    Raises
+    ------
+    StaticsError, IntegrationError, InputError : the action has no rest state or cannot be pressed
+    """
+    say = progress or (lambda _: None)
+    say("at rest")
+    rest = hand_set_rest(action)
+    values = at_rest(action, rest)
+    remarks: dict[str, str] = {}
+    say("slow press")
+    if values["dip"] > 0.0:
+        more, said, _ = in_press(action, rest, values["dip"])
+    else:
+        more, said = {"let_off": math.nan, "drop": math.nan}, {"dip": "the key rests on the felt under its front"}
+    values |= more
+    remarks |= said
+    say("medium blow")
+    more, said = in_blow(action, rest)
+    return Measurement(values | more, remarks | said)

@@ -1,0 +1,288 @@
+"""Turning the seven screws until the seven targets are met, in a technician's order.
+
+What touches at rest but should not (button, drop screw, back check) is turned out of the way first, and the repetition
+lever lowered; then each screw serves its own target, by a secant that never leaves its bracket. Screws
+disturb each other, so rounds are repeated until a measurement of all seven agrees. An action that cannot be
+regulated raises ``RegulationError``, which names target, distance and screw.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from ..errors import InputError, ModelError
+from ..parameters import BODIES, Action
+from ..press import hand_set_rest
+from ..quantities import allowed_range
+from ..twin import Twin
+from .measures import TARGETS, Measurement, Target, at_rest, in_blow, in_press, measure
+from .screws import SCREWS, Screw
+
+TOLERANCE = 20e-6  # m, within which a target counts as met
+AIM = {"rest": 0.1e-6, "press": 4e-6, "blow": 4e-6}  # m, where a screw is left alone; level and height share 0.1 um
+ROUNDS = 6
+SWEEPS = 20  # over dip, hammer height and jack within a round
+MOST_TURNS = 16  # looks per screw and round
+LARGEST_TURN = 1e-3  # m between two looks
+SMALL_TURN = 10e-6  # m, below which a slope is not worth keeping
+CLEAR = 0.5e-3  # m between those three and what they meet, at rest
+LOWERED = 0.5e-3  # m, repetition lever below the jack while the height is set
+OUT_OF_THE_WAY = {"contact08": "let_off", "contact11": "drop", "contact04": "check"}
+NOT_SEEN = {"let_off": -2e-3, "check": 5e-3}  # error (m) taken where a target cannot be seen: jack stuck, hammer free
+_TARGET = {t.name: t for t in TARGETS}
+_SCREW = {s.target: s for s in SCREWS}
+
+
+class RegulationError(ModelError, ValueError):
+    """The action cannot be regulated with the travel its screws have."""
+
+    exit_code = 2
+
+
+@dataclass(frozen=True)
+class Regulation:
+    """An action regulated, and how it got there.
+
+    Attributes
+    ----------
+    action : regulated parameter set
+    before, after : all seven measurements
+    turned_m : target name -> how far its screw was turned from the given action
+    effect : target name -> change of the target per turn of its own screw, m/m
+    looks : number of rest states, presses and blows
+    """
+
+    action: Action
+    before: Measurement
+    after: Measurement
+    turned_m: dict[str, float]
+    effect: dict[str, float]
+    looks: dict[str, int]
+
+
+@dataclass
+class _Bench:
+    """The action under way: where its screws are, what has been learnt about them."""
+
+    given: Action
+    place: dict[str, float] = field(default_factory=dict)  # target -> turn, m
+    effect: dict[str, float] = field(default_factory=dict)
+    looks: dict[str, int] = field(default_factory=lambda: {"rest": 0, "press": 0, "blow": 0})
+
+    def action(self, turns: dict[str, float] | None = None) -> Action:
+        wanted = self.place | (turns or {})
+        return self.given.with_values({_SCREW[t].path: self.given[_SCREW[t].path] + x for t, x in wanted.items()})
+
+    def error(self, name: str, turn: float) -> float:
+        """Error (m) of let-off, drop or check with its screw at ``turn``; NaN where it cannot be seen."""
+        action = self.action({name: turn})
+        rest = hand_set_rest(action)
+        kind = _TARGET[name].seen_in
+        self.looks[kind] += 1
+        if kind == "rest":
+            seen = at_rest(action, rest)
+        elif kind == "press":
+            seen, _, _ = in_press(action, rest, at_rest(action, rest)["dip"])
+        else:
+            seen, _ = in_blow(action, rest)
+        return seen[name] - _TARGET[name].wanted_m
+
+
+def _limits(given: Action, screw: Screw) -> tuple[float, float]:
+    """Travel of a screw (m), within what a parameter file may hold."""
+    low, high, _ = allowed_range(screw.path)
+    here = given[screw.path]
+    return max(screw.travel_m[0], low - here), min(screw.travel_m[1], high - here)
+
+
+def _at_limit(given: Action, name: str, turn: float) -> bool:
+    low, high = _limits(given, _SCREW[name])
+    return min(turn - low, high - turn) < 1e-6
+
+
+def _fail(given: Action, name: str, error: float, turn: float, why: str = "") -> RegulationError:
+    target, screw = _TARGET[name], _SCREW[name]
+    low, high = _limits(given, screw)
+    where = f"{1e3 * turn:+.2f} mm of {1e3 * low:+.1f} to {1e3 * high:+.1f}"
+    where = f"at its limit, {where}" if _at_limit(given, name, turn) else f"at {where}"
+    far = f"stays {1e3 * abs(error):.2f} mm from" if math.isfinite(error) else "cannot be brought to"
+    return RegulationError(
+        f"{given.origin}: cannot be regulated: {target.words} {far} {1e3 * target.wanted_m:.1f} mm "
+        f"with the {screw.name} ({screw.path}) {where}{'; ' + why if why else ''}"
+    )
+
+
+def _make_room(bench: _Bench, say: Callable[[str], None]) -> None:
+    """Turn away what is close at rest: button and drop screw up, back check back."""
+    for contact, name in OUT_OF_THE_WAY.items():
+        low, high = _limits(bench.given, _SCREW[name])
+        away = -LARGEST_TURN if name == "check" else LARGEST_TURN
+        while (room := _room(bench.action(), contact)) < CLEAR:
+            new = min(high, max(low, bench.place[name] + away))
+            if new == bench.place[name]:
+                if room > 0.0:
+                    break
+                raise _fail(bench.given, name, math.nan, new, "it presses on the action at rest")
+            say(f"{_SCREW[name].name} out of the way")
+            bench.place[name] = new
+
+
+def _room(action: Action, contact: str) -> float:
+    twin = Twin(action)
+    twin.forces_and_mass(hand_set_rest(action), np.zeros(len(BODIES)), 0.0)  # places the bodies
+    return -float(twin.gap(contact)[0])
+
+
+def _set_rest(bench: _Bench, say: Callable[[str], None]) -> None:
+    """Dip, hammer height and jack with the repetition lever lowered, then the lever."""
+    if bench.error("repetition", bench.place["repetition"]) < 0.5 * LOWERED:
+        _set_one(bench, "repetition", say, LOWERED, strict=False)
+    first = ("dip", "hammer_height", "jack")
+    for _ in range(SWEEPS):
+        for name in first:
+            _set_one(bench, name, say, strict=False)
+        off = {name: bench.error(name, bench.place[name]) for name in first}
+        if all(abs(error) < 2.0 * AIM["rest"] for error in off.values()):
+            break
+    unmet = {name: error for name, error in off.items() if not abs(error) <= TOLERANCE}
+    if unmet:  # blame a screw at its limit, first the capstan, as height decides how the others stand
+        for name in ("hammer_height", "jack", "dip"):
+            if name in unmet and _at_limit(bench.given, name, bench.place[name]):
+                raise _fail(bench.given, name, unmet[name], bench.place[name])
+        worst = max(unmet, key=lambda name: abs(unmet[name] / _SCREW[name].usual_effect))
+        raise _fail(bench.given, worst, unmet[worst], bench.place[worst])
+    _set_one(bench, "repetition", say)
+
+
+def _set_one(bench: _Bench, name: str, say: Callable[[str], None], beyond_m: float = 0.0, strict: bool = True) -> None:
+    """Turn one screw until its target plus ``beyond_m`` is met, or as near as it goes where not ``strict``."""
+    low, high = _limits(bench.given, _SCREW[name])
+    aim = AIM[_TARGET[name].seen_in]
+    usual = _SCREW[name].usual_effect
+    seen: dict[float, float] = {}
+
+    def look(turn: float) -> float:
+        if turn not in seen:
+            say(f"{_SCREW[name].name} {1e3 * turn:+.3f} mm")
+            seen[turn] = bench.error(name, turn) - beyond_m
+        return seen[turn] if math.isfinite(seen[turn]) else NOT_SEEN.get(name, math.nan)
+
+    turn = bench.place[name]
+    error = look(turn)
+    slope = bench.effect.get(name, usual)
+    idle = 0.0  # last turn, where it hardly had an effect
+    low_side = high_side = math.nan  # turns with negative and positive error nearest to each other
+    for _ in range(MOST_TURNS):
+        if abs(error) < aim:
+            break
+        if math.isnan(error):
+            raise _fail(bench.given, name, error, turn, "it cannot be seen")
+        if error < 0.0:
+            low_side = turn
+        else:
+            high_side = turn
+        if slope * usual <= 0.0:
+            slope = usual
+        step = -error / slope
+        if idle:  # nothing happened: something else carries the part, go on until the screw takes hold
+            step = math.copysign(max(abs(step), 2.0 * abs(idle)), step)
+        new = min(high, max(low, turn + max(-LARGEST_TURN, min(LARGEST_TURN, step))))
+        if math.isfinite(low_side + high_side) and not min(low_side, high_side) < new < max(low_side, high_side):
+            new = 0.5 * (low_side + high_side)
+        if abs(new - turn) < 1e-10:
+            break
+        new_error = look(new)
+        idle = new - turn if abs(new_error) > 0.7 * abs(error) and new_error * error > 0.0 else 0.0
+        if math.isfinite(seen[turn]) and math.isfinite(seen[new]):
+            slope = (new_error - error) / (new - turn)
+            if abs(new - turn) > SMALL_TURN and slope * usual > 0.0:
+                bench.effect[name] = slope
+        turn, error = new, new_error
+    best = min(seen, key=lambda x: abs(seen[x]) if math.isfinite(seen[x]) else math.inf)
+    bench.place[name] = best
+    if strict and not abs(seen[best]) <= TOLERANCE:
+        raise _fail(bench.given, name, seen[best], best if math.isfinite(seen[best]) else turn)
+
+
+def regulate(action: Action, progress: Callable[[str], None] | None = None) -> Regulation:
+    """Regulate an action: find the seven screws' places that meet the seven targets of thesis Section 2.3.
+
+    Parameters
+    ----------
+    action : parameter set; not changed
+    progress : called with a few words at each step
+
+    Raises
+    ------
+    RegulationError : a target cannot be met; the message names target, distance, screw and its travel
+    StaticsError, IntegrationError : the action has no rest state or cannot be pressed
+    """
+    say = progress or (lambda _: None)
+    before = measure(action)
+    bench = _Bench(action, place={s.target: 0.0 for s in SCREWS})
+    after, worst = before, ""
+    for _ in range(ROUNDS):
+        off = {t.name: after.value_m[t.name] - t.wanted_m for t in TARGETS}
+        worst = max(off, key=lambda n: math.inf if math.isnan(off[n]) else abs(off[n]))
+        if all(abs(x) <= 0.5 * TOLERANCE for x in off.values()):
+            break
+        _make_room(bench, say)
+        _set_rest(bench, say)
+        for name in ("let_off", "drop", "check"):
+            _set_one(bench, name, say)
+        say("all seven again")
+        bench.place = {target: round(turn, 7) for target, turn in bench.place.items()}  # 0.1 um
+        after = measure(bench.action())
+    error = after.value_m[worst] - _TARGET[worst].wanted_m
+    if not abs(error) <= TOLERANCE:
+        raise _fail(action, worst, error, bench.place[worst], f"the screws disturb each other in {ROUNDS} rounds")
+    return Regulation(
+        action=_finished(bench),
+        before=before,
+        after=after,
+        turned_m=dict(bench.place),
+        effect=dict(bench.effect),
+        looks=dict(bench.looks),
+    )
+
+
+def _finished(bench: _Bench) -> Action:
+    """The regulated set, with the source and uncertainty of what was turned.
+
+    A screw is known as well as its target is met: tolerance, rectangular, divided by the screw's effect.
+    """
+    action = bench.action()
+    quantities = dict(action.quantities)
+    for target, turn in bench.place.items():
+        screw, wanted = _SCREW[target], _TARGET[target]
+        if turn == 0.0:
+            quantities[screw.path] = bench.given.quantities[screw.path]
+            continue
+        effect = abs(bench.effect.get(target, math.nan))
+        if not effect > 0.0:
+            raise InputError(f"{bench.given.origin}: the {screw.name} ({screw.path}) has no effect on {wanted.words}")
+        quantities[screw.path] = replace(
+            quantities[screw.path],
+            u=float(f"{TOLERANCE / math.sqrt(3.0) / effect:.2g}"),
+            basis="assumed",
+            source=(
+                f"regulated: {wanted.words} {1e3 * wanted.wanted_m:.1f} mm (thesis 2.3); {screw.name} turned "
+                f"{1e3 * turn:+.3f} mm; before: {bench.given.quantities[screw.path].source}"
+            ),
+        )
+    return replace(
+        action,
+        name=f"{bench.given.name}-regulated",
+        description=f"{bench.given.description}; regulated as Section 2.3 describes",
+        quantities=quantities,
+        changed={},
+    )
+
+
+def unmet(measurement: Measurement, tolerance_m: float = TOLERANCE) -> list[Target]:
+    """Targets that a measurement does not meet within ``tolerance_m``."""
+    return [t for t in TARGETS if not abs(measurement.value_m[t.name] - t.wanted_m) <= tolerance_m]

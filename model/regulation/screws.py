@@ -1,0 +1,41 @@
+"""The seven adjustments of an action, each one geometric parameter, and how far each can be turned.
+
+A screw's travel is counted from where the given action has it, as on a bench: what is inside the travel is reachable
+without another part. Decisions: docs/decisions/model-regulation.md.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Screw:
+    """An adjustment.
+
+    Attributes
+    ----------
+    target : name of the target it serves
+    name : its everyday name
+    path : its parameter
+    travel_m : how far it can be turned down and up
+    usual_effect : change of the target per turn (m/m) on an action much like the built-in one; only its sign
+        and rough size are relied upon
+    """
+
+    target: str
+    name: str
+    path: str
+    travel_m: tuple[float, float]
+    usual_effect: float
+
+
+SCREWS = (
+    Screw("dip", "key-dip washers", "contact02.first.y", (-3e-3, 3e-3), -1.0),
+    Screw("hammer_height", "capstan", "contact01.first.y", (-3e-3, 3e-3), -10.0),
+    Screw("jack", "jack rest pad", "contact05.second.x", (-2e-3, 2e-3), 1.9),
+    Screw("repetition", "repetition rest pad", "contact06.second.y", (-2e-3, 2e-3), 1.2),
+    Screw("let_off", "button", "contact08.second.y", (-4e-3, 4e-3), -5.0),
+    Screw("drop", "drop screw", "contact11.first.y", (-4e-3, 4e-3), -4.5),
+    Screw("check", "back-check wire", "contact04.second.x", (-8e-3, 8e-3), -3.0),
+)

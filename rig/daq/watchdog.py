@@ -1,0 +1,61 @@
+"""The device's watchdog timer: it makes the outputs safe when this program falls silent, even if it was killed.
+
+Place in the data flow: the backend starts it before any other task holds a resource (a chassis demands that) and kicks
+it only when the data before have been read and judged. Which outputs it reaches depends on the product: on X Series
+cards the drive-enable line only, so that a rig on such a card needs that line.
+"""
+
+from __future__ import annotations
+
+import nidaqmx
+from nidaqmx import GrpcSessionOptions
+from nidaqmx.constants import Level, WatchdogAOExpirState
+from nidaqmx.grpc_session_options import SessionInitializationBehavior
+from nidaqmx.system.watchdog import AOExpirationState, DOExpirationState, WatchdogTask
+
+from rig.config import RigConfig
+
+NAME = "watchdog"
+ANALOG_REACH = ("cDAQ-9185", "cDAQ-9189")
+"""Products whose watchdog reaches analog outputs (NI: watchdog timers in NI-DAQmx)."""
+
+
+class Watchdog:
+    """A running watchdog timer; errors are those of ``nidaqmx``, translated by the caller."""
+
+    def __init__(self, channel: object | None, config: RigConfig) -> None:
+        timeout_s = config.watchdog.timeout_s if config.watchdog else 0.5
+        options = None
+        if channel is not None:
+            behavior = SessionInitializationBehavior.INITIALIZE_SERVER_SESSION
+            options = GrpcSessionOptions(channel, NAME, initialization_behavior=behavior)  # type: ignore[arg-type]
+        self._task = WatchdogTask(config.device.name, NAME, timeout=timeout_s, grpc_options=options)
+        try:
+            if config.device.product in ANALOG_REACH:
+                self._task.cfg_watchdog_ao_expir_states(
+                    [AOExpirationState(config.motor.channel, 0.0, WatchdogAOExpirState.VOLTAGE)]
+                )
+            if config.drive_enable is not None:
+                self._task.cfg_watchdog_do_expir_states([DOExpirationState(config.drive_enable.line, Level.LOW)])
+            self._task.start()
+        except BaseException:
+            self.close()
+            raise
+
+    def kick(self) -> None:
+        """Start the time anew; an expired timer refuses."""
+        self._task.reset_timer()
+
+    def release_outputs(self) -> None:
+        """Let outputs be written again if the timer has expired."""
+        if self._task.expired:
+            self._task.clear_expiration()
+
+    def close(self) -> None:
+        """Stop the timer and forget it."""
+        try:
+            self._task.stop()
+        except nidaqmx.errors.Error:
+            pass  # closing is what counts
+        finally:
+            self._task.close()

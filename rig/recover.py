@@ -1,0 +1,112 @@
+"""Making trials out of the journals that a killed program, a crash or a full disk left behind.
+
+Place in the data flow: session folder with ``trial_NNNN.journal`` → the same folder with sealed trials, marked
+``incomplete`` unless the journal has its closing record. Nothing is deleted before what it holds is sealed and read
+back; a journal with damage in its middle is kept as ``.journal.damaged``. Running it twice changes nothing more.
+"""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from rig import platform_calls
+from rig.errors import InputError
+from rig.session import Session
+from rig.session.journal_format import Journal, read_journal
+
+
+@dataclass(frozen=True)
+class Recovered:
+    """What became of one journal: the trial's status, or ``empty`` or ``unreadable``, its samples, and a note."""
+
+    trial: int
+    status: str
+    samples: int
+    note: str
+
+
+def recover_session(path: str | Path) -> list[Recovered]:
+    """Recover every trial of a session that was not sealed.
+
+    Parameters
+    ----------
+    path : path
+        Session folder.
+
+    Returns
+    -------
+    list of Recovered
+        One entry per journal found; empty when there was nothing to do.
+
+    Raises
+    ------
+    InputError
+        When the folder is no session, is still being recorded, or cannot be written.
+    """
+    session = Session.open(path, require_trials=False)
+    journals = session.journals
+    for file in journals.values():
+        _refuse_if_in_use(file)
+    for part in session.path.glob(".trial_*.h5.*.part"):
+        part.unlink(missing_ok=True)  # half of a trial whose journal is still there
+    return [_recover_trial(session, number, file) for number, file in journals.items()]
+
+
+def _refuse_if_in_use(file: Path) -> None:
+    try:
+        descriptor = os.open(file, os.O_RDWR | getattr(os, "O_BINARY", 0))
+    except OSError as error:
+        raise InputError(f"{file}: cannot be opened ({error.strerror or error})") from error
+    try:
+        if not platform_calls.lock(descriptor):
+            raise InputError(f"{file}: another program is recording this session; wait until it has ended")
+    finally:
+        os.close(descriptor)
+
+
+def _recover_trial(session: Session, number: int, file: Path) -> Recovered:
+    journal = read_journal(file)
+    if session.trial_path(number).exists():
+        return _already_sealed(session, number, file, journal)
+    if journal.head is None or not journal.blocks:
+        if journal.left_over:
+            return Recovered(number, "unreadable", 0, f"{file.name} begins with damage and was left as it is")
+        file.unlink()
+        return Recovered(number, "empty", 0, "no sample had been acquired; the journal was removed")
+    if journal.head.number != number:
+        raise InputError(f"{file}: holds trial {journal.head.number}, not {number}; give it its own name again")
+    damaged = journal.records_behind or (journal.ending is not None and journal.left_over > 0)
+    if journal.ending is not None and not damaged:
+        status, reason = journal.ending
+        note = "closed by the recorder, sealed now"
+    else:
+        status = "incomplete"
+        note = f"recovered from the journal up to sample {journal.n_samples}"
+        note += "; damage behind it" if damaged else "; the recording was cut off"
+        reason = note
+    sealed = session.add_trial(journal.head.assemble(journal.blocks, status, reason)).read()
+    if sealed.n_valid != journal.n_samples:
+        raise InputError(f"{file}: {journal.n_samples} samples, but {sealed.n_valid} were sealed; the journal is kept")
+    _put_away(file, damaged)
+    return Recovered(number, status, journal.n_samples, note)
+
+
+def _already_sealed(session: Session, number: int, file: Path, journal: Journal) -> Recovered:
+    """The program ended between sealing a trial and removing its journal, unless the two differ."""
+    sealed = session.trial(number).read()
+    force_n = np.concatenate([np.empty(0), *(block.force_n for block in journal.blocks)])
+    if not np.array_equal(sealed.force_n[: force_n.size], force_n):
+        raise InputError(f"{file}: is not the journal of {session.trial_path(number).name}; move it elsewhere")
+    file.unlink()
+    return Recovered(number, sealed.status, sealed.n_valid, "was sealed already; the journal was removed")
+
+
+def _put_away(file: Path, damaged: bool) -> None:
+    if damaged:
+        os.replace(file, file.with_name(file.name + ".damaged"))
+    else:
+        file.unlink()

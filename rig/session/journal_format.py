@@ -1,0 +1,138 @@
+"""The bytes of ``trial_NNNN.journal``, and reading them back as far as they are whole.
+
+A journal is a row of records: magic ``PAJ1``, kind, sequence number, first sample, number of samples, payload length,
+CRC-32 of all that and of the payload, payload; little-endian. Kinds in this order: the trial's head (JSON), the motor
+command (float64, V), blocks (force N, force raw, counts of three encoders as int64), the end (JSON: status, reason).
+Room set aside for later records is zero. Reading stops at the first record that is not whole and next in sequence:
+what comes out is always the beginning of what was written, whatever happened to the file.
+"""
+
+from __future__ import annotations
+
+import json
+import struct
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from rig.backend import Block
+from rig.errors import InputError
+from rig.session.trial_head import TrialHead
+
+MAGIC = b"PAJ1"
+HEAD, COMMAND, BLOCK, END = 1, 2, 3, 4
+ENCODERS = 3
+BYTES_PER_SAMPLE = 8 * (2 + ENCODERS)
+_FIXED = struct.Struct("<4sIQQII")
+_CRC = struct.Struct("<I")
+OVERHEAD = _FIXED.size + _CRC.size
+"""Bytes a record has beside its payload."""
+
+
+class Record(NamedTuple):
+    """One whole record."""
+
+    kind: int
+    sequence: int
+    first_sample: int
+    n: int
+    payload: bytes
+
+
+@dataclass(frozen=True, eq=False)
+class Journal:
+    """The whole part of a journal.
+
+    ``head`` is None when not even that is whole; ``ending`` is (status, reason) when the recorder wrote its closing
+    record; ``left_over`` counts bytes behind the last whole record that are not zero, e.g. of a torn record, and
+    ``records_behind`` tells that later records can be seen behind damage.
+    """
+
+    head: TrialHead | None
+    blocks: tuple[Block, ...]
+    ending: tuple[str, str] | None
+    left_over: int
+    records_behind: bool
+
+    @property
+    def n_samples(self) -> int:
+        """Samples in the whole part."""
+        return sum(block.force_n.size for block in self.blocks)
+
+
+def encode(kind: int, sequence: int, first_sample: int, n: int, payload: bytes) -> bytes:
+    """Return the bytes of a record."""
+    fixed = _FIXED.pack(MAGIC, kind, sequence, first_sample, n, len(payload))
+    return fixed + _CRC.pack(zlib.crc32(payload, zlib.crc32(fixed))) + payload
+
+
+def block_payload(block: Block) -> bytes:
+    """Return a block's arrays as bytes, one array after the other."""
+    columns = (block.force_n, block.force_raw)
+    floats = b"".join(np.ascontiguousarray(column, dtype="<f8").tobytes() for column in columns)
+    return floats + np.ascontiguousarray(block.encoder_count, dtype="<i8").tobytes()
+
+
+def records(data: bytes) -> Iterator[Record]:
+    """Yield the whole records at the beginning of ``data``, in sequence."""
+    at = 0
+    for expected in range(len(data)):
+        if len(data) - at < OVERHEAD:
+            return
+        magic, kind, sequence, first, n, length = _FIXED.unpack_from(data, at)
+        (crc,) = _CRC.unpack_from(data, at + _FIXED.size)
+        payload = data[at + OVERHEAD : at + OVERHEAD + length]
+        whole = magic == MAGIC and sequence == expected and len(payload) == length
+        if not whole or zlib.crc32(payload, zlib.crc32(data[at : at + _FIXED.size])) != crc:
+            return
+        yield Record(kind, sequence, first, n, payload)
+        at += OVERHEAD + length
+
+
+def parse(data: bytes) -> Journal:
+    """Read the whole part of a journal's bytes; never raises."""
+    head_json: bytes | None = None
+    head: TrialHead | None = None
+    blocks: list[Block] = []
+    ending: tuple[str, str] | None = None
+    at = samples = 0
+    for record in records(data):
+        try:
+            if record.kind == HEAD and record.sequence == 0:
+                head_json = record.payload
+            elif record.kind == COMMAND and record.sequence == 1 and head_json is not None:
+                head = TrialHead.from_plain(json.loads(head_json), np.frombuffer(record.payload, dtype="<f8"))
+            elif record.kind == BLOCK and head is not None and ending is None and record.first_sample == samples:
+                blocks.append(_block(record))
+                samples += record.n
+            elif record.kind == END and head is not None and record.first_sample == samples:
+                plain = json.loads(record.payload)
+                ending = (str(plain["status"]), str(plain["reason"]))
+            else:
+                break
+        except (ValueError, TypeError, KeyError, AttributeError, OverflowError, RecursionError):
+            break
+        at += OVERHEAD + len(record.payload)
+    rest = data[at:].rstrip(b"\0")
+    return Journal(head, tuple(blocks), ending, len(rest), MAGIC in rest[1:])
+
+
+def read_journal(path: Path) -> Journal:
+    """Read a journal file; raises InputError only when the file itself cannot be read."""
+    try:
+        return parse(path.read_bytes())
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror or error})") from error
+
+
+def _block(record: Record) -> Block:
+    n = record.n
+    if len(record.payload) != n * BYTES_PER_SAMPLE:
+        raise ValueError("length of a block")
+    force_n, force_raw = np.frombuffer(record.payload, dtype="<f8", count=2 * n).reshape(2, n)
+    count = np.frombuffer(record.payload, dtype="<i8", offset=16 * n).reshape(n, ENCODERS)
+    return Block(record.first_sample, force_n, force_raw, count)

@@ -1,0 +1,123 @@
+"""What is known of a trial before its first sample, and how head and blocks become a trial.
+
+Place in the data flow: the head opens the journal; recorder and recovery both put trials together here, so that a
+recovered trial is the one that would have been sealed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig.backend import Block
+from rig.errors import HardwareFault
+from rig.session.records import CameraInfo, EncoderInfo, ForceInfo, TrialData
+
+
+@dataclass(frozen=True)
+class FrameClock:
+    """The camera's pulses: rate, Hz; first rising edge and exposure, s; standard uncertainty of their times, s."""
+
+    frame_rate_hz: float
+    first_pulse_s: float
+    exposure_s: float
+    u_time_s: float
+
+    def frames_until(self, end_s: float) -> CameraInfo:
+        """Return the frames whose exposure ended by ``end_s``."""
+        frames = int(np.floor((end_s - self.first_pulse_s - self.exposure_s) * self.frame_rate_hz + 1e-9)) + 1
+        return CameraInfo(
+            frame_rate_hz=self.frame_rate_hz,
+            first_frame_time_s=self.first_pulse_s + self.exposure_s / 2,
+            exposure_s=self.exposure_s,
+            n_frames=max(frames, 0),
+            u_time_s=self.u_time_s,
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class TrialHead:
+    """Everything of a trial but what the inputs read; ``command_v`` is the whole motor command, V."""
+
+    number: int
+    started_utc: str
+    simulated: bool
+    sample_rate_hz: float
+    blow_start_s: float
+    command_v: NDArray[np.float64]
+    encoders: tuple[EncoderInfo, ...]
+    force_info: ForceInfo
+    frame_clock: FrameClock | None = None
+
+    def to_plain(self) -> dict[str, Any]:
+        """Return all but the command as numbers, text and lists."""
+        return {
+            "number": self.number,
+            "started_utc": self.started_utc,
+            "simulated": self.simulated,
+            "sample_rate_hz": self.sample_rate_hz,
+            "blow_start_s": self.blow_start_s,
+            "encoders": [asdict(encoder) for encoder in self.encoders],
+            "force_info": asdict(self.force_info),
+            "frame_clock": asdict(self.frame_clock) if self.frame_clock else None,
+        }
+
+    @classmethod
+    def from_plain(cls, plain: dict[str, Any], command_v: NDArray[np.float64]) -> TrialHead:
+        """Undo :meth:`to_plain`; raises KeyError, TypeError or ValueError for anything else."""
+        force: dict[str, Any] = {
+            key: tuple(value) if isinstance(value, list) else value for key, value in plain["force_info"].items()
+        }
+        clock = plain["frame_clock"]
+        return cls(
+            number=int(plain["number"]),
+            started_utc=str(plain["started_utc"]),
+            simulated=bool(plain["simulated"]),
+            sample_rate_hz=float(plain["sample_rate_hz"]),
+            blow_start_s=float(plain["blow_start_s"]),
+            command_v=command_v,
+            encoders=tuple(EncoderInfo(**encoder) for encoder in plain["encoders"]),
+            force_info=ForceInfo(**force),
+            frame_clock=FrameClock(**clock) if clock else None,
+        )
+
+    def assemble(self, blocks: Sequence[Block], status: str, reason: str) -> TrialData:
+        """Join the blocks to a trial.
+
+        Raises
+        ------
+        HardwareFault
+            When they do not follow each other without a gap from sample 0.
+        """
+        wanted = 0
+        for block in blocks:
+            if block.first_sample != wanted:
+                raise HardwareFault(
+                    f"trial {self.number}: a block starts at sample {block.first_sample}, expected {wanted}; "
+                    "samples are missing"
+                )
+            wanted += block.force_n.size
+        rate = self.sample_rate_hz
+        volts = np.zeros(wanted)
+        volts[: min(wanted, self.command_v.size)] = self.command_v[:wanted]
+        return TrialData(
+            number=self.number,
+            status=status,
+            reason=reason,
+            started_utc=self.started_utc,
+            simulated=self.simulated,
+            sample_rate_hz=rate,
+            time_s=np.arange(wanted) / rate,
+            force_n=np.concatenate([block.force_n for block in blocks]),
+            force_raw=np.concatenate([block.force_raw for block in blocks]),
+            motor_command_v=volts,
+            encoder_count=np.concatenate([block.encoder_count for block in blocks]),
+            encoders=self.encoders,
+            force_info=self.force_info,
+            camera=self.frame_clock.frames_until((wanted - 1) / rate) if self.frame_clock else None,
+            blow_start_s=self.blow_start_s,
+        )

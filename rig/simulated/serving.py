@@ -1,0 +1,82 @@
+"""The virtual bench as a server that runs until it is told to stop, with its own time and its own watchdog.
+
+Place in the data flow: ``pianorig serve-sim`` → this → :mod:`rig.simulated.server`. Every 10 ms it looks at the
+watchdog, whether or not a client calls, so that outputs become safe when the client is dead; and it can tell an
+observer, one line per change, whether the motor's output is live.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import threading
+from collections.abc import Callable
+from pathlib import Path
+from urllib.parse import urlencode
+
+from rig.config import load_rig
+from rig.interrupts import termination_as_interrupt
+from rig.simulated.backend import open_backend
+from rig.simulated.device import SimulatedDevice
+from rig.simulated.server import serve
+
+LOOK_EVERY_S = 0.01
+
+
+def output_state(device: SimulatedDevice) -> dict[str, object]:
+    """Return what decides whether the motor can move: volts (live or not), drive, watchdog; and the trial."""
+    volts = device.output_v.get(device.inventory.full_name(device.wiring.motor), 0.0)
+    return {
+        "trial": device.trial,
+        "motor": "live" if volts != 0.0 else "0 V",
+        "drive": "enabled" if device.drive_enabled() else "disabled",
+        "watchdog": "tripped" if device.watchdogs.expired else "quiet",
+    }
+
+
+def serve_until_interrupted(
+    rig: str | Path = "virtual",
+    *,
+    host: str = "127.0.0.1",
+    port: int = 31763,
+    clock: str = "real",
+    seed: int | None = None,
+    bench: Path | None = None,
+    announce: Callable[[str, str, str], None],
+    tell: Callable[[dict[str, object]], None] | None = None,
+    stop: threading.Event | None = None,
+) -> None:
+    """Serve the virtual device of a rig file until Ctrl-C, SIGTERM or ``stop``.
+
+    Parameters
+    ----------
+    announce : callable
+        Called once with address, product and device name when clients can connect.
+    tell : callable, optional
+        Called with :func:`output_state`, time and samples acquired at every change of the outputs.
+
+    Raises
+    ------
+    InputError
+        Bad rig file, bench file or clock.
+    HardwareFault
+        When the address cannot be bound.
+    """
+    config = load_rig(rig).config
+    options = {"clock": clock, "seed": seed, "bench": bench}
+    url = "sim://?" + urlencode({key: value for key, value in options.items() if value is not None})
+    backend = open_backend(url, config)
+    server, bound = serve(backend.service, host=host, port=port)
+    device, stop = backend.device, stop or threading.Event()
+    announce(f"{host}:{bound}", device.inventory.product.name, device.inventory.name)
+    last: dict[str, object] = {}
+    try:
+        with contextlib.suppress(KeyboardInterrupt), termination_as_interrupt():
+            while not stop.wait(LOOK_EVERY_S):
+                with backend.service.alone():
+                    device.watchdogs.look()
+                    state, edge = output_state(device), device.edge
+                if tell is not None and state != last:
+                    tell({**state, "samples": edge, "time_s": round(device.bench.clock.elapsed_s, 4)})
+                    last = state
+    finally:
+        server.stop(None).wait()

@@ -1,0 +1,94 @@
+"""Regulation: targets met from several starts at one and the same place, the shipped set reproduced, failures named."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import model
+from model.regulation import SCREWS, TARGETS, Regulation, RegulationError, measure, regulate, write_action
+
+SHIPPED = "hirschkorn2004-regulated"
+
+
+@pytest.fixture(scope="module")
+def done(action: model.Action) -> Regulation:
+    return regulate(action)
+
+
+def distances_mm(measurement: model.regulation.Measurement) -> list[float]:
+    return [1e3 * abs(measurement.value_m[t.name] - t.wanted_m) for t in TARGETS]
+
+
+def test_all_seven_targets_are_met(done: Regulation) -> None:
+    assert max(distances_mm(done.after)) < 0.02
+    assert max(distances_mm(measure(done.action))) < 0.02
+    assert max(distances_mm(done.before)) > 10.0
+
+
+def test_only_the_seven_screws_are_turned(action: model.Action, done: Regulation) -> None:
+    changed = {p for p, q in done.action.quantities.items() if q != action.quantities[p]}
+    assert changed == {s.path for s in SCREWS}
+    for s in SCREWS:
+        q = done.action.quantities[s.path]
+        assert q.source.startswith("regulated") and q.basis == "assumed" and 0.0 < q.u < 5e-5
+        assert q.value - action[s.path] == pytest.approx(done.turned_m[s.target], abs=1e-12)
+
+
+def test_another_start_ends_at_the_same_place(action: model.Action, done: Regulation) -> None:
+    off = dict(zip([s.path for s in SCREWS], (-0.4, 0.5, -0.3, 0.6, -0.8, 0.7, -1.5), strict=True))
+    start = action.with_values({path: action[path] + 1e-3 * x for path, x in off.items()})
+    again = regulate(start)
+    assert max(distances_mm(again.after)) < 0.02
+    for s in SCREWS:
+        assert again.action[s.path] == pytest.approx(done.action[s.path], abs=5e-6), s.name
+
+
+def test_the_shipped_set_is_what_the_command_makes(done: Regulation, tmp_path: Path) -> None:
+    shipped = model.load_action(SHIPPED)
+    write_action(done.action, tmp_path / "again.toml")
+    again = model.load_action(tmp_path / "again.toml")
+    assert again.name == shipped.name == SHIPPED and dict(again.structure) == dict(shipped.structure)
+    assert again.quantities.keys() == shipped.quantities.keys()
+    turned = {s.path for s in SCREWS}
+    for path, q in shipped.quantities.items():
+        if path in turned:
+            assert again[path] == pytest.approx(q.value, abs=3e-6), path
+        else:
+            assert again.quantities[path] == q, path
+    assert max(distances_mm(measure(shipped))) < 0.02
+
+
+def test_the_regulated_action_plays(done: Regulation) -> None:
+    """Rest is found without help; a blow strikes, is caught at 15 mm and comes back to rest."""
+    rest = model.rest_state(done.action)
+    assert np.abs(rest.angle_rad - model.hand_set_rest(done.action)).max() < 1e-9
+    time, force = np.array([0.0, 0.02, 0.4, 0.45, 0.9]), np.array([0.0, 5.0, 5.0, 0.0, 0.0])
+    out = np.linspace(0.0, 0.9, 901)
+    blow = model.simulate(done.action, time, force, output_time_s=out)
+    height = model.observables.hammer_height_m(done.action, blow.angle_rad)
+    assert height.min() < 0.0 and 0.01 < height[399] < 0.02 and height[-1] == pytest.approx(0.048, abs=1e-4)
+
+
+def test_a_screw_at_its_limit_is_named(action: model.Action) -> None:
+    low = action.with_values({"contact08.second.y": action["contact08.second.y"] - 5.5e-3})
+    with pytest.raises(RegulationError) as caught:
+        regulate(low)
+    text = str(caught.value)
+    assert re.search(
+        r"let-off stays \d+\.\d\d mm from 1\.0 mm with the button \(contact08\.second\.y\) at its limit", text
+    )
+    assert "\n" not in text and caught.value.exit_code == 2
+
+
+def test_a_capstan_out_of_reach_is_blamed_before_what_it_disturbs(action: model.Action) -> None:
+    with pytest.raises(RegulationError, match=r"hammer height at rest stays .* capstan \(contact01\.first\.y\) at its"):
+        regulate(action.with_values({"contact01.first.y": action["contact01.first.y"] + 4.5e-3}))
+
+
+def test_a_check_without_friction_cannot_be_regulated(action: model.Action) -> None:
+    with pytest.raises(RegulationError, match=r"check height, medium blow .* the back-check wire"):
+        regulate(model.load_action(SHIPPED, {"contact04.friction": 0}))

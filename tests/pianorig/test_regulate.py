@@ -1,0 +1,56 @@
+"""``pianorig regulate`` as a user meets it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+import model
+from tests.pianorig.test_commands import run
+
+
+def test_regulate_writes_and_tells(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "regulated.toml"
+    # a little off the shipped set, so that the command is quick
+    assert (
+        run("regulate", "hirschkorn2004-regulated", "--set", "contact08.second.y=0.066", "--out", str(out), "--json")
+        == 0
+    )
+    facts = json.loads(capsys.readouterr().out)
+    rows = {row["target"]: row for row in facts["targets"]}
+    assert rows["let_off"]["before_m"] > 1.2e-3
+    assert all(abs(row["after_m"] - row["wanted_m"]) < 2e-5 for row in rows.values())
+    assert rows["let_off"]["path"] == "contact08.second.y"
+    assert model.load_action(out)["contact08.second.y"] == pytest.approx(0.066 + rows["let_off"]["turned_m"])
+    assert [p.name for p in tmp_path.iterdir()] == ["regulated.toml"]
+
+
+def test_without_out_it_measures(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run("regulate", "hirschkorn2004") == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) == 8 and "let-off" in lines[5] and lines[5].split()[-2:] == ["1.00", "12.11"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["hirschkorn2004", "--out", "o.csv"], "o.csv: ending found '.csv', allowed .toml"),
+        (["hirschkorn2004", "--out", "no_such_folder/o.toml"], "folder no_such_folder does not exist"),
+        (["steinway", "--out", "o.toml"], "action 'steinway': not found; built in: hirschkorn2004"),
+        (["hirschkorn2004", "--set", "contact02.first.y=-0.014", "--out", "o.toml"], "key-dip washers"),
+    ],
+)
+def test_what_cannot_be_done_is_one_line(
+    arguments: list[str],
+    words: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert run("regulate", *arguments) == 2
+    error = capsys.readouterr().err
+    assert words in error and len(error.splitlines()) == 1
+    assert not list(tmp_path.iterdir())

@@ -1,0 +1,231 @@
+"""The journal: what is read is the beginning of what was written; a slow or full disk is noticed, not waited for."""
+
+from __future__ import annotations
+
+import errno
+import json
+import os
+import threading
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rig.backend import Block
+from rig.errors import HardwareFault, InputError, RecordingFault
+from rig.session.journal import JournalWriter
+from rig.session.journal_format import BLOCK, COMMAND, END, HEAD, block_payload, encode, parse, read_journal
+from rig.session.records import EncoderInfo, ForceInfo
+from rig.session.trial_head import FrameClock, TrialHead
+
+
+def head(number: int = 3) -> TrialHead:
+    scales = (("key", 327680, 1), ("whippen", 327684, 1), ("hammer", 163840, -1))
+    return TrialHead(
+        number=number,
+        started_utc="2026-11-21T09:00:00+00:00",
+        simulated=True,
+        sample_rate_hz=5000.0,
+        blow_start_s=0.36,
+        command_v=np.array([0.0, 0.25, 0.0]),
+        encoders=tuple(EncoderInfo(name, counts, sign, f"ctr {name}", 1e-5) for name, counts, sign in scales),
+        force_info=ForceInfo("cell", "certificate 7", (0.0, 2.0), (0.0, 111.2), group_delay_s=0.008),
+        frame_clock=FrameClock(2000.0, 1e-3, 1e-4, 1e-6),
+    )
+
+
+def blocks(n: int = 4, size: int = 5) -> list[Block]:
+    made = []
+    for i in range(n):
+        at = np.arange(i * size, (i + 1) * size)
+        made.append(Block(i * size, 0.1 + at, -1e-3 * at, at[:, None] * np.array([1, -2, 2**40])))
+    return made
+
+
+def journal_bytes(ending: bool = True) -> bytes:
+    data = encode(HEAD, 0, 0, 0, json.dumps(head().to_plain()).encode())
+    data += encode(COMMAND, 1, 0, 3, head().command_v.tobytes())
+    for i, block in enumerate(blocks()):
+        data += encode(BLOCK, 2 + i, block.first_sample, block.force_n.size, block_payload(block))
+    return data + (encode(END, 6, 20, 0, b'{"status": "fault", "reason": "why"}') if ending else b"")
+
+
+WHOLE = journal_bytes()
+
+
+def assert_beginning(data: bytes) -> int:
+    """What is read is the beginning of what was written; return the number of blocks."""
+    journal = parse(data)
+    for found, written in zip(journal.blocks, blocks(), strict=False):
+        assert found.first_sample == written.first_sample
+        np.testing.assert_array_equal(found.force_n, written.force_n)
+        np.testing.assert_array_equal(found.force_raw, written.force_raw)
+        np.testing.assert_array_equal(found.encoder_count, written.encoder_count)
+    assert journal.ending is None or (journal.ending == ("fault", "why") and len(journal.blocks) == 4)
+    if journal.head is not None:
+        assert journal.head.to_plain() == head().to_plain()
+        np.testing.assert_array_equal(journal.head.command_v, head().command_v)
+    assert journal.n_samples == 5 * len(journal.blocks) <= 20
+    return len(journal.blocks)
+
+
+def test_what_is_written_is_read(tmp_path) -> None:
+    path = tmp_path / "trial_0003.journal"
+    writer = JournalWriter(path, head(), 1000, 10)
+    assert path.stat().st_size > 40_000 or os.name == "nt"  # room was set aside
+    assert [writer.append(block) for block in blocks()] == [5, 10, 15, 20]
+    writer.close("complete", "")
+    assert writer.synced_samples == 20
+    journal = read_journal(path)
+    assert assert_beginning(WHOLE) == 4 == len(journal.blocks)
+    assert journal.ending == ("complete", "") and journal.left_over == 0 and not journal.records_behind
+    trial = journal.head.assemble(journal.blocks, *journal.ending)
+    np.testing.assert_array_equal(trial.encoder_count[:, 2], 2**40 * np.arange(20))
+    np.testing.assert_array_equal(trial.motor_command_v[:4], [0, 0.25, 0, 0])
+
+
+@given(st.integers(0, len(WHOLE)), st.integers(0, 200))
+def test_a_journal_cut_off_anywhere_gives_all_whole_blocks(cut, zeros) -> None:
+    size = len(encode(BLOCK, 0, 0, 5, block_payload(blocks()[0])))
+    ends = [len(journal_bytes(ending=False)) - size * missing for missing in range(4)]
+    assert assert_beginning(WHOLE[:cut] + bytes(zeros)) == sum(cut >= end for end in ends)
+
+
+@given(st.lists(st.tuples(st.integers(0, len(WHOLE) - 1), st.integers(1, 255)), min_size=1, max_size=6))
+def test_changed_bytes_never_give_other_values(changes) -> None:
+    data = bytearray(WHOLE)
+    for at, flip in changes:
+        data[at] ^= flip
+    assert_beginning(bytes(data))
+    if bytes(data) != WHOLE:
+        journal = parse(bytes(data))
+        assert journal.ending is None and journal.left_over > 0
+
+
+@given(st.binary(max_size=300))
+def test_anything_at_all_can_be_read(data) -> None:
+    assert parse(data).n_samples == parse(WHOLE[:4] + data).n_samples == 0
+    assert_beginning(WHOLE + data)
+
+
+@pytest.mark.parametrize("payload", [b"[]", b"{}", b'{"number": 1}', b"\xff", b"1e999"])
+def test_whole_records_with_another_content_are_not_a_trial(payload) -> None:
+    data = encode(HEAD, 0, 0, 0, payload) + encode(COMMAND, 1, 0, 0, bytes(7))
+    assert parse(data).head is None
+    assert parse(encode(HEAD, 0, 0, 0, payload) + encode(COMMAND, 1, 0, 0, bytes(8))).head is None
+
+
+def test_blocks_that_do_not_follow_each_other_are_refused(tmp_path) -> None:
+    first, second, third, _ = blocks()
+    with pytest.raises(HardwareFault, match="starts at sample 10, expected 5"):
+        head().assemble([first, third], "complete", "")
+    writer = JournalWriter(tmp_path / "j", head())
+    writer.append(first)
+    with pytest.raises(RecordingFault, match="starts at sample 10, expected 5"):
+        writer.append(third)
+    assert writer.append(second) == 10
+    writer.close("fault", "hole")
+
+
+class Disk:
+    """A disk that can be made to hang, to refuse, or to take a few bytes at a time; and a clock."""
+
+    def __init__(self) -> None:
+        self.free = threading.Event()
+        self.free.set()
+        self.error: OSError | None = None
+        self.most = 10**9
+        self.now_s = 0.0
+        self.syncs = 0
+
+    def write(self, file: int, data: Any) -> int:
+        self.free.wait()
+        if self.error is not None:
+            raise self.error
+        return os.write(file, data[: self.most])
+
+    def synchronise(self, file: int) -> None:
+        self.syncs += 1
+
+    def journal(self, path: Any, head: TrialHead, *room: int) -> JournalWriter:
+        return JournalWriter(
+            path, head, *room, write=self.write, synchronise=self.synchronise, now_s=lambda: self.now_s
+        )
+
+
+def test_a_stall_of_two_seconds_loses_nothing_and_holds_nobody_up(tmp_path) -> None:
+    disk = Disk()
+    writer = disk.journal(tmp_path / "j", head())
+    assert writer.append(blocks(60)[0]) == 5
+    disk.free.clear()
+    for block in blocks(60)[1:41]:
+        disk.now_s += 0.05
+        assert writer.append(block) == writer.committed_samples == 5
+    disk.free.set()
+    for block in blocks(60)[41:]:
+        writer.append(block)
+    writer.close("complete", "")
+    journal = read_journal(tmp_path / "j")
+    assert journal.n_samples == writer.committed_samples == writer.synced_samples == 300 and journal.ending
+
+
+def test_a_disk_that_hangs_longer_than_the_limit_is_a_fault(tmp_path) -> None:
+    disk = Disk()
+    writer = disk.journal(tmp_path / "j", head())
+    disk.free.clear()
+    writer.append(blocks()[0])
+    disk.now_s = 5.1
+    with pytest.raises(RecordingFault, match="taken nothing for 5.1 s, allowed 5 s"):
+        writer.append(blocks()[1])
+    disk.free.set()
+    writer.close("fault", "slow")
+    assert read_journal(tmp_path / "j").n_samples == 10  # even the last one, once the disk came back
+
+
+def test_a_full_disk_is_a_fault_that_says_what_is_safe(tmp_path) -> None:
+    disk = Disk()
+    writer = disk.journal(tmp_path / "j", head())
+    writer.append(blocks()[0])
+    disk.error = OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+    with pytest.raises(RecordingFault, match="No space left on device.*5 samples are safe") as fault:
+        writer.append(blocks()[1])
+    assert fault.value.exit_code == 3 and "\n" not in str(fault.value)
+    with pytest.raises(RecordingFault):
+        writer.close("fault", "full")
+    assert read_journal(tmp_path / "j").n_samples == 5
+
+
+def test_a_disk_that_takes_a_few_bytes_at_a_time_gets_them_all(tmp_path) -> None:
+    disk = Disk()
+    disk.most = 7
+    writer = disk.journal(tmp_path / "j", head())
+    for block in blocks():
+        writer.append(block)
+    writer.close("complete", "")
+    assert read_journal(tmp_path / "j").n_samples == 20
+
+
+def test_the_disk_is_synchronised_at_least_every_second_of_data(tmp_path) -> None:
+    disk = Disk()
+    writer = disk.journal(tmp_path / "j", head())
+    before = disk.syncs
+    for block in blocks(150):
+        disk.now_s += 0.02
+        writer.append(block)
+    assert disk.syncs - before >= 3
+    writer.close("complete", "")
+    assert writer.synced_samples == 750
+
+
+def test_no_room_for_the_trial_is_found_before_anything_moves(tmp_path, monkeypatch) -> None:
+    def full(*arguments: Any) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr("rig.platform_calls.reserve", full)
+    with pytest.raises(InputError, match="no room for a trial of .* MB"):
+        JournalWriter(tmp_path / "j", head(), 10**6, 10**4)
+    assert list(tmp_path.iterdir()) == []
+    with pytest.raises(InputError, match="cannot be created"):
+        JournalWriter(tmp_path / "missing" / "j", head())

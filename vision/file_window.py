@@ -1,0 +1,68 @@
+"""Bytes of a large file through a memory-mapped window that moves along it.
+
+Place in the data flow: under the readers `mraw` and `avi_film`. Only the pages that are looked at are read
+from disk, and pages already seen count as used memory only until their window is let go, so that memory in
+use does not grow with the file.
+
+Failure: a range outside the file, or a file that cannot be mapped, raises `FilmError`.
+"""
+
+from __future__ import annotations
+
+import mmap
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vision.errors import FilmError
+
+WINDOW_BYTES = 32 * 1024 * 1024
+"""Mapped at a time, unless more is asked for at once."""
+
+
+class FileWindow:
+    """Read-only access to a file's bytes.
+
+    Parameters
+    ----------
+    path : Path
+
+    Attributes
+    ----------
+    size : int
+        Of the file, bytes.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        try:
+            self._file = path.open("rb")
+            self.size = path.stat().st_size
+        except OSError as error:
+            raise FilmError(f"{path}: cannot be read ({error.strerror or error})") from None
+        self._offset = 0
+        self._window = np.empty(0, dtype=np.uint8)
+
+    def view(self, start: int, end: int) -> NDArray[np.uint8]:
+        """Bytes ``start..end-1``; the array stays valid after the window has moved on or the file was closed."""
+        if not 0 <= start <= end <= self.size:
+            raise FilmError(
+                f"{self.path}: bytes {start}..{end} asked for, the file has {self.size}; it is cut short"
+            )
+        if not (self._offset <= start and end <= self._offset + self._window.size):
+            offset = start // mmap.ALLOCATIONGRANULARITY * mmap.ALLOCATIONGRANULARITY
+            length = min(max(WINDOW_BYTES, end - offset), self.size - offset)
+            if length == 0:
+                return np.empty(0, dtype=np.uint8)
+            try:
+                mapped = mmap.mmap(self._file.fileno(), length, access=mmap.ACCESS_READ, offset=offset)
+            except (OSError, ValueError) as error:
+                raise FilmError(f"{self.path}: cannot be read at byte {offset} ({error})") from None
+            self._offset, self._window = offset, np.frombuffer(mapped, dtype=np.uint8)
+        return self._window[start - self._offset : end - self._offset]
+
+    def close(self) -> None:
+        """Close the file."""
+        self._offset, self._window = 0, np.empty(0, dtype=np.uint8)
+        self._file.close()
