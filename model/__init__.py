@@ -33,7 +33,7 @@ _HOME = {
     "hand_set_rest": "press",
     "slow_press": "press",
 }
-_ROOMS = ("observables", "regulation")
+_ROOMS = ("observables", "regulation", "touch")
 
 __all__ = [*_HOME, *_ROOMS]  # noqa: PLE0604
 
