@@ -30,7 +30,7 @@ _HOME = {
     "output_times": "blow",
     "simulate": "blow",
     "Press": "press",
-    "hand_set_rest": "press",
+    "hand_set_rest": "hand_set",
     "slow_press": "press",
 }
 _ROOMS = ("observables", "regulation", "touch")

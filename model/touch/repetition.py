@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..blow import simulate
+from ..hand_set import hand_set_rest
 from ..observables import hammer_height_from_angle
 from ..parameters import BODIES, Action
-from ..press import hand_set_rest
 from ..simulation import State
 from .hammer_speed import touches
 

@@ -15,8 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
+from ..hand_set import hand_set_rest
 from ..parameters import Action
-from ..press import Press, hand_set_rest, slow_press
+from ..press import Press, slow_press
 from ..regulation.measures import at_rest
 
 Array = NDArray[np.float64]
