@@ -34,10 +34,10 @@ _HOME = {
     "output_times": "blow",
     "simulate": "blow",
     "Press": "press",
-    "hand_set_rest": "press",
+    "hand_set_rest": "hand_set",
     "slow_press": "press",
 }
-_ROOMS = ("observables", "regulation")
+_ROOMS = ("observables", "regulation", "touch")
 
 __all__ = [*_HOME, *_ROOMS]  # noqa: PLE0604
 

@@ -21,7 +21,6 @@ from .observables import hammer_height_m, key_dip_m
 from .parameters import BODIES, Action
 from .scene import build_scene
 from .simulation import Simulation, State
-from .statics import solve_rest
 
 Array = NDArray[np.float64]
 
@@ -31,8 +30,6 @@ BLOCK = 2e-3  # s, over which the hand's force is constant
 SAMPLES = 4  # states kept per block
 EASE = 0.04  # s, in which the key gets up to speed and stops
 KEY = BODIES.index("key")
-LIFT = 0.15  # rad, from which the hammer is let down
-JACK_ROOM = 0.05  # rad, from which the jack comes back to its pad
 
 
 @dataclass(frozen=True)
@@ -57,19 +54,6 @@ class Press:
     contact_normal_n: dict[str, Array]
     leg: NDArray[np.int64]
     arrived: tuple[float, ...]
-
-
-def hand_set_rest(action: Action) -> Array:
-    """Rest state (5,) rad reached when the hammer is lifted by hand and let down on the jack.
-
-    Statics has no friction, so an action out of regulation can also rest with the jack slipped out from under the
-    knuckle, and the search may end there; let down from above, the hammer finds the jack if it can stay on it.
-    """
-    scene = build_scene(action)
-    start = scene.start.copy()
-    start[BODIES.index("hammer")] -= LIFT
-    start[BODIES.index("jack")] -= JACK_ROOM
-    return solve_rest(scene, 0.0, start)
 
 
 def key_angle_at_dip(action: Action, rest_rad: Array, dip_m: float) -> float:

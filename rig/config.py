@@ -108,6 +108,8 @@ class MotorConfig(_Table):
     voltage_limit_v: Number = Field(default=10.0, gt=0, le=10)
     force_limit_n: Number = Field(gt=0, le=120)
     slew_limit_n_per_s: Number = Field(default=2000.0, gt=0, le=100_000)
+    rms_force_limit_n: Number = Field(default=30.0, gt=0, le=120)
+    rms_over_s: Number = Field(default=10.0, gt=0, le=1000)
 
     @model_validator(mode="after")
     def _reach(self) -> MotorConfig:
@@ -147,6 +149,26 @@ class DriveEnableConfig(_Table):
     line: Text
 
 
+class LimitsConfig(_Table):
+    """What ends a trial at once (:mod:`rig.interlocks`); bodies in the order key, whippen, hammer.
+
+    The defaults are about three times what a forte blow reaches on the virtual bench (34 N, 35 kN/s, 3.5, 8 and
+    18 rad/s, 0.05, 0.09 and 0.36 rad).
+    """
+
+    force_min_n: Number = Field(default=-10.0, ge=-1000, le=0)
+    force_max_n: Number = Field(default=100.0, gt=0, le=1000)
+    force_rate_n_per_s: Number = Field(default=250_000.0, gt=0)
+    speed_rad_per_s: tuple[Number, Number, Number] = (15.0, 40.0, 100.0)
+    travel_rad: tuple[Number, Number, Number] = (0.12, 0.25, 1.2)
+    return_rad: Number = Field(default=0.005, gt=0, le=1)
+    baseline_n: tuple[Number, Number] = (-1.0, 1.0)
+    least_preload_n: Number | None = None
+    push_n: Number = Field(default=3.0, gt=0, le=120)
+    no_force_s: Number = Field(default=0.005, ge=0.001, le=0.2)
+    stuck_s: Number = Field(default=0.005, ge=0.001, le=0.2)
+
+
 class WatchdogConfig(_Table):
     """The device's watchdog timer: outputs made safe when the program has been silent for ``timeout_s``."""
 
@@ -177,6 +199,7 @@ class RigConfig(_Table):
     camera: CameraConfig | None = None
     drive_enable: DriveEnableConfig | None = None
     watchdog: WatchdogConfig | None = None
+    limits: LimitsConfig = LimitsConfig()
     recording: RecordingConfig = RecordingConfig()
 
     @model_validator(mode="after")

@@ -18,6 +18,7 @@ from rig.backend import Backend, Block, Timing
 from rig.config import RigConfig
 from rig.errors import HardwareFault, InputError
 from rig.feed import BlockFeed
+from rig.interlocks import Interlocks, rms_force_n
 from rig.interrupts import deferred
 from rig.profile import Profile
 from rig.rest import RestDetector
@@ -81,7 +82,14 @@ def motor_command(profile: Profile, config: RigConfig) -> MotorCommand:
     """
     rate, motor = config.device.sample_rate_hz, config.motor
     profile.check_limits(motor.force_limit_n, motor.slew_limit_n_per_s, rate)
-    volts = profile.sample(rate) / motor.force_per_volt_n
+    force_n = profile.sample(rate)
+    heating_n = rms_force_n(force_n, rate, motor.rms_over_s)
+    if heating_n > motor.rms_force_limit_n:
+        raise InputError(
+            f"{profile.source or profile.name}: RMS force {heating_n:.3g} N over {motor.rms_over_s:g} s heats the "
+            f"motor, allowed {motor.rms_force_limit_n:g} N; shorten the profile or raise motor.rms_force_limit_n"
+        )
+    volts = force_n / motor.force_per_volt_n
     if np.max(np.abs(volts)) > motor.voltage_limit_v:
         raise InputError(f"{profile.name}: needs {np.max(np.abs(volts)):g} V, allowed {motor.voltage_limit_v:g} V")
     quiet = int(np.ceil(config.recording.quiet_s * rate))
@@ -115,6 +123,7 @@ def run_trial(
         timing = backend.configure(config, command.volts)
         head = _head(config, command, timing, number, backend.capabilities.simulated)
         size, longest = _lengths(config, command, timing)
+        interlocks = Interlocks(config, timing, command.volts, command.blow_start_s)
         journal = open_journal(journal_path, head, longest + size, longest // size + 2)
         backend.arm()
         backend.start()
@@ -122,6 +131,7 @@ def run_trial(
         def keep(block: Block) -> None:
             blocks.append(block)
             committed = journal.append(block)
+            interlocks.check(block)
             if feed is not None:
                 feed.publish(block)
             if progress is not None:
@@ -130,6 +140,8 @@ def run_trial(
                 progress(Progress(number, trials, read / rate, command.blow_end_s, peak, committed / rate))
 
         status = _read_until_rest(backend, config, command, timing, keep)
+        if status == "complete":
+            interlocks.check_returned()
     except KeyboardInterrupt as interrupt:
         status, reason, error = "interrupted", str(interrupt) or "stopped by the operator", interrupt
     except BaseException as fault:
@@ -139,7 +151,8 @@ def run_trial(
             try:
                 backend.safe_stop()
             except HardwareFault as fault:
-                status, reason, error = "fault", _one_line(fault), error or fault
+                reason = "; ".join(filter(None, (reason, _one_line(fault))))
+                status, error = "fault", error or fault
             if status == "not at rest":
                 reason = f"not at rest {config.recording.longest_s:g} s after the blow"
             if journal is not None:

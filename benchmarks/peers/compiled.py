@@ -52,7 +52,7 @@ class CompiledEquations:
     accelerations : (y, u) -> 5 numbers
     fill : (t, y, dy, table), writes the derivative into ``dy``
     give : (t, y, table) -> dy
-    address : of a C function ``void (double t, const double *y, double *dy, const double *table, long size)``
+    address : of a C function ``void (double t, const double *y, double *dy, const double *table, long long size)``
     """
 
     def __init__(self, action: Action) -> None:
@@ -81,7 +81,7 @@ class CompiledEquations:
 
         self.accelerations, self.fill, self.give = a, fill, give
         self._from_c = from_c  # keeps the machine code alive
-        self.address: int = from_c.address
+        self.address: int = from_c.address  # type: ignore[assignment]
         self._explicit: Any = None
 
     def seconds_per_call(self, y: Array, table: Array) -> float:

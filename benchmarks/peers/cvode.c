@@ -9,12 +9,12 @@
 #include <sunlinsol/sunlinsol_dense.h>
 #include <sunmatrix/sunmatrix_dense.h>
 
-typedef void (*rhs_t)(double t, const double *y, double *dy, const double *table, long size);
+typedef void (*rhs_t)(double t, const double *y, double *dy, const double *table, long long size);
 
 struct problem {
   rhs_t rhs;
   const double *table;
-  long size;
+  long long size;
 };
 
 static int forward(sunrealtype t, N_Vector y, N_Vector dy, void *data) {
@@ -24,8 +24,8 @@ static int forward(sunrealtype t, N_Vector y, N_Vector dy, void *data) {
 }
 
 /* out: (n_times, n) states; counts: steps, rejected, right-hand sides, Jacobians */
-int solve(rhs_t rhs, const double *table, long size, int n, const double *y0, int n_times, const double *times,
-          double tolerance, double *out, long *counts) {
+int solve(rhs_t rhs, const double *table, long long size, int n, const double *y0, int n_times, const double *times,
+          double tolerance, double *out, long long *counts) {
   struct problem p = {rhs, table, size};
   SUNContext context = NULL;
 #if SUNDIALS_VERSION_MAJOR >= 7
@@ -39,7 +39,7 @@ int solve(rhs_t rhs, const double *table, long size, int n, const double *y0, in
   SUNLinearSolver solver = SUNLinSol_Dense(y, a, context);
   void *memory = CVodeCreate(CV_BDF, context);
   int status = -2;
-  long error_fails = 0, newton_fails = 0, extra = 0;
+  long steps = 0, calls = 0, jacobians = 0, error_fails = 0, newton_fails = 0, extra = 0;
   if (CVodeInit(memory, forward, times[0], y) || CVodeSStolerances(memory, tolerance, tolerance) ||
       CVodeSetUserData(memory, &p) || CVodeSetLinearSolver(memory, solver, a) ||
       CVodeSetMaxNumSteps(memory, 10000000))
@@ -50,14 +50,16 @@ int solve(rhs_t rhs, const double *table, long size, int n, const double *y0, in
     if (status) goto end;
     for (int i = 0; i < n; i++) out[k * n + i] = NV_Ith_S(y, i);
   }
-  CVodeGetNumSteps(memory, &counts[0]);
+  CVodeGetNumSteps(memory, &steps);
   CVodeGetNumErrTestFails(memory, &error_fails);
   CVodeGetNumStepSolveFails(memory, &newton_fails);
-  counts[1] = error_fails + newton_fails;
-  CVodeGetNumRhsEvals(memory, &counts[2]);
+  CVodeGetNumRhsEvals(memory, &calls);
   CVodeGetNumLinRhsEvals(memory, &extra);
-  counts[2] += extra;
-  CVodeGetNumJacEvals(memory, &counts[3]);
+  CVodeGetNumJacEvals(memory, &jacobians);
+  counts[0] = steps;
+  counts[1] = error_fails + newton_fails;
+  counts[2] = calls + extra;
+  counts[3] = jacobians;
 end:
   CVodeFree(&memory);
   SUNLinSolFree(solver);

@@ -50,15 +50,15 @@ def cvode_in_c(
     library = build()
     double = np.ctypeslib.ndpointer(float, flags="C_CONTIGUOUS")
     library.solve.argtypes = [
-        ctypes.c_void_p, double, ctypes.c_long, ctypes.c_int, double, ctypes.c_int, double, ctypes.c_double,
-        double, np.ctypeslib.ndpointer(np.int_, flags="C_CONTIGUOUS"),
+        ctypes.c_void_p, double, ctypes.c_longlong, ctypes.c_int, double, ctypes.c_int, double, ctypes.c_double,
+        double, np.ctypeslib.ndpointer(np.int64, flags="C_CONTIGUOUS"),
     ]  # fmt: skip
 
     def run(tolerance: float) -> tuple[Array, tuple[int, int, int, int]]:
-        out, counts = np.full((len(times), len(y0)), np.nan), np.zeros(4, dtype=np.int_)
+        out, counts = np.full((len(times), len(y0)), np.nan), np.zeros(4, dtype=np.int64)
         status = library.solve(address, table, len(table), len(y0), y0, len(times), times, tolerance, out, counts)
         if status:
             raise RuntimeError(f"CVODE from C failed with status {status}")
-        return out, tuple(int(x) for x in counts)
+        return out, (int(counts[0]), int(counts[1]), int(counts[2]), int(counts[3]))
 
     return run

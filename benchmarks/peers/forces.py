@@ -37,7 +37,8 @@ def force_table(blow: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Times (k,) and forces (k,) of one blow; ``noisy`` is the forte as a load cell of 0.05 N noise reads it."""
     k = np.arange(round(DURATION_S * RATE_HZ) + 1)
     time = np.round(k / RATE_HZ, 4)
-    force = np.interp(time, *KNOTS["forte" if blow == "noisy" else blow])
+    at, newton = KNOTS["forte" if blow == "noisy" else blow]
+    force = np.interp(time, np.array(at, dtype=float), np.array(newton, dtype=float))
     if blow == "noisy":
         force = force + np.random.default_rng(4).normal(0.0, NOISE_N, len(time))
     return time, np.round(force, 4)

@@ -20,12 +20,12 @@ from .equations import N, accelerations
 from .solvers import Answer, Solver, Task
 
 Array = NDArray[np.float64]
-# what was compiled for one set of equations serves all its blows
+# one set of equations serves all its blows; CasADi itself compiles their derivatives anew when they fell out of use
 _casadi_rhs: weakref.WeakKeyDictionary[Any, Any] = weakref.WeakKeyDictionary()
 
 
 def _casadi_function(ca: Any, task: Task) -> Any:
-    """The equations as a CasADi function, compiled with gcc where there is one; once for all blows."""
+    """The equations as a CasADi function, compiled with gcc where there is one."""
     if task.equations in _casadi_rhs:
         return _casadi_rhs[task.equations]
     names = {"sin": ca.sin, "cos": ca.cos, "tanh": ca.tanh, "sqrt": ca.sqrt, "where": ca.if_else}
@@ -33,7 +33,9 @@ def _casadi_function(ca: Any, task: Task) -> Any:
     dy = ca.vertcat(y[N:], *accelerations(task.action, names, branches=False)(y, u))
     options: dict[str, Any] = {}
     if shutil.which("gcc") is not None:
-        options = {"jit": True, "compiler": "shell", "jit_options": {"flags": ["-O2", "-march=native"]}}
+        flags = ["-O2", "-march=native"]
+        options = {"jit": True, "jit_cleanup": False, "compiler": "shell"}  # its folder is removed as a whole
+        options["jit_options"] = {"flags": flags, "cleanup": False}
     _casadi_rhs[task.equations] = ca.Function("rhs", [y, u], [dy], options)
     return _casadi_rhs[task.equations]
 

@@ -11,22 +11,22 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..blow import simulate
 from ..errors import InputError
+from ..hand_set import JACK_KNUCKLE, hand_set_rest, slip_angle
 from ..observables import hammer_height_m, key_dip_m
 from ..parameters import BODIES, Action
-from ..press import Press, hand_set_rest, slow_press
+from ..press import Press, slow_press
 from ..simulation import State
 from ..twin import Twin
 
 Array = NDArray[np.float64]
 
-KEY_FRONT, BACK_CHECK, JACK_KNUCKLE = "contact02", "contact04", "contact07"
+KEY_FRONT, BACK_CHECK = "contact02", "contact04"
 PRESS_SPEED = 0.005  # m/s at the key front
 SETTLE = 0.3  # s at the bottom before the drop is read
 # medium blow: the force grows with the square of time, then stays
@@ -101,27 +101,6 @@ def at_rest(action: Action, rest_rad: Array | None = None) -> dict[str, float]:
         # gap under the knuckle; where the lever carries the hammer, how far it holds the knuckle off the jack
         "repetition": min(0.0, float(on_jack)) - float(twin.gap("contact10")[0]),
     }
-
-
-def slip_angle(action: Action, angle_rad: Array) -> Array:
-    """How far (rad) the knuckle has gone round the jack's top edge, (m,); 0 on top, pi/2 beside the jack; (m, 5) in."""
-
-    def place(body: str, path: str, parent: tuple[Any, Array] | None) -> tuple[Any, Array]:
-        angle = angle_rad[:, BODIES.index(body)]
-        x, y = np.full(len(angle), action[f"{path}.x"]), np.full(len(angle), action[f"{path}.y"])
-        if parent is None:
-            return x + 1j * y, angle
-        return parent[0] + (x + 1j * y) * np.exp(1j * parent[1]), angle + parent[1]
-
-    whippen = place("whippen", "whippen.pivot", None)
-    jack = place("jack", "jack.pivot", whippen)
-    hammer = place("hammer", "hammer.pivot", None)
-    edge = complex(action[f"{JACK_KNUCKLE}.second.x"], action[f"{JACK_KNUCKLE}.second.y"])
-    knuckle = complex(action[f"{JACK_KNUCKLE}.first.x"], action[f"{JACK_KNUCKLE}.first.y"])
-    way = hammer[0] + knuckle * np.exp(1j * hammer[1]) - jack[0] - edge * np.exp(1j * jack[1])
-    top = np.exp(1j * (jack[1] + action[f"{JACK_KNUCKLE}.second.arc_start"]))
-    out: Array = np.angle(way / top)
-    return out
 
 
 def in_press(action: Action, rest_rad: Array, dip_m: float) -> tuple[dict[str, float], dict[str, str], Press]:

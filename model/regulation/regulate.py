@@ -15,8 +15,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ..errors import InputError, ModelError
+from ..hand_set import hand_set_rest
 from ..parameters import BODIES, Action
-from ..press import hand_set_rest
 from ..quantities import allowed_range
 from ..twin import Twin
 from .measures import TARGETS, Measurement, Target, at_rest, in_blow, in_press, measure

@@ -120,7 +120,7 @@ class NidaqmxBackend:
     def configure(self, config: RigConfig, command_v: NDArray[np.float64]) -> Timing:
         """Put the outputs in their safe state, reserve every channel, load the motor command."""
         tasks.check_command(config, command_v)
-        if self._tasks:
+        if self._tasks or self._watchdog:
             self.safe_stop()
         self._config = config
         frame_rate_hz = first_pulse_s = None
@@ -186,14 +186,13 @@ class NidaqmxBackend:
             raise
 
     def read_block(self, n_samples: int, timeout_s: float) -> Block:
-        """Read the next samples of force and encoders; on a fault the outputs are made safe first.
-
-        Asking for the next block says that the last one was judged good: only this keeps the watchdog quiet.
-        """
+        """Read the next samples; on a fault the outputs are made safe first. Asking keeps the watchdog quiet."""
         config = self._ready()
         try:
             with translated("read", "watchdog"):
                 self._kick()
+            with translated("read", tasks.MOTOR):
+                self._tasks[tasks.MOTOR].is_task_done()  # raises if the generation has failed
             values = np.empty(n_samples)
             with translated("read", tasks.MASTER):
                 reader = AnalogSingleChannelReader(self._tasks[tasks.MASTER].in_stream)
@@ -232,9 +231,8 @@ class NidaqmxBackend:
         self._outputs_safe("stop", failures)
         for name in list(self._tasks):
             self._release(name, failures)
-        if self._watchdog is not None:
-            _attempt(self._watchdog.close, [])  # last: until here it watches over the steps above
-        self._watchdog = None
+        if self._watchdog is not None and _attempt(self._watchdog.close, []):
+            self._watchdog = None  # last: until here it watches over the steps above
         if failures:
             raise failures[0]
 
@@ -292,9 +290,11 @@ class NidaqmxBackend:
         return self._config
 
 
-def _attempt(step: Callable[[], None], failures: list[BaseException]) -> None:
+def _attempt(step: Callable[[], None], failures: list[BaseException]) -> bool:
     """Try one step of making safe; a second Ctrl-C must not keep the next from happening."""
     try:
         step()
     except BaseException as error:
         failures.append(error)
+        return False
+    return True

@@ -7,6 +7,8 @@ cards the drive-enable line only, so that a rig on such a card needs that line.
 
 from __future__ import annotations
 
+import contextlib
+
 import nidaqmx
 from nidaqmx import GrpcSessionOptions
 from nidaqmx.constants import Level, WatchdogAOExpirState
@@ -53,9 +55,7 @@ class Watchdog:
 
     def close(self) -> None:
         """Stop the timer and forget it."""
-        try:
-            self._task.stop()
-        except nidaqmx.errors.Error:
-            pass  # closing is what counts
-        finally:
-            self._task.close()
+        self._task._close_on_exit = False  # the client would complain a second time when this object goes
+        with contextlib.suppress(nidaqmx.errors.Error):
+            self._task.stop()  # closing is what counts
+        self._task.close()

@@ -3,8 +3,8 @@ channel, real client.
 
 ``sim://?bench=PATH&seed=3&clock=real`` : ``bench`` is a bench file (default: the built-in one), ``seed``
 overrides its seed, ``clock`` is
-``virtual`` (default), ``real``, or a speed such as ``10``. The device takes product and name from the rig
-file.
+``virtual`` (default), ``real``, or a speed such as ``10``; ``fault`` plants faults
+(:mod:`rig.simulated.faults`). The device takes product and name from the rig file.
 """
 
 from __future__ import annotations
@@ -21,13 +21,14 @@ from rig.simulated.channel import InProcessChannel
 from rig.simulated.clock import Clock, PacedClock, VirtualClock
 from rig.simulated.contract import Plant
 from rig.simulated.device import SimulatedDevice
+from rig.simulated.faults import FaultPlan, parse_faults
 from rig.simulated.products import PRODUCTS, Inventory
 from rig.simulated.sensors import SensorSet, load_sensors
 from rig.simulated.service import Service
 from rig.simulated.wiring import WIRING_OF_PRODUCT, Wiring
 
 DEFAULT_BENCH = Path(__file__).parent / "bench.toml"
-OPTIONS = ("bench", "seed", "clock")
+OPTIONS = ("bench", "seed", "clock", "fault")
 
 
 class SimulatedBackend(NidaqmxBackend):
@@ -68,11 +69,13 @@ def open_backend(url: str, config: RigConfig) -> SimulatedBackend:
     if not bench.is_file():
         raise InputError(f"{url}: bench file {bench} does not exist")
     seed, clock = _seed(url, options.get("seed")), _clock(url, options.get("clock", "virtual"))
+    faults = parse_faults(options.get("fault", ""))
     sensors = load_sensors(bench, seed=seed)
     from rig.simulated.plant import load_plant  # here: only this path needs the model and its kernels
 
     plant = load_plant(bench, seed=seed, sample_rate_hz=config.device.sample_rate_hz)
     device = build_device(config, plant, sensors, clock=clock)
+    device.faults = FaultPlan(faults)
     backend = SimulatedBackend(
         device,
         {

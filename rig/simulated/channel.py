@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import grpc
 
 from rig.simulated.service import Service
-from rig.simulated.status import DaqStatusError, NotImplementedByDevice
+from rig.simulated.status import DaqStatusError, NotImplementedByDevice, ServerGone
 
 
 class Metadatum(NamedTuple):
@@ -66,6 +66,8 @@ class InProcessChannel(grpc.Channel):
                 return self.service.handle(name, request)
             except DaqStatusError as error:
                 raise InProcessError(grpc.StatusCode.UNKNOWN, str(error), trailing_metadata(error)) from None
+            except ServerGone as error:
+                raise InProcessError(grpc.StatusCode.UNAVAILABLE, f"failed to connect: {error}") from None
             except NotImplementedByDevice as error:
                 raise InProcessError(grpc.StatusCode.UNIMPLEMENTED, f"not simulated: {error}") from None
 

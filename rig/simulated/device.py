@@ -17,6 +17,7 @@ from rig.simulated import status
 from rig.simulated.bench_time import BenchTime
 from rig.simulated.clock import Clock
 from rig.simulated.contract import Plant
+from rig.simulated.faults import FaultPlan
 from rig.simulated.products import Inventory, Kind, channel_names
 from rig.simulated.readings import encoder_reading, force_reading
 from rig.simulated.reservations import Reservations
@@ -58,6 +59,7 @@ class SimulatedDevice:
         self.lines: dict[str, bool] = {}
         self.trial = 0
         self.watchdogs = Watchdogs(self)
+        self.faults = FaultPlan()
         self._reservations = Reservations(inventory)
         self._master: SimulatedTask | None = None
 
@@ -204,7 +206,9 @@ class SimulatedDevice:
                 if channel.physical.name == motor:
                     command[: rows.shape[0]] = rows[:, column]
                     command[rows.shape[0] :] = rows[-1, column]
+        at_s = (self.bench.edge + np.arange(n)) / self.bench.rate_hz
         cell, quarter = self.bench.step(command if self.drive_enabled() else np.zeros(n))
+        cell, quarter = self.faults.change(self.trial, at_s, cell, quarter)
         for task in clocked:
             if task.buffer is not None:
                 task.buffer.put(self._latch(task, cell, quarter)[: max(int(min(task.remaining(), n)), 0)])

@@ -12,7 +12,7 @@ from rig.errors import HardwareFault
 from rig.simulated.channel import trailing_metadata
 from rig.simulated.messages import CALLS, SERVICE, request_class
 from rig.simulated.service import Service
-from rig.simulated.status import DaqStatusError, NotImplementedByDevice
+from rig.simulated.status import DaqStatusError, NotImplementedByDevice, ServerGone
 
 
 class _Handler(grpc.GenericRpcHandler):
@@ -30,6 +30,8 @@ class _Handler(grpc.GenericRpcHandler):
             except DaqStatusError as error:
                 context.set_trailing_metadata(tuple((e.key, e.value) for e in trailing_metadata(error)))
                 context.abort(grpc.StatusCode.UNKNOWN, str(error))
+            except ServerGone as error:
+                context.abort(grpc.StatusCode.UNAVAILABLE, f"failed to connect: {error}")
             except NotImplementedByDevice as error:
                 context.abort(grpc.StatusCode.UNIMPLEMENTED, f"not simulated: {error}")
 

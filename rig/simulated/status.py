@@ -29,6 +29,7 @@ ATTRIBUTE_NOT_SUPPORTED = -200452
 RATE_TOO_HIGH = -200332
 TASK_MIXES_TYPES = -200559
 OPERATION_TIMED_OUT = -200474
+DEVICE_LOST = -201003
 WATCHDOG_NOT_SUPPORTED = -200662
 WATCHDOG_TIMEOUT_OUT_OF_RANGE = -200668
 WATCHDOG_WHILE_OTHERS_RESERVED = -201477
@@ -65,6 +66,7 @@ TEXTS = {
     WATCHDOG_WHILE_OTHERS_RESERVED: "A watchdog task cannot be reserved while other tasks are.",
     CANNOT_RESET_EXPIRED_WATCHDOG: "The watchdog timer has expired and must be cleared, not reset.",
     WRITE_AFTER_WATCHDOG: "The output cannot be written: the watchdog timer has expired.",
+    DEVICE_LOST: "The device cannot be reached.",
     NOT_A_WATCHDOG: "The task is not a watchdog timer task.",
     OPERATION_TIMED_OUT: "The operation did not complete within the time allowed.",
 }
@@ -77,6 +79,10 @@ class DaqStatusError(Exception):
         super().__init__(" ".join(part for part in (TEXTS.get(code, ""), detail) if part))
         self.code = code
         self.samples_read = samples_read
+
+
+class ServerGone(Exception):
+    """The server is not there any more; the client sees UNAVAILABLE."""
 
 
 class NotImplementedByDevice(Exception):

@@ -8,7 +8,8 @@ import pytest
 import model
 from model import press as press_module
 from model.energy import energy_terms
-from model.press import Press, hand_set_rest, key_angle_at_dip, slow_press
+from model.hand_set import hand_set_rest
+from model.press import Press, key_angle_at_dip, slow_press
 
 
 @pytest.fixture(scope="module")

@@ -165,7 +165,7 @@ def test_an_action_that_never_rests_is_kept_and_says_so(
 
     def creeping(command_v):
         block = advance(command_v)
-        block.angle_rad[:, 1] += 0.01 * block.time_s
+        block.angle_rad[:, 1] += 0.01 * np.maximum(block.time_s - 0.36, 0)
         return block
 
     backend.plant.advance = creeping

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import model
-from model.press import hand_set_rest
+from model.hand_set import hand_set_rest, slip_angle
 from model.regulation import TARGETS, measure
-from model.regulation.measures import at_rest, first_touch_angle, medium_blow, slip_angle
+from model.regulation.measures import at_rest, first_touch_angle, medium_blow
 from model.twin import Twin
 
 

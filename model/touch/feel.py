@@ -1,0 +1,86 @@
+"""All that is said about the feel of one action, and its rows for a table.
+
+Plain data: weights from a slow press, hammer speeds for a row of forces, fastest repetition.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..parameters import Action
+from .hammer_speed import FORCES, hammer_speeds
+from .repetition import fastest_repetition
+from .weights import Weights, weigh
+
+
+@dataclass(frozen=True)
+class Feel:
+    """How one action feels.
+
+    Attributes
+    ----------
+    name : of the action
+    weights : from a slow press and release
+    blow_n, hammer_m_per_s : (k,) force of the blow and speed of the hammer at the string, NaN where it stays short
+    repetition_hz : fastest repetition, NaN where none was followed
+    gravity : m/s^2, to say weights in grams
+    """
+
+    name: str
+    weights: Weights
+    blow_n: NDArray[np.float64]
+    hammer_m_per_s: NDArray[np.float64]
+    repetition_hz: float
+    gravity: float
+
+    def rows(self) -> dict[str, float]:
+        """Everything but the curve, by words with their unit, in the order of the table."""
+        w = self.weights
+        out = {"key dip, mm": 1e3 * w.dip_m}
+        for words, force in (
+            ("down weight", w.down_n),
+            ("up weight", w.up_n),
+            ("friction weight", w.friction_n),
+            ("let-off peak", w.let_off_n),
+        ):
+            out[f"{words}, N"] = force
+            out[f"{words}, g"] = 1e3 * force / self.gravity
+        for force, speed in zip(self.blow_n, self.hammer_m_per_s, strict=True):
+            out[f"hammer at {force:g} N, m/s"] = float(speed)
+        out["fastest repetition, 1/s"] = self.repetition_hz
+        return out
+
+
+def feel(
+    action: Action,
+    forces_n: Sequence[float] = FORCES,
+    name: str | None = None,
+    progress: Callable[[str], None] | None = None,
+) -> Feel:
+    """Press slowly, strike at each force, repeat ever faster.
+
+    Parameters
+    ----------
+    action : parameter set
+    forces_n : forces of the blows, N
+    name : what to call it, by default the name of the set
+    progress : called with a few words at each step
+    """
+    say = progress or (lambda _: None)
+    say("slow press")
+    weights = weigh(action)
+    say("blows")
+    speeds = hammer_speeds(action, forces_n)
+    say("repetition")
+    return Feel(
+        name=action.name if name is None else name,
+        weights=weights,
+        blow_n=np.asarray(forces_n, dtype=float),
+        hammer_m_per_s=speeds,
+        repetition_hz=fastest_repetition(action),
+        gravity=action["gravity.g"],
+    )

@@ -1,0 +1,62 @@
+"""One sheet that compares how several actions feel: force over dip, hammer speed over force.
+
+The only file of ``touch`` that imports matplotlib, and only when a figure is drawn. Whole or absent on disk.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from ..errors import InputError
+from .feel import Feel
+
+ENDINGS = (".svg", ".pdf", ".png")
+
+
+def draw(feels: Sequence[Feel], path: str | Path) -> None:
+    """Write the sheet to ``path`` (.svg, .pdf or .png)."""
+    target = Path(path)
+    if target.suffix not in ENDINGS:
+        raise InputError(f"{target}: ending found {target.suffix!r}, allowed {', '.join(ENDINGS)}")
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(10.0, 4.2), layout="constrained")
+    FigureCanvasAgg(figure)
+    press, blow = figure.subplots(1, 2)
+    for i, one in enumerate(feels):
+        color = f"C{i}"
+        (dip, force), (dip_up, force_up) = one.weights.curve()
+        press.plot(1e3 * dip, force, color=color, label=f"{one.name}, down")
+        press.plot(1e3 * dip_up, force_up, color=color, linestyle="--", label=f"{one.name}, up")
+        short = np.isnan(one.hammer_m_per_s)
+        said = f"{one.name}, up to {one.repetition_hz:.1f} blows/s"
+        if np.isnan(one.repetition_hz):
+            said = f"{one.name}, repeats at no rate tried"
+        blow.plot(one.blow_n, one.hammer_m_per_s, color=color, marker="o", markersize=4, label=said)
+        if short.any():
+            blow.plot(one.blow_n[short], np.zeros(short.sum()), color=color, marker="x", linestyle="none")
+    press.set(xlabel="key dip, mm", ylabel="force at the key front, N", title="Slow press and release")
+    blow.set(
+        xlabel="force of the blow, N", ylabel="hammer speed at the string, m/s", title="Blows (x: string not reached)"
+    )
+    blow.set_xscale("log")
+    ticks = sorted({float(f) for one in feels for f in one.blow_n})
+    blow.set_xticks(ticks, [f"{t:g}" for t in ticks])
+    blow.minorticks_off()
+    blow.set_ylim(bottom=0.0)
+    for axes in (press, blow):
+        axes.grid(alpha=0.3)
+        axes.legend(fontsize="small")
+    part = target.with_name(f".{target.stem}.{os.getpid()}.part{target.suffix}")
+    try:
+        figure.savefig(part)
+        os.replace(part, target)
+    except OSError as problem:
+        raise InputError(f"{target}: cannot be written ({problem.strerror}); choose another file") from None
+    finally:
+        part.unlink(missing_ok=True)

@@ -1,0 +1,62 @@
+"""How fast the hammer meets the string for a given force of the blow.
+
+A blow is a force on the key that rises linearly in `RISE` and stays. Out comes the speed of the hammer's
+striking point towards the string (m/s) when it first touches; NaN where it never does. Decisions:
+docs/decisions/model-touch.md.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..blow import simulate
+from ..hand_set import hand_set_rest
+from ..observables import hammer_height_from_angle
+from ..parameters import BODIES, Action
+from ..simulation import State
+
+Array = NDArray[np.float64]
+
+FORCES = (1.5, 2.0, 3.0, 5.0, 7.0, 10.0, 15.0, 20.0, 30.0, 50.0)  # N
+RISE = 0.02  # s; faster rises at 50 N let the back check overtake the hammer
+LONGEST = 0.6  # s, in which the softest blow must have arrived
+SAMPLE = 2e-4  # s
+HAMMER = BODIES.index("hammer")
+
+
+def approach_speed(action: Action, hammer_rad: Array, hammer_rad_per_s: Array) -> Array:
+    """Speed of the striking point towards the string (m,), m/s."""
+    step = 1e-6
+    change = hammer_height_from_angle(action, hammer_rad + step) - hammer_height_from_angle(action, hammer_rad - step)
+    out: Array = -change / (2.0 * step) * hammer_rad_per_s
+    return out
+
+
+def touches(height_m: Array) -> NDArray[np.int64]:
+    """Index of the last sample before each touch of the string, (k,)."""
+    return np.flatnonzero((height_m[:-1] > 0.0) & (height_m[1:] <= 0.0))
+
+
+def hammer_speeds(action: Action, forces_n: Sequence[float] = FORCES) -> Array:
+    """Speed (m/s) of the hammer at the string for each force of the blow (N), (k,); NaN where it stays short."""
+    rest = hand_set_rest(action)
+    times = np.arange(round(LONGEST / SAMPLE) + 1) * SAMPLE
+    out = np.full(len(forces_n), math.nan)
+    for i, force in enumerate(forces_n):
+        start = State(0.0, rest.copy(), np.zeros(len(BODIES)))
+        # the harder, the sooner it is over: 0.6 s at 1.5 N
+        end = min(LONGEST, max(0.1, LONGEST * 1.5 / force))
+        output = times[times <= end]
+        blow = simulate(action, [0.0, RISE, end], [0.0, force, force], initial=start, output_time_s=output)
+        hammer = blow.angle_rad[:, HAMMER]
+        height = hammer_height_from_angle(action, hammer)
+        first = touches(height)
+        if len(first):
+            k = first[0]
+            # the last sample before touch: it flies, while just after the felt has slowed it already
+            out[i] = approach_speed(action, hammer[k : k + 1], blow.speed_rad_per_s[k : k + 1, HAMMER])[0]
+    return out

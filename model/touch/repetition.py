@@ -1,0 +1,60 @@
+"""The fastest repetition an action can follow: every blow of a steady row must bring the hammer to the string.
+
+Blows are pulses F sin^2(pi f t) of the force on the key, so that the finger is off the key for an instant between
+two. A rate counts as followed when it is with one of the strengths `PEAKS`, as a player finds the right one. Out
+comes the highest rate f (blows per second) such that it and every slower rate tried is followed.
+Decisions: docs/decisions/model-touch.md.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..blow import simulate
+from ..hand_set import hand_set_rest
+from ..observables import hammer_height_from_angle
+from ..parameters import BODIES, Action
+from ..simulation import State
+from .hammer_speed import touches
+
+PEAKS = (3.0, 4.0, 5.0)  # N
+SLOWEST, FASTEST, COARSE, FINE = 3.0, 30.0, 1.0, 0.1  # blows/s
+BLOWS, SETTLING = 8, 2  # blows played, of which the first are not judged
+POINTS = 32  # of the force per blow
+SAMPLE = 2e-4  # s
+
+
+def sounded(action: Action, rate_hz: float, peak_n: float) -> NDArray[np.bool_]:
+    """Which of `BLOWS` blows bring the hammer to the string, (BLOWS,)."""
+    end = BLOWS / rate_hz
+    times = np.linspace(0.0, end, BLOWS * POINTS + 1)
+    force = peak_n * np.sin(np.pi * rate_hz * times) ** 2
+    output = np.arange(math.floor(end / SAMPLE) + 1) * SAMPLE
+    start = State(0.0, hand_set_rest(action), np.zeros(len(BODIES)))
+    played = simulate(action, times, force, initial=start, output_time_s=output[output <= end], tolerance=1e-4)
+    height = hammer_height_from_angle(action, played.angle_rad[:, BODIES.index("hammer")])
+    blow = np.minimum((output[touches(height)] * rate_hz).astype(int), BLOWS - 1)
+    out = np.zeros(BLOWS, dtype=bool)
+    out[blow] = True
+    return out
+
+
+def fastest_repetition(action: Action, peaks_n: Sequence[float] = PEAKS) -> float:
+    """Highest rate (blows/s, to `FINE`) the action follows; NaN where it does not even follow the slowest."""
+
+    def follows(rate: float) -> bool:
+        return any(bool(sounded(action, rate, peak)[SETTLING:].all()) for peak in peaks_n)
+
+    good, rate = math.nan, SLOWEST
+    while rate <= FASTEST and follows(rate):
+        good, rate = rate, rate + COARSE
+    if math.isnan(good) or rate > FASTEST:
+        return good
+    while rate - good > 1.01 * FINE:
+        middle = round(0.5 * (good + rate) / FINE) * FINE
+        good, rate = (middle, rate) if follows(middle) else (good, middle)
+    return round(good, 6)

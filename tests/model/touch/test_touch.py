@@ -1,0 +1,109 @@
+"""Feel of an action: weights against closed-form changes, hammer speed against the plain derivative, repetition."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import model
+from model.touch import Weights, fastest_repetition, feel, hammer_speeds, weigh
+from model.touch.figure import draw
+from model.touch.hammer_speed import approach_speed, touches
+from model.touch.repetition import sounded
+
+
+@pytest.fixture(scope="module")
+def regulated() -> model.Action:
+    return model.load_action("hirschkorn2004-regulated")
+
+
+@pytest.fixture(scope="module")
+def weights(regulated: model.Action) -> Weights:
+    return weigh(regulated)
+
+
+def test_weights_are_those_of_a_grand(weights: Weights) -> None:
+    assert 0.40 < weights.down_n < 0.50 and 0.12 < weights.up_n < 0.22  # 45 g and 17 g
+    assert weights.friction_n == pytest.approx(0.5 * (weights.down_n - weights.up_n))
+    assert weights.let_off_n > 1.5 * weights.down_n
+
+
+def test_friction_of_the_key_pin_adds_its_torque_over_the_lever(regulated: model.Action, weights: Weights) -> None:
+    more = 0.005  # N m
+    other = weigh(regulated.with_values({"key.joint_friction.A": regulated["key.joint_friction.A"] + more}))
+    # at 5 mm/s the smoothed law gives tanh(omega / omega_t) of it
+    share = math.tanh(0.005 / 0.2278 / regulated["friction_threshold.omega_t"])
+    assert other.friction_n - weights.friction_n == pytest.approx(share * more / 0.2278, abs=0.0015)
+
+
+def test_lead_in_the_key_lowers_both_weights_by_its_moment(regulated: model.Action, weights: Weights) -> None:
+    lead = 0.010  # kg at the key's centre of mass, 51.4 mm in front of the pin
+    other = weigh(regulated.with_values({"key.mass": regulated["key.mass"] + lead}))
+    less = lead * 9.81 * 0.0514 / 0.2278
+    assert weights.down_n - other.down_n == pytest.approx(less, abs=0.002)
+    assert weights.up_n - other.up_n == pytest.approx(less, abs=0.002)
+
+
+def test_without_friction_down_and_up_are_one(regulated: model.Action, weights: Weights) -> None:
+    smooth = weigh(
+        regulated.with_values(
+            {f"{b}.joint_friction": 0 for b in model.BODIES} | {f"contact{i:02d}.friction": 0 for i in (1, 4, 7, 10)}
+        )
+    )
+    assert abs(smooth.friction_n) < 0.01
+    assert 0.5 * (smooth.down_n + smooth.up_n) == pytest.approx(0.5 * (weights.down_n + weights.up_n), abs=0.02)
+
+
+def test_curve_goes_down_and_up(weights: Weights) -> None:
+    (down, force), (up, force_up) = weights.curve()
+    assert np.all(np.diff(down) > 0.0) and np.all(np.diff(up) < 0.0)
+    assert down[-1] == pytest.approx(0.010, abs=2e-4) and up[-1] < 2e-4
+    assert np.interp(3e-3, down, force) > np.interp(-3e-3, -up, force_up) + 0.15
+    assert force.max() == pytest.approx(weights.let_off_n)
+
+
+def test_approach_speed_is_that_of_a_point_on_a_turning_body(action: model.Action) -> None:
+    angle, speed = np.array([0.1, -0.02]), np.array([-20.0, -30.0])
+    x, y = action["contact12.first.x"], action["contact12.first.y"]  # the string lies level
+    expected = speed * (x * np.cos(angle) - y * np.sin(angle))
+    np.testing.assert_allclose(approach_speed(action, angle, speed), expected, rtol=1e-8)
+
+
+def test_touches_are_counted_once() -> None:
+    assert touches(np.array([2.0, 1.0, -1.0, -2.0, 1.0, 3.0, 0.0, 1.0])).tolist() == [1, 5]
+
+
+def test_hammer_speed_against_a_fine_run(action: model.Action) -> None:
+    speeds = hammer_speeds(action, [0.3, 2.0, 20.0])
+    assert math.isnan(speeds[0])  # too soft to reach the string
+    assert 1.0 < speeds[1] < 1.3 < speeds[2] < 5.0
+    time = np.arange(0, 0.05, 1e-5)
+    fine = model.simulate(action, [0.0, 0.02, 0.05], [0.0, 20.0, 20.0], output_time_s=time, tolerance=1e-7)
+    height = model.observables.hammer_height_m(action, fine.angle_rad)
+    k = int(np.argmax(height <= 0.0))
+    assert speeds[2] == pytest.approx((height[k - 2] - height[k]) / 2e-5, rel=2e-3)
+
+
+def test_repetition_tells_a_regulated_action_from_one_that_is_not(
+    action: model.Action, regulated: model.Action
+) -> None:
+    good, bad = fastest_repetition(regulated), fastest_repetition(action)
+    assert good > 9.0 and 3.0 <= bad < 7.0
+    assert sounded(regulated, 4.0, 4.0).all()
+    assert not sounded(action, 8.0, 4.0)[2:].all()
+    assert math.isnan(fastest_repetition(regulated, [0.3]))  # too soft ever to reach the string
+
+
+def test_figure_shows_every_action(action: model.Action, tmp_path: Path) -> None:
+    one = feel(action, [0.3, 3.0], name="first")
+    assert list(one.rows())[-2] == "hammer at 3 N, m/s" and one.rows()["down weight, g"] == pytest.approx(45.4, abs=1)
+    from dataclasses import replace
+
+    draw([one, replace(one, name="second", repetition_hz=math.nan)], tmp_path / "f.svg")
+    assert [p.name for p in tmp_path.iterdir()] == ["f.svg"]
+    assert (tmp_path / "f.svg").read_text(encoding="utf-8").rstrip().endswith("</svg>")
+    with pytest.raises(model.InputError, match=r"ending found '\.jpeg'"):
+        draw([one], tmp_path / "f.jpeg")

@@ -1,0 +1,56 @@
+"""``pianorig touch`` as a user meets it."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+
+import pytest
+
+from tests.pianorig.test_commands import run
+
+
+def test_two_actions_side_by_side(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    figure, curve = tmp_path / "touch.svg", tmp_path / "curve.csv"
+    names = ["hirschkorn2004", "hirschkorn2004-regulated"]
+    assert run("touch", *names, "--figure", str(figure), "--curve", str(curve)) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0].split() == names
+    rows = {line[:26].strip(): line[26:].split() for line in lines[1:-2]}
+    assert [float(x) for x in rows["key dip, mm"]] == [9.34, 10.0]
+    assert float(rows["fastest repetition, 1/s"][1]) > 1.5 * float(rows["fastest repetition, 1/s"][0])
+    with open(curve, newline="") as file:
+        table = list(csv.DictReader(file))
+    assert {(r["action"], r["way"]) for r in table} == {(n, w) for n in names for w in ("down", "up")}
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["curve.csv", "touch.svg"]
+
+
+def test_json_with_a_setting(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run("touch", "hirschkorn2004", "--set", "key.joint_friction.A=0.03", "--json") == 0
+    facts = json.loads(capsys.readouterr().out)
+    assert facts["actions"][0]["friction weight, g"] > 19.0  # 14.4 g as printed
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["steinway"], "action 'steinway': not found"),
+        (["hirschkorn2004", "--figure", "f.jpeg"], "f.jpeg: ending found '.jpeg', allowed .svg"),
+        (["hirschkorn2004", "--curve", "c.txt"], "c.txt: ending found '.txt', allowed .csv"),
+        (["hirschkorn2004", "--set", "hammer.mas=1"], "did you mean hammer.mass"),
+        (["hirschkorn2004", "--set", "contact02.first.y=0.01"], "key dip found"),
+    ],
+)
+def test_bad_input_is_one_line(
+    arguments: list[str],
+    words: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert run("touch", *arguments) == 2
+    error = capsys.readouterr().err
+    assert words in error and len(error.splitlines()) == 1
+    assert not list(tmp_path.iterdir())
