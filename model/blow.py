@@ -12,12 +12,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .choice import SceneChoice, load_scene
 from .errors import InputError
 from .integrators import DEFAULT_METHOD
 from .parameters import Action
 from .scene import build_scene
 from .simulation import Simulation, State
-from .solution import Solution
+from .solution import EnergyAudit, Solution
 from .statics import RestState, solve_rest
 
 LARGEST_FORCE_N = 1000.0
@@ -91,6 +92,8 @@ def simulate(
     output_time_s: ArrayLike | None = None,
     contact_forces: bool = False,
     initial: RestState | State | None = None,
+    energy: bool = False,
+    scene: SceneChoice | str | Path = "whole",
     method: str = DEFAULT_METHOD,
 ) -> Solution:
     """Predict the motion of all five bodies under a force on the key.
@@ -103,6 +106,8 @@ def simulate(
     output_time_s : (m,) increasing, within the table; by default the table's own times
     contact_forces : also compute normal and friction force of each contact
     initial : where to start; by default at rest without force
+    energy : also say where the work of the force went (`Solution.energy`)
+    scene : what takes part and what to give out, by name or file (`model.choice`)
     method : integration method, see `model.integrators`
 
     Raises
@@ -123,24 +128,31 @@ def simulate(
             f"output times: found {outputs[0]:g} to {outputs[-1]:g} s, allowed within the table, "
             f"{times[0]:g} to {times[-1]:g} s"
         )
-    scene = build_scene(action)
+    choice = load_scene(scene)
+    contact_forces = contact_forces or "contact_forces" in choice.outputs
+    energy = energy or "energy" in choice.outputs
+    built = build_scene(action, choice=choice)
     if isinstance(initial, State):
         state = initial.copy()
     else:
-        angle = solve_rest(scene) if initial is None else initial.angle_rad
-        state = State(float(times[0]), np.array(angle, dtype=float), np.zeros(scene.size))
-    run = Simulation(scene, state, tolerance=tolerance, method=method)
+        angle = solve_rest(built) if initial is None else initial.angle_rad
+        state = State(float(times[0]), np.array(angle, dtype=float), np.zeros(built.size))
+    run = Simulation(built, state, tolerance=tolerance, method=method, energy=energy)
+    stored = run.stored_energy() if energy else 0.0
     end = float(outputs[-1]) if len(outputs) else float(times[-1])
     angles, speeds = run.advance(end, times, forces, output_time_s=outputs)
     normal, tangential = run.contact_forces(angles, speeds) if contact_forces else (None, None)
     return Solution(
-        bodies=scene.bodies,
+        bodies=built.bodies,
         time_s=outputs,
         angle_rad=angles,
         speed_rad_per_s=speeds,
-        contacts=scene.contacts if contact_forces else (),
+        contacts=built.contacts if contact_forces else (),
         contact_normal_n=normal,
         contact_friction_n=tangential,
         counters=run.work(),
         tolerance=tolerance,
+        energy=EnergyAudit(float(run.audit[0]), run.stored_energy() - stored, *map(float, run.audit[1:]))
+        if energy
+        else None,
     )

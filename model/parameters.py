@@ -22,6 +22,7 @@ from .quantities import Quantity, check_value, read_quantity
 ACTIONS = Path(__file__).with_name("actions")
 TEMPLATE = "hirschkorn2004"
 BODIES = ("key", "whippen", "jack", "repetition", "hammer")
+CONTACTS = tuple(f"contact{i:02d}" for i in range(1, 14))
 
 _STRUCTURE_KEYS = {"parent", "body", "shape", "description", "name"}
 

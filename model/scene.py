@@ -14,11 +14,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from .choice import SceneChoice
 from .kernels import layout as L
-from .parameters import BODIES, Action
+from .parameters import CONTACTS, Action
+
+# where the printed action rests, to two digits: the solver needs only a start on the right side of each contact
+PRINTED_REST = {"key": 0.029, "whippen": 0.025, "jack": 0.32, "repetition": 0.35, "hammer": 0.295}
 
 _SHAPES = {"circle": L.CIRCLE, "line": L.LINE, "hybrid": L.HYBRID}
-CONTACTS = tuple(f"contact{i:02d}" for i in range(1, 14))
 
 
 @dataclass(frozen=True)
@@ -78,18 +81,38 @@ def _contact_numbers(action: Action, name: str) -> list[float]:
     return numbers
 
 
+def _way_up(parent: list[int], body: int) -> list[int]:
+    out = []
+    while body >= 0:
+        out.append(body)
+        body = parent[body]
+    return out
+
+
 def _chain(parent: list[int], a: int, b: int) -> list[tuple[int, int]]:
     """Coordinates that move body ``a`` against ``b``, with their side; joints common to both drop out."""
-
-    def up(body: int) -> list[int]:
-        out = []
-        while body >= 0:
-            out.append(body)
-            body = parent[body]
-        return out
-
-    on_a, on_b = up(a), up(b)
+    on_a, on_b = _way_up(parent, a), _way_up(parent, b)
     return [(i, 1) for i in on_a if i not in on_b] + [(i, -1) for i in on_b if i not in on_a]
+
+
+def _reach(parent: list[int], pivot: list[complex], a: int, point: complex, b: int) -> float:
+    """Largest distance (m) the point of body ``a`` can have from the pivot of ``b``, at any angles.
+
+    A gap is a distance between a point carried by A and a surface carried by B, so it changes by no more than
+    this per radian of joint ``b``.
+    """
+    up_a, up_b = _way_up(parent, a), _way_up(parent, b)
+    on_a = [i for i in up_a if i not in up_b]
+    on_b = [i for i in up_b if i not in up_a]
+    if b in up_a:
+        return abs(point) + sum(abs(pivot[i]) for i in up_a[: up_a.index(b)])
+    # both ways end in the frame of the nearest common body: its fixed points are compared there
+    here, length = point, 0.0
+    for i in on_a:
+        length += abs(here)
+        here = pivot[i]
+    there = pivot[on_b[-1]]
+    return length + abs(here - there) + sum(abs(pivot[i]) for i in on_b[:-1])
 
 
 def _index(bodies: list[str], name: str) -> int:
@@ -97,17 +120,20 @@ def _index(bodies: list[str], name: str) -> int:
     return bodies.index(name) if name in bodies else -1
 
 
-def build_scene(action: Action, motor_arm: MotorArm | None = None) -> Scene:
-    """Scene of the whole action, driven by a force on the key, or by the motor when an arm is given."""
-    bodies = list(BODIES)
+def build_scene(action: Action, motor_arm: MotorArm | None = None, choice: SceneChoice | None = None) -> Scene:
+    """Scene of the whole action or of what ``choice`` leaves of it.
+
+    Driven by a force on the key, or by the motor when an arm is given.
+    """
+    choice = SceneChoice() if choice is None else choice
+    bodies = list(choice.bodies)
     parent = [_index(bodies, action.structure[f"{b}.parent"]) for b in bodies]
     vector: list[float] = [action["gravity.g"], action["friction_threshold.v_t"], action["friction_threshold.omega_t"]]
     for b in bodies:
         vector += [action[f"{b}.{k}"] for k in ("pivot.x", "pivot.y", "center_of_mass.x", "center_of_mass.y")]
         vector += [action[f"{b}.mass"], action[f"{b}.inertia"]]
         vector += [action[f"{b}.joint_friction.{k}"] for k in ("A", "B1", "B2")]
-    # where the printed action rests, to two digits: the solver needs only a start on the right side of each contact
-    start = [0.029, 0.025, 0.32, 0.35, 0.295]
+    start = [PRINTED_REST[b] for b in bodies]
     key = bodies.index("key")
     px, py = action["drive.point.x"], action["drive.point.y"]
     if motor_arm is not None:
@@ -119,9 +145,10 @@ def build_scene(action: Action, motor_arm: MotorArm | None = None) -> Scene:
         vector += [tip_x + motor_arm.length, tip_y, 0.0, 0.0, 0.0, motor_arm.inertia]
         vector += [motor_arm.joint_friction, 0.0, 0.0]
     n = len(bodies)
+    pivot = [complex(*vector[o : o + 2]) for o in range(L.GLOBALS, len(vector), L.BODY_SIZE)]
     offsets = [len(vector)]
     springs = []
-    for b in ("jack", "repetition"):
+    for b in (b for b in ("jack", "repetition") if b in bodies and f"{b}_spring" not in choice.without):
         numbers = [action[f"{b}_spring.{k}"] for k in ("torque", "stiffness", "angle")]
         if numbers[0] != 0.0 or numbers[1] != 0.0:
             springs.append(bodies.index(b))
@@ -133,11 +160,15 @@ def build_scene(action: Action, motor_arm: MotorArm | None = None) -> Scene:
     names, contacts, chains, sides = [], [], [], []
     for name in CONTACTS:
         numbers = _contact_numbers(action, name)
-        if not any(numbers[L.K_A : L.K_C + 1]):
+        between = {action.structure[f"{name}.{side}.body"] for side in ("first", "second")}
+        if not any(numbers[L.K_A : L.K_C + 1]) or name in choice.without or between - {*bodies, "ground"}:
             continue
         first = _index(bodies, action.structure[f"{name}.first.body"])
         second = _index(bodies, action.structure[f"{name}.second.body"])
         chain = _chain(parent, first, second)
+        point = complex(numbers[L.A_X], numbers[L.A_Y])
+        reach = [_reach(parent, pivot, first, point, b) for b, _ in chain]
+        numbers += reach + [0.0] * (L.MAX_CHAIN - len(chain))
         pad = [(0, 0)] * (L.MAX_CHAIN - len(chain))
         names.append(name)
         contacts.append([first, second, _SHAPES[action.structure[f"{name}.second.shape"]], len(chain)])

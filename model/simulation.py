@@ -17,20 +17,26 @@ from .errors import InputError, IntegrationError
 from .integrators import DEFAULT_METHOD, get_method
 from .integrators.rosenbrock import NOT_FINITE, STEP_TOO_SMALL, TOO_MANY_STEPS, integrate
 from .kernels import layout as L
+from .kernels import workspace as W
 from .kernels.output import forces_along, probe_forces_along
+from .kernels.scenes import energy_of, kernels_of
 from .scene import Scene
 
 # Local error allowed per step for a requested largest error of an angle over the whole run: found with
-# benchmarks/tolerance.py so that the error stays near or below the request on blows from piano to 60 N. Kinks of
-# contacts and force tables cost order, hence the extra power below the reference tolerance.
-ANGLE_SHARE = 0.05
-SPEED_SHARE = 0.6  # 1/s
-EXTRA = 0.1
+# benchmarks/tolerance.py so that the error stays near or below the request on blows from piano to 60 N
+# (docs/decisions/model-tolerance.md). Kinks of contacts and force tables cost order, hence the extra power.
+ANGLE_SHARE = 0.1
+SPEED_SHARE = 1.0  # 1/s
+EXTRA = 0.05
 REFERENCE_TOLERANCE = 1e-5
 # What sticks by friction creeps at a fraction of the threshold speed v_t. A local error of that size shakes it loose,
 # in the simulation only, whatever the tolerance says: share of v_t at a lever of 0.1 m that an error may reach
 # (tests/model/data/false_slip.json, found by benchmarks/stability.py). It costs next to no steps.
 CREEP_SHARE, LEVER_M = 0.03, 0.1
+
+REST_SHARE = 0.1  # share of the requested tolerance that an action taken to be at rest may still move
+
+STEPS_AT_LEAST, STEPS_PER_SECOND = 100_000, 3_000_000
 
 SMALLEST_TOLERANCE, LARGEST_TOLERANCE = 1e-12, 1e-2
 LARGEST_ANGLE, LARGEST_SPEED = 1e3, 1e6  # rad, rad/s
@@ -69,6 +75,8 @@ class Simulation:
     tolerance : requested largest error of any angle, rad
     method : name of the integration method
     largest_step_s : upper bound of a step, s
+    max_steps : most steps of one `advance`; by default in proportion to the time to cover
+    energy : also add up work and losses along the motion (see `energies`)
     """
 
     scene: Scene
@@ -76,8 +84,11 @@ class Simulation:
     tolerance: float = 1e-5
     method: str = DEFAULT_METHOD
     largest_step_s: float = 0.05
-    max_steps: int = 5_000_000
+    max_steps: int | None = None
     counters: NDArray[np.int64] = field(default_factory=lambda: np.zeros(len(L.COUNTERS), dtype=np.int64))
+    energy: bool = False
+    audit: NDArray[np.float64] = field(default_factory=lambda: np.zeros(4))
+    times: NDArray[np.float64] = field(default_factory=lambda: np.zeros(1))
 
     def __post_init__(self) -> None:
         """Refuse a tolerance or a state that cannot be used."""
@@ -125,6 +136,7 @@ class Simulation:
         angles, speeds : (m, n)
         """
         tableau = get_method(self.method)
+        kernels = kernels_of(self.scene.tables)
         local = self.tolerance * min(1.0, (self.tolerance / REFERENCE_TOLERANCE) ** EXTRA)
         outputs = np.empty(0) if output_time_s is None else np.ascontiguousarray(output_time_s, dtype=float)
         out_q = np.full((len(outputs), self.scene.size), np.nan)
@@ -134,13 +146,20 @@ class Simulation:
         self._check(float(until), times, values, outputs)
         if len(times) == 1:
             times, values = np.array([times[0], times[0] + 1.0]), np.array([values[0], values[0]])
+        most = self.max_steps
+        if most is None:
+            # ten times what a blow needs at the tightest tolerance: no run goes on for ever
+            most = STEPS_AT_LEAST + int(STEPS_PER_SECOND * max(0.0, min(1e6, until - self.state.time_s)))
         q, v = self.state.angle_rad.copy(), self.state.speed_rad_per_s.copy()
         time, step, status = integrate(
             self.state.time_s, float(until), self.state.step_s, q, v, times, values, held,
-            outputs, out_q, out_v, self.scene.vector, self.scene.tables,
-            tableau.a, tableau.c_coupling, tableau.b, tableau.c, tableau.d, tableau.dense, tableau.gamma,
+            outputs, out_q, out_v, self.scene.vector, self.scene.tables.parent,
+            *kernels, len(self.scene.contacts),
+            tableau.flat_a, tableau.flat_c, tableau.b, tableau.c, tableau.d, tableau.dense, tableau.gamma,
             ANGLE_SHARE * local, min(SPEED_SHARE * local, self._creep()), 1.0 / (tableau.embedded_order + 1),
-            self.largest_step_s, self.max_steps, self.counters,
+            REST_SHARE * self.tolerance, self.largest_step_s, most, self.counters, self.times,
+            energy_of(self.scene.tables) if self.energy else kernels.linearise,
+            self.audit if self.energy else np.empty(0),
         )  # fmt: skip
         self.state = State(time, q, v, step)
         if status in _ADVICE:
@@ -185,6 +204,14 @@ class Simulation:
         ):
             raise InputError(f"output times: allowed increasing, from now ({now:g} s) to the end ({until:g} s)")
 
+    def stored_energy(self) -> float:
+        """Kinetic, potential and elastic energy of the present state, J; zero of heights at the ground's origin."""
+        w = np.zeros(W.SIZE)
+        w[W.AUDIT_Q : W.AUDIT_Q + self.scene.size] = self.state.angle_rad
+        w[W.AUDIT_V : W.AUDIT_V + self.scene.size] = self.state.speed_rad_per_s
+        energy_of(self.scene.tables)(w, self.scene.vector, 0.0)
+        return float(w[W.ENERGY])
+
     def contact_forces(
         self, angle_rad: NDArray[np.float64], speed_rad_per_s: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -200,6 +227,8 @@ class Simulation:
         probe_forces_along(angle_rad, speed_rad_per_s, self.scene.vector, self.scene.tables, force)
         return force
 
-    def work(self) -> dict[str, int]:
-        """Counters of the work done so far, by name."""
-        return {name: int(value) for name, value in zip(L.COUNTERS, self.counters, strict=True)}
+    def work(self) -> dict[str, int | float]:
+        """Counters of the work done so far, by name; ``time_at_rest`` in s."""
+        out: dict[str, int | float] = {n: int(k) for n, k in zip(L.COUNTERS, self.counters, strict=True)}
+        out["time_at_rest"] = float(self.times[0])
+        return out

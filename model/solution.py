@@ -13,6 +13,23 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
+class EnergyAudit:
+    """Where the work of the input went during a run, J; integrated with the motion."""
+
+    work_in: float
+    stored_change: float  # kinetic, potential and elastic
+    lost_in_felt: float
+    lost_in_contact_friction: float
+    lost_in_joint_friction: float
+
+    @property
+    def residual(self) -> float:
+        """Work that is not accounted for, J: an error of the integration, zero for an exact one."""
+        lost = self.lost_in_felt + self.lost_in_contact_friction + self.lost_in_joint_friction
+        return self.work_in - self.stored_change - lost
+
+
+@dataclass(frozen=True)
 class Solution:
     """Trajectory of a scene.
 
@@ -24,8 +41,9 @@ class Solution:
     speed_rad_per_s : (m, n)
     contacts : names of the contacts in the scene
     contact_normal_n, contact_friction_n : (m, c) N, or None where forces were not asked for
-    counters : steps, rejections, right-hand sides, Jacobians, contact evaluations
+    counters : steps, rejections, right-hand sides, Jacobians, contact evaluations and skips, time at rest (s)
     tolerance : requested largest error of any angle, rad
+    energy : where the work went, or None where it was not asked for
     """
 
     bodies: tuple[str, ...]
@@ -35,8 +53,9 @@ class Solution:
     contacts: tuple[str, ...] = ()
     contact_normal_n: NDArray[np.float64] | None = None
     contact_friction_n: NDArray[np.float64] | None = None
-    counters: dict[str, int] = field(default_factory=dict)
+    counters: dict[str, int | float] = field(default_factory=dict)
     tolerance: float = 1e-5
+    energy: EnergyAudit | None = None
 
     def columns(self) -> dict[str, NDArray[np.float64]]:
         """Columns by name, in the order of the command's output file."""

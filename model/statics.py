@@ -14,8 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import InputError, StaticsError
-from .kernels import dynamics, jacobian
-from .kernels import layout as L
+from .kernels import workspace as W
+from .kernels.output import forces_along, penetrations
+from .kernels.scenes import kernels_of
 from .parameters import Action
 from .scene import Scene, build_scene
 
@@ -40,15 +41,16 @@ class RestState:
 def _balance(scene: Scene, q: NDArray[np.float64], u: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Generalised force (n,) and stiffness K (n, n) at rest."""
     n = scene.size
-    zero = np.zeros(n)
-    pose = np.zeros((n, L.POSE_SIZE))
-    f, a, m_diag, m_up, f_u = (np.zeros(n) for _ in range(5))
-    stiff, damp = np.zeros((n, n)), np.zeros((n, n))
-    counters = np.zeros(len(L.COUNTERS), dtype=np.int64)
-    dynamics.acceleration(q, zero, u, scene.vector, scene.tables, pose, m_diag, m_up, f, a, counters)
-    work = np.zeros((4, L.MAX_CHAIN))
-    jacobian.linearise(zero, u, zero, scene.vector, scene.tables, pose, work, stiff, damp, f_u)
-    return f, stiff
+    w = np.zeros(W.SIZE)
+    w[W.Q : W.Q + n] = q
+    w[W.STATIC] = 1.0
+    kernels_of(scene.tables).linearise(w, scene.vector, u)
+    mass = np.diag(w[W.M_DIAG : W.M_DIAG + n])
+    for i, parent in enumerate(scene.tables.parent):
+        if parent >= 0:
+            mass[i, parent] = mass[parent, i] = w[W.M_UP + i]
+    stiff = w[W.STIFF : W.STIFF + W.WIDTH**2].reshape(W.WIDTH, W.WIDTH)[:n, :n]
+    return mass @ w[W.ACC : W.ACC + n], stiff
 
 
 def solve_rest(scene: Scene, u: float = 0.0, start: NDArray[np.float64] | None = None) -> NDArray[np.float64]:
@@ -119,17 +121,17 @@ def rest_state(action: Action, force_n: float = 0.0, scene: Scene | None = None)
     """
     scene = build_scene(action) if scene is None else scene
     q = solve_rest(scene, force_n)
-    n = scene.size
-    zero, pose = np.zeros(n), np.zeros((n, L.POSE_SIZE))
-    f, a, m_diag, m_up = (np.zeros(n) for _ in range(4))
-    counters = np.zeros(len(L.COUNTERS), dtype=np.int64)
-    dynamics.acceleration(q, zero, force_n, scene.vector, scene.tables, pose, m_diag, m_up, f, a, counters)
-    states = [dynamics.contact_state(c, zero, scene.vector, scene.tables, pose) for c in range(len(scene.contacts))]
+    forces, _ = _balance(scene, q, force_n)
+    still = np.zeros(scene.size)
+    normal, tangential = (np.zeros((1, len(scene.contacts))) for _ in range(2))
+    forces_along(q[None], still[None], scene.vector, scene.tables, normal, tangential)
+    depth = np.zeros(len(scene.contacts))
+    penetrations(q, still, scene.vector, scene.tables, depth)
     return RestState(
         bodies=scene.bodies,
         angle_rad=q,
         contacts=scene.contacts,
-        contact_normal_n=np.array([s[0] for s in states]),
-        penetration_m=np.array([s[2] for s in states]),
-        residual_nm=float(np.max(np.abs(f))),
+        contact_normal_n=normal[0],
+        penetration_m=depth,
+        residual_nm=float(np.max(np.abs(forces))),
     )

@@ -9,9 +9,12 @@ Source of the form: Hairer and Wanner, Solving Ordinary Differential Equations I
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+
+from model.kernels.workspace import MAX_STAGES
 
 
 @dataclass(frozen=True)
@@ -32,10 +35,26 @@ class RosenbrockTableau:
     d: NDArray[np.float64]  # (s,) weights of the time derivative
     dense: NDArray[np.float64]  # (m, s): h_kj
 
+    @cached_property
+    def flat_a(self) -> NDArray[np.float64]:
+        """``a`` row by row with ``MAX_STAGES`` numbers a row, as the kernels read it."""
+        return _flat(self.a)
+
+    @cached_property
+    def flat_c(self) -> NDArray[np.float64]:
+        """``c_coupling`` in the same order."""
+        return _flat(self.c_coupling)
+
     @property
     def stages(self) -> int:
         """Number of stages."""
         return len(self.b)
+
+
+def _flat(square: NDArray[np.float64]) -> NDArray[np.float64]:
+    out = np.zeros((MAX_STAGES, MAX_STAGES))
+    out[: len(square), : len(square)] = square
+    return out.ravel()
 
 
 def lower(rows: list[list[float]], size: int) -> NDArray[np.float64]:

@@ -36,7 +36,13 @@ def cache_key() -> str:
     from llvmlite import binding
 
     digest = hashlib.sha256()
-    for part in (sys.version, numba.__version__, np.__version__, platform.machine(), binding.get_host_cpu_name()):
+    for part in (
+        sys.version,
+        numba.__version__,
+        np.__version__,
+        platform.machine(),
+        binding.get_host_cpu_name(),
+    ):
         digest.update(part.encode())
     for path in kernel_sources():
         digest.update(path.name.encode())
@@ -67,15 +73,15 @@ def _writable_cache() -> Path | None:
     return folder
 
 
-_FOLDER = _writable_cache()
+FOLDER = _writable_cache()
 
 
 def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
     """Compile ``function`` on first use, without the GIL, cached under the key of all kernel sources."""
     before = numba_config.CACHE_DIR
-    numba_config.CACHE_DIR = "" if _FOLDER is None else str(_FOLDER)
+    numba_config.CACHE_DIR = "" if FOLDER is None else str(FOLDER)
     try:
-        return numba.njit(function, cache=_FOLDER is not None, nogil=True, error_model="numpy", fastmath=False)
+        return numba.njit(function, cache=FOLDER is not None, nogil=True, error_model="numpy", fastmath=False)
     finally:
         numba_config.CACHE_DIR = before
 
@@ -83,3 +89,30 @@ def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
 def inlined(function: Callable[..., Any]) -> Callable[..., Any]:
     """Compile a small ``function`` into each of its callers; not cached on its own, it lives in theirs."""
     return numba.njit(function, nogil=True, error_model="numpy", fastmath=False, forceinline=True)
+
+
+def _explicit(signature: Any, fastmath: Any) -> Callable[[Callable[..., Any]], Any]:
+    def compiled(function: Callable[..., Any]) -> Any:
+        before = numba_config.CACHE_DIR
+        numba_config.CACHE_DIR = "" if FOLDER is None else str(FOLDER)
+        try:
+            return numba.njit(signature, cache=FOLDER is not None, nogil=True, error_model="numpy", fastmath=fastmath)(
+                function
+            )
+        finally:
+            numba_config.CACHE_DIR = before
+
+    return compiled
+
+
+def step_loop(signature: Any) -> Callable[[Callable[..., Any]], Any]:
+    """Decorator of a step loop: explicit types, in which a scene's kernels are values, so that one loop serves all.
+
+    Without them numba compiles the loop again for every scene, and never finds it on disk.
+    """
+    return _explicit(signature, False)
+
+
+def generated(signature: Any) -> Callable[[Callable[..., Any]], Any]:
+    """Decorator of generated kernels: explicit types, cached, multiply-add contracted where the processor has it."""
+    return _explicit(signature, {"contract", "nsz"})

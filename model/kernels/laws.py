@@ -15,19 +15,21 @@ def felt(x, rate, a, b, c, damping):
         return 0.0, 0.0, 0.0
     fit = ((a * x + b) * x + c) * x
     factor = 1.0 + damping * rate
-    force = fit * factor
-    if force <= 0.0:
+    # each factor by itself: two negative ones would push (docs/decisions/model-felt-pocket.md)
+    if fit <= 0.0 or factor <= 0.0:
         return 0.0, 0.0, 0.0
-    return force, ((3.0 * a * x + 2.0 * b) * x + c) * factor, fit * damping
+    return fit * factor, ((3.0 * a * x + 2.0 * b) * x + c) * factor, fit * damping
 
 
 @inlined
 def friction(s, scale, a, b1, b2):
     """Smoothed friction coefficient (or torque) at speed ``s`` and its derivative by ``s``."""
     z = s / scale
-    # tanh by one exponential: absolute accuracy is what a force needs, and it is half the time
-    e = exp(-2.0 * abs(z))
-    th = (1.0 - e) / (1.0 + e)
+    th = 1.0
+    if abs(z) < 19.5:  # beyond, tanh is 1 to the last digit
+        # one exponential: absolute accuracy is what a force needs, and libm's tanh takes twice the time
+        e = exp(-2.0 * abs(z))
+        th = (1.0 - e) / (1.0 + e)
     if z < 0.0:
         th = -th
     value = th

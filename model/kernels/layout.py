@@ -28,9 +28,11 @@ BODY_SIZE = 9
 SPRING_T0, SPRING_K, SPRING_Q0 = range(3)
 SPRING_SIZE = 3
 
-# per contact; NX, NY is a line's normal or the start direction of a hybrid's arc, EX, EY the arc's end
+# per contact; N_X, NY is a line's normal or the start direction of a hybrid's arc, E_X, E_Y the arc's end
 A_X, A_Y, A_R, B_X, B_Y, B_R, N_X, N_Y, E_X, E_Y, K_A, K_B, K_C, DAMP, MU_A, MU_B1, MU_B2 = range(17)
-CONTACT_SIZE = 17
+# then, per coordinate of the chain, the most the gap can change when it turns by 1 rad, m (derived by the scene)
+REACH = 17
+CONTACT_SIZE = REACH + 4
 
 # per drive: point of a force in the body's frame
 DRIVE_X, DRIVE_Y = 0, 1
@@ -46,8 +48,17 @@ POSE_SIZE = 8
 MAX_CHAIN = 4
 
 # counters written by the kernels
-N_STEPS, N_REJECTED, N_RHS, N_JACOBIAN, N_CONTACT, N_TOUCHING = range(6)
-COUNTERS = ("n_steps", "n_rejected", "n_rhs", "n_jacobian", "n_contact_evaluations", "n_contacts_touching")
+N_STEPS, N_REJECTED, N_RHS, N_JACOBIAN, N_CONTACT, N_TOUCHING, N_SKIPPED, N_RESTS = range(8)
+COUNTERS = (
+    "n_steps",
+    "n_rejected",
+    "n_rhs",
+    "n_jacobian",
+    "n_contact_evaluations",
+    "n_contacts_touching",
+    "n_contacts_skipped",
+    "n_rests",
+)
 
 
 class Tables(NamedTuple):

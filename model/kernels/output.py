@@ -33,3 +33,13 @@ def probe_forces_along(q, v, p, tables, force):
             fn, _, _ = felt(x, rate, p[o + 4], p[o + 5], p[o + 6], p[o + 7])
             force[k, b] = fn
             o += PROBE_SIZE
+
+
+@kernel
+def penetrations(q, v, p, tables, penetration):
+    """Fill ``penetration`` (c,) in m, negative where open, at one state."""
+    pose = np.zeros((q.shape[0], POSE_SIZE))
+    place(q, v, p, tables.parent, pose)
+    for c in range(tables.contact.shape[0]):
+        _, _, x, _, _ = contact_state(c, v, p, tables, pose)
+        penetration[c] = x

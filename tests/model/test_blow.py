@@ -121,7 +121,38 @@ def test_held_input_jumps_at_its_points(action: model.Action) -> None:
 def test_action_at_rest_stays_at_rest(action: model.Action) -> None:
     solution = model.simulate(action, [0.0, 1.0], [0.0, 0.0], output_time_s=np.linspace(0, 1, 11))
     assert np.abs(solution.angle_rad - solution.angle_rad[0]).max() < 1e-12
-    assert solution.counters["n_steps"] < 60
+    assert solution.counters["n_steps"] == 0
+    assert solution.counters["time_at_rest"] == 1.0
+
+
+def test_rest_after_a_blow_costs_nothing_and_a_creeping_hammer_is_not_at_rest(action: model.Action) -> None:
+    time, force, _ = reference("forte")
+    alone = model.simulate(action, time, force, output_time_s=[0.6])
+    longer = model.simulate(action, np.append(time, 61.0), np.append(force, 0.0), output_time_s=[0.6, 60.0, 61.0])
+    work = longer.counters["n_rhs"] / alone.counters["n_rhs"]
+    assert work < 1.1  # the action still swings at 0.6 s; 60 s more of it would otherwise be some 1200 steps
+    assert longer.counters["time_at_rest"] > 59.0
+    settled = model.rest_state(action).angle_rad
+    np.testing.assert_allclose(longer.angle_rad[-1], longer.angle_rad[-2], atol=1e-12)
+    # friction lets the action rest off the frictionless balance, but not by much
+    np.testing.assert_allclose(longer.angle_rad[-1], settled, atol=2e-4)
+    # held in check by friction the hammer creeps: a constant force, yet no rest
+    early = time < 0.2
+    hold = ([*time[early], 3.0], [*force[early], 10.0])
+    held = model.simulate(action, *hold, output_time_s=[0.3, 3.0])
+    fine = model.simulate(action, *hold, output_time_s=[0.3, 3.0], tolerance=1e-9)
+    assert np.abs(held.angle_rad - fine.angle_rad).max() < 1e-5
+    assert np.abs(held.angle_rad[1] - held.angle_rad[0]).max() > 1e-4
+    assert held.counters["time_at_rest"] < 0.2
+
+
+def test_rest_ends_with_the_next_change_of_the_input(action: model.Action) -> None:
+    table = np.array([[0, 0], [5, 0], [5.05, 6], [5.2, 6], [5.25, 0], [6, 0]], float)
+    at = np.linspace(5.0, 5.6, 301)
+    waited = model.simulate(action, table[:, 0], table[:, 1], output_time_s=at)
+    direct = model.simulate(action, table[1:, 0], table[1:, 1], output_time_s=at, tolerance=1e-8)
+    assert np.abs(waited.angle_rad - direct.angle_rad).max() < 1e-5
+    assert waited.counters["time_at_rest"] > 4.99
 
 
 @pytest.mark.parametrize(
@@ -177,3 +208,42 @@ def test_bad_tolerance_and_output_times(action: model.Action) -> None:
         model.output_times(0, 1, -5)
     with pytest.raises(model.InputError, match="allowed rodas4p, rodas5p"):
         model.simulate(action, [0, 1], [0, 0], method="euler")
+
+
+@pytest.mark.parametrize("blow", BLOWS)
+def test_energy_audit_closes_and_closes_better_at_tighter_tolerance(action: model.Action, blow: str) -> None:
+    time, force, _ = reference(blow)
+    residuals = []
+    for tolerance in (1e-5, 1e-7, 1e-9):
+        energy = model.simulate(action, time, force, output_time_s=[0.6], tolerance=tolerance, energy=True).energy
+        assert energy is not None
+        residuals.append(abs(energy.residual) / energy.work_in)
+        lost = (energy.lost_in_felt, energy.lost_in_contact_friction, energy.lost_in_joint_friction)
+        assert min(lost) > 0.02 * energy.work_in
+    assert residuals[0] < 1e-5 and residuals[1] < 1e-6 and residuals[2] < 5e-8
+
+
+def test_energy_audit_of_the_work_of_the_force(action: model.Action) -> None:
+    """Work of the force from its table and the key's motion."""
+    time, force, _ = reference("forte")
+    fine = np.linspace(0, 0.6, 60_001)
+    solution = model.simulate(action, time, force, output_time_s=fine, energy=True)
+    height = model.observables.key_front_height_m(action, solution.angle_rad)
+    pressed = np.interp(fine, time, force)
+    work = -float(np.sum(0.5 * (pressed[1:] + pressed[:-1]) * np.diff(height)))
+    assert solution.energy is not None
+    assert solution.energy.work_in == pytest.approx(work, rel=1e-5)
+
+
+def test_energy_audit_without_any_loss(action: model.Action) -> None:
+    off: dict = {f"{c}.normal.D": 0.0 for c in model.build_scene(action).contacts}
+    off |= {f"{c}.friction": 0.0 for c in model.build_scene(action).contacts}
+    off |= {f"{b}.joint_friction": 0.0 for b in model.BODIES}
+    time, force, _ = reference("forte")
+    for tolerance, most in ((1e-5, 1e-4), (1e-7, 1e-6)):
+        energy = model.simulate(
+            action.with_values(off), time, force, output_time_s=[0.3], tolerance=tolerance, energy=True
+        ).energy
+        assert energy is not None
+        assert energy.lost_in_felt == energy.lost_in_contact_friction == energy.lost_in_joint_friction == 0.0
+        assert abs(energy.residual) < most * energy.work_in

@@ -128,9 +128,6 @@ def test_friction_holds_what_it_holds() -> None:
     assert np.abs(angles[0] - angles[2]).max() < 1e-4
 
 
-@pytest.mark.xfail(
-    reason="kernel: felt that is negative statically still pushes when it separates fast (ADR felt pocket)"
-)
 def test_felt_with_a_pocket_makes_no_energy() -> None:
     result = stability.run_case(stability.load_case(DATA / "felt_pocket.json"))
     assert result.outcome == "finished", result.detail

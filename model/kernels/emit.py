@@ -1,0 +1,322 @@
+"""Write the kernels of one scene as straight-line Python source, from the scene's structure alone.
+
+In: the integer tables of a scene (which bodies, contacts, springs, drives; no parameter value). Out: source text
+with four functions that the step loop calls: ``linearise`` (accelerations, K, D, df/du, open gaps at the start of a
+step), ``prepare`` (factors of its linear system), ``skip`` (contacts that cannot touch within it), ``stage``.
+Loops over tables become lines with constant indices; what the scene leaves out is not in the text. The physics
+is in ``terms`` and ``laws``. Order of numbers: ``layout`` (parameters), ``workspace`` (step).
+"""
+
+from __future__ import annotations
+
+from . import layout as L
+from . import workspace as W
+from .emit_contacts import contact_energy, contact_forces, contact_linearised, probe, probe_energy, sliding_rate
+
+_HEAD = '''"""Generated from the structure of a scene by model.kernels.emit; do not edit."""
+
+from model.kernels.compile import generated
+from model.kernels.laws import felt, friction
+from model.kernels.signatures import ENERGY, LINEARISE, PREPARE, SKIP, STAGE
+from model.kernels.terms import (
+    circle_gap, circle_room, contact_force, contact_laws, cosine_sine, felt_energy, hybrid_gap, hybrid_room,
+    turn_of_arm, turn_of_first, turn_of_second,
+)
+'''
+
+
+class Structure:
+    """Tables of a scene as plain Python, with the offsets of its numbers."""
+
+    def __init__(self, tables: L.Tables) -> None:
+        self.parent = [int(i) for i in tables.parent]
+        self.n = len(self.parent)
+        self.spring = [int(i) for i in tables.spring]
+        self.contact = [tuple(int(k) for k in row) for row in tables.contact]
+        self.chain = [
+            [(int(b), int(s)) for b, s in zip(chain[: row[3]], side[: row[3]], strict=True)]
+            for chain, side, row in zip(tables.chain, tables.side, tables.contact, strict=True)
+        ]
+        self.drive = [tuple(int(k) for k in row) for row in tables.drive]
+        self.probe = [tuple(int(k) for k in row) for row in tables.probe]
+        self.offset = [int(k) for k in tables.offset]
+
+    def children(self, body: int) -> list[int]:
+        """Bodies that hang from ``body``."""
+        return [i for i, w in enumerate(self.parent) if w == body]
+
+    def body(self, i: int, k: int) -> str:
+        """Text of number ``k`` of body ``i``."""
+        return f"p[{L.GLOBALS + L.BODY_SIZE * i + k}]"
+
+    def pattern(self) -> set[tuple[int, int]]:
+        """Entries of K, D and M that can differ from zero."""
+        out = {(i, i) for i in range(self.n)}
+        for i, w in enumerate(self.parent):
+            if w >= 0:
+                out |= {(i, w), (w, i)}
+        for chain in self.chain:
+            out |= {(i, j) for i, _ in chain for j, _ in chain}
+        for a, b in self.probe:
+            out |= {(a, b), (b, a)}
+        return out
+
+
+def _pose(s: Structure) -> list[str]:
+    out = []
+    for i, w in enumerate(s.parent):
+        px, py = s.body(i, L.PIVOT_X), s.body(i, L.PIVOT_Y)
+        if w < 0:
+            out += [f"x{i} = {px}", f"y{i} = {py}", f"w{i} = v{i}", f"c{i}, s{i} = cosine_sine(q{i})"]
+        else:
+            out += [f"dx{i} = c{w} * {px} - s{w} * {py}", f"dy{i} = s{w} * {px} + c{w} * {py}"]
+            out += [f"x{i} = x{w} + dx{i}", f"y{i} = y{w} + dy{i}", f"w{i} = v{i} + w{w}"]
+            out += [f"c{i}, s{i} = cosine_sine(q{i} + q{w})"]
+        cx, cy = s.body(i, L.COM_X), s.body(i, L.COM_Y)
+        out += [f"rx{i} = c{i} * {cx} - s{i} * {cy}", f"ry{i} = s{i} * {cx} + c{i} * {cy}"]
+    return out
+
+
+def _mass(s: Structure) -> list[str]:
+    out = []
+    for i in range(s.n):
+        out.append(f"md{i} = {s.body(i, L.INERTIA)} + {s.body(i, L.MASS)} * (rx{i} * rx{i} + ry{i} * ry{i})")
+    for i, w in enumerate(s.parent):
+        if w >= 0:
+            m = s.body(i, L.MASS)
+            out += [f"h{i} = {m} * (dx{i} * rx{i} + dy{i} * ry{i})", f"mu{i} = md{i} + h{i}"]
+            out.append(f"md{w} += md{i} + {m} * (dx{i} * dx{i} + dy{i} * dy{i}) + 2.0 * h{i}")
+    return out
+
+
+def _solve_mass(s: Structure) -> list[str]:
+    out = []
+    for i, w in enumerate(s.parent):
+        if w >= 0:
+            out += [f"i{i} = 1.0 / md{i}", f"z{i} = mu{i} * i{i}"]
+    for w in (i for i, up in enumerate(s.parent) if up < 0):
+        top = " ".join([f"f{w}", *(f"- z{i} * f{i}" for i in s.children(w))])
+        bottom = " ".join([f"md{w}", *(f"- z{i} * mu{i}" for i in s.children(w))])
+        out.append(f"a{w} = ({top}) / ({bottom})")
+    for i, w in enumerate(s.parent):
+        if w >= 0:
+            out.append(f"a{i} = f{i} * i{i} - z{i} * a{w}")
+    return out
+
+
+def _forces(s: Structure, slopes: bool) -> list[str]:
+    out = [f"g = p[{L.GRAVITY}]"]
+    for i in range(s.n):
+        law = ", ".join(s.body(i, k) for k in (L.JF_A, L.JF_B1, L.JF_B2))
+        out.append(f"torque, {f'e{i}' if slopes else '_'} = friction(v{i}, p[{L.OMEGA_T}], {law})")
+        out.append(f"f{i} = -torque - {s.body(i, L.MASS)} * g * rx{i}")
+    for i, w in enumerate(s.parent):
+        if w >= 0:
+            m = s.body(i, L.MASS)
+            out += [
+                f"t{i} = {m} * (dy{i} * rx{i} - dx{i} * ry{i})",
+                f"f{w} -= {m} * g * (dx{i} + rx{i}) + t{i} * (2.0 * w{w} + v{i}) * v{i}",
+                f"f{i} += t{i} * w{w} * w{w}",
+            ]
+    for k, i in enumerate(s.spring):
+        o = s.offset[0] + L.SPRING_SIZE * k
+        out.append(f"f{i} += p[{o + L.SPRING_T0}] - p[{o + L.SPRING_K}] * (q{i} - p[{o + L.SPRING_Q0}])")
+    for k, (kind, i) in enumerate(s.drive):
+        o = s.offset[2] + L.DRIVE_SIZE * k
+        if kind == L.FORCE_DOWN:
+            out.append(f"f{i} -= u * (c{i} * p[{o + L.DRIVE_X}] - s{i} * p[{o + L.DRIVE_Y}])")
+        else:
+            out.append(f"f{i} += u")
+    return out
+
+
+def _derivatives(s: Structure) -> list[str]:
+    """K, D and df/du of everything but contacts, after the accelerations are known."""
+    out = [f"u{i} = 0.0" for i in range(s.n)] + [f"moving = 1.0 - w[{W.STATIC}]"]
+    for i, w in enumerate(s.parent):
+        m = s.body(i, L.MASS)
+        out += [f"d{i}_{i} -= e{i}", f"k{i}_{i} += {m} * g * ry{i}"]
+        if w >= 0:
+            out += [
+                f"k{w}_{w} += {m} * g * (dy{i} + ry{i})",
+                f"k{i}_{w} += {m} * g * ry{i}",
+                f"k{w}_{i} += {m} * g * ry{i} + h{i} * (2.0 * w{w} + v{i}) * v{i}"
+                f" - moving * t{i} * (2.0 * a{w} + a{i})",
+                f"k{i}_{i} -= h{i} * w{w} * w{w} + moving * t{i} * a{w}",
+                f"d{w}_{w} -= 2.0 * t{i} * v{i}",
+                f"d{w}_{i} -= 2.0 * t{i} * (w{w} + v{i})",
+                f"d{i}_{w} += 2.0 * t{i} * w{w}",
+            ]
+    for k, i in enumerate(s.spring):
+        out.append(f"k{i}_{i} -= p[{s.offset[0] + L.SPRING_SIZE * k + L.SPRING_K}]")
+    for k, (kind, i) in enumerate(s.drive):
+        o = s.offset[2] + L.DRIVE_SIZE * k
+        if kind == L.FORCE_DOWN:
+            x, y = f"p[{o + L.DRIVE_X}]", f"p[{o + L.DRIVE_Y}]"
+            out += [f"u{i} -= c{i} * {x} - s{i} * {y}", f"k{i}_{i} += u * (s{i} * {x} + c{i} * {y})"]
+        else:
+            out.append(f"u{i} += 1.0")
+    return out
+
+
+def _linearise(s: Structure) -> list[str]:
+    out = [f"q{i} = w[{W.Q + i}]\nv{i} = w[{W.V + i}]" for i in range(s.n)]
+    out += [f"k{i}_{j} = 0.0\nd{i}_{j} = 0.0" for i, j in sorted(s.pattern())]
+    out += ["touching = 0", *_pose(s), *_mass(s), *_forces(s, True)]
+    rates = []
+    for c in range(len(s.contact)):
+        out += contact_linearised(s, c)
+        rates += sliding_rate(s, c)
+    for k in range(len(s.probe)):
+        out += probe(s, k, True)
+    out += [*_solve_mass(s), *_derivatives(s), *rates]
+    for i, j in sorted(s.pattern()):
+        out += [f"w[{W.STIFF + W.WIDTH * i + j}] = k{i}_{j}", f"w[{W.DAMP + W.WIDTH * i + j}] = d{i}_{j}"]
+    for i in range(s.n):
+        out += [f"w[{W.ACC + i}] = a{i}", f"w[{W.F_U + i}] = u{i}", f"w[{W.M_DIAG + i}] = md{i}"]
+        if s.parent[i] >= 0:
+            out.append(f"w[{W.M_UP + i}] = mu{i}")
+    return [*out, "return touching"]
+
+
+def _filled(s: Structure) -> set[tuple[int, int]]:
+    """Pattern of the factors."""
+    out = s.pattern()
+    for k in range(s.n):
+        for i in range(k + 1, s.n):
+            for j in range(k + 1, s.n):
+                if (i, k) in out and (k, j) in out:
+                    out.add((i, j))
+    return out
+
+
+def _prepare(s: Structure) -> list[str]:
+    """Factors of M / (gamma h) - D - gamma h K without exchanges; 0 where that would lose six digits."""
+    out = ["inverse = 1.0 / gh"]
+    start, pattern = s.pattern(), _filled(s)
+    for i, j in sorted(pattern):
+        text = f"-w[{W.DAMP + W.WIDTH * i + j}] - gh * w[{W.STIFF + W.WIDTH * i + j}]" if (i, j) in start else "0.0"
+        if i == j:
+            text += f" + inverse * w[{W.M_DIAG + i}]"
+        elif s.parent[i] == j or s.parent[j] == i:
+            text += f" + inverse * w[{W.M_UP + (i if s.parent[i] == j else j)}]"
+        out.append(f"m{i}_{j} = {text}")
+    out += [f"small{i} = 1e-6 * abs(m{i}_{i})" for i in range(s.n)]
+    for k in range(s.n):
+        out += [f"if not abs(m{k}_{k}) > small{k}:", "    return 0", f"r{k} = 1.0 / m{k}_{k}"]
+        for i in range(k + 1, s.n):
+            if (i, k) in pattern:
+                out.append(f"m{i}_{k} *= r{k}")
+                out += [f"m{i}_{j} -= m{i}_{k} * m{k}_{j}" for j in range(k + 1, s.n) if (k, j) in pattern]
+    for i, j in sorted(pattern):
+        out.append(f"w[{W.LU + W.WIDTH * i + j}] = {f'r{i}' if i == j else f'm{i}_{j}'}")
+    return [*out, "return 1"]
+
+
+def _skip(s: Structure) -> list[str]:
+    """Mask of contacts that stay open while no coordinate moves by more than its allowance."""
+    out = ["mask = 0"]
+    for c, chain in enumerate(s.chain):
+        o = s.offset[1] + L.CONTACT_SIZE * c + L.REACH
+        way = " + ".join(f"p[{o + k}] * w[{W.ALLOWANCE + b}]" for k, (b, _) in enumerate(chain))
+        out += [f"if {way} < w[{W.ROOM + c}]:", f"    mask |= {1 << c}"]
+    return [*out, "return mask"]
+
+
+def _stage(s: Structure) -> list[str]:
+    n = range(s.n)
+    out = [f"q{i} = w[{W.Q + i}]\nv{i} = w[{W.V + i}]\nsq{i} = 0.0\nsv{i} = 0.0\nb{i} = 0.0\nl{i} = 0.0" for i in n]
+    out += ["for j in range(k):", f"    o = {W.U} + {2 * W.WIDTH} * j", f"    aj = a[{W.MAX_STAGES} * k + j]"]
+    out += [f"    cj = c[{W.MAX_STAGES} * k + j]"]
+    for i in n:
+        out += [f"    x = w[o + {i}]", f"    sq{i} += aj * x", f"    b{i} += cj * x"]
+    for i in n:
+        out += [f"    x = w[o + {W.WIDTH + i}]", f"    sv{i} += aj * x", f"    l{i} += cj * x"]
+    far = " or ".join(f"abs(sq{i}) > w[{W.ALLOWANCE + i}]" for i in n)
+    out += ["exceeded = 0", f"if {far}:", "    mask = 0", "    exceeded = 1"]
+    out += [f"q{i} += sq{i}\nv{i} += sv{i}" for i in n]
+    out.append("if k > 0:")
+    inner = [*_pose(s), *_mass(s), *_forces(s, False)]
+    for c in range(len(s.contact)):
+        inner += contact_forces(s, c)
+    for k in range(len(s.probe)):
+        inner += probe(s, k, False)
+    inner += _solve_mass(s)
+    out += ["    " + line for text in inner for line in text.split("\n")]
+    out += ["else:", *(f"    a{i} = w[{W.ACC + i}]" for i in n), "rate = 1.0 / step"]
+    out += [f"a{i} += l{i} * rate\nb{i} = v{i} + b{i} * rate" for i in n]
+    for i in n:
+        text = f"ft * w[{W.F_U + i}] + w[{W.M_DIAG + i}] * a{i}"
+        for j in n:
+            if s.parent[i] == j or s.parent[j] == i:
+                text += f" + w[{W.M_UP + (i if s.parent[i] == j else j)}] * a{j}"
+        stiff = " + ".join(f"w[{W.STIFF + W.WIDTH * i + j}] * b{j}" for j in n if (i, j) in s.pattern())
+        out.append(f"g{i} = {text} + gh * ({stiff})")
+    pattern = _filled(s)
+    for i in n:
+        out += [f"g{i} -= w[{W.LU + W.WIDTH * i + j}] * g{j}" for j in range(i) if (i, j) in pattern]
+    for i in reversed(n):
+        out += [f"g{i} -= w[{W.LU + W.WIDTH * i + j}] * g{j}" for j in range(i + 1, s.n) if (i, j) in pattern]
+        out.append(f"g{i} *= w[{W.LU + W.WIDTH * i + i}]")
+    out.append(f"o = {W.U} + {2 * W.WIDTH} * k")
+    for i in n:
+        out += [f"w[o + {i}] = gh * (b{i} + g{i})", f"w[o + {W.WIDTH + i}] = g{i}"]
+    return [*out, "return exceeded"]
+
+
+def emit(tables: L.Tables) -> str:
+    """Source of the module that holds the four kernels of a scene with this structure."""
+    s = Structure(tables)
+    return _module(
+        ("linearise", "w, p, u", _linearise(s)),
+        ("prepare", "w, gh", _prepare(s)),
+        ("skip", "w, p", _skip(s)),
+        ("stage", "w, p, a, c, k, gh, step, u, ft, mask", _stage(s)),
+    )
+
+
+def emit_energy(tables: L.Tables) -> str:
+    """Source of ``energy`` alone: energy of a state, power put in and powers lost, for the energy audit."""
+    s = Structure(tables)
+    out = [f"q{i} = w[{W.AUDIT_Q + i}]\nv{i} = w[{W.AUDIT_V + i}]" for i in range(s.n)]
+    out += [
+        *_pose(s),
+        *_mass(s),
+        "energy = 0.0",
+        "felt_loss = 0.0",
+        "friction_loss = 0.0",
+        "joints = 0.0",
+        "given = 0.0",
+    ]
+    for i, w in enumerate(s.parent):
+        law = ", ".join(s.body(i, k) for k in (L.JF_A, L.JF_B1, L.JF_B2))
+        out += [f"torque, _ = friction(v{i}, p[{L.OMEGA_T}], {law})", f"joints += torque * v{i}"]
+        out.append(f"energy += 0.5 * md{i} * v{i} * v{i} + {s.body(i, L.MASS)} * p[{L.GRAVITY}] * (y{i} + ry{i})")
+        if w >= 0:
+            out.append(f"energy += mu{i} * v{i} * v{w}")
+    for k, i in enumerate(s.spring):
+        o = s.offset[0] + L.SPRING_SIZE * k
+        out += [
+            f"x = q{i} - p[{o + L.SPRING_Q0}]",
+            f"energy += (0.5 * p[{o + L.SPRING_K}] * x - p[{o + L.SPRING_T0}]) * x",
+        ]
+    for k, (kind, i) in enumerate(s.drive):
+        o = s.offset[2] + L.DRIVE_SIZE * k
+        arm = f"(c{i} * p[{o + L.DRIVE_X}] - s{i} * p[{o + L.DRIVE_Y}])"
+        out.append(f"given -= u * {arm} * v{i}" if kind == L.FORCE_DOWN else f"given += u * v{i}")
+    for c in range(len(s.contact)):
+        out += contact_energy(s, c)
+    for k in range(len(s.probe)):
+        out += probe_energy(s, k)
+    names = {W.ENERGY: "energy", W.POWER_IN: "given", W.POWER_FELT: "felt_loss", W.POWER_FRICTION: "friction_loss"}
+    out += [f"w[{at}] = {name}" for at, name in names.items()]
+    return _module(("energy", "w, p, u", [*out, f"w[{W.POWER_JOINTS}] = joints", "return 0"]))
+
+
+def _module(*functions: tuple[str, str, list[str]]) -> str:
+    parts = [_HEAD]
+    for name, arguments, body in functions:
+        lines = [line for text in body for line in text.split("\n")]
+        parts.append(f"\n\n@generated({name.upper()})\ndef {name}({arguments}):\n")
+        parts.append("\n".join("    " + line for line in lines) + "\n")
+    return "".join(parts)

@@ -1,0 +1,25 @@
+"""Where the numbers of a step lie: one flat float64 array shared by the step loop and a scene's generated kernels.
+
+One array with offsets known at compile time lets the compiler see that nothing overlaps. Vectors are padded to
+``WIDTH`` with zeros, so that loops over them have a fixed length.
+"""
+
+WIDTH = 8  # most coordinates a scene may have
+MAX_STAGES = 8
+MAX_CONTACTS = 60  # bits of the mask of skipped contacts
+
+Q, V, Q1, V1, ACC, F_U, M_DIAG, M_UP = (WIDTH * k for k in range(8))
+ALLOWANCE = 8 * WIDTH  # (WIDTH,) how far each coordinate may move before skipped contacts are looked at again
+STIFF = 9 * WIDTH  # (WIDTH, WIDTH) K = df/dq - (dM/dq) a
+DAMP = STIFF + WIDTH * WIDTH  # (WIDTH, WIDTH) D = df/dv
+LU = DAMP + WIDTH * WIDTH  # (WIDTH, WIDTH) factors; the diagonal holds reciprocals
+ROOM = LU + WIDTH * WIDTH  # (MAX_CONTACTS,) distance the surfaces can approach before they may touch; 0 = touching
+CLOSING = ROOM + MAX_CONTACTS  # (MAX_CONTACTS,) speed at which an open gap closes, m/s
+SLIDE = CLOSING + MAX_CONTACTS  # (MAX_CONTACTS,) sliding speed of touching contacts with friction, m/s
+SLIDE_RATE = SLIDE + MAX_CONTACTS  # (MAX_CONTACTS,) and its rate, m/s^2, joints' accelerations only
+U = SLIDE_RATE + MAX_CONTACTS  # (MAX_STAGES, 2, WIDTH) stages: angle part, speed part
+AUDIT_Q = U + MAX_STAGES * 2 * WIDTH  # state at which energies and powers are asked for
+AUDIT_V = AUDIT_Q + WIDTH
+ENERGY, POWER_IN, POWER_FELT, POWER_FRICTION, POWER_JOINTS = range(AUDIT_V + WIDTH, AUDIT_V + WIDTH + 5)  # J, W
+STATIC = ENERGY + WIDTH  # 1 leaves (dM/dq) a out of K, for statics
+SIZE = STATIC + WIDTH

@@ -1,0 +1,176 @@
+"""The generated kernels of a scene: against the table kernels, the skip bound, the cache."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numba
+import numpy as np
+import pytest
+
+import model
+from model import simulation
+from model.integrators.rosenbrock import integrate
+from model.kernels import dynamics, jacobian, scenes
+from model.kernels import layout as L
+from model.kernels import workspace as W
+from model.kernels.kinematics import place
+from model.kernels.signatures import SKIP
+from model.scene import MotorArm, build_scene
+from tests.model.conftest import random_states, read_table
+
+
+def square(w: np.ndarray, start: int, n: int) -> np.ndarray:
+    return w[start : start + W.WIDTH**2].reshape(W.WIDTH, W.WIDTH)[:n, :n]
+
+
+@pytest.mark.parametrize("arm", [None, MotorArm(contact_a=1e9, contact_b=1e7)], ids=["force", "motor"])
+def test_generated_kernels_equal_the_tables(action: model.Action, arm: MotorArm | None) -> None:
+    scene = build_scene(action, arm)
+    n, p, t = scene.size, scene.vector, scene.tables
+    kernels = scenes.kernels_of(t)
+    counters = np.zeros(len(L.COUNTERS), dtype=np.int64)
+    solved = 0
+    for q, v, u in random_states(300, seed=11):
+        if arm is not None:
+            q, v, u = np.append(q, -0.01), np.append(v, 0.3), 0.01 * u
+        pose = np.zeros((n, L.POSE_SIZE))
+        f, a, m_diag, m_up, f_u = (np.zeros(n) for _ in range(5))
+        stiff, damp = np.zeros((n, n)), np.zeros((n, n))
+        dynamics.acceleration(q, v, u, p, t, pose, m_diag, m_up, f, a, counters)
+        jacobian.linearise(v, u, a, p, t, pose, np.zeros((4, L.MAX_CHAIN)), stiff, damp, f_u)
+        w = np.zeros(W.SIZE)
+        w[W.Q : W.Q + n], w[W.V : W.V + n] = q, v
+        kernels.linearise(w, p, u)
+
+        def close(ours: np.ndarray, theirs: np.ndarray, share: float = 1e-11) -> None:
+            np.testing.assert_allclose(ours, theirs, rtol=1e-9, atol=share * np.max(np.abs(theirs)))
+
+        close(w[W.ACC : W.ACC + n], a)
+        close(w[W.F_U : W.F_U + n], f_u)
+        close(square(w, W.STIFF, n), stiff)
+        close(square(w, W.DAMP, n), damp)
+        # one stage with a_10 = 1, C_10 = -0.5 and a known stage before it
+        h, gh, weight = 1e-6, 0.25e-6, 0.3
+        if not kernels.prepare(w, gh):
+            continue
+        solved += 1
+        before = np.random.default_rng(0).normal(size=(2, n)) * 1e-7
+        w[W.U : W.U + n], w[W.U + W.WIDTH : W.U + W.WIDTH + n] = before
+        w[W.ALLOWANCE : W.ALLOWANCE + W.WIDTH] = 1.0
+        coefficients, coupling = np.zeros(64), np.zeros(64)
+        coefficients[8], coupling[8] = 1.0, -0.5
+        kernels.stage(w, p, coefficients, coupling, 1, gh, h, u, weight, 0)
+        dynamics.acceleration(
+            q + before[0], v + before[1], u, p, t, pose, *(np.zeros(n) for _ in range(3)), a, counters
+        )
+        mass = np.diag(m_diag)
+        for i, up in enumerate(t.parent):
+            if up >= 0:
+                mass[i, up] = mass[up, i] = m_up[i]
+        r_q = v + before[1] - 0.5 / h * before[0]
+        right = mass @ (a - 0.5 / h * before[1]) + gh * stiff @ r_q + weight * f_u
+        u_v = np.linalg.solve(mass / gh - damp - gh * stiff, right)
+        at = W.U + 2 * W.WIDTH
+        close(w[at + W.WIDTH : at + W.WIDTH + n], u_v, 1e-9)
+        close(w[at : at + n], gh * (r_q + u_v), 1e-9)
+    assert solved > 270
+
+
+def test_skipped_contacts_never_touch(action: model.Action) -> None:
+    """1e5 random states and moves within the allowance, over blows and far beyond them."""
+    scene = build_scene(action)
+    p, tables, skip = scene.vector, scene.tables, scenes.kernels_of(scene.tables)
+
+    @numba.njit
+    def check(p, tables, linearise, skip, low, high, count, random):
+        n = low.shape[0]
+        pose = np.zeros((n, L.POSE_SIZE))
+        w = np.zeros(W.SIZE)
+        q, v = np.zeros(n), np.zeros(n)
+        touched = skipped = bitten = 0
+        for _ in range(count):
+            size = 10.0 ** random.uniform(-5.0, 0.0)
+            for i in range(n):
+                w[W.Q + i] = random.uniform(low[i], high[i])
+                w[W.ALLOWANCE + i] = size * random.uniform(0.0, 1.0)
+                q[i] = w[W.Q + i] + w[W.ALLOWANCE + i] * random.uniform(-1.0, 1.0)
+                if random.uniform(0.0, 1.0) < 0.5:  # the corners are the worst
+                    q[i] = w[W.Q + i] + w[W.ALLOWANCE + i] * (1.0 if random.uniform(0.0, 1.0) < 0.5 else -1.0)
+            linearise(w, p, 0.0)
+            mask = skip(w, p)
+            place(q, v, p, tables.parent, pose)
+            for c in range(tables.contact.shape[0]):
+                _, _, x, _, _ = dynamics.contact_state(c, v, p, tables, pose)
+                if x > 0.0:
+                    touched += 1
+                if mask >> c & 1:
+                    skipped += 1
+                    if x > 0.0:
+                        bitten += 1
+        return touched, skipped, bitten
+
+    near = (np.array([-0.03, 0.0, -0.1, 0.25, -0.1]), np.array([0.035, 0.12, 0.35, 0.6, 0.32]))
+    anywhere = (np.full(5, -np.pi), np.full(5, np.pi))
+    for low, high in (near, anywhere):
+        touched, skipped, bitten = check(
+            p, tables, skip.linearise, skip.skip, low, high, 50_000, np.random.default_rng(7)
+        )
+        assert touched > 50_000 and skipped > 50_000
+        assert bitten == 0
+
+
+def test_skipping_changes_no_bit_of_the_answer(action: model.Action, monkeypatch: pytest.MonkeyPatch) -> None:
+    force = read_table("forte_force.csv")[:800]
+    with_skips = model.simulate(action, force[:, 0], force[:, 1])
+    none = numba.njit(SKIP)(lambda w, p: 0)
+    whole = scenes.kernels_of(build_scene(action).tables)._replace(skip=none)
+    monkeypatch.setattr(simulation, "kernels_of", lambda tables: whole)
+    without = model.simulate(action, force[:, 0], force[:, 1])
+    np.testing.assert_array_equal(with_skips.angle_rad, without.angle_rad)
+    np.testing.assert_array_equal(with_skips.speed_rad_per_s, without.speed_rad_per_s)
+    assert without.counters["n_contacts_skipped"] == 0
+    both = with_skips.counters["n_contacts_skipped"] + with_skips.counters["n_contact_evaluations"]
+    assert both == without.counters["n_contact_evaluations"]
+    assert with_skips.counters["n_contacts_skipped"] > 0.4 * both
+
+
+def test_a_changed_value_compiles_nothing_and_a_left_out_element_is_not_in_the_source(
+    action: model.Action,
+) -> None:
+    from model.kernels.emit import emit
+
+    force = read_table("forte_force.csv")[:60]
+    model.simulate(action, force[:, 0], force[:, 1])
+    before = scenes.COMPILED["scenes"], len(integrate.signatures)
+    other = action.with_values({"contact04.friction.A": 0.2, "hammer.mass": 0.01})
+    model.simulate(other, force[:, 0], force[:, 1])
+    assert (scenes.COMPILED["scenes"], len(integrate.signatures)) == before
+    text = emit(build_scene(action).tables)
+    less = emit(build_scene(action.with_values({"contact12": 0, "jack_spring": 0})).tables)
+    assert len(less) < len(text) and text.count("contact_force(") == 1 + less.count("contact_force(")
+
+
+def test_an_edited_kernel_source_changes_the_answer_in_the_next_process(tmp_path: Path) -> None:
+    """Only the cache key is asked: compiling everything twice would take the suite's whole budget."""
+    import shutil
+
+    root = Path(model.__file__).parents[1]
+    shutil.copytree(root / "model", tmp_path / "model", ignore=shutil.ignore_patterns("__pycache__"))
+    environment = {**os.environ, "PYTHONPATH": str(tmp_path), "PIANORIG_CACHE_DIR": str(tmp_path / "cache")}
+    ask = [sys.executable, "-c", "from model.kernels.compile import cache_key; print(cache_key())"]
+
+    def key() -> str:
+        return subprocess.run(ask, env=environment, cwd=tmp_path, capture_output=True, text=True, check=True).stdout
+
+    first = key()
+    assert key() == first
+    for name in ("laws.py", "terms.py", "emit_contacts.py"):
+        path = tmp_path / "model" / "kernels" / name
+        path.write_text(path.read_text() + "\n# edited\n")
+        second = key()
+        assert second != first
+        first = second
