@@ -157,7 +157,7 @@ class LimitsConfig(_Table):
     """
 
     force_min_n: Number = Field(default=-10.0, ge=-1000, le=0)
-    force_max_n: Number = Field(default=100.0, gt=0, le=1000)
+    force_max_n: Number = Field(default=110.0, gt=0, le=1000)
     force_rate_n_per_s: Number = Field(default=250_000.0, gt=0)
     speed_rad_per_s: tuple[Number, Number, Number] = (15.0, 40.0, 100.0)
     travel_rad: tuple[Number, Number, Number] = (0.12, 0.25, 1.2)

@@ -17,6 +17,9 @@ def command(
     clock: Annotated[str, typer.Option("--clock", help="real, virtual (as fast as it is read), or a speed.")] = "real",
     seed: Annotated[int | None, typer.Option("--seed", min=0, help="Seed of everything that scatters.")] = None,
     bench: Annotated[Path | None, typer.Option("--bench", help="Bench file; default: the built-in one.")] = None,
+    fault: Annotated[
+        str | None, typer.Option("--fault", help="Faults to plant, e.g. overwrite@1/0.5 (trial/seconds).")
+    ] = None,
     log: Annotated[bool, typer.Option("--log", help="Print a JSON line when outputs become live or safe.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the address as JSON.")] = False,
 ) -> None:
@@ -42,7 +45,15 @@ def command(
         _flush()
 
     serve_until_interrupted(
-        rig, host=host, port=port, clock=clock, seed=seed, bench=bench, announce=announce, tell=tell if log else None
+        rig,
+        host=host,
+        port=port,
+        clock=clock,
+        seed=seed,
+        bench=bench,
+        fault=fault,
+        announce=announce,
+        tell=tell if log else None,
     )
 
 

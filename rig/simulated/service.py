@@ -9,6 +9,7 @@ NotImplementedByDevice, which the client sees as UNIMPLEMENTED.
 from __future__ import annotations
 
 import re
+import sys
 import threading
 from collections.abc import Callable
 from contextlib import AbstractContextManager
@@ -29,6 +30,7 @@ _ATTRIBUTE_CALL = re.compile(r"(Get|Set)(Task|Timing|Read|Write|Buffer|Chan|Trig
 _BY_SCAN = 1
 POLL_S = 1e-3
 """Bench time that passes when a client asks whether a task is done."""
+TRACE_LENGTH = 100_000
 START, STOP, VERIFY, COMMIT, RESERVE, UNRESERVE, ABORT = range(7)
 
 
@@ -38,7 +40,7 @@ class Service:
     def __init__(self, device: SimulatedDevice) -> None:
         self.device = device
         self.trace: list[str] = []
-        """Names of the calls so far."""
+        """Names of the calls so far, the last 50,000 at least."""
         self._lock = threading.RLock()
         self._handlers: dict[str, Callable[[Any], Any]] = {
             "CreateTask": self._create_task,
@@ -87,7 +89,9 @@ class Service:
         with self._lock:
             self.device.watchdogs.look()
             self.device.faults.before_call(call, self.device)
-            self.trace.append(call)
+            self.trace.append(sys.intern(call))
+            if len(self.trace) > TRACE_LENGTH:
+                del self.trace[: TRACE_LENGTH // 2]
             if call in self._handlers:
                 return self._handlers[call](request)
             if call in CHANNEL_CALLS:

@@ -41,6 +41,7 @@ def serve_until_interrupted(
     clock: str = "real",
     seed: int | None = None,
     bench: Path | None = None,
+    fault: str | None = None,
     announce: Callable[[str, str, str], None],
     tell: Callable[[dict[str, object]], None] | None = None,
     stop: threading.Event | None = None,
@@ -57,12 +58,12 @@ def serve_until_interrupted(
     Raises
     ------
     InputError
-        Bad rig file, bench file or clock.
+        Bad rig file, bench file, clock or fault.
     HardwareFault
         When the address cannot be bound.
     """
     config = load_rig(rig).config
-    options = {"clock": clock, "seed": seed, "bench": bench}
+    options = {"clock": clock, "seed": seed, "bench": bench, "fault": fault}
     url = "sim://?" + urlencode({key: value for key, value in options.items() if value is not None})
     backend = open_backend(url, config)
     server, bound = serve(backend.service, host=host, port=port)

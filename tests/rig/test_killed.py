@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import queue
 import random
@@ -59,7 +60,8 @@ class Program:
             try:
                 words = self.lines.get(timeout=max(left, 0)).split()
             except queue.Empty:
-                os.kill(pid, getattr(signal, "SIGKILL", signal.SIGTERM))
+                with contextlib.suppress(ProcessLookupError):  # it has just ended by itself
+                    os.kill(pid, getattr(signal, "SIGKILL", signal.SIGTERM))
                 kill_at = time.monotonic() + DEADLINE_S
                 continue
             if words[0] == "end":

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rig.backend import Block
@@ -104,6 +104,23 @@ def test_changed_bytes_never_give_other_values(changes) -> None:
         assert journal.ending is None and journal.left_over > 0
 
 
+@pytest.mark.slow
+@settings(max_examples=10_000)
+@given(st.data())
+def test_ten_thousand_damaged_journals_never_give_other_values(data) -> None:
+    damaged = bytearray(WHOLE[: data.draw(st.integers(0, len(WHOLE)))])
+    for _ in range(data.draw(st.integers(0, 4))):
+        at = data.draw(st.integers(0, len(damaged)))
+        change = data.draw(st.sampled_from(("flip", "insert", "delete")))
+        if change == "insert":
+            damaged[at:at] = data.draw(st.binary(max_size=40))
+        elif change == "delete":
+            del damaged[at : at + data.draw(st.integers(1, 40))]
+        elif at < len(damaged):
+            damaged[at] ^= data.draw(st.integers(1, 255))
+    assert_beginning(bytes(damaged))
+
+
 @given(st.binary(max_size=300))
 def test_anything_at_all_can_be_read(data) -> None:
     assert parse(data).n_samples == parse(WHOLE[:4] + data).n_samples == 0
@@ -194,6 +211,18 @@ def test_a_full_disk_is_a_fault_that_says_what_is_safe(tmp_path) -> None:
     assert fault.value.exit_code == 3 and "\n" not in str(fault.value)
     with pytest.raises(RecordingFault):
         writer.close("fault", "full")
+    assert read_journal(tmp_path / "j").n_samples == 5
+
+
+def test_a_writer_that_crashes_is_a_fault_of_the_next_block(tmp_path) -> None:
+    disk = Disk()
+    writer = disk.journal(tmp_path / "j", head())
+    writer.append(blocks()[0])
+    disk.error = ZeroDivisionError("oops")  # type: ignore[assignment]
+    with pytest.raises(RecordingFault, match="ZeroDivisionError: oops.*5 samples are safe"):
+        writer.append(blocks()[1])
+    with pytest.raises(RecordingFault):
+        writer.close("fault", "crash")
     assert read_journal(tmp_path / "j").n_samples == 5
 
 

@@ -134,7 +134,12 @@ def test_a_recording_asked_to_end_makes_the_outputs_safe_itself_and_seals_the_tr
 
 
 def test_what_serve_sim_cannot_do_is_one_line(capsys) -> None:
-    for arguments in (["--clock", "never"], ["--rig", "none"], ["--port", "0", "--bench", "none.toml"]):
+    for arguments in (
+        ["--clock", "never"],
+        ["--rig", "none"],
+        ["--port", "0", "--bench", "none.toml"],
+        ["--fault", "late@1/2"],
+    ):
         with pytest.raises(SystemExit) as end:
             main(["serve-sim", *arguments])
         assert end.value.code == 2
