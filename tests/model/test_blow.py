@@ -247,3 +247,14 @@ def test_energy_audit_without_any_loss(action: model.Action) -> None:
         assert energy is not None
         assert energy.lost_in_felt == energy.lost_in_contact_friction == energy.lost_in_joint_friction == 0.0
         assert abs(energy.residual) < most * energy.work_in
+
+
+def test_columns_of_a_table_may_be_read_only(action: model.Action) -> None:
+    """pandas hands out read-only arrays; the compiled loop takes writable ones only."""
+    time, force = np.array([0.0, 0.01]), np.array([0.0, 1.0])
+    expected = model.simulate(action, time, force).angle_rad
+    at = time.copy()
+    for column in (time, force, at):
+        column.flags.writeable = False
+    solution = model.simulate(action, time, force, output_time_s=at)
+    np.testing.assert_array_equal(solution.angle_rad, expected)
