@@ -56,9 +56,7 @@ def blow(time_s: NDArray[np.float64]) -> NDArray[np.float64]:
     )
 
 
-def points_of(
-    template: Template, phi: float, tx: float, ty: float, at: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def points_of(template: Template, phi: float, tx: float, ty: float, at: NDArray[np.float64]) -> NDArray[np.float64]:
     """Where points (x, y) of the reference lie in a frame."""
     c, s = np.cos(phi), np.sin(phi)
     centre = np.array(template.centre_px)
@@ -84,9 +82,7 @@ def by_lucas_kanade(film: Film, templates: list[Template], picture: NDArray[np.u
             cx, cy = template.centre_px
             warp = np.array([[c, -s, cx + tx - c * cx + s * cy], [s, c, cy + ty - s * cx - c * cy]])
             back = cv2.warpAffine(frame, warp, (width, height), flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP)
-            found, status, _ = cv2.calcOpticalFlowPyrLK(
-                picture, back, corners[i], None, winSize=(21, 21), maxLevel=2
-            )
+            found, status, _ = cv2.calcOpticalFlowPyrLK(picture, back, corners[i], None, winSize=(21, 21), maxLevel=2)
             good = status[:, 0] == 1
             if np.count_nonzero(good) < 8:
                 continue
@@ -122,16 +118,12 @@ def by_templates(film: Film, templates: list[Template], picture: NDArray[np.uint
         for i, pair in enumerate(patches):
             for k, patch in enumerate(pair):
                 x, y = np.clip(np.rint(places[i][k]).astype(int), inside[0], inside[1:])
-                window = frame[
-                    y - half - reach : y + half + reach + 1, x - half - reach : x + half + reach + 1
-                ]
+                window = frame[y - half - reach : y + half + reach + 1, x - half - reach : x + half + reach + 1]
                 score = cv2.matchTemplate(window, patch, cv2.TM_CCOEFF_NORMED)
                 _, _, _, (bx, by) = cv2.minMaxLoc(score)
                 places[i][k] = (x + bx - reach + peak(score[by], bx), y + by - reach + peak(score[:, bx], by))
             before, now = marks[i][1] - marks[i][0], places[i][1] - places[i][0]
-            phi[index, i] = np.arctan2(
-                before[0] * now[1] - before[1] * now[0], before[0] * now[0] + before[1] * now[1]
-            )
+            phi[index, i] = np.arctan2(before[0] * now[1] - before[1] * now[0], before[0] * now[0] + before[1] * now[1])
     return phi
 
 

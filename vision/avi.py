@@ -87,9 +87,7 @@ def write_avi(
                 _finish(file, shape, sizes, frame_rate_hz, quality)
             os.replace(temporary, path)
         except OSError as error:
-            raise FilmError(
-                f"{path}: cannot be written ({error.strerror or error}); check folder and disk"
-            ) from None
+            raise FilmError(f"{path}: cannot be written ({error.strerror or error}); check folder and disk") from None
     finally:
         remove(temporary)
     return len(sizes)

@@ -144,11 +144,7 @@ class AviFilm(Film):
 
     def _warn_of_coarse_jpeg(self) -> None:
         """Warn when the first JPEG's quantisation shows that its pictures are too coarse for the stated accuracy."""
-        data = (
-            b""
-            if self._pixel_bytes
-            else self._file.view(self._offset[0], self._offset[0] + self._size[0]).tobytes()
-        )
+        data = b"" if self._pixel_bytes else self._file.view(self._offset[0], self._offset[0] + self._size[0]).tobytes()
         at = data.find(b"\xff\xdb")
         table = np.frombuffer(data[at + 5 : at + 69], dtype=np.uint8) if at > 0 else np.ones(64)
         if table.size == 64 and table.mean() > COARSE_JPEG:
@@ -185,9 +181,7 @@ class AviFilm(Film):
             name, size = self._head(place)
             data = place + 8
             if data + size > end:
-                self._refuse(
-                    f"chunk {name!r} at byte {place} reaches to {data + size}, its list ends at {end}"
-                )
+                self._refuse(f"chunk {name!r} at byte {place} reaches to {data + size}, its list ends at {end}")
             if name == b"LIST" and size >= 4:
                 if depth >= MAX_DEPTH:
                     self._refuse("its lists are nested too deep")

@@ -64,22 +64,15 @@ class Body:
         try:
             points = np.array(self.polygon_px, dtype=float)
         except (TypeError, ValueError):
-            raise BodyError(
-                f"body {self.name}: polygon_px must be a list of [x, y] pairs of numbers"
-            ) from None
+            raise BodyError(f"body {self.name}: polygon_px must be a list of [x, y] pairs of numbers") from None
         if points.ndim != 2 or points.shape[1] != 2 or points.shape[0] < 3:
             raise BodyError(
-                f"body {self.name}: polygon_px has shape {points.shape}, needs (m, 2) with m >= 3 "
-                "points [x, y]"
+                f"body {self.name}: polygon_px has shape {points.shape}, needs (m, 2) with m >= 3 points [x, y]"
             )
         if not np.all(np.isfinite(points)):
-            raise BodyError(
-                f"body {self.name}: polygon_px contains NaN or infinity; give finite pixel coordinates"
-            )
+            raise BodyError(f"body {self.name}: polygon_px contains NaN or infinity; give finite pixel coordinates")
         if np.abs(points).max() > 1e6:
-            raise BodyError(
-                f"body {self.name}: polygon_px reaches {np.abs(points).max():g} px, allowed up to 1e6"
-            )
+            raise BodyError(f"body {self.name}: polygon_px reaches {np.abs(points).max():g} px, allowed up to 1e6")
         if abs(polygon_area(points)) < 1.0:
             raise BodyError(f"body {self.name}: polygon_px encloses less than one pixel; draw an outline")
         points.setflags(write=False)
@@ -99,9 +92,7 @@ def check_bodies(bodies: Sequence[Body]) -> None:
         raise BodyError("no bodies given; name at least one with its outline polygon")
     repeated = sorted({name for name in names if names.count(name) > 1})
     if repeated:
-        raise BodyError(
-            f"body name {repeated[0]!r} is used {names.count(repeated[0])} times; names must be unique"
-        )
+        raise BodyError(f"body name {repeated[0]!r} is used {names.count(repeated[0])} times; names must be unique")
     parents = {body.name: body.parent for body in bodies}
     for name in names:
         seen = [name]

@@ -77,9 +77,7 @@ def read_header(path: Path) -> FilmHeader:
     except OSError as error:
         raise FilmError(f"{path}: header cannot be read ({error.strerror or error})") from None
     if len(data) > MAX_HEADER_BYTES:
-        raise FilmError(
-            f"{path}: header is larger than {MAX_HEADER_BYTES} bytes; this is not a Photron header"
-        )
+        raise FilmError(f"{path}: header is larger than {MAX_HEADER_BYTES} bytes; this is not a Photron header")
     try:
         raw = _fields_of_cihx(data) if b"<cih>" in data else _fields_of_cih(data)
         return _header(raw)
@@ -116,9 +114,7 @@ def _whole(raw: dict[str, str], key: str, low: int, high: int, default: int | No
     if not text and default is not None:
         return default
     if not re.fullmatch(r"[+-]?\d{1,18}", text) or not low <= int(text) <= high:
-        raise FilmError(
-            f"header field {_FIELDS[key][1]} is {text[:40]!r}, needs a whole number {low}..{high}"
-        )
+        raise FilmError(f"header field {_FIELDS[key][1]} is {text[:40]!r}, needs a whole number {low}..{high}")
     return int(text)
 
 
@@ -131,9 +127,7 @@ def _rate(raw: dict[str, str]) -> float | None:
     except ValueError:
         value = float("nan")
     if not 0.0 < value < 1e9:
-        raise FilmError(
-            f"header field Record Rate(fps) is {text[:40]!r}, needs a positive number of frames/s"
-        )
+        raise FilmError(f"header field Record Rate(fps) is {text[:40]!r}, needs a positive number of frames/s")
     return value
 
 
@@ -152,9 +146,7 @@ def _exposure(raw: dict[str, str]) -> float | None:
 def _header(raw: dict[str, str]) -> FilmHeader:
     file_format = raw["file_format"] or "MRaw"
     if file_format.lower() != "mraw":
-        raise FilmError(
-            f"header says file format {file_format[:20]!r}, only MRaw is read; save the film as MRAW"
-        )
+        raise FilmError(f"header says file format {file_format[:20]!r}, only MRaw is read; save the film as MRAW")
     colour_bit = _whole(raw, "colour_bit", 1, 48)
     kind = raw["colour_type"] or "Mono"
     if kind.lower() not in ("mono", "raw") or colour_bit not in (8, 12, 16):
@@ -191,9 +183,7 @@ def cihx_bytes(header: FilmHeader) -> bytes:
     exposure = header.exposure_s
     # readers of this format expect the field; 0 stands for an exposure that is not known
     per_second, nanoseconds = (0, 0) if exposure is None else (round(1.0 / exposure), round(exposure * 1e9))
-    shutter = (
-        f"<shutterSpeed>{per_second}</shutterSpeed>\r\n<shutterSpeedNsec>{nanoseconds}</shutterSpeedNsec>\r\n"
-    )
+    shutter = f"<shutterSpeed>{per_second}</shutterSpeed>\r\n<shutterSpeedNsec>{nanoseconds}</shutterSpeedNsec>\r\n"
     rate = "" if header.frame_rate_hz is None else f"<recordRate>{header.frame_rate_hz:.12g}</recordRate>\r\n"
     size = f"<resolution><width>{header.width}</width><height>{header.height}</height></resolution>\r\n"
     last = header.start_frame + (header.n_frames - 1) * header.frame_step

@@ -51,8 +51,7 @@ def check_whole(path: Path) -> None:
                 end = place + header + length
                 if end > size:
                     raise FilmError(
-                        f"{path}: {size} bytes, but its container needs {end}; the film is cut "
-                        "short, copy it again"
+                        f"{path}: {size} bytes, but its container needs {end}; the film is cut short, copy it again"
                     )
                 place = end + (end % 2 if not big_endian else 0)
     except OSError as error:

@@ -64,23 +64,18 @@ class Covering:
         Of the picture.
     """
 
-    def __init__(
-        self, bodies: Sequence[Body], templates: Sequence[Template], height: int, width: int
-    ) -> None:
+    def __init__(self, bodies: Sequence[Body], templates: Sequence[Template], height: int, width: int) -> None:
         self._templates = templates
         self._centres = [np.array(template.centre_px) for template in templates]
         self._outlines = [
-            (signed_distance(body.polygon_px, height, width) > -CLEARANCE_PX).astype(np.uint8)
-            for body in bodies
+            (signed_distance(body.polygon_px, height, width) > -CLEARANCE_PX).astype(np.uint8) for body in bodies
         ]
         self.in_front = [
             [j for j, other in enumerate(bodies) if j != i and other.layer >= body.layer]
             for i, body in enumerate(bodies)
         ]
 
-    def covered(
-        self, body: int, pose: NDArray[np.float64], poses: dict[int, NDArray[np.float64]]
-    ) -> NDArray[np.uint8]:
+    def covered(self, body: int, pose: NDArray[np.float64], poses: dict[int, NDArray[np.float64]]) -> NDArray[np.uint8]:
         """Template pixels of a body, at ``pose``, that bodies in front hide at theirs; shape (n,), 1 is
         hidden."""
         template = self._templates[body]

@@ -54,9 +54,7 @@ class EccFitter:
     def reset(self) -> None:
         """Nothing is carried over."""
 
-    def fit(
-        self, film: FrameSource, index: int, pose: NDArray[np.float64], covered: NDArray[np.uint8] | None
-    ) -> Fit:
+    def fit(self, film: FrameSource, index: int, pose: NDArray[np.float64], covered: NDArray[np.uint8] | None) -> Fit:
         """Fit the body in frame ``index``, starting from ``pose``."""
         template = self.template
         region = region_of(template, pose, film.height, film.width)
@@ -127,9 +125,7 @@ class EccFitter:
         )  # fmt: skip
 
 
-def _bilinear(
-    view: NDArray[np.float32], x: NDArray[np.float64], y: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _bilinear(view: NDArray[np.float32], x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
     """Bilinear samples at points inside the picture, without OpenCV's rounding of coordinates."""
     left = np.minimum(x.astype(int), view.shape[1] - 2)
     top = np.minimum(y.astype(int), view.shape[0] - 2)

@@ -47,9 +47,7 @@ class FileWindow:
     def view(self, start: int, end: int) -> NDArray[np.uint8]:
         """Bytes ``start..end-1``; the array stays valid after the window has moved on or the file was closed."""
         if not 0 <= start <= end <= self.size:
-            raise FilmError(
-                f"{self.path}: bytes {start}..{end} asked for, the file has {self.size}; it is cut short"
-            )
+            raise FilmError(f"{self.path}: bytes {start}..{end} asked for, the file has {self.size}; it is cut short")
         if not (self._offset <= start and end <= self._offset + self._window.size):
             offset = start // mmap.ALLOCATIONGRANULARITY * mmap.ALLOCATIONGRANULARITY
             length = min(max(WINDOW_BYTES, end - offset), self.size - offset)

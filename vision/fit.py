@@ -51,9 +51,7 @@ class Fitter(Protocol):
 
     template: Template
 
-    def fit(
-        self, film: FrameSource, index: int, pose: NDArray[np.float64], covered: NDArray[np.uint8] | None
-    ) -> Fit:
+    def fit(self, film: FrameSource, index: int, pose: NDArray[np.float64], covered: NDArray[np.uint8] | None) -> Fit:
         """Fit the body in frame ``index``, starting from ``pose``; ``covered`` marks template pixels to leave
         out."""
         ...

@@ -173,9 +173,7 @@ def open_film(path: str | os.PathLike[str], *, allow_truncated: bool = False) ->
     path = Path(path)
     suffix = path.suffix.lower()
     if not path.exists():
-        raise FilmError(
-            f"{path}: no such film; give an existing .mraw, .avi, .mp4, .tif file or a folder of pictures"
-        )
+        raise FilmError(f"{path}: no such film; give an existing .mraw, .avi, .mp4, .tif file or a folder of pictures")
     if path.is_dir():
         from vision.picture_stack import PictureFolder
 
@@ -200,6 +198,4 @@ def open_film(path: str | os.PathLike[str], *, allow_truncated: bool = False) ->
 
         return PagedPicture(path)
     known = ", ".join((".mraw", ".cih", ".cihx", *VIDEO_SUFFIXES, ".tif", ".tiff"))
-    raise FilmError(
-        f"{path}: film format {suffix or '(no suffix)'} is not known; readable: {known}, picture folders"
-    )
+    raise FilmError(f"{path}: film format {suffix or '(no suffix)'} is not known; readable: {known}, picture folders")

@@ -56,9 +56,7 @@ class IcgnFitter:
         self._weight = np.ones(self.template.n_pixels, dtype=np.float32)
         self._scale = 2.0
 
-    def fit(
-        self, film: FrameSource, index: int, pose: NDArray[np.float64], covered: NDArray[np.uint8] | None
-    ) -> Fit:
+    def fit(self, film: FrameSource, index: int, pose: NDArray[np.float64], covered: NDArray[np.uint8] | None) -> Fit:
         """Fit the body in frame ``index``, starting from ``pose``."""
         result = self._fit_once(film, index, pose, covered)
         moved = np.abs(result.pose[1:] - pose[1:]).max() if result.converged else 0.0

@@ -29,9 +29,7 @@ def from_parent(relative: Placement, parent: Placement) -> Placement:
     """Placement in the picture of a child given in the axes of its parent; undoes `in_parent`."""
     cosine, sine = math.cos(parent[0]), math.sin(parent[0])
     x, y = relative[1], relative[2]
-    return np.array(
-        [relative[0] + parent[0], parent[1] + cosine * x - sine * y, parent[2] + sine * x + cosine * y]
-    )
+    return np.array([relative[0] + parent[0], parent[1] + cosine * x - sine * y, parent[2] + sine * x + cosine * y])
 
 
 class Trace:

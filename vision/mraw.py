@@ -105,9 +105,7 @@ def film_bytes(header: FilmHeader) -> int:
     return (header.n_frames * header.width * header.height * header.colour_bit + 7) // 8
 
 
-def unpack12_region(
-    data: NDArray[np.uint8], skip: int, width: int, rows: int, x0: int, x1: int
-) -> NDArray[np.uint16]:
+def unpack12_region(data: NDArray[np.uint8], skip: int, width: int, rows: int, x0: int, x1: int) -> NDArray[np.uint16]:
     """Unpack columns ``x0..x1-1`` of ``rows`` rows of 12-bit pixels.
 
     ``data`` starts with the pair of pixels that holds the first one; ``skip`` is 1 when that is the second of
@@ -142,9 +140,7 @@ def _pair(path: Path) -> tuple[Path, Path]:
         for header in headers:
             if header.exists():
                 return path, header
-        raise FilmError(
-            f"{path}: header {headers[0].name} or {headers[1].name} is missing; put it next to the film"
-        )
+        raise FilmError(f"{path}: header {headers[0].name} or {headers[1].name} is missing; put it next to the film")
     for suffix in (".mraw", ".MRAW"):
         if path.with_suffix(suffix).exists():
             return path.with_suffix(suffix), path

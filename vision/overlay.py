@@ -126,9 +126,7 @@ class _Drawer:
                 f"{', '.join(body.name for body in bodies)}; give those that were tracked"
             )
         if result.frame.size and int(result.frame.max()) >= film.n_frames:
-            raise InputError(
-                f"{film.path}: has {film.n_frames} frames, the result goes to {int(result.frame.max())}"
-            )
+            raise InputError(f"{film.path}: has {film.n_frames} frames, the result goes to {int(result.frame.max())}")
         self._film, self._result = film, result
         self._shapes = []
         for body, mask in zip(bodies, build_masks(bodies, film.height, film.width), strict=True):

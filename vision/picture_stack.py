@@ -31,9 +31,7 @@ class PictureFolder(Film):
         except OSError as error:
             raise FilmError(f"{path}: folder cannot be read ({error.strerror})") from None
         if not found:
-            raise FilmError(
-                f"{path}: holds no picture ({', '.join(PICTURE_SUFFIXES)}); give a film or such a folder"
-            )
+            raise FilmError(f"{path}: holds no picture ({', '.join(PICTURE_SUFFIXES)}); give a film or such a folder")
         self._files = sorted(found, key=_by_number)
         self.n_frames = len(self._files)
         first = self.read_first()
@@ -87,9 +85,7 @@ class PagedPicture(Film):
         except cv2.error as error:
             raise FilmError(f"{self.path}: page {index} cannot be decoded ({error.err})") from None
         if not ok or len(pages) != 1:
-            raise FilmError(
-                f"{self.path}: page {index} of {self.n_frames} cannot be decoded; the film is cut short"
-            )
+            raise FilmError(f"{self.path}: page {index} of {self.n_frames} cannot be decoded; the film is cut short")
         return _grey(pages[0], self.path)
 
 

@@ -47,9 +47,7 @@ def prepare(
 
     def templates_of(reference: Reference) -> list[Template]:
         return [
-            build_template(
-                body.name, reference.picture, mask, reference.n_averaged, max_pixels, reference.noise_grey
-            )
+            build_template(body.name, reference.picture, mask, reference.n_averaged, max_pixels, reference.noise_grey)
             for body, mask in zip(bodies, masks, strict=True)
         ]
 
@@ -60,8 +58,7 @@ def prepare(
         n_still = still_count(phi.reshape(candidates, -1), u.reshape(candidates, -1))
         if n_still < WANTED_STILL:
             warnings.warn(
-                f"{film.path}: only {n_still} still frames at the start, {WANTED_STILL} wanted; "
-                "the zero is less sure",
+                f"{film.path}: only {n_still} still frames at the start, {WANTED_STILL} wanted; the zero is less sure",
                 VisionWarning,
                 stacklevel=3,
             )

@@ -101,9 +101,7 @@ def average_still_frames(
         total += frame
         count += 1
         mean = total.reshape(-1)[pixels].astype(float) / count
-    return Reference(
-        total / np.float32(count), count, float(np.sqrt(np.mean(variances))) if variances else spatial
-    )
+    return Reference(total / np.float32(count), count, float(np.sqrt(np.mean(variances))) if variances else spatial)
 
 
 def _roughness(picture: NDArray[np.float32], region: NDArray[np.bool_]) -> float:

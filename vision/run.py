@@ -34,9 +34,7 @@ class Run:
     method : {"icgn", "ecc"}
     """
 
-    def __init__(
-        self, film: FrameSource, bodies: Sequence[Body], templates: list[Template], method: str
-    ) -> None:
+    def __init__(self, film: FrameSource, bodies: Sequence[Body], templates: list[Template], method: str) -> None:
         self.film, self.bodies, self.templates, self.method = film, bodies, templates, method
         self.order = parents_first(bodies)
         # compiled: loaded only when a film is really tracked

@@ -80,9 +80,7 @@ def design_columns(
     dx, dy = cols.astype(float) - centre_px[0], rows.astype(float) - centre_px[1]
     gx, gy = slope_x[rows, cols].astype(float), slope_y[rows, cols].astype(float)
     grey = np.asarray(picture, dtype=float)[rows, cols]
-    columns: NDArray[np.float64] = np.column_stack(
-        [gy * dx - gx * dy, gx, gy, grey - grey.mean(), np.ones_like(grey)]
-    )
+    columns: NDArray[np.float64] = np.column_stack([gy * dx - gx * dy, gx, gy, grey - grey.mean(), np.ones_like(grey)])
     return columns, dx, dy
 
 

@@ -158,9 +158,7 @@ def _times(film: FrameSource, frame_time_s: ArrayLike | None) -> NDArray[np.floa
         return own
     time_s = np.asarray(frame_time_s, dtype=float)
     if time_s.shape != (film.n_frames,):
-        raise InputError(
-            f"{film.path}: {time_s.size} frame times for {film.n_frames} frames; give one per frame"
-        )
+        raise InputError(f"{film.path}: {time_s.size} frame times for {film.n_frames} frames; give one per frame")
     if not np.all(np.isfinite(time_s)) or np.any(np.diff(time_s) <= 0.0):
         raise InputError(f"{film.path}: frame times must be finite and increase from frame to frame")
     return time_s

@@ -103,9 +103,7 @@ def predicted_u_angle(template: Template, noise_grey: float) -> float:
     return float(noise_grey * np.sqrt(variance * (1.0 + 1.0 / template.n_averaged) / efficiency))
 
 
-def cramer_rao_bound(
-    picture: NDArray[Any], mask: NDArray[np.bool_], noise_grey: float
-) -> tuple[float, float, float]:
+def cramer_rao_bound(picture: NDArray[Any], mask: NDArray[np.bool_], noise_grey: float) -> tuple[float, float, float]:
     """Smallest standard deviation of an unbiased estimate of (angle, x, y) from the masked pixels.
 
     The template is taken as known without noise; gain and offset are unknown too (five parameters).

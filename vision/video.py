@@ -100,9 +100,7 @@ class VideoFilm(Film):
         except cv2.error as error:
             raise FilmError(f"{self.path}: cannot be decoded ({error.err})") from None
         if not capture.isOpened():
-            raise FilmError(
-                f"{self.path}: cannot be decoded; the file is damaged or its codec is not known to OpenCV"
-            )
+            raise FilmError(f"{self.path}: cannot be decoded; the file is damaged or its codec is not known to OpenCV")
         return capture
 
     def _countable(self, announced: int) -> int:
@@ -121,9 +119,7 @@ class VideoFilm(Film):
         return announced
 
     def _ended(self, index: int) -> None:
-        raise FilmError(
-            f"{self.path}: frame {index} of {self.n_frames} cannot be decoded; the film is damaged"
-        )
+        raise FilmError(f"{self.path}: frame {index} of {self.n_frames} cannot be decoded; the film is damaged")
 
 
 def _fourcc(capture: cv2.VideoCapture) -> str:

@@ -78,9 +78,7 @@ def write_mraw(
                         pending = flat[even:]
                         file.write(pack12(flat[:even]))
                     else:
-                        file.write(
-                            np.ascontiguousarray(frame, dtype="<u2" if bit_depth == 16 else np.uint8).data
-                        )
+                        file.write(np.ascontiguousarray(frame, dtype="<u2" if bit_depth == 16 else np.uint8).data)
                     n_frames += 1
                 if pending.size:
                     file.write(pack12(np.append(pending, 0).astype(np.uint16))[:2])
@@ -101,9 +99,7 @@ def write_mraw(
             temporary_header.write_bytes(cihx_bytes(header))
             _swap(path, temporary, header_path, temporary_header)
         except OSError as error:
-            raise FilmError(
-                f"{path}: cannot be written ({error.strerror or error}); check folder and disk"
-            ) from None
+            raise FilmError(f"{path}: cannot be written ({error.strerror or error}); check folder and disk") from None
     finally:
         remove(temporary)
         remove(temporary_header)
@@ -131,9 +127,7 @@ def check_frame(
     """Shape of a frame that fits the film so far; raises `FilmError` for any other."""
     if shape is not None and frame.shape != shape:
         raise FilmError(f"{path}: frame {number} has shape {frame.shape}, the first has {shape}")
-    if shape is None and (
-        frame.ndim not in (2, 3) or 0 in frame.shape or frame.shape[2:] not in ((), (3,) * colour)
-    ):
+    if shape is None and (frame.ndim not in (2, 3) or 0 in frame.shape or frame.shape[2:] not in ((), (3,) * colour)):
         raise FilmError(f"{path}: frame {number} has shape {frame.shape}, needs (height, width)")
     if frame.dtype.kind not in "ui":
         raise FilmError(f"{path}: frame {number} is of type {frame.dtype}, needs whole numbers")

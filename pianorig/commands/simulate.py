@@ -22,6 +22,9 @@ def command(
     forces: Annotated[
         bool, typer.Option("--forces", help="Also write normal and friction force of each contact.")
     ] = False,
+    scene: Annotated[
+        str, typer.Option("--scene", help="What takes part: whole, without-string, key, key-whippen, or a TOML file.")
+    ] = "whole",
     method: Annotated[str, typer.Option("--method", help="Integration method.")] = "rodas4p",
     as_json: Annotated[bool, typer.Option("--json", help="Print a JSON summary.")] = False,
 ) -> None:
@@ -41,7 +44,14 @@ def command(
     times, values = model.read_force_table(force)
     outputs = None if output_rate is None else model.output_times(times[0], times[-1], output_rate)
     solution = model.simulate(
-        chosen, times, values, tolerance=tolerance, output_time_s=outputs, contact_forces=forces, method=method
+        chosen,
+        times,
+        values,
+        tolerance=tolerance,
+        output_time_s=outputs,
+        contact_forces=forces,
+        scene=scene,
+        method=method,
     )
     write_columns(
         out,
@@ -51,6 +61,7 @@ def command(
             "changed": ", ".join(f"{k}={v!r}" for k, v in chosen.changed.items()),
             "tolerance_rad": tolerance,
             "method": method,
+            "scene": scene,
             "force_table": str(force),
         },
     )

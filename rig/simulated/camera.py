@@ -113,9 +113,7 @@ def film_trial(
     geometry, settings = geometry or ActionGeometry(), settings or CameraSettings()
     times = np.asarray(frame_time_s, dtype=float)
     if times.ndim != 1 or times.size == 0 or not np.all(np.isfinite(times)) or np.any(np.diff(times) <= 0.0):
-        raise InputError(
-            f"{path}: frame times must be finite and increasing, one per frame; found shape {times.shape}"
-        )
+        raise InputError(f"{path}: frame times must be finite and increasing, one per frame; found shape {times.shape}")
     scene = film_scene(settings, seed)
     shoot = _Shooting(scene, geometry, settings, times, angle_rad_of_time, seed, progress)
     write_mraw(
@@ -151,10 +149,7 @@ class _Shooting:
         self.mean = self.centre.copy()
         # the tip of the longest arm, about 60 mm from its pivot, on top of the whippen's 0.13 m
         reach = self.settings.scale_px_per_m * np.array([0.13, 0.06, 0.06])
-        blur = (
-            np.abs(np.stack([end - start, 2 * (end - self.centre), 2 * (self.centre - start)])).max(axis=0)
-            @ reach
-        )
+        blur = np.abs(np.stack([end - start, 2 * (end - self.centre), 2 * (self.centre - start)])).max(axis=0) @ reach
         self._instants = np.clip(np.ceil(blur / MAX_BLUR_STEP_PX), 1, MAX_INSTANTS).astype(int)
 
     def frames(self) -> Iterator[NDArray[Any]]:
@@ -181,8 +176,7 @@ class _Shooting:
         angles = np.asarray(self.angle_of_time(time_s), dtype=float)
         if angles.shape != (time_s.size, 3) or not np.all(np.isfinite(angles)):
             raise InputError(
-                f"angle_rad_of_time gave shape {angles.shape} for {time_s.size} times; needs finite "
-                f"({time_s.size}, 3)"
+                f"angle_rad_of_time gave shape {angles.shape} for {time_s.size} times; needs finite ({time_s.size}, 3)"
             )
         return angles
 

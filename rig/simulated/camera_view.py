@@ -116,9 +116,7 @@ def film_scene(settings: CameraSettings, seed: int) -> Scene:
         if settings.texture == "speckle":
             texture = speckle(extent, body_seed)
         else:
-            texture = wood_grain(
-                extent, body_seed, direction_rad=grain[name], mean_grey=120.0 + 15.0 * number
-            )
+            texture = wood_grain(extent, body_seed, direction_rad=grain[name], mean_grey=120.0 + 15.0 * number)
         bodies.append(SyntheticBody(name, polygon, texture))
     return Scene(bodies, background(settings.height, settings.width, 1000 * seed + 99))
 
@@ -177,9 +175,7 @@ _OUTLINES_M: dict[str, NDArray[np.float64]] = {
 }  # fmt: skip
 
 
-def poses(
-    geometry: ActionGeometry, settings: CameraSettings, angle_rad: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def poses(geometry: ActionGeometry, settings: CameraSettings, angle_rad: NDArray[np.float64]) -> NDArray[np.float64]:
     """Poses for `Scene.light`, shape (k, 3, 3), from angles (k, 3), in drawing order."""
     whippen = angle_rad[:, 0]
     cosine, sine = np.cos(whippen), np.sin(whippen)

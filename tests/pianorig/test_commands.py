@@ -183,3 +183,11 @@ def test_reading_a_session_needs_neither_nidaqmx_nor_numba() -> None:
     code = "import sys, rig.session; print('nidaqmx' in sys.modules, 'numba' in sys.modules, 'model' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.split() == ["False", "False", "False"]
+
+
+def test_simulate_a_smaller_scene(short_force: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "key.csv"
+    assert run("simulate", "--force", str(short_force), "--scene", "key", "--out", str(out)) == 0
+    assert out.read_text().splitlines()[0] == "time_s,key_rad,key_rad_per_s"
+    assert run("simulate", "--force", str(short_force), "--scene", "upright", "--out", str(out)) == 2
+    assert "scene 'upright': not found; built in: whole" in capsys.readouterr().err

@@ -30,9 +30,7 @@ def test_toml_round_trip(
 ) -> None:
     path = tmp_path_factory.mktemp("bodies") / "b.toml"
     outline = np.vstack([box(0.125, -3.5, 101.0, 77.25), np.array(extra) + 1e4])
-    bodies = [
-        Body(name, outline + i, body_names[i - 1] if i else None, layer) for i, name in enumerate(body_names)
-    ]
+    bodies = [Body(name, outline + i, body_names[i - 1] if i else None, layer) for i, name in enumerate(body_names)]
     save_bodies(path, bodies)
     found = load_bodies(path)
     for a, b in zip(bodies, found, strict=True):

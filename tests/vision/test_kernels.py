@@ -46,9 +46,7 @@ def plain_fit(
 
 
 @pytest.mark.parametrize("texture", ["speckle", "wood"])
-def test_fit_against_plain_numpy(
-    bar_scene: Callable[[str], Scene], pivot: tuple[float, float], texture: str
-) -> None:
+def test_fit_against_plain_numpy(bar_scene: Callable[[str], Scene], pivot: tuple[float, float], texture: str) -> None:
     scene = bar_scene(texture)
     rng = np.random.default_rng(2)
     still = scene.light(np.array([[[0.0, *pivot]]]))
@@ -74,9 +72,7 @@ def test_fit_against_plain_numpy(
     assert stats[6] == pytest.approx(scale, rel=0.02)
 
 
-def test_fit_reports_failure_instead_of_raising(
-    bar_scene: Callable[[str], Scene], pivot: tuple[float, float]
-) -> None:
+def test_fit_reports_failure_instead_of_raising(bar_scene: Callable[[str], Scene], pivot: tuple[float, float]) -> None:
     from vision.frames import ArrayFilm
 
     still = bar_scene("speckle").light(np.array([[[0.0, *pivot]]]))
@@ -137,9 +133,7 @@ def test_drawn_body_is_the_formula() -> None:
     texture = speckle((-30.0, -20.0, 60.0, 20.0), 3)
     from vision.synthetic import SyntheticBody
 
-    scene = Scene(
-        [SyntheticBody("plate", box(-25, -15, 55, 15), texture)], np.zeros((80, 130), dtype=np.float32)
-    )
+    scene = Scene([SyntheticBody("plate", box(-25, -15, 55, 15), texture)], np.zeros((80, 130), dtype=np.float32))
     angle, x0, y0 = 0.31, 48.3, 41.7
     picture = scene.light(np.array([[[angle, x0, y0]]]))
     y, x = np.mgrid[0:80, 0:130].astype(float)
@@ -162,8 +156,7 @@ def test_no_compiled_function_is_called_from_another_file() -> None:
         compiled[path] = {
             node.name
             for node in ast.walk(tree)
-            if isinstance(node, ast.FunctionDef)
-            and any("njit" in ast.unparse(d) for d in node.decorator_list)
+            if isinstance(node, ast.FunctionDef) and any("njit" in ast.unparse(d) for d in node.decorator_list)
         }
         imported[path] = {
             alias.name for node in ast.walk(tree) if isinstance(node, ast.ImportFrom) for alias in node.names

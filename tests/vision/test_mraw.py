@@ -161,9 +161,7 @@ def test_memory_does_not_grow_with_the_film(tmp_path: Path, monkeypatch: pytest.
     assert most - before < 20_000_000
 
 
-@pytest.mark.skipif(
-    not REAL_FILM.exists(), reason="the real Photron film is not shipped (see ../shared/data)"
-)
+@pytest.mark.skipif(not REAL_FILM.exists(), reason="the real Photron film is not shipped (see ../shared/data)")
 def test_real_photron_film() -> None:
     """A film of a FASTCAM Nova S16: geometry and times from its header, pixels against an independent unpacking."""
     with open_film(REAL_FILM) as film:

@@ -37,10 +37,7 @@ def test_outline_is_drawn_on_the_body(tmp_path: Path, tracked: tuple) -> None:
     known, result = tracked
     seen: list[tuple[int, int]] = []
     path = tmp_path / "overlay.avi"
-    assert (
-        write_overlay(path, known.film, known.bodies, result, every=2, progress=lambda *a: seen.append(a))
-        == 22
-    )
+    assert write_overlay(path, known.film, known.bodies, result, every=2, progress=lambda *a: seen.append(a)) == 22
     assert seen[-1] == (22, 22)
     with open_film(path) as film:
         assert (film.n_frames, film.height, film.width) == (22, 150, 210)
@@ -74,9 +71,7 @@ def test_contact_sheet_shows_lost_frames_first(tmp_path: Path, tracked: tuple) -
 def test_refusals(tmp_path: Path, tracked: tuple) -> None:
     known, result = tracked
     with pytest.raises(InputError, match="outlines of other"):
-        write_contact_sheet(
-            tmp_path / "a.png", known.film, [Body("other", known.bodies[0].polygon_px)], result
-        )
+        write_contact_sheet(tmp_path / "a.png", known.film, [Body("other", known.bodies[0].polygon_px)], result)
     with pytest.raises(InputError, match="has 5 frames"):
         write_overlay(tmp_path / "a.avi", ArrayFilm(known.film._frames[:5]), known.bodies, result)
     with pytest.raises(InputError, match="cannot be written"):

@@ -58,9 +58,7 @@ def test_average_and_its_noise() -> None:
     assert reference.n_averaged == 22
     assert reference.noise_grey == pytest.approx(np.hypot(3.0, 1 / np.sqrt(12)), rel=0.03)
     expected = base * gain[:22].mean()
-    assert np.sqrt(np.mean((reference.picture - expected) ** 2)) == pytest.approx(
-        3.01 / np.sqrt(22), rel=0.05
-    )
+    assert np.sqrt(np.mean((reference.picture - expected) ** 2)) == pytest.approx(3.01 / np.sqrt(22), rel=0.05)
 
 
 def test_prediction_follows_constant_acceleration_and_restarts_after_a_gap() -> None:

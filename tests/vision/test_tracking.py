@@ -83,9 +83,7 @@ def test_error_and_stated_uncertainty_over_random_poses(
         limit = 1.7 if engine == "ecc" and texture == "speckle" else 1.15
         assert 0.9 < ratio < limit, f"parameter {k}: RMS is {ratio:.3f} of the Cramer-Rao bound"
         assert 0.90 <= coverage <= 0.99, f"parameter {k}: 95 % interval covers {coverage:.3f}"
-        assert 0.85 <= np.std(z) <= 1.15, (
-            f"parameter {k}: error over stated uncertainty spreads {np.std(z):.3f}"
-        )
+        assert 0.85 <= np.std(z) <= 1.15, f"parameter {k}: error over stated uncertainty spreads {np.std(z):.3f}"
 
 
 @pytest.mark.parametrize("texture", ["speckle", "wood"])
@@ -126,9 +124,7 @@ def test_sign_datum_and_axes() -> None:
     pose = bar_motion(60, (70.0, 80.0), 0.2, still=12)
     pose[:, 0, 0] += 0.1  # the datum is the still frames, not the axes
     frames = np.stack([np.clip(np.rint(scene.light(p[None])), 0, 255).astype(np.uint8) for p in pose])
-    before, after = (
-        np.unravel_index(np.argmax(scene.light(p[None])), (150, 210)) for p in (pose[0], pose[-1])
-    )
+    before, after = (np.unravel_index(np.argmax(scene.light(p[None])), (150, 210)) for p in (pose[0], pose[-1]))
     assert after[0] < before[0] - 5, "the film itself must turn counter-clockwise"
     result = track_film(ArrayFilm(frames, 1000.0), [Body("bar", body.outline(*pose[0, 0]))])
     assert result.angle_rad[0, 0] == pytest.approx(0.0, abs=1e-5)

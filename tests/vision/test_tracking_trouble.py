@@ -166,9 +166,7 @@ def predict_noise(result: object) -> float:
     return float(result.info["noise_grey"])
 
 
-@pytest.mark.skipif(
-    not REAL_FILM.exists(), reason="the real Photron film is not shipped (see ../shared/data)"
-)
+@pytest.mark.skipif(not REAL_FILM.exists(), reason="the real Photron film is not shipped (see ../shared/data)")
 def test_real_film_of_a_falling_ball() -> None:
     """A ball in free flight before a strip at rest: steps of one size, the strip still within its uncertainty."""
     around = np.linspace(0.0, 2.0 * np.pi, 60, endpoint=False)

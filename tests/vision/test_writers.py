@@ -73,9 +73,7 @@ def test_a_film_in_use_keeps_its_header(tmp_path: Path, monkeypatch: pytest.Monk
         (GOOD, 10, "bit depth 10"),
     ],
 )
-def test_frames_that_do_not_fit(
-    tmp_path: Path, frames: NDArray[np.generic], bit_depth: int, words: str
-) -> None:
+def test_frames_that_do_not_fit(tmp_path: Path, frames: NDArray[np.generic], bit_depth: int, words: str) -> None:
     with pytest.raises(FilmError, match=words):
         write_mraw(tmp_path / "film.mraw", frames, 2000.0, bit_depth=bit_depth)
     assert list(tmp_path.iterdir()) == []

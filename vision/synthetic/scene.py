@@ -57,9 +57,7 @@ class SyntheticBody:
             x1, y1 = np.ceil(self.polygon_px.max(axis=0) + margin)
             columns, rows = int((x1 - x0) * OVERSAMPLING) + 1, int((y1 - y0) * OVERSAMPLING) + 1
             grey = self.texture.on_grid(float(x0), float(y0), 1.0 / OVERSAMPLING, rows, columns)
-            distance = (
-                signed_distance((self.polygon_px - (x0, y0)) * OVERSAMPLING, rows, columns) / OVERSAMPLING
-            )
+            distance = signed_distance((self.polygon_px - (x0, y0)) * OVERSAMPLING, rows, columns) / OVERSAMPLING
             self._table["all"] = (
                 coefficients(grey),
                 np.clip(0.5 + distance, 0.0, 1.0).astype(np.float32),

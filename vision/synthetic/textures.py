@@ -155,9 +155,7 @@ def wood_grain(
                 direction_rad + spread * rng.standard_normal(n),
             )
         )
-    x, y, height_all, along_all, across_all, direction = (
-        np.concatenate(part) for part in zip(*parts, strict=True)
-    )
+    x, y, height_all, along_all, across_all, direction = (np.concatenate(part) for part in zip(*parts, strict=True))
     near = (x > x0 - REACH * along_all) & (x < x1 + REACH * along_all)
     near &= (y > y0 - REACH * along_all) & (y < y1 + REACH * along_all)
     return BlobTexture(
