@@ -137,7 +137,7 @@ class Simulation:
         """
         tableau = get_method(self.method)
         kernels = kernels_of(self.scene.tables)
-        local = self.tolerance * min(1.0, (self.tolerance / REFERENCE_TOLERANCE) ** EXTRA)
+        local = tableau.share * self.tolerance * min(1.0, (self.tolerance / REFERENCE_TOLERANCE) ** EXTRA)
         outputs = np.empty(0) if output_time_s is None else np.require(output_time_s, float, ["C", "W"])
         out_q = np.full((len(outputs), self.scene.size), np.nan)
         out_v = np.full((len(outputs), self.scene.size), np.nan)

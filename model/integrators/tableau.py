@@ -34,6 +34,7 @@ class RosenbrockTableau:
     c: NDArray[np.float64]  # (s,) stage times
     d: NDArray[np.float64]  # (s,) weights of the time derivative
     dense: NDArray[np.float64]  # (m, s): h_kj
+    share: float = 1.0  # of the local tolerance: what its error estimate leaves unseen (benchmarks/tolerance.py)
 
     @cached_property
     def flat_a(self) -> NDArray[np.float64]:
