@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 import os
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -62,6 +63,19 @@ def _unit(name: str) -> str:
     return "1"
 
 
+@contextmanager
+def _whole(path: Path) -> Iterator[Path]:
+    """A file beside ``path`` to write to; takes its name when the block ends well, else nothing is left."""
+    part = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        yield part
+        os.replace(part, path)
+    except OSError as problem:
+        raise InputError(f"{path}: cannot be written ({problem})") from None
+    finally:
+        part.unlink(missing_ok=True)
+
+
 def write_columns(
     path: Path, columns: Mapping[str, NDArray[np.float64]], attributes: Mapping[str, Any] | None = None
 ) -> None:
@@ -74,17 +88,11 @@ def write_columns(
     if path.suffix not in (".csv", ".h5"):
         raise InputError(f"{path}: ending found {path.suffix!r}, allowed .csv or .h5")
     check_writable(path)
-    part = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
+    with _whole(path) as part:
         if path.suffix == ".csv":
             _write_csv(part, columns)
         else:
             _write_h5(part, columns, attributes or {})
-        os.replace(part, path)
-    except OSError as problem:
-        raise InputError(f"{path}: cannot be written ({problem})") from None
-    finally:
-        part.unlink(missing_ok=True)
 
 
 def print_json(item: Mapping[str, Any]) -> None:
@@ -111,11 +119,5 @@ def print_verdict(lines: Sequence[str]) -> None:
 def write_table(path: Path, table: pd.DataFrame) -> None:
     """Write a pandas table as CSV, whole or not at all."""
     check_writable(path)
-    part = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
+    with _whole(path) as part:
         table.to_csv(part, index=False)
-        os.replace(part, path)
-    except OSError as problem:
-        raise InputError(f"{path}: cannot be written ({problem})") from None
-    finally:
-        part.unlink(missing_ok=True)

@@ -11,7 +11,7 @@ from . import layout as L
 from . import workspace as W
 
 if TYPE_CHECKING:
-    from .emit import Structure
+    from .structure import Structure
 
 
 def _at(body: int, x: str, y: str) -> tuple[str, str]:

@@ -1,0 +1,45 @@
+"""Structure of a scene as the emitters read it: plain lists, offsets, and which matrix entries can be filled.
+
+In: the integer tables of a scene; no parameter value. Used by ``emit`` and ``emit_contacts``.
+"""
+
+from __future__ import annotations
+
+from . import layout as L
+
+
+class Structure:
+    """Tables of a scene as plain Python, with the offsets of its numbers."""
+
+    def __init__(self, tables: L.Tables) -> None:
+        self.parent = [int(i) for i in tables.parent]
+        self.n = len(self.parent)
+        self.spring = [int(i) for i in tables.spring]
+        self.contact = [tuple(int(k) for k in row) for row in tables.contact]
+        self.chain = [
+            [(int(b), int(s)) for b, s in zip(chain[: row[3]], side[: row[3]], strict=True)]
+            for chain, side, row in zip(tables.chain, tables.side, tables.contact, strict=True)
+        ]
+        self.drive = [tuple(int(k) for k in row) for row in tables.drive]
+        self.probe = [tuple(int(k) for k in row) for row in tables.probe]
+        self.offset = [int(k) for k in tables.offset]
+
+    def children(self, body: int) -> list[int]:
+        """Bodies that hang from ``body``."""
+        return [i for i, w in enumerate(self.parent) if w == body]
+
+    def body(self, i: int, k: int) -> str:
+        """Text of number ``k`` of body ``i``."""
+        return f"p[{L.GLOBALS + L.BODY_SIZE * i + k}]"
+
+    def pattern(self) -> set[tuple[int, int]]:
+        """Entries of K, D and M that can differ from zero."""
+        out = {(i, i) for i in range(self.n)}
+        for i, w in enumerate(self.parent):
+            if w >= 0:
+                out |= {(i, w), (w, i)}
+        for chain in self.chain:
+            out |= {(i, j) for i, _ in chain for j, _ in chain}
+        for a, b in self.probe:
+            out |= {(a, b), (b, a)}
+        return out
