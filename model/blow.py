@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import csv
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,10 +17,13 @@ from .choice import SceneChoice, load_scene
 from .errors import InputError
 from .integrators import DEFAULT_METHOD
 from .parameters import Action
-from .scene import build_scene
+from .scene import Scene, build_scene
 from .simulation import Simulation, State
 from .solution import EnergyAudit, Solution
 from .statics import RestState, solve_rest
+
+if TYPE_CHECKING:
+    from .inside import Inside
 
 LARGEST_FORCE_N = 1000.0
 
@@ -93,6 +97,7 @@ def simulate(
     contact_forces: bool = False,
     initial: RestState | State | None = None,
     energy: bool = False,
+    inside: bool = False,
     scene: SceneChoice | str | Path = "whole",
     method: str = DEFAULT_METHOD,
 ) -> Solution:
@@ -107,6 +112,7 @@ def simulate(
     contact_forces : also compute normal and friction force of each contact
     initial : where to start; by default at rest without force
     energy : also say where the work of the force went (`Solution.energy`)
+    inside : also look inside: contacts, joints, bodies (`Solution.inside`)
     scene : what takes part and what to give out, by name or file (`model.choice`)
     method : integration method, see `model.integrators`
 
@@ -131,12 +137,14 @@ def simulate(
     choice = load_scene(scene)
     contact_forces = contact_forces or "contact_forces" in choice.outputs
     energy = energy or "energy" in choice.outputs
+    inside = inside or "inside" in choice.outputs
     built = build_scene(action, choice=choice)
     if isinstance(initial, State):
         state = initial.copy()
     else:
         angle = solve_rest(built) if initial is None else initial.angle_rad
         state = State(float(times[0]), np.array(angle, dtype=float), np.zeros(built.size))
+    first = state.copy()
     run = Simulation(built, state, tolerance=tolerance, method=method, energy=energy)
     stored = run.stored_energy() if energy else 0.0
     end = float(outputs[-1]) if len(outputs) else float(times[-1])
@@ -155,4 +163,24 @@ def simulate(
         energy=EnergyAudit(float(run.audit[0]), run.stored_energy() - stored, *map(float, run.audit[1:]))
         if energy
         else None,
+        inside=_look_inside(built, first, tolerance, method, times, forces, outputs) if inside else None,
     )
+
+
+def _look_inside(
+    scene: Scene,
+    first: State,
+    tolerance: float,
+    method: str,
+    times: NDArray[np.float64],
+    forces: NDArray[np.float64],
+    outputs: NDArray[np.float64],
+) -> Inside:
+    """Inside view of the run that starts at ``first``; the motion is made again for the times it asks for."""
+    from .inside import observe
+
+    def states(at: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        again = Simulation(scene, first.copy(), tolerance=tolerance, method=method)
+        return again.advance(float(at[-1]) if len(at) else first.time_s, times, forces, output_time_s=at)
+
+    return observe(scene, states, outputs, first.time_s, times, forces)

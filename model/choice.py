@@ -18,7 +18,7 @@ from .errors import InputError
 from .parameters import BODIES, CONTACTS
 
 SPRINGS = ("jack_spring", "repetition_spring")
-OUTPUTS = ("contact_forces", "energy")
+OUTPUTS = ("contact_forces", "energy", "inside")
 
 
 @dataclass(frozen=True)

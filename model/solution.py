@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 if TYPE_CHECKING:
     import pandas as pd
 
+    from .inside import Inside
+
 
 @dataclass(frozen=True)
 class EnergyAudit:
@@ -44,6 +46,7 @@ class Solution:
     counters : steps, rejections, right-hand sides, Jacobians, contact evaluations and skips, time at rest (s)
     tolerance : requested largest error of any angle, rad
     energy : where the work went, or None where it was not asked for
+    inside : what acts at contacts, joints and bodies, or None where it was not asked for
     """
 
     bodies: tuple[str, ...]
@@ -56,6 +59,7 @@ class Solution:
     counters: dict[str, int | float] = field(default_factory=dict)
     tolerance: float = 1e-5
     energy: EnergyAudit | None = None
+    inside: Inside | None = None
 
     def columns(self) -> dict[str, NDArray[np.float64]]:
         """Columns by name, in the order of the command's output file."""
@@ -68,6 +72,8 @@ class Solution:
             for i, name in enumerate(self.contacts):
                 out[f"{name}_normal_n"] = self.contact_normal_n[:, i]
                 out[f"{name}_friction_n"] = self.contact_friction_n[:, i]
+        if self.inside is not None:
+            out |= self.inside.columns()
         return out
 
     def to_table(self) -> pd.DataFrame:

@@ -41,7 +41,12 @@ def _write_csv(path: Path, columns: Mapping[str, NDArray[np.float64]]) -> None:
         file.writelines(",".join(map(repr, row)) + "\n" for row in rows)
 
 
-def _write_h5(path: Path, columns: Mapping[str, NDArray[np.float64]], attributes: Mapping[str, Any]) -> None:
+def _write_h5(
+    path: Path,
+    columns: Mapping[str, NDArray[np.float64]],
+    attributes: Mapping[str, Any],
+    long_names: Mapping[str, str],
+) -> None:
     import h5py
 
     with h5py.File(path, "w") as file:
@@ -50,6 +55,8 @@ def _write_h5(path: Path, columns: Mapping[str, NDArray[np.float64]], attributes
         for name, column in columns.items():
             data = file.create_dataset(name, data=column)
             data.attrs["units"] = _unit(name)
+            if name in long_names:
+                data.attrs["long_name"] = long_names[name]
             if name == "time_s":
                 data.make_scale("time_s")
             else:
@@ -57,10 +64,24 @@ def _write_h5(path: Path, columns: Mapping[str, NDArray[np.float64]], attributes
 
 
 def _unit(name: str) -> str:
-    for ending, unit in (("_rad_per_s", "rad/s"), ("_rad", "rad"), ("_n", "N"), ("_s", "s")):
+    for ending, unit in _UNITS:
         if name.endswith(ending):
             return unit
     return "1"
+
+
+# by the ending of a column's name; a longer ending before the shorter one it ends with
+_UNITS = (
+    ("_rad_per_s2", "rad/s^2"),
+    ("_rad_per_s", "rad/s"),
+    ("_m_per_s2", "m/s^2"),
+    ("_m_per_s", "m/s"),
+    ("_rad", "rad"),
+    ("_m", "m"),
+    ("_n", "N"),
+    ("_j", "J"),
+    ("_s", "s"),
+)
 
 
 @contextmanager
@@ -77,9 +98,14 @@ def _whole(path: Path) -> Iterator[Path]:
 
 
 def write_columns(
-    path: Path, columns: Mapping[str, NDArray[np.float64]], attributes: Mapping[str, Any] | None = None
+    path: Path,
+    columns: Mapping[str, NDArray[np.float64]],
+    attributes: Mapping[str, Any] | None = None,
+    long_names: Mapping[str, str] | None = None,
 ) -> None:
     """Write columns of equal length to ``path`` (.csv, or .h5 with units and a time scale), whole or not at all.
+
+    ``attributes`` of the file and ``long_names`` of columns go into .h5 only.
 
     Raises
     ------
@@ -92,7 +118,7 @@ def write_columns(
         if path.suffix == ".csv":
             _write_csv(part, columns)
         else:
-            _write_h5(part, columns, attributes or {})
+            _write_h5(part, columns, attributes or {}, long_names or {})
 
 
 def print_json(item: Mapping[str, Any]) -> None:

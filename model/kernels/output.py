@@ -3,10 +3,29 @@
 import numpy as np
 
 from .compile import kernel
-from .dynamics import contact_state, probe_state
-from .kinematics import place
-from .laws import felt
-from .layout import POSE_SIZE, PROBE_SIZE
+from .dynamics import acceleration, contact_state, probe_state
+from .kinematics import contact_offset, gap_geometry, place
+from .laws import felt, friction
+from .layout import (
+    A_R,
+    BODY_SIZE,
+    COUNTERS,
+    GLOBALS,
+    JF_A,
+    JF_B1,
+    JF_B2,
+    K_A,
+    K_B,
+    K_C,
+    OMEGA_T,
+    POSE_SIZE,
+    PROBE_SIZE,
+)
+
+# columns of what `observe_along` gives per contact
+SEEN_NORMAL, SEEN_FRICTION, SEEN_DEPTH, SEEN_SLIDE, SEEN_RUBBED, SEEN_FELT = range(6)
+SEEN_NX, SEEN_NY, SEEN_X, SEEN_Y = range(6, 10)
+SEEN_SIZE = 10
 
 
 @kernel
@@ -43,3 +62,43 @@ def penetrations(q, v, p, tables, penetration):
     for c in range(tables.contact.shape[0]):
         _, _, x, _, _ = contact_state(c, v, p, tables, pose)
         penetration[c] = x
+
+
+@kernel
+def observe_along(q, v, u, p, tables, seen, pose, turning, braked):
+    """Everything that a motion shows inside the action, at states (m, n) under inputs (m,).
+
+    Fills ``seen`` (m, c, SEEN_SIZE): normal and friction force, N; penetration, m, negative where open; sliding speed
+    of A over B along t = z x n, m/s, 0 where open; power lost by rubbing and in the felt, W; normal and point of
+    action in the world. ``pose`` (m, n, POSE_SIZE); ``turning`` (m, n) accelerations, rad/s^2; ``braked`` (m, n) power
+    lost in the joints, W.
+    """
+    n = q.shape[1]
+    m_diag = np.zeros(n)
+    m_up = np.zeros(n)
+    f = np.zeros(n)
+    counters = np.zeros(len(COUNTERS), dtype=np.int64)
+    for k in range(q.shape[0]):
+        acceleration(q[k], v[k], u[k], p, tables, pose[k], m_diag, m_up, f, turning[k], counters)
+        for i in range(n):
+            o = GLOBALS + BODY_SIZE * i
+            torque, _ = friction(v[k, i], p[OMEGA_T], p[o + JF_A], p[o + JF_B1], p[o + JF_B2])
+            braked[k, i] = torque * v[k, i]
+        for c in range(tables.contact.shape[0]):
+            o = contact_offset(tables.offset[1], c)
+            fn, ft, x, rate, slide = contact_state(c, v[k], p, tables, pose[k])
+            _, nx, ny, ax, ay, _, _, _ = gap_geometry(
+                pose[k], p, o, tables.contact[c, 0], tables.contact[c, 1], tables.contact[c, 2]
+            )
+            static, _, _ = felt(x, 0.0, p[o + K_A], p[o + K_B], p[o + K_C], 0.0)
+            r = p[o + A_R] - 0.5 * max(x, 0.0)
+            seen[k, c, SEEN_NORMAL] = fn
+            seen[k, c, SEEN_FRICTION] = ft
+            seen[k, c, SEEN_DEPTH] = x
+            seen[k, c, SEEN_SLIDE] = slide if x > 0.0 else 0.0
+            seen[k, c, SEEN_RUBBED] = -ft * slide
+            seen[k, c, SEEN_FELT] = (fn - static) * rate
+            seen[k, c, SEEN_NX] = nx
+            seen[k, c, SEEN_NY] = ny
+            seen[k, c, SEEN_X] = ax - r * nx
+            seen[k, c, SEEN_Y] = ay - r * ny

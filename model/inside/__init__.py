@@ -1,0 +1,10 @@
+"""Inside view of a motion: what acts, slides, loses energy and accelerates at each contact, joint and body.
+
+`observe` computes it (NumPy and the model's kernels only); ``figure`` and ``animation`` draw it and are imported by
+name when something is drawn.
+"""
+
+from .observe import Inside, Observer, observe
+from .rail import Tension, tensions
+
+__all__ = ["Inside", "Observer", "Tension", "observe", "tensions"]

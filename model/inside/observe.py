@@ -1,0 +1,291 @@
+"""What happens at each contact, joint and body along a motion, as arrays over the output times.
+
+A finished run goes in (scene, a way to get its states at any time, force table), an `Inside` comes out. Forces and
+accelerations are functions of the state alone, from the same kernels as the motion; what adds up (sliding,
+dissipation) is integrated on panels that are split until its error is a millionth of the work done. Joint
+reactions follow from Newton's law, from the outer bodies inwards. World frame: x right, y up.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..kernels import layout as L
+from ..kernels import output as O
+from ..panels import integrate_panels, panel_edges
+from ..scene import Scene
+from .rail import Tension, tensions
+
+Array = NDArray[np.float64]
+States = Callable[[Array], tuple[Array, Array]]
+
+GOAL = 1e-6  # error of what adds up, as a share of the work of the force
+LONGEST_PANEL_S = 5e-4
+ROUNDS = 5
+
+CONTACT_WORDS = {
+    "normal_n": "normal force of the second surface on the first",
+    "friction_n": "friction force on the first surface along the normal turned by +90 degrees",
+    "penetration_m": "depth of the felt, negative where the gap is open",
+    "sliding_m_per_s": "speed of the first surface over the second, 0 where the gap is open",
+    "slid_m": "way rubbed since the start",
+    "rubbed_j": "energy lost by friction since the start",
+    "felt_j": "energy lost in the felt since the start",
+}
+BODY_WORDS = {
+    "joint_x_n": "force on it in its joint, to the right",
+    "joint_y_n": "force on it in its joint, upwards",
+    "joint_rubbed_j": "energy lost by friction in its joint since the start",
+    "center_x_m_per_s": "velocity of the centre of mass, to the right",
+    "center_y_m_per_s": "velocity of the centre of mass, upwards",
+    "center_x_m_per_s2": "acceleration of the centre of mass, to the right",
+    "center_y_m_per_s2": "acceleration of the centre of mass, upwards",
+    "from_ground_rad_per_s": "angular speed of the whole body from ground",
+    "from_ground_rad_per_s2": "angular acceleration of the whole body from ground",
+}
+
+
+@dataclass(frozen=True)
+class Inside:
+    """Contacts (c), bodies with their joints (n) and what they do at (m,) times.
+
+    Attributes
+    ----------
+    contacts, bodies : names; the joint of a body carries its name
+    time_s : (m,)
+    normal_n, friction_n : (m, c) force of the second surface on the first, along the normal and along t = z x n
+    penetration_m : (m, c) depth of the felt, negative where the gap is open
+    sliding_m_per_s : (m, c) speed of the first surface over the second along t; 0 where the gap is open
+    slid_m : (m, c) way rubbed since the start, both directions added
+    rubbed_j, felt_j : (m, c) energy lost since the start by friction and in the felt
+    point_m : (m, c, 2) where the force acts
+    joint_n : (m, n, 2) force on a body from what carries it, in its joint
+    joint_j : (m, n) energy lost since the start by friction in the joint
+    center_m_per_s, center_m_per_s2 : (m, n, 2) velocity and acceleration of the centre of mass
+    angle_rad_per_s, angle_rad_per_s2 : (m, n) of the whole body, from ground
+    pose : (m, n, 3) pivot x, y (m) and orientation from ground (rad)
+    largest_normal_n : (c,) of all times that were looked at, whatever rows were wanted
+    dense_time_s, dense_joint_n : (k,), (k, n, 2) the joints' forces at all times that were looked at
+    error_j : bound on the error of the energies
+    """
+
+    contacts: tuple[str, ...]
+    bodies: tuple[str, ...]
+    time_s: Array
+    normal_n: Array
+    friction_n: Array
+    penetration_m: Array
+    sliding_m_per_s: Array
+    slid_m: Array
+    rubbed_j: Array
+    felt_j: Array
+    point_m: Array
+    joint_n: Array
+    joint_j: Array
+    center_m_per_s: Array
+    center_m_per_s2: Array
+    angle_rad_per_s: Array
+    angle_rad_per_s2: Array
+    pose: Array
+    largest_normal_n: Array
+    dense_time_s: Array
+    dense_joint_n: Array
+    error_j: float
+
+    def columns(self) -> dict[str, Array]:
+        """Columns of the output file by name; forces of contacts first."""
+        out: dict[str, Array] = {}
+        for i, name in enumerate(self.contacts):
+            for what, values in (
+                ("normal_n", self.normal_n),
+                ("friction_n", self.friction_n),
+                ("penetration_m", self.penetration_m),
+                ("sliding_m_per_s", self.sliding_m_per_s),
+                ("slid_m", self.slid_m),
+                ("rubbed_j", self.rubbed_j),
+                ("felt_j", self.felt_j),
+            ):
+                out[f"{name}_{what}"] = values[:, i]
+        for i, body in enumerate(self.bodies):
+            out[f"{body}_joint_x_n"], out[f"{body}_joint_y_n"] = self.joint_n[:, i, 0], self.joint_n[:, i, 1]
+            out[f"{body}_joint_rubbed_j"] = self.joint_j[:, i]
+        for i, body in enumerate(self.bodies):
+            for k, axis in enumerate("xy"):
+                out[f"{body}_center_{axis}_m_per_s"] = self.center_m_per_s[:, i, k]
+            for k, axis in enumerate("xy"):
+                out[f"{body}_center_{axis}_m_per_s2"] = self.center_m_per_s2[:, i, k]
+            out[f"{body}_from_ground_rad_per_s"] = self.angle_rad_per_s[:, i]
+            out[f"{body}_from_ground_rad_per_s2"] = self.angle_rad_per_s2[:, i]
+        return out
+
+    def key_tensions(self) -> list[Tension]:
+        """Intervals in which the balance rail would have to pull the key down: predicted lift."""
+        return tensions(self.dense_time_s, self.dense_joint_n[:, self.bodies.index("key"), 1])
+
+    def long_names(self, described: Mapping[str, str]) -> dict[str, str]:
+        """What each column is, in words; ``described`` tells what a contact is."""
+        out: dict[str, str] = {}
+        for name in self.contacts:
+            out |= {f"{name}_{key}": f"{described.get(name, name)}: {words}" for key, words in CONTACT_WORDS.items()}
+        for body in self.bodies:
+            out |= {f"{body}_{key}": f"{body}: {words}" for key, words in BODY_WORDS.items()}
+        return out
+
+
+class Observer:
+    """Looks at states of one scene."""
+
+    def __init__(self, scene: Scene) -> None:
+        self.scene = scene
+        t, p = scene.tables, scene.vector
+        self.parent = [int(w) for w in t.parent]
+        blocks = p[L.GLOBALS : L.GLOBALS + L.BODY_SIZE * scene.size].reshape(scene.size, L.BODY_SIZE)
+        self.mass = blocks[:, L.MASS]
+        self.down = [int(body) for kind, body in t.drive if kind == L.FORCE_DOWN]
+
+    def look(self, q: Array, v: Array, u: Array) -> Look:
+        """Everything at states (m, n) under inputs (m,)."""
+        m, n, c = len(q), self.scene.size, len(self.scene.contacts)
+        seen, pose = np.zeros((m, c, O.SEEN_SIZE)), np.zeros((m, n, L.POSE_SIZE))
+        turning, braked = np.zeros((m, n)), np.zeros((m, n))
+        t, p = self.scene.tables, self.scene.vector
+        q, v, u = (np.require(a, float, ["C", "W"]) for a in (q, v, u))
+        O.observe_along(q, v, u, p, t, seen, pose, turning, braked)
+        probes = np.zeros((m, len(t.probe)))
+        if len(t.probe):
+            O.probe_forces_along(q, v, p, t, probes)
+        return Look(self, pose, turning, seen, braked, u, probes)
+
+
+class Look:
+    """States looked at: motion of the bodies and forces of the joints on demand."""
+
+    def __init__(
+        self, observer: Observer, pose: Array, turning: Array, seen: Array, braked: Array, u: Array, probes: Array
+    ) -> None:
+        self.observer, self.pose, self.seen, self.braked, self.u, self.probes = observer, pose, seen, braked, u, probes
+        m, n = turning.shape
+        self.turning = np.zeros((m, n))  # angular acceleration from ground
+        self.velocity, self.acceleration = np.zeros((m, n, 2)), np.zeros((m, n, 2))
+        pivot_v, pivot_a = np.zeros((m, n, 2)), np.zeros((m, n, 2))
+        pivot, center = pose[:, :, [L.POSE_X, L.POSE_Y]], pose[:, :, [L.POSE_CX, L.POSE_CY]]
+        omega = pose[:, :, L.POSE_OMEGA]
+        for i, w in enumerate(observer.parent):
+            self.turning[:, i] = turning[:, i]
+            if w >= 0:
+                self.turning[:, i] += self.turning[:, w]
+                arm = pivot[:, i] - pivot[:, w]
+                pivot_v[:, i] = pivot_v[:, w] + omega[:, w, None] * _turn(arm)
+                pivot_a[:, i] = pivot_a[:, w] + _carried(arm, omega[:, w], self.turning[:, w])
+            arm = center[:, i] - pivot[:, i]
+            self.velocity[:, i] = pivot_v[:, i] + omega[:, i, None] * _turn(arm)
+            self.acceleration[:, i] = pivot_a[:, i] + _carried(arm, omega[:, i], self.turning[:, i])
+
+    def joints(self) -> Array:
+        """Force (m, n, 2) on each body from what carries it: what Newton's law leaves over when all others are known.
+
+        Friction, springs and damping of a joint are torques; they do not enter here.
+        """
+        observer, tables = self.observer, self.observer.scene.tables
+        force = observer.mass[:, None] * self.acceleration
+        force[:, :, 1] += observer.mass * observer.scene.vector[L.GRAVITY]
+        normal, press = self.seen[:, :, O.SEEN_NX : O.SEEN_NY + 1], self.seen[:, :, O.SEEN_NORMAL, None]
+        push = press * normal + self.seen[:, :, O.SEEN_FRICTION, None] * _turn(normal)
+        for c, (first, second, *_) in enumerate(tables.contact):
+            if first >= 0:
+                force[:, first] -= push[:, c]
+            if second >= 0:
+                force[:, second] += push[:, c]
+        for b, (upper, lower) in enumerate(tables.probe):
+            force[:, upper, 1] -= self.probes[:, b]
+            force[:, lower, 1] += self.probes[:, b]
+        for body in observer.down:
+            force[:, body, 1] += self.u
+        for i in range(len(observer.parent) - 1, -1, -1):  # children come after their parent
+            if observer.parent[i] >= 0:
+                force[:, observer.parent[i]] += force[:, i]
+        return force
+
+
+def _turn(vector: Array) -> Array:
+    """The vectors turned by +90 degrees."""
+    return np.stack([-vector[..., 1], vector[..., 0]], axis=-1)
+
+
+def _carried(arm: Array, omega: Array, alpha: Array) -> Array:
+    """Acceleration of a point at ``arm`` from the pivot of a turning body, beyond the pivot's own."""
+    return alpha[:, None] * _turn(arm) - (omega**2)[:, None] * arm
+
+
+def observe(scene: Scene, states: States, time_s: Array, start: float, input_time_s: Array, value: Array) -> Inside:
+    """Look inside a motion.
+
+    Parameters
+    ----------
+    scene : what took part
+    states : gives angles and speeds, (m, n) each, at increasing times (m,) s from ``start``; called a few times
+    time_s : (m,) times of the rows wanted
+    start : where the run began, s; what adds up counts from here
+    input_time_s, value : (k,) input of the run, linear between its points
+    """
+    observer = Observer(scene)
+    c, n = len(scene.contacts), scene.size
+    dense_time: list[Array] = []
+    dense_joint: list[Array] = []
+    work: list[float] = []
+    largest = np.zeros(c)
+
+    def sample(times: Array) -> tuple[Array, Array]:
+        look = observer.look(*states(times), np.interp(times, input_time_s, value))
+        dense_time.append(times)
+        dense_joint.append(look.joints())
+        s = look.seen
+        np.maximum(largest, s[:, :, O.SEEN_NORMAL].max(axis=0), out=largest)
+        lost = np.concatenate([s[:, :, O.SEEN_RUBBED], s[:, :, O.SEEN_FELT], look.braked], axis=1)
+        if not work:
+            work.append(float(np.trapezoid(np.abs(lost).sum(axis=1), times)))
+        return np.concatenate([lost, np.abs(s[:, :, O.SEEN_SLIDE])], axis=1), np.zeros(len(times))
+
+    end = float(time_s[-1]) if len(time_s) else start
+    totals = np.zeros((len(time_s), 3 * c + n))
+    error = 0.0
+    if end > start:
+        edges = panel_edges(start, end, LONGEST_PANEL_S, np.asarray(time_s), np.asarray(input_time_s))
+        panels = integrate_panels(sample, edges, np.zeros(3 * c + n), lambda: GOAL * work[0] / len(edges), ROUNDS)
+        sums = np.vstack([np.zeros(3 * c + n), np.cumsum(panels.integral, axis=0)])
+        totals = sums[np.searchsorted(panels.end_s, time_s, side="right")]
+        error = float(panels.doubt.sum())
+    q, v = states(time_s)
+    look = observer.look(q, v, np.interp(time_s, input_time_s, value))
+    s, joints = look.seen, look.joints()
+    dense_time.append(time_s)
+    dense_joint.append(joints)
+    dense, first = np.unique(np.concatenate(dense_time), return_index=True)
+    return Inside(
+        contacts=scene.contacts,
+        bodies=scene.bodies,
+        time_s=time_s,
+        normal_n=s[:, :, O.SEEN_NORMAL],
+        friction_n=s[:, :, O.SEEN_FRICTION],
+        penetration_m=s[:, :, O.SEEN_DEPTH],
+        sliding_m_per_s=s[:, :, O.SEEN_SLIDE],
+        slid_m=totals[:, 2 * c + n :],
+        rubbed_j=totals[:, :c],
+        felt_j=totals[:, c : 2 * c],
+        point_m=s[:, :, O.SEEN_X : O.SEEN_Y + 1],
+        joint_n=joints,
+        joint_j=totals[:, 2 * c : 2 * c + n],
+        center_m_per_s=look.velocity,
+        center_m_per_s2=look.acceleration,
+        angle_rad_per_s=look.pose[:, :, L.POSE_OMEGA],
+        angle_rad_per_s2=look.turning,
+        pose=look.pose[:, :, [L.POSE_X, L.POSE_Y, L.POSE_PHI]],
+        largest_normal_n=np.maximum(largest, s[:, :, O.SEEN_NORMAL].max(axis=0, initial=0.0)),
+        dense_time_s=dense,
+        dense_joint_n=np.concatenate(dense_joint)[first],
+        error_j=error,
+    )

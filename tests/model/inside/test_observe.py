@@ -1,0 +1,213 @@
+"""The inside view against the twin, finite differences, Newton's law, the energy audit and a pendulum."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import model
+from model.inside import Observer, tensions
+from model.twin import Twin
+from tests.model.conftest import random_states, read_table
+
+FREE = {f"contact{i:02d}": 0.0 for i in range(1, 14)} | {f"{b}_spring": 0.0 for b in ("jack", "repetition")}
+
+
+@pytest.fixture(scope="module")
+def forte(action: model.Action) -> model.Solution:
+    table = read_table("forte_force.csv")
+    return model.simulate(action, table[:, 0], table[:, 1], energy=True, inside=True, tolerance=1e-7)
+
+
+def center(twin: Twin, q: np.ndarray, body: str) -> np.ndarray:
+    twin._place(q, np.zeros(5))
+    return twin._point(body, f"{body}.center_of_mass")
+
+
+def newton(twin: Twin, q: np.ndarray, v: np.ndarray, force: float, acceleration: dict) -> dict[str, np.ndarray]:
+    """Joint forces by Newton's law on each body, from accelerations (2,) of its centre of mass and the twin's forces."""
+    twin._place(q, v)
+    rest = {b: twin.action[f"{b}.mass"] * (acceleration[b] + [0.0, twin.action["gravity.g"]]) for b in model.BODIES}
+    rest["key"] = rest["key"] + [0.0, force]
+    for name in twin.contacts:
+        normal, tangential, _ = twin.contact(name, v)
+        _, n, _, first, second = twin.gap(name)
+        push = normal * n + tangential * np.array([-n[1], n[0]])
+        for body, sign in ((first, -1.0), (second, 1.0)):
+            if body != "ground":
+                rest[body] = rest[body] + sign * push
+    for child in ("jack", "repetition"):
+        rest["whippen"] = rest["whippen"] + rest[child]
+    return rest
+
+
+def test_motion_and_joint_forces_of_single_states(action: model.Action, twin: Twin) -> None:
+    observer = Observer(model.build_scene(action))
+    for q, v, force in random_states(40, 21):
+        a = twin.acceleration(q, v, force)
+        step = min(1e-4 / np.sqrt(np.abs(a).max()), 1e-4 / np.abs(v).max())  # little bent, well above rounding
+        look = observer.look(q[None], v[None], np.array([force]))
+        late, early = (q + s * v + 0.5 * s * s * a for s in (step, -step))
+        found = look.joints()[0]
+        differences = {}
+        for i, body in enumerate(model.BODIES):
+            after, at, before = (center(twin, angles, body) for angles in (late, q, early))
+            speed, differences[body] = (after - before) / (2 * step), (after - 2 * at + before) / step**2
+            np.testing.assert_allclose(look.velocity[0, i], speed, rtol=1e-5, atol=1e-6)
+            size = np.abs(differences[body]).max()
+            np.testing.assert_allclose(
+                look.acceleration[0, i], differences[body], rtol=0, atol=1e-5 * size + 1e-7 * np.abs(a).max()
+            )
+        wanted = newton(twin, q, v, force, differences)
+        size = max(float(np.abs(f).max()) for f in wanted.values())
+        np.testing.assert_allclose(found, np.array([wanted[b] for b in model.BODIES]), rtol=0, atol=1e-4 * size)
+        turning = a + np.array([0.0, 0.0, a[1], a[1], 0.0])
+        np.testing.assert_allclose(look.turning[0], turning, rtol=1e-9, atol=1e-9 * np.abs(a).max())
+
+
+def test_sliding_speed_is_that_of_the_material_points(action: model.Action, twin: Twin) -> None:
+    """Two points painted on the surfaces where they touch; how far they move apart along them in a short time."""
+    scene = model.build_scene(action)
+    observer = Observer(scene)
+    step, seen = 1e-7, set()
+    for q, v, _ in random_states(60, 22):
+        look = observer.look(q[None], v[None], np.zeros(1)).seen[0]
+        for c, name in enumerate(scene.contacts):
+            twin._place(q, v)
+            depth, n, middle, first, second = twin.gap(name)
+            assert look[c, 2] == pytest.approx(depth, abs=1e-15)
+            if depth <= 0.0:
+                assert look[c, 3] == 0.0 and look[c, 0] == 0.0
+                continue
+            point = middle - (action[f"{name}.first.radius"] - depth / 2) * n
+            np.testing.assert_allclose(look[c, 8:10], point, atol=1e-14)
+            local = {}
+            for body in (first, second):
+                turn, away = twin.angle[body], point - twin.pivot[body]
+                local[body] = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]]) @ away
+            apart = []
+            for s in (step, -step):
+                twin._place(q + s * v, v)
+                at = []
+                for body in (first, second):
+                    turn = twin.angle[body]
+                    spin = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
+                    at.append(twin.pivot[body] + spin @ local[body])
+                apart.append(at[0] - at[1])
+            speed = (apart[0] - apart[1]) @ np.array([-n[1], n[0]]) / (2 * step)
+            assert look[c, 3] == pytest.approx(speed, rel=1e-6, abs=1e-8)
+            seen.add(name)
+    assert len(seen) >= 10, sorted(seen)
+
+
+def test_what_contacts_and_joints_lose_is_the_audits(forte: model.Solution) -> None:
+    """The audit is integrated with the motion, step by step, by another kernel."""
+    inside, energy = forte.inside, forte.energy
+    assert inside is not None and energy is not None
+    allowed = inside.error_j + abs(energy.residual) + 1e-8 * energy.work_in
+    assert abs(inside.rubbed_j[-1].sum() - energy.lost_in_contact_friction) < allowed
+    assert abs(inside.felt_j[-1].sum() - energy.lost_in_felt) < allowed
+    assert abs(inside.joint_j[-1].sum() - energy.lost_in_joint_friction) < allowed
+    for grows in (inside.rubbed_j, inside.felt_j, inside.joint_j, inside.slid_m):
+        assert np.all(grows[0] == 0.0) and np.all(np.diff(grows, axis=0) >= -1e-9)
+    assert inside.slid_m[-1, 3] > 1e-4 and inside.rubbed_j[-1, 1] == 0.0  # back check rubs; key front has no friction
+
+
+def test_rows_do_not_change_what_adds_up(action: model.Action, forte: model.Solution) -> None:
+    table = read_table("forte_force.csv")
+    coarse = model.simulate(
+        action, table[:, 0], table[:, 1], output_time_s=np.array([0.1, 0.3]), inside=True, tolerance=1e-7
+    ).inside
+    assert coarse is not None and forte.inside is not None
+    rows = np.searchsorted(forte.time_s, [0.1, 0.3])
+    np.testing.assert_allclose(coarse.rubbed_j, forte.inside.rubbed_j[rows], atol=2e-8)
+    np.testing.assert_allclose(coarse.slid_m, forte.inside.slid_m[rows], atol=2e-8)
+    np.testing.assert_allclose(coarse.largest_normal_n[11], forte.inside.largest_normal_n[11], rtol=1e-3)
+    assert forte.inside.largest_normal_n[11] > 50.0 > coarse.normal_n[:, 11].max()
+    np.testing.assert_allclose(coarse.joint_n, forte.inside.joint_n[rows], atol=1e-9)
+
+
+def test_impulses_of_a_whole_blow(action: model.Action, twin: Twin, forte: model.Solution) -> None:
+    """What the key's joint gave in all, from the change of the key's momentum and every other impulse."""
+    inside = forte.inside
+    assert inside is not None
+    table = read_table("forte_force.csv")
+    times = inside.dense_time_s
+    until = 0.13  # strike and key bottom; later the key is still
+    times = times[times <= until]
+    start = model.rest_state(action).angle_rad
+    scene = model.build_scene(action)
+    run = model.Simulation(scene, model.State(0.0, start, np.zeros(5)), tolerance=1e-7)
+    q, v = run.advance(until, table[:, 0], table[:, 1], output_time_s=times)
+    others = np.zeros((len(times), 2))
+    for k in range(len(times)):
+        twin._place(q[k], v[k])
+        for name in ("contact01", "contact02", "contact03", "contact04"):
+            normal, tangential, _ = twin.contact(name, v[k])
+            _, n, _, first, _ = twin.gap(name)
+            push = normal * n + tangential * np.array([-n[1], n[0]])
+            others[k] += push if first == "key" else -push
+    others[:, 1] -= np.interp(times, table[:, 0], table[:, 1]) + action["key.mass"] * action["gravity.g"]
+    step = 1e-7
+    ends = [(center(twin, q[k] + step * v[k], "key") - center(twin, q[k], "key")) / step for k in (0, -1)]
+    wanted = action["key.mass"] * (ends[1] - ends[0]) - np.trapezoid(others, times, axis=0)
+    found = np.trapezoid(inside.dense_joint_n[: len(times), 0], times, axis=0)
+    np.testing.assert_allclose(found, wanted, atol=2e-5 * np.abs(others).max() * until)
+
+
+def test_a_pendulum_let_go_level(action: model.Action) -> None:
+    """Its pin bears m g I_c / (I_c + m l^2) at first, and turns the rest into speed."""
+    free = action.with_values(FREE | {"hammer.joint_friction": 0})
+    m, inertia, g = (free[p] for p in ("hammer.mass", "hammer.inertia", "gravity.g"))
+    x, y = free["hammer.center_of_mass.x"], free["hammer.center_of_mass.y"]
+    q = np.zeros((1, 5))
+    q[0, 4] = np.pi - np.arctan2(y, x)
+    look = Observer(model.build_scene(free)).look(q, np.zeros((1, 5)), np.zeros(1))
+    lever2 = m * (x * x + y * y)
+    np.testing.assert_allclose(look.joints()[0, 4], [0.0, m * g * inertia / (inertia + lever2)], atol=1e-15)
+    assert look.acceleration[0, 4, 1] == pytest.approx(-g * lever2 / (inertia + lever2))
+
+
+def test_a_still_action_bears_its_weight(action: model.Action) -> None:
+    rest = model.rest_state(action)
+    look = Observer(model.build_scene(action)).look(rest.angle_rad[None], np.zeros((1, 5)), np.zeros(1))
+    joints = look.joints()[0]
+    weight = sum(action[f"{b}.mass"] for b in model.BODIES) * action["gravity.g"]
+    ground = {name: f for name, f in zip(rest.contacts, rest.contact_normal_n, strict=True)}
+    carried = joints[[0, 1, 4], 1].sum()
+    up = ground["contact03"] * 0.999 / np.hypot(0.041, 0.999)  # key back, nearly upright; turned by the key's angle
+    assert carried == pytest.approx(weight - up - ground["contact13"], abs=2e-2)
+    assert np.abs(look.acceleration).max() < 1e-9
+
+
+def test_tensions_of_a_sine() -> None:
+    time = np.linspace(0.0, 2.0, 2001)
+    found = tensions(time, 3.0 * np.sin(2 * np.pi * time))
+    assert len(found) == 2
+    for one, start in zip(found, (0.5, 1.5), strict=True):
+        assert (one.start_s, one.end_s) == (pytest.approx(start, abs=1e-6), pytest.approx(start + 0.5, abs=1e-6))
+        assert one.largest_n == pytest.approx(3.0) and one.largest_at_s == pytest.approx(start + 0.25)
+        assert one.impulse_ns == pytest.approx(3.0 / np.pi, rel=1e-5)
+    assert tensions(time, np.ones_like(time)) == []
+    (all_of_it,) = tensions(time, -np.ones_like(time))
+    assert (all_of_it.start_s, all_of_it.end_s, all_of_it.impulse_ns) == (0.0, 2.0, pytest.approx(2.0))
+
+
+def test_the_key_lifts_when_it_hits_the_bottom(forte: model.Solution) -> None:
+    """Seen in the thesis's film (3.2.2): first when the key front hits, later when the key comes back."""
+    inside = forte.inside
+    assert inside is not None
+    found = tensions(inside.dense_time_s, inside.dense_joint_n[:, 0, 1])
+    bottom = forte.time_s[np.argmax(inside.normal_n[:, 1])]
+    assert found[0].start_s - 5e-4 < bottom < found[0].end_s + 5e-4
+    assert found[-1].start_s > 0.39
+
+
+def test_a_smaller_scene_and_one_that_never_moves(action: model.Action) -> None:
+    still = model.simulate(action, [0.0, 0.01], [0.0, 0.0], inside=True, scene="key").inside
+    assert still is not None and still.bodies == ("key",)
+    assert set(still.contacts) == {"contact02", "contact03"}
+    columns = still.columns()
+    assert "key_joint_y_n" in columns and "hammer_joint_y_n" not in columns
+    assert np.all(columns["key_joint_rubbed_j"] < 1e-12)
+    assert model.simulate(action, [0.0, 0.01], [0.0, 0.0]).inside is None

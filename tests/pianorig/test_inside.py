@@ -1,0 +1,69 @@
+"""``simulate --inside``: columns, units, sums and the key's lift, as a user meets them."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.pianorig.test_commands import DATA, run
+
+FORTE = str(DATA / "forte_force.csv")
+
+
+def test_inside_as_columns(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "inside.csv"
+    assert run("simulate", "--force", FORTE, "--inside", "--output-rate", "1000", "--out", str(out), "--json") == 0
+    facts = json.loads(capsys.readouterr().out)
+    header = out.read_text().splitlines()[0].split(",")
+    rows = dict(zip(header, np.loadtxt(out, delimiter=",", skiprows=1).T, strict=True))
+    assert len(header) == len(set(header)) == 1 + 10 + 13 * 7 + 5 * 3 + 5 * 6
+    for name in ("contact04_slid_m", "contact12_felt_j", "key_joint_y_n", "hammer_center_y_m_per_s2"):
+        assert np.ptp(rows[name]) > 0.0, name
+    by_name = {c["contact"]: c for c in facts["contacts"]}
+    assert by_name["contact04"]["rubbed_j"] == rows["contact04_rubbed_j"][-1]
+    # the string is met for a millisecond, between the rows of the file
+    assert by_name["contact12"]["largest_normal_n"] > rows["contact12_normal_n"].max()
+    np.testing.assert_allclose(
+        rows["jack_from_ground_rad_per_s"], rows["jack_rad_per_s"] + rows["whippen_rad_per_s"], atol=1e-12
+    )
+    first = facts["key_would_lift"][0]
+    assert first["start_s"] < first["largest_at_s"] < first["end_s"] and first["largest_n"] > 10.0
+
+
+def test_inside_as_hdf5_opens_in_xarray(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    import xarray
+
+    out = tmp_path / "inside.h5"
+    assert run("simulate", "--force", FORTE, "--inside", "--output-rate", "500", "--out", str(out)) == 0
+    text = capsys.readouterr().out
+    assert "back check" in text and "key would lift from its balance rail 0.109" in text
+    with xarray.open_dataset(out, engine="h5netcdf") as data:
+        units = {
+            "contact01_normal_n": "N",
+            "contact07_sliding_m_per_s": "m/s",
+            "contact04_rubbed_j": "J",
+            "contact12_penetration_m": "m",
+            "whippen_joint_x_n": "N",
+            "jack_center_x_m_per_s2": "m/s^2",
+            "repetition_from_ground_rad_per_s2": "rad/s^2",
+        }
+        for name, unit in units.items():
+            assert data[name].attrs["units"] == unit and data[name].dims == ("time_s",), name
+        assert data["contact04_rubbed_j"].attrs["long_name"] == "back check: energy lost by friction since the start"
+        assert data["time_s"].attrs["units"] == "s"
+
+
+def test_nothing_is_looked_at_unless_asked(monkeypatch: pytest.MonkeyPatch) -> None:
+    import model.inside
+
+    def refuse(*_: object) -> None:
+        raise AssertionError("looked inside")
+
+    monkeypatch.setattr(model.inside, "observe", refuse)
+    solution = model.simulate(model.load_action(), [0.0, 0.01], [0.0, 1.0])
+    assert solution.inside is None
+    with pytest.raises(AssertionError, match="looked inside"):
+        model.simulate(model.load_action(), [0.0, 0.01], [0.0, 1.0], inside=True)
