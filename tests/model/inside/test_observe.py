@@ -25,7 +25,7 @@ def center(twin: Twin, q: np.ndarray, body: str) -> np.ndarray:
 
 
 def newton(twin: Twin, q: np.ndarray, v: np.ndarray, force: float, acceleration: dict) -> dict[str, np.ndarray]:
-    """Joint forces by Newton's law on each body, from accelerations (2,) of its centre of mass and the twin's forces."""
+    """Joint forces by Newton's law on each body, from accelerations (2,) of centres and the twin's forces."""
     twin._place(q, v)
     rest = {b: twin.action[f"{b}.mass"] * (acceleration[b] + [0.0, twin.action["gravity.g"]]) for b in model.BODIES}
     rest["key"] = rest["key"] + [0.0, force]
