@@ -3,7 +3,8 @@
 Turns an `Action` (numbers by path) into what kernels read: integer tables of structure and one float64
 vector. What a scene leaves out is not in its tables and costs nothing: a contact without stiffness, a spring
 without torque. The motor arm of the bench is one more body with its own spring, drive and one-sided
-contact with the key; with it the input is the motor's torque, without it the force on the key.
+contact with the key; with it the input is the motor's torque, without it the force on the key. Where the motion of
+the key is prescribed the key is no unknown: the others are solved for, and the input is the time.
 """
 
 from __future__ import annotations
@@ -15,7 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .choice import SceneChoice
+from .errors import InputError
 from .kernels import layout as L
+from .kernels.structure import solved_contacts
+from .motion import KeyMotion
 from .parameters import CONTACTS, Action
 
 # where the printed action rests, to two digits: the solver needs only a start on the right side of each contact
@@ -45,18 +49,26 @@ class MotorArm:
 
 @dataclass(frozen=True)
 class Scene:
-    """Structure (``tables``) and numbers (``vector``) of one run; ``bodies`` names the coordinates in order."""
+    """Structure (``tables``) and numbers (``vector``) of one run.
+
+    ``bodies`` names the coordinates in order; the first ``size`` are solved for, the rest follow a prescribed motion.
+    """
 
     bodies: tuple[str, ...]
     contacts: tuple[str, ...]
     tables: L.Tables
     vector: NDArray[np.float64]
-    start: NDArray[np.float64]  # (n,) rad, where the search for the rest state begins
+    start: NDArray[np.float64]  # (size,) rad, where the search for the rest state begins
 
     @property
     def size(self) -> int:
-        """Number of coordinates."""
-        return len(self.bodies)
+        """Number of coordinates that are solved for."""
+        return len(self.bodies) - int(self.tables.prescribed.sum())
+
+    @property
+    def solved_contacts(self) -> int:
+        """Number of contacts that can push one of them; the others are computed with the outputs only."""
+        return len(solved_contacts(self.tables))
 
 
 def _surface(action: Action, path: str) -> list[float]:
@@ -120,13 +132,24 @@ def _index(bodies: list[str], name: str) -> int:
     return bodies.index(name) if name in bodies else -1
 
 
-def build_scene(action: Action, motor_arm: MotorArm | None = None, choice: SceneChoice | None = None) -> Scene:
+def build_scene(
+    action: Action,
+    motor_arm: MotorArm | None = None,
+    choice: SceneChoice | None = None,
+    key_motion: KeyMotion | None = None,
+) -> Scene:
     """Scene of the whole action or of what ``choice`` leaves of it.
 
-    Driven by a force on the key, or by the motor when an arm is given.
+    Driven by a force on the key, by the motor when an arm is given, or by the motion of the key.
     """
     choice = SceneChoice() if choice is None else choice
+    if key_motion is not None and motor_arm is not None:
+        raise InputError("scene: found a motor arm and a prescribed key, allowed one of them")
     bodies = list(choice.bodies)
+    if key_motion is not None:
+        if len(bodies) == 1:
+            raise InputError("scene: found nothing but the prescribed key, allowed scenes with another body")
+        bodies = [b for b in bodies if b != "key"] + ["key"]  # carries no other body, so it may come last
     parent = [_index(bodies, action.structure[f"{b}.parent"]) for b in bodies]
     vector: list[float] = [action["gravity.g"], action["friction_threshold.v_t"], action["friction_threshold.omega_t"]]
     for b in bodies:
@@ -183,11 +206,16 @@ def build_scene(action: Action, motor_arm: MotorArm | None = None, choice: Scene
         drives = [[L.JOINT_TORQUE, n - 1]]
         vector += [0.0, 0.0]
     offsets.append(len(vector))
+    prescribed = np.zeros(n, dtype=np.int64)
     probes: list[list[int]] = []
     if motor_arm is not None:
         probes = [[n - 1, key]]
         m = motor_arm
         vector += [-m.length, 0.0, px, py, m.contact_a, m.contact_b, m.contact_c, m.contact_damping]
+    offsets.append(len(vector))
+    if key_motion is not None:
+        prescribed[key] = 1
+        vector += key_motion.packed()
     ancestor = np.zeros((n, n), dtype=np.int64)
     for i, w in enumerate(parent):
         if w >= 0:
@@ -206,5 +234,7 @@ def build_scene(action: Action, motor_arm: MotorArm | None = None, choice: Scene
         drive=table(drives, 2),
         probe=table(probes, 2),
         offset=np.array(offsets, dtype=np.int64),
+        prescribed=prescribed,
     )
-    return Scene(tuple(bodies), tuple(names), tables, np.array(vector), np.array(start))
+    free = n - int(prescribed.sum())
+    return Scene(tuple(bodies), tuple(names), tables, np.array(vector), np.array(start[:free]))

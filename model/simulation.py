@@ -153,8 +153,8 @@ class Simulation:
         q, v = self.state.angle_rad.copy(), self.state.speed_rad_per_s.copy()
         time, step, status = integrate(
             self.state.time_s, float(until), self.state.step_s, q, v, times, values, held,
-            outputs, out_q, out_v, self.scene.vector, self.scene.tables.parent,
-            *kernels, len(self.scene.contacts),
+            outputs, out_q, out_v, self.scene.vector, self.scene.tables.parent[: self.scene.size],
+            *kernels, self.scene.solved_contacts,
             tableau.flat_a, tableau.flat_c, tableau.b, tableau.c, tableau.d, tableau.dense, tableau.gamma,
             ANGLE_SHARE * local, min(SPEED_SHARE * local, self._creep()), 1.0 / (tableau.embedded_order + 1),
             REST_SHARE * self.tolerance, self.largest_step_s, most, self.counters, self.times,

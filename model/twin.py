@@ -140,3 +140,11 @@ class Twin:
         """Joint accelerations (5,), rad/s^2, at angles ``q`` and speeds ``v``."""
         f, mass = self.forces_and_mass(q, v, force_n)
         return np.asarray(np.linalg.solve(mass, f))
+
+    def held_key(self, q: Vector, v: Vector, key_acceleration: float) -> tuple[Vector, float]:
+        """Accelerations of the other bodies (4,) while the key's is prescribed, and the force that takes, N."""
+        f, mass = self.forces_and_mass(q, v, 0.0)
+        others = np.linalg.solve(mass[1:, 1:], f[1:] - mass[1:, 0] * key_acceleration)
+        missing = mass[0] @ np.append(key_acceleration, others) - f[0]
+        down = self._point_jacobian("key", self._point("key", "drive.point")).T @ np.array([0.0, -1.0])
+        return np.asarray(others, dtype=float), float(missing / down[0])

@@ -129,7 +129,7 @@ def integrate(
         ok = prepare(w, gh) == 1
         if ok:
             # contacts are left out only while every stage stays within these allowances: the answer is the same
-            for i in range(n):
+            for i in range(WIDTH):  # prescribed coordinates too
                 w[ALLOWANCE + i] = 1.5 * step * abs(w[V + i]) + step * step * abs(w[ACC + i]) + 1e-7
             mask = skip(w, p)
             looked_at = n_contacts

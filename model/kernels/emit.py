@@ -11,13 +11,14 @@ from __future__ import annotations
 
 from . import layout as L
 from . import workspace as W
-from .emit_contacts import contact_energy, contact_forces, contact_linearised, probe, probe_energy, sliding_rate
+from .emit_contacts import contact_forces, contact_linearised, probe, sliding_rate
 from .structure import Structure
 
 _HEAD = '''"""Generated from the structure of a scene by model.kernels.emit; do not edit."""
 
 from model.kernels.compile import generated
 from model.kernels.laws import felt, friction
+from model.kernels.motion import motion_at, piece_at
 from model.kernels.signatures import ENERGY, LINEARISE, PREPARE, SKIP, STAGE
 from model.kernels.terms import (
     circle_gap, circle_room, contact_force, contact_laws, cosine_sine, felt_energy, hybrid_gap, hybrid_room,
@@ -26,7 +27,8 @@ from model.kernels.terms import (
 '''
 
 
-def _pose(s: Structure) -> list[str]:
+def pose(s: Structure) -> list[str]:
+    """Pivot, rotation, turning speed and centre of mass of each body."""
     out = []
     for i, w in enumerate(s.parent):
         px, py = s.body(i, L.PIVOT_X), s.body(i, L.PIVOT_Y)
@@ -41,9 +43,10 @@ def _pose(s: Structure) -> list[str]:
     return out
 
 
-def _mass(s: Structure) -> list[str]:
+def mass(s: Structure) -> list[str]:
+    """Diagonal and child-parent entries of the mass matrix of what is solved for."""
     out = []
-    for i in range(s.n):
+    for i in range(s.free):
         out.append(f"md{i} = {s.body(i, L.INERTIA)} + {s.body(i, L.MASS)} * (rx{i} * rx{i} + ry{i} * ry{i})")
     for i, w in enumerate(s.parent):
         if w >= 0:
@@ -58,7 +61,7 @@ def _solve_mass(s: Structure) -> list[str]:
     for i, w in enumerate(s.parent):
         if w >= 0:
             out += [f"i{i} = 1.0 / md{i}", f"z{i} = mu{i} * i{i}"]
-    for w in (i for i, up in enumerate(s.parent) if up < 0):
+    for w in (i for i, up in enumerate(s.parent[: s.free]) if up < 0):
         top = " ".join([f"f{w}", *(f"- z{i} * f{i}" for i in s.children(w))])
         bottom = " ".join([f"md{w}", *(f"- z{i} * mu{i}" for i in s.children(w))])
         out.append(f"a{w} = ({top}) / ({bottom})")
@@ -70,7 +73,7 @@ def _solve_mass(s: Structure) -> list[str]:
 
 def _forces(s: Structure, slopes: bool) -> list[str]:
     out = [f"g = p[{L.GRAVITY}]"]
-    for i in range(s.n):
+    for i in range(s.free):
         law = ", ".join(s.body(i, k) for k in (L.JF_A, L.JF_B1, L.JF_B2))
         out.append(f"torque, {f'e{i}' if slopes else '_'} = friction(v{i}, p[{L.OMEGA_T}], {law})")
         out.append(f"f{i} = -torque - {s.body(i, L.MASS)} * g * rx{i}")
@@ -87,6 +90,8 @@ def _forces(s: Structure, slopes: bool) -> list[str]:
         out.append(f"f{i} += p[{o + L.SPRING_T0}] - p[{o + L.SPRING_K}] * (q{i} - p[{o + L.SPRING_Q0}])")
     for k, (kind, i) in enumerate(s.drive):
         o = s.offset[2] + L.DRIVE_SIZE * k
+        if i >= s.free:
+            continue
         if kind == L.FORCE_DOWN:
             out.append(f"f{i} -= u * (c{i} * p[{o + L.DRIVE_X}] - s{i} * p[{o + L.DRIVE_Y}])")
         else:
@@ -96,8 +101,8 @@ def _forces(s: Structure, slopes: bool) -> list[str]:
 
 def _derivatives(s: Structure) -> list[str]:
     """K, D and df/du of everything but contacts, after the accelerations are known."""
-    out = [f"u{i} = 0.0" for i in range(s.n)] + [f"moving = 1.0 - w[{W.STATIC}]"]
-    for i, w in enumerate(s.parent):
+    out = [f"u{i} = 0.0" for i in range(s.free)] + [f"moving = 1.0 - w[{W.STATIC}]"]
+    for i, w in enumerate(s.parent[: s.free]):
         m = s.body(i, L.MASS)
         out += [f"d{i}_{i} -= e{i}", f"k{i}_{i} += {m} * g * ry{i}"]
         if w >= 0:
@@ -115,28 +120,44 @@ def _derivatives(s: Structure) -> list[str]:
         out.append(f"k{i}_{i} -= p[{s.offset[0] + L.SPRING_SIZE * k + L.SPRING_K}]")
     for k, (kind, i) in enumerate(s.drive):
         o = s.offset[2] + L.DRIVE_SIZE * k
+        if i >= s.free:
+            continue
         if kind == L.FORCE_DOWN:
             x, y = f"p[{o + L.DRIVE_X}]", f"p[{o + L.DRIVE_Y}]"
             out += [f"u{i} -= c{i} * {x} - s{i} * {y}", f"k{i}_{i} += u * (s{i} * {x} + c{i} * {y})"]
         else:
             out.append(f"u{i} += 1.0")
+    # where the key is prescribed the input is the time: df/dt comes through the motion of the key
+    out += [f"u{i} += k{i}_{j} * v{j} + d{i}_{j} * a{j}" for i, j in sorted(s.pattern() - s.square())]
+    return out
+
+
+def _prescribed(s: Structure, derivatives: bool) -> list[str]:
+    """Angle, speed and acceleration of prescribed coordinates at the time ``u``; still in statics."""
+    out = []
+    for i in range(s.free, s.n):
+        o = s.offset[4]
+        out += [f"piece = piece_at(p, {o}, u, int(w[{W.PIECE}]))", f"q{i}, v{i}, a{i}, _ = motion_at(p, {o}, u, piece)"]
+        if derivatives:
+            out += [f"v{i} *= 1.0 - w[{W.STATIC}]", f"a{i} *= 1.0 - w[{W.STATIC}]", f"w[{W.PIECE}] = piece"]
+            out += [f"w[{W.Q + i}] = q{i}", f"w[{W.V + i}] = v{i}", f"w[{W.ACC + i}] = a{i}"]
     return out
 
 
 def _linearise(s: Structure) -> list[str]:
-    out = [f"q{i} = w[{W.Q + i}]\nv{i} = w[{W.V + i}]" for i in range(s.n)]
+    out = [f"q{i} = w[{W.Q + i}]\nv{i} = w[{W.V + i}]" for i in range(s.free)] + _prescribed(s, True)
     out += [f"k{i}_{j} = 0.0\nd{i}_{j} = 0.0" for i, j in sorted(s.pattern())]
-    out += ["touching = 0", *_pose(s), *_mass(s), *_forces(s, True)]
+    out += ["touching = 0", *pose(s), *mass(s), *_forces(s, True)]
     rates = []
-    for c in range(len(s.contact)):
+    for c in s.place:
         out += contact_linearised(s, c)
         rates += sliding_rate(s, c)
     for k in range(len(s.probe)):
         out += probe(s, k, True)
     out += [*_solve_mass(s), *_derivatives(s), *rates]
-    for i, j in sorted(s.pattern()):
+    for i, j in sorted(s.square()):
         out += [f"w[{W.STIFF + W.WIDTH * i + j}] = k{i}_{j}", f"w[{W.DAMP + W.WIDTH * i + j}] = d{i}_{j}"]
-    for i in range(s.n):
+    for i in range(s.free):
         out += [f"w[{W.ACC + i}] = a{i}", f"w[{W.F_U + i}] = u{i}", f"w[{W.M_DIAG + i}] = md{i}"]
         if s.parent[i] >= 0:
             out.append(f"w[{W.M_UP + i}] = mu{i}")
@@ -145,10 +166,10 @@ def _linearise(s: Structure) -> list[str]:
 
 def _filled(s: Structure) -> set[tuple[int, int]]:
     """Pattern of the factors."""
-    out = s.pattern()
-    for k in range(s.n):
-        for i in range(k + 1, s.n):
-            for j in range(k + 1, s.n):
+    out = s.square()
+    for k in range(s.free):
+        for i in range(k + 1, s.free):
+            for j in range(k + 1, s.free):
                 if (i, k) in out and (k, j) in out:
                     out.add((i, j))
     return out
@@ -157,7 +178,7 @@ def _filled(s: Structure) -> set[tuple[int, int]]:
 def _prepare(s: Structure) -> list[str]:
     """Factors of M / (gamma h) - D - gamma h K without exchanges; 0 where that would lose six digits."""
     out = ["inverse = 1.0 / gh"]
-    start, pattern = s.pattern(), _filled(s)
+    start, pattern = s.square(), _filled(s)
     for i, j in sorted(pattern):
         text = f"-w[{W.DAMP + W.WIDTH * i + j}] - gh * w[{W.STIFF + W.WIDTH * i + j}]" if (i, j) in start else "0.0"
         if i == j:
@@ -165,13 +186,13 @@ def _prepare(s: Structure) -> list[str]:
         elif s.parent[i] == j or s.parent[j] == i:
             text += f" + inverse * w[{W.M_UP + (i if s.parent[i] == j else j)}]"
         out.append(f"m{i}_{j} = {text}")
-    out += [f"small{i} = 1e-6 * abs(m{i}_{i})" for i in range(s.n)]
-    for k in range(s.n):
+    out += [f"small{i} = 1e-6 * abs(m{i}_{i})" for i in range(s.free)]
+    for k in range(s.free):
         out += [f"if not abs(m{k}_{k}) > small{k}:", "    return 0", f"r{k} = 1.0 / m{k}_{k}"]
-        for i in range(k + 1, s.n):
+        for i in range(k + 1, s.free):
             if (i, k) in pattern:
                 out.append(f"m{i}_{k} *= r{k}")
-                out += [f"m{i}_{j} -= m{i}_{k} * m{k}_{j}" for j in range(k + 1, s.n) if (k, j) in pattern]
+                out += [f"m{i}_{j} -= m{i}_{k} * m{k}_{j}" for j in range(k + 1, s.free) if (k, j) in pattern]
     for i, j in sorted(pattern):
         out.append(f"w[{W.LU + W.WIDTH * i + j}] = {f'r{i}' if i == j else f'm{i}_{j}'}")
     return [*out, "return 1"]
@@ -180,15 +201,15 @@ def _prepare(s: Structure) -> list[str]:
 def _skip(s: Structure) -> list[str]:
     """Mask of contacts that stay open while no coordinate moves by more than its allowance."""
     out = ["mask = 0"]
-    for c, chain in enumerate(s.chain):
+    for c, at in s.place.items():
         o = s.offset[1] + L.CONTACT_SIZE * c + L.REACH
-        way = " + ".join(f"p[{o + k}] * w[{W.ALLOWANCE + b}]" for k, (b, _) in enumerate(chain))
-        out += [f"if {way} < w[{W.ROOM + c}]:", f"    mask |= {1 << c}"]
+        way = " + ".join(f"p[{o + k}] * w[{W.ALLOWANCE + b}]" for k, (b, _) in enumerate(s.chain[c]))
+        out += [f"if {way} < w[{W.ROOM + at}]:", f"    mask |= {1 << at}"]
     return [*out, "return mask"]
 
 
 def _stage(s: Structure) -> list[str]:
-    n = range(s.n)
+    n = range(s.free)
     out = [f"q{i} = w[{W.Q + i}]\nv{i} = w[{W.V + i}]\nsq{i} = 0.0\nsv{i} = 0.0\nb{i} = 0.0\nl{i} = 0.0" for i in n]
     out += ["for j in range(k):", f"    o = {W.U} + {2 * W.WIDTH} * j", f"    aj = a[{W.MAX_STAGES} * k + j]"]
     out += [f"    cj = c[{W.MAX_STAGES} * k + j]"]
@@ -197,11 +218,13 @@ def _stage(s: Structure) -> list[str]:
     for i in n:
         out += [f"    x = w[o + {W.WIDTH + i}]", f"    sv{i} += aj * x", f"    l{i} += cj * x"]
     far = " or ".join(f"abs(sq{i}) > w[{W.ALLOWANCE + i}]" for i in n)
+    out += _prescribed(s, False)
+    far += "".join(f" or abs(q{i} - w[{W.Q + i}]) > w[{W.ALLOWANCE + i}]" for i in range(s.free, s.n))
     out += ["exceeded = 0", f"if {far}:", "    mask = 0", "    exceeded = 1"]
     out += [f"q{i} += sq{i}\nv{i} += sv{i}" for i in n]
     out.append("if k > 0:")
-    inner = [*_pose(s), *_mass(s), *_forces(s, False)]
-    for c in range(len(s.contact)):
+    inner = [*pose(s), *mass(s), *_forces(s, False)]
+    for c in s.place:
         inner += contact_forces(s, c)
     for k in range(len(s.probe)):
         inner += probe(s, k, False)
@@ -214,13 +237,13 @@ def _stage(s: Structure) -> list[str]:
         for j in n:
             if s.parent[i] == j or s.parent[j] == i:
                 text += f" + w[{W.M_UP + (i if s.parent[i] == j else j)}] * a{j}"
-        stiff = " + ".join(f"w[{W.STIFF + W.WIDTH * i + j}] * b{j}" for j in n if (i, j) in s.pattern())
+        stiff = " + ".join(f"w[{W.STIFF + W.WIDTH * i + j}] * b{j}" for j in n if (i, j) in s.square())
         out.append(f"g{i} = {text} + gh * ({stiff})")
     pattern = _filled(s)
     for i in n:
         out += [f"g{i} -= w[{W.LU + W.WIDTH * i + j}] * g{j}" for j in range(i) if (i, j) in pattern]
     for i in reversed(n):
-        out += [f"g{i} -= w[{W.LU + W.WIDTH * i + j}] * g{j}" for j in range(i + 1, s.n) if (i, j) in pattern]
+        out += [f"g{i} -= w[{W.LU + W.WIDTH * i + j}] * g{j}" for j in range(i + 1, s.free) if (i, j) in pattern]
         out.append(f"g{i} *= w[{W.LU + W.WIDTH * i + i}]")
     out.append(f"o = {W.U} + {2 * W.WIDTH} * k")
     for i in n:
@@ -231,7 +254,7 @@ def _stage(s: Structure) -> list[str]:
 def emit(tables: L.Tables) -> str:
     """Source of the module that holds the four kernels of a scene with this structure."""
     s = Structure(tables)
-    return _module(
+    return module(
         ("linearise", "w, p, u", _linearise(s)),
         ("prepare", "w, gh", _prepare(s)),
         ("skip", "w, p", _skip(s)),
@@ -239,45 +262,8 @@ def emit(tables: L.Tables) -> str:
     )
 
 
-def emit_energy(tables: L.Tables) -> str:
-    """Source of ``energy`` alone: energy of a state, power put in and powers lost, for the energy audit."""
-    s = Structure(tables)
-    out = [f"q{i} = w[{W.AUDIT_Q + i}]\nv{i} = w[{W.AUDIT_V + i}]" for i in range(s.n)]
-    out += [
-        *_pose(s),
-        *_mass(s),
-        "energy = 0.0",
-        "felt_loss = 0.0",
-        "friction_loss = 0.0",
-        "joints = 0.0",
-        "given = 0.0",
-    ]
-    for i, w in enumerate(s.parent):
-        law = ", ".join(s.body(i, k) for k in (L.JF_A, L.JF_B1, L.JF_B2))
-        out += [f"torque, _ = friction(v{i}, p[{L.OMEGA_T}], {law})", f"joints += torque * v{i}"]
-        out.append(f"energy += 0.5 * md{i} * v{i} * v{i} + {s.body(i, L.MASS)} * p[{L.GRAVITY}] * (y{i} + ry{i})")
-        if w >= 0:
-            out.append(f"energy += mu{i} * v{i} * v{w}")
-    for k, i in enumerate(s.spring):
-        o = s.offset[0] + L.SPRING_SIZE * k
-        out += [
-            f"x = q{i} - p[{o + L.SPRING_Q0}]",
-            f"energy += (0.5 * p[{o + L.SPRING_K}] * x - p[{o + L.SPRING_T0}]) * x",
-        ]
-    for k, (kind, i) in enumerate(s.drive):
-        o = s.offset[2] + L.DRIVE_SIZE * k
-        arm = f"(c{i} * p[{o + L.DRIVE_X}] - s{i} * p[{o + L.DRIVE_Y}])"
-        out.append(f"given -= u * {arm} * v{i}" if kind == L.FORCE_DOWN else f"given += u * v{i}")
-    for c in range(len(s.contact)):
-        out += contact_energy(s, c)
-    for k in range(len(s.probe)):
-        out += probe_energy(s, k)
-    names = {W.ENERGY: "energy", W.POWER_IN: "given", W.POWER_FELT: "felt_loss", W.POWER_FRICTION: "friction_loss"}
-    out += [f"w[{at}] = {name}" for at, name in names.items()]
-    return _module(("energy", "w, p, u", [*out, f"w[{W.POWER_JOINTS}] = joints", "return 0"]))
-
-
-def _module(*functions: tuple[str, str, list[str]]) -> str:
+def module(*functions: tuple[str, str, list[str]]) -> str:
+    """Source of a module with these functions: name, arguments, lines."""
     parts = [_HEAD]
     for name, arguments, body in functions:
         lines = [line for text in body for line in text.split("\n")]

@@ -86,7 +86,8 @@ def _law(s: Structure, c: int) -> str:
 def _push(s: Structure, c: int) -> list[str]:
     out = []
     for k, (b, side) in enumerate(s.chain[c]):
-        out.append(f"f{b} {'+' if side > 0 else '-'}= lx{k} * fy - ly{k} * fx")
+        if b < s.free:
+            out.append(f"f{b} {'+' if side > 0 else '-'}= lx{k} * fy - ly{k} * fx")
     return out
 
 
@@ -98,22 +99,22 @@ def contact_forces(s: Structure, c: int) -> list[str]:
     """Add the force of contact ``c`` to f unless the mask says that it cannot touch."""
     touch = [*_rates(s, c), f"fx, fy = contact_force(x, rate, slide, nx, ny, {_law(s, c)})", *_push(s, c)]
     inner = [*_centres(s, c), *_surface(s, c, False), "if x > 0.0:", *_indent(touch)]
-    return [f"if mask & {1 << c} == 0:", *_indent(inner)]
+    return [f"if mask & {1 << s.place[c]} == 0:", *_indent(inner)]
 
 
 def contact_linearised(s: Structure, c: int) -> list[str]:
     """Force and derivatives of contact ``c`` where it touches, its room and closing speed where it does not."""
-    chain = s.chain[c]
+    chain, at = s.chain[c], s.place[c]
     slides = [f"slides{k}_{c}" for k in range(len(chain))]
     law = [f"fn, fnx, fnr, mu, mus = contact_laws(x, rate, slide, {_law(s, c)})"]
     law += ["fx = fn * nx + mu * fn * ny", "fy = fn * ny - mu * fn * nx", *_push(s, c), "touching += 1"]
     law += [f"{name} = gt{k}" for k, name in enumerate(slides)]
-    touch = [*_rates(s, c), *law, f"w[{W.ROOM + c}] = 0.0", f"w[{W.CLOSING + c}] = 0.0", f"w[{W.SLIDE + c}] = slide"]
+    touch = [*_rates(s, c), *law, f"w[{W.ROOM + at}] = 0.0", f"w[{W.CLOSING + at}] = 0.0", f"w[{W.SLIDE + at}] = slide"]
     moves = []
     for b, side in chain:
         x, y = _pivot(s, b)
         moves.append(f"{'-' if side > 0 else '+'} v{b} * ((ax - {x}) * ny - (ay - {y}) * nx)")
-    away = [*_surface(s, c, True), f"w[{W.ROOM + c}] = room", f"w[{W.CLOSING + c}] = " + " ".join(moves)]
+    away = [*_surface(s, c, True), f"w[{W.ROOM + at}] = room", f"w[{W.CLOSING + at}] = " + " ".join(moves)]
     return [
         *(f"{name} = 0.0" for name in slides), *_centres(s, c), *_surface(s, c, False),
         "if x > 0.0:", *_indent([*touch, "if fn > 0.0:", *_indent(_derivatives(s, c))]),
@@ -125,7 +126,8 @@ def sliding_rate(s: Structure, c: int) -> list[str]:
     """How fast the sliding speed of contact ``c`` changes, once the accelerations are known."""
     rate = " + ".join(f"slides{k}_{c} * a{b}" for k, (b, _) in enumerate(s.chain[c]))
     rubs = f"{_numbers(s, c, L.MU_A)[0]} != 0.0"
-    return [f"w[{W.SLIDE_RATE + c}] = 0.0", f"if {rubs}:", f"    w[{W.SLIDE_RATE + c}] = {rate}"]
+    at = W.SLIDE_RATE + s.place[c]
+    return [f"w[{at}] = 0.0", f"if {rubs}:", f"    w[{at}] = {rate}"]
 
 
 def _derivatives(s: Structure, c: int) -> list[str]:
@@ -145,6 +147,8 @@ def _derivatives(s: Structure, c: int) -> list[str]:
         out += [f"fnj = -fnx * gn{j} - fnr * ({rate})", f"fmu = fn * mus * ({slide})"]
         out += [f"fnv = -fnr * gn{j}", f"fmv = fn * mus * gt{j}"]
         for k, (b, _) in enumerate(chain):
+            if b >= s.free:
+                continue
             out.append(f"k{b}_{cj} += fnj * along{k} + fn * (dn{k} - mu * dt{k}) - fmu * gt{k}")
             out.append(f"d{b}_{cj} += fnv * along{k} - fmv * gt{k}")
     return out

@@ -72,4 +72,5 @@ class Tables(NamedTuple):
     side: np.ndarray  # (c, MAX_CHAIN) +1 where the coordinate moves A, -1 where it moves B
     drive: np.ndarray  # (d, 2) kind, body
     probe: np.ndarray  # (b, 2) body A, body B; both hang from ground
-    offset: np.ndarray  # (4,) where springs, contacts, drives and probes start in p
+    offset: np.ndarray  # (5,) where springs, contacts, drives, probes and the prescribed motion start in p
+    prescribed: np.ndarray  # (n,) 1 where a coordinate follows the motion in p; such come last and carry no other body

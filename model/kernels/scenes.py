@@ -17,7 +17,8 @@ from types import ModuleType
 from typing import Any, NamedTuple
 
 from . import compile as _compile
-from .emit import emit, emit_energy
+from .emit import emit
+from .emit_energy import emit_energy
 from .layout import Tables
 
 

@@ -8,6 +8,13 @@ from __future__ import annotations
 from . import layout as L
 
 
+def solved_contacts(tables: L.Tables) -> list[int]:
+    """Contacts that push at least one free coordinate."""
+    free = len(tables.parent) - int(tables.prescribed.sum())
+    rows = zip(tables.chain, tables.contact, strict=True)
+    return [c for c, (chain, row) in enumerate(rows) if any(int(b) < free for b in chain[: row[3]])]
+
+
 class Structure:
     """Tables of a scene as plain Python, with the offsets of its numbers."""
 
@@ -23,6 +30,9 @@ class Structure:
         self.drive = [tuple(int(k) for k in row) for row in tables.drive]
         self.probe = [tuple(int(k) for k in row) for row in tables.probe]
         self.offset = [int(k) for k in tables.offset]
+        self.free = self.n - int(tables.prescribed.sum())  # coordinates that are solved for; prescribed ones follow
+        # contacts that can push a free coordinate, by their place in masks and rooms; the others are left out
+        self.place = {c: k for k, c in enumerate(solved_contacts(tables))}
 
     def children(self, body: int) -> list[int]:
         """Bodies that hang from ``body``."""
@@ -33,13 +43,17 @@ class Structure:
         return f"p[{L.GLOBALS + L.BODY_SIZE * i + k}]"
 
     def pattern(self) -> set[tuple[int, int]]:
-        """Entries of K, D and M that can differ from zero."""
-        out = {(i, i) for i in range(self.n)}
+        """Entries of K, D and M that can differ from zero; rows are free coordinates, columns also prescribed ones."""
+        out = {(i, i) for i in range(self.free)}
         for i, w in enumerate(self.parent):
             if w >= 0:
                 out |= {(i, w), (w, i)}
         for chain in self.chain:
-            out |= {(i, j) for i, _ in chain for j, _ in chain}
+            out |= {(i, j) for i, _ in chain for j, _ in chain if i < self.free}
         for a, b in self.probe:
             out |= {(a, b), (b, a)}
         return out
+
+    def square(self) -> set[tuple[int, int]]:
+        """Those of them between free coordinates."""
+        return {(i, j) for i, j in self.pattern() if j < self.free}

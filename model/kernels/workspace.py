@@ -22,4 +22,5 @@ AUDIT_Q = U + MAX_STAGES * 2 * WIDTH  # state at which energies and powers are a
 AUDIT_V = AUDIT_Q + WIDTH
 ENERGY, POWER_IN, POWER_FELT, POWER_FRICTION, POWER_JOINTS = range(AUDIT_V + WIDTH, AUDIT_V + WIDTH + 5)  # J, W
 STATIC = ENERGY + WIDTH  # 1 leaves (dM/dq) a out of K, for statics
+PIECE = STATIC + 1  # piece of the prescribed motion found last
 SIZE = STATIC + WIDTH

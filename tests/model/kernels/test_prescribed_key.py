@@ -1,0 +1,163 @@
+"""Scenes whose key is prescribed: equations against the twin, derivatives, order of the methods, what is left out."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import model
+from model.integrators import METHODS
+from model.kernels import workspace as W
+from model.kernels.emit import emit
+from model.kernels.load import load_along
+from model.kernels.scenes import kernels_of
+from model.motion import KeyMotion
+from model.scene import MotorArm, build_scene
+from model.simulation import Simulation, State
+from model.statics import solve_rest
+from model.twin import Twin
+from tests.model.conftest import random_states
+
+ORDER = [1, 2, 3, 4, 0]  # key last
+
+
+def taylor(q: float, v: float, a: float, jerk: float = 0.0) -> KeyMotion:
+    """One piece from -1 s to 1 s that has these values at 0; and a second one, so that pieces are searched."""
+    c = np.array([0.0, 0.0, jerk / 6.0, a / 2.0, v, q])
+    moved = np.poly1d(c)(np.poly1d([1.0, -1.0])).coef
+    moved = np.concatenate([np.zeros(6 - len(moved)), moved])
+    return KeyMotion(np.array([-1.0, 0.0, 1.0]), np.array([moved, c]))
+
+
+def evaluate(scene: model.Scene, q: np.ndarray, v: np.ndarray, t: float = 0.0) -> np.ndarray:
+    """Workspace after ``linearise``; free coordinates (4,)."""
+    w = np.zeros(W.SIZE)
+    w[W.Q : W.Q + 4], w[W.V : W.V + 4] = q, v
+    kernels_of(scene.tables).linearise(w, scene.vector, t)
+    return w
+
+
+def square(w: np.ndarray, start: int) -> np.ndarray:
+    return w[start : start + W.WIDTH**2].reshape(W.WIDTH, W.WIDTH)
+
+
+def mass_of(scene: model.Scene, w: np.ndarray) -> np.ndarray:
+    mass = np.diag(w[W.M_DIAG : W.M_DIAG + 4])
+    for i, up in enumerate(scene.tables.parent[:4]):
+        if up >= 0:
+            mass[i, up] = mass[up, i] = w[W.M_UP + i]
+    return mass
+
+
+def test_motion_is_the_polynomial_and_its_derivatives() -> None:
+    c = np.random.default_rng(1).normal(size=6)
+    split = np.poly1d(c)(np.poly1d([1.0, 0.3])).coef
+    motion = KeyMotion(np.array([0.1, 0.4, 0.9]), np.array([c, split]))
+    t = np.array([0.1, 0.25, 0.4, 0.8, 0.9, 0.2])  # backwards too
+    for k, column in enumerate(motion.at(t).T):
+        np.testing.assert_allclose(column, np.polyval(np.polyder(c, k), t - 0.1), rtol=1e-12)
+
+
+def test_motion_with_a_jump_is_refused() -> None:
+    rows = np.zeros((2, 6))
+    rows[1, 3] = 0.5  # the acceleration jumps by 1 rad/s^2
+    with pytest.raises(model.InputError, match=r"acceleration jumps by 1 at 0.5 s"):
+        KeyMotion(np.array([0.0, 0.5, 1.0]), rows)
+    with pytest.raises(model.InputError, match="do not increase"):
+        KeyMotion(np.array([0.0, 0.0, 1.0]), np.zeros((2, 6)))
+    with pytest.raises(model.InputError, match="motor arm and a prescribed key"):
+        build_scene(model.load_action(), MotorArm(), key_motion=taylor(0.0, 0.0, 0.0))
+
+
+def test_accelerations_force_and_rail_equal_the_twin(action: model.Action, twin: Twin) -> None:
+    key_mass, g = action["key.mass"], action["gravity.g"]
+    for count, (q, v, u) in enumerate(random_states(200, seed=5)):
+        a = 20.0 * (u - 30.0)
+        scene = build_scene(action, key_motion=taylor(q[0], v[0], a))
+        w = evaluate(scene, q[1:], v[1:])
+        others, force = twin.held_key(q, v, a)
+        np.testing.assert_allclose(w[W.ACC : W.ACC + 4], others, rtol=1e-10, atol=1e-12 * np.max(np.abs(others)))
+        np.testing.assert_array_equal(w[[W.Q + 4, W.V + 4, W.ACC + 4]], [q[0], v[0], a])
+        # put back, that force on a free key gives the acceleration that was prescribed
+        assert twin.acceleration(q, v, force)[0] == pytest.approx(a, rel=1e-9, abs=1e-7)
+        ours, rail = np.zeros(1), np.zeros(1)
+        load_along(q[None, ORDER], v[None, ORDER], np.array([a]), scene.vector, scene.tables, ours, rail)
+        assert ours[0] == pytest.approx(force, rel=1e-10, abs=1e-9)
+        # Newton's law of the key's centre of mass, upwards
+        up = -force - key_mass * g
+        size = abs(force)
+        for name in twin.contacts:
+            _, n, _, first, second = twin.gap(name)
+            normal, tangential, _ = twin.contact(name, v)
+            side = (first == "key") - (second == "key")
+            up += side * (normal * n[1] + tangential * n[0])
+            size += abs(side) * (normal + abs(tangential))
+        arm = twin._point("key", "key.center_of_mass") - twin.pivot["key"]
+        reaction = key_mass * (a * arm[0] - v[0] ** 2 * arm[1]) - up
+        assert rail[0] == pytest.approx(reaction, rel=1e-9, abs=1e-12 * size), count
+
+
+def test_derivatives_by_state_and_time(action: model.Action) -> None:
+    """K and D are those of the whole scene; df/dt is the difference quotient along the key's motion."""
+    whole = build_scene(action)
+    worst = []
+    for q, v, u in random_states(150, seed=6):
+        a, jerk = 20.0 * (u - 30.0), 1e4 * (u - 20.0)
+        scene = build_scene(action, key_motion=taylor(q[0], v[0], a, jerk))
+        w = evaluate(scene, q[1:], v[1:])
+        full = np.zeros(W.SIZE)
+        full[W.Q : W.Q + 5], full[W.V : W.V + 5] = q, v
+        kernels_of(whole.tables).linearise(full, whole.vector, 0.0)
+        # (dM/dq) a in K holds the accelerations: the key's, which couples to nothing by inertia, is the same to K
+        for start in (W.STIFF, W.DAMP):
+            theirs = square(full, start)[1:5, 1:5]
+            np.testing.assert_allclose(square(w, start)[:4, :4], theirs, rtol=1e-9, atol=1e-9 * np.abs(theirs).max())
+        # curvature spoils a wide difference, rounding a narrow one: the best of three counts
+        found, errors = w[W.F_U : W.F_U + 4], []
+        for h in (1e-6, 1e-7, 1e-8):
+            near = [evaluate(scene, q[1:], v[1:], t) for t in (-h, h)]
+            rate = mass_of(scene, w) @ (near[1][W.ACC : W.ACC + 4] - near[0][W.ACC : W.ACC + 4]) / (2.0 * h)
+            errors.append(np.abs(found - rate).max() / max(1.0, np.abs(found).max()))
+        worst.append(min(errors))
+    assert len(worst) == 150 and np.quantile(worst, 0.9) < 3e-5 and max(worst) < 1e-3, sorted(worst)[-5:]
+
+
+def test_what_a_prescribed_key_does_not_need_is_not_in_the_kernels(action: model.Action) -> None:
+    scene = build_scene(action, key_motion=taylor(0.0, 0.0, 0.0))
+    whole, text = emit(build_scene(action).tables), emit(scene.tables)
+    # the key's own pads are left to the outputs: one stage and one linearisation less each
+    assert scene.solved_contacts == 11 and len(scene.contacts) == 13
+    assert whole.count("contact_force(") - text.count("contact_force(") == 2
+    assert whole.count("contact_laws(") - text.count("contact_laws(") == 2
+    assert text.count("friction(v") == whole.count("friction(v") - 2
+    assert f"w[{W.STIFF + W.WIDTH * 4}]" not in text and "f4" not in text and "md4" not in text
+    # another motion with any number of pieces is the same structure
+    fine = KeyMotion(np.linspace(0.0, 1.0, 8), np.zeros((7, 6)))
+    assert emit(build_scene(action, key_motion=fine).tables) == text
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_methods_keep_their_order_under_a_prescribed_motion(action: model.Action, method: str) -> None:
+    """Whippen riding on the capstan of a swinging key: smooth, and wrong by first order if df/dt were missing."""
+    smooth = action.with_values({"whippen.joint_friction": 0, "contact01.friction": 0})
+    choice = model.SceneChoice(bodies=("key", "whippen"))
+    turn = np.array([100.0, -60.0, 0.0, 0.0, 0.0, 0.028])  # 8 mrad down in 0.12 s, pressed all the way
+    motion = KeyMotion(np.array([0.0, 0.12]), turn[None])
+    scene = build_scene(smooth, choice=choice, key_motion=motion)
+    rest = solve_rest(scene, 0.0)
+    at = np.array([0.021, 0.0833, 0.12])
+
+    def run(step: float, tolerance: float) -> np.ndarray:
+        state = State(0.0, rest, np.zeros(1), step)
+        simulation = Simulation(scene, state, tolerance=tolerance, method=method, largest_step_s=step)
+        angles, speeds = simulation.advance(
+            0.12, np.array([0.0, 0.12]), np.array([0.0, 0.12]), output_time_s=at
+        )  # fmt: skip
+        assert simulation.work()["n_rejected"] == 0
+        return np.hstack([angles, speeds])
+
+    steps = np.array([1e-3, 5e-4, 2.5e-4, 1.25e-4])
+    truth = run(1e-5, 1e-9)
+    errors = [np.abs(run(step, 1e-2) - truth)[-1].max() for step in steps]
+    order = np.polyfit(np.log(steps), np.log(errors), 1)[0]
+    assert METHODS[method].order - 0.4 < order < METHODS[method].order + 1.2, errors
