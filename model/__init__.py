@@ -13,6 +13,7 @@ _HOME = {
     "BODIES": "parameters",
     "Action": "parameters",
     "load_action": "parameters",
+    "scaled": "changes",
     "InputError": "errors",
     "IntegrationError": "errors",
     "ModelError": "errors",

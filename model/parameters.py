@@ -53,16 +53,19 @@ class Action:
         except KeyError:
             raise InputError(_unknown_path(path, self.quantities)) from None
 
-    def with_values(self, overrides: Mapping[str, float]) -> Action:
-        """Return a copy with other values; ``{"contact04.friction": 0}`` switches that law off."""
+    def with_values(self, overrides: Mapping[str, float], where: str = "--set") -> Action:
+        """Return a copy with other values; ``{"contact04.friction": 0}`` switches that law off.
+
+        ``where`` says in messages who asked for them.
+        """
         quantities = dict(self.quantities)
         changed = dict(self.changed)
         for path, value in overrides.items():
             for single in _expand(path, value, quantities):
-                number = check_value(single, value, "--set")
+                number = check_value(single, value, where)
                 quantities[single] = replace(quantities[single], value=number, source=f"set to {number:g} by the user")
                 changed[single] = number
-        _check_shapes(quantities, "--set")
+        _check_shapes(quantities, where)
         return replace(self, quantities=quantities, changed=changed)
 
     def content(self) -> str:

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from ..settings import SCALE_HELP
+
 if TYPE_CHECKING:
     from model import Action
     from model.inside import Inside, Tension
@@ -19,6 +21,7 @@ def command(
     set_: Annotated[
         list[str] | None, typer.Option("--set", help="Parameter to change, path=value; may be repeated.")
     ] = None,
+    scale: Annotated[list[str] | None, typer.Option("--scale", help=SCALE_HELP)] = None,
     tolerance: Annotated[float, typer.Option("--tolerance", help="Largest error of any angle wanted, rad.")] = 1e-5,
     output_rate: Annotated[
         float | None, typer.Option("--output-rate", help="Rows per second, Hz; default: the force table's times.")
@@ -47,12 +50,11 @@ def command(
     import model
 
     from ..output import check_writable, print_json, write_columns
-    from ..settings import read_settings
+    from ..settings import load_changed
 
     if out.suffix in (".csv", ".h5"):
         check_writable(out)
-    overrides = read_settings(set_ or [])
-    chosen = model.load_action(action, overrides)
+    chosen = load_changed(action, set_, scale)
     times, values = model.read_force_table(force)
     outputs = None if output_rate is None else model.output_times(times[0], times[-1], output_rate)
     solution = model.simulate(

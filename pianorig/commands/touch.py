@@ -7,12 +7,15 @@ from typing import Annotated
 
 import typer
 
+from ..settings import SCALE_HELP
+
 
 def command(
     actions: Annotated[list[str], typer.Argument(help="Built-in actions or TOML files.")],
     set_: Annotated[
         list[str] | None, typer.Option("--set", help="Parameter to change in all of them, path=value; may be repeated.")
     ] = None,
+    scale: Annotated[list[str] | None, typer.Option("--scale", help=SCALE_HELP)] = None,
     figure: Annotated[Path | None, typer.Option("--figure", help="Draw all in one sheet: .svg, .pdf or .png.")] = None,
     curve: Annotated[
         Path | None, typer.Option("--curve", help="Write the force-dip curves: .csv with action, way, dip_m, force_n.")
@@ -23,20 +26,18 @@ def command(
 
     Example:  pianorig touch hirschkorn2004 hirschkorn2004-regulated --figure touch.svg
     """
-    import model
     from model import touch
 
     from ..errors import InputError
     from ..output import check_writable, print_json, write_table
-    from ..settings import read_settings
+    from ..settings import load_changed
 
     for path, endings in ((figure, (".svg", ".pdf", ".png")), (curve, (".csv",))):
         if path is not None:
             if path.suffix not in endings:
                 raise InputError(f"{path}: ending found {path.suffix!r}, allowed {', '.join(endings)}")
             check_writable(path)
-    overrides = read_settings(set_ or [])
-    chosen = [model.load_action(action, overrides) for action in actions]
+    chosen = [load_changed(action, set_, scale) for action in actions]
     names = [a.name for a in chosen]
     names = [n if names.count(n) == 1 else given for n, given in zip(names, actions, strict=True)]
     feels = [touch.feel(action, name=name) for action, name in zip(chosen, names, strict=True)]
