@@ -38,7 +38,7 @@ _HOME = {
     "hand_set_rest": "hand_set",
     "slow_press": "press",
 }
-_ROOMS = ("inside", "observables", "regulation", "touch")
+_ROOMS = ("inside", "null_model", "observables", "regulation", "touch")
 
 __all__ = [*_HOME, *_ROOMS]  # noqa: PLE0604
 

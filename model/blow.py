@@ -87,6 +87,19 @@ def output_times(start: float, end: float, rate_hz: float) -> NDArray[np.float64
     return np.minimum(start + np.arange(count) / rate_hz, end)
 
 
+def check_output_times(output_time_s: ArrayLike | None, table_s: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return output times (m,), by default those of the force table; ``InputError`` where they leave it or fall."""
+    outputs = table_s if output_time_s is None else np.asarray(output_time_s, dtype=float)
+    if outputs.ndim != 1 or not np.all(np.isfinite(outputs)) or np.any(np.diff(outputs) < 0):
+        raise InputError("output times: allowed a finite, increasing row of times")
+    if len(outputs) and (outputs[0] < table_s[0] or outputs[-1] > table_s[-1]):
+        raise InputError(
+            f"output times: found {outputs[0]:g} to {outputs[-1]:g} s, allowed within the table, "
+            f"{table_s[0]:g} to {table_s[-1]:g} s"
+        )
+    return outputs
+
+
 def simulate(
     action: Action,
     time_s: ArrayLike,
@@ -126,14 +139,7 @@ def simulate(
     SI units, radians. Equations: thesis Chapter 2.
     """
     times, forces = check_force_table(time_s, force_n)
-    outputs = times if output_time_s is None else np.asarray(output_time_s, dtype=float)
-    if outputs.ndim != 1 or not np.all(np.isfinite(outputs)) or np.any(np.diff(outputs) < 0):
-        raise InputError("output times: allowed a finite, increasing row of times")
-    if len(outputs) and (outputs[0] < times[0] or outputs[-1] > times[-1]):
-        raise InputError(
-            f"output times: found {outputs[0]:g} to {outputs[-1]:g} s, allowed within the table, "
-            f"{times[0]:g} to {times[-1]:g} s"
-        )
+    outputs = check_output_times(output_time_s, times)
     choice = load_scene(scene)
     contact_forces = contact_forces or "contact_forces" in choice.outputs
     energy = energy or "energy" in choice.outputs

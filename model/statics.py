@@ -9,6 +9,7 @@ says how far it got.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,11 +39,15 @@ class RestState:
     residual_nm: float
 
 
-def _balance(scene: Scene, q: NDArray[np.float64], u: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Generalised force (n,) and stiffness K (n, n) at rest."""
+def balance(
+    scene: Scene, q: NDArray[np.float64], u: float, v: NDArray[np.float64] | None = None
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Generalised force (n,) N m, stiffness and mass matrix (n, n) at angles ``q``, at rest or at speeds ``v``."""
     n = scene.size
     w = np.zeros(W.SIZE)
     w[W.Q : W.Q + n] = q
+    if v is not None:
+        w[W.V : W.V + n] = v
     w[W.STATIC] = 1.0
     kernels_of(scene.tables).linearise(w, scene.vector, u)
     mass = np.diag(w[W.M_DIAG : W.M_DIAG + n])
@@ -50,11 +55,27 @@ def _balance(scene: Scene, q: NDArray[np.float64], u: float) -> tuple[NDArray[np
         if parent >= 0:
             mass[i, parent] = mass[parent, i] = w[W.M_UP + i]
     stiff = w[W.STIFF : W.STIFF + W.WIDTH**2].reshape(W.WIDTH, W.WIDTH)[:n, :n]
-    return mass @ w[W.ACC : W.ACC + n], stiff
+    return mass @ w[W.ACC : W.ACC + n], stiff, mass
 
 
-def solve_rest(scene: Scene, u: float = 0.0, start: NDArray[np.float64] | None = None) -> NDArray[np.float64]:
-    """Angles (n,) at which the scene rests under the constant input ``u``.
+def _free_part(
+    scene: Scene, q: NDArray[np.float64], u: float, free: NDArray[np.int64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Generalised force and stiffness at rest of the coordinates that may move."""
+    f, stiff, _ = balance(scene, q, u)
+    return f[free], stiff[np.ix_(free, free)]
+
+
+def _moved(q: NDArray[np.float64], free: NDArray[np.int64], step: NDArray[Any]) -> NDArray[np.float64]:
+    out = q.copy()
+    out[free] += step
+    return out
+
+
+def solve_rest(
+    scene: Scene, u: float = 0.0, start: NDArray[np.float64] | None = None, held: tuple[int, ...] = ()
+) -> NDArray[np.float64]:
+    """Angles (n,) at which the scene rests under the constant input ``u``; coordinates ``held`` stay at ``start``.
 
     Raises
     ------
@@ -66,30 +87,31 @@ def solve_rest(scene: Scene, u: float = 0.0, start: NDArray[np.float64] | None =
     q = np.array(scene.start if start is None else start, dtype=float)
     if q.shape != (scene.size,) or not np.all(np.isfinite(q)):
         raise InputError(f"rest state: start found {q}, allowed {scene.size} finite angles")
+    free = np.array([i for i in range(scene.size) if i not in held], dtype=np.int64)
     for _ in range(MOST_ESCAPES):
-        q, f, stiff = _descend(scene, q, u)
+        q, f, stiff = _descend(scene, q, u, free)
         for _ in range(20):
             step = np.linalg.lstsq(-stiff, f, rcond=None)[0]
-            f_new, stiff_new = _balance(scene, q + step, u)
+            f_new, stiff_new = _free_part(scene, _moved(q, free, step), u, free)
             if not np.max(np.abs(f_new)) < np.max(np.abs(f)):
                 break
-            q, f, stiff = q + step, f_new, stiff_new
+            q, f, stiff = _moved(q, free, step), f_new, stiff_new
         value, direction = np.linalg.eigh(-0.5 * (stiff + stiff.T))
         if value[0] > 0.0:
             return q
-        q = q + KICK * direction[:, 0]  # off the saddle; the next descent leaves it for good
+        q = _moved(q, free, KICK * direction[:, 0])  # off the saddle; the next descent leaves it for good
     raise StaticsError("rest state: the balance found is not stable; check springs and geometry")
 
 
 def _descend(
-    scene: Scene, q: NDArray[np.float64], u: float
+    scene: Scene, q: NDArray[np.float64], u: float, free: NDArray[np.int64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Follow the energy down from ``q`` to where the force (n,) vanishes; also returns that force and K (n, n).
+    """Follow the energy down from ``q`` to where the force on ``free`` vanishes; also returns that force and stiffness.
 
     The step is Newton's along each principal axis of the stiffness, downhill where that is negative, and limited
     on each axis by itself: a loose body may swing far without holding back one that is pressed hard.
     """
-    f, stiff = _balance(scene, q, u)
+    f, stiff = _free_part(scene, q, u, free)
     radius = LARGEST_TURN
     for _ in range(MOST_ITERATIONS):
         size = float(np.max(np.abs(f)))
@@ -99,10 +121,10 @@ def _descend(
             return q, f, stiff
         value, axis = np.linalg.eigh(-0.5 * (stiff + stiff.T))
         step = axis @ np.clip(axis.T @ f / np.maximum(np.abs(value), 1e-12), -radius, radius)
-        f_new, stiff_new = _balance(scene, q + step, u)
+        f_new, stiff_new = _free_part(scene, _moved(q, free, step), u, free)
         # energy falls along the step while the force still points with it
         if float(f_new @ step) > -0.5 * float(f @ step):
-            q, f, stiff = q + step, f_new, stiff_new
+            q, f, stiff = _moved(q, free, step), f_new, stiff_new
             radius = min(radius * 2.0, LARGEST_TURN)
         else:
             radius = max(0.25 * min(radius, float(np.max(np.abs(step)))), 1e-15)
@@ -121,7 +143,7 @@ def rest_state(action: Action, force_n: float = 0.0, scene: Scene | None = None)
     """
     scene = build_scene(action) if scene is None else scene
     q = solve_rest(scene, force_n)
-    forces, _ = _balance(scene, q, force_n)
+    forces, _, _ = balance(scene, q, force_n)
     still = np.zeros(scene.size)
     normal, tangential = (np.zeros((1, len(scene.contacts))) for _ in range(2))
     forces_along(q[None], still[None], scene.vector, scene.tables, normal, tangential)

@@ -1,0 +1,220 @@
+"""One degree of freedom of an action: static paths, and mass, balance and friction reflected along them.
+
+The coordinate is the key's turn sigma from rest, rad, positive as the front goes down. For each sigma the other bodies
+stand where they balance without friction (felt as a spring), on one of two paths:
+
+- *joined*: the hammer on the jack, the jack on its rest pad (friction under the knuckle holds it there);
+- *away*: no hammer on the action.
+
+With J = dq/dsigma along a path and f(q, v, u) the generalised forces of the five-body model at u newton on the key,
+
+    M = J'M(q)J,  pull = J'f(q, 0, 0),  lever = J'f(q, 0, 1) - pull,
+    M s'' + 1/2 dM/dsigma s'^2 = pull + lever u - dry tanh(s'/omega_t) - damp s',
+
+where dry and damp are the odd part of J'f(q, Js', 0) in s', taken at two speeds: joint and contact friction, and felt.
+Let-off is where the jack meets the button on the joined path. Tables over sigma; straight lines between their points.
+Fails with ``StaticsError`` where the action does not balance.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..hand_set import hand_set_rest
+from ..kernels.output import forces_along, penetrations
+from ..observables import hammer_height_from_angle
+from ..parameters import BODIES, Action
+from ..scene import Scene, build_scene
+from ..statics import balance, solve_rest
+
+Array = NDArray[np.float64]
+
+KEY, JACK, HAMMER = (BODIES.index(b) for b in ("key", "jack", "hammer"))
+BUTTON, CHECK = "contact08", "contact04"
+STEP = 2.5e-4  # rad between the points of a path
+DOWN_N, UP_N = 200.0, 50.0  # force on the key at which the paths end; beyond, the last slope goes on
+MOST_POINTS = 2000
+SLOW, FAST = 1.0, 2.0  # rad/s of the key: friction slides fully at both
+STILL_OPEN = 1e-4  # rad below the string at which the hammer is parked for the path without it
+
+
+@dataclass(frozen=True)
+class Path:
+    """One static path over sigma: states and reflected quantities.
+
+    Attributes
+    ----------
+    angle_rad, ratio : (p, 5) angles, and their derivatives by sigma
+    mass : (p,) kg m^2
+    pull : (p,) N m at rest without force
+    lever : (p,) N m per N on the key
+    dry : (p,) N m of friction
+    damp : (p,) N m s of felt
+    """
+
+    angle_rad: Array
+    ratio: Array
+    mass: Array
+    pull: Array
+    lever: Array
+    dry: Array
+    damp: Array
+
+
+@dataclass(frozen=True)
+class Reduced:
+    """An action with one degree of freedom and a hammer that can fly.
+
+    Attributes
+    ----------
+    sigma : (p,) rad, evenly spaced
+    joined, away : paths over ``sigma``; ``joined`` repeats its last row past let-off
+    let_off : sigma at which the jack meets the button, inf where it never does
+    rest_rad : (5,)
+    up : +1 or -1, sense of the hammer's angle towards the string
+    hammer_inertia : about its pivot, kg m^2
+    string_rad : how far the hammer turns from rest to the string
+    check_rad : (p,) how far above rest the back check catches it; -inf where it does not
+    """
+
+    sigma: Array
+    joined: Path
+    away: Path
+    let_off: float
+    rest_rad: Array
+    up: float
+    hammer_inertia: float
+    string_rad: float
+    check_rad: Array
+
+
+def _walk(scene: Scene, rest: Array, direction: float, held: tuple[int, ...], points: int | None) -> list[Array]:
+    """States from rest on along ``direction`` of the key, to the force at which paths end or for ``points``."""
+    out, q = [], rest.copy()
+    limit = DOWN_N if direction < 0.0 else UP_N
+    for _ in range(MOST_POINTS if points is None else points):
+        q = q.copy()
+        q[KEY] += direction * STEP
+        q = solve_rest(scene, 0.0, q, held)
+        out.append(q)
+        if points is None:
+            f, unit = balance(scene, q, 0.0)[0][KEY], balance(scene, q, 1.0)[0][KEY]
+            if abs(f / (unit - f)) > limit:
+                break
+    return out
+
+
+def _reflect(scene: Scene, angle_rad: Array, sense: float) -> Path:
+    """Reflected quantities along states (p, 5)."""
+    ratio = np.gradient(angle_rad, STEP, axis=0)
+    ratio[:, KEY] = sense  # exact
+    rows = np.empty((len(ratio), 5))
+    for i, (q, j) in enumerate(zip(angle_rad, ratio, strict=True)):
+        still, _, mass = balance(scene, q, 0.0)
+        pull, unit = j @ still, j @ balance(scene, q, 1.0)[0]
+        slow, fast = (
+            0.5 * j @ (balance(scene, q, 0.0, -j * w)[0] - balance(scene, q, 0.0, j * w)[0]) for w in (SLOW, FAST)
+        )
+        damp = (fast - slow) / (FAST - SLOW)
+        rows[i] = j @ mass @ j, pull, unit - pull, max(0.0, slow - damp * SLOW), max(0.0, damp)
+    mass, pull, lever, dry, damp = rows.T
+    return Path(angle_rad, ratio, mass, pull, lever, dry, damp)
+
+
+def _touch(scene: Scene, name: str, q: Array) -> float:
+    """Penetration of a contact (m), negative where open; -inf where the scene has no such contact."""
+    if name not in scene.contacts:
+        return -np.inf
+    depth = np.zeros(len(scene.contacts))
+    penetrations(q, np.zeros(scene.size), scene.vector, scene.tables, depth)
+    return float(depth[scene.contacts.index(name)])
+
+
+def _caught(scene: Scene, angle_rad: Array, rest: float, up: float, string: float) -> Array:
+    """Highest place (rad above rest) at which the back check touches a falling hammer, along the key's path."""
+    if CHECK not in scene.contacts:
+        return np.full(len(angle_rad), -np.inf)
+    column = scene.contacts.index(CHECK)
+
+    def touches(height: Array) -> NDArray[np.bool_]:
+        q = angle_rad.copy()
+        q[:, HAMMER] = rest + up * height
+        normal, tangential = np.zeros((2, len(q), len(scene.contacts)))
+        forces_along(q, np.zeros_like(q), scene.vector, scene.tables, normal, tangential)
+        return np.asarray(normal[:, column] > 0.0)
+
+    # an open place above and a touching one below, per position of the key
+    high, low = np.full(len(angle_rad), np.nan), np.full(len(angle_rad), np.nan)
+    steps = np.linspace(string, 0.0, 41)
+    for above, below in zip(steps[:-1], steps[1:], strict=True):
+        new = np.isnan(low) & touches(np.full(len(angle_rad), below))
+        high[new], low[new] = above, below
+    for _ in range(16):
+        middle = 0.5 * (high + low)
+        touching = touches(middle)
+        high, low = np.where(touching, high, middle), np.where(touching, middle, low)
+    return np.where(np.isnan(low), -np.inf, low)
+
+
+def _string(action: Action, rest: float) -> tuple[float, float]:
+    """Sense of the hammer's angle towards the string, and how far (rad) it turns from rest to the string."""
+    turn = np.linspace(0.0, 1.0, 20001)
+    up = 1.0 if hammer_height_from_angle(action, rest + 1e-6) < hammer_height_from_angle(action, rest) else -1.0
+    height = hammer_height_from_angle(action, rest + up * turn)
+    beyond = np.flatnonzero(height <= 0.0)
+    if not len(beyond):
+        return up, float("inf")
+    i = max(1, int(beyond[0]))
+    return up, float(turn[i - 1] + (turn[i] - turn[i - 1]) * height[i - 1] / (height[i - 1] - height[i]))
+
+
+def reduce_action(action: Action) -> Reduced:
+    """Paths and reflected quantities of an action, from its parameters alone.
+
+    Raises
+    ------
+    StaticsError : no balance at some position of the key
+    """
+    scene = build_scene(action)
+    rest = hand_set_rest(action)
+    lever = balance(scene, rest, 1.0)[0][KEY] - balance(scene, rest, 0.0)[0][KEY]
+    sense = 1.0 if lever > 0.0 else -1.0  # of the key's angle as its front goes down
+    up, string = _string(action, float(rest[HAMMER]))
+
+    parked = rest.copy()
+    parked[HAMMER] = rest[HAMMER] + up * (min(string, 1.0) - STILL_OPEN)
+    parked = solve_rest(scene, 0.0, parked, (KEY, HAMMER))
+    above = _walk(scene, parked, -sense, (KEY, HAMMER), None)
+    below = _walk(scene, parked, sense, (KEY, HAMMER), None)
+    away = np.array([*above[::-1], parked, *below])
+    sigma = sense * (away[:, KEY] - rest[KEY])
+
+    joined = [*_walk(scene, rest, -sense, (KEY, JACK), len(above))[::-1], rest]
+    let_off, before = np.inf, _touch(scene, BUTTON, rest)
+    for _ in below:
+        joined += _walk(scene, joined[-1], sense, (KEY, JACK), 1)
+        depth = _touch(scene, BUTTON, joined[-1])
+        if depth > 0.0:
+            let_off = float(sigma[len(joined) - 1] - STEP * min(1.0, depth / max(depth - before, 1e-15)))
+            joined[-1] = 2.0 * joined[-2] - joined[-3]  # as if there were no button
+            break
+        before = depth
+    path = _reflect(scene, np.array(joined), sense)
+    missing = len(sigma) - len(joined)
+    path = Path(*(np.concatenate([a, np.repeat(a[-1:], missing, axis=0)]) for a in vars(path).values()))
+    without = _reflect(scene, away, sense)
+    without.ratio[:, HAMMER] = 0.0
+    return Reduced(
+        sigma=sigma,
+        joined=path,
+        away=without,
+        let_off=let_off,
+        rest_rad=rest,
+        up=up,
+        hammer_inertia=float(balance(scene, rest, 0.0)[2][HAMMER, HAMMER]),
+        string_rad=string,
+        check_rad=_caught(scene, away, float(rest[HAMMER]), up, min(string, 1.0)),
+    )
