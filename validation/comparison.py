@@ -19,14 +19,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from validation.curve_tables import (
-    channel_tables,
-    film_trace_table,
-    on_common_base,
-    score_table,
-    trace_table,
-    with_scores,
-)
+from validation.channel_tables import channel_tables
+from validation.curve_tables import film_trace_table, on_common_base, trace_table
 from validation.errors import InputError, TrialError
 from validation.event import Event
 from validation.event_tables import event_summary, event_table
@@ -38,6 +32,7 @@ from validation.prediction import Prediction, action_sha256, predict_trial
 from validation.provenance import model_version, provenance
 from validation.repeatability import STANDS_OUT, distance_ratios, event_repeatability, few_trials_warning
 from validation.result import ValidationResult
+from validation.score_tables import score_table, scorecard, with_scores
 from validation.trial_tables import trial_row, uncertainty_table
 from validation.verdict import verdict_lines
 from validation.window import common_window
@@ -192,7 +187,8 @@ def _assemble(
     warnings = warnings + _outlying(base, traces)
     u_encoder = {m.number: m.u_rad for m in measured}
     scores = score_table(traces, filmed, u_encoder, channels, window, impact)
-    channels = with_scores(channels, scores)
+    card = scorecard(scores, traces, filmed, window, impact)
+    channels = with_scores(channels, scores, card)
     summary = event_summary(trial_events, model_events)
     by_number = {m.number: m for m in measured}
     rows = [
@@ -208,6 +204,7 @@ def _assemble(
         window=window,
         trials=pd.DataFrame(rows),
         scores=scores,
+        scorecard=card,
         channels=channels,
         events=event_table(trial_events, model_events),
         event_summary=summary,

@@ -4,7 +4,8 @@ Place in the data flow: measured and predicted curves of all trials on one time 
 Conventions: columns are trials; difference = model − trial of the same trial, so that the scatter of the blows, which
 both share through the force, cancels.
 Source: Student's t for the mean of n paired differences at each instant, with the encoder's or film's own standard
-uncertainty added in quadrature (it is common to all trials at worst).  The statement is pointwise, not simultaneous.
+uncertainty added in quadrature (it is common to all trials at worst); instant by instant, and for the whole curve at
+once with the critical value of `validation.band`.
 Failure: fewer than two trials give NaN.
 """
 
@@ -15,17 +16,23 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
+from validation.band import FEWEST_FOR_BAND, simultaneous_band
 from validation.geometry import Array
 
 
 @dataclass(frozen=True)
 class PairedDifference:
-    """Mean difference over trials, its expanded uncertainty (95 %) and the share of time it exceeds it."""
+    """Mean difference over trials and its 95 % uncertainty, at each instant (`u95`) and for all at once (`band95`).
+
+    ``resolved_share`` and ``pointwise_share`` are the shares of time at which the mean exceeds the one or the other.
+    """
 
     mean: Array
     u95: Array
+    band95: Array
     rms: float
     resolved_share: float
+    pointwise_share: float
 
 
 def paired_difference(model: Array, trial: Array, u_sample: float) -> PairedDifference:
@@ -44,14 +51,24 @@ def paired_difference(model: Array, trial: Array, u_sample: float) -> PairedDiff
     """
     difference = np.asarray(model, dtype=float) - np.asarray(trial, dtype=float)
     n = difference.shape[1]
+    nan = float("nan")
     if n < 2:
-        nothing = np.full(difference.shape[0], np.nan)
-        return PairedDifference(difference[:, 0] if n else nothing, nothing, float("nan"), float("nan"))
+        nothing = np.full(difference.shape[0], nan)
+        return PairedDifference(difference[:, 0] if n else nothing, nothing, nothing, nan, nan, nan)
     mean = difference.mean(axis=1)
     scatter = difference.std(axis=1, ddof=1) / np.sqrt(n)
-    u95 = np.hypot(stats.t.ppf(0.975, n - 1) * scatter, 1.96 * u_sample)
+    sensor = 1.96 * u_sample
+    u95 = np.hypot(stats.t.ppf(0.975, n - 1) * scatter, sensor)
+    band95 = np.hypot(simultaneous_band(difference, u_sample=u_sample).half_width, sensor)
     known = np.isfinite(mean)
     if not known.any():
-        return PairedDifference(mean, u95, float("nan"), float("nan"))
-    beyond = np.abs(mean[known]) > u95[known]
-    return PairedDifference(mean, u95, float(np.sqrt(np.mean(mean[known] ** 2))), float(np.mean(beyond)))
+        return PairedDifference(mean, u95, band95, nan, nan, nan)
+    size = np.abs(mean[known])
+    return PairedDifference(
+        mean,
+        u95,
+        band95,
+        float(np.sqrt(np.mean(size**2))),
+        float(np.mean(size > band95[known])) if n >= FEWEST_FOR_BAND else nan,
+        float(np.mean(size > u95[known])),
+    )

@@ -34,14 +34,19 @@ class ValidationResult:
         One row per trial: trial, used, reason, quiet_s, onset_s, offset_n, u_offset_n, hum_hz, hum_1_n …
         hum_3_n, hum_accepted, noise_n, preload_n, group_delay_s, peak_force_n, filmed, reused, notes.
     scores : DataFrame
-        One row per trial and channel: trial, channel, source, rmse_rad, before_impact_rmse_rad, rmse_over_range,
-        rmse_over_s_r, iso_overall, iso_corridor, iso_phase, iso_magnitude, iso_slope, iso_shift_s, bias_rad,
-        scatter_rad, largest_rad, largest_at_s, u_rms_rad, n, n_lost.
+        One row per trial and channel: trial, channel, source, rmse_over_s_r, the scores of
+        `validation.curve_scores.SCORES`, iso_shift_s, bias_rad, scatter_rad, largest_rad, largest_at_s, n, n_lost,
+        iso_guards (what makes the ISO-style score doubtful), the same scores of the null model (null_…) and of the
+        model driven by the raw force (raw_force_…), u_rms_rad.
+    scorecard : DataFrame
+        One row per channel and score: channel, score, title, unit, better (lower or higher), model (over all trials),
+        ceiling (the same score of trial against trial), pairs (how many of them), null (of the null model), raw_force.
     channels : DataFrame
         One row per channel: channel, source, n_trials, rmse_rad (root mean square over trials), range_rad,
         rmse_over_range, s_r_rad, s_r_low_rad, s_r_high_rad, s_r_largest_rad, limit_rad, rmse_over_s_r,
-        trial_to_trial_rmse_rad, pairs, iso_overall, iso_ceiling (trial against trial), mean_difference_rad,
-        resolved_share (of the window in which the mean paired difference exceeds its 95 % uncertainty), state.
+        band_factor (of the simultaneous 95 % band), trial_to_trial_rmse_rad, pairs, null_rmse_rad, iso_overall,
+        iso_ceiling (trial against trial), iso_null, mean_difference_rad, resolved_share (of the window in which the
+        mean paired difference leaves its simultaneous 95 % band), resolved_pointwise_share (instant by instant), state.
     events : DataFrame
         One row per trial, source (trial or model) and event: trial, source, event, value, u, unit, status,
         note.
@@ -53,8 +58,9 @@ class ValidationResult:
     uncertainty : DataFrame
         One row per trial and channel: trial, channel, source, quantisation_rad, u_rad (one sample), scale_relative_u.
     spread : DataFrame
-        On the common time base inside the window: time_s, then <channel>_mean_rad, _s_r_rad,
-        _difference_rad (mean paired difference) and _difference_u95_rad.
+        On the common time base inside the window: time_s, then <channel>_mean_rad, _s_r_rad, _band95_rad (half width
+        of the simultaneous 95 % band of the mean), _difference_rad (mean paired difference), its _difference_u95_rad
+        (pointwise) and _difference_band95_rad (simultaneous).
     traces : dict
         Trial → DataFrame of time_s, raw_force_n, force_time_s, force_n, <channel>_measured_rad,
         <body>_predicted_rad.
@@ -73,6 +79,7 @@ class ValidationResult:
     window: Window
     trials: pd.DataFrame
     scores: pd.DataFrame
+    scorecard: pd.DataFrame
     channels: pd.DataFrame
     events: pd.DataFrame
     event_summary: pd.DataFrame
@@ -98,6 +105,7 @@ class ValidationResult:
         return {
             "trials": self.trials,
             "scores": self.scores,
+            "scorecard": self.scorecard,
             "channels": self.channels,
             "events": self.events,
             "event_summary": self.event_summary,

@@ -62,7 +62,7 @@ def _against_repeatability(scored: pd.DataFrame) -> list[str]:
     shares = ", ".join(f"{row.channel} {100 * row.resolved_share:.0f} %" for row in judged.itertuples())
     beyond = list(judged.loc[judged["rmse_rad"] > judged["limit_rad"], "channel"])
     return [
-        f"Share of the window in which model and trials differ beyond the uncertainty: {shares}.",
+        f"Share of the window in which model and trials differ beyond the simultaneous 95 % band: {shares}.",
         f"RMSE above the repeatability limit: {', '.join(beyond)}."
         if beyond
         else "In no channel is the RMSE above the repeatability limit, by which two trials may differ.",

@@ -8,11 +8,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from validation.curve_tables import channel_tables, on_common_base, score_table, with_scores
+from validation.channel_tables import channel_tables
+from validation.curve_tables import on_common_base
 from validation.errors import InputError
 from validation.event import EVENTS, Event, absent
 from validation.event_tables import event_summary, event_table
 from validation.paired import paired_difference
+from validation.score_tables import score_table, scorecard, with_scores
 from validation.verdict import verdict_lines
 from validation.window import Window, common_window
 
@@ -37,7 +39,8 @@ def frames(time, scatter, model_offset=0.01, rate_of_last=None):
 def tables(traces, u=1e-4):
     channels, spread = channel_tables(traces, {}, {"key": u, "whippen": u, "hammer": u}, WINDOW)
     scores = score_table(traces, {}, {n: np.full(3, u) for n in traces}, channels, WINDOW, {1: 0.25})
-    return with_scores(channels, scores).set_index("channel"), scores, spread
+    card = scorecard(scores, traces, {}, WINDOW, {1: 0.25})
+    return with_scores(channels, scores, card).set_index("channel"), scores, spread
 
 
 def test_channel_table_of_a_known_difference():
@@ -78,7 +81,8 @@ def test_resolved_share_of_no_difference_is_the_stated_rate():
     rng = np.random.default_rng(13)
     trial = np.zeros((4000, 5))
     p = paired_difference(rng.normal(0, 1e-3, trial.shape), trial, 0.0)
-    assert p.resolved_share == pytest.approx(0.05, abs=0.014)  # 4 standard errors
+    assert p.pointwise_share == pytest.approx(0.05, abs=0.014)  # 4 standard errors
+    assert p.resolved_share == 0.0
     one = paired_difference(trial[:, :1] + 1.0, trial[:, :1], 0.0)
     assert np.isnan(one.resolved_share)
     assert one.mean[0] == 1.0

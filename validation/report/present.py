@@ -1,4 +1,4 @@
-"""Numbers as a reader sees them: tables of text with units, ready for the page.
+"""Tables of text with units, ready for the page.
 
 Place in the data flow: tables of a `ValidationResult` → `PageTable` → template.
 Conventions: degrees, millimetres and milliseconds; as many digits as the number's uncertainty or its size
@@ -9,57 +9,12 @@ Failure: none.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
 
 import pandas as pd
 
 from validation.event import EVENTS
+from validation.report.numbers import DASH, PageTable, between, degrees, number, percent, rms, with_u
 from validation.result import ValidationResult
-
-DASH = "–"
-
-
-@dataclass(frozen=True)
-class PageTable:
-    """A table of text: caption, column heads, rows; the first cell of a row is its head."""
-
-    key: str
-    caption: str
-    head: list[str]
-    rows: list[list[str]]
-    notes: list[str] = field(default_factory=list)
-
-
-def number(value: object, digits: int = 3) -> str:
-    """A number with so many significant digits, or a dash."""
-    if not isinstance(value, int | float) or isinstance(value, bool) or not math.isfinite(value):
-        return DASH
-    if value == 0:
-        return "0"
-    decimals = max(0, digits - 1 - math.floor(math.log10(abs(value))))
-    return f"{value:.{min(decimals, 9)}f}".replace("-", "−")
-
-
-def with_u(value: float, u: float) -> str:
-    """A value rounded to two digits of its uncertainty, or four significant digits when none is known."""
-    if not math.isfinite(value):
-        return DASH
-    if not (math.isfinite(u) and u > 0):
-        return number(value, 4)
-    decimals = min(max(0, 1 - math.floor(math.log10(u))), 6)
-    return f"{value:.{decimals}f} ± {u:.{decimals}f}".replace("-", "−")
-
-
-def degrees(value: object) -> str:
-    """Radians shown in degrees with four decimals, a quarter of a count of the encoders."""
-    if not isinstance(value, float) or not math.isfinite(value):
-        return DASH
-    return f"{math.degrees(value):.4f}".replace("-", "−").replace("−0.0000", "0.0000")
-
-
-def percent(value: object) -> str:
-    """A ratio in per cent."""
-    return number(100 * value, 2) + " %" if isinstance(value, float) and math.isfinite(value) else DASH
 
 
 def score_matrix(result: ValidationResult) -> PageTable:
@@ -128,13 +83,13 @@ def resolution_table(result: ValidationResult) -> PageTable:
         rows.append(
             [
                 str(channel),
-                degrees(_rms(part["before_impact_rmse_rad"])),
-                degrees(_rms(part["rmse_rad"])),
+                degrees(rms(part["before_impact_rmse_rad"])),
+                degrees(rms(part["rmse_rad"])),
                 degrees(float(part["bias_rad"].mean())),
                 degrees(float(worst["largest_rad"])) if worst is not None else DASH,
                 f"{worst['largest_at_s']:.4f} (trial {int(worst['trial'])})" if worst is not None else DASH,
                 percent(shares[str(channel)]),
-                degrees(_rms(part["u_rms_rad"])),
+                degrees(rms(part["u_rms_rad"])),
                 str(int(part["n_lost"].sum())),
             ]
         )
@@ -150,8 +105,8 @@ def resolution_table(result: ValidationResult) -> PageTable:
         "lost",
     ]
     notes = [
-        "resolved: share of the window in which the mean paired difference exceeds its 95 % uncertainty (Student's t "
-        "over trials and the sensor's own uncertainty, instant by instant)."
+        "resolved: share of the window in which the mean paired difference leaves its simultaneous 95 % band "
+        "(random-field t over trials, and the sensor's own uncertainty)."
     ]
     return PageTable("differences", "Differences model − trial by channel (°)", head, rows, notes)
 
@@ -204,7 +159,7 @@ def repeatability_tables(result: ValidationResult) -> list[PageTable]:
             f"{c.channel} ({c.source})",
             c.state or str(c.n_trials),
             degrees(c.s_r_rad),
-            _between(degrees(c.s_r_low_rad), degrees(c.s_r_high_rad)),
+            between(degrees(c.s_r_low_rad), degrees(c.s_r_high_rad)),
             degrees(c.s_r_largest_rad),
             degrees(c.limit_rad),
         ]
@@ -219,7 +174,7 @@ def repeatability_tables(result: ValidationResult) -> list[PageTable]:
                 f"{kind.title} ({kind.display_unit})",
                 f"{e.n_found} found" + (f", {e.n_ambiguous} ambiguous" if e.n_ambiguous else ""),
                 with_u(k * e.mean, k * e.s),
-                _between(number(k * e.s_low, 2), number(k * e.s_high, 2)),
+                between(number(k * e.s_low, 2), number(k * e.s_high, 2)),
                 number(k * e.limit, 3),
                 number(k * e.range, 3),
             ]
@@ -283,11 +238,3 @@ def _complete(table: pd.DataFrame) -> pd.DataFrame:
         if name not in out:
             out[name] = math.nan
     return out
-
-
-def _between(low: str, high: str) -> str:
-    return DASH if DASH in (low, high) else f"{low} to {high}"
-
-
-def _rms(values: pd.Series) -> float:
-    return float((values.dropna() ** 2).mean() ** 0.5) if values.notna().any() else math.nan

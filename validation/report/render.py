@@ -17,6 +17,7 @@ from markupsafe import Markup
 from validation.event import EVENTS
 from validation.report import present
 from validation.report.figures import all_figures
+from validation.report.scorecard_table import scorecard_table
 from validation.result import ValidationResult
 
 HERE = Path(__file__).parent
@@ -40,6 +41,7 @@ def render_html(result: ValidationResult) -> str:
         style=Markup((HERE / "report.css").read_text(encoding="utf-8")),
         figures=figures,
         score_matrix=present.score_matrix(result),
+        scorecard=scorecard_table(result),
         iso=present.iso_table(result),
         differences=present.resolution_table(result),
         events=present.event_page_table(result),
