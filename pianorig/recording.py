@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from rig.simulated.camera_view import ActionGeometry, CameraSettings
     from rig.simulated.plant import PlantTruth
 
+SELFTESTS = Path("selftests")
+"""Where ``pianorig selftest`` puts its records."""
 STILL_BEFORE_S = 0.03  # still frames before the blow: reference picture and zero of the angles
 
 
@@ -95,8 +97,15 @@ def record(
     progress: Callable[[Any], None] | None = None,
     film_progress: Callable[[int, int], None] | None = None,
     settings: CameraSettings | None = None,
+    yes: bool = False,
+    ask: Callable[[str], str | None] = lambda question: None,
+    selftests: Path = SELFTESTS,
 ) -> tuple[Session, dict[int, PlantTruth], dict[int, FilmTruth]]:
-    """Record a session and film the trials named in ``film``.
+    """Record a session and film the trials named in ``film``; a dry run on the model comes first.
+
+    On hardware nothing moves before a valid self-test was found in ``selftests`` (a record or a folder of them) and
+    somebody confirmed: ``ask`` shows a question and returns what was typed, ``yes`` takes its place where the rig
+    file permits.
 
     Returns
     -------
@@ -105,11 +114,16 @@ def record(
 
     Raises
     ------
-    InputError : bad profile, rig file, backend, trial numbers or path; nothing has moved
+    InputError : bad profile, rig file, backend, trial numbers or path, or a dry run outside the limits
+    rig.errors.NotPermitted : hardware without self-test or confirmation; nothing has moved
     """
     from rig.backend import open_backend
     from rig.config import load_rig
+    from rig.permission import permit
+    from rig.profile import load_profile
     from rig.recorder import record_session
+
+    from .prediction import predictor
 
     wrong = [n for n in film if not 1 <= n <= trials]
     if wrong:
@@ -133,9 +147,13 @@ def record(
     try:
         if film and not hasattr(bench, "plant"):
             raise InputError(f"--film: {backend} has no virtual camera; save the real film beside the trial instead")
+        chosen = load_profile(profile)
+        permission = None
+        if bench.capabilities.hardware:
+            permission = permit(rig_file, backend, selftests, yes=yes, ask=ask)
         session = record_session(
             out,
-            profile=profile,
+            profile=chosen,
             rig_config=rig_file,
             backend=bench,
             trials=trials,
@@ -143,6 +161,8 @@ def record(
             action_name=action_name,
             progress=progress,
             after_trial=after_trial,
+            predict=predictor(rig_file),
+            permission=permission,
         )
     finally:
         bench.close()

@@ -43,13 +43,14 @@ class Capabilities:
     """What a backend is and can do.
 
     ``simulated`` goes into the session file. ``description`` is what a report shows (driver, product,
-    versions).
+    versions). ``hardware`` tells that something outside this program moves, so that permission is needed.
     """
 
     name: str
     simulated: bool
     description: dict[str, str]
     watchdog: bool = False
+    hardware: bool = False
 
 
 @dataclass(frozen=True)
@@ -85,8 +86,8 @@ class Backend(Protocol):
     def configure(self, config: RigConfig, command_v: NDArray[np.float64]) -> Timing:
         """Reserve all channels and load the motor command; nothing moves."""
 
-    def arm(self) -> None:
-        """Write 0 V, start the slave tasks, enable the drive."""
+    def arm(self, *, enable_drive: bool = True) -> None:
+        """Start the slave tasks, then enable the drive unless it shall stay disabled."""
 
     def start(self) -> None:
         """Start the master: everything begins on one trigger."""

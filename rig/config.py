@@ -10,146 +10,32 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
 from rig import toml_file
+from rig.channels import (
+    BODIES,
+    ArmConfig,
+    CameraConfig,
+    Count,
+    DeviceConfig,
+    DriveEnableConfig,
+    EncoderConfig,
+    ForceConfig,
+    MotorConfig,
+    Number,
+    Table,
+    Text,
+)
 from rig.durable import sha256_of_bytes
 from rig.errors import InputError
 
 FOLDER = Path(__file__).parent / "rigs"
-BODIES = ("key", "whippen", "hammer")
-Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
-Count = Annotated[int, Field(strict=True)]
-Text = Annotated[str, Field(min_length=1)]
 
 
-class _Table(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-
-class DeviceConfig(_Table):
-    """The DAQ device or chassis that holds the clocks."""
-
-    product: Literal["cDAQ-9189", "PCIe-6363"]
-    name: Text
-    sample_rate_hz: Number = Field(ge=100, le=50_000)
-
-
-class ForceConfig(_Table):
-    """The load cell: a bridge module (mV/V), or a conditioner into a voltage input (V)."""
-
-    kind: Literal["bridge", "voltage"] = "bridge"
-    channel: Text
-    module: Text
-    sensor: Text
-    calibration: Text
-    electrical: tuple[Number, Number]
-    physical_n: tuple[Number, Number]
-    min_n: Number
-    max_n: Number
-    excitation_v: Number = Field(default=2.5, ge=0.5, le=10)
-    bridge_resistance_ohm: Number = Field(default=350.0, ge=60, le=5000)
-    group_delay_s: Number | None = Field(default=None, ge=0, le=0.1)
-    u_group_delay_s: Number = Field(default=0.0, ge=0, le=0.01)
-    u_noise_n: Number = Field(ge=0, le=10)
-    u_gain_relative: Number = Field(ge=0, le=0.2)
-    preload_n: Number = Field(ge=0, le=20)
-    u_preload_n: Number = Field(ge=0, le=5)
-
-    @model_validator(mode="after")
-    def _line(self) -> ForceConfig:
-        if self.electrical[0] == self.electrical[1] or self.physical_n[0] == self.physical_n[1]:
-            raise ValueError(f"force: the two calibration points {self.electrical} and {self.physical_n} must differ")
-        if not self.min_n < self.max_n:
-            raise ValueError(f"force.min_n = {self.min_n:g}, allowed below force.max_n = {self.max_n:g}")
-        return self
-
-    @property
-    def electrical_unit(self) -> str:
-        """Unit of the electrical reading."""
-        return "mV/V" if self.kind == "bridge" else "V"
-
-    def group_delay(self, sample_rate_hz: float) -> float:
-        """Delay from the force on the cell to its sample, s; from the module's data unless the rig file gives
-        it.
-
-        NI 9237: (40 + 5/512)/fs + 4.5 µs (National Instruments, KB kA00Z0000004A0YSAU).
-        """
-        if self.group_delay_s is not None:
-            return self.group_delay_s
-        return (40 + 5 / 512) / sample_rate_hz + 4.5e-6 if "9237" in self.module else 0.0
-
-
-class EncoderConfig(_Table):
-    """One angular encoder on one counter; ``counts_per_revolution`` counts all four edges (X4)."""
-
-    name: Literal["key", "whippen", "hammer"]
-    counter: Text
-    counts_per_revolution: Count = Field(ge=4, le=100_000_000, multiple_of=4)
-    sign: Literal[1, -1]
-    a_terminal: Text
-    b_terminal: Text
-    filter_min_pulse_s: Number = Field(default=1e-7, ge=0, le=1e-3)
-    u_scale_relative: Number = Field(default=0.0, ge=0, le=0.1)
-
-    @property
-    def pulses_per_revolution(self) -> int:
-        """Pulses on A (or B) per revolution, which is what NI-DAQmx asks for."""
-        return self.counts_per_revolution // 4
-
-
-class MotorConfig(_Table):
-    """The analog output that commands the motor's torque, and the limits of what may be asked of it."""
-
-    channel: Text
-    force_per_volt_n: Number = Field(gt=0, le=100)
-    voltage_limit_v: Number = Field(default=10.0, gt=0, le=10)
-    force_limit_n: Number = Field(gt=0, le=120)
-    slew_limit_n_per_s: Number = Field(default=2000.0, gt=0, le=100_000)
-    rms_force_limit_n: Number = Field(default=30.0, gt=0, le=120)
-    rms_over_s: Number = Field(default=10.0, gt=0, le=1000)
-
-    @model_validator(mode="after")
-    def _reach(self) -> MotorConfig:
-        reach = self.force_per_volt_n * self.voltage_limit_v
-        if self.force_limit_n > reach * (1 + 1e-9):
-            raise ValueError(
-                f"motor.force_limit_n = {self.force_limit_n:g} N, allowed "
-                f"at most {reach:g} N (scale "
-                "times voltage_limit_v)"
-            )
-        return self
-
-
-class CameraConfig(_Table):
-    """The counter that gives the camera its frame pulses; exposure starts on each rising edge."""
-
-    counter: Text
-    terminal: Text
-    frame_rate_hz: Number = Field(ge=1, le=1_000_000)
-    start_delay_s: Number = Field(default=0.0, ge=0, le=10)
-    exposure_s: Number = Field(gt=0, le=1)
-    u_time_s: Number = Field(default=1e-6, ge=0, le=0.01)
-
-    @model_validator(mode="after")
-    def _fits(self) -> CameraConfig:
-        if self.exposure_s > 1 / self.frame_rate_hz:
-            raise ValueError(
-                f"camera.exposure_s = {self.exposure_s:g} s, allowed at most one frame period, "
-                f"{1 / self.frame_rate_hz:g} s"
-            )
-        return self
-
-
-class DriveEnableConfig(_Table):
-    """The digital line that enables the motor drive; high is enabled."""
-
-    line: Text
-
-
-class LimitsConfig(_Table):
+class LimitsConfig(Table):
     """What ends a trial at once (:mod:`rig.interlocks`); bodies in the order key, whippen, hammer.
 
     The defaults are about three times what a forte blow reaches on the virtual bench (34 N, 35 kN/s, 3.5, 8 and
@@ -169,13 +55,39 @@ class LimitsConfig(_Table):
     stuck_s: Number = Field(default=0.005, ge=0.001, le=0.2)
 
 
-class WatchdogConfig(_Table):
+class WatchdogConfig(Table):
     """The device's watchdog timer: outputs made safe when the program has been silent for ``timeout_s``."""
 
     timeout_s: Number = Field(default=0.5, ge=0.05, le=30)
 
 
-class RecordingConfig(_Table):
+class SafetyConfig(Table):
+    """Who may let the motor move: ``--yes`` instead of a typed confirmation, and how old a self-test may be."""
+
+    allow_yes: bool = Field(default=False, strict=True)
+    selftest_valid_h: Number = Field(default=24.0, gt=0, le=8760)
+
+
+class SelftestConfig(Table):
+    """What ``pianorig selftest`` expects of a sound bench.
+
+    ``stroke_rad`` is how far key, whippen and hammer turn, counter-clockwise positive, when the key is pressed to its
+    bottom by hand. ``push_n`` must not move the key. ``shunt_ohm`` is the module's shunt resistor, 0 for none.
+    """
+
+    stroke_rad: tuple[Number, Number, Number]
+    stroke_tolerance: Number = Field(default=0.15, gt=0, le=0.4)
+    push_n: Number = Field(default=0.25, gt=0, le=5)
+    push_tolerance: Number = Field(default=0.2, gt=0, le=0.5)
+    latency_tolerance_samples: Number = Field(default=3.0, gt=0, le=100)
+    offset_limit_n: Number = Field(default=2.0, gt=0, le=100)
+    shunt_ohm: Number = Field(default=100e3, ge=0)
+    shunt_tolerance: Number = Field(default=0.02, gt=0, le=0.5)
+    loopback: Text | None = None
+    """A voltage input that is wired to the motor's output, if there is one."""
+
+
+class RecordingConfig(Table):
     """Timing of a trial and what counts as rest."""
 
     quiet_s: Number = Field(default=0.35, ge=0.3, le=10)
@@ -186,7 +98,7 @@ class RecordingConfig(_Table):
     block_s: Number = Field(default=0.02, ge=0.001, le=1)
 
 
-class RigConfig(_Table):
+class RigConfig(Table):
     """A whole rig file."""
 
     schema_name: Literal["piano-action-rig rig 1"] = Field(alias="schema")
@@ -196,10 +108,13 @@ class RigConfig(_Table):
     force: ForceConfig
     encoders: tuple[EncoderConfig, EncoderConfig, EncoderConfig]
     motor: MotorConfig
+    arm: ArmConfig | None = None
     camera: CameraConfig | None = None
     drive_enable: DriveEnableConfig | None = None
     watchdog: WatchdogConfig | None = None
     limits: LimitsConfig = LimitsConfig()
+    safety: SafetyConfig = SafetyConfig()
+    selftest: SelftestConfig | None = None
     recording: RecordingConfig = RecordingConfig()
 
     @model_validator(mode="after")

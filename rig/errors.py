@@ -28,8 +28,8 @@ class HardwareFault(RigError):
     code : int or None
         Status code of the vendor's driver (for NI-DAQmx a negative number), if there is one.
     phase : str
-        What was being done: ``connect``, ``configure``, ``arm``, ``start``, ``read``, ``write``, ``interlock``
-        or ``stop``.
+        What was being done: ``connect``, ``permit``, ``configure``, ``arm``, ``start``, ``read``, ``write``,
+        ``interlock`` or ``stop``.
     """
 
     exit_code: int = 3
@@ -78,3 +78,10 @@ class RecordingFault(HardwareFault):
 
 class LimitExceeded(HardwareFault):
     """A measured value left the limits of the rig file (phase ``interlock``)."""
+
+
+class NotPermitted(HardwareFault):
+    """Nothing moves: confirmation, self-test or dry run is missing (phase ``permit``)."""
+
+    def __init__(self, message: str) -> None:
+        super().__init__(message, phase="permit")

@@ -3,7 +3,8 @@
 Place in the data flow: ``rig.trial_run`` hands in each block once it is in the journal; a value outside the limits
 raises :class:`rig.errors.LimitExceeded`, which ends the trial with motor at 0 V and drive disabled and stands in the
 file as its reason. Checked: force and its rate, travel and speed of each body, sensors that are stuck or open, force
-missing where the motor is told to push; before the blow: everything still, force near zero; after it: encoders back.
+missing where the motor is told to push; before the blow: everything still, force near zero, the arm's preload seen
+(where the unloaded reading is known); after it: encoders back.
 
 This is the second layer only. It acts one block, the force's delay and a round trip after the event, 30 to 50 ms,
 longer than a blow takes. The first layer is hardware: torque limit and stop chain of the drive, hard stops,
@@ -16,7 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.backend import Block, Timing
-from rig.config import BODIES, RigConfig
+from rig.channels import BODIES
+from rig.config import RigConfig
 from rig.errors import LimitExceeded
 
 STILL_S = 0.2
@@ -176,11 +178,17 @@ class Interlocks:
                 f"{BODIES[worst]} encoder moved by {wander[worst]} counts in the {STILL_S:g} s before the blow, "
                 f"allowed {2 * self._config.recording.rest_counts}; wait until the action is still"
             )
-        low = self._limits.baseline_n[0] if self._limits.least_preload_n is None else self._limits.least_preload_n
-        if not low <= self._baseline_n <= self._limits.baseline_n[1]:
+        low, high = self._limits.baseline_n
+        if not low <= self._baseline_n <= high:
             self._stop(
                 f"{self._config.force.channel}: force {self._baseline_n:.3g} N before the blow, allowed {low:g} to "
-                f"{self._limits.baseline_n[1]:g} N; put the arm on the key and null the bridge"
+                f"{high:g} N; put the arm on the key and null the bridge"
+            )
+        unloaded_n, least_n = self._config.force.offset_n, self._limits.least_preload_n
+        if unloaded_n is not None and least_n is not None and self._baseline_n - unloaded_n < least_n:
+            self._stop(
+                f"{self._config.force.channel}: {self._baseline_n - unloaded_n:.3g} N above the unloaded reading of "
+                f"{unloaded_n:.3g} N before the blow, allowed from {least_n:g} N; the arm is not on the key"
             )
 
     def _check_pushes(self, first: int, baseline_n: float) -> None:

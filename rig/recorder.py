@@ -16,9 +16,11 @@ from pathlib import Path
 
 from rig.backend import Backend, open_backend
 from rig.config import Rig, load_rig
+from rig.dry_run import Predict, dry_run
 from rig.errors import HardwareFault, InputError
 from rig.feed import BlockFeed
 from rig.interrupts import deferred, termination_as_interrupt
+from rig.permission import Permission, demand
 from rig.profile import Profile, load_profile
 from rig.session import Session, SessionInfo, Trial
 from rig.session.annotation_file import utc_now
@@ -46,6 +48,8 @@ def record_session(
     after_trial: Callable[[Trial], None] | None = None,
     feed: BlockFeed | None = None,
     open_journal: OpenJournal = JournalWriter,
+    predict: Predict | None = None,
+    permission: Permission | None = None,
 ) -> Session:
     """Record a session.
 
@@ -69,6 +73,10 @@ def record_session(
         Bounded feed for a live view.
     open_journal : callable, optional
         Creates each trial's journal; tests put a bad disk here.
+    predict : callable, optional
+        Predicts the profile's blow for the dry run (:mod:`rig.dry_run`); needed on hardware.
+    permission : Permission, optional
+        That the motor may move (:mod:`rig.permission`); needed on hardware, i.e. with ``ni://`` and ``ni-grpc://``.
 
     Returns
     -------
@@ -77,7 +85,10 @@ def record_session(
     Raises
     ------
     InputError
-        Bad profile, rig file, number of trials or path; nothing has moved and nothing is left behind.
+        Bad profile, rig file, number of trials or path, or a dry run outside the limits; nothing has moved and nothing
+        is left behind.
+    NotPermitted
+        Hardware without permission, self-test or dry run; likewise.
     HardwareFault
         The bench stopped; earlier trials and the marked one are kept.
     KeyboardInterrupt
@@ -87,20 +98,24 @@ def record_session(
         raise InputError(f"trials = {trials}, allowed 1 to {MAX_TRIALS}")
     profile = profile if isinstance(profile, Profile) else load_profile(profile)
     rig = rig_config if isinstance(rig_config, Rig) else load_rig(rig_config)
-    command = motor_command(profile, rig.config)
+    config = permission.applied_to(rig.config) if permission is not None else rig.config
+    command = motor_command(profile, config)
+    predicted = dry_run(profile, config, predict) if predict is not None else {}
     existed = Path(out).is_dir()
     opened = open_backend(backend, rig.config) if isinstance(backend, str) else backend
     session: Session | None = None
     try:
+        demand(rig, opened.capabilities, permission, predict is not None)
         info = _session_info(
-            Path(out).name, opened, profile, rig, trials, operator, action or ActionInfo(name=action_name), room, notes
-        )
+            Path(out).name, opened, profile, rig, trials, operator, action or ActionInfo(name=action_name), room,
+            {**(notes or {}), **(permission.noted() if permission else {})}, predicted,
+        )  # fmt: skip
         session = Session.create(out, info, {"rig.toml": rig.text, "profile.toml": profile.text})
         with termination_as_interrupt():
             for number in range(1, trials + 1):
                 journal = session.journal_path(number)
                 outcome = run_trial(
-                    opened, rig.config, command, number, trials, journal,
+                    opened, config, command, number, trials, journal,
                     progress=progress, feed=feed, open_journal=open_journal,
                 )  # fmt: skip
                 if outcome.data is not None:
@@ -137,6 +152,7 @@ def _session_info(
     action: ActionInfo,
     room: RoomInfo | None,
     notes: Mapping[str, str] | None,
+    predicted: Mapping[str, float | str],
 ) -> SessionInfo:
     capabilities = backend.capabilities
     return SessionInfo(
@@ -152,6 +168,7 @@ def _session_info(
         backend={"name": capabilities.name, **capabilities.description},
         software=software_versions(),
         notes=dict(notes or {}),
+        dry_run=dict(predicted),
     )
 
 

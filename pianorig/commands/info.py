@@ -1,4 +1,4 @@
-"""``pianorig info``: what a session holds, or which versions are installed."""
+"""``pianorig info``: what a session holds, what answers at a backend, or which versions are installed."""
 
 from __future__ import annotations
 
@@ -10,16 +10,26 @@ import typer
 
 def command(
     session: Annotated[Path | None, typer.Argument(help="Session folder; without one: versions.")] = None,
+    backend: Annotated[
+        str | None, typer.Option("--backend", help="Show what answers at sim://, ni://local or ni-grpc://host:31763.")
+    ] = None,
+    rig: Annotated[str, typer.Option("--rig", help="Built-in rig or a TOML file, with --backend.")] = "virtual",
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
-    """Show the trials of a session, or the versions of everything this tool rests on.
+    """Show the trials of a session, what answers at a backend, or the versions of everything this tool rests on.
 
     Example:  pianorig info sessions/2026-11-21_forte_key52
+    Example:  pianorig info --backend sim:// --rig pcie6363
     """
     from ..inspection import session_facts, versions
     from ..output import print_json
 
-    facts = versions() if session is None else session_facts(session)
+    if backend is not None:
+        from ..rehearsal import backend_facts
+
+        facts = backend_facts(backend, rig)
+    else:
+        facts = versions() if session is None else session_facts(session)
     if as_json:
         print_json(facts)
         return

@@ -21,12 +21,27 @@ def command(
     ] = None,
     operator: Annotated[str, typer.Option("--operator", help="Who records.")] = "unknown",
     action: Annotated[str, typer.Option("--action", help="What stands on the bench.")] = "unknown",
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Reserve and print every task, predict the blow, move nothing.")
+    ] = False,
+    yes: Annotated[
+        bool, typer.Option("--yes", help="On ni*://: do not ask, where safety.allow_yes of the rig file permits.")
+    ] = False,
+    selftest: Annotated[
+        Path, typer.Option("--selftest", help="On ni*://: record of a self-test, or the folder of them.")
+    ] = Path("selftests"),
     as_json: Annotated[bool, typer.Option("--json", help="Print a JSON summary.")] = False,
 ) -> None:
     """Play a motor profile, record force, angles and frame clock; on the virtual bench by default.
 
     Example:  pianorig record --profile forte --trials 5 --film 1 --out sessions/try
     """
+    if dry_run:
+        from ..rehearsal import print_rehearsal
+
+        print_rehearsal(profile, rig, backend, as_json=as_json)
+        return
+    from ..asking import type_answer
     from ..output import print_json
     from ..progress import bar, recording_line
     from ..recording import record
@@ -45,6 +60,9 @@ def command(
             action_name=action,
             progress=progress,
             film_progress=film_progress,
+            yes=yes,
+            ask=type_answer,
+            selftests=selftest,
         )
     rows = [{"trial": t.number, "status": t.status, "film": t.film.name if t.film else None} for t in session.trials]
     if as_json:

@@ -7,11 +7,9 @@ torque limit, hard stops and emergency stop are the first.
 
 from __future__ import annotations
 
-import contextlib
 import warnings
 from collections.abc import Callable
 from importlib.metadata import version
-from urllib.parse import urlsplit
 
 import grpc
 import nidaqmx
@@ -26,39 +24,14 @@ from numpy.typing import NDArray
 from rig.backend import Block, Capabilities, Timing
 from rig.config import RigConfig
 from rig.daq import tasks
+from rig.daq.bench_checks import BenchChecks
 from rig.daq.faults import translated
 from rig.daq.watchdog import Watchdog
 from rig.errors import HardwareFault, InputError
 
-DEFAULT_PORT = 31763
 
-
-def open_backend(url: str, config: RigConfig) -> NidaqmxBackend:
-    """Open ``ni://local`` or ``ni-grpc://host[:port]``; raises InputError for another address."""
-    parts = urlsplit(url)
-    try:
-        port = parts.port or DEFAULT_PORT
-    except ValueError as error:
-        raise InputError(f"backend address {url!r}: {error}") from None
-    if parts.scheme == "ni" and parts.netloc in ("", "local"):
-        return _identified(NidaqmxBackend(None, name="NI-DAQmx driver"), config)
-    if parts.scheme == "ni-grpc" and parts.hostname:
-        target = f"{parts.hostname}:{port}"
-        channel = grpc.insecure_channel(target, options=[("grpc.max_receive_message_length", -1)])
-        return _identified(NidaqmxBackend(channel, name=f"NI gRPC Device Server at {target}"), config)
-    raise InputError(f"backend address {url!r}: allowed are ni://local and ni-grpc://host:{DEFAULT_PORT}")
-
-
-def _identified(backend: NidaqmxBackend, config: RigConfig) -> NidaqmxBackend:
-    with contextlib.ExitStack() as unless_known:
-        unless_known.callback(backend.close)
-        backend.identify(config)
-        unless_known.pop_all()
-    return backend
-
-
-class NidaqmxBackend:
-    """Acquisition on NI-DAQmx.
+class NidaqmxBackend(BenchChecks):
+    """Acquisition on NI-DAQmx; what only a self-test does is in :mod:`rig.daq.bench_checks`.
 
     Parameters
     ----------
@@ -83,7 +56,7 @@ class NidaqmxBackend:
     def capabilities(self) -> Capabilities:
         """What this is."""
         description = {"client": f"nidaqmx {version('nidaqmx')}", "product": self._product}
-        return Capabilities(self._name, self._simulated, description, watchdog=True)
+        return Capabilities(self._name, self._simulated, description, watchdog=True, hardware=True)
 
     def identify(self, config: RigConfig) -> None:
         """Ask the device what it is; a simulated one is marked so in every session.
@@ -147,7 +120,7 @@ class NidaqmxBackend:
                 tasks.motor_task(self._kept_task, config, command_v)
             if config.camera is not None:
                 with translated("configure", config.camera.counter):
-                    frame_rate_hz, first_pulse_s = tasks.camera_task(self._kept_task, config, config.camera)
+                    _, frame_rate_hz, first_pulse_s = tasks.camera_task(self._kept_task, config, config.camera)
             for name, task in self._tasks.items():
                 with translated("configure", name):
                     self._kick()
@@ -157,7 +130,7 @@ class NidaqmxBackend:
             raise
         return Timing(rate, config.force.group_delay(rate), frame_rate_hz, first_pulse_s)
 
-    def arm(self) -> None:
+    def arm(self, *, enable_drive: bool = True) -> None:
         """Start all slaves, which wait for the master's clock and trigger; enable the drive last, at 0 V."""
         config = self._ready()
         try:
@@ -166,7 +139,7 @@ class NidaqmxBackend:
                     with translated("arm", name):
                         self._kick()
                         task.start()
-            if config.drive_enable is not None:
+            if config.drive_enable is not None and enable_drive:
                 with translated("arm", config.drive_enable.line):
                     tasks.write_drive_enable(self._new_task, config.drive_enable.line, True)
         except BaseException:
@@ -187,26 +160,30 @@ class NidaqmxBackend:
 
     def read_block(self, n_samples: int, timeout_s: float) -> Block:
         """Read the next samples; on a fault the outputs are made safe first. Asking keeps the watchdog quiet."""
-        config = self._ready()
+        self._ready()
         try:
             with translated("read", "watchdog"):
                 self._kick()
             with translated("read", tasks.MOTOR):
                 self._tasks[tasks.MOTOR].is_task_done()  # raises if the generation has failed
-            values = np.empty(n_samples)
-            with translated("read", tasks.MASTER):
-                reader = AnalogSingleChannelReader(self._tasks[tasks.MASTER].in_stream)
-                reader.read_many_sample(values, n_samples, timeout_s)
-            if config.force.kind == "bridge":
-                force_n, raw = values, tasks.volts_of_force(config, values)
-            else:
-                force_n, raw = tasks.force_of_volts(config, values), values
-            count = np.empty((n_samples, len(config.encoders)), dtype=np.int64)
-            for column, encoder in enumerate(config.encoders):
-                count[:, column] = self._read_ticks(tasks.encoder_task_name(encoder), n_samples, timeout_s)
+            return self._read_inputs(n_samples, timeout_s)
         except BaseException:
             self._stop_quietly()
             raise
+
+    def _read_inputs(self, n_samples: int, timeout_s: float) -> Block:
+        config = self._ready()
+        values = np.empty(n_samples)
+        with translated("read", tasks.MASTER):
+            reader = AnalogSingleChannelReader(self._tasks[tasks.MASTER].in_stream)
+            reader.read_many_sample(values, n_samples, timeout_s)
+        if config.force.kind == "bridge":
+            force_n, raw = values, tasks.volts_of_force(config, values)
+        else:
+            force_n, raw = tasks.force_of_volts(config, values), values
+        count = np.empty((n_samples, len(config.encoders)), dtype=np.int64)
+        for column, encoder in enumerate(config.encoders):
+            count[:, column] = self._read_ticks(tasks.encoder_task_name(encoder), n_samples, timeout_s)
         block = Block(self._next_sample, force_n, raw, count)
         self._next_sample += n_samples
         return block

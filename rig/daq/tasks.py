@@ -17,13 +17,14 @@ import numpy as np
 from nidaqmx.stream_writers import AnalogSingleChannelWriter, DigitalSingleChannelWriter
 from numpy.typing import NDArray
 
-from rig.config import CameraConfig, EncoderConfig, RigConfig
+from rig.channels import CameraConfig, EncoderConfig
+from rig.config import RigConfig
 from rig.errors import InputError
 
 BUFFER_S = 20.0
 """Length of the driver's buffers: how long the program may be late before samples are lost."""
 WRITE_TIMEOUT_S = 5.0
-MASTER, MOTOR, CAMERA = "force", "motor", "camera"
+MASTER, MOTOR, CAMERA, EDGES = "force", "motor", "camera", "exposures"
 """Names of the tasks."""
 
 
@@ -90,6 +91,29 @@ def force_task(new_task: NewTask, config: RigConfig) -> nidaqmx.Task:
     return task
 
 
+def voltage_task(new_task: NewTask, config: RigConfig, channel: str) -> nidaqmx.Task:
+    """AI on one voltage input, continuous, on its own clock."""
+    task, limit = new_task("voltage"), config.motor.voltage_limit_v
+    task.ai_channels.add_ai_voltage_chan(
+        channel,
+        name_to_assign_to_channel="voltage",
+        terminal_config=ni.TerminalConfiguration.DIFF,
+        min_val=-limit,
+        max_val=limit,
+        units=ni.VoltageUnits.VOLTS,
+        custom_scale_name="",
+    )
+    rate = config.device.sample_rate_hz
+    task.timing.cfg_samp_clk_timing(
+        rate,
+        source="",
+        active_edge=ni.Edge.RISING,
+        sample_mode=ni.AcquisitionType.CONTINUOUS,
+        samps_per_chan=buffer_samples(rate),
+    )
+    return task
+
+
 def volts_of_force(config: RigConfig, force_n: NDArray[np.float64]) -> NDArray[np.float64]:
     """Electrical reading (mV/V or V) that the calibration line gives for a force."""
     (e0, e1), (p0, p1) = config.force.electrical, config.force.physical_n
@@ -105,7 +129,6 @@ def force_of_volts(config: RigConfig, electrical: NDArray[np.float64]) -> NDArra
 def encoder_task(new_task: NewTask, config: RigConfig, encoder: EncoderConfig) -> nidaqmx.Task:
     """One counter on one encoder: X4 ticks, latched on the AI sample clock from the AI start trigger on."""
     task = new_task(encoder_task_name(encoder))
-    rate, device = config.device.sample_rate_hz, config.device.name
     channel = task.ci_channels.add_ci_ang_encoder_chan(
         encoder.counter,
         name_to_assign_to_channel=encoder.name,
@@ -125,6 +148,13 @@ def encoder_task(new_task: NewTask, config: RigConfig, encoder: EncoderConfig) -
         channel.ci_encoder_a_input_dig_fltr_min_pulse_width = encoder.filter_min_pulse_s
         channel.ci_encoder_b_input_dig_fltr_enable = True
         channel.ci_encoder_b_input_dig_fltr_min_pulse_width = encoder.filter_min_pulse_s
+    _latched_on_ai(task, config)
+    return task
+
+
+def _latched_on_ai(task: nidaqmx.Task, config: RigConfig) -> None:
+    """Give a counter the AI sample clock, and arm it on the AI start trigger."""
+    rate, device = config.device.sample_rate_hz, config.device.name
     task.timing.cfg_samp_clk_timing(
         rate,
         source=f"/{device}/ai/SampleClock",
@@ -136,7 +166,6 @@ def encoder_task(new_task: NewTask, config: RigConfig, encoder: EncoderConfig) -
     trigger.trig_type = ni.TriggerType.DIGITAL_EDGE
     trigger.dig_edge_src = f"/{device}/ai/StartTrigger"
     trigger.dig_edge_edge = ni.Edge.RISING
-    return task
 
 
 def motor_task(new_task: NewTask, config: RigConfig, command_v: NDArray[np.float64]) -> nidaqmx.Task:
@@ -163,8 +192,8 @@ def motor_task(new_task: NewTask, config: RigConfig, command_v: NDArray[np.float
     return task
 
 
-def camera_task(new_task: NewTask, config: RigConfig, camera: CameraConfig) -> tuple[float, float]:
-    """CO with the frame pulses, started by the AI start trigger; returns its real rate, Hz, and first edge, s."""
+def camera_task(new_task: NewTask, config: RigConfig, camera: CameraConfig) -> tuple[nidaqmx.Task, float, float]:
+    """CO with the frame pulses, started by the AI start trigger; also its real rate, Hz, and first edge, s."""
     task = new_task(CAMERA)
     channel = task.co_channels.add_co_pulse_chan_freq(
         camera.counter,
@@ -180,7 +209,22 @@ def camera_task(new_task: NewTask, config: RigConfig, camera: CameraConfig) -> t
     task.triggers.start_trigger.cfg_dig_edge_start_trig(
         f"/{config.device.name}/ai/StartTrigger", trigger_edge=ni.Edge.RISING
     )
-    return float(channel.co_pulse_freq), float(channel.co_pulse_freq_initial_delay)
+    return task, float(channel.co_pulse_freq), float(channel.co_pulse_freq_initial_delay)
+
+
+def edge_task(new_task: NewTask, config: RigConfig, counter: str, terminal: str) -> nidaqmx.Task:
+    """One counter counting rising edges on a terminal, latched on the AI sample clock from the AI start trigger on."""
+    task = new_task(EDGES)
+    channel = task.ci_channels.add_ci_count_edges_chan(
+        counter,
+        name_to_assign_to_channel="edges",
+        edge=ni.Edge.RISING,
+        initial_count=0,
+        count_direction=ni.CountDirection.COUNT_UP,
+    )
+    channel.ci_count_edges_term = terminal
+    _latched_on_ai(task, config)
+    return task
 
 
 def write_zero(new_task: NewTask, config: RigConfig) -> None:

@@ -48,9 +48,14 @@ class Watchdog:
         """Start the time anew; an expired timer refuses."""
         self._task.reset_timer()
 
+    @property
+    def expired(self) -> bool:
+        """Whether the time has run out."""
+        return bool(self._task.expired)
+
     def release_outputs(self) -> None:
         """Let outputs be written again if the timer has expired."""
-        if self._task.expired:
+        if self.expired:
             self._task.clear_expiration()
 
     def close(self) -> None:

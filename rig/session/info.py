@@ -65,6 +65,8 @@ class SessionInfo(_Table):
     backend: dict[str, str] = {}
     software: dict[str, str] = {}
     notes: dict[str, str] = {}
+    dry_run: dict[str, float | str] = {}
+    """What the model predicted of the profile before it was played."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", populate_by_name=True)
 

@@ -9,6 +9,7 @@ overrides its seed, ``clock`` is
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from urllib.parse import parse_qsl, urlsplit
 
@@ -45,7 +46,9 @@ class SimulatedBackend(NidaqmxBackend):
     def capabilities(self) -> Capabilities:
         """What this backend is."""
         inherited = super().capabilities
-        return Capabilities(inherited.name, True, {**inherited.description, **self._description})
+        return replace(
+            inherited, simulated=True, hardware=False, description={**inherited.description, **self._description}
+        )
 
 
 def build_device(

@@ -134,3 +134,56 @@ def test_when_zero_volts_cannot_be_written_the_drive_is_still_disabled_and_the_f
     assert fault.value.phase == "stop"
     assert not backend.device.drive_enabled() and backend.device.tasks == {}
     backend.device.write = write
+
+
+def energised(backend: Any, config: Any, command: np.ndarray) -> None:
+    backend.configure(config, command)
+    backend.arm()
+    backend.start()
+    backend.read_block(250, 1.0)
+    assert backend.device.output_v["cDAQ1Mod2/ao0"] > 1.0 and backend.device.drive_enabled()
+
+
+@pytest.mark.parametrize("way_out", ["end", "close", "fault", "exception", "limit", "next configure"])
+def test_every_way_out_de_energises_in_the_same_order(way_out, make_backend, assert_safe, config, command) -> None:
+    backend = make_backend(config)
+    device, steps = backend.device, []
+    energised(backend, config, command)
+    write, lines, clear = device.write, device.write_lines, device.clear_task
+
+    def noted(name: str, call: Any) -> Any:
+        def step(first: Any, *rest: Any) -> Any:
+            steps.append((name, getattr(first, "name", first)))
+            return call(first, *rest)
+
+        return step
+
+    device.write, device.write_lines = noted("volts", write), noted("line", lines)
+    device.clear_task = noted("clear", clear)
+    if way_out in ("end", "limit"):  # after a limit the recorder calls safe_stop, as at the end
+        backend.safe_stop()
+    elif way_out == "close":
+        backend.close()
+    elif way_out == "next configure":
+        backend.configure(config, command)
+        steps = steps[: steps.index(("clear", "watchdog")) + 1]
+        backend.safe_stop()
+    else:
+        error = DaqStatusError(-200279) if way_out == "fault" else ZeroDivisionError("program")
+
+        def fail(*arguments: Any) -> None:
+            raise error
+
+        device.read = fail
+        with pytest.raises(SamplesLost if way_out == "fault" else ZeroDivisionError):
+            backend.read_block(100, 1.0)
+    wanted = [
+        ("clear", "motor"),
+        ("volts", "motor_zero"),
+        ("clear", "motor_zero"),
+        ("line", "drive_enable"),
+        ("clear", "drive_enable"),
+        ("clear", "force"),
+    ]
+    assert steps[: len(wanted)] == wanted and steps[-1] == ("clear", "watchdog")
+    assert_safe(backend)

@@ -11,6 +11,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -18,9 +19,14 @@ import numpy as np
 import pytest
 
 from pianorig.cli import main
+from pianorig.prediction import predictor
+from rig.config import load_rig
+from rig.errors import NotPermitted
+from rig.permission import Permission
 from rig.profile import load_profile
 from rig.recorder import record_session
 from rig.recover import recover_session
+from rig.selftest_record import Finding, SelftestRecord, read_record
 from rig.session import Session
 from rig.simulated.watchdog import LOW
 
@@ -81,11 +87,29 @@ def serve() -> Iterator[Callable[..., tuple[Program, str]]]:
         program.end()
 
 
-def test_a_session_recorded_over_tcp_is_the_one_recorded_in_process(serve, tmp_path) -> None:
+@pytest.fixture
+def permitted(tmp_path) -> list[str]:
+    """Options of ``record`` that let the motor of a virtual bench behind TCP move."""
+    rig_file = tmp_path / "rig.toml"
+    rig_file.write_text(load_rig("virtual").text.replace("allow_yes = false", "allow_yes = true"))
+    rig = load_rig(rig_file)
+    record = SelftestRecord(
+        created_utc=datetime.now(UTC), rig="virtual", rig_sha256=rig.sha256, product="cDAQ-9189", device="cDAQ1",
+        backend="test", simulated=True, findings=(Finding(check="all", passed=True, found="", allowed=""),),
+    )  # fmt: skip
+    return ["--rig", str(rig_file), "--yes", "--selftest", str(record.write(tmp_path))]
+
+
+def test_a_session_recorded_over_tcp_is_the_one_recorded_in_process(serve, permitted, tmp_path) -> None:
     program, address = serve("--clock", "virtual", "--seed", "5")
     assert address.startswith("ni-grpc://127.0.0.1:")
-    far = record_session(tmp_path / "far", profile=load_profile(STEP), backend=address, trials=2)
-    near = record_session(tmp_path / "near", profile=load_profile(STEP), backend="sim://?seed=5", trials=2)
+    rig = load_rig(permitted[1])
+    arguments = {"profile": load_profile(STEP), "rig_config": rig, "trials": 2, "predict": predictor(rig)}
+    with pytest.raises(NotPermitted):
+        record_session(tmp_path / "far", backend=address, **arguments)
+    permission = Permission("--yes", rig.sha256, read_record(Path(permitted[4])))
+    far = record_session(tmp_path / "far", backend=address, permission=permission, **arguments)
+    near = record_session(tmp_path / "near", backend="sim://?seed=5", **arguments)
     assert far.info.simulated and "gRPC Device Server" in far.info.backend["name"]
     for there, here in zip(far.trials, near.trials, strict=True):
         a, b = there.read(), here.read()
@@ -95,7 +119,7 @@ def test_a_session_recorded_over_tcp_is_the_one_recorded_in_process(serve, tmp_p
 
 
 @pytest.mark.skipif(os.name == "nt", reason="kills with SIGKILL")
-def test_when_the_recording_program_is_killed_the_watchdog_makes_the_outputs_safe(serve, tmp_path) -> None:
+def test_when_the_recording_program_is_killed_the_watchdog_makes_the_outputs_safe(serve, permitted, tmp_path) -> None:
     server, address = serve("--clock", "real")
     profile = tmp_path / "long.toml"
     profile.write_text(
@@ -103,7 +127,7 @@ def test_when_the_recording_program_is_killed_the_watchdog_makes_the_outputs_saf
         "{time_s=21,force_n=0}]"
     )
     folder = tmp_path / "s"
-    recorder = Program("record", "--profile", str(profile), "--backend", address, "--out", str(folder))
+    recorder = Program("record", "--profile", str(profile), "--backend", address, "--out", str(folder), *permitted)
     live = server.wait_for(lambda line: line["motor"] == "live")
     assert live["drive"] == "enabled"
     recorder.end(signal.SIGKILL)
@@ -120,10 +144,12 @@ def test_when_the_recording_program_is_killed_the_watchdog_makes_the_outputs_saf
 
 @pytest.mark.skipif(os.name == "nt", reason="Windows ends a program without asking it")
 @pytest.mark.parametrize("number", [signal.SIGTERM, pytest.param(signal.SIGINT, marks=pytest.mark.slow)])
-def test_a_recording_asked_to_end_makes_the_outputs_safe_itself_and_seals_the_trial(serve, tmp_path, number) -> None:
+def test_a_recording_asked_to_end_makes_the_outputs_safe_itself_and_seals_the_trial(
+    serve, permitted, tmp_path, number
+) -> None:
     server, address = serve("--clock", "real")
     folder = tmp_path / "s"
-    recorder = Program("record", "--profile", "forte", "--backend", address, "--out", str(folder))
+    recorder = Program("record", "--profile", "forte", "--backend", address, "--out", str(folder), *permitted)
     server.wait_for(lambda line: line["motor"] == "live")
     assert recorder.end(number) == 130
     safe = server.wait_for(lambda line: line["motor"] == "0 V" and line["drive"] == "disabled")

@@ -1,0 +1,104 @@
+"""What only a self-test asks of the hardware: the bridge's shunt step, edges on a terminal, the watchdog left alone.
+
+Place in the data flow: ``rig.selftest`` → these methods of the backend → ``nidaqmx`` client. Each opens and closes
+tasks of its own, except :meth:`BenchChecks.let_watchdog_expire`, which needs a running trial. Faults are typed.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import nidaqmx
+import numpy as np
+from nidaqmx.stream_readers import AnalogSingleChannelReader
+
+from rig.backend import Block
+from rig.config import RigConfig
+from rig.daq import tasks
+from rig.daq.faults import translated
+
+if TYPE_CHECKING:
+    from rig.daq.watchdog import Watchdog
+
+SHUNT_S = 0.4
+READ_TIMEOUT_S = 5.0
+
+
+class BenchChecks:
+    """Mixed into the backend; uses its way of making tasks."""
+
+    _watchdog: Watchdog | None
+
+    def _new_task(self, name: str) -> nidaqmx.Task:
+        raise NotImplementedError
+
+    def _read_inputs(self, n_samples: int, timeout_s: float) -> Block:
+        raise NotImplementedError
+
+    def shunt_step(self, config: RigConfig) -> float:
+        """Return by how much the bridge's reading changes when the module's shunt resistor is switched in, mV/V."""
+        readings = [self._mean_reading(config, shunt=shunt) for shunt in (False, True)]
+        return readings[1] - readings[0]
+
+    def _mean_reading(self, config: RigConfig, *, shunt: bool) -> float:
+        n = int(SHUNT_S * config.device.sample_rate_hz)
+        with translated("read", config.force.channel):
+            task = tasks.force_task(self._new_task, config)
+            try:
+                task.ai_channels[0].ai_bridge_shunt_cal_enable = shunt
+                task.start()
+                values = np.empty(n)
+                AnalogSingleChannelReader(task.in_stream).read_many_sample(values, n, READ_TIMEOUT_S)
+            finally:
+                task.close()
+        settled = values[n // 4 :]  # behind the module's filter
+        return float(np.mean(tasks.volts_of_force(config, settled)))
+
+    def count_edges(self, config: RigConfig, counter: str, terminal: str, duration_s: float, pulses: bool) -> int:
+        """Return the rising edges on a terminal in ``duration_s``; with ``pulses`` the camera's counter gives them."""
+        n = int(round(duration_s * config.device.sample_rate_hz))
+        made: list[nidaqmx.Task] = []
+        with translated("read", counter):
+            try:
+                edges = tasks.edge_task(self._new_task, config, counter, terminal)
+                made.append(edges)
+                if pulses and config.camera is not None:
+                    made.append(tasks.camera_task(self._new_task, config, config.camera)[0])
+                made.append(tasks.force_task(self._new_task, config))
+                for task in made:
+                    task.start()
+                counted = edges.read(n, timeout=READ_TIMEOUT_S)
+            finally:
+                for task in reversed(made):
+                    task.close()
+        return int(counted[-1]) - int(counted[0])
+
+    def loopback_delay(self, config: RigConfig, channel: str, command_v: np.ndarray) -> np.ndarray:
+        """Return what a voltage input wired to the motor's output reads while the command is put out, V."""
+        made: list[nidaqmx.Task] = []
+        values = np.empty(command_v.size)
+        with translated("read", channel):
+            try:
+                motor = tasks.motor_task(self._new_task, config, command_v)
+                made.append(motor)
+                loop = tasks.voltage_task(self._new_task, config, channel)
+                made.append(loop)
+                motor.start()
+                loop.start()
+                AnalogSingleChannelReader(loop.in_stream).read_many_sample(values, values.size, READ_TIMEOUT_S)
+            finally:
+                for task in made:
+                    task.close()
+                tasks.write_zero(self._new_task, config)
+        return values
+
+    def let_watchdog_expire(self, n_samples: int, blocks: int) -> tuple[list[Block], int | None]:
+        """Read without keeping the watchdog quiet; return the blocks, and in which of them it tripped (None: never)."""
+        read: list[Block] = []
+        tripped: int | None = None
+        for index in range(blocks):
+            read.append(self._read_inputs(n_samples, READ_TIMEOUT_S))
+            if tripped is None and self._watchdog is not None:
+                with translated("read", "watchdog"):
+                    tripped = index if self._watchdog.expired else None
+        return read, tripped

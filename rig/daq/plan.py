@@ -1,0 +1,81 @@
+"""What a recording reserves: every task with its channels, clock, trigger and routes, as rows to print.
+
+Place in the data flow: ``pianorig record --dry-run`` prints it after the tasks were reserved for real. It says what
+:mod:`rig.daq.tasks` does; a test holds the two against each other on the virtual device.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from rig.backend import Timing
+from rig.config import RigConfig
+from rig.daq import tasks
+from rig.daq.watchdog import ANALOG_REACH
+
+
+@dataclass(frozen=True)
+class TaskPlan:
+    """One task: its channel and what it measures or puts out, clock, trigger, and routes (``from -> to``)."""
+
+    task: str
+    channel: str
+    purpose: str
+    clock: str
+    trigger: str
+    routes: tuple[str, ...] = ()
+
+
+def recording_plan(config: RigConfig, timing: Timing, n_command: int) -> list[TaskPlan]:
+    """Return the tasks in the order in which they are made; rates are those the device gave."""
+    device, rate = config.device.name, timing.sample_rate_hz
+    ai_clock, ai_trigger = f"/{device}/ai/SampleClock", f"/{device}/ai/StartTrigger"
+    slaved = f"{ai_clock}, {rate:.10g} Hz"
+    force = config.force
+    rows = []
+    if config.watchdog is not None:
+        states = [f"{config.motor.channel} 0 V"] if config.device.product in ANALOG_REACH else []
+        states += [f"{config.drive_enable.line} low"] if config.drive_enable else []
+        purpose = f"after {config.watchdog.timeout_s:g} s of silence: {', '.join(states) or 'nothing'}"
+        rows.append(TaskPlan("watchdog", device, purpose, "device timer", "software, kicked with every block"))
+    unit = force.electrical_unit
+    rows.append(
+        TaskPlan(
+            tasks.MASTER,
+            force.channel,
+            f"AI {force.kind}, {force.electrical[0]:g} to {force.electrical[1]:g} {unit} is "
+            f"{force.physical_n[0]:g} to {force.physical_n[1]:g} N, delay {timing.force_group_delay_s * 1e3:.4g} ms",
+            f"own, {rate:.10g} Hz, continuous",
+            "software, starts all others",
+            (f"{ai_clock} -> counters, motor", f"{ai_trigger} -> counters, camera"),
+        )
+    )
+    for encoder in config.encoders:
+        rows.append(
+            TaskPlan(
+                tasks.encoder_task_name(encoder),
+                encoder.counter,
+                f"CI angular encoder X4, {encoder.counts_per_revolution} counts/rev, sign {encoder.sign:+d}",
+                slaved,
+                f"arm start: {ai_trigger}",
+                (f"{encoder.a_terminal} -> A", f"{encoder.b_terminal} -> B"),
+            )
+        )
+    motor = config.motor
+    purpose = f"AO voltage, {motor.force_per_volt_n:g} N/V, within {motor.voltage_limit_v:g} V"
+    clock = f"{slaved}, finite, {n_command} samples, last 0 V"
+    rows.append(TaskPlan(tasks.MOTOR, motor.channel, purpose, clock, "none: its clock starts with AI"))
+    if camera := config.camera:
+        if timing.frame_rate_hz is not None and timing.first_pulse_s is not None:
+            first_ms = timing.first_pulse_s * 1e3
+            purpose = f"CO frame pulses, {timing.frame_rate_hz:.10g} Hz, first after {first_ms:.6g} ms"
+            clock, trigger, route = "implicit, continuous", f"start: {ai_trigger}", f"pulse train -> {camera.terminal}"
+            rows.append(TaskPlan(tasks.CAMERA, camera.counter, purpose, clock, trigger, (route,)))
+        else:
+            purpose, route = "CI count of the camera's exposures", f"{camera.terminal} -> counter source"
+            trigger = f"arm start: {ai_trigger}"
+            rows.append(TaskPlan(tasks.EDGES, camera.counter, purpose, slaved, trigger, (route,)))
+    if config.drive_enable:
+        purpose, trigger = "DO, high enables the drive", "software, last to go high, low on every exit"
+        rows.append(TaskPlan("drive_enable", config.drive_enable.line, purpose, "on demand", trigger))
+    return rows
