@@ -1,4 +1,8 @@
-"""Reading ``--set path=value`` and ``--scale name=factor`` of the command line."""
+"""Reading changes of parameters from the command line: ``--set``, ``--scale`` and whole variants.
+
+A variant is one text, ``name: --set path=value --scale name=factor``, in double quotes in every shell; paths and
+numbers hold no blanks, so blanks separate and nothing inside needs a quote.
+"""
 
 from __future__ import annotations
 
@@ -46,3 +50,26 @@ def load_changed(action: str, set_: Sequence[str] | None, scale: Sequence[str] |
 
     values, factors = read_settings(set_ or []), read_settings(scale or [], "--scale")
     return model.scaled(model.load_action(action, values), factors)
+
+
+def read_variant(text: str) -> tuple[str, dict[str, float], dict[str, float]]:
+    """Name, values to set and factors of ``name: --set path=value --scale name=factor``.
+
+    Raises
+    ------
+    InputError : no name, nothing to change, or something else than --set and --scale
+    """
+    name, colon, rest = (part.strip() for part in text.partition(":"))
+    example = 'allowed "name: --set path=value --scale name=factor"'
+    if not colon or not name:
+        raise InputError(f"--variant {text!r}: has no name; {example}")
+    given: dict[str, list[str]] = {"--set": [], "--scale": []}
+    words = iter(rest.split())
+    for word in words:
+        option, equals, value = word.partition("=")
+        if option not in given:
+            raise InputError(f"--variant {name}: found {word!r}; {example}")
+        given[option].append(value if equals else next(words, ""))
+    if not any(given.values()):
+        raise InputError(f"--variant {name}: changes nothing; {example}")
+    return name, read_settings(given["--set"]), read_settings(given["--scale"], "--scale")

@@ -5,28 +5,20 @@ The only file of ``touch`` that imports matplotlib, and only when a figure is dr
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
-from ..errors import InputError
+from ..sheet import check_ending, new_sheet, save_sheet
 from .feel import Feel
-
-ENDINGS = (".svg", ".pdf", ".png")
 
 
 def draw(feels: Sequence[Feel], path: str | Path) -> None:
     """Write the sheet to ``path`` (.svg, .pdf or .png)."""
     target = Path(path)
-    if target.suffix not in ENDINGS:
-        raise InputError(f"{target}: ending found {target.suffix!r}, allowed {', '.join(ENDINGS)}")
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(10.0, 4.2), layout="constrained")
-    FigureCanvasAgg(figure)
+    check_ending(target)
+    figure = new_sheet(10.0, 4.2)
     press, blow = figure.subplots(1, 2)
     for i, one in enumerate(feels):
         color = f"C{i}"
@@ -52,11 +44,4 @@ def draw(feels: Sequence[Feel], path: str | Path) -> None:
     for axes in (press, blow):
         axes.grid(alpha=0.3)
         axes.legend(fontsize="small")
-    part = target.with_name(f".{target.stem}.{os.getpid()}.part{target.suffix}")
-    try:
-        figure.savefig(part)
-        os.replace(part, target)
-    except OSError as problem:
-        raise InputError(f"{target}: cannot be written ({problem.strerror}); choose another file") from None
-    finally:
-        part.unlink(missing_ok=True)
+    save_sheet(figure, target)

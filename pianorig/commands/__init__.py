@@ -6,7 +6,19 @@ from collections.abc import Callable
 from importlib import import_module
 from typing import Any
 
-NAMES = ("demo", "record", "recover", "track", "simulate", "touch", "regulate", "validate", "serve-sim", "info")
+NAMES = (
+    "demo",
+    "record",
+    "recover",
+    "track",
+    "simulate",
+    "touch",
+    "study",
+    "regulate",
+    "validate",
+    "serve-sim",
+    "info",
+)
 
 
 def load(name: str) -> Callable[..., Any]:

@@ -1,0 +1,99 @@
+"""What one blow did, in the numbers a technician would ask for: strike, check, hold, noise, return.
+
+A solution with contact forces goes in, a `BlowMeasures` comes out; NaN where something did not happen. Definitions:
+the hold ends when the force falls below 95 % of the level that it has 20 ms after the strike; the hammer is held where
+in the last 0.1 s of the hold it moves by no more than 1 mm and the back check presses for most of that time (after a
+soft blow it may let go for a moment while the key still swings).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..observables import STRING, hammer_height_m
+from ..parameters import BODIES, Action
+from ..solution import Solution
+from ..touch.hammer_speed import approach_speed, touches
+
+Array = NDArray[np.float64]
+
+AFTER_STRIKE_S = 0.02
+HOLD_WINDOW_S = 0.1
+HELD_WITHIN_M = 1e-3
+LEVEL = 0.95
+BACK_CHECK, LEVER = "contact04", "contact10"
+HAMMER = BODIES.index("hammer")
+
+
+@dataclass(frozen=True)
+class BlowMeasures:
+    """One blow.
+
+    Attributes
+    ----------
+    strike_s, strike_m_per_s : when and how fast the hammer first meets the string
+    strikes : how often it met the string
+    release_s : end of the hold
+    held : caught by the back check until the release
+    hold_m, hold_moved_m : middle and range of the hammer's distance from the string in the last 0.1 s of the hold
+    lever_bounces : touches of knuckle and repetition lever between strike and release
+    """
+
+    strike_s: float
+    strike_m_per_s: float
+    strikes: int
+    release_s: float
+    held: bool
+    hold_m: float
+    hold_moved_m: float
+    lever_bounces: int
+
+
+def measure_blow(action: Action, solution: Solution, force_n: Array) -> BlowMeasures:
+    """Read a blow off its solution; force (m,) N at the solution's times."""
+    time = solution.time_s
+    normal = solution.contact_normal_n
+    assert normal is not None, "a blow is measured with its contact forces"
+    height = hammer_height_m(action, solution.angle_rad)
+    met = touches(height) if STRING in solution.contacts else np.empty(0, dtype=np.int64)
+    strike = speed = math.nan
+    if len(met):
+        k = int(met[0])
+        strike = float(time[k] + (time[k + 1] - time[k]) * height[k] / (height[k] - height[k + 1]))
+        at = solution.angle_rad[k : k + 1, HAMMER], solution.speed_rad_per_s[k : k + 1, HAMMER]
+        speed = float(approach_speed(action, *at)[0])
+    after = strike if len(met) else float(time[np.argmax(force_n)])
+    release = _release(time, force_n, after + AFTER_STRIKE_S)
+    window = (time >= max(after + AFTER_STRIKE_S, release - HOLD_WINDOW_S)) & (time <= release)
+    hold = moved = math.nan
+    held = False
+    bounces = 0
+    if np.any(window):
+        low, high = float(height[window].min()), float(height[window].max())
+        hold, moved = 0.5 * (low + high), high - low
+        checked = _column(solution, normal, BACK_CHECK)[window]
+        held = bool(moved <= HELD_WITHIN_M and np.mean(checked > 0.0) > 0.5)
+        lever = _column(solution, normal, LEVER)[(time >= after) & (time <= release)] > 0.0
+        bounces = int(np.count_nonzero(lever[1:] & ~lever[:-1]))
+    return BlowMeasures(strike, speed, len(met), release, held, hold, moved, bounces)
+
+
+def _column(solution: Solution, normal: Array, contact: str) -> Array:
+    """Normal force of a contact (m,), zero where the scene has none."""
+    if contact not in solution.contacts:
+        return np.zeros(len(normal))
+    out: Array = normal[:, solution.contacts.index(contact)]
+    return out
+
+
+def _release(time: Array, force: Array, settled: float) -> float:
+    """Last time at which the force keeps the level it has at ``settled``, s."""
+    if settled >= time[-1]:
+        return float(time[-1])
+    level = float(np.interp(settled, time, force))
+    below = (time > settled) & (force < LEVEL * level)
+    return float(time[np.argmax(below)]) if np.any(below) else float(time[-1])

@@ -1,0 +1,76 @@
+"""Sheets of studies: the turns of key, whippen and hammer under one blow, all variants in each panel.
+
+Signs and degrees as in the thesis's figures. matplotlib is imported when a sheet is drawn.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..parameters import BODIES
+from ..sheet import check_ending, new_sheet, save_sheet
+from .thesis import FIGURES, ThesisStudy
+from .variants import AS_GIVEN, Study
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+SIGN = {"key": -1.0, "whippen": 1.0, "jack": -1.0, "repetition": -1.0, "hammer": -1.0}
+COLORS = ("#000000", "#C04A00", "#0072B2", "#00785A", "#A8528A", "#B37400", "#2A8FC4")
+DASHES = ("-", (0, (5, 1.5)), (0, (1.5, 1.2)), (0, (6, 1.5, 1.5, 1.5)), (0, (8, 2)))
+BODIES_DRAWN = ("key", "whippen", "hammer")
+
+
+def _draw(axes: Axes, study: Study, body: str, names: Sequence[str]) -> None:
+    """Turn of a body from its first angle, one curve per variant."""
+    i = BODIES.index(body)
+    for k, name in enumerate(names):
+        angle = study[name][0].angle_rad[:, i]
+        turned = SIGN[body] * np.degrees(angle - angle[0])
+        color, dash = COLORS[k % len(COLORS)], DASHES[k % len(DASHES)]
+        axes.plot(study.time_s, turned, label=name, linewidth=1.2, color=color, linestyle=dash)
+    axes.set_ylabel(f"{body} turned, °")
+    axes.grid(alpha=0.3)
+    axes.margins(x=0)
+
+
+def draw_study(study: Study, path: str | Path) -> None:
+    """Write a sheet of one blow on all variants: force, key, whippen, hammer."""
+    target = Path(path)
+    check_ending(target)
+    figure = new_sheet(9.0, 9.5)
+    panels = figure.subplots(4, 1, sharex=True, height_ratios=[1, 2, 2, 3])
+    panels[0].plot(study.time_s, study.force_n, color="black", linewidth=1.0)
+    panels[0].set(ylabel="force, N", title=study.action)
+    panels[0].grid(alpha=0.3)
+    names = [v.name for v in study.variants]
+    for axes, body in zip(panels[1:], BODIES_DRAWN, strict=True):
+        _draw(axes, study, body, names)
+    panels[-1].set_xlabel("time, s")
+    panels[-1].legend(fontsize="small")
+    save_sheet(figure, target)
+
+
+def draw_thesis(studies: ThesisStudy, path: str | Path) -> None:
+    """Write a sheet with the counterparts of the thesis's Figs 4.9-4.11 and 4.16-4.19."""
+    target = Path(path)
+    check_ending(target)
+    figure = new_sheet(14.0, 9.5)
+    spaces = figure.subplots(3, 3)
+    blows = {"piano": studies.piano, "forte": studies.forte}
+    flat = list(spaces.T.ravel())  # a column for the piano, two for the forte
+    for axes, (number, blow, body, variants) in zip(flat[: len(FIGURES)], FIGURES, strict=True):
+        _draw(axes, blows[blow], body, [AS_GIVEN, *(v.name for v in variants)])
+        axes.set_title(f"as Fig. {number}: {body}, {blow}", fontsize="medium")
+        axes.legend(fontsize="small", loc="upper right")
+        axes.set_xlabel("time, s")
+    for axes, (blow, study) in zip(flat[len(FIGURES) :], blows.items(), strict=True):
+        axes.plot(study.time_s, study.force_n, color="black", linewidth=1.0)
+        axes.set(title=f"force, {blow}", xlabel="time, s", ylabel="N")
+        axes.grid(alpha=0.3)
+        axes.margins(x=0)
+    save_sheet(figure, target)

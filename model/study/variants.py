@@ -1,0 +1,129 @@
+"""The same blow on an action and on variants of it.
+
+`Variant` says what to change by the paths and names of parameters; `compare` simulates all and measures each
+(`blow_measures`). The first row is the action as given, to which the others are compared.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..blow import check_force_table, output_times, simulate
+from ..changes import scaled
+from ..errors import InputError
+from ..parameters import BODIES, Action
+from ..solution import Solution
+from .blow_measures import BlowMeasures, measure_blow
+
+Array = NDArray[np.float64]
+
+RATE_HZ = 5000.0
+AS_GIVEN = "as given"
+
+
+@dataclass(frozen=True)
+class Variant:
+    """A name, values to set and factors to scale by; setting comes first."""
+
+    name: str
+    values: Mapping[str, float] = field(default_factory=dict)
+    factors: Mapping[str, float] = field(default_factory=dict)
+
+    def of(self, action: Action) -> Action:
+        """The changed action; ``InputError`` names the variant."""
+        try:
+            return scaled(action.with_values(self.values), self.factors)
+        except InputError as problem:
+            raise InputError(f"variant {self.name!r}: {problem}") from None
+
+
+@dataclass(frozen=True)
+class Study:
+    """One blow on several variants.
+
+    Attributes
+    ----------
+    action : name of the action as given
+    force_n : (m,) N at the solutions' times
+    variants : the first is the action as given
+    solutions, measures : one per variant
+    """
+
+    action: str
+    time_s: Array
+    force_n: Array
+    variants: tuple[Variant, ...]
+    solutions: tuple[Solution, ...]
+    measures: tuple[BlowMeasures, ...]
+
+    def __getitem__(self, name: str) -> tuple[Solution, BlowMeasures]:
+        """Solution and measures of a variant."""
+        k = [v.name for v in self.variants].index(name)
+        return self.solutions[k], self.measures[k]
+
+    def difference(self, name: str, body: str, start: float = -np.inf, end: float = np.inf) -> Array:
+        """Angle (k,) rad of a body in a variant minus that in the action as given, between two times (s)."""
+        at = (self.time_s >= start) & (self.time_s <= end)
+        i = BODIES.index(body)
+        out: Array = self[name][0].angle_rad[at, i] - self.solutions[0].angle_rad[at, i]
+        return out
+
+    def range(self, body: str) -> float:
+        """Widest turn of a body in the action as given, rad."""
+        return float(np.ptp(self.solutions[0].angle_rad[:, BODIES.index(body)]))
+
+    def rows(self) -> list[dict[str, float | int | bool | str]]:
+        """One row per variant: its measures and how far it is from the action as given."""
+        out: list[dict[str, float | int | bool | str]] = []
+        for variant, m in zip(self.variants, self.measures, strict=True):
+            away = self.difference(variant.name, "hammer")
+            out.append(
+                {
+                    "variant": variant.name,
+                    "strike_s": m.strike_s,
+                    "strike_m_per_s": m.strike_m_per_s,
+                    "strikes": m.strikes,
+                    "held": m.held,
+                    "hold_m": m.hold_m,
+                    "hold_moved_m": m.hold_moved_m,
+                    "lever_bounces": m.lever_bounces,
+                    "hammer_rms_rad": float(np.sqrt(np.mean(away**2))),
+                    "hammer_largest_rad": float(np.max(np.abs(away))),
+                }
+            )
+        return out
+
+
+def compare(
+    action: Action, time_s: ArrayLike, force_n: ArrayLike, variants: Sequence[Variant], tolerance: float = 1e-5
+) -> Study:
+    """Simulate a blow on an action as given and on its variants.
+
+    Parameters
+    ----------
+    time_s, force_n : (k,) force table
+    variants : what to change; names must differ
+    tolerance : requested largest error of any angle, rad
+
+    Raises
+    ------
+    InputError : two variants of one name, an unknown parameter, a table that cannot be used
+    """
+    every = (Variant(AS_GIVEN), *variants)
+    names = [v.name for v in every]
+    for name in names:
+        if names.count(name) > 1:
+            raise InputError(f"variant {name!r}: the name is given twice; allowed once ({AS_GIVEN!r} is taken)")
+    times, forces = check_force_table(time_s, force_n)
+    actions = [v.of(action) for v in every]
+    rows = output_times(float(times[0]), float(times[-1]), RATE_HZ)
+    solutions = [
+        simulate(one, times, forces, tolerance=tolerance, output_time_s=rows, contact_forces=True) for one in actions
+    ]
+    at = np.interp(rows, times, forces)
+    measures = [measure_blow(one, s, at) for one, s in zip(actions, solutions, strict=True)]
+    return Study(action.name, rows, at, every, tuple(solutions), tuple(measures))
