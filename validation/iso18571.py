@@ -142,38 +142,39 @@ def _best_shift(t: Array, c: Array, largest: int) -> int:
 
 @njit(cache=True, nogil=True)
 def _warp(a: Array, b: Array, window: int) -> tuple[float, float]:
-    """Sum of |a − b| and of |b| along the cheapest warping path within a band (squared distance, equal steps)."""
+    """Sum of |a − b| and of |b| along the cheapest warping path within a band (squared distance, equal steps).
+
+    Cells are visited by diagonals i + j = s: those of one diagonal do not depend on each other, so that the compiler can
+    take several at once.  Costs are kept by i + 1, with infinity at either end of a diagonal.
+    """
     n = a.size
-    width = 2 * window + 1
-    came_from = np.zeros((n, width), dtype=np.int8)  # 0 up, 1 left, 2 diagonal
-    before, row = np.full(width + 1, np.inf), np.full(width + 1, np.inf)
-    for i in range(n):
-        left = np.inf
-        for k in range(width):
-            j = i + k - window
-            if j < 0 or j >= n:
-                row[k] = np.inf
-                left = np.inf
-                continue
-            up, diagonal = before[k + 1], before[k]
-            if i == 0 and j == 0:
-                cheapest = 0.0
-            elif up <= left and up <= diagonal:
-                cheapest = up
-            elif left <= diagonal:
-                cheapest = left
-                came_from[i, k] = 1
-            else:
-                cheapest = diagonal
-                came_from[i, k] = 2
-            d = a[i] - b[j]
-            left = cheapest + d * d
-            row[k] = left
-        before, row = row, before
+    backwards = b[::-1].copy()
+    came_from = np.zeros((2 * n - 1, window + 2), dtype=np.int8)  # 0 up, 1 left, 2 diagonal
+    first = np.zeros(2 * n - 1, dtype=np.int64)
+    now, last, before = np.full(n + 2, np.inf), np.full(n + 2, np.inf), np.full(n + 2, np.inf)
+    for s in range(2 * n - 1):
+        low = max(0, s - n + 1, (s - window + 1) // 2)
+        high = min(n - 1, s, (s + window) // 2)
+        first[s] = low
+        cells = high - low + 1
+        origin = came_from[s, :cells]
+        cost = now[low + 1 : low + 1 + cells]
+        up, left, diagonal = last[low : low + cells], last[low + 1 : low + 1 + cells], before[low : low + cells]
+        row, column = a[low : low + cells], backwards[n - 1 - s + low : n - 1 - s + low + cells]
+        for k in range(cells):
+            d = row[k] - column[k]
+            straight = min(up[k], left[k])
+            origin[k] = 2 if diagonal[k] < straight else (1 if left[k] < up[k] else 0)
+            cost[k] = min(straight, diagonal[k]) + d * d
+        if s == 0:
+            now[1] = (a[0] - b[0]) ** 2
+        now[low] = np.inf
+        now[high + 2] = np.inf
+        now, last, before = before, now, last
     i, j = n - 1, n - 1
     difference, size = abs(a[i] - b[j]), abs(b[j])
     while i > 0 or j > 0:
-        step = came_from[i, j - i + window]
+        step = came_from[i + j, i - first[i + j]]
         if step != 1:
             i -= 1
         if step != 0:
