@@ -7,6 +7,8 @@ Failure: what cannot be stated is NaN.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 import pandas as pd
 
@@ -14,8 +16,11 @@ from validation.geometry import Array
 from validation.measurement import ENCODER_CHANNELS, FILM_CHANNELS, Measurement
 from validation.prediction import BODIES, Prediction
 
+# how a rival's columns are called
+INFIX = {"null": "null", "raw_force": "raw"}
 
-def trace_table(m: Measurement, p: Prediction) -> pd.DataFrame:
+
+def trace_table(m: Measurement, p: Prediction, rivals: Mapping[str, Prediction]) -> pd.DataFrame:
     """Force, encoder angles and predicted angles of one trial on the DAQ's sample times."""
     columns = {
         "time_s": m.time_s,
@@ -26,10 +31,12 @@ def trace_table(m: Measurement, p: Prediction) -> pd.DataFrame:
     }
     columns |= {f"{name}_measured_rad": m.change_rad[:, i] for i, name in enumerate(ENCODER_CHANNELS)}
     columns |= {f"{body}_predicted_rad": p.change_rad(body) for body in BODIES}
+    for rival, q in rivals.items():
+        columns |= {f"{body}_{INFIX[rival]}_rad": q.change_rad(body) for body in ENCODER_CHANNELS}
     return pd.DataFrame(columns)
 
 
-def film_trace_table(m: Measurement, p: Prediction) -> pd.DataFrame | None:
+def film_trace_table(m: Measurement, p: Prediction, rivals: Mapping[str, Prediction]) -> pd.DataFrame | None:
     """Film angles, their uncertainty and predicted angles on the film's frame times; None when not filmed."""
     if m.film is None:
         return None
@@ -42,6 +49,8 @@ def film_trace_table(m: Measurement, p: Prediction) -> pd.DataFrame | None:
         columns[f"{name}_measured_rad"] = measured
         columns[f"{name}_u_rad"] = np.hypot(m.film.u_rad[name], moved)
         columns[f"{name}_predicted_rad"] = p.change_at(name, m.film.time_s)
+        for rival, q in rivals.items():
+            columns[f"{name}_{INFIX[rival]}_rad"] = q.change_at(name, m.film.time_s)
     return pd.DataFrame(columns)
 
 

@@ -144,8 +144,8 @@ def _best_shift(t: Array, c: Array, largest: int) -> int:
 def _warp(a: Array, b: Array, window: int) -> tuple[float, float]:
     """Sum of |a − b| and of |b| along the cheapest warping path within a band (squared distance, equal steps).
 
-    Cells are visited by diagonals i + j = s: those of one diagonal do not depend on each other, so that the compiler can
-    take several at once.  Costs are kept by i + 1, with infinity at either end of a diagonal.
+    Cells are visited by diagonals i + j = s: those of one diagonal do not depend on each other, so that the compiler
+    can take several at once.  Costs are kept by i + 1, with infinity at either end of a diagonal.
     """
     n = a.size
     backwards = b[::-1].copy()

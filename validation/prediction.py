@@ -24,6 +24,8 @@ from validation.measurement import Measurement
 
 BODIES = ("key", "whippen", "jack", "repetition", "hammer")
 STEP = "prediction"
+# what drives and what predicts, and the derived step each is kept in
+VARIANTS = {"model": STEP, "raw_force": f"{STEP}_raw_force", "null": f"{STEP}_null"}
 
 
 @dataclass(frozen=True)
@@ -64,12 +66,26 @@ def action_sha256(action: Any) -> str:
     return hashlib.sha256(f"{action.content()}\n{structure}".encode()).hexdigest()
 
 
-def input_sha256(measurement: Measurement, action_hash: str, tolerance: float, model_version: str, rest: Array) -> str:
+def driving_force(measurement: Measurement, variant: str) -> tuple[Array, Array]:
+    """Times and values of the force that drives a variant: corrected, or as it was recorded."""
+    if variant == "raw_force":
+        return measurement.time_s, measurement.raw_force_n
+    return measurement.force.time_s, measurement.force.force_n
+
+
+def input_sha256(
+    measurement: Measurement,
+    action_hash: str,
+    tolerance: float,
+    model_version: str,
+    rest: Array,
+    variant: str = "model",
+) -> str:
     """Hash of everything a prediction depends on."""
     digest = hashlib.sha256()
-    for text in (action_hash, repr(float(tolerance)), model_version):
+    for text in (action_hash, repr(float(tolerance)), model_version, variant):
         digest.update(text.encode() + b"\0")
-    for array in (measurement.force.time_s, measurement.force.force_n, measurement.time_s, rest):
+    for array in (*driving_force(measurement, variant), measurement.time_s, rest):
         digest.update(np.ascontiguousarray(array, dtype="<f8").tobytes() + b"\0")
     return digest.hexdigest()
 
@@ -84,6 +100,7 @@ def predict_trial(
     action_hash: str,
     model_version: str,
     session: Any = None,
+    variant: str = "model",
 ) -> tuple[Prediction, str]:
     """Predict one trial, or read its prediction when nothing it depends on has changed.
 
@@ -100,7 +117,10 @@ def predict_trial(
     action_hash, model_version : str
         Part of the cache key.
     session : rig.session.Session, optional
-        Where predictions are kept (``derived/prediction``); None keeps none.
+        Where predictions are kept (``derived/prediction``…); None keeps none.
+    variant : {"model", "raw_force", "null"}
+        Which force drives, and under which name the prediction is kept; ``predict`` must be the null model's for the
+        last.
 
     Returns
     -------
@@ -109,15 +129,14 @@ def predict_trial(
         Why the prediction could not be kept, or empty.
     """
     rest_angle = np.asarray(rest.angle_rad, dtype=float)
-    key = input_sha256(measurement, action_hash, tolerance, model_version, rest_angle)
-    kept = _read(session, measurement, key, rest_angle)
+    key = input_sha256(measurement, action_hash, tolerance, model_version, rest_angle, variant)
+    kept = _read(session, measurement, key, rest_angle, VARIANTS[variant])
     if kept is not None:
         return kept, ""
-    time, force = measurement.time_s, measurement.force
-    inside = (time >= force.time_s[0]) & (time <= force.time_s[-1])
-    solution = predict(
-        action, force.time_s, force.force_n, tolerance=tolerance, output_time_s=time[inside], initial=rest
-    )
+    time = measurement.time_s
+    force_time, force = driving_force(measurement, variant)
+    inside = (time >= force_time[0]) & (time <= force_time[-1])
+    solution = predict(action, force_time, force, tolerance=tolerance, output_time_s=time[inside], initial=rest)
     angle, speed = np.full((time.size, 5), np.nan), np.full((time.size, 5), np.nan)
     got = np.asarray(solution.angle_rad, dtype=float)
     if got.shape != (int(inside.sum()), 5):
@@ -128,16 +147,16 @@ def predict_trial(
     speed[inside] = np.asarray(solution.speed_rad_per_s, dtype=float)
     counters = {name: float(value) for name, value in dict(getattr(solution, "counters", {})).items()}
     prediction = Prediction(time, angle, speed, rest_angle, key, False, counters)
-    return prediction, _write(session, measurement, prediction)
+    return prediction, _write(session, measurement, prediction, VARIANTS[variant])
 
 
-def _read(session: Any, measurement: Measurement, key: str, rest: Array) -> Prediction | None:
+def _read(session: Any, measurement: Measurement, key: str, rest: Array, step: str) -> Prediction | None:
     if session is None:
         return None
     from rig.errors import InputError as RigInputError
 
     try:
-        found = session.read_derived(STEP, measurement.number)
+        found = session.read_derived(step, measurement.number)
     except RigInputError:  # damaged: made again
         return None
     if found is None or found[1].get("input_sha256") != key:
@@ -150,7 +169,7 @@ def _read(session: Any, measurement: Measurement, key: str, rest: Array) -> Pred
     return Prediction(measurement.time_s, angle, speed, rest, key, True, attrs.get("counters", {}))
 
 
-def _write(session: Any, measurement: Measurement, prediction: Prediction) -> str:
+def _write(session: Any, measurement: Measurement, prediction: Prediction, step: str) -> str:
     if session is None:
         return ""
     from rig.errors import InputError as RigInputError
@@ -161,7 +180,7 @@ def _write(session: Any, measurement: Measurement, prediction: Prediction) -> st
     attrs = {"input_sha256": prediction.input_sha256, "counters": dict(prediction.counters)}
     parents = {f"trial_{measurement.number:04d}.h5": measurement.seal}
     try:
-        session.write_derived(STEP, measurement.number, pd.DataFrame(columns), attrs, parents)
+        session.write_derived(step, measurement.number, pd.DataFrame(columns), attrs, parents)
     except (RigInputError, OSError) as error:
         return f"prediction not kept for the next run: {error}"
     return ""

@@ -62,8 +62,8 @@ class ValidationResult:
         of the simultaneous 95 % band of the mean), _difference_rad (mean paired difference), its _difference_u95_rad
         (pointwise) and _difference_band95_rad (simultaneous).
     traces : dict
-        Trial → DataFrame of time_s, raw_force_n, force_time_s, force_n, <channel>_measured_rad,
-        <body>_predicted_rad.
+        Trial → DataFrame of time_s, raw_force_n, force_time_s, force_n, u_force_n, <channel>_measured_rad,
+        <body>_predicted_rad, <channel>_null_rad (null model), <channel>_raw_rad (driven by the raw force).
     film_traces : dict
         Trial → DataFrame of time_s, <channel>_measured_rad, <channel>_u_rad, <channel>_predicted_rad.
     provenance : dict

@@ -16,13 +16,12 @@ from numpy.typing import NDArray
 
 from validation.channel_tables import GROUPS
 from validation.curve_scores import SCORES, all_scores, ceiling_scores, together
-from validation.curve_tables import on_common_base
+from validation.curve_tables import INFIX, on_common_base
 from validation.geometry import Array
 from validation.metrics import score_curve
 from validation.window import Window
 
 WORKERS = 2  # the warping runs without the interpreter's lock
-RIVALS = {"null": "null", "raw_force": "raw"}  # column of the score table → infix of the trace column
 
 
 def score_table(
@@ -75,7 +74,7 @@ def _scores(frame: pd.DataFrame, name: str, early: NDArray[np.bool_], s_r: float
         "n_lost": whole.n_lost,
         "iso_guards": "; ".join(guard_notes(time, trial, model, scores)),
     }
-    for label, infix in RIVALS.items():
+    for label, infix in INFIX.items():
         column = f"{name}_{infix}_rad"
         rival = all_scores(time, trial, frame[column].to_numpy(), early) if column in frame else {}
         out |= {f"{label}_{score}": rival.get(score, np.nan) for score in SCORES}

@@ -1,0 +1,157 @@
+"""The model under test with everything its predictions depend on, and what it predicts for one trial.
+
+Place in the data flow: measurements → here (with `validation.prediction`) → `validation.comparison`.
+Conventions: each trial's own corrected force drives the model from rest under the trial's declared preload.  Beside it
+stand two *rivals*: the null model (one degree of freedom, nothing fitted) under the same force, and the model itself
+under the force as recorded.
+Failure: a rival that cannot be predicted is left out with a note; the model itself must succeed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from validation.errors import PredictionError
+from validation.event import Event
+from validation.events import find_events
+from validation.geometry import ActionGeometry, geometry_of
+from validation.measurement import ENCODER_CHANNELS, Measurement
+from validation.motion import motion_of
+from validation.prediction import Prediction, action_sha256, predict_trial
+from validation.provenance import model_version
+
+RIVALS = ("null", "raw_force")
+
+
+@dataclass
+class Load:
+    """Rest state and geometry of the action under one preload."""
+
+    rest: Any
+    geometry: ActionGeometry
+
+
+@dataclass
+class TrialPrediction:
+    """What is predicted for one trial: by the model, by its rivals, and the model's events."""
+
+    model: Prediction
+    rivals: dict[str, Prediction]
+    events: dict[str, Event]
+    notes: list[str]
+
+
+@dataclass
+class Predictor:
+    """The model under test.
+
+    Parameters
+    ----------
+    action : model action
+    tolerance : float
+        Requested largest error of any angle, rad.
+    predict, rest_state, geometry, null : callable, optional
+        Stand-ins for ``model.simulate``, ``model.rest_state``, `validation.geometry.geometry_of` and
+        ``model.null_model.simulate``.
+    rivals : tuple of str
+        Some of `RIVALS`.
+    session : rig.session.Session, optional
+        Where predictions are kept; None keeps none.
+    """
+
+    action: Any
+    tolerance: float = 1e-5
+    predict: Callable[..., Any] | None = None
+    rest_state: Callable[..., Any] | None = None
+    geometry: Callable[[Any, Any], ActionGeometry] | None = None
+    null: Callable[..., Any] | None = None
+    rivals: tuple[str, ...] = RIVALS
+    session: Any = None
+    _loads: dict[float, Load] = field(default_factory=dict, init=False, repr=False)
+
+    @cached_property
+    def simulate(self) -> Callable[..., Any]:
+        """``model.simulate`` or its stand-in."""
+        if self.predict is not None:
+            return self.predict
+        import model
+
+        found: Callable[..., Any] = model.simulate
+        return found
+
+    @cached_property
+    def simulate_null(self) -> Callable[..., Any]:
+        """``model.null_model.simulate`` or its stand-in."""
+        if self.null is not None:
+            return self.null
+        from model import null_model
+
+        return null_model.simulate
+
+    @cached_property
+    def action_hash(self) -> str:
+        """Hash of the action's values and structure."""
+        return action_sha256(self.action)
+
+    @cached_property
+    def version(self) -> str:
+        """Hash of the predictor's source."""
+        return model_version(self.simulate)
+
+    def load(self, preload_n: float) -> Load:
+        """Rest and geometry under a preload, found once."""
+        if preload_n not in self._loads:
+            self._loads[preload_n] = self.load_of(self.action, preload_n)
+        return self._loads[preload_n]
+
+    def load_of(self, action: Any, preload_n: float) -> Load:
+        """Rest and geometry of any action under a preload."""
+        rest_state = self.rest_state
+        if rest_state is None:
+            import model
+
+            rest_state = model.rest_state
+        rest = rest_state(action, force_n=preload_n)
+        return Load(rest, (self.geometry or geometry_of)(action, rest.angle_rad))
+
+    def trial(self, m: Measurement) -> TrialPrediction:
+        """Predict one trial by the model and its rivals; unchanged inputs are read, not simulated."""
+        from model.errors import ModelError
+
+        load = self.load(m.force.preload_n)
+        found, note = self._one(m, load, "model")
+        notes = [note]
+        rivals = {}
+        for name in self.rivals:
+            try:
+                rivals[name], note = self._one(m, load, name)
+            except (ModelError, PredictionError) as error:
+                note = f"{name.replace('_', ' ')} not predicted: {error}"
+            notes.append(note)
+        events = predicted_events(found, load.geometry, m.quiet.stop, self.tolerance)
+        return TrialPrediction(found, rivals, events, [text for text in notes if text])
+
+    def _one(self, m: Measurement, load: Load, variant: str) -> tuple[Prediction, str]:
+        return predict_trial(
+            m,
+            self.action,
+            load.rest,
+            self.simulate_null if variant == "null" else self.simulate,
+            tolerance=self.tolerance,
+            action_hash=self.action_hash,
+            model_version=self.version,
+            session=self.session,
+            variant=variant,
+        )
+
+
+def predicted_events(p: Prediction, geometry: ActionGeometry, quiet_stop: int, tolerance: float) -> dict[str, Event]:
+    """Events of a prediction by the same definitions; a sample is as uncertain as the tolerance asked for."""
+    change = np.column_stack([p.change_rad(name) for name in ENCODER_CHANNELS])
+    motion = motion_of(geometry, p.time_s, change, np.full(3, tolerance), u_zero_rad=np.full(3, tolerance))
+    return find_events(motion, quiet_stop)
