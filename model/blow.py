@@ -141,10 +141,11 @@ def simulate(
     times, forces = check_force_table(time_s, force_n)
     outputs = check_output_times(output_time_s, times)
     choice = load_scene(scene)
+    action = choice.on(action)
     contact_forces = contact_forces or "contact_forces" in choice.outputs
     energy = energy or "energy" in choice.outputs
     inside = inside or "inside" in choice.outputs
-    built = build_scene(action, choice=choice)
+    built = build_scene(action, choice)
     if isinstance(initial, State):
         state = initial.copy()
     else:

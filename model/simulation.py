@@ -87,7 +87,7 @@ class Simulation:
     max_steps: int | None = None
     counters: NDArray[np.int64] = field(default_factory=lambda: np.zeros(len(L.COUNTERS), dtype=np.int64))
     energy: bool = False
-    audit: NDArray[np.float64] = field(default_factory=lambda: np.zeros(4))
+    audit: NDArray[np.float64] = field(default_factory=lambda: np.zeros(6))
     times: NDArray[np.float64] = field(default_factory=lambda: np.zeros(1))
 
     def __post_init__(self) -> None:

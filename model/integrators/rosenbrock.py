@@ -62,7 +62,7 @@ def integrate(
 ):  # fmt: skip
     """Advance (q, v) in place from ``t`` to ``t_end``; fill rows of ``out_q``, ``out_v`` at ``out_t``.
 
-    Adds the time spent at rest to ``times[0]`` and, where ``audit`` (4,) is not empty, work put in and energies lost
+    Adds the time spent at rest to ``times[0]`` and, where ``audit`` (6,) is not empty, work put in and energies lost
     (J) to it, by Gauss's rule along each step's dense output. Returns the time reached, the next step to try, a status.
     """
     n = q.shape[0]
@@ -177,7 +177,7 @@ def integrate(
                 fill_outputs(w, dense, x, n, s, w[AUDIT_Q : AUDIT_Q + n], w[AUDIT_V : AUDIT_V + n])
                 u, _, k_in = input_at(t + x * step, k_in, table_t, table_u, held)
                 energy(w, p, u0 if held else u)
-                for j in range(4):
+                for j in range(audit.shape[0]):
                     audit[j] += step * WEIGHT[g] * w[POWER_IN + j]
         factor = GROW if error == 0.0 else min(GROW, max(SHRINK, SAFETY * error ** (-exponent)))
         if rejected:

@@ -20,7 +20,9 @@ SLIDE_RATE = SLIDE + MAX_CONTACTS  # (MAX_CONTACTS,) and its rate, m/s^2, joints
 U = SLIDE_RATE + MAX_CONTACTS  # (MAX_STAGES, 2, WIDTH) stages: angle part, speed part
 AUDIT_Q = U + MAX_STAGES * 2 * WIDTH  # state at which energies and powers are asked for
 AUDIT_V = AUDIT_Q + WIDTH
-ENERGY, POWER_IN, POWER_FELT, POWER_FRICTION, POWER_JOINTS = range(AUDIT_V + WIDTH, AUDIT_V + WIDTH + 5)  # J, W
+ENERGY, POWER_IN, POWER_FELT, POWER_FRICTION, POWER_JOINTS, POWER_RAIL, POWER_SHANK = range(
+    AUDIT_V + WIDTH, AUDIT_V + WIDTH + 7
+)  # J, W; the last two only where a scene has the effect
 STATIC = ENERGY + WIDTH  # 1 leaves (dM/dq) a out of K, for statics
 PIECE = STATIC + 1  # piece of the prescribed motion found last
 SIZE = STATIC + WIDTH

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 import model
+from model.effects import EFFECTS
 from rig.errors import InputError
 from rig.simulated.contract import ENCODED_BODIES, PlantBlock
 
@@ -70,7 +71,7 @@ class ActionPlant:
     def __init__(
         self,
         action: model.Action,
-        arm: model.MotorArm,
+        choice: model.SceneChoice,
         torque_per_volt_nm: float,
         scatter: Mapping[str, float],
         seed: int,
@@ -78,7 +79,7 @@ class ActionPlant:
     ) -> None:
         self.sample_rate_hz = sample_rate_hz
         self.action = action
-        self.arm = arm
+        self.choice = choice
         self.torque_per_volt_nm = torque_per_volt_nm
         self.scatter = dict(scatter)
         self.seed = seed
@@ -100,7 +101,7 @@ class ActionPlant:
     def start_trial(self, trial: int) -> None:
         """Put everything at rest and draw the scatter of ``trial``."""
         self._specimen, self._gain = self.draw(trial)
-        scene = model.build_scene(self._specimen, self.arm)
+        scene = model.build_scene(self._specimen, self.choice)
         rest = model.rest_state(self._specimen, scene=scene).angle_rad
         self._run = model.Simulation(scene, model.State(0.0, rest, np.zeros(scene.size)), tolerance=TOLERANCE)
         self._edge = 0
@@ -153,13 +154,8 @@ def load_plant(bench_path: Path, seed: int | None, sample_rate_hz: float) -> Act
     path = Path(bench_path)
     bench = read_bench(path)
     specimen = _table(bench, "specimen", path)
-    names = {f.name for f in fields(model.MotorArm)}
-    arm_table = _table(bench, "motor_arm", path)
-    for key, value in arm_table.items():
-        if key not in names:
-            raise InputError(f"{path}: motor_arm.{key}: unknown key; allowed {', '.join(sorted(names))}")
-        if isinstance(value, bool) or not isinstance(value, (int, float)) or not np.isfinite(value) or value < 0:
-            raise InputError(f"{path}: motor_arm.{key}: found {value!r}, allowed a finite number from 0")
+    _table(bench, "motor_arm", path)
+    choice = model.scene_of({effect: bench[effect] for effect in EFFECTS if effect in bench}, str(path))
     scatter = _table(bench, "scatter", path)
     for key, value in scatter.items():
         if isinstance(value, bool) or not isinstance(value, (int, float)) or not 0.0 <= value <= 0.3:
@@ -167,13 +163,13 @@ def load_plant(bench_path: Path, seed: int | None, sample_rate_hz: float) -> Act
     torque = _table(bench, "motor", path).get("torque_per_volt_nm")
     if isinstance(torque, bool) or not isinstance(torque, (int, float)) or not 0 < torque <= 100:
         raise InputError(f"{path}: motor.torque_per_volt_nm: found {torque!r}, allowed above 0 to 100 N m/V")
-    action = model.load_action(specimen.get("action", "hirschkorn2004"), specimen.get("set", {}))
+    action = choice.on(model.load_action(specimen.get("action", "hirschkorn2004"), specimen.get("set", {})))
     for key in scatter:
         if key != "motor_gain":
             action[key]  # an unknown path is refused here, before anything moves
     return ActionPlant(
         action,
-        model.MotorArm(**arm_table),
+        choice,
         float(torque),
         scatter,
         int(bench.get("seed", 1)) if seed is None else int(seed),

@@ -13,13 +13,14 @@ import pytest
 
 import model
 from model import simulation
+from model.choice import SceneChoice
 from model.integrators.rosenbrock import integrate
 from model.kernels import dynamics, jacobian, scenes
 from model.kernels import layout as L
 from model.kernels import workspace as W
 from model.kernels.kinematics import place
 from model.kernels.signatures import SKIP
-from model.scene import MotorArm, build_scene
+from model.scene import build_scene
 from tests.model.conftest import random_states, read_table
 
 
@@ -27,15 +28,16 @@ def square(w: np.ndarray, start: int, n: int) -> np.ndarray:
     return w[start : start + W.WIDTH**2].reshape(W.WIDTH, W.WIDTH)[:n, :n]
 
 
-@pytest.mark.parametrize("arm", [None, MotorArm(contact_a=1e9, contact_b=1e7)], ids=["force", "motor"])
-def test_generated_kernels_equal_the_tables(action: model.Action, arm: MotorArm | None) -> None:
-    scene = build_scene(action, arm)
+@pytest.mark.parametrize("effects", [(), ("motor_arm",)], ids=["force", "motor"])
+def test_generated_kernels_equal_the_tables(action: model.Action, effects: tuple[str, ...]) -> None:
+    stiffening = action.with_values({"motor_arm.contact_a": 1e9, "motor_arm.contact_b": 1e7})
+    scene = build_scene(stiffening, SceneChoice(effects=effects))
     n, p, t = scene.size, scene.vector, scene.tables
     kernels = scenes.kernels_of(t)
     counters = np.zeros(len(L.COUNTERS), dtype=np.int64)
     solved = 0
     for q, v, u in random_states(300, seed=11):
-        if arm is not None:
+        if effects:
             q, v, u = np.append(q, -0.01), np.append(v, 0.3), 0.01 * u
         pose = np.zeros((n, L.POSE_SIZE))
         f, a, m_diag, m_up, f_u = (np.zeros(n) for _ in range(5))
