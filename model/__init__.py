@@ -34,11 +34,12 @@ _HOME = {
     "check_force_table": "blow",
     "output_times": "blow",
     "simulate": "blow",
+    "simulate_many": "batch",
     "Press": "press",
     "hand_set_rest": "hand_set",
     "slow_press": "press",
 }
-_ROOMS = ("inside", "null_model", "observables", "regulation", "touch")
+_ROOMS = ("batch", "inside", "null_model", "observables", "regulation", "touch")
 
 __all__ = [*_HOME, *_ROOMS]  # noqa: PLE0604
 

@@ -151,6 +151,26 @@ def simulate(
     else:
         angle = solve_rest(built) if initial is None else initial.angle_rad
         state = State(float(times[0]), np.array(angle, dtype=float), np.zeros(built.size))
+    return follow(
+        built, state, times, forces, outputs, tolerance, method, contact_forces=contact_forces, energy=energy,
+        inside=inside,
+    )  # fmt: skip
+
+
+def follow(
+    built: Scene,
+    state: State,
+    times: NDArray[np.float64],
+    forces: NDArray[np.float64],
+    outputs: NDArray[np.float64],
+    tolerance: float,
+    method: str,
+    *,
+    contact_forces: bool = False,
+    energy: bool = False,
+    inside: bool = False,
+) -> Solution:
+    """Motion of a scene from ``state``, which it changes, under a checked force table; see `simulate`."""
     first = state.copy()
     run = Simulation(built, state, tolerance=tolerance, method=method, energy=energy)
     stored = run.stored_energy() if energy else 0.0
