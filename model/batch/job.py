@@ -164,7 +164,8 @@ def make_jobs(
     for label, overrides in parameter_sets.items():
         scene, start, failure = None, None, None
         try:
-            scene = build_scene(action.with_values(overrides) if overrides else action, choice=choice)
+            changed = choice.on(action.with_values(overrides) if overrides else action)
+            scene = build_scene(changed, choice)
             start = solve_rest(scene) if initial is None else np.array(initial.angle_rad, dtype=float)
         except ModelError as problem:
             failure = problem

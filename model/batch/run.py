@@ -11,6 +11,7 @@ import os
 import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ThreadPoolExecutor, wait
+from dataclasses import replace
 from pathlib import Path
 
 from numpy.typing import ArrayLike
@@ -178,7 +179,7 @@ def simulate_many(
     """
     choice = load_scene(scene)
     extra = {name for name, on in (("contact_forces", contact_forces), ("energy", energy)) if on}
-    choice = SceneChoice(choice.bodies, choice.without, tuple(sorted({*choice.outputs, *extra})))
+    choice = replace(choice, outputs=tuple(sorted({*choice.outputs, *extra})))
     jobs = make_jobs(
         action,
         _named(trials),  # type: ignore[arg-type]

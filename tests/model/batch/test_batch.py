@@ -86,6 +86,16 @@ def test_order_of_work_and_pickling_change_nothing(action: model.Action) -> None
         assert_same(a.solution, b.solution)
 
 
+def test_scene_with_everything_it_says_reaches_the_members(action: model.Action) -> None:
+    """Left-out contacts, effects and outputs, as in a single run."""
+    choice = model.SceneChoice(without=("contact12",), effects=("balance_rail",), outputs=("contact_forces",))
+    (member,) = model.simulate_many(action, [blow(3.0)], tolerance=1e-4, output_time_s=OUT, scene=choice, energy=True)
+    single = model.simulate(action, *blow(3.0), tolerance=1e-4, output_time_s=OUT, scene=choice, energy=True)
+    assert member.solution is not None and single.contact_normal_n is not None and single.energy is not None
+    assert "contact12" not in single.contacts
+    assert_same(member.solution, single)
+
+
 def test_rows_without_names_are_numbered(action: model.Action) -> None:
     members = model.simulate_many(action, [blow(3.0), blow(4.0)], tolerance=1e-3, output_time_s=[0.14])
     assert [(m.parameters, m.trial) for m in members] == [("", "0"), ("", "1")]
