@@ -6,7 +6,6 @@ Bad tables are refused with the row and what is allowed.
 
 from __future__ import annotations
 
-import csv
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -21,6 +20,7 @@ from .scene import Scene, build_scene
 from .simulation import Simulation, State
 from .solution import EnergyAudit, Solution
 from .statics import RestState, solve_rest
+from .two_columns import read_two_columns
 
 if TYPE_CHECKING:
     from .inside import Inside
@@ -58,25 +58,7 @@ def check_force_table(
 
 def read_force_table(path: str | Path) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Read a CSV file with the columns ``time_s,force_n``; (k,) each."""
-    try:
-        with open(path, newline="", encoding="utf-8-sig") as file:
-            rows = [row for row in csv.reader(file) if row and not row[0].startswith("#")]
-    except OSError as problem:
-        raise InputError(f"{path}: cannot be read ({problem.strerror})") from None
-    except (UnicodeDecodeError, csv.Error):
-        raise InputError(f"{path}: is not a CSV text file; allowed columns time_s,force_n") from None
-    if not rows:
-        raise InputError(f"{path}: is empty; allowed a header time_s,force_n and at least 2 rows")
-    header = [name.strip() for name in rows[0]]
-    if sorted(header) != ["force_n", "time_s"]:
-        raise InputError(f"{path}: columns found {','.join(header)}; allowed time_s,force_n")
-    values = np.empty((len(rows) - 1, 2))
-    for i, row in enumerate(rows[1:]):
-        try:
-            values[i] = [float(cell) for cell in row]
-        except ValueError:
-            raise InputError(f"{path}: row {i + 1}: found {','.join(row)!r}, allowed two numbers") from None
-    return check_force_table(values[:, header.index("time_s")], values[:, header.index("force_n")], str(path))
+    return check_force_table(*read_two_columns(path, ("time_s", "force_n")), str(path))
 
 
 def output_times(start: float, end: float, rate_hz: float) -> NDArray[np.float64]:

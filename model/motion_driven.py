@@ -25,6 +25,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .choice import SceneChoice, load_scene
 from .errors import InputError
+from .inside import Tension, tensions
 from .integrators import DEFAULT_METHOD
 from .kernels.load import load_along
 from .motion import KeyMotion
@@ -88,16 +89,14 @@ class MotionDriven:
     counters: dict[str, int | float] = field(default_factory=dict)
     tolerance: float = 1e-6
 
-    def lift_intervals(self) -> list[tuple[float, float]]:
-        """Beginning and end (s) of each stretch of samples at which the key would lift."""
-        edge = np.diff(np.concatenate([[0], self.lifted.astype(int), [0]]))
-        pairs = zip(np.flatnonzero(edge == 1), np.flatnonzero(edge == -1), strict=True)
-        return [(float(self.time_s[a]), float(self.time_s[b - 1])) for a, b in pairs]
+    def key_tensions(self) -> list[Tension]:
+        """Intervals in which the balance rail would have to pull the key down: predicted lift."""
+        return tensions(self.time_s, self.rail_n)
 
     def columns(self) -> dict[str, Array]:
         """Columns by name, in the order of the command's output file."""
         out = {"time_s": self.time_s, "force_n": self.force_n, "u_force_n": self.u_force_n}
-        out |= {"rail_n": self.rail_n, "key_lifted": self.lifted.astype(float)}
+        out |= {"key_joint_y_n": self.rail_n, "key_lifted": self.lifted.astype(float)}
         for i, body in enumerate(self.bodies):
             out[f"{body}_rad"] = self.angle_rad[:, i]
         for i, body in enumerate(self.bodies):

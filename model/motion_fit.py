@@ -11,6 +11,7 @@ jitter beyond that is estimated from the residuals. Bad columns end in ``InputEr
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,6 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from .errors import InputError
 from .kernels import banded
 from .motion import KeyMotion
+from .two_columns import read_two_columns
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -137,7 +139,7 @@ def _follow(place: Array, half_width: float) -> tuple[Integers, Integers]:
 
 
 def check_motion_table(time_s: ArrayLike, key_rad: ArrayLike, where: str = "key motion") -> tuple[Array, Array]:
-    """Times and angles (n,) that can be used; lost angles (NaN) are left out. ``InputError`` names the first bad row."""
+    """Times and angles (n,) that can be used; lost ones (NaN) are left out. ``InputError`` names the first bad row."""
     try:
         times, angles = np.asarray(time_s, dtype=float), np.asarray(key_rad, dtype=float)
     except (TypeError, ValueError):
@@ -161,6 +163,11 @@ def check_motion_table(time_s: ArrayLike, key_rad: ArrayLike, where: str = "key 
     if not FEWEST <= len(times) <= LONGEST:
         raise InputError(f"{where}: found {len(times)} rows with an angle, allowed {FEWEST} to {LONGEST}")
     return times, angles
+
+
+def read_motion_table(path: str | Path) -> tuple[Array, Array]:
+    """Read a CSV file with the columns ``time_s,key_rad``; (n,) each, without rows whose angle is NaN."""
+    return check_motion_table(*read_two_columns(path, ("time_s", "key_rad")), str(path))
 
 
 def fit_key_motion(
