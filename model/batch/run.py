@@ -60,6 +60,16 @@ def _warm(jobs: Iterable[Job]) -> None:
                 energy_of(job.scene.tables)
 
 
+def _hand_over(pool: Executor, job: Job, sha256: str) -> Future[Member]:
+    """Submit a job; where the executor takes no more (its workers are gone), a future with that error."""
+    try:
+        return pool.submit(run_job, job, sha256)
+    except Exception as problem:
+        refused: Future[Member] = Future()
+        refused.set_exception(problem)
+        return refused
+
+
 def run_jobs(
     jobs: Sequence[Job],
     *,
@@ -111,7 +121,7 @@ def run_jobs(
 
     try:
         for i in queue:
-            waiting[pool.submit(run_job, jobs[i], hashes[i])] = i
+            waiting[_hand_over(pool, jobs[i], hashes[i])] = i
             while len(waiting) >= ahead:
                 for future in wait(waiting, timeout=POLL_S, return_when=FIRST_COMPLETED).done:
                     collect(future)

@@ -6,7 +6,7 @@ import os
 import pickle
 import threading
 from collections.abc import Callable
-from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from concurrent.futures import BrokenExecutor, Executor, Future, ThreadPoolExecutor
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
@@ -87,12 +87,12 @@ def test_order_of_work_and_pickling_change_nothing(action: model.Action) -> None
 
 
 def test_scene_with_everything_it_says_reaches_the_members(action: model.Action) -> None:
-    """Left-out contacts, effects and outputs, as in a single run."""
-    choice = model.SceneChoice(without=("contact12",), effects=("balance_rail",), outputs=("contact_forces",))
-    (member,) = model.simulate_many(action, [blow(3.0)], tolerance=1e-4, output_time_s=OUT, scene=choice, energy=True)
-    single = model.simulate(action, *blow(3.0), tolerance=1e-4, output_time_s=OUT, scene=choice, energy=True)
-    assert member.solution is not None and single.contact_normal_n is not None and single.energy is not None
-    assert "contact12" not in single.contacts
+    """Effects, their values and outputs, as in a single run."""
+    choice = replace(model.load_scene("lifting-key"), outputs=("contact_forces",))
+    (member,) = model.simulate_many(action, [blow(3.0)], tolerance=1e-4, output_time_s=OUT, scene=choice)
+    single = model.simulate(action, *blow(3.0), tolerance=1e-4, output_time_s=OUT, scene=choice)
+    assert member.solution is not None and single.contact_normal_n is not None
+    assert len(single.bodies) > 5
     assert_same(member.solution, single)
 
 
@@ -126,6 +126,22 @@ def test_lost_worker_is_the_error_of_its_member(action: model.Action) -> None:
         members = many(action, executor=pool)
     assert [m.trial for m in members if isinstance(m.error, MemoryError)] == ["loud"] * 3
     assert sum(m.solution is not None for m in members) == 6
+
+
+def test_executor_that_gives_up_loses_no_member(action: model.Action, tmp_path: Path) -> None:
+    class GivesUp(ThreadPoolExecutor):
+        taken = 0
+
+        def submit(self, fn: Any, /, *args: Any, **kwargs: Any) -> Any:
+            self.taken += 1
+            if self.taken > 5:
+                raise BrokenExecutor("workers are gone")
+            return super().submit(fn, *args, **kwargs)
+
+    with GivesUp(1) as pool:
+        members = many(action, executor=pool, store=tmp_path)
+    assert [isinstance(m.error, BrokenExecutor) for m in members] == [False] * 5 + [True] * 4
+    assert [m.reused for m in many(action, store=tmp_path)] == [True] * 5 + [False] * 4
 
 
 def test_hash_covers_what_decides_and_no_more(action: model.Action, monkeypatch: pytest.MonkeyPatch) -> None:
