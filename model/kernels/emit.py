@@ -12,7 +12,7 @@ from __future__ import annotations
 from . import layout as L
 from . import workspace as W
 from .emit_bodies import derivatives, forces, mass, pose, solve_mass
-from .emit_contacts import contact_forces, contact_linearised, probe, sliding_rate
+from .emit_contacts import contact_forces, contact_linearised, probe, second_rates
 from .structure import Structure
 
 _HEAD = '''"""Generated from the structure of a scene by model.kernels.emit; do not edit."""
@@ -47,10 +47,11 @@ def _linearise(s: Structure) -> list[str]:
     out = [f"q{i} = w[{W.Q + i}]\nv{i} = w[{W.V + i}]" for i in range(s.free)] + _prescribed(s, True)
     out += [f"k{i}_{j} = 0.0\nd{i}_{j} = 0.0" for i, j in sorted(s.pattern())]
     out += ["touching = 0", *pose(s), *mass(s), *forces(s, True)]
+    out += [f"easy{i} = 1.0 / md{i}" for i in range(s.free)]
     rates = []
     for c in s.place:
         out += contact_linearised(s, c)
-        rates += sliding_rate(s, c)
+        rates += second_rates(s, c)
     for k in range(len(s.probe)):
         out += probe(s, k, True)
     out += [*solve_mass(s), *derivatives(s), *rates]

@@ -108,32 +108,53 @@ def contact_forces(s: Structure, c: int) -> list[str]:
 
 
 def contact_linearised(s: Structure, c: int) -> list[str]:
-    """Force and derivatives of contact ``c`` where it touches, its room and closing speed where it does not."""
+    """Force and derivatives of contact ``c`` where it touches; its gap and how fast that changes in any case."""
     chain, at = s.chain[c], s.place[c]
-    slides = [f"slides{k}_{c}" for k in range(len(chain))]
     law = [f"fn, fnx, fnr, mu, mus = contact_laws(x, rate, slide, {_law(s, c)})"]
     law += ["fx = fn * nx + mu * fn * ny", "fy = fn * ny - mu * fn * nx", *_push(s, c), "touching += 1"]
-    law += [f"{name} = gt{k}" for k, name in enumerate(slides)]
-    touch = [*_rates(s, c), *law, f"w[{W.ROOM + at}] = 0.0", f"w[{W.CLOSING + at}] = 0.0", f"w[{W.SLIDE + at}] = slide"]
-    moves = []
-    for b, side in chain:
+    law += [f"turns{k}_{c} = gn{k}" for k in range(len(chain))]
+    law += [f"slides{k}_{c} = gt{k}" for k in range(len(chain))]
+    law += [f"w[{W.ROOM + at}] = 0.0", f"w[{W.GAP + at}] = -x", f"w[{W.GAP_RATE + at}] = -rate"]
+    law += [
+        f"w[{W.SLIDE + at}] = slide",
+        f"w[{W.GRIP + at}] = {_numbers(s, c, L.MU_A)[0]} * fn * {_easiest(s, c, 'gt')}",
+    ]
+    away = _surface(s, c, True)
+    for k, (b, side) in enumerate(chain):
         x, y = _pivot(s, b)
         way = "ny" if b in s.guided else f"((ax - {x}) * ny - (ay - {y}) * nx)"
-        moves.append(f"{'-' if side > 0 else '+'} v{b} * {way}")
-    away = [*_surface(s, c, True), f"w[{W.ROOM + at}] = room", f"w[{W.CLOSING + at}] = " + " ".join(moves)]
+        away.append(f"turns{k}_{c} = {'' if side > 0 else '-'}{way}")
+    rate = " + ".join(f"turns{k}_{c} * v{b}" for k, (b, _) in enumerate(chain))
+    stiffness, damping = _numbers(s, c, L.K_C, L.DAMP)
+    away += [f"w[{W.ROOM + at}] = room", f"w[{W.GAP + at}] = room", f"w[{W.GAP_RATE + at}] = {rate}"]
     return [
-        *(f"{name} = 0.0" for name in slides), *_centres(s, c), *_surface(s, c, False),
-        "if x > 0.0:", *_indent([*touch, "if fn > 0.0:", *_indent(_derivatives(s, c))]),
+        *(f"slides{k}_{c} = 0.0" for k in range(len(chain))), *_centres(s, c), *_surface(s, c, False),
+        "if x > 0.0:", *_indent([*_rates(s, c), *law, "if fn > 0.0:", *_indent(_derivatives(s, c))]),
         "else:", *_indent(away),
+        f"w[{W.KICK + at}] = {stiffness} * (1.0 + {damping} * abs(w[{W.GAP_RATE + at}])) * "
+        + _easiest(s, c, "turns", f"_{c}"),
     ]  # fmt: skip
 
 
-def sliding_rate(s: Structure, c: int) -> list[str]:
-    """How fast the sliding speed of contact ``c`` changes, once the accelerations are known."""
-    rate = " + ".join(f"slides{k}_{c} * a{b}" for k, (b, _) in enumerate(s.chain[c]))
+def _easiest(s: Structure, c: int, name: str, end: str = "") -> str:
+    """Text of the largest acceleration of one joint that a unit force along a direction gives."""
+    terms = [f"abs({name}{k}{end}) * easy{b}" for k, (b, _) in enumerate(s.chain[c]) if b < s.free]
+    out = terms[0]
+    for term in terms[1:]:
+        out = f"max({out}, {term})"
+    return out
+
+
+def second_rates(s: Structure, c: int) -> list[str]:
+    """How fast gap rate and sliding speed of contact ``c`` change, once the accelerations are known."""
+    chain = s.chain[c]
+    turn, slide = (" + ".join(f"{n}{k}_{c} * a{b}" for k, (b, _) in enumerate(chain)) for n in ("turns", "slides"))
     rubs = f"{_numbers(s, c, L.MU_A)[0]} != 0.0"
-    at = W.SLIDE_RATE + s.place[c]
-    return [f"w[{at}] = 0.0", f"if {rubs}:", f"    w[{at}] = {rate}"]
+    at = s.place[c]
+    return [
+        f"w[{W.GAP_ACC + at}] = {turn}",
+        f"w[{W.SLIDE_RATE + at}] = 0.0", f"if {rubs}:", f"    w[{W.SLIDE_RATE + at}] = {slide}",
+    ]  # fmt: skip
 
 
 def _derivatives(s: Structure, c: int) -> list[str]:
