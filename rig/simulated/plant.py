@@ -164,9 +164,7 @@ def read_bench(path: Path) -> dict[str, Any]:
         raise InputError(f"{path}: is not valid TOML: {problem}") from None
 
 
-def load_plant(
-    bench_path: Path, seed: int | None, sample_rate_hz: float, effects: Collection[str] = ()
-) -> ActionPlant:
+def load_plant(bench_path: Path, seed: int | None, sample_rate_hz: float, effects: Collection[str] = ()) -> ActionPlant:
     """Build the plant a bench file describes; ``seed`` wins over the file's.
 
     The specimen has the effects (`model.effects`) that are named in ``effects`` or have a table in the file.
