@@ -133,6 +133,10 @@ def run_jobs(
         progress = None
         for future in started:
             collect(future)
+        if kept is not None:  # one may have been interrupted on its way there
+            for member in members:
+                if member is not None and not kept.path(member.sha256).exists():
+                    kept.write(member)
         raise BatchInterrupt(members) from None
     finally:
         for future in waiting:
