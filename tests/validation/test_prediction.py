@@ -70,7 +70,12 @@ def test_what_a_prediction_depends_on_makes_it_anew(small):
     compare_session(session, truth.action, predict=predict, tolerance=1e-6, rivals=(), budget=False)
     assert len(predict.calls) == 4
     compare_session(
-        session, truth.action.with_values({"hammer.mass": 0.0118}), predict=predict, tolerance=1e-6, rivals=()
+        session,
+        truth.action.with_values({"hammer.mass": 0.0118}),
+        predict=predict,
+        tolerance=1e-6,
+        rivals=(),
+        budget=False,
     )
     assert len(predict.calls) == 6
     compare_session(session, truth.action, predict=predict, keep_predictions=False, rivals=(), budget=False)
