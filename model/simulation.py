@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import InputError, IntegrationError
-from .integrators import DEFAULT_METHOD, get_method
+from .integrators import DEFAULT_METHOD, DiagonalTableau, get_method
 from .integrators.rosenbrock import NOT_FINITE, STEP_TOO_SMALL, TOO_MANY_STEPS, integrate
 from .kernels import layout as L
 from .kernels import workspace as W
@@ -97,6 +97,8 @@ class Simulation:
             raise InputError(
                 f"tolerance: found {self.tolerance:g} rad, allowed {SMALLEST_TOLERANCE:g} to {LARGEST_TOLERANCE:g}"
             )
+        if self.energy and isinstance(get_method(self.method), DiagonalTableau):
+            raise InputError(f"method: {self.method} keeps no account of energy; allowed with it: {DEFAULT_METHOD}")
         for name, array in (("angles", self.state.angle_rad), ("speeds", self.state.speed_rad_per_s)):
             if np.shape(array) != (self.scene.size,):
                 raise InputError(f"state: {np.shape(array)} {name} found, allowed ({self.scene.size},)")
@@ -152,7 +154,10 @@ class Simulation:
             tighter = max(1.0, (REFERENCE_TOLERANCE / self.tolerance) ** 0.25)
             most = STEPS_AT_LEAST + int(STEPS_PER_SECOND * tighter * max(0.0, min(1e6, until - self.state.time_s)))
         q, v = self.state.angle_rad.copy(), self.state.speed_rad_per_s.copy()
-        time, step, status = integrate(
+        loop = integrate
+        if isinstance(tableau, DiagonalTableau):
+            from .integrators.diagonal import integrate_diagonal as loop  # compiled on first use
+        time, step, status = loop(
             self.state.time_s, float(until), self.state.step_s, q, v, times, values, held,
             outputs, out_q, out_v, self.scene.vector, self.scene.tables.parent[: self.scene.size],
             *kernels, self.scene.solved_contacts,

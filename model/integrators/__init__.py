@@ -1,19 +1,21 @@
 """Time integration methods, one per file, each a table of coefficients with its order, stability and source.
 
+``rosenbrock`` and ``diagonal`` hold the step loops of the two kinds; ``diagonal`` is loaded only when it is used.
 ``get_method(name)`` gives one; ``METHODS`` lists them; ``DEFAULT_METHOD`` is the one the benchmark favours.
 """
 
+from .esdirk4 import ESDIRK4
 from .rodas4p import RODAS4P
 from .rodas5p import RODAS5P
-from .tableau import RosenbrockTableau
+from .tableau import DiagonalTableau, RosenbrockTableau
 
-METHODS = {m.name: m for m in (RODAS4P, RODAS5P)}
+METHODS: dict[str, RosenbrockTableau | DiagonalTableau] = {m.name: m for m in (RODAS4P, RODAS5P, ESDIRK4)}
 DEFAULT_METHOD = "rodas4p"
 
-__all__ = ["DEFAULT_METHOD", "METHODS", "RosenbrockTableau", "get_method"]
+__all__ = ["DEFAULT_METHOD", "METHODS", "DiagonalTableau", "RosenbrockTableau", "get_method"]
 
 
-def get_method(name: str) -> RosenbrockTableau:
+def get_method(name: str) -> RosenbrockTableau | DiagonalTableau:
     """Return the method of that name; raise ``InputError`` that lists the known ones."""
     from model.errors import InputError
 

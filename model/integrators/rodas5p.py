@@ -14,7 +14,7 @@ _LAST = [-7.502846399306121, 2.561846144803919, -11.627539656261098, -0.18268767
 
 RODAS5P = RosenbrockTableau(
     name="rodas5p",
-    share=0.5,
+    share=0.35,
     order=5,
     embedded_order=4,
     dense_order=4,

@@ -1,4 +1,6 @@
-"""What defines a Rosenbrock method of the RODAS family, in the form that solves for transformed stages.
+"""What defines a method: Rosenbrock methods of the RODAS family, and ESDIRK methods.
+
+A Rosenbrock method is given in the form that solves for transformed stages.
 
 Stage i solves  (1/(gamma h) - J) U_i = F(t + c_i h, y + sum_j a_ij U_j) + sum_j C_ij U_j / h + h d_i F_t;
 the step is y + sum_j b_j U_j, the last stage alone is the embedded error, and inside a step
@@ -64,3 +66,52 @@ def lower(rows: list[list[float]], size: int) -> NDArray[np.float64]:
     for i, row in enumerate(rows, start=1):
         out[i, : len(row)] = row
     return out
+
+
+@dataclass(frozen=True)
+class DiagonalTableau:
+    """Coefficients (s stages) and properties of one ESDIRK method; stiffly accurate, the last row of a is b."""
+
+    name: str
+    order: int
+    embedded_order: int
+    dense_order: int
+    stability: str
+    source: str
+    gamma: float
+    a: NDArray[np.float64]  # (s, s), strictly lower; the diagonal is gamma but for the first stage
+    b: NDArray[np.float64]  # (s,)
+    b_embedded: NDArray[np.float64]  # (s,)
+    c: NDArray[np.float64]  # (s,) stage times
+    share: float = 1.0  # of the local tolerance, as in RosenbrockTableau
+
+    @property
+    def dense(self) -> NDArray[np.float64]:
+        """All the loop needs, (s + 1, s): a, then the weights of the error estimate."""
+        return np.ascontiguousarray(np.vstack([self.a, self.b - self.b_embedded]))
+
+    @property
+    def flat_a(self) -> NDArray[np.float64]:
+        """Rows for the stage kernel: the argument of F is y + slot 0."""
+        return _third_row(1.0, 0.0)
+
+    @property
+    def flat_c(self) -> NDArray[np.float64]:
+        """Rows for the stage kernel: (slot 1 - slot 0) / gamma."""
+        return _third_row(-1.0 / self.gamma, 1.0 / self.gamma)
+
+    @property
+    def d(self) -> NDArray[np.float64]:
+        """No time derivative is used."""
+        return np.zeros(len(self.b))
+
+    @property
+    def stages(self) -> int:
+        """Number of stages."""
+        return len(self.b)
+
+
+def _third_row(first: float, second: float) -> NDArray[np.float64]:
+    out = np.zeros((MAX_STAGES, MAX_STAGES))
+    out[2, :2] = first, second
+    return out.ravel()

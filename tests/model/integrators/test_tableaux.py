@@ -5,7 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from model.integrators import METHODS, RosenbrockTableau
+from model.integrators import METHODS, DiagonalTableau, RosenbrockTableau
+
+ROSENBROCK = [m for m in METHODS.values() if isinstance(m, RosenbrockTableau)]
+DIAGONAL = [m for m in METHODS.values() if isinstance(m, DiagonalTableau)]
 
 
 def classical(tableau: RosenbrockTableau) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -15,7 +18,7 @@ def classical(tableau: RosenbrockTableau) -> tuple[np.ndarray, np.ndarray, np.nd
     return tableau.a @ gamma, gamma, tableau.b @ gamma
 
 
-@pytest.mark.parametrize("tableau", METHODS.values(), ids=lambda m: m.name)
+@pytest.mark.parametrize("tableau", ROSENBROCK, ids=lambda m: m.name)
 def test_order_conditions(tableau: RosenbrockTableau) -> None:
     alpha, gamma, b = classical(tableau)
     beta = alpha + gamma
@@ -39,7 +42,7 @@ def test_order_conditions(tableau: RosenbrockTableau) -> None:
     np.testing.assert_allclose(gamma @ one, tableau.d, atol=1e-11)
 
 
-@pytest.mark.parametrize("tableau", METHODS.values(), ids=lambda m: m.name)
+@pytest.mark.parametrize("tableau", ROSENBROCK, ids=lambda m: m.name)
 def test_stiffly_accurate_and_l_stable(tableau: RosenbrockTableau) -> None:
     alpha, gamma, b = classical(tableau)
     beta = alpha + gamma
@@ -78,7 +81,7 @@ def step(
     return y1, np.array(rows)
 
 
-@pytest.mark.parametrize("tableau", METHODS.values(), ids=lambda m: m.name)
+@pytest.mark.parametrize("tableau", ROSENBROCK, ids=lambda m: m.name)
 def test_observed_order_of_step_and_dense_output(tableau: RosenbrockTableau) -> None:
     from scipy.integrate import solve_ivp
 
@@ -104,3 +107,29 @@ def test_observed_order_of_step_and_dense_output(tableau: RosenbrockTableau) -> 
     dense = np.polyfit(np.log(1 / counts), np.log(insides), 1)[0]
     assert tableau.order - 0.35 < order < tableau.order + 1.0
     assert dense > tableau.dense_order - 0.1
+
+
+@pytest.mark.parametrize("tableau", DIAGONAL, ids=lambda m: m.name)
+def test_order_and_stability_of_diagonal_methods(tableau: DiagonalTableau) -> None:
+    """Order conditions of both weights, row sums, stiff accuracy and L-stability of the full matrix."""
+    a = tableau.a + tableau.gamma * np.diag([0.0] + [1.0] * (tableau.stages - 1))
+    one = np.ones(tableau.stages)
+    np.testing.assert_allclose(a @ one, tableau.c, atol=1e-14)
+    np.testing.assert_allclose(a[-1], tableau.b, atol=1e-15)
+    for b, order in ((tableau.b, tableau.order), (tableau.b_embedded, tableau.embedded_order)):
+        c = tableau.c
+        conditions = [
+            [(b @ one, 1.0)],
+            [(b @ c, 1 / 2)],
+            [(b @ c**2, 1 / 3), (b @ a @ c, 1 / 6)],
+            [(b @ c**3, 1 / 4), (b @ (c * (a @ c)), 1 / 8), (b @ a @ c**2, 1 / 12), (b @ a @ a @ c, 1 / 24)],
+        ]
+        for number, rows in enumerate(conditions[:order], start=1):
+            for found, wanted in rows:
+                assert found == pytest.approx(wanted, abs=2e-14), number
+
+    def amplification(z: complex) -> complex:
+        return 1 + z * tableau.b @ np.linalg.solve(np.eye(tableau.stages) - z * a, one)
+
+    assert abs(amplification(-1e9)) < 1e-6
+    assert max(abs(amplification(1j * y)) for y in np.logspace(-3, 4, 400)) <= 1 + 1e-9

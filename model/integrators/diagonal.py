@@ -1,0 +1,166 @@
+"""The compiled step loop of diagonally implicit methods with an explicit first stage (ESDIRK): for comparison.
+
+Stage i solves Y = y + h sum_j<i a_ij k_j + h gamma F(Y) by Newton's method with the factors of the step's start.
+The scene's ``stage`` kernel does one iteration: with Z = Y - y in slot 0 and S = h sum a_ij k_j in slot 1 it solves
+(1/(gamma h) - J) D = F(y + Z) + (S - Z) / (gamma h). Events and input as in ``rosenbrock``; no energy audit, and
+rest is stepped.
+Compiled when such a method is used first; the default never waits for it (docs/decisions/model-methods.md).
+"""
+
+from math import isfinite
+
+import numpy as np
+
+from model.kernels.compile import step_loop
+from model.kernels.events import fit_to_events
+from model.kernels.inputs import fit_to_input, input_at
+from model.kernels.layout import N_CONTACT, N_JACOBIAN, N_REJECTED, N_RHS, N_STEPS
+from model.kernels.signatures import INTEGRATE
+from model.kernels.workspace import ACC, ALLOWANCE, Q1, SIZE, WIDTH, Q, U, V
+
+from .rosenbrock import DONE, GROW, NOT_FINITE, SAFETY, SHRINK, SMALLEST_STEP, STEP_TOO_SMALL, TOO_MANY_STEPS
+
+PAIR = 2 * WIDTH
+MOST_ITERATIONS = 8
+SOLVED = 0.02  # of the tolerance: what the iteration may leave
+DIVERGING = 0.9
+
+
+@step_loop(INTEGRATE)
+def integrate_diagonal(
+    t, t_end, h, q, v, table_t, table_u, held, out_t, out_q, out_v, p, parent, linearise, prepare, skip, stage,
+    n_contacts, a_, c_, b_, node, d_, dense, gamma, tolerance_q, tolerance_v, exponent, rest_limit, h_max, max_steps,
+    counters, times, energy, audit,
+):  # fmt: skip
+    """As ``rosenbrock.integrate``, without rest and energy audit; ``dense`` holds a and the error's weights."""
+    n = q.shape[0]
+    s = b_.shape[0]
+    w = np.zeros(SIZE)
+    slope_of = np.zeros((s, PAIR))  # h k of each stage
+    for i in range(n):
+        w[Q + i] = q[i]
+        w[V + i] = v[i]
+    k_in = 0
+    k_out = 0
+    n_out = out_t.shape[0]
+    while k_out < n_out and out_t[k_out] <= t:
+        out_q[k_out] = q
+        out_v[k_out] = v
+        k_out += 1
+    status = TOO_MANY_STEPS
+    fresh = True
+    rejected = False
+    u0 = 0.0
+    for _ in range(max_steps):
+        if t >= t_end:
+            break
+        if fresh:
+            u0, _, k_in = input_at(t, k_in, table_t, table_u, held)
+            linearise(w, p, u0)
+            counters[N_RHS] += 1
+            counters[N_JACOBIAN] += 1
+            counters[N_CONTACT] += n_contacts
+            fresh = False
+        h = min(h, h_max)
+        stop = t_end
+        if held and k_in + 1 < table_t.shape[0] and t < table_t[k_in + 1] < stop:
+            stop = table_t[k_in + 1]
+        step = fit_to_events(h, w, p, n, n_contacts, tolerance_v)
+        fitted = step
+        if t + 1.01 * step >= stop:
+            step = stop - t
+        elif t + 2.0 * step > stop:
+            step = 0.5 * (stop - t)
+        if not held:
+            step = fit_to_input(t, step, u0, k_in, table_t, table_u, w, n, tolerance_q, tolerance_v)
+        gh = gamma * step
+        error = 0.0
+        ok = prepare(w, gh) == 1
+        if ok:
+            for i in range(WIDTH):
+                w[ALLOWANCE + i] = 1.5 * step * abs(w[V + i]) + step * step * abs(w[ACC + i]) + 1e-7
+            mask = skip(w, p)
+            for i in range(n):
+                slope_of[0, i] = step * w[V + i]
+                slope_of[0, WIDTH + i] = step * w[ACC + i]
+            for m in range(1, s):
+                u = u0
+                if not held:
+                    u, _, k_in = input_at(t + node[m] * step, k_in, table_t, table_u, held)
+                for i in range(PAIR):
+                    x = 0.0
+                    for j in range(m):
+                        x += dense[m, j] * slope_of[j, i]
+                    w[U + PAIR + i] = x
+                    w[U + i] = x + gamma * slope_of[m - 1, i]
+                before = 0.0
+                solved = False
+                for iteration in range(MOST_ITERATIONS):
+                    stage(w, p, a_, c_, 2, gh, step, u, 0.0, mask)
+                    counters[N_RHS] += 1
+                    counters[N_CONTACT] += n_contacts
+                    change = 0.0
+                    for i in range(n):
+                        dq = w[U + 2 * PAIR + i]
+                        dv = w[U + 2 * PAIR + WIDTH + i]
+                        change = max(change, abs(dq) / tolerance_q, abs(dv) / tolerance_v)
+                        w[U + i] += dq
+                        w[U + WIDTH + i] += dv
+                    if not isfinite(change):
+                        break
+                    rate = change / before if iteration > 0 and before > 0.0 else 0.5
+                    if rate >= DIVERGING:
+                        break
+                    if change * rate / (1.0 - rate) <= SOLVED:
+                        solved = True
+                        break
+                    before = change
+                if not solved:
+                    ok = False
+                    break
+                for i in range(PAIR):
+                    slope_of[m, i] = (w[U + i] - w[U + PAIR + i]) / gamma
+            if ok:
+                for i in range(PAIR):
+                    w[Q1 + i] = w[Q + i] + w[U + i]  # stiffly accurate
+                for i in range(n):
+                    eq = 0.0
+                    ev = 0.0
+                    for m in range(s):
+                        eq += dense[s, m] * slope_of[m, i]
+                        ev += dense[s, m] * slope_of[m, WIDTH + i]
+                    error = max(error, abs(eq) / tolerance_q, abs(ev) / tolerance_v)
+        if not ok or not error <= 1.0:
+            counters[N_REJECTED] += 1
+            rejected = True
+            h = step * max(SHRINK, SAFETY * error ** (-exponent)) if ok and isfinite(error) else 0.3 * step
+            if h < SMALLEST_STEP:
+                status = STEP_TOO_SMALL if ok else NOT_FINITE
+                break
+            continue
+        counters[N_STEPS] += 1
+        t1 = stop if step == stop - t else t + step
+        while k_out < n_out and out_t[k_out] <= t1:
+            x = (out_t[k_out] - t) / step
+            for i in range(n):
+                for o, row in ((0, out_q), (WIDTH, out_v)):
+                    rise = w[Q1 + o + i] - w[Q + o + i]
+                    left = slope_of[0, o + i] - rise
+                    right = slope_of[s - 1, o + i] - rise
+                    row[k_out, i] = w[Q + o + i] + x * (rise + (1.0 - x) * (left * (1.0 - x) - right * x))
+            k_out += 1
+        factor = GROW if error == 0.0 else min(GROW, max(SHRINK, SAFETY * error ** (-exponent)))
+        if rejected:
+            factor = min(factor, 1.0)
+        h = max(step * factor, h if step < fitted == h and factor >= 1.0 else 0.0)
+        rejected = False
+        for i in range(PAIR):
+            w[Q + i] = w[Q1 + i]
+        t = t1
+        fresh = True
+    if t >= t_end:
+        status = DONE
+    for i in range(n):
+        q[i] = w[Q + i]
+        v[i] = w[V + i]
+    return t, h, status
