@@ -13,12 +13,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .errors import InputError
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     from rig.session import Session, Trial
-    from vision.results import TrackResult
+    from vision import ErrorBudget, Film, TrackResult
+    from vision.camera_model import CameraModel
 
 BODIES_NAME = "bodies.toml"
 STEP = "angles"
@@ -54,28 +58,75 @@ def outlines_of(film: Path, bodies_file: Path | None) -> Path:
     return owner[0].path / BODIES_NAME
 
 
-def expected_uncertainty(film: Path, bodies_file: Path | None = None) -> dict[str, float]:
-    """Standard uncertainty of each body's angle (rad) to expect, before the film is tracked."""
-    import vision
+def camera_of(
+    calibration: Path | None, u_tilt_deg: float | None = None, u_distortion_percent: float | None = None
+) -> CameraModel:
+    """What is known of the camera: its calibration file, or the standard uncertainties assumed without one."""
+    from vision.camera_model import AssumedCamera
 
-    bodies = vision.load_bodies(outlines_of(film, bodies_file))
-    return vision.predict_uncertainty(film, bodies)
+    if calibration is None:
+        plain = AssumedCamera()
+        return AssumedCamera(
+            plain.u_tilt_rad if u_tilt_deg is None else float(np.radians(u_tilt_deg)),
+            plain.u_radial if u_distortion_percent is None else u_distortion_percent / 100.0,
+        )
+    if u_tilt_deg is not None or u_distortion_percent is not None:
+        raise InputError(f"{calibration}: a calibrated camera needs no --tilt and --distortion; leave one out")
+    from vision.calibration_file import load_calibration
+
+    return load_calibration(calibration)
 
 
 def draw_track(
-    film: Path, bodies_file: Path | None, result: TrackResult, overlay: Path | None, contact_sheet: Path | None
+    film: Path,
+    bodies_file: Path | None,
+    result: TrackResult,
+    overlay: Path | None = None,
+    contact_sheet: Path | None = None,
+    plot: Path | None = None,
 ) -> None:
-    """Draw what was tracked: an overlay film (.avi) and a contact sheet of the worst frames (.png), where named."""
+    """Draw what was tracked, where named: an overlay film (.avi), a contact sheet of the worst frames (.png), a plot
+    of angles and residuals (.png)."""
     import vision
 
+    if plot is not None:
+        vision.write_plot(plot, result)
     if overlay is None and contact_sheet is None:
         return
     bodies = vision.load_bodies(outlines_of(film, bodies_file))
-    with vision.open_film(film) as source:
+    with vision.open_film(film, allow_truncated=True) as source:
         if overlay is not None:
             vision.write_overlay(overlay, source, bodies, result)
         if contact_sheet is not None:
             vision.write_contact_sheet(contact_sheet, source, bodies, result)
+
+
+def frame_times_of(
+    source: Film, owner: tuple[Session, Trial] | None, frame_rate_hz: float | None
+) -> tuple[NDArray[np.float64] | None, float]:
+    """Times of a film's frames and their standard uncertainty, s: from its trial's frame clock, else from the rate
+    named, else None (the film's own)."""
+    if owner is None:
+        if frame_rate_hz is None:
+            return None, 0.0
+        if not 0.0 < frame_rate_hz < 1e9:
+            raise InputError(f"{source.path}: frame rate {frame_rate_hz:g} Hz; needs a positive number")
+        return np.arange(source.n_frames) / frame_rate_hz + 0.5 * (source.exposure_s or 0.0), 0.0
+    if frame_rate_hz is not None:
+        raise InputError(f"{source.path}: belongs to a trial whose frame clock gives its times; leave out --frame-rate")
+    camera = owner[1].read().camera
+    if camera is None:
+        raise InputError(f"{owner[1].path}: has no frame clock; record with a camera, or track a copy elsewhere")
+    own = source.frame_time_s
+    middle = 0.5 * (source.exposure_s or 0.0)
+    index = np.arange(source.n_frames) if own is None else np.rint((own - middle) * camera.frame_rate_hz)
+    index = index.astype(int)
+    if index[0] < 0 or index[-1] >= camera.n_frames:
+        raise InputError(
+            f"{source.path}: frames {index[0]} to {index[-1]} found, allowed 0 to {camera.n_frames - 1}, "
+            f"the pulses its trial counted; the film belongs to another trial or was cut"
+        )
+    return camera.frame_time_s[index], camera.u_time_s
 
 
 def track_film_file(
@@ -84,6 +135,12 @@ def track_film_file(
     *,
     method: str = "icgn",
     every: int = 1,
+    confirm: str = "doubtful",
+    camera: CameraModel | None = None,
+    frame_rate_hz: float | None = None,
+    allow_truncated: bool = False,
+    checkpoint: Path | None = None,
+    expected: Callable[[ErrorBudget], None] | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> TrackResult:
     """Track the bodies of one film; frame times from the trial's frame clock when it has one.
@@ -92,7 +149,9 @@ def track_film_file(
     ----------
     film : film file
     bodies_file : TOML with outlines; by default the session's
-    method, every, progress : see `vision.track_film`
+    frame_rate_hz : rate of a film that does not say it, or says its play-back rate
+    allow_truncated : read a film that was cut short up to its last whole frame
+    method, every, confirm, camera, checkpoint, expected, progress : see `vision.track_film`
 
     Raises
     ------
@@ -103,40 +162,43 @@ def track_film_file(
     owner = session_trial_of(film)
     bodies_file = outlines_of(film, bodies_file)
     bodies = vision.load_bodies(bodies_file)
-    times = None
-    with vision.open_film(film) as source:
-        if owner is not None:
-            camera = owner[1].read().camera
-            if camera is None:
-                raise InputError(
-                    f"{owner[1].path}: has no frame clock; record with a camera, or track a copy elsewhere"
-                )
-            own = source.frame_time_s
-            middle = 0.5 * (source.exposure_s or 0.0)
-            index = np.arange(source.n_frames) if own is None else np.rint((own - middle) * camera.frame_rate_hz)
-            index = index.astype(int)
-            if index[0] < 0 or index[-1] >= camera.n_frames:
-                raise InputError(
-                    f"{film}: frames {index[0]} to {index[-1]} found, allowed 0 to {camera.n_frames - 1}, "
-                    f"the pulses its trial counted; the film belongs to another trial or was cut"
-                )
-            times = camera.frame_time_s[index]
-        result = vision.track_film(source, bodies, times, method=method, every=every, progress=progress)
-    if owner is not None:
-        session, trial = owner
-        session.write_derived(
-            STEP,
-            trial.number,
-            result.to_table(),
-            {
-                "method": method,
-                "every": every,
-                "n_still": result.n_still,
-                **{f"{b}_u_common_rad": float(u) for b, u in zip(result.bodies, result.u_common_rad, strict=True)},
-            },
-            {film.name: file_sha256(film), bodies_file.name: file_sha256(bodies_file), trial.path.name: trial.sha256},
+    with vision.open_film(film, allow_truncated=allow_truncated) as source:
+        times, u_time = frame_times_of(source, owner, frame_rate_hz)
+        result = vision.track_film(
+            source,
+            bodies,
+            times,
+            method=method,
+            every=every,
+            confirm=confirm,
+            camera=camera,
+            u_time_s=u_time,
+            checkpoint=checkpoint,
+            expected=expected,
+            progress=progress,
         )
+    if owner is not None:
+        store_angles(owner, film, bodies_file, result.to_table(), _attributes(result, every))
     return result
+
+
+def store_angles(
+    owner: tuple[Session, Trial], film: Path, bodies_file: Path, table: pd.DataFrame, attributes: dict[str, Any]
+) -> None:
+    """Put a table of angles into its session, with the hashes of what it was made from."""
+    session, trial = owner
+    made_from = {film.name: file_sha256(film), bodies_file.name: file_sha256(bodies_file)}
+    session.write_derived(STEP, trial.number, table, attributes, {**made_from, trial.path.name: trial.sha256})
+
+
+def _attributes(result: TrackResult, every: int) -> dict[str, Any]:
+    attributes: dict[str, Any] = {"method": result.method, "every": every, "n_still": result.n_still}
+    attributes |= {f"{b}_u_common_rad": float(u) for b, u in zip(result.bodies, result.u_common_rad, strict=True)}
+    attributes["camera"] = result.budget.camera
+    for relative, tail in ((False, ""), (True, "_relative")):
+        for body, terms in result.budget.typical(relative).items():
+            attributes |= {f"{body}{tail}_u_{name}_rad": value for name, value in terms.items()}
+    return attributes
 
 
 def file_sha256(path: Path) -> str:
@@ -149,7 +211,7 @@ def file_sha256(path: Path) -> str:
 
 
 def summary(result: TrackResult) -> dict[str, Any]:
-    """Numbers a user wants after tracking: frames, lost, predicted and median uncertainty per body (rad)."""
+    """Numbers a user wants after tracking: frames, lost, predicted and median uncertainty per body, budget (rad)."""
     return {
         "frames": len(result.frame),
         "lost": {b: int(n) for b, n in zip(result.bodies, result.failed.sum(axis=0), strict=True)},
@@ -158,4 +220,20 @@ def summary(result: TrackResult) -> dict[str, Any]:
             b: float(np.nanmedian(u)) if np.isfinite(u).any() else float("nan")
             for b, u in zip(result.bodies, result.u_angle_rad.T, strict=True)
         },
+        "budget_rad": result.budget.typical(),
+        "relative_budget_rad": result.budget.typical(relative=True),
+        "camera": result.budget.camera,
+        **{name: result.info[name] for name in ("rows_resumed", "rows_confirmed", "wide_searches")},
     }
+
+
+def budget_lines(budget: ErrorBudget) -> list[str]:
+    """A budget as lines of text, mdeg: one row per angle, one column per term."""
+    from vision.error_budget import TERMS
+
+    names = (*TERMS, "total")
+    lines = [f"{'u in mdeg':<26}" + "".join(f"{name[:10]:>11}" for name in names)]
+    rows = {**budget.typical(), **{f"{b} from parent": terms for b, terms in budget.typical(relative=True).items()}}
+    for body, terms in rows.items():
+        lines.append(f"  {body:<24}" + "".join(f"{np.degrees(terms[name]) * 1e3:>11.1f}" for name in names))
+    return [*lines, f"  ({budget.camera})"]

@@ -25,6 +25,7 @@ from typing import Any, NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
+from vision.codec import Compression, jpeg_steps
 from vision.errors import FilmError, VisionWarning
 from vision.file_window import FileWindow
 from vision.frames import Film
@@ -91,7 +92,7 @@ class AviFilm(Film):
         self.n_frames = len(self._offset)
         if self.readable:
             self._check_frames()
-            self._warn_of_coarse_jpeg()
+            self._look_at_compression()
 
     def read(self, index: int) -> NDArray[Any]:
         """Whole frame, shape (height, width)."""
@@ -142,14 +143,17 @@ class AviFilm(Film):
             if size < needed:
                 self._refuse(f"frame {index} has {size} bytes, needs {needed}: it was dropped or cut short")
 
-    def _warn_of_coarse_jpeg(self) -> None:
-        """Warn when the first JPEG's quantisation shows that its pictures are too coarse for the stated accuracy."""
-        data = b"" if self._pixel_bytes else self._file.view(self._offset[0], self._offset[0] + self._size[0]).tobytes()
-        at = data.find(b"\xff\xdb")
-        table = np.frombuffer(data[at + 5 : at + 69], dtype=np.uint8) if at > 0 else np.ones(64)
-        if table.size == 64 and table.mean() > COARSE_JPEG:
+    def _look_at_compression(self) -> None:
+        """Keep the first JPEG's steps; warn when its pictures are too coarse for the stated accuracy."""
+        if self._pixel_bytes:
+            return
+        steps = jpeg_steps(self._file.view(self._offset[0], self._offset[0] + self._size[0]).tobytes())
+        if steps is None:
+            return
+        self.compression = Compression(steps)
+        if steps.mean() > COARSE_JPEG:
             warnings.warn(
-                f"{self.path}: strong JPEG compression; angles will be up to twice as uncertain as stated, "
+                f"{self.path}: strong JPEG compression adds to the uncertainty of the angles; "
                 "export with quality 95 or uncompressed",
                 VisionWarning,
                 stacklevel=4,

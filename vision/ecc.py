@@ -14,6 +14,7 @@ Failure: OpenCV raises when it does not converge; here that is ``converged = Fal
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import cv2
 import numpy as np
@@ -53,6 +54,13 @@ class EccFitter:
 
     def reset(self) -> None:
         """Nothing is carried over."""
+
+    def carried(self) -> dict[str, NDArray[Any]]:
+        """Nothing."""
+        return {}
+
+    def carry(self, arrays: dict[str, NDArray[Any]]) -> None:
+        """Nothing to go on from."""
 
     def fit(self, film: FrameSource, index: int, pose: NDArray[np.float64], covered: NDArray[np.uint8] | None) -> Fit:
         """Fit the body in frame ``index``, starting from ``pose``."""

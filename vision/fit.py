@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,6 +58,14 @@ class Fitter(Protocol):
 
     def reset(self) -> None:
         """Forget what was carried over from the previous frame."""
+        ...
+
+    def carried(self) -> dict[str, NDArray[Any]]:
+        """What is carried over from frame to frame, as arrays."""
+        ...
+
+    def carry(self, arrays: dict[str, NDArray[Any]]) -> None:
+        """Go on from what `carried` gave."""
         ...
 
 

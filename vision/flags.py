@@ -10,7 +10,7 @@ from enum import IntFlag
 
 
 class FrameFlag(IntFlag):
-    """Bits of a frame's flag; 0 is a good frame."""
+    """Bits of a frame's flag (16 bit); 0 is a good frame."""
 
     GOOD = 0
     NOT_CONVERGED = 1
@@ -26,7 +26,14 @@ class FrameFlag(IntFlag):
     ODD_GAIN = 64
     """The contrast has changed more than light can change it."""
     REACQUIRED = 32
-    """Found again by a wide search after it was lost; not a failure."""
+    """Found again by a wide search after it was lost, or only by the backward pass; not a failure."""
+    UNCONFIRMED = 128
+    """The backward pass did not find the body where the forward pass had it."""
+    IMPRECISE = 256
+    """The stated standard uncertainty is too large to rule out an error of 0.05 degrees; not a failure."""
+    COVERED = 512
+    """Something no outline describes hides part of the body; weights keep it out, not always all of it; not a
+    failure."""
 
 
 FAILURE = (
@@ -36,4 +43,5 @@ FAILURE = (
     | FrameFlag.JUMP
     | FrameFlag.NO_COVARIANCE
     | FrameFlag.ODD_GAIN
+    | FrameFlag.UNCONFIRMED
 )

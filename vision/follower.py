@@ -32,6 +32,8 @@ USUAL_SHARE = 0.85
 """Least correlation as a share of the usual one; blur lowers it slowly, a wrong place at once."""
 MIN_GAIN = 0.6
 """Flicker changes the light by some per cent; a contrast that collapses is another surface in the way."""
+COVERED_SHARE = 0.1
+"""Pixels in sight that do not agree; noise alone makes 0.003."""
 PATIENCE = 60
 """Lost frames in a row after which the wide search runs on every fifth frame only."""
 
@@ -69,6 +71,14 @@ class Follower:
         if self.parent is not None:
             self.relative.add(-1, in_parent(place, self.parent.absolute.last()))  # type: ignore[arg-type]
 
+    def place(self, step: int, pose: NDArray[np.float64]) -> None:
+        """Tell where the body is at a step; parents are placed before their children."""
+        place = self._placement(pose)
+        self.absolute.add(step, place)
+        parent_now = self._parent_placement(step)
+        if parent_now is not None:
+            self.relative.add(step, in_parent(place, parent_now))
+
     def predict(self, step: int) -> NDArray[np.float64]:
         """Pose expected at a step, through the parent's pose of the same step where that is known."""
         place = self.absolute.predict(step)
@@ -93,14 +103,12 @@ class Follower:
             self.lost_in_a_row += 1
             self.fitter.reset()
             return fit
+        if fit.seen - fit.inlier > COVERED_SHARE:
+            self.flag |= FrameFlag.COVERED
         self.lost_in_a_row = 0
         self.usual_zncc = fit.zncc if self.usual_zncc == 0.0 else 0.9 * self.usual_zncc + 0.1 * fit.zncc
         self.usual_gain += 0.1 * (fit.gain - self.usual_gain)
-        place = self._placement(fit.pose)
-        self.absolute.add(step, place)
-        parent_now = self._parent_placement(step)
-        if parent_now is not None:
-            self.relative.add(step, in_parent(place, parent_now))
+        self.place(step, fit.pose)
         return fit
 
     def _retry(

@@ -19,6 +19,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from vision.codec import Compression
 from vision.errors import FilmError
 
 VIDEO_SUFFIXES = (".avi", ".mp4", ".mov", ".mkv", ".m4v")
@@ -36,6 +37,8 @@ class FrameSource(Protocol):
         Bits of a grey value that carry light; the largest value is ``2**bit_depth - 1``.
     frame_rate_hz, exposure_s : float or None
         None when the file does not say.
+    compression : Compression or None
+        None when grey values are stored as they were seen.
     """
 
     path: Path
@@ -45,6 +48,7 @@ class FrameSource(Protocol):
     bit_depth: int
     frame_rate_hz: float | None
     exposure_s: float | None
+    compression: Compression | None
 
     @property
     def frame_time_s(self) -> NDArray[np.float64] | None:
@@ -74,6 +78,7 @@ class Film:
     bit_depth: int = 8
     frame_rate_hz: float | None = None
     exposure_s: float | None = None
+    compression: Compression | None = None
 
     @property
     def frame_time_s(self) -> NDArray[np.float64] | None:

@@ -13,6 +13,8 @@ Failure: a fit that breaks down or does not settle returns ``converged = False``
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -55,6 +57,14 @@ class IcgnFitter:
         """Forget the weights carried over from the previous frame."""
         self._weight = np.ones(self.template.n_pixels, dtype=np.float32)
         self._scale = 2.0
+
+    def carried(self) -> dict[str, NDArray[Any]]:
+        """Weights and noise of the newest frame."""
+        return {"weight": self._weight, "scale": np.array(self._scale)}
+
+    def carry(self, arrays: dict[str, NDArray[Any]]) -> None:
+        """Go on from the weights and noise of another frame."""
+        self._weight, self._scale = np.array(arrays["weight"], dtype=np.float32), float(arrays["scale"])
 
     def fit(self, film: FrameSource, index: int, pose: NDArray[np.float64], covered: NDArray[np.uint8] | None) -> Fit:
         """Fit the body in frame ``index``, starting from ``pose``."""

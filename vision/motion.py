@@ -44,6 +44,14 @@ class Trace:
             self._last.clear()
         self._last.append((step, placement))
 
+    def clear(self) -> None:
+        """Forget everything."""
+        self._last.clear()
+
+    def items(self) -> list[tuple[int, Placement]]:
+        """The placements held, oldest first, with their steps."""
+        return list(self._last)
+
     def last(self) -> Placement | None:
         """The newest placement known."""
         return self._last[-1][1] if self._last else None

@@ -1,7 +1,7 @@
-"""What comes before tracking: still frames, averaged reference, templates, and the uncertainty to expect.
+"""What comes before tracking: still frames, averaged reference, templates.
 
-Place in the data flow: `track_film` starts with `prepare`; `predict_uncertainty` tells the user, before any
-tracking, what the drawn outlines will give.
+Place in the data flow: `track_film`, `predict_uncertainty` and `retrack_frames` start with `prepare`; one
+preparation serves both the uncertainty shown before tracking and the tracking itself.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 import warnings
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -28,14 +29,39 @@ MAX_PIXELS = 12_000
 """Pixels fitted per body; beyond this the ones that tell least about the angle are left out."""
 
 
+@dataclass(frozen=True)
+class Preparation:
+    """A film ready to be tracked.
+
+    Attributes
+    ----------
+    film : FrameSource
+    bodies : sequence of Body
+    reference : Reference
+    templates : list of Template
+        In the order of the bodies.
+    method : {"icgn", "ecc"}
+    """
+
+    film: FrameSource
+    bodies: Sequence[Body]
+    reference: Reference
+    templates: list[Template]
+    method: str
+
+    def run(self) -> Run:
+        """All bodies at their places in the reference, to be followed through the film."""
+        return Run(self.film, self.bodies, self.templates, self.method)
+
+
 def prepare(
     film: FrameSource,
     bodies: Sequence[Body],
     n_still: int | None = None,
     max_pixels: int | None = MAX_PIXELS,
     method: str = "icgn",
-) -> tuple[Reference, list[Template]]:
-    """Average the still frames and build the bodies' templates; shared by tracking and prediction.
+) -> Preparation:
+    """Average the still frames and build the bodies' templates.
 
     Warns
     -----
@@ -54,8 +80,8 @@ def prepare(
     if n_still is None:
         candidates = average_still_frames(film, region).n_averaged
         first = average_still_frames(film, region, min(FIRST_LOOK, candidates))
-        phi, u = first_poses(Run(film, bodies, templates_of(first), method), candidates)
-        n_still = still_count(phi.reshape(candidates, -1), u.reshape(candidates, -1))
+        pose, u = first_poses(Run(film, bodies, templates_of(first), method), candidates)
+        n_still = still_count(pose.reshape(candidates, -1), u.reshape(candidates, -1))
         if n_still < WANTED_STILL:
             warnings.warn(
                 f"{film.path}: only {n_still} still frames at the start, {WANTED_STILL} wanted; the zero is less sure",
@@ -63,7 +89,7 @@ def prepare(
                 stacklevel=3,
             )
     reference = average_still_frames(film, region, n_still)
-    return reference, templates_of(reference)
+    return Preparation(film, bodies, reference, templates_of(reference), method)
 
 
 def predict_uncertainty(
@@ -72,9 +98,12 @@ def predict_uncertainty(
     *,
     n_still: int | None = None,
 ) -> dict[str, float]:
-    """Standard uncertainty of each body's angle, rad, to expect before the film is tracked."""
+    """Standard uncertainty of each body's angle from noise and reference, rad, before the film is tracked.
+
+    `vision.budgeting.expected_budget` gives the other terms as well.
+    """
     if isinstance(path_or_source, str | os.PathLike):
         with open_film(path_or_source) as film:
             return predict_uncertainty(film, bodies, n_still=n_still)
-    reference, templates = prepare(path_or_source, bodies, n_still)
-    return {template.name: predicted_u_angle(template, reference.noise_grey) for template in templates}
+    ready = prepare(path_or_source, bodies, n_still)
+    return {template.name: predicted_u_angle(template, ready.reference.noise_grey) for template in ready.templates}

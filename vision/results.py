@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.angles import relative_angle
+from vision.error_budget import ErrorBudget
 from vision.errors import InputError
 from vision.flags import FAILURE
 
@@ -36,7 +37,7 @@ class TrackResult:
         Frame numbers in the film.
     time_s : ndarray, shape (n,)
     angle_rad, u_angle_rad : ndarray, shape (n, m)
-        Angle and its standard uncertainty, common part included.
+        Angle and its standard uncertainty from noise and reference, common part included.
     u_common_rad : ndarray, shape (m,)
         Part of the uncertainty that all frames share (error of the zero).
     x_px, y_px : ndarray, shape (n, m)
@@ -45,10 +46,14 @@ class TrackResult:
         Correlation with the template, fraction of its pixels that agree.
     noise_grey : ndarray, shape (n, m)
         Residual of the fit.
-    flag : ndarray of uint8, shape (n, m)
+    flag : ndarray of uint16, shape (n, m)
         `flags.FrameFlag`.
     predicted_u_rad : ndarray, shape (m,)
-        Standard uncertainty predicted before tracking.
+        Standard uncertainty predicted before tracking, from noise and reference.
+    covariance : ndarray, shape (n, m, 3, 3)
+        Of (turn, x, y), picture axes, rad and px, from each frame's own noise.
+    budget : ErrorBudget
+        All terms of the angles' uncertainty, frame by frame.
     n_still : int
     method : str
     film : str
@@ -68,8 +73,10 @@ class TrackResult:
     zncc: NDArray[np.float64]
     inlier: NDArray[np.float64]
     noise_grey: NDArray[np.float64]
-    flag: NDArray[np.uint8]
+    flag: NDArray[np.uint16]
     predicted_u_rad: NDArray[np.float64]
+    covariance: NDArray[np.float64]
+    budget: ErrorBudget
     n_still: int
     method: str
     film: str
@@ -78,7 +85,7 @@ class TrackResult:
     @property
     def failed(self) -> NDArray[np.bool_]:
         """True where a body was lost, shape (n, m)."""
-        return (self.flag & np.uint8(FAILURE)) != 0
+        return (self.flag & np.uint16(FAILURE)) != 0
 
     def column(self, body: str) -> int:
         """Index of a body; raises `InputError` for an unknown name."""
@@ -87,7 +94,7 @@ class TrackResult:
         except ValueError:
             raise InputError(f"body {body!r} was not tracked; tracked are {', '.join(self.bodies)}") from None
 
-    def relative(self, body: str) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.uint8]]:
+    def relative(self, body: str) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.uint16]]:
         """Angle of a body relative to its parent.
 
         Parameters
@@ -99,7 +106,7 @@ class TrackResult:
         -------
         angle_rad, u_rad : ndarray, shape (n,)
             NaN where either is lost.
-        flag : ndarray of uint8, shape (n,)
+        flag : ndarray of uint16, shape (n,)
             The flags of both, joined.
 
         Raises
@@ -122,21 +129,32 @@ class TrackResult:
         )
         return angle, u, self.flag[:, child] | self.flag[:, parent]
 
+    @property
+    def u_total_rad(self) -> NDArray[np.float64]:
+        """Standard uncertainty of each angle at the stated time, shape (n, m): all terms of the budget but
+        synchronisation, which belongs to the time."""
+        return self.budget.total(without=("synchronisation",))
+
     def to_table(self) -> pd.DataFrame:
-        """One row per frame: time_s, frame, then per body ``<body>_rad``, ``_u_rad``, ``_relative_rad``,
-        ``_relative_u_rad`` (with a parent), ``_x_px``, ``_y_px``, ``_quality`` (correlation), ``_inlier`` and
-        ``_flag``.
+        """One row per frame: time_s, frame, then per body ``<body>_rad``, ``_u_rad`` (noise and reference),
+        ``_u_total_rad`` (with camera, shutter and codec), the same with ``_relative`` (of a body with a parent),
+        ``_x_px``, ``_y_px``, ``_quality`` (correlation), ``_inlier`` and ``_flag``.
         """
         import pandas as pd
+
+        total = self.u_total_rad
+        relative_total = self.budget.total(relative=True, without=("synchronisation",))
 
         columns: dict[str, NDArray[Any]] = {"time_s": self.time_s, "frame": self.frame}
         for i, body in enumerate(self.bodies):
             columns[f"{body}_rad"] = self.angle_rad[:, i]
             columns[f"{body}_u_rad"] = self.u_angle_rad[:, i]
+            columns[f"{body}_u_total_rad"] = total[:, i]
             if self.parents[i] is not None:
                 angle, u, _ = self.relative(body)
                 columns[f"{body}_relative_rad"] = angle
                 columns[f"{body}_relative_u_rad"] = u
+                columns[f"{body}_relative_u_total_rad"] = relative_total[:, i]
             columns[f"{body}_x_px"] = self.x_px[:, i]
             columns[f"{body}_y_px"] = self.y_px[:, i]
             columns[f"{body}_quality"] = self.zncc[:, i]

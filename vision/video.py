@@ -18,6 +18,7 @@ from typing import Any
 import cv2
 from numpy.typing import NDArray
 
+from vision.codec import Compression
 from vision.container import check_whole
 from vision.errors import FilmError, VisionWarning
 from vision.frames import Film
@@ -54,6 +55,7 @@ class VideoFilm(Film):
         self._next = 0
         self._last: tuple[int, NDArray[Any]] | None = None
         if self.codec.strip().upper() not in INTRA_CODECS:
+            self.compression = Compression(None)
             warnings.warn(
                 f"{path}: codec {self.codec} predicts frames from their neighbours, so angles will "
                 "be worse than stated; "

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from vision.angles import ccw_to_picture, ground_to_picture
 from vision.bodies import Body, build_masks
 from vision.errors import InputError
-from vision.synthetic import Scene, SyntheticBody, background, speckle, thick_line, turned, wood_grain
+from vision.synthetic import Projection, Scene, SyntheticBody, background, speckle, thick_line, turned, wood_grain
 from vision.uncertainty import cramer_rao_bound
 
 NAMES = ("whippen", "jack", "repetition")
@@ -66,6 +66,8 @@ class CameraSettings:
     flicker_hz : float
         Twice the mains frequency.
     bit_depth : {8, 12}
+    lens : Projection or None
+        A tilted camera or a distorting lens; None for a perfect one, square to the plane of motion.
     """
 
     frame_rate_hz: float = 2000.0
@@ -80,6 +82,7 @@ class CameraSettings:
     flicker: float = 0.05
     flicker_hz: float = 120.0
     bit_depth: int = 8
+    lens: Projection | None = None
 
     def __post_init__(self) -> None:
         if self.texture not in ("wood", "speckle"):
@@ -118,7 +121,7 @@ def film_scene(settings: CameraSettings, seed: int) -> Scene:
         else:
             texture = wood_grain(extent, body_seed, direction_rad=grain[name], mean_grey=120.0 + 15.0 * number)
         bodies.append(SyntheticBody(name, polygon, texture))
-    return Scene(bodies, background(settings.height, settings.width, 1000 * seed + 99))
+    return Scene(bodies, background(settings.height, settings.width, 1000 * seed + 99), settings.lens)
 
 
 def film_bodies(geometry: ActionGeometry | None = None, settings: CameraSettings | None = None) -> list[Body]:
@@ -138,6 +141,8 @@ def film_bodies(geometry: ActionGeometry | None = None, settings: CameraSettings
         polygon = ground_to_picture(_OUTLINES_M[name], settings.scale_px_per_m, (0.0, 0.0))
         angle, x, y = place[name]
         outline = turned(polygon, float(ccw_to_picture(angle)), (x, y))
+        if settings.lens is not None:
+            outline = settings.lens.seen(outline)
         bodies.append(Body(name, outline, None if name == "whippen" else "whippen", _DRAW_ORDER.index(name)))
     return bodies
 

@@ -13,6 +13,7 @@ from vision.angles import ccw_to_picture
 from vision.bodies import Body, build_masks
 from vision.ecc import EccFitter
 from vision.errors import InputError, TrackingError
+from vision.flags import FrameFlag
 from vision.frames import ArrayFilm
 from vision.icgn import IcgnFitter
 from vision.preparation import predict_uncertainty
@@ -162,7 +163,7 @@ def test_relative_angle_and_moving_cover(film_of: Callable[..., object]) -> None
     relative = pose[:, 1, 0] - pose[:, 0, 0]
     error = angle - (relative - relative[: result.n_still].mean())
     assert np.mean(np.abs(error) < 1.96 * u) > 0.88
-    assert np.all(flag == 0)
+    assert np.all(flag & ~np.uint16(FrameFlag.IMPRECISE) == 0)  # the finger is narrow
     np.testing.assert_allclose(u, np.hypot(*result.u_angle_rad.T))
     # at the end the finger lies over the beam: those pixels are left out, the beam stays unbiased
     late = slice(80, None)
@@ -185,10 +186,11 @@ def test_table_every_and_times(film_of: Callable[..., object]) -> None:
     )
     assert result.frame.tolist() == list(range(0, 70, 3)) and seen[-1] == (24, 24)
     table = result.to_table()
-    assert list(table.columns[:8]) == [
-        "time_s", "frame", "beam_rad", "beam_u_rad", "beam_x_px", "beam_y_px", "beam_quality", "beam_inlier",
+    assert list(table.columns[:9]) == [
+        "time_s", "frame", "beam_rad", "beam_u_rad", "beam_u_total_rad", "beam_x_px", "beam_y_px", "beam_quality",
+        "beam_inlier",
     ]  # fmt: skip
-    for name in ("rad", "u_rad", "relative_rad", "relative_u_rad", "quality", "flag"):
+    for name in ("rad", "u_rad", "relative_rad", "relative_u_rad", "relative_u_total_rad", "quality", "flag"):
         assert f"finger_{name}" in table
     np.testing.assert_allclose(table["time_s"], time_s[::3])
     np.testing.assert_allclose(table["finger_relative_rad"], table["finger_rad"] - table["beam_rad"])

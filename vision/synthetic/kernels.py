@@ -26,9 +26,16 @@ def composite(
     pivot_x: float,
     pivot_y: float,
     phi: float,
+    flat_x: NDArray[np.float64],
+    flat_y: NDArray[np.float64],
+    bend: int,
 ) -> None:
     """Draw a textured body over a picture: its texture table is sampled by splines, its edge blended by
-    ``alpha``."""
+    ``alpha``.
+
+    ``flat_x``, ``flat_y`` (height, width) give the point of the plane of motion that each pixel shows, at most
+    ``bend`` px from the pixel itself.
+    """
     height, width = picture.shape
     rows, columns = coefficient.shape
     cosine, sine = math.cos(phi), math.sin(phi)
@@ -38,9 +45,9 @@ def composite(
         v = table_y + (rows - 1) / oversampling * (corner // 2)
         x, y = pivot_x + cosine * u - sine * v, pivot_y + sine * u + cosine * v
         low_x, high_x, low_y, high_y = min(low_x, x), max(high_x, x), min(low_y, y), max(high_y, y)
-    for iy in range(max(0, int(low_y)), min(height, int(high_y) + 2)):
-        for ix in range(max(0, int(low_x)), min(width, int(high_x) + 2)):
-            x, y = ix - pivot_x, iy - pivot_y
+    for iy in range(max(0, int(low_y) - bend), min(height, int(high_y) + 2 + bend)):
+        for ix in range(max(0, int(low_x) - bend), min(width, int(high_x) + 2 + bend)):
+            x, y = flat_x[iy, ix] - pivot_x, flat_y[iy, ix] - pivot_y
             u = (cosine * x + sine * y - table_x) * oversampling
             v = (cosine * y - sine * x - table_y) * oversampling
             if not (u >= 1.0 and v >= 1.0 and u < columns - 2 and v < rows - 2):

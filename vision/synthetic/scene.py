@@ -8,6 +8,8 @@ differs from the formula by less than 0.01 grey; whatever the table holds *is* t
 Motion blur is the mean over equally spaced instants of the exposure; the truth of a blurred frame is both the
 angle at its middle and the mean angle.
 
+A `Projection` as lens films the same plane with a tilted camera and a distorting lens, point by point exact.
+
 Conventions: picture axes (y down); bodies are listed from back to front; a pose is a counter-clockwise angle
 (rad, y up) and the place of the body's origin (px).
 """
@@ -24,6 +26,8 @@ from numpy.typing import NDArray
 from vision.angles import ccw_to_picture
 from vision.bodies import signed_distance
 from vision.bspline import coefficients
+from vision.errors import InputError
+from vision.projection import Projection
 from vision.synthetic.shapes import turned
 from vision.synthetic.textures import BlobTexture
 
@@ -81,10 +85,34 @@ class Scene:
     bodies : sequence of SyntheticBody
         From back to front.
     background : ndarray of float32, shape (height, width)
+    lens : Projection or None
+        Camera that sees the plane of motion tilted or distorted; poses are those on the plane. The background
+        is taken as seen.
     """
 
     bodies: Sequence[SyntheticBody]
     background: NDArray[np.float32]
+    lens: Projection | None = None
+    _flat: dict[str, Any] = field(default_factory=dict, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        if self.lens is not None and (self.lens.height, self.lens.width) != self.background.shape:
+            raise InputError(
+                f"lens for {self.lens.width} x {self.lens.height} px before a background of shape "
+                f"{self.background.shape}; make both the same"
+            )
+
+    def _points_shown(self) -> tuple[NDArray[np.float64], NDArray[np.float64], int]:
+        """Point of the plane that each pixel shows, and the largest distance between the two; made once."""
+        if not self._flat:
+            y, x = np.indices(self.background.shape, dtype=float)
+            flat = np.stack([x, y], axis=-1)
+            if self.lens is not None:
+                flat = self.lens.rectified(flat)
+            bend = int(np.ceil(np.abs(flat - np.stack([x, y], axis=-1)).max()))
+            self._flat["all"] = np.ascontiguousarray(flat[..., 0]), np.ascontiguousarray(flat[..., 1]), bend
+        result: tuple[NDArray[np.float64], NDArray[np.float64], int] = self._flat["all"]
+        return result
 
     def light(self, poses: NDArray[np.float64]) -> NDArray[np.float32]:
         """Noise-free picture averaged over the instants of one exposure.
@@ -101,13 +129,16 @@ class Scene:
         from vision.synthetic.kernels import composite
 
         poses = np.asarray(poses, dtype=float)
+        flat_x, flat_y, bend = self._points_shown()
         total: NDArray[np.float32] | None = None
         for instant in poses:
             picture = self.background.copy()
             for body, (angle, x, y) in zip(self.bodies, instant, strict=True):
                 coefficient, alpha, table_x, table_y = body.table()
                 phi = float(ccw_to_picture(angle))
-                composite(picture, coefficient, alpha, float(OVERSAMPLING), table_x, table_y, x, y, phi)
+                composite(
+                    picture, coefficient, alpha, float(OVERSAMPLING), table_x, table_y, x, y, phi, flat_x, flat_y, bend
+                )
             total = picture if total is None else total + picture
         assert total is not None, "an exposure has at least one instant"
         return total if len(poses) == 1 else total / np.float32(len(poses))

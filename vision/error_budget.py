@@ -1,0 +1,60 @@
+"""The error budget of a tracked film: what contributes how much to the uncertainty of each angle.
+
+Place in the data flow: made by `budgeting`, carried by the `TrackResult`, printed by the command line.
+
+Terms, all standard uncertainties in rad, of the angle at the middle of the exposure:
+``noise`` (of the frame), ``reference`` (of the zero; common to all frames), ``shutter`` (a blurred picture
+shows the mean over the exposure), ``tilt`` and ``distortion`` (camera, see `camera_model`), ``codec``,
+``synchronisation`` (speed times the standard uncertainty of the frame times). Independent terms add in
+squares (GUM 5.1.2). A term is NaN where the body is lost.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+TERMS = ("noise", "reference", "shutter", "tilt", "distortion", "codec", "synchronisation")
+
+
+@dataclass(frozen=True)
+class ErrorBudget:
+    """Standard uncertainties by term.
+
+    Attributes
+    ----------
+    bodies : tuple of str
+    absolute, relative : dict of str to ndarray, shape (n, m)
+        Per term of `TERMS`, frame and body, rad; ``relative`` to the parent, NaN for a body without one.
+    camera : str
+        What is assumed or known of the camera.
+    """
+
+    bodies: tuple[str, ...]
+    absolute: dict[str, NDArray[np.float64]]
+    relative: dict[str, NDArray[np.float64]]
+    camera: str
+
+    def total(self, relative: bool = False, without: Sequence[str] = ()) -> NDArray[np.float64]:
+        """Root of the sum of squares over the terms, shape (n, m)."""
+        terms = self.relative if relative else self.absolute
+        return np.sqrt(np.sum([terms[name] ** 2 for name in TERMS if name not in without], axis=0))
+
+    def typical(self, relative: bool = False) -> dict[str, dict[str, float]]:
+        """Root mean square over the frames, rad, by body and term, with the ``total``."""
+        terms = {**(self.relative if relative else self.absolute), "total": self.total(relative)}
+        return {
+            body: {name: rms(values[:, i]) for name, values in terms.items()}
+            for i, body in enumerate(self.bodies)
+            if np.isfinite(terms["noise"][:, i]).any()
+        }
+
+
+def rms(values: NDArray[np.float64]) -> float:
+    """Root mean square of the finite values; NaN without any."""
+    known = values[np.isfinite(values)]
+    return float(np.sqrt(np.mean(known**2))) if known.size else math.nan

@@ -1,0 +1,96 @@
+"""From the plane of motion to the picture: a planar homography, then radial distortion.
+
+Place in the data flow: `calibration` finds one from a target, `error_budget` assumes one of unknown direction,
+`synthetic` films through one, `pose_response` asks what it does to a tracked pose.
+
+Conventions: points (x, y) in pixels, y down. *Rectified* points are what a perfect camera, square to the
+plane, would show; *seen* points are those of the film. About the picture's centre c: ``h = H (q - c)``
+(homogeneous, 3 x 3), then ``p = c + h (1 + k |h|^2 / R^2)`` with R half the picture's diagonal, so that ``k``
+is the displacement at the corner as a fraction of its distance. Brown's radial model with its first term;
+the tilt is that of an ideal camera at a stated distance.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from vision.errors import InputError
+
+MAX_DISTORTION = 0.25
+
+
+@dataclass(frozen=True)
+class Projection:
+    """How a camera shows the plane of motion.
+
+    Parameters
+    ----------
+    width, height : int
+        Of the picture, px.
+    homography : ndarray, shape (3, 3)
+        About the picture's centre, ``homography[2, 2] = 1``; the identity for a camera square to the plane.
+    radial : float
+        Displacement at the corner as a fraction of its distance from the centre; positive moves outwards.
+    """
+
+    width: int
+    height: int
+    homography: NDArray[np.float64] = field(default_factory=lambda: np.eye(3))
+    radial: float = 0.0
+
+    def __post_init__(self) -> None:
+        matrix = np.array(self.homography, dtype=float)
+        if matrix.shape != (3, 3) or not np.all(np.isfinite(matrix)) or abs(np.linalg.det(matrix)) < 1e-12:
+            raise InputError("homography must be a finite, invertible 3 x 3 matrix")
+        if not abs(self.radial) <= MAX_DISTORTION:
+            raise InputError(f"radial distortion {self.radial:g} at the corner; allowed up to {MAX_DISTORTION}")
+        object.__setattr__(self, "homography", matrix)
+
+    @property
+    def centre_px(self) -> NDArray[np.float64]:
+        """Middle of the picture (x, y)."""
+        return np.array([0.5 * (self.width - 1), 0.5 * (self.height - 1)])
+
+    @property
+    def half_diagonal_px(self) -> float:
+        """Distance from the centre to a corner pixel."""
+        return float(np.hypot(*self.centre_px))
+
+    def seen(self, rectified_px: ArrayLike) -> NDArray[np.float64]:
+        """Where points of the plane, shape (..., 2), appear in the picture."""
+        flat = _project(self.homography, np.asarray(rectified_px, dtype=float) - self.centre_px)
+        share = np.sum(flat * flat, axis=-1, keepdims=True) / self.half_diagonal_px**2
+        return self.centre_px + flat * (1.0 + self.radial * share)
+
+    def rectified(self, seen_px: ArrayLike) -> NDArray[np.float64]:
+        """Points of the plane that appear at the given points; undoes `seen`."""
+        bent = np.asarray(seen_px, dtype=float) - self.centre_px
+        flat: NDArray[np.float64] = bent.copy()
+        for _ in range(30):
+            share = np.sum(flat * flat, axis=-1, keepdims=True) / self.half_diagonal_px**2
+            flat = bent / (1.0 + self.radial * share)
+        inverse = np.asarray(np.linalg.inv(self.homography), dtype=np.float64)
+        return np.asarray(self.centre_px + _project(inverse, flat))
+
+
+def tilted(tilt_rad: float, direction_rad: float, distance_px: float) -> NDArray[np.float64]:
+    """Homography of a camera whose axis leans by ``tilt_rad`` from the normal of the plane.
+
+    The plane recedes towards ``direction_rad`` (from x to y, picture axes); ``distance_px`` is the distance of
+    the lens over the size of a pixel on the plane. Points along the direction at u and across it at v appear
+    at ``(u cos tilt, v) / (1 + u sin tilt / distance)``.
+    """
+    c, s = math.cos(direction_rad), math.sin(direction_rad)
+    turn = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+    lean = np.array([[math.cos(tilt_rad), 0.0, 0.0], [0.0, 1.0, 0.0], [math.sin(tilt_rad) / distance_px, 0.0, 1.0]])
+    return turn.T @ lean @ turn
+
+
+def _project(homography: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
+    mapped = points @ homography[:, :2].T + homography[:, 2]
+    result: NDArray[np.float64] = mapped[..., :2] / mapped[..., 2:]
+    return result
