@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .choice import SceneChoice, load_scene
+from .column_file import read_columns
 from .errors import InputError
 from .integrators import DEFAULT_METHOD
 from .parameters import Action
@@ -20,7 +21,6 @@ from .scene import Scene, build_scene
 from .simulation import Simulation, State
 from .solution import EnergyAudit, Solution
 from .statics import RestState, solve_rest
-from .two_columns import read_two_columns
 
 if TYPE_CHECKING:
     from .inside import Inside
@@ -58,7 +58,8 @@ def check_force_table(
 
 def read_force_table(path: str | Path) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Read a CSV file with the columns ``time_s,force_n``; (k,) each."""
-    return check_force_table(*read_two_columns(path, ("time_s", "force_n")), str(path))
+    table = read_columns(path, ("time_s", "force_n"), ())
+    return check_force_table(table.numbers("time_s"), table.numbers("force_n"), table.where)
 
 
 def output_times(start: float, end: float, rate_hz: float) -> NDArray[np.float64]:
@@ -123,36 +124,15 @@ def simulate(
     times, forces = check_force_table(time_s, force_n)
     outputs = check_output_times(output_time_s, times)
     choice = load_scene(scene)
-    action = choice.on(action)
     contact_forces = contact_forces or "contact_forces" in choice.outputs
     energy = energy or "energy" in choice.outputs
     inside = inside or "inside" in choice.outputs
-    built = build_scene(action, choice)
+    built = build_scene(action, choice=choice)
     if isinstance(initial, State):
         state = initial.copy()
     else:
         angle = solve_rest(built) if initial is None else initial.angle_rad
         state = State(float(times[0]), np.array(angle, dtype=float), np.zeros(built.size))
-    return follow(
-        built, state, times, forces, outputs, tolerance, method, contact_forces=contact_forces, energy=energy,
-        inside=inside,
-    )  # fmt: skip
-
-
-def follow(
-    built: Scene,
-    state: State,
-    times: NDArray[np.float64],
-    forces: NDArray[np.float64],
-    outputs: NDArray[np.float64],
-    tolerance: float,
-    method: str,
-    *,
-    contact_forces: bool = False,
-    energy: bool = False,
-    inside: bool = False,
-) -> Solution:
-    """Motion of a scene from ``state``, which it changes, under a checked force table; see `simulate`."""
     first = state.copy()
     run = Simulation(built, state, tolerance=tolerance, method=method, energy=energy)
     stored = run.stored_energy() if energy else 0.0

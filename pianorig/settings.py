@@ -73,3 +73,22 @@ def read_variant(text: str) -> tuple[str, dict[str, float], dict[str, float]]:
     if not any(given.values()):
         raise InputError(f"--variant {name}: changes nothing; {example}")
     return name, read_settings(given["--set"]), read_settings(given["--scale"], "--scale")
+
+
+def read_measured(text: str, option: str) -> tuple[float, float | None]:
+    """Turn ``0.35+-0.01`` into value and standard uncertainty, ``0.35`` into value and None.
+
+    Raises
+    ------
+    InputError : not a number, or an uncertainty below zero
+    """
+    value, sign, u = (part.strip() for part in text.partition("+-"))
+    try:
+        found = float(value), float(u) if sign else None
+    except ValueError:
+        raise InputError(
+            f"{option} {text!r}: allowed a number, or value+-standard uncertainty as in 0.35+-0.01"
+        ) from None
+    if found[1] is not None and not found[1] >= 0.0:
+        raise InputError(f"{option} {text!r}: uncertainty found {u}, allowed from 0")
+    return found

@@ -15,6 +15,7 @@ NAMES = (
     "touch",
     "study",
     "regulate",
+    "calibrate-felt",
     "validate",
     "serve-sim",
     "info",

@@ -4,8 +4,7 @@ channel, real client.
 ``sim://?bench=PATH&seed=3&clock=real`` : ``bench`` is a bench file (default: the built-in one), ``seed``
 overrides its seed, ``clock`` is
 ``virtual`` (default), ``real``, or a speed such as ``10``; ``fault`` plants faults
-(:mod:`rig.simulated.faults`); ``effects=balance_rail,shank`` lets the specimen's key lift and its shank bend
-(`model.effects`). The device takes product and name from the rig file.
+(:mod:`rig.simulated.faults`). The device takes product and name from the rig file.
 """
 
 from __future__ import annotations
@@ -30,7 +29,7 @@ from rig.simulated.service import Service
 from rig.simulated.wiring import WIRING_OF_PRODUCT, Wiring
 
 DEFAULT_BENCH = Path(__file__).parent / "bench.toml"
-OPTIONS = ("bench", "seed", "clock", "fault", "effects")
+OPTIONS = ("bench", "seed", "clock", "fault")
 
 
 class SimulatedBackend(NidaqmxBackend):
@@ -77,8 +76,7 @@ def open_backend(url: str, config: RigConfig) -> SimulatedBackend:
     sensors = load_sensors(bench, seed=seed)
     from rig.simulated.plant import load_plant  # here: only this path needs the model and its kernels
 
-    effects = [name for name in options.get("effects", "").split(",") if name]
-    plant = load_plant(bench, seed=seed, sample_rate_hz=config.device.sample_rate_hz, effects=effects)
+    plant = load_plant(bench, seed=seed, sample_rate_hz=config.device.sample_rate_hz)
     device = build_device(config, plant, sensors, clock=clock)
     device.faults = FaultPlan(faults)
     backend = SimulatedBackend(
@@ -87,7 +85,6 @@ def open_backend(url: str, config: RigConfig) -> SimulatedBackend:
             "bench": bench.name,
             "bench_sha256": sha256_of_file(bench),
             "seed": str(sensors.seed),
-            **({"specimen_effects": ", ".join(effects)} if effects else {}),
         },
     )
     backend.identify(config)

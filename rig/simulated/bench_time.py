@@ -30,7 +30,6 @@ class BenchTime:
         self._encoders: EncoderSignals | None = None
         self._last_force_n = np.zeros(1)
         self._last_angle_rad = np.zeros((1, 3))
-        self._last_lift_m: NDArray[np.float64] | None = None
 
     @property
     def rate_hz(self) -> float:
@@ -55,10 +54,9 @@ class BenchTime:
         time_s = (self.edge + np.arange(n)) / self.rate_hz
         cell = self._force.millivolts_per_volt(self._delay.push(block.force_n), time_s)
         self._last_force_n, self._last_angle_rad = block.force_n[-1:], block.angle_rad[-1:]
-        self._last_lift_m = None if block.key_lift_m is None else block.key_lift_m[-1:]
         self.edge += n
         self.clock.advance(n / self.rate_hz)
-        return cell, self._encoders.quarter_counts(block.angle_rad, block.key_lift_m)
+        return cell, self._encoders.quarter_counts(block.angle_rad)
 
     def present(self) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
         """Return what stands at the terminals now, (1,) and (1, 3), without letting time pass."""
@@ -66,4 +64,4 @@ class BenchTime:
             self.begin(0, self.rate_hz, 0.0)
             return self.step(np.zeros(1))
         cell = self._force.millivolts_per_volt(self._last_force_n, np.array([self.edge / self.rate_hz]))
-        return cell, self._encoders.quarter_counts(self._last_angle_rad, self._last_lift_m)
+        return cell, self._encoders.quarter_counts(self._last_angle_rad)

@@ -178,7 +178,7 @@ def test_bad_force_tables_are_refused(action: model.Action, time: list, force: l
     [
         ("", "is empty"),
         ("t,F\n0,0\n1,1\n", "columns found t,F; allowed time_s,force_n"),
-        ("time_s,force_n\n0,zero\n1,1\n", "row 1: found '0,zero', allowed two numbers"),
+        ("time_s,force_n\n0,zero\n1,1\n", "row 1: force_n found 'zero', allowed a number"),
         ("time_s,force_n\n0,0,0\n1,1\n", "row 1"),
         ("time_s,force_n\n0,0\n0,1\n", "row 2: time 0 s does not follow"),
         ("time_s,force_n\n0,nan\n1,1\n", "row 1: force_n found nan"),

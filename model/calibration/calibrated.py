@@ -1,0 +1,28 @@
+"""An action with calibrated values: number, standard uncertainty and source go in together."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from ..parameters import Action
+
+
+def with_calibrated(action: Action, values: Mapping[str, tuple[float, float]], source: str) -> Action:
+    """Return a copy of ``action`` with measured values.
+
+    Parameters
+    ----------
+    action : given set
+    values : path -> value and standard uncertainty, in the unit of the path
+    source : what they come from, for the file
+
+    Raises
+    ------
+    InputError : a path does not exist or a value lies outside its range
+    """
+    changed = action.with_values({path: value for path, (value, _) in values.items()}, "calibration")
+    quantities = dict(changed.quantities)
+    for path, (_, u) in values.items():
+        quantities[path] = replace(quantities[path], u=u, basis="measured", source=source)
+    return replace(changed, quantities=quantities, changed=dict(action.changed))

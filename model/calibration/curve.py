@@ -1,0 +1,130 @@
+"""The loading experiment of one contact: force over displacement, pressed in and let out once.
+
+First step of the calibration (thesis Section 2.2.3, Fig. 2.5): a CSV file with the columns ``displacement_m`` and
+``force_n``, rows in the order they were measured; displacement is zero at first touch and grows inwards, force is
+positive when the felt is pressed. An optional column ``phase`` (``loading`` or ``unloading``) says which way the felt
+went; without it the turn is the largest displacement. A file that cannot be calibrated from is refused in one line.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..column_file import read_columns
+from ..errors import InputError
+
+FEWEST_POINTS = 8  # of each phase: a cubic and a noise estimate need some to spare
+BACKWARDS_SHARE = 0.02  # of the largest displacement: jitter of the encoder that is not a change of direction
+PHASES = ("loading", "unloading")
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class LoadingCurve:
+    """Both phases of a loading experiment, each in the order of growing displacement.
+
+    Attributes
+    ----------
+    loading_m, loading_n : (m,) displacement, m, and force, N, while pressed in
+    unloading_m, unloading_n : (k,) the same while let out
+    """
+
+    loading_m: Array
+    loading_n: Array
+    unloading_m: Array
+    unloading_n: Array
+
+    @property
+    def shared_m(self) -> tuple[float, float]:
+        """Smallest and largest displacement that both phases cover."""
+        return (
+            max(float(self.loading_m[0]), float(self.unloading_m[0]), 0.0),
+            min(float(self.loading_m[-1]), float(self.unloading_m[-1])),
+        )
+
+
+def split_phases(displacement_m: ArrayLike, force_n: ArrayLike, where: str = "loading curve") -> LoadingCurve:
+    """Split one press and release at its largest displacement; (n,) each, in the order measured."""
+    x = np.asarray(displacement_m, dtype=float)
+    turn = int(np.argmax(x)) if len(x) else 0
+    phase = np.where(np.arange(len(x)) <= turn, PHASES[0], PHASES[1])
+    return check_curve(x, force_n, phase, where)
+
+
+def check_curve(
+    displacement_m: ArrayLike, force_n: ArrayLike, phase: ArrayLike, where: str = "loading curve"
+) -> LoadingCurve:
+    """Check points (n,) with their phase and sort them.
+
+    Raises
+    ------
+    InputError : not finite, one phase only, too few points, displacement goes back and forth, phases do not overlap
+    """
+    x, f = np.asarray(displacement_m, dtype=float), np.asarray(force_n, dtype=float)
+    words = np.asarray(phase, dtype=str)
+    for name, column in (("displacement_m", x), ("force_n", f)):
+        bad = ~np.isfinite(column)
+        if bad.any():
+            row = int(np.argmax(bad))
+            raise InputError(f"{where}: row {row + 1}: {name} found {column[row]}, allowed finite numbers")
+    parts = []
+    for name, sense in zip(PHASES, (1.0, -1.0), strict=True):
+        own = words == name
+        if own.sum() < FEWEST_POINTS:
+            other = PHASES[1 - PHASES.index(name)]
+            if own.sum() <= 1:
+                raise InputError(
+                    f"{where}: found one phase only ({other}), allowed loading and unloading; record the way back too"
+                )
+            raise InputError(
+                f"{where}: {name}: found {own.sum()} points, allowed at least {FEWEST_POINTS}; sample more finely"
+            )
+        _check_direction(sense * x[own], np.flatnonzero(own), name, x, where)
+        order = np.argsort(x[own], kind="stable")
+        parts += [x[own][order], f[own][order]]
+    curve = LoadingCurve(*parts)
+    low, high = curve.shared_m
+    deepest = max(curve.loading_m[-1], curve.unloading_m[-1])
+    if high <= low or high - low < 0.5 * deepest:
+        raise InputError(
+            f"{where}: loading and unloading share displacements from {low:g} to {high:g} m, allowed at least half of "
+            f"{deepest:g} m; record both phases over the same range"
+        )
+    if np.max(curve.loading_n) <= 0.0:
+        raise InputError(f"{where}: largest force found {np.max(curve.loading_n):g} N, allowed above 0; check the sign")
+    return curve
+
+
+def _check_direction(along: Array, rows: NDArray[np.int64], name: str, x: Array, where: str) -> None:
+    """Refuse a phase whose displacement turns back by more than jitter."""
+    back = np.maximum.accumulate(along) - along
+    limit = BACKWARDS_SHARE * float(np.ptp(x))
+    if (back > limit).any():
+        row = int(rows[np.argmax(back > limit)])
+        raise InputError(
+            f"{where}: row {row + 1}: displacement is not monotone in {name}: found {1e3 * float(back.max()):.3g} mm "
+            f"back, allowed {1e3 * limit:.3g} mm; give one press and one release"
+        )
+
+
+def read_curve(path: str | Path) -> LoadingCurve:
+    """Read a loading experiment from a CSV file with ``displacement_m,force_n`` and optionally ``phase``.
+
+    Raises
+    ------
+    InputError : the file cannot be read or calibrated from; the message names file and row
+    """
+    table = read_columns(path, ("displacement_m", "force_n"), ("phase",))
+    x, f = table.numbers("displacement_m"), table.numbers("force_n")
+    if "phase" not in table.names:
+        return split_phases(x, f, table.where)
+    phase = table.words("phase")
+    for number, word in enumerate(phase, 1):
+        if word not in PHASES:
+            raise InputError(f"{table.where}: row {number}: phase found {word!r}, allowed {' or '.join(PHASES)}")
+    return check_curve(x, f, phase, table.where)

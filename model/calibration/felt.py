@@ -1,0 +1,202 @@
+"""The cubic of eq. 2.5, f_fit(x) = a x^3 + b x^2 + c x, fitted to the mid-line of a loading experiment.
+
+Each phase is smoothed by a polynomial (degree chosen by the Bayesian information criterion), the mid-line is the mean
+of the two over the displacements both cover, and the cubic is the least-squares fit to it, all linear in the forces.
+Standard errors come from each point's own residual (sandwich estimator, HC3), so noise that grows with the force, or
+noise of the displacement, is seen for what it is. A felt neither pulls nor softens below zero stiffness: a, c >= 0
+and f_fit' >= 0 for every depth, so that penetrations beyond the measured ones stay physical; a fit that meets such a
+bound says so and keeps the errors of the free fit.
+Source: thesis Section 2.2.3, Figs 2.5 and 2.6. Bad curves are refused by ``curve``.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.polynomial import chebyshev
+from numpy.typing import ArrayLike, NDArray
+
+from ..errors import InputError
+from .curve import LoadingCurve
+
+GRID = 201  # points of the mid-line
+DEGREES = range(3, 10)
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Phase:
+    """One phase smoothed: coefficients are ``solve @ force``; values at x are ``basis(x) @ coefficients``."""
+
+    low_m: float
+    high_m: float
+    solve: Array  # (k, m)
+    coefficients: Array  # (k,)
+    variance: Array  # (m,) of each measured force, from its residual
+
+    def basis(self, x_m: ArrayLike) -> Array:
+        """Rows of the polynomial at displacements (n,)."""
+        x = np.asarray(x_m, dtype=float)
+        scaled = (2.0 * x - self.low_m - self.high_m) / (self.high_m - self.low_m)
+        return np.asarray(chebyshev.chebvander(scaled, len(self.coefficients) - 1), dtype=float)
+
+    def force_n(self, x_m: ArrayLike) -> Array:
+        """Smoothed force at displacements (n,)."""
+        return self.basis(x_m) @ self.coefficients
+
+
+@dataclass(frozen=True)
+class FeltFit:
+    """A felt's cubic with standard errors.
+
+    Attributes
+    ----------
+    abc : (3,) a, N/m^3, b, N/m^2, c, N/m
+    covariance : (3, 3) of them
+    measured_m : smallest and largest displacement of the mid-line
+    mid_m, mid_n : (GRID,) the mid-line
+    misfit_n : root mean square of mid-line minus cubic: what no cubic can follow
+    bound : the bound the fit lies on, in words, or None
+    loading, unloading : the smoothed phases
+    gain : (3, m + k) d(abc)/d(forces of loading, then unloading) of the free fit
+    """
+
+    abc: Array
+    covariance: Array
+    measured_m: tuple[float, float]
+    mid_m: Array
+    mid_n: Array
+    misfit_n: float
+    bound: str | None
+    loading: Phase
+    unloading: Phase
+    gain: Array
+
+    @property
+    def u_abc(self) -> Array:
+        """(3,) standard uncertainties of a, b, c."""
+        return np.sqrt(np.diag(self.covariance))
+
+    def force_n(self, x_m: ArrayLike) -> Array:
+        """f_fit at displacements (n,), eq. 2.5."""
+        return _cubic(x_m) @ self.abc
+
+    def loading_ratio(self, x_m: float) -> tuple[float, float]:
+        """f_loading / f_fit at one displacement, and its standard uncertainty."""
+        fit, load = float(self.force_n([x_m])[0]), float(self.loading.force_n([x_m])[0])
+        by_force = -load / fit**2 * (_cubic([x_m])[0] @ self.gain)
+        by_force[: self.loading.solve.shape[1]] += (self.loading.basis([x_m])[0] @ self.loading.solve) / fit
+        variance = np.concatenate([self.loading.variance, self.unloading.variance])
+        return load / fit, float(np.sqrt(by_force**2 @ variance))
+
+
+def _cubic(x_m: ArrayLike) -> Array:
+    x = np.asarray(x_m, dtype=float)
+    return np.column_stack([x**3, x**2, x])
+
+
+def smooth_phase(x_m: Array, force_n: Array) -> Phase:
+    """Fit the polynomial whose degree the Bayesian information criterion prefers; (m,) each."""
+    best: tuple[float, Phase] | None = None
+    n = len(x_m)
+    for degree in DEGREES:
+        if degree + 4 > n:
+            break
+        phase = Phase(float(x_m.min()), float(x_m.max()), np.empty((0, n)), np.zeros(degree + 1), np.empty(0))
+        rows = phase.basis(x_m)
+        solve: Array = np.linalg.pinv(rows).astype(np.float64)
+        coefficients = solve @ force_n
+        residual = force_n - rows @ coefficients
+        # rounding alone must not drive the choice where the data are free of noise
+        floor = (1e-12 * np.abs(force_n).max()) ** 2
+        score = n * math.log(float(residual @ residual) / n + floor) + (degree + 1) * math.log(n)
+        if best is None or score < best[0]:
+            leverage = np.einsum("ij,ji->i", rows, solve)
+            variance = (residual / np.maximum(1.0 - leverage, 1e-6)) ** 2
+            best = (score, Phase(phase.low_m, phase.high_m, solve, coefficients, variance))
+    assert best is not None  # the curve has at least FEWEST_POINTS points
+    return best[1]
+
+
+def fit_felt(curve: LoadingCurve) -> FeltFit:
+    """Fit eq. 2.5 to the mid-line of a loading experiment.
+
+    Raises
+    ------
+    InputError : the mid-line does not press back at all
+    """
+    loading = smooth_phase(curve.loading_m, curve.loading_n)
+    unloading = smooth_phase(curve.unloading_m, curve.unloading_n)
+    low, high = curve.shared_m
+    x = np.linspace(low, high, GRID)
+    half = 0.5 * np.hstack([loading.basis(x) @ loading.solve, unloading.basis(x) @ unloading.solve])
+    mid = half @ np.concatenate([curve.loading_n, curve.unloading_n])
+    if mid[-1] <= 0.0:
+        raise InputError(
+            f"loading curve: mean force at {high:g} m found {mid[-1]:g} N, allowed above 0; check the sign"
+        )
+    scale = high ** np.array([3.0, 2.0, 1.0])  # so that the three columns are of one size
+    columns = _cubic(x) / scale
+    free = np.linalg.pinv(columns)
+    beta, bound = _constrain(columns, mid, free @ mid)
+    # that of the free fit: going to the nearest point of a convex set lengthens no error, so it is safe on a bound too
+    gain = (free @ half) / scale[:, None]
+    variance = np.concatenate([loading.variance, unloading.variance])
+    return FeltFit(
+        abc=beta / scale,
+        covariance=(gain * variance) @ gain.T,
+        measured_m=(low, high),
+        mid_m=x,
+        mid_n=mid,
+        misfit_n=float(np.sqrt(np.mean((mid - columns @ beta) ** 2))),
+        bound=bound,
+        loading=loading,
+        unloading=unloading,
+        gain=gain,
+    )
+
+
+def _constrain(columns: Array, mid: Array, free: Array) -> tuple[Array, str | None]:
+    """Best a, b, c (scaled) with a, c >= 0 and b >= -sqrt(3 a c), and the bound they lie on.
+
+    The set is convex, so the best point is the free one or lies on one of three faces.
+    """
+    from scipy.optimize import minimize_scalar, nnls
+
+    a, b, c = free
+    if a >= 0.0 and c >= 0.0 and (b >= 0.0 or b * b <= 3.0 * a * c):
+        return free, None
+
+    def inflected(s: float) -> Array:
+        # stiffness a (x - s)^2, which just touches zero at depth s
+        return np.array([1.0, -3.0 * s, 3.0 * s * s])
+
+    def height(s: float) -> float:
+        shape = columns @ inflected(s)
+        return max(0.0, float(shape @ mid) / float(shape @ shape))
+
+    def misfit(beta: Array) -> float:
+        return float(np.sum((mid - columns @ beta) ** 2))
+
+    candidates: list[tuple[float, Array, str]] = []
+    for keep, words in (((1, 2), "a = 0"), ((0, 1), "c = 0")):
+        beta = np.zeros(3)
+        beta[list(keep)] = nnls(columns[:, keep], mid)[0]
+        candidates.append((misfit(beta), beta, words))
+    depths = np.concatenate([np.linspace(0.0, 2.0, 201), np.geomspace(2.02, 1e3, 200)])  # beyond: a straight line
+    k = int(np.argmin([misfit(height(s) * inflected(s)) for s in depths]))
+    s = float(
+        minimize_scalar(
+            lambda r: misfit(height(r) * inflected(r)),
+            bounds=(depths[max(k - 1, 0)], depths[min(k + 1, 400)]),
+            method="bounded",
+            options={"xatol": 1e-10},
+        ).x
+    )
+    beta = height(s) * inflected(s)
+    candidates.append((misfit(beta), beta, "stiffness zero at one depth"))
+    _, beta, bound = min(candidates, key=lambda item: item[0])
+    return beta, bound

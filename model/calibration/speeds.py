@@ -1,0 +1,123 @@
+"""Mean normal speed of every contact during a blow, the x-dot-ave of eq. 2.7.
+
+A motion of all five bodies goes in: simulated, or measured (encoders for key, whippen and hammer, film for jack and
+repetition lever). The rule that the thesis does not print: an instant counts for a contact when its felt is pressed
+and its normal speed is at least 2 % of the largest it has while pressed in this motion; the mean is over the sizes of
+the speeds at these instants, each weighted by its share of time. A contact that is never pressed has no mean (NaN).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..column_file import read_columns
+from ..errors import InputError
+from ..inside import Observer
+from ..kernels import output
+from ..parameters import BODIES, Action
+from ..scene import build_scene
+
+REST_SHARE = 0.02
+SMOOTHING_S = 2e-3  # window of the derivative of measured angles
+_NUDGE_S = 1e-7  # step along the motion: gaps are smooth in the angles, so the error is far below a micrometre a second
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class MeanSpeeds:
+    """Mean normal speeds.
+
+    Attributes
+    ----------
+    contacts : (c,) names
+    speed_m_per_s : (c,) mean; NaN where the contact was never pressed
+    pressed_s, counted_s : (c,) time pressed, and time that counted (pressed and not at rest)
+    """
+
+    contacts: tuple[str, ...]
+    speed_m_per_s: Array
+    pressed_s: Array
+    counted_s: Array
+
+    def of(self, contact: str) -> float:
+        """Mean speed of one contact; ``InputError`` where it was never pressed or does not exist."""
+        if contact not in self.contacts:
+            raise InputError(f"contact {contact}: not found; allowed {', '.join(self.contacts)}")
+        speed = float(self.speed_m_per_s[self.contacts.index(contact)])
+        if not speed > 0.0:
+            raise InputError(f"contact {contact}: never pressed in this motion, so it has no mean speed; take another")
+        return speed
+
+
+def mean_normal_speeds(
+    action: Action,
+    time_s: ArrayLike,
+    angle_rad: ArrayLike,
+    speed_rad_per_s: ArrayLike | None = None,
+    rest_share: float = REST_SHARE,
+) -> MeanSpeeds:
+    """Average the normal speeds of all contacts along a motion.
+
+    Parameters
+    ----------
+    action : geometry of the contacts
+    time_s : (m,) increasing
+    angle_rad : (m, 5) as in `Solution.angle_rad`
+    speed_rad_per_s : (m, 5); without it the angles are differentiated (local parabolas over ``SMOOTHING_S``)
+    rest_share : share of a contact's largest speed below which it is at rest
+    """
+    t, q = np.asarray(time_s, dtype=float), np.asarray(angle_rad, dtype=float)
+    if q.shape != (len(t), len(BODIES)):
+        raise InputError(f"motion: angles found of shape {q.shape}, allowed ({len(t)}, {len(BODIES)})")
+    bad = ~np.isfinite(np.column_stack([t, q])).all(axis=1)
+    if bad.any():
+        raise InputError(
+            f"motion: row {int(np.argmax(bad)) + 1}: found lost data, allowed finite numbers; cut them out"
+        )
+    if len(t) < 8 or (np.diff(t) <= 0.0).any():
+        raise InputError("motion: times must increase, over at least 8 rows")
+    v = _differentiate(t, q) if speed_rad_per_s is None else np.asarray(speed_rad_per_s, dtype=float)
+    scene = build_scene(action)
+    observer, idle = Observer(scene), np.zeros(len(t))
+
+    def depth(at: Array) -> Array:
+        return observer.look(at, v, idle).seen[:, :, output.SEEN_DEPTH]
+
+    pressed = depth(q) > 0.0
+    rate = np.abs(depth(q + _NUDGE_S * v) - depth(q - _NUDGE_S * v)) / (2.0 * _NUDGE_S)
+    peak = np.where(pressed, rate, 0.0).max(axis=0)
+    counts = pressed & (rate >= rest_share * peak) & (peak > 0.0)
+    share = np.gradient(t)[:, None]
+    counted = np.where(counts, share, 0.0).sum(axis=0)
+    total = np.where(counts, share * rate, 0.0).sum(axis=0)
+    mean = np.divide(total, counted, out=np.full(len(peak), np.nan), where=counted > 0.0)
+    return MeanSpeeds(tuple(scene.contacts), mean, np.where(pressed, share, 0.0).sum(axis=0), counted)
+
+
+def _differentiate(t: Array, q: Array) -> Array:
+    from scipy.signal import savgol_filter
+
+    step = float(np.median(np.diff(t)))
+    if np.ptp(np.diff(t)) > 0.01 * step:
+        raise InputError("motion: times are not evenly spaced; give the speeds (columns …_rad_per_s) too")
+    window = max(5, 2 * round(0.5 * SMOOTHING_S / step) + 1)
+    if window > len(t):
+        raise InputError(f"motion: {len(t)} rows found, allowed at least {window} at this rate")
+    return np.asarray(savgol_filter(q, window, 2, deriv=1, delta=step, axis=0), dtype=float)
+
+
+def read_motion(path: str | Path) -> tuple[Array, Array, Array | None]:
+    """Read times (m,), angles (m, 5) and, where all five are there, speeds (m, 5) from a CSV file.
+
+    The columns are those that ``pianorig simulate --out`` writes: ``time_s``, ``<body>_rad``, ``<body>_rad_per_s``.
+    """
+    table = read_columns(path, ["time_s", *(f"{body}_rad" for body in BODIES)])
+    angles = np.column_stack([table.numbers(f"{body}_rad") for body in BODIES])
+    names = [f"{body}_rad_per_s" for body in BODIES]
+    speeds = np.column_stack([table.numbers(n) for n in names]) if set(names) <= set(table.names) else None
+    return table.numbers("time_s"), angles, speeds
