@@ -18,10 +18,10 @@ _HOME = {
     "IntegrationError": "errors",
     "ModelError": "errors",
     "StaticsError": "errors",
-    "MotorArm": "scene",
     "SCENES": "choice",
     "SceneChoice": "choice",
     "load_scene": "choice",
+    "scene_of": "choice",
     "Scene": "scene",
     "build_scene": "scene",
     "RestState": "statics",
@@ -34,11 +34,16 @@ _HOME = {
     "check_force_table": "blow",
     "output_times": "blow",
     "simulate": "blow",
+    "simulate_many": "batch",
+    "KeyMotion": "motion",
+    "MotionDriven": "motion_driven",
+    "simulate_motion": "motion_driven",
+    "read_motion_table": "motion_fit",
     "Press": "press",
     "hand_set_rest": "hand_set",
     "slow_press": "press",
 }
-_ROOMS = ("calibration", "inside", "null_model", "observables", "regulation", "touch")
+_ROOMS = ("batch", "calibration", "inside", "null_model", "observables", "regulation", "touch")
 
 __all__ = [*_HOME, *_ROOMS]  # noqa: PLE0604
 

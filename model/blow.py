@@ -124,15 +124,36 @@ def simulate(
     times, forces = check_force_table(time_s, force_n)
     outputs = check_output_times(output_time_s, times)
     choice = load_scene(scene)
+    action = choice.on(action)
     contact_forces = contact_forces or "contact_forces" in choice.outputs
     energy = energy or "energy" in choice.outputs
     inside = inside or "inside" in choice.outputs
-    built = build_scene(action, choice=choice)
+    built = build_scene(action, choice)
     if isinstance(initial, State):
         state = initial.copy()
     else:
         angle = solve_rest(built) if initial is None else initial.angle_rad
         state = State(float(times[0]), np.array(angle, dtype=float), np.zeros(built.size))
+    return follow(
+        built, state, times, forces, outputs, tolerance, method, contact_forces=contact_forces, energy=energy,
+        inside=inside,
+    )  # fmt: skip
+
+
+def follow(
+    built: Scene,
+    state: State,
+    times: NDArray[np.float64],
+    forces: NDArray[np.float64],
+    outputs: NDArray[np.float64],
+    tolerance: float,
+    method: str,
+    *,
+    contact_forces: bool = False,
+    energy: bool = False,
+    inside: bool = False,
+) -> Solution:
+    """Motion of a scene from ``state``, which it changes, under a checked force table; see `simulate`."""
     first = state.copy()
     run = Simulation(built, state, tolerance=tolerance, method=method, energy=energy)
     stored = run.stored_energy() if energy else 0.0

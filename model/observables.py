@@ -35,6 +35,15 @@ def hammer_height_m(action: Action, angle_rad: ArrayLike) -> NDArray[np.float64]
     return hammer_height_from_angle(action, _column(angle_rad, "hammer"))
 
 
+def encoder_rad(angle_rad: ArrayLike, lift_m: ArrayLike, radius_m: float) -> NDArray[np.float64]:
+    """What an optical scale of ``radius_m`` on a turning body reads (rad) when its centre has risen by ``lift_m``.
+
+    The sensor stands on the key's front side, so that a lift reads as if the front had risen: too small a rotation
+    while the key is down, as in the thesis (3.2.2).
+    """
+    return np.asarray(angle_rad, dtype=float) + np.asarray(lift_m, dtype=float) / radius_m
+
+
 def key_front_height_m(action: Action, angle_rad: ArrayLike) -> NDArray[np.float64]:
     """Height of the point where the force acts (Pk2), ground frame, m; angles (m, n)."""
     theta = _column(angle_rad, "key")

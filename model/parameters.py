@@ -16,6 +16,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from .effects import effect_defaults
 from .errors import InputError
 from .quantities import Quantity, check_value, read_quantity
 
@@ -37,6 +38,8 @@ class Action:
     quantities : path -> `Quantity`
     structure : path -> text that says which body or shape (``contact07.second.shape`` -> ``hybrid``)
     origin : file the set was read from
+    changed : path -> value of what was set after reading
+    effects : path -> `Quantity` of the effects a scene may add (`model.effects`)
     """
 
     name: str
@@ -45,32 +48,36 @@ class Action:
     structure: Mapping[str, str]
     origin: str
     changed: Mapping[str, float] = field(default_factory=dict)
+    effects: Mapping[str, Quantity] = field(default_factory=effect_defaults)
 
     def __getitem__(self, path: str) -> float:
         """Value of a parameter path, SI units."""
-        try:
-            return self.quantities[path].value
-        except KeyError:
-            raise InputError(_unknown_path(path, self.quantities)) from None
+        found = self.quantities.get(path) or self.effects.get(path)
+        if found is None:
+            raise InputError(_unknown_path(path, {**self.quantities, **self.effects}))
+        return found.value
 
     def with_values(self, overrides: Mapping[str, float], where: str = "--set") -> Action:
         """Return a copy with other values; ``{"contact04.friction": 0}`` switches that law off.
 
         ``where`` says in messages who asked for them.
         """
-        quantities = dict(self.quantities)
+        quantities = {**self.quantities, **self.effects}
         changed = dict(self.changed)
         for path, value in overrides.items():
             for single in _expand(path, value, quantities):
                 number = check_value(single, value, where)
                 quantities[single] = replace(quantities[single], value=number, source=f"set to {number:g} by the user")
                 changed[single] = number
+        effects = {path: quantities.pop(path) for path in self.effects}
         _check_shapes(quantities, where)
-        return replace(self, quantities=quantities, changed=changed)
+        return replace(self, quantities=quantities, changed=changed, effects=effects)
 
     def content(self) -> str:
-        """All values as text in a fixed order, for hashing."""
-        return "\n".join(f"{path}={q.value!r}" for path, q in sorted(self.quantities.items()))
+        """All values as text in a fixed order, for hashing; of effects, those that are not the default."""
+        usual = effect_defaults()
+        own = {path: q for path, q in self.effects.items() if q.value != usual[path].value}
+        return "\n".join(f"{path}={q.value!r}" for path, q in sorted({**self.quantities, **own}.items()))
 
 
 _OFF_SWITCHES = {"friction": ("A",), "joint_friction": ("A",)}
@@ -98,14 +105,17 @@ def _unknown_path(path: str, known: Mapping[str, Any]) -> str:
 
     near = difflib.get_close_matches(path, list(known), n=1)
     hint = f"; did you mean {near[0]}" if near else ""
-    return f"parameter {path}: unknown path{hint}; all paths stand in model/actions/{TEMPLATE}.toml"
+    return (
+        f"parameter {path}: unknown path{hint}; all paths stand in model/actions/{TEMPLATE}.toml and model/effects.toml"
+    )
 
 
-def _leaves(table: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+def quantity_tables(table: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """Paths of a parsed file with what stands there: a quantity's table or a text."""
     for key, item in table.items():
         path = f"{prefix}{key}"
         if isinstance(item, dict) and not {"value", "unit"} & item.keys():
-            yield from _leaves(item, f"{path}.")
+            yield from quantity_tables(item, f"{path}.")
         else:
             yield path, item
 
@@ -143,7 +153,7 @@ def _template() -> tuple[dict[str, str], dict[str, str]]:
     """Units by path and structure texts by path of the built-in set."""
     units: dict[str, str] = {}
     structure: dict[str, str] = {}
-    for path, item in _leaves(_read_toml(ACTIONS / f"{TEMPLATE}.toml")):
+    for path, item in quantity_tables(_read_toml(ACTIONS / f"{TEMPLATE}.toml")):
         if isinstance(item, dict):
             units[path] = item["unit"]
         elif path.split(".")[-1] not in ("description", "name"):
@@ -181,8 +191,9 @@ def load_action(name_or_path: str | Path = TEMPLATE, overrides: Mapping[str, flo
     units, structure = _template()
     where = str(path)
     quantities: dict[str, Quantity] = {}
+    effects = dict(effect_defaults())
     found_structure: dict[str, str] = {}
-    for key, item in _leaves(table):
+    for key, item in quantity_tables(table):
         last = key.split(".")[-1]
         if key in units:
             quantities[key] = read_quantity(key, item, units[key], where)
@@ -190,6 +201,8 @@ def load_action(name_or_path: str | Path = TEMPLATE, overrides: Mapping[str, flo
             if key in structure and item != structure[key]:
                 raise InputError(f"{where}: {key}: found {item!r}, allowed {structure[key]!r}")
             found_structure[key] = item
+        elif key in effects:
+            effects[key] = read_quantity(key, item, effects[key].unit, where)
         else:
             raise InputError(f"{where}: {key}: unknown key; remove it or correct its name")
     for key in units.keys() - quantities.keys():
@@ -205,5 +218,6 @@ def load_action(name_or_path: str | Path = TEMPLATE, overrides: Mapping[str, flo
         quantities=quantities,
         structure=found_structure,
         origin=where,
+        effects=effects,
     )
     return action.with_values(overrides) if overrides else action

@@ -38,6 +38,17 @@ RANGES: dict[str, tuple[float, float, bool]] = {
     "torque": (-10.0, 10.0, False),
     "stiffness": (0.0, 1e3, False),
     "angle": (-2.0 * math.pi, 2.0 * math.pi, False),
+    "load_at_rest": (0.0, 1e3, False),
+    "frequency_hz": (1.0, 1e6, False),
+    "damping_ratio": (0.0, 10.0, False),
+    "length": (0.0, 2.0, True),
+    "joint_friction": (0.0, 10.0, False),
+    "spring_stiffness": (0.0, 1e3, False),
+    "preload_n": (0.0, 1e3, False),
+    "contact_a": (0.0, 1e15, False),
+    "contact_b": (0.0, 1e12, False),
+    "contact_c": (0.0, 1e9, False),
+    "contact_damping": (0.0, 1e3, False),
 }
 
 

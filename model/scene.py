@@ -1,10 +1,10 @@
-"""A scene: which bodies, contacts, springs and drives take part in a run.
+"""A scene: which bodies, contacts, springs, drives and effects take part in a run.
 
 Turns an `Action` (numbers by path) into what kernels read: integer tables of structure and one float64
 vector. What a scene leaves out is not in its tables and costs nothing: a contact without stiffness, a spring
-without torque. The motor arm of the bench is one more body with its own spring, drive and one-sided
-contact with the key; with it the input is the motor's torque, without it the force on the key. Where the motion of
-the key is prescribed the key is no unknown: the others are solved for, and the input is the time.
+without torque, an effect not named (`model.effects`). The motor arm of the bench is one more body with its own spring,
+drive and one-sided contact with the key; with it the input is the motor's torque, without it the force on the key.
+Where the motion of the key is prescribed the key is no unknown: the others are solved for, and the input is the time.
 """
 
 from __future__ import annotations
@@ -16,35 +16,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .choice import SceneChoice
+from .effects import KEY_LIFT, MOTOR, RAIL, SHANK, bending, parts_of_hammer
 from .errors import InputError
 from .kernels import layout as L
 from .kernels.structure import solved_contacts
 from .motion import KeyMotion
 from .parameters import CONTACTS, Action
+from .scene_contacts import chain_of, reach_of, read_contact
 
 # where the printed action rests, to two digits: the solver needs only a start on the right side of each contact
 PRINTED_REST = {"key": 0.029, "whippen": 0.025, "jack": 0.32, "repetition": 0.35, "hammer": 0.295}
-
-_SHAPES = {"circle": L.CIRCLE, "line": L.LINE, "hybrid": L.HYBRID}
-
-
-@dataclass(frozen=True)
-class MotorArm:
-    """Rotor and arm of the bench motor; the arm points left from its pivot and presses with its tip.
-
-    Positive torque presses down. The tip touches the key's force point from above: force c x + b x^2 + a x^3,
-    times (1 + D dx/dt), never negative. ``preload_n`` is the force of a light return spring at rest.
-    """
-
-    inertia: float = 1.0e-4  # kg m^2, rotor and arm about the shaft
-    length: float = 0.100  # m
-    joint_friction: float = 1.0e-4  # N m
-    spring_stiffness: float = 0.02  # N m/rad
-    preload_n: float = 0.05  # N at the tip
-    contact_a: float = 0.0  # N/m^3
-    contact_b: float = 0.0  # N/m^2
-    contact_c: float = 2.0e5  # N/m
-    contact_damping: float = 0.5  # s/m
 
 
 @dataclass(frozen=True)
@@ -71,170 +52,145 @@ class Scene:
         return len(solved_contacts(self.tables))
 
 
-def _surface(action: Action, path: str) -> list[float]:
-    return [action[f"{path}.x"], action[f"{path}.y"]]
+def _coordinates(choice: SceneChoice, key_motion: KeyMotion | None) -> list[str]:
+    """Names of the coordinates in order: bodies, then what effects add; a prescribed key comes last."""
+    out = [*choice.bodies]
+    for effect, coordinate in (("motor_arm", MOTOR), (RAIL, KEY_LIFT), ("shank", SHANK)):
+        if effect in choice.effects:
+            out.append(coordinate)
+    if key_motion is None:
+        return out
+    for effect in ("motor_arm", RAIL):
+        if effect in choice.effects:
+            raise InputError(f"scene: found a prescribed key and the effect {effect}, allowed one of them")
+    if len(choice.bodies) == 1:
+        raise InputError("scene: found nothing but the prescribed key, allowed scenes with another body")
+    return [b for b in out if b != "key"] + ["key"]  # carries no other body, so it may come last
 
 
-def _contact_numbers(action: Action, name: str) -> list[float]:
-    first, second = f"{name}.first", f"{name}.second"
-    shape = action.structure[f"{second}.shape"]
-    numbers = [*_surface(action, first), action[f"{first}.radius"], *_surface(action, second)]
-    if shape == "line":
-        nx, ny = action[f"{second}.normal.x"], action[f"{second}.normal.y"]
-        length = math.hypot(nx, ny)  # printed with three digits: back to unit length
-        numbers += [0.0, nx / length, ny / length, 0.0, 0.0]
-    elif shape == "hybrid":
-        start, end = action[f"{second}.arc_start"], action[f"{second}.arc_end"]
-        numbers += [action[f"{second}.radius"], math.cos(start), math.sin(start), math.cos(end), math.sin(end)]
-    else:
-        numbers += [action[f"{second}.radius"], 0.0, 0.0, 0.0, 0.0]
-    numbers += [action[f"{name}.normal.{k}"] for k in ("a", "b", "c", "D")]
-    numbers += [action[f"{name}.friction.{k}"] for k in ("A", "B1", "B2")]
+def _parent(action: Action, bodies: list[str], body: str) -> int:
+    if body == KEY_LIFT:
+        return L.GUIDED
+    name = {"key": KEY_LIFT, SHANK: "hammer", MOTOR: "ground"}.get(body)
+    if body == "key" and KEY_LIFT not in bodies:
+        name = None
+    name = action.structure[f"{body}.parent"] if name is None else name
+    return bodies.index(name) if name in bodies else L.GROUND
+
+
+def _body(action: Action, bodies: list[str], body: str) -> list[float]:
+    """Pivot, centre of mass, mass, inertia and joint friction of a coordinate's body."""
+    if body == KEY_LIFT:
+        friction = action[f"{RAIL}.guide_friction.A"]
+        return [action["key.pivot.x"], action["key.pivot.y"], 0.0, 0.0, 0.0, 0.0, friction, 0.0, 0.0]
+    if body == MOTOR:
+        x, y = action["drive.point.x"], action["drive.point.y"]
+        c, s = math.cos(PRINTED_REST["key"]), math.sin(PRINTED_REST["key"])
+        tip_x, tip_y = action["key.pivot.x"] + c * x - s * y, action["key.pivot.y"] + s * x + c * y
+        rotor = [action["motor_arm.inertia"], action["motor_arm.joint_friction"], 0.0, 0.0]
+        return [tip_x + action["motor_arm.length"], tip_y, 0.0, 0.0, 0.0, *rotor]
+    if body == SHANK:
+        mass, x, y, inertia = parts_of_hammer(action)[1]
+        return [action["shank.hinge.x"], action["shank.hinge.y"], x, y, mass, inertia, 0.0, 0.0, 0.0]
+    numbers = [action[f"{body}.{k}"] for k in ("pivot.x", "pivot.y", "center_of_mass.x", "center_of_mass.y")]
+    numbers += [action[f"{body}.mass"], action[f"{body}.inertia"]]
+    numbers += [action[f"{body}.joint_friction.{k}"] for k in ("A", "B1", "B2")]
+    if body == "hammer" and SHANK in bodies:
+        mass, x, y, inertia = parts_of_hammer(action)[0]
+        numbers[2:6] = [x, y, mass, inertia]
+    if body == "key" and KEY_LIFT in bodies:
+        numbers[:2] = [0.0, 0.0]  # hangs from the guide, which stands at the pivot
     return numbers
 
 
-def _way_up(parent: list[int], body: int) -> list[int]:
+def _springs(action: Action, choice: SceneChoice, bodies: list[str]) -> list[tuple[int, list[float]]]:
+    """Coordinate and numbers of each spring that has any torque."""
     out = []
-    while body >= 0:
-        out.append(body)
-        body = parent[body]
-    return out
-
-
-def _chain(parent: list[int], a: int, b: int) -> list[tuple[int, int]]:
-    """Coordinates that move body ``a`` against ``b``, with their side; joints common to both drop out."""
-    on_a, on_b = _way_up(parent, a), _way_up(parent, b)
-    return [(i, 1) for i in on_a if i not in on_b] + [(i, -1) for i in on_b if i not in on_a]
-
-
-def _reach(parent: list[int], pivot: list[complex], a: int, point: complex, b: int) -> float:
-    """Largest distance (m) the point of body ``a`` can have from the pivot of ``b``, at any angles.
-
-    A gap is a distance between a point carried by A and a surface carried by B, so it changes by no more than
-    this per radian of joint ``b``.
-    """
-    up_a, up_b = _way_up(parent, a), _way_up(parent, b)
-    on_a = [i for i in up_a if i not in up_b]
-    on_b = [i for i in up_b if i not in up_a]
-    if b in up_a:
-        return abs(point) + sum(abs(pivot[i]) for i in up_a[: up_a.index(b)])
-    # both ways end in the frame of the nearest common body: its fixed points are compared there
-    here, length = point, 0.0
-    for i in on_a:
-        length += abs(here)
-        here = pivot[i]
-    there = pivot[on_b[-1]]
-    return length + abs(here - there) + sum(abs(pivot[i]) for i in on_b[:-1])
-
-
-def _index(bodies: list[str], name: str) -> int:
-    """Coordinate of a body, -1 for ground."""
-    return bodies.index(name) if name in bodies else -1
-
-
-def build_scene(
-    action: Action,
-    motor_arm: MotorArm | None = None,
-    choice: SceneChoice | None = None,
-    key_motion: KeyMotion | None = None,
-) -> Scene:
-    """Scene of the whole action or of what ``choice`` leaves of it.
-
-    Driven by a force on the key, by the motor when an arm is given, or by the motion of the key.
-    """
-    choice = SceneChoice() if choice is None else choice
-    if key_motion is not None and motor_arm is not None:
-        raise InputError("scene: found a motor arm and a prescribed key, allowed one of them")
-    bodies = list(choice.bodies)
-    if key_motion is not None:
-        if len(bodies) == 1:
-            raise InputError("scene: found nothing but the prescribed key, allowed scenes with another body")
-        bodies = [b for b in bodies if b != "key"] + ["key"]  # carries no other body, so it may come last
-    parent = [_index(bodies, action.structure[f"{b}.parent"]) for b in bodies]
-    vector: list[float] = [action["gravity.g"], action["friction_threshold.v_t"], action["friction_threshold.omega_t"]]
-    for b in bodies:
-        vector += [action[f"{b}.{k}"] for k in ("pivot.x", "pivot.y", "center_of_mass.x", "center_of_mass.y")]
-        vector += [action[f"{b}.mass"], action[f"{b}.inertia"]]
-        vector += [action[f"{b}.joint_friction.{k}"] for k in ("A", "B1", "B2")]
-    start = [PRINTED_REST[b] for b in bodies]
-    key = bodies.index("key")
-    px, py = action["drive.point.x"], action["drive.point.y"]
-    if motor_arm is not None:
-        tip_x = math.cos(start[key]) * px - math.sin(start[key]) * py
-        tip_y = math.sin(start[key]) * px + math.cos(start[key]) * py
-        bodies.append("motor")
-        parent.append(-1)
-        start.append(0.0)
-        vector += [tip_x + motor_arm.length, tip_y, 0.0, 0.0, 0.0, motor_arm.inertia]
-        vector += [motor_arm.joint_friction, 0.0, 0.0]
-    n = len(bodies)
-    pivot = [complex(*vector[o : o + 2]) for o in range(L.GLOBALS, len(vector), L.BODY_SIZE)]
-    offsets = [len(vector)]
-    springs = []
     for b in (b for b in ("jack", "repetition") if b in bodies and f"{b}_spring" not in choice.without):
         numbers = [action[f"{b}_spring.{k}"] for k in ("torque", "stiffness", "angle")]
         if numbers[0] != 0.0 or numbers[1] != 0.0:
-            springs.append(bodies.index(b))
-            vector += numbers
-    if motor_arm is not None:
-        springs.append(n - 1)
-        vector += [motor_arm.preload_n * motor_arm.length, motor_arm.spring_stiffness, 0.0]
+            out.append((bodies.index(b), numbers))
+    if MOTOR in bodies:
+        torque = action["motor_arm.preload_n"] * action["motor_arm.length"]
+        out.append((bodies.index(MOTOR), [torque, action["motor_arm.spring_stiffness"], 0.0]))
+    if SHANK in bodies:
+        out.append((bodies.index(SHANK), [0.0, bending(action)[0], 0.0]))
+    return out
+
+
+def _table(rows: list, width: int) -> NDArray[np.int64]:
+    return np.array(rows, dtype=np.int64).reshape(len(rows), width)
+
+
+def build_scene(action: Action, choice: SceneChoice | None = None, key_motion: KeyMotion | None = None) -> Scene:
+    """Scene of the whole action or of what ``choice`` leaves of it and adds to it.
+
+    Driven by a force on the key, by the torque of the motor where the choice has one, or by the motion of the key.
+    """
+    choice = SceneChoice() if choice is None else choice
+    bodies = _coordinates(choice, key_motion)
+    parent = [_parent(action, bodies, b) for b in bodies]
+    n, key, motor = len(bodies), bodies.index("key"), MOTOR in bodies
+    vector: list[float] = [action["gravity.g"], action["friction_threshold.v_t"], action["friction_threshold.omega_t"]]
+    for b in bodies:
+        vector += _body(action, bodies, b)
+    pivot = [complex(*vector[o : o + 2]) for o in range(L.GLOBALS, len(vector), L.BODY_SIZE)]
+    offsets = [len(vector)]
+    springs = _springs(action, choice, bodies)
+    vector += [number for _, numbers in springs for number in numbers]
     offsets.append(len(vector))
     names, contacts, chains, sides = [], [], [], []
-    for name in CONTACTS:
-        numbers = _contact_numbers(action, name)
-        between = {action.structure[f"{name}.{side}.body"] for side in ("first", "second")}
+    for name in (*CONTACTS, *((RAIL,) if KEY_LIFT in bodies else ())):
+        contact = read_contact(action, name, SHANK in bodies)
+        numbers, between = list(contact.numbers), {contact.first, contact.second}
         if not any(numbers[L.K_A : L.K_C + 1]) or name in choice.without or between - {*bodies, "ground"}:
             continue
-        first = _index(bodies, action.structure[f"{name}.first.body"])
-        second = _index(bodies, action.structure[f"{name}.second.body"])
-        chain = _chain(parent, first, second)
+        first, second = (bodies.index(b) if b in bodies else L.GROUND for b in (contact.first, contact.second))
+        chain = chain_of(parent, first, second)
         point = complex(numbers[L.A_X], numbers[L.A_Y])
-        reach = [_reach(parent, pivot, first, point, b) for b, _ in chain]
-        numbers += reach + [0.0] * (L.MAX_CHAIN - len(chain))
-        pad = [(0, 0)] * (L.MAX_CHAIN - len(chain))
+        pad = L.MAX_CHAIN - len(chain)
         names.append(name)
-        contacts.append([first, second, _SHAPES[action.structure[f"{name}.second.shape"]], len(chain)])
-        chains.append([i for i, _ in chain + pad])
-        sides.append([s for _, s in chain + pad])
-        vector += numbers
+        contacts.append([first, second, contact.shape, len(chain)])
+        chains.append([i for i, _ in chain] + [0] * pad)
+        sides.append([s for _, s in chain] + [0] * pad)
+        vector += [*numbers, *(reach_of(parent, pivot, first, point, b) for b, _ in chain), *[0.0] * pad]
     offsets.append(len(vector))
-    if motor_arm is None:
-        drives = [[L.FORCE_DOWN, key]]
-        vector += [px, py]
-    else:
-        drives = [[L.JOINT_TORQUE, n - 1]]
-        vector += [0.0, 0.0]
+    px, py = action["drive.point.x"], action["drive.point.y"]
+    drives = [[L.JOINT_TORQUE, bodies.index(MOTOR)]] if motor else [[L.FORCE_DOWN, key]]
+    vector += [0.0, 0.0] if motor else [px, py]
+    offsets.append(len(vector))
+    probes: list[list[int]] = []
+    if motor:
+        probes = [[bodies.index(MOTOR), key]]
+        law = [action[f"motor_arm.contact_{k}"] for k in ("a", "b", "c", "damping")]
+        vector += [-action["motor_arm.length"], 0.0, px, py, *law]
     offsets.append(len(vector))
     prescribed = np.zeros(n, dtype=np.int64)
-    probes: list[list[int]] = []
-    if motor_arm is not None:
-        probes = [[n - 1, key]]
-        m = motor_arm
-        vector += [-m.length, 0.0, px, py, m.contact_a, m.contact_b, m.contact_c, m.contact_damping]
-    offsets.append(len(vector))
     if key_motion is not None:
         prescribed[key] = 1
         vector += key_motion.packed()
+    offsets.append(len(vector))
+    dampers: list[int] = []
+    if SHANK in bodies:
+        dampers = [bodies.index(SHANK)]
+        vector.append(bending(action)[1])
     ancestor = np.zeros((n, n), dtype=np.int64)
     for i, w in enumerate(parent):
         if w >= 0:
             ancestor[i, w] = 1
-
-    def table(rows: list, width: int) -> NDArray[np.int64]:
-        return np.array(rows, dtype=np.int64).reshape(len(rows), width)
-
     tables = L.Tables(
         parent=np.array(parent, dtype=np.int64),
         ancestor=ancestor,
-        spring=np.array(springs, dtype=np.int64),
-        contact=table(contacts, 4),
-        chain=table(chains, L.MAX_CHAIN),
-        side=table(sides, L.MAX_CHAIN),
-        drive=table(drives, 2),
-        probe=table(probes, 2),
+        spring=np.array([i for i, _ in springs], dtype=np.int64),
+        contact=_table(contacts, 4),
+        chain=_table(chains, L.MAX_CHAIN),
+        side=_table(sides, L.MAX_CHAIN),
+        drive=_table(drives, 2),
+        probe=_table(probes, 2),
         offset=np.array(offsets, dtype=np.int64),
         prescribed=prescribed,
+        damper=np.array(dampers, dtype=np.int64),
+        rail=np.array([names.index(RAIL)] if RAIL in names else [], dtype=np.int64),
     )
-    free = n - int(prescribed.sum())
-    return Scene(tuple(bodies), tuple(names), tables, np.array(vector), np.array(start[:free]))
+    start = np.array([PRINTED_REST.get(b, 0.0) for b in bodies[: n - int(prescribed.sum())]])
+    return Scene(tuple(bodies), tuple(names), tables, np.array(vector), start)

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from .effects import column
+
 if TYPE_CHECKING:
     import pandas as pd
 
@@ -23,11 +25,14 @@ class EnergyAudit:
     lost_in_felt: float
     lost_in_contact_friction: float
     lost_in_joint_friction: float
+    lost_in_rail: float = 0.0  # felt of the balance rail and friction on its pin
+    lost_in_shank: float = 0.0
 
     @property
     def residual(self) -> float:
         """Work that is not accounted for, J: an error of the integration, zero for an exact one."""
         lost = self.lost_in_felt + self.lost_in_contact_friction + self.lost_in_joint_friction
+        lost += self.lost_in_rail + self.lost_in_shank
         return self.work_in - self.stored_change - lost
 
 
@@ -39,8 +44,9 @@ class Solution:
     ----------
     bodies : (n,) names, order of the columns
     time_s : (m,)
-    angle_rad : (m, n) key, whippen and hammer from ground, jack and repetition from the whippen
-    speed_rad_per_s : (m, n)
+    angle_rad : (m, n) key, whippen and hammer from ground, jack and repetition from the whippen; then what effects
+        add: ``key_lift`` in m above the balance rail, ``shank`` the head's angle from the straight shank
+    speed_rad_per_s : (m, n) and its rates
     contacts : names of the contacts in the scene
     contact_normal_n, contact_friction_n : (m, c) N, or None where forces were not asked for
     counters : steps, rejections, right-hand sides, Jacobians, contact evaluations and skips, time at rest (s)
@@ -65,9 +71,9 @@ class Solution:
         """Columns by name, in the order of the command's output file."""
         out = {"time_s": self.time_s}
         for i, body in enumerate(self.bodies):
-            out[f"{body}_rad"] = self.angle_rad[:, i]
+            out[column(body)] = self.angle_rad[:, i]
         for i, body in enumerate(self.bodies):
-            out[f"{body}_rad_per_s"] = self.speed_rad_per_s[:, i]
+            out[column(body, rate=True)] = self.speed_rad_per_s[:, i]
         if self.contact_normal_n is not None and self.contact_friction_n is not None:
             for i, name in enumerate(self.contacts):
                 out[f"{name}_normal_n"] = self.contact_normal_n[:, i]

@@ -2,10 +2,13 @@
 
 An independent check of the compiled kernels (they must agree to 1e-12) and the right-hand side a user would write by
 hand, which benchmarks compare with. Bodies are points with Jacobians, M = sum m JtJ + I jjt; forces act through
-virtual work. Nothing of ``kernels`` or ``scene`` is used.
+virtual work. Nothing of ``kernels`` or ``scene`` is used. With effects the key's pivot rises by one more coordinate,
+and the hammer is two bodies with a spring between them.
 """
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +16,9 @@ from numpy.typing import NDArray
 from .parameters import BODIES, Action
 
 Vector = NDArray[np.float64]
+
+_COORDINATE = {"balance_rail": "key_lift", "shank": "shank"}
+_BEYOND_HINGE = ("contact04", "contact12", "contact13")
 
 
 def _rotate(angle: float, vector: Vector) -> Vector:
@@ -28,10 +34,39 @@ def _turn(vector: Vector) -> Vector:
 class Twin:
     """Right-hand side of one action; the input is the force on the key, N, positive downwards."""
 
-    def __init__(self, action: Action) -> None:
+    def __init__(self, action: Action, effects: Sequence[str] = ()) -> None:
         self.action = action
-        self.parent = {b: action.structure[f"{b}.parent"] for b in BODIES}
+        self.bodies = [*BODIES, *(["shank"] if "shank" in effects else [])]
+        self.coordinates = [*BODIES, *(c for e, c in _COORDINATE.items() if e in effects)]
+        self.parent = {b: action.structure[f"{b}.parent"] for b in BODIES} | {"shank": "hammer"}
         self.contacts = [f"contact{i:02d}" for i in range(1, 14)]
+        self.lifts, self.bends = "balance_rail" in effects, "shank" in effects
+        self.mass = {
+            b: (action[f"{b}.mass"], action[f"{b}.inertia"], self._local(f"{b}.center_of_mass")) for b in BODIES
+        }
+        if self.bends:
+            self._split_hammer()
+
+    def _local(self, path: str) -> Vector:
+        return np.array([self.action[f"{path}.x"], self.action[f"{path}.y"]])
+
+    def _split_hammer(self) -> None:
+        """Butt and head from the hammer as a whole: mass, first and second moments add up."""
+        a = self.action
+        mass, inertia, centre = self.mass["hammer"]
+        m, i, c = a["shank.near.mass"], a["shank.near.inertia"], self._local("shank.near.center_of_mass")
+        far = (mass * centre - m * c) / (mass - m)
+        about = inertia - i - m * (mass - m) / mass * float((c - far) @ (c - far))
+        hinge = self._local("shank.hinge")
+        self.mass["hammer"], self.mass["shank"] = (m, i, c), (mass - m, about, far - hinge)
+        # kinetic energy of free flight about the pivot, as a quadratic form in the speeds of butt and head
+        form = np.zeros((2, 2))
+        for part, turns in (((m, i, c), np.array([1.0, 0.0])), ((mass - m, about, far), np.array([1.0, 1.0]))):
+            arm = np.outer(part[2], np.array([1.0, 0.0])) + np.outer(part[2] - hinge, turns - np.array([1.0, 0.0]))
+            form += part[0] * arm.T @ arm + part[1] * np.outer(turns, turns)
+        modal = 1.0 / np.linalg.inv(form)[1, 1]
+        omega = 2.0 * np.pi * a["shank.frequency_hz"]
+        self.stiffness, self.damping = modal * omega**2, 2.0 * a["shank.damping_ratio"] * modal * omega
 
     def _lineage(self, body: str) -> list[str]:
         out = []
@@ -42,22 +77,32 @@ class Twin:
 
     def _place(self, q: Vector, v: Vector) -> None:
         self.angle, self.omega, self.pivot = {"ground": 0.0}, {"ground": 0.0}, {"ground": np.zeros(2)}
-        for i, body in enumerate(BODIES):
-            up = self.parent[body]
-            local = np.array([self.action[f"{body}.pivot.x"], self.action[f"{body}.pivot.y"]])
+        for body in self.bodies:
+            up, i = self.parent[body], self.coordinates.index(body)
+            local = self._local("shank.hinge" if body == "shank" else f"{body}.pivot")
             self.pivot[body] = self.pivot[up] + _rotate(self.angle[up], local)
+            if body == "key" and self.lifts:
+                self.pivot[body] = self.pivot[body] + np.array([0.0, q[self.coordinates.index("key_lift")]])
             self.angle[body] = self.angle[up] + q[i]
             self.omega[body] = self.omega[up] + v[i]
 
     def _point(self, body: str, path: str) -> Vector:
-        local = np.array([self.action[f"{path}.x"], self.action[f"{path}.y"]])
+        local = self._local(path)
+        if body == "shank":  # drawn in the frame of the straight hammer
+            local = local - self._local("shank.hinge")
         return self.pivot[body] + _rotate(self.angle[body], local)
 
+    def _surface_body(self, name: str, side: str) -> str:
+        body = self.action.structure[f"{name}.{side}.body"]
+        return "shank" if self.bends and body == "hammer" and name in _BEYOND_HINGE else body
+
     def _point_jacobian(self, body: str, point: Vector) -> NDArray[np.float64]:
-        """(2, 5): velocity of a point fixed to ``body`` per unit joint speed."""
-        out = np.zeros((2, len(BODIES)))
+        """(2, n): velocity of a point fixed to ``body`` per unit joint speed."""
+        out = np.zeros((2, len(self.coordinates)))
         for b in self._lineage(body):
-            out[:, BODIES.index(b)] = _turn(point - self.pivot[b])
+            out[:, self.coordinates.index(b)] = _turn(point - self.pivot[b])
+        if body == "key" and self.lifts:
+            out[1, self.coordinates.index("key_lift")] = 1.0
         return out
 
     def _convective(self, body: str, point: Vector) -> Vector:
@@ -76,7 +121,7 @@ class Twin:
     def gap(self, name: str) -> tuple[float, Vector, Vector, str, str]:
         """Penetration, normal from second to first, centre of the first circle, names of both bodies."""
         a = self.action
-        first, second = a.structure[f"{name}.first.body"], a.structure[f"{name}.second.body"]
+        first, second = self._surface_body(name, "first"), self._surface_body(name, "second")
         shape = a.structure[f"{name}.second.shape"]
         centre, other = self._point(first, f"{name}.first"), self._point(second, f"{name}.second")
         r = a[f"{name}.first.radius"]
@@ -99,11 +144,11 @@ class Twin:
         return r + rho - distance, u / distance, centre, first, second
 
     def contact(self, name: str, v: Vector) -> tuple[float, float, Vector]:
-        """Normal force, friction force (N) and their generalised force (5,) at the placed state."""
+        """Normal force, friction force (N) and their generalised force (n,) at the placed state."""
         a = self.action
         x, n, centre, first, second = self.gap(name)
         if x <= 0:
-            return 0.0, 0.0, np.zeros(len(BODIES))
+            return 0.0, 0.0, np.zeros(len(self.coordinates))
         point = centre - (a[f"{name}.first.radius"] - x / 2) * n
         relative = self._point_jacobian(first, point) - self._point_jacobian(second, point)
         speed = relative @ v
@@ -115,29 +160,48 @@ class Twin:
         return normal, tangential, relative.T @ (normal * n + tangential * t)
 
     def forces_and_mass(self, q: Vector, v: Vector, force_n: float) -> tuple[Vector, NDArray[np.float64]]:
-        """Generalised force (5,) and mass matrix (5, 5)."""
-        a = self.action
+        """Generalised force (n,) and mass matrix (n, n)."""
+        a, n = self.action, len(self.coordinates)
         self._place(q, v)
-        mass, f = np.zeros((len(BODIES), len(BODIES))), np.zeros(len(BODIES))
-        for body in BODIES:
-            centre = self._point(body, f"{body}.center_of_mass")
-            j, turning = self._point_jacobian(body, centre), np.zeros(len(BODIES))
-            turning[[BODIES.index(b) for b in self._lineage(body)]] = 1.0
-            m = a[f"{body}.mass"]
-            mass += m * j.T @ j + a[f"{body}.inertia"] * np.outer(turning, turning)
+        mass, f = np.zeros((n, n)), np.zeros(n)
+        for body in self.bodies:
+            m, inertia, local = self.mass[body]
+            centre = self.pivot[body] + _rotate(self.angle[body], local)
+            j, turning = self._point_jacobian(body, centre), np.zeros(n)
+            turning[[self.coordinates.index(b) for b in self._lineage(body)]] = 1.0
+            mass += m * j.T @ j + inertia * np.outer(turning, turning)
             f += j.T @ (m * (np.array([0.0, -a["gravity.g"]]) - self._convective(body, centre)))
-            i = BODIES.index(body)
-            f[i] -= self._curve(v[i], a["friction_threshold.omega_t"], f"{body}.joint_friction")
+            if body in BODIES:
+                i = BODIES.index(body)
+                f[i] -= self._curve(v[i], a["friction_threshold.omega_t"], f"{body}.joint_friction")
         for body in ("jack", "repetition"):
             i, s = BODIES.index(body), f"{body}_spring"
             f[i] += a[f"{s}.torque"] - a[f"{s}.stiffness"] * (q[i] - a[f"{s}.angle"])
         f += self._point_jacobian("key", self._point("key", "drive.point")).T @ np.array([0.0, -force_n])
         for name in self.contacts:
             f += self.contact(name, v)[2]
+        if self.bends:
+            i = self.coordinates.index("shank")
+            f[i] -= self.stiffness * q[i] + self.damping * v[i]
+        if self.lifts:
+            i = self.coordinates.index("key_lift")
+            friction = a["balance_rail.guide_friction.A"] * np.tanh(v[i] / a["friction_threshold.v_t"])
+            f[i] += self.rail_force(q[i], v[i]) - friction
         return f, mass
 
+    def rail_force(self, lift: float, rate: float) -> float:
+        """Force of the balance rail on the key (N) at a height (m) of its pivot above its place in the set."""
+        a, b, c, damping, load = (
+            self.action[f"balance_rail.{k}"] for k in ("normal.a", "normal.b", "normal.c", "normal.D", "load_at_rest")
+        )
+        roots = np.roots([a, b, c, -load])
+        sink = min(r.real for r in roots if abs(r.imag) < 1e-12 * abs(r) and r.real >= 0.0)
+        x = sink - lift
+        static = max(0.0, a * x**3 + b * x**2 + c * x) if x > 0.0 else 0.0
+        return float(static * max(0.0, 1.0 - damping * rate))
+
     def acceleration(self, q: Vector, v: Vector, force_n: float) -> Vector:
-        """Joint accelerations (5,), rad/s^2, at angles ``q`` and speeds ``v``."""
+        """Accelerations of the coordinates (n,), rad/s^2, at angles ``q`` and speeds ``v``."""
         f, mass = self.forces_and_mass(q, v, force_n)
         return np.asarray(np.linalg.solve(mass, f))
 

@@ -31,19 +31,21 @@ def predictor(rig: Rig, action_name: str = "hirschkorn2004") -> Predict:
     def predict(profile: Profile) -> Prediction:
         if config.arm is None:
             raise InputError(f"rig {config.name}: the dry run needs the motor arm's data; add [arm] to the rig file")
-        arm = model.MotorArm(
-            inertia=config.arm.inertia_kg_m2,
-            length=config.arm.length_m,
-            joint_friction=config.arm.friction_nm,
-            spring_stiffness=config.arm.spring_nm_per_rad,
-            preload_n=config.force.preload_n,
-            contact_a=0.0,
-            contact_b=0.0,
-            contact_c=config.arm.contact_stiffness_n_per_m,
-            contact_damping=config.arm.contact_damping_s_per_m,
+        arm = {
+            "inertia": config.arm.inertia_kg_m2,
+            "length": config.arm.length_m,
+            "joint_friction": config.arm.friction_nm,
+            "spring_stiffness": config.arm.spring_nm_per_rad,
+            "preload_n": config.force.preload_n,
+            "contact_a": 0.0,
+            "contact_b": 0.0,
+            "contact_c": config.arm.contact_stiffness_n_per_m,
+            "contact_damping": config.arm.contact_damping_s_per_m,
+        }
+        action = model.load_action(action_name).with_values(
+            {f"motor_arm.{key}": value for key, value in arm.items()}, f"rig {config.name}"
         )
-        action = model.load_action(action_name)
-        scene = model.build_scene(action, arm)
+        scene = model.build_scene(action, model.SceneChoice(effects=("motor_arm",)))
         rest = model.rest_state(action, scene=scene).angle_rad
         run = model.Simulation(scene, model.State(0.0, rest, np.zeros(scene.size)), tolerance=TOLERANCE)
         rate_hz = config.device.sample_rate_hz

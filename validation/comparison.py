@@ -17,6 +17,7 @@ from typing import Any
 
 import pandas as pd
 
+from validation.budget import COLUMNS, event_budget, representative
 from validation.channel_tables import channel_tables
 from validation.curve_tables import film_trace_table, on_common_base, trace_table
 from validation.errors import InputError
@@ -45,6 +46,7 @@ def compare_session(
     rest_state: Callable[..., Any] | None = None,
     geometry: Callable[[Any, Any], ActionGeometry] | None = None,
     rivals: tuple[str, ...] = RIVALS,
+    budget: bool = True,
     keep_predictions: bool = True,
     u_rest_level_m: float = U_REST_LEVEL_M,
     now: Callable[[], datetime] = lambda: datetime.now(UTC),
@@ -62,6 +64,8 @@ def compare_session(
         Stand-ins for ``model.simulate``, ``model.rest_state`` and `validation.geometry.geometry_of`.
     rivals : tuple of str
         What is scored beside the model: ``null`` (the null model), ``raw_force`` (the model under the recorded force).
+    budget : bool
+        Make the uncertainty budget of the events, some fifty runs of one trial.
     keep_predictions : bool
         Keep predictions in the session's ``derived/prediction`` and reuse them when their inputs have not
         changed.
@@ -103,15 +107,18 @@ def compare_session(
     for m in measured:
         warnings += [f"trial {m.number}: {text}" for text in (*m.notes, *predictions[m.number].notes)]
     warnings += [f"trial {number} is not used: {reason}" for number, reason in refused.items()]
+    if progress is not None and budget:
+        progress("uncertainty budget of the events")
     return _assemble(
         session,
-        predictor.action,
+        predictor,
         measured,
         predictions,
         trial_events,
         refused,
         window,
         [text for text in warnings if text],
+        budget,
         lambda: provenance(
             session,
             predictor.action,
@@ -147,13 +154,14 @@ def _predict_all(
 
 def _assemble(
     session: Any,
-    action: Any,
+    predictor: Predictor,
     measured: list[Measurement],
     predictions: dict[int, TrialPrediction],
     trial_events: dict[int, dict[str, Event]],
     refused: dict[int, str],
     window: Any,
     warnings: list[str],
+    budget: bool,
     origin: Callable[[], dict[str, Any]],
 ) -> ValidationResult:
     """Build every table of the result."""
@@ -182,7 +190,7 @@ def _assemble(
         for n in sorted({*by_number, *refused})
     ]
     name = getattr(session.info, "name", "") or session.path.name
-    action_name = str(getattr(action, "name", "unknown"))
+    action_name = str(getattr(predictor.action, "name", "unknown"))
     return ValidationResult(
         session_name=name,
         action_name=action_name,
@@ -196,6 +204,7 @@ def _assemble(
         events=event_table(trial_events, model_events),
         event_summary=summary,
         event_repeatability=event_repeatability(trial_events),
+        budget=event_budget(predictor, representative(measured), summary) if budget else pd.DataFrame(columns=COLUMNS),
         uncertainty=uncertainty,
         spread=spread,
         traces=traces,

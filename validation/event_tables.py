@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
+from validation.area import area_floor, area_metric
 from validation.event import EVENTS, Event
 
 
@@ -49,6 +50,8 @@ def event_summary(trial: dict[int, dict[str, Event]], model: dict[int, dict[str,
         s = float(d.std(ddof=1)) if n > 1 else float("nan")
         # the levels of rest are the same for all trials, so averaging does not shrink the stated uncertainty
         stated = float(np.sqrt(np.mean(tu[both] ** 2 + mu[both] ** 2))) if n else float("nan")
+        floor, floor_95 = area_floor(int(predicted.sum()), int(there.sum()))
+        spread = float(tv[there].std(ddof=1)) if there.sum() > 1 else float("nan")
         rows.append(
             {
                 "event": name,
@@ -59,11 +62,16 @@ def event_summary(trial: dict[int, dict[str, Event]], model: dict[int, dict[str,
                 "agree": bool(np.all(there == predicted)),
                 "ambiguous": sum(e.status == "ambiguous" for e in t + m),
                 "trial_mean": float(tv[there].mean()) if there.any() else float("nan"),
-                "trial_s": float(tv[there].std(ddof=1)) if there.sum() > 1 else float("nan"),
+                "trial_s": spread,
                 "model_mean": float(mv[predicted].mean()) if predicted.any() else float("nan"),
                 "difference": float(d.mean()) if n else float("nan"),
                 "difference_s": s,
                 "u_difference": float(np.hypot(stated, s / np.sqrt(n))) if n > 1 else stated,
+                "n_both": n,
+                "u_trial": float(np.sqrt(np.mean(tu[both] ** 2))) if n else float("nan"),
+                "area": area_metric(mv[predicted], tv[there]),
+                "area_floor": floor * spread,
+                "area_floor_95": floor_95 * spread,
             }
         )
     return pd.DataFrame(rows)

@@ -52,9 +52,12 @@ class ValidationResult:
         note.
     event_summary : DataFrame
         One row per event: event, unit, n_trials, found_trial, found_model, agree, trial_mean, trial_s,
-        model_mean, difference, difference_s, u_difference.
+        model_mean, difference, difference_s, u_difference, n_both, u_trial (stated, of one trial), area (area metric),
+        area_floor and area_floor_95 (its mean and 95th percentile for a perfect model and so many trials).
     event_repeatability : DataFrame
         See `validation.repeatability.event_repeatability`.
+    budget : DataFrame
+        See `validation.budget.event_budget`; empty when it was not asked for.
     uncertainty : DataFrame
         One row per trial and channel: trial, channel, source, quantisation_rad, u_rad (one sample), scale_relative_u.
     spread : DataFrame
@@ -84,6 +87,7 @@ class ValidationResult:
     events: pd.DataFrame
     event_summary: pd.DataFrame
     event_repeatability: pd.DataFrame
+    budget: pd.DataFrame
     uncertainty: pd.DataFrame
     spread: pd.DataFrame
     traces: dict[int, pd.DataFrame]
@@ -110,6 +114,7 @@ class ValidationResult:
             "events": self.events,
             "event_summary": self.event_summary,
             "event_repeatability": self.event_repeatability,
+            "budget": self.budget,
             "uncertainty": self.uncertainty,
         }
 

@@ -60,6 +60,7 @@ class CorrectedForce:
     preload_n: float
     u_preload_n: float
     group_delay_s: float
+    u_group_delay_s: float
 
 
 def _refuse_lost(time: Array, force: Array) -> None:
@@ -201,7 +202,16 @@ def correct_force(
     slope = np.gradient(corrected, time)
     u = np.sqrt(noise**2 + hum.u_baseline_n(time) ** 2 + u_preload_n**2 + (slope * u_group_delay_s) ** 2)
     return CorrectedForce(
-        time - group_delay_s, corrected, u, gain_relative_u, hum, noise, preload_n, u_preload_n, group_delay_s
+        time - group_delay_s,
+        corrected,
+        u,
+        gain_relative_u,
+        hum,
+        noise,
+        preload_n,
+        u_preload_n,
+        group_delay_s,
+        u_group_delay_s,
     )
 
 

@@ -27,7 +27,7 @@ from model.kernels.workspace import ACC, ALLOWANCE, AUDIT_Q, AUDIT_V, POWER_IN, 
 
 DONE, STEP_TOO_SMALL, NOT_FINITE, TOO_MANY_STEPS = 0, 1, 2, 3
 
-SAFETY = 0.8
+SAFETY = 0.75
 GROW = 5.0
 SHRINK = 0.15
 SMALLEST_STEP = 1e-12
@@ -62,7 +62,7 @@ def integrate(
 ):  # fmt: skip
     """Advance (q, v) in place from ``t`` to ``t_end``; fill rows of ``out_q``, ``out_v`` at ``out_t``.
 
-    Adds the time spent at rest to ``times[0]`` and, where ``audit`` (4,) is not empty, work put in and energies lost
+    Adds the time spent at rest to ``times[0]`` and, where ``audit`` (6,) is not empty, work put in and energies lost
     (J) to it, by Gauss's rule along each step's dense output. Returns the time reached, the next step to try, a status.
     """
     n = q.shape[0]
@@ -116,7 +116,8 @@ def integrate(
         stop = t_end
         if held and k_in + 1 < table_t.shape[0] and t < table_t[k_in + 1] < stop:
             stop = table_t[k_in + 1]
-        step = fit_to_events(h, w, p, n, n_contacts)
+        step = fit_to_events(h, w, p, n, n_contacts, tolerance_v)
+        fitted = step
         # take a last step whole rather than leave a sliver
         if t + 1.01 * step >= stop:
             step = stop - t
@@ -177,13 +178,13 @@ def integrate(
                 fill_outputs(w, dense, x, n, s, w[AUDIT_Q : AUDIT_Q + n], w[AUDIT_V : AUDIT_V + n])
                 u, _, k_in = input_at(t + x * step, k_in, table_t, table_u, held)
                 energy(w, p, u0 if held else u)
-                for j in range(4):
+                for j in range(audit.shape[0]):
                     audit[j] += step * WEIGHT[g] * w[POWER_IN + j]
         factor = GROW if error == 0.0 else min(GROW, max(SHRINK, SAFETY * error ** (-exponent)))
         if rejected:
             factor = min(factor, 1.0)
-        # a step cut short by its end says little about the next one: never shrink the plan for that
-        h = max(step * factor, h if step < h and factor >= 1.0 else 0.0)
+        # a step cut short by its end says little about the next one, one cut short by an event does
+        h = max(step * factor, h if step < fitted == h and factor >= 1.0 else 0.0)
         rejected = False
         for i in range(STAGE):
             w[Q + i] = w[Q1 + i]

@@ -7,18 +7,20 @@ Equations: thesis Sections 2.1, 2.2; inertia about the centre of mass (decision 
 """
 
 from .compile import inlined, kernel
-from .kinematics import contact_offset, gap_geometry, place, point
+from .kinematics import along_chain, contact_offset, gap_geometry, place, point
 from .laws import felt, friction
 from .layout import (
     A_R,
     BODY_SIZE,
     DAMP,
+    DAMPER_SIZE,
     DRIVE_SIZE,
     DRIVE_X,
     DRIVE_Y,
     FORCE_DOWN,
     GLOBALS,
     GRAVITY,
+    GUIDED,
     INERTIA,
     JF_A,
     JF_B1,
@@ -57,10 +59,19 @@ def mass_matrix(pose, p, parent, m_diag, m_up):
         rx = pose[i, POSE_CX] - pose[i, POSE_X]
         ry = pose[i, POSE_CY] - pose[i, POSE_Y]
         own = p[o + INERTIA] + m * (rx * rx + ry * ry)
-        m_diag[i] = own
+        m_diag[i] = m if parent[i] == GUIDED else own
         m_up[i] = 0.0
+    for i in range(n):
+        o = GLOBALS + BODY_SIZE * i
+        m = p[o + MASS]
+        rx = pose[i, POSE_CX] - pose[i, POSE_X]
+        ry = pose[i, POSE_CY] - pose[i, POSE_Y]
+        own = p[o + INERTIA] + m * (rx * rx + ry * ry)
         w = parent[i]
-        if w >= 0:
+        if w >= 0 and parent[w] == GUIDED:
+            m_up[i] = m * rx
+            m_diag[w] += m
+        elif w >= 0:
             dx = pose[i, POSE_X] - pose[w, POSE_X]
             dy = pose[i, POSE_Y] - pose[w, POSE_Y]
             h = m * (dx * rx + dy * ry)
@@ -83,7 +94,7 @@ def solve_mass(m_diag, m_up, parent, f, a):
         w = parent[i]
         if w < 0:
             pivot = m_diag[i]
-            for k in range(i + 1, n):
+            for k in range(n):
                 if parent[k] == i:
                     pivot -= m_up[k] * m_up[k] / m_diag[k]
             a[i] /= pivot
@@ -101,15 +112,18 @@ def inertia_and_joint_forces(q, v, u, p, tables, pose, f):
     g = p[GRAVITY]
     for i in range(n):
         o = GLOBALS + BODY_SIZE * i
-        torque, _ = friction(v[i], p[OMEGA_T], p[o + JF_A], p[o + JF_B1], p[o + JF_B2])
+        threshold = p[V_T] if parent[i] == GUIDED else p[OMEGA_T]
+        torque, _ = friction(v[i], threshold, p[o + JF_A], p[o + JF_B1], p[o + JF_B2])
         f[i] = -torque
     for i in range(n):
         m = p[GLOBALS + BODY_SIZE * i + MASS]
         rx = pose[i, POSE_CX] - pose[i, POSE_X]
         ry = pose[i, POSE_CY] - pose[i, POSE_Y]
-        f[i] -= m * g * rx
         w = parent[i]
-        if w >= 0:
+        f[i] -= m * g if w == GUIDED else m * g * rx
+        if w >= 0 and parent[w] == GUIDED:
+            f[w] -= m * (g - ry * v[i] * v[i])
+        elif w >= 0:
             dx = pose[i, POSE_X] - pose[w, POSE_X]
             dy = pose[i, POSE_Y] - pose[w, POSE_Y]
             f[w] -= m * g * (dx + rx)
@@ -128,13 +142,20 @@ def inertia_and_joint_forces(q, v, u, p, tables, pose, f):
         if tables.drive[k, 0] == FORCE_DOWN:
             x, _ = point(pose, i, p[o + DRIVE_X], p[o + DRIVE_Y])
             f[i] -= u * (x - pose[i, POSE_X])
+            if parent[i] >= 0 and parent[parent[i]] == GUIDED:
+                f[parent[i]] -= u
         else:
             f[i] += u
         o += DRIVE_SIZE
+    o = tables.offset[5]
+    for k in range(tables.damper.shape[0]):
+        i = tables.damper[k]
+        f[i] -= p[o] * v[i]
+        o += DAMPER_SIZE
 
 
 @inlined
-def probe_state(v, p, o, a, b, pose):
+def probe_state(v, p, o, a, b, pose, parent):
     """One-sided vertical contact of a tip on A pressing down on a point of B.
 
     Returns penetration (m), its rate (m/s), and the lever arms (m) of the vertical force on A and on B.
@@ -143,7 +164,10 @@ def probe_state(v, p, o, a, b, pose):
     bx, by = point(pose, b, p[o + 2], p[o + 3])
     la = ax - pose[a, POSE_X]
     lb = bx - pose[b, POSE_X]
-    return by - ay, lb * v[b] - la * v[a], la, lb
+    rate = lb * v[b] - la * v[a]
+    if parent[b] >= 0 and parent[parent[b]] == GUIDED:
+        rate += v[parent[b]]
+    return by - ay, rate, la, lb
 
 
 @kernel
@@ -163,11 +187,9 @@ def contact_state(c, v, p, tables, pose):
     slide = 0.0
     for k in range(tables.contact[c, 3]):
         b = tables.chain[c, k]
-        lx = px - pose[b, POSE_X]
-        ly = py - pose[b, POSE_Y]
-        w = tables.side[c, k] * v[b]
-        rate -= w * (lx * ny - ly * nx)
-        slide += w * (lx * nx + ly * ny)
+        gn, gt = along_chain(pose, tables.parent, b, tables.side[c, k], px, py, nx, ny)
+        rate -= gn * v[b]
+        slide += gt * v[b]
     fn, _, _ = felt(x, rate, p[o + K_A], p[o + K_B], p[o + K_C], p[o + DAMP])
     ft = 0.0
     if fn > 0.0 and p[o + MU_A] != 0.0:
@@ -197,11 +219,9 @@ def contact_forces(v, p, tables, pose, f, counters):
         slide = 0.0
         for k in range(count):
             b = tables.chain[c, k]
-            lx = px - pose[b, POSE_X]
-            ly = py - pose[b, POSE_Y]
-            w = tables.side[c, k] * v[b]
-            rate -= w * (lx * ny - ly * nx)
-            slide += w * (lx * nx + ly * ny)
+            gn, gt = along_chain(pose, tables.parent, b, tables.side[c, k], px, py, nx, ny)
+            rate -= gn * v[b]
+            slide += gt * v[b]
         fn, _, _ = felt(x, rate, p[o + K_A], p[o + K_B], p[o + K_C], p[o + DAMP])
         if fn == 0.0:
             continue
@@ -209,23 +229,22 @@ def contact_forces(v, p, tables, pose, f, counters):
         if p[o + MU_A] != 0.0:
             mu, _ = friction(slide, p[V_T], p[o + MU_A], p[o + MU_B1], p[o + MU_B2])
             ft = -mu * fn
-        fx = fn * nx - ft * ny
-        fy = fn * ny + ft * nx
         for k in range(count):
             b = tables.chain[c, k]
-            lx = px - pose[b, POSE_X]
-            ly = py - pose[b, POSE_Y]
-            f[b] += tables.side[c, k] * (lx * fy - ly * fx)
+            gn, gt = along_chain(pose, tables.parent, b, tables.side[c, k], px, py, nx, ny)
+            f[b] += fn * gn + ft * gt
     counters[N_CONTACT] += tables.contact.shape[0]
     counters[N_TOUCHING] += touching
     o = tables.offset[3]
     for k in range(tables.probe.shape[0]):
         a = tables.probe[k, 0]
         b = tables.probe[k, 1]
-        x, rate, la, lb = probe_state(v, p, o, a, b, pose)
+        x, rate, la, lb = probe_state(v, p, o, a, b, pose, tables.parent)
         fn, _, _ = felt(x, rate, p[o + 4], p[o + 5], p[o + 6], p[o + 7])
         f[a] += fn * la
         f[b] -= fn * lb
+        if tables.parent[b] >= 0 and tables.parent[tables.parent[b]] == GUIDED:
+            f[tables.parent[b]] -= fn
         o += PROBE_SIZE
 
 

@@ -11,7 +11,8 @@ from __future__ import annotations
 
 from . import layout as L
 from . import workspace as W
-from .emit_contacts import contact_forces, contact_linearised, probe, sliding_rate
+from .emit_bodies import derivatives, forces, mass, pose, solve_mass
+from .emit_contacts import contact_forces, contact_linearised, probe, second_rates
 from .structure import Structure
 
 _HEAD = '''"""Generated from the structure of a scene by model.kernels.emit; do not edit."""
@@ -27,109 +28,7 @@ from model.kernels.terms import (
 '''
 
 
-def pose(s: Structure) -> list[str]:
-    """Pivot, rotation, turning speed and centre of mass of each body."""
-    out = []
-    for i, w in enumerate(s.parent):
-        px, py = s.body(i, L.PIVOT_X), s.body(i, L.PIVOT_Y)
-        if w < 0:
-            out += [f"x{i} = {px}", f"y{i} = {py}", f"w{i} = v{i}", f"c{i}, s{i} = cosine_sine(q{i})"]
-        else:
-            out += [f"dx{i} = c{w} * {px} - s{w} * {py}", f"dy{i} = s{w} * {px} + c{w} * {py}"]
-            out += [f"x{i} = x{w} + dx{i}", f"y{i} = y{w} + dy{i}", f"w{i} = v{i} + w{w}"]
-            out += [f"c{i}, s{i} = cosine_sine(q{i} + q{w})"]
-        cx, cy = s.body(i, L.COM_X), s.body(i, L.COM_Y)
-        out += [f"rx{i} = c{i} * {cx} - s{i} * {cy}", f"ry{i} = s{i} * {cx} + c{i} * {cy}"]
-    return out
-
-
-def mass(s: Structure) -> list[str]:
-    """Diagonal and child-parent entries of the mass matrix of what is solved for."""
-    out = []
-    for i in range(s.free):
-        out.append(f"md{i} = {s.body(i, L.INERTIA)} + {s.body(i, L.MASS)} * (rx{i} * rx{i} + ry{i} * ry{i})")
-    for i, w in enumerate(s.parent):
-        if w >= 0:
-            m = s.body(i, L.MASS)
-            out += [f"h{i} = {m} * (dx{i} * rx{i} + dy{i} * ry{i})", f"mu{i} = md{i} + h{i}"]
-            out.append(f"md{w} += md{i} + {m} * (dx{i} * dx{i} + dy{i} * dy{i}) + 2.0 * h{i}")
-    return out
-
-
-def _solve_mass(s: Structure) -> list[str]:
-    out = []
-    for i, w in enumerate(s.parent):
-        if w >= 0:
-            out += [f"i{i} = 1.0 / md{i}", f"z{i} = mu{i} * i{i}"]
-    for w in (i for i, up in enumerate(s.parent[: s.free]) if up < 0):
-        top = " ".join([f"f{w}", *(f"- z{i} * f{i}" for i in s.children(w))])
-        bottom = " ".join([f"md{w}", *(f"- z{i} * mu{i}" for i in s.children(w))])
-        out.append(f"a{w} = ({top}) / ({bottom})")
-    for i, w in enumerate(s.parent):
-        if w >= 0:
-            out.append(f"a{i} = f{i} * i{i} - z{i} * a{w}")
-    return out
-
-
-def _forces(s: Structure, slopes: bool) -> list[str]:
-    out = [f"g = p[{L.GRAVITY}]"]
-    for i in range(s.free):
-        law = ", ".join(s.body(i, k) for k in (L.JF_A, L.JF_B1, L.JF_B2))
-        out.append(f"torque, {f'e{i}' if slopes else '_'} = friction(v{i}, p[{L.OMEGA_T}], {law})")
-        out.append(f"f{i} = -torque - {s.body(i, L.MASS)} * g * rx{i}")
-    for i, w in enumerate(s.parent):
-        if w >= 0:
-            m = s.body(i, L.MASS)
-            out += [
-                f"t{i} = {m} * (dy{i} * rx{i} - dx{i} * ry{i})",
-                f"f{w} -= {m} * g * (dx{i} + rx{i}) + t{i} * (2.0 * w{w} + v{i}) * v{i}",
-                f"f{i} += t{i} * w{w} * w{w}",
-            ]
-    for k, i in enumerate(s.spring):
-        o = s.offset[0] + L.SPRING_SIZE * k
-        out.append(f"f{i} += p[{o + L.SPRING_T0}] - p[{o + L.SPRING_K}] * (q{i} - p[{o + L.SPRING_Q0}])")
-    for k, (kind, i) in enumerate(s.drive):
-        o = s.offset[2] + L.DRIVE_SIZE * k
-        if i >= s.free:
-            continue
-        if kind == L.FORCE_DOWN:
-            out.append(f"f{i} -= u * (c{i} * p[{o + L.DRIVE_X}] - s{i} * p[{o + L.DRIVE_Y}])")
-        else:
-            out.append(f"f{i} += u")
-    return out
-
-
-def _derivatives(s: Structure) -> list[str]:
-    """K, D and df/du of everything but contacts, after the accelerations are known."""
-    out = [f"u{i} = 0.0" for i in range(s.free)] + [f"moving = 1.0 - w[{W.STATIC}]"]
-    for i, w in enumerate(s.parent[: s.free]):
-        m = s.body(i, L.MASS)
-        out += [f"d{i}_{i} -= e{i}", f"k{i}_{i} += {m} * g * ry{i}"]
-        if w >= 0:
-            out += [
-                f"k{w}_{w} += {m} * g * (dy{i} + ry{i})",
-                f"k{i}_{w} += {m} * g * ry{i}",
-                f"k{w}_{i} += {m} * g * ry{i} + h{i} * (2.0 * w{w} + v{i}) * v{i}"
-                f" - moving * t{i} * (2.0 * a{w} + a{i})",
-                f"k{i}_{i} -= h{i} * w{w} * w{w} + moving * t{i} * a{w}",
-                f"d{w}_{w} -= 2.0 * t{i} * v{i}",
-                f"d{w}_{i} -= 2.0 * t{i} * (w{w} + v{i})",
-                f"d{i}_{w} += 2.0 * t{i} * w{w}",
-            ]
-    for k, i in enumerate(s.spring):
-        out.append(f"k{i}_{i} -= p[{s.offset[0] + L.SPRING_SIZE * k + L.SPRING_K}]")
-    for k, (kind, i) in enumerate(s.drive):
-        o = s.offset[2] + L.DRIVE_SIZE * k
-        if i >= s.free:
-            continue
-        if kind == L.FORCE_DOWN:
-            x, y = f"p[{o + L.DRIVE_X}]", f"p[{o + L.DRIVE_Y}]"
-            out += [f"u{i} -= c{i} * {x} - s{i} * {y}", f"k{i}_{i} += u * (s{i} * {x} + c{i} * {y})"]
-        else:
-            out.append(f"u{i} += 1.0")
-    # where the key is prescribed the input is the time: df/dt comes through the motion of the key
-    out += [f"u{i} += k{i}_{j} * v{j} + d{i}_{j} * a{j}" for i, j in sorted(s.pattern() - s.square())]
-    return out
+_GUIDE_HEAD = "from model.kernels.terms import lift_of_first, lift_of_second\n"
 
 
 def _prescribed(s: Structure, derivatives: bool) -> list[str]:
@@ -147,14 +46,15 @@ def _prescribed(s: Structure, derivatives: bool) -> list[str]:
 def _linearise(s: Structure) -> list[str]:
     out = [f"q{i} = w[{W.Q + i}]\nv{i} = w[{W.V + i}]" for i in range(s.free)] + _prescribed(s, True)
     out += [f"k{i}_{j} = 0.0\nd{i}_{j} = 0.0" for i, j in sorted(s.pattern())]
-    out += ["touching = 0", *pose(s), *mass(s), *_forces(s, True)]
+    out += ["touching = 0", *pose(s), *mass(s), *forces(s, True)]
+    out += [f"easy{i} = 1.0 / md{i}" for i in range(s.free)]
     rates = []
     for c in s.place:
         out += contact_linearised(s, c)
-        rates += sliding_rate(s, c)
+        rates += second_rates(s, c)
     for k in range(len(s.probe)):
         out += probe(s, k, True)
-    out += [*_solve_mass(s), *_derivatives(s), *rates]
+    out += [*solve_mass(s), *derivatives(s), *rates]
     for i, j in sorted(s.square()):
         out += [f"w[{W.STIFF + W.WIDTH * i + j}] = k{i}_{j}", f"w[{W.DAMP + W.WIDTH * i + j}] = d{i}_{j}"]
     for i in range(s.free):
@@ -223,12 +123,12 @@ def _stage(s: Structure) -> list[str]:
     out += ["exceeded = 0", f"if {far}:", "    mask = 0", "    exceeded = 1"]
     out += [f"q{i} += sq{i}\nv{i} += sv{i}" for i in n]
     out.append("if k > 0:")
-    inner = [*pose(s), *mass(s), *_forces(s, False)]
+    inner = [*pose(s), *mass(s), *forces(s, False)]
     for c in s.place:
         inner += contact_forces(s, c)
     for k in range(len(s.probe)):
         inner += probe(s, k, False)
-    inner += _solve_mass(s)
+    inner += solve_mass(s)
     out += ["    " + line for text in inner for line in text.split("\n")]
     out += ["else:", *(f"    a{i} = w[{W.ACC + i}]" for i in n), "rate = 1.0 / step"]
     out += [f"a{i} += l{i} * rate\nb{i} = v{i} + b{i} * rate" for i in n]
@@ -255,6 +155,7 @@ def emit(tables: L.Tables) -> str:
     """Source of the module that holds the four kernels of a scene with this structure."""
     s = Structure(tables)
     return module(
+        s,
         ("linearise", "w, p, u", _linearise(s)),
         ("prepare", "w, gh", _prepare(s)),
         ("skip", "w, p", _skip(s)),
@@ -262,9 +163,9 @@ def emit(tables: L.Tables) -> str:
     )
 
 
-def module(*functions: tuple[str, str, list[str]]) -> str:
+def module(s: Structure, *functions: tuple[str, str, list[str]]) -> str:
     """Source of a module with these functions: name, arguments, lines."""
-    parts = [_HEAD]
+    parts = [_HEAD, _GUIDE_HEAD] if s.guided else [_HEAD]
     for name, arguments, body in functions:
         lines = [line for text in body for line in text.split("\n")]
         parts.append(f"\n\n@generated({name.upper()})\ndef {name}({arguments}):\n")

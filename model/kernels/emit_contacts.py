@@ -70,6 +70,9 @@ def _rates(s: Structure, c: int) -> list[str]:
     out = [f"r = {_numbers(s, c, L.A_R)[0]} - 0.5 * x", "px = ax - r * nx", "py = ay - r * ny"]
     for k, (b, side) in enumerate(s.chain[c]):
         sign = "" if side > 0 else "-"
+        if b in s.guided:
+            out += [f"gn{k} = {sign}ny", f"gt{k} = {sign}nx"]
+            continue
         x, y = _pivot(s, b)
         out += [f"lx{k} = px - {x}", f"ly{k} = py - {y}"]
         out += [f"gn{k} = {sign}(lx{k} * ny - ly{k} * nx)", f"gt{k} = {sign}(lx{k} * nx + ly{k} * ny)"]
@@ -86,8 +89,10 @@ def _law(s: Structure, c: int) -> str:
 def _push(s: Structure, c: int) -> list[str]:
     out = []
     for k, (b, side) in enumerate(s.chain[c]):
-        if b < s.free:
-            out.append(f"f{b} {'+' if side > 0 else '-'}= lx{k} * fy - ly{k} * fx")
+        if b >= s.free:
+            continue
+        moment = "fy" if b in s.guided else f"lx{k} * fy - ly{k} * fx"
+        out.append(f"f{b} {'+' if side > 0 else '-'}= {moment}")
     return out
 
 
@@ -103,31 +108,53 @@ def contact_forces(s: Structure, c: int) -> list[str]:
 
 
 def contact_linearised(s: Structure, c: int) -> list[str]:
-    """Force and derivatives of contact ``c`` where it touches, its room and closing speed where it does not."""
+    """Force and derivatives of contact ``c`` where it touches; its gap and how fast that changes in any case."""
     chain, at = s.chain[c], s.place[c]
-    slides = [f"slides{k}_{c}" for k in range(len(chain))]
     law = [f"fn, fnx, fnr, mu, mus = contact_laws(x, rate, slide, {_law(s, c)})"]
     law += ["fx = fn * nx + mu * fn * ny", "fy = fn * ny - mu * fn * nx", *_push(s, c), "touching += 1"]
-    law += [f"{name} = gt{k}" for k, name in enumerate(slides)]
-    touch = [*_rates(s, c), *law, f"w[{W.ROOM + at}] = 0.0", f"w[{W.CLOSING + at}] = 0.0", f"w[{W.SLIDE + at}] = slide"]
-    moves = []
-    for b, side in chain:
+    law += [f"turns{k}_{c} = gn{k}" for k in range(len(chain))]
+    law += [f"slides{k}_{c} = gt{k}" for k in range(len(chain))]
+    law += [f"w[{W.ROOM + at}] = 0.0", f"w[{W.GAP + at}] = -x", f"w[{W.GAP_RATE + at}] = -rate"]
+    law += [
+        f"w[{W.SLIDE + at}] = slide",
+        f"w[{W.GRIP + at}] = {_numbers(s, c, L.MU_A)[0]} * fn * {_easiest(s, c, 'gt')}",
+    ]
+    away = _surface(s, c, True)
+    for k, (b, side) in enumerate(chain):
         x, y = _pivot(s, b)
-        moves.append(f"{'-' if side > 0 else '+'} v{b} * ((ax - {x}) * ny - (ay - {y}) * nx)")
-    away = [*_surface(s, c, True), f"w[{W.ROOM + at}] = room", f"w[{W.CLOSING + at}] = " + " ".join(moves)]
+        way = "ny" if b in s.guided else f"((ax - {x}) * ny - (ay - {y}) * nx)"
+        away.append(f"turns{k}_{c} = {'' if side > 0 else '-'}{way}")
+    rate = " + ".join(f"turns{k}_{c} * v{b}" for k, (b, _) in enumerate(chain))
+    stiffness, damping = _numbers(s, c, L.K_C, L.DAMP)
+    away += [f"w[{W.ROOM + at}] = room", f"w[{W.GAP + at}] = room", f"w[{W.GAP_RATE + at}] = {rate}"]
     return [
-        *(f"{name} = 0.0" for name in slides), *_centres(s, c), *_surface(s, c, False),
-        "if x > 0.0:", *_indent([*touch, "if fn > 0.0:", *_indent(_derivatives(s, c))]),
+        *(f"slides{k}_{c} = 0.0" for k in range(len(chain))), *_centres(s, c), *_surface(s, c, False),
+        "if x > 0.0:", *_indent([*_rates(s, c), *law, "if fn > 0.0:", *_indent(_derivatives(s, c))]),
         "else:", *_indent(away),
+        f"w[{W.KICK + at}] = {stiffness} * (1.0 + {damping} * abs(w[{W.GAP_RATE + at}])) * "
+        + _easiest(s, c, "turns", f"_{c}"),
     ]  # fmt: skip
 
 
-def sliding_rate(s: Structure, c: int) -> list[str]:
-    """How fast the sliding speed of contact ``c`` changes, once the accelerations are known."""
-    rate = " + ".join(f"slides{k}_{c} * a{b}" for k, (b, _) in enumerate(s.chain[c]))
+def _easiest(s: Structure, c: int, name: str, end: str = "") -> str:
+    """Text of the largest acceleration of one joint that a unit force along a direction gives."""
+    terms = [f"abs({name}{k}{end}) * easy{b}" for k, (b, _) in enumerate(s.chain[c]) if b < s.free]
+    out = terms[0]
+    for term in terms[1:]:
+        out = f"max({out}, {term})"
+    return out
+
+
+def second_rates(s: Structure, c: int) -> list[str]:
+    """How fast gap rate and sliding speed of contact ``c`` change, once the accelerations are known."""
+    chain = s.chain[c]
+    turn, slide = (" + ".join(f"{n}{k}_{c} * a{b}" for k, (b, _) in enumerate(chain)) for n in ("turns", "slides"))
     rubs = f"{_numbers(s, c, L.MU_A)[0]} != 0.0"
-    at = W.SLIDE_RATE + s.place[c]
-    return [f"w[{at}] = 0.0", f"if {rubs}:", f"    w[{at}] = {rate}"]
+    at = s.place[c]
+    return [
+        f"w[{W.GAP_ACC + at}] = {turn}",
+        f"w[{W.SLIDE_RATE + at}] = 0.0", f"if {rubs}:", f"    w[{W.SLIDE_RATE + at}] = {slide}",
+    ]  # fmt: skip
 
 
 def _derivatives(s: Structure, c: int) -> list[str]:
@@ -137,10 +164,18 @@ def _derivatives(s: Structure, c: int) -> list[str]:
     for j, (cj, side) in enumerate(chain):
         qx, qy = _pivot(s, cj)
         what, centre = ("first", "a") if side > 0 else ("second", "b")
-        out.append(f"kappa, xx, xy = turn_of_{what}({centre}x, {centre}y, {qx}, {qy}, nx, ny, distance, r, -gn{j})")
+        if cj in s.guided:
+            out.append(f"kappa, xx, xy = lift_of_{what}(nx, ny, distance, r, -gn{j})")
+        else:
+            out.append(f"kappa, xx, xy = turn_of_{what}({centre}x, {centre}y, {qx}, {qy}, nx, ny, distance, r, -gn{j})")
         for k, (b, sk) in enumerate(chain):
+            if b in s.guided:
+                out += [f"dn{k} = {float(sk)} * kappa * nx", f"dt{k} = {float(-sk)} * kappa * ny"]
+                continue
             bx, by = _pivot(s, b)
             mx, my = (f"xx + ({by} - {qy})", f"xy - ({bx} - {qx})") if s.parent[b] == cj else ("xx", "xy")
+            if s.parent[b] == cj and cj in s.guided:
+                mx, my = "xx", "xy - 1.0"
             out.append(f"dn{k}, dt{k} = turn_of_arm({float(sk)}, {mx}, {my}, nx, ny, kappa, lx{k}, ly{k})")
         rate = " + ".join(f"dn{k} * v{b}" for k, (b, _) in enumerate(chain))
         slide = " + ".join(f"dt{k} * v{b}" for k, (b, _) in enumerate(chain))
@@ -155,24 +190,39 @@ def _derivatives(s: Structure, c: int) -> list[str]:
 
 
 def probe(s: Structure, k: int, derivatives: bool) -> list[str]:
-    """One-sided vertical contact of a tip on A with a point of B, both hanging from ground."""
+    """One-sided vertical contact of a tip on A with a point of B, both hanging from ground or B from a guide."""
     a, b = s.probe[k]
+    guide = s.guide(b)
     o = s.offset[3] + L.PROBE_SIZE * k
     numbers = [f"p[{o + i}]" for i in range(L.PROBE_SIZE)]
     ax, ay = _along(a, *numbers[0:2])
     bx, by = _along(b, *numbers[2:4])
     out = [f"la = {ax}", f"ha = {ay}", f"lb = {bx}", f"hb = {by}"]
-    out.append(f"fn, fnx, fnr = felt(y{b} + hb - y{a} - ha, lb * v{b} - la * v{a}, {', '.join(numbers[4:8])})")
+    out.append(f"fn, fnx, fnr = felt(y{b} + hb - y{a} - ha, {_closing(s, k)}, {', '.join(numbers[4:8])})")
+    lifts = [] if guide < 0 else [f"f{guide} -= fn"]
     if not derivatives:
-        return [*out, f"f{a} += fn * la", f"f{b} -= fn * lb"]
+        return [*out, f"f{a} += fn * la", f"f{b} -= fn * lb", *lifts]
+    if guide >= 0:
+        lifts += [
+            f"k{a}_{guide} += fnx * la", f"k{b}_{guide} -= fnx * lb", f"k{guide}_{guide} -= fnx",
+            f"k{guide}_{a} += fnx * la - fnr * ha * v{a}", f"k{guide}_{b} -= fnx * lb - fnr * hb * v{b}",
+            f"d{a}_{guide} += fnr * la", f"d{b}_{guide} -= fnr * lb", f"d{guide}_{guide} -= fnr",
+            f"d{guide}_{a} += fnr * la", f"d{guide}_{b} -= fnr * lb",
+        ]  # fmt: skip
     return [
         *out, f"f{a} += fn * la", f"f{b} -= fn * lb",
         f"fqa = -fnx * la + fnr * ha * v{a}", f"fqb = fnx * lb - fnr * hb * v{b}",
         f"k{a}_{a} += fqa * la - fn * ha", f"k{a}_{b} += fqb * la",
         f"k{b}_{a} -= fqa * lb", f"k{b}_{b} += -fqb * lb + fn * hb",
         f"d{a}_{a} -= fnr * la * la", f"d{a}_{b} += fnr * lb * la",
-        f"d{b}_{a} += fnr * la * lb", f"d{b}_{b} -= fnr * lb * lb",
+        f"d{b}_{a} += fnr * la * lb", f"d{b}_{b} -= fnr * lb * lb", *lifts,
     ]  # fmt: skip
+
+
+def _closing(s: Structure, k: int) -> str:
+    """Rate of penetration of a probe."""
+    a, b = s.probe[k]
+    return f"lb * v{b} - la * v{a}" + (f" + v{s.guide(b)}" if s.guide(b) >= 0 else "")
 
 
 def contact_energy(s: Structure, c: int) -> list[str]:
@@ -180,7 +230,8 @@ def contact_energy(s: Structure, c: int) -> list[str]:
     stiffness = ", ".join(_numbers(s, c, L.K_A, L.K_B, L.K_C))
     touch = [
         *_rates(s, c), f"fn, _, _, mu, _ = contact_laws(x, rate, slide, {_law(s, c)})",
-        f"stored, lost = felt_energy(x, rate, fn, {stiffness})", "energy += stored", "felt_loss += lost",
+        f"stored, lost = felt_energy(x, rate, fn, {stiffness})", "energy += stored",
+        "rail_loss += lost" if c in s.rail else "felt_loss += lost",
         "friction_loss += mu * fn * slide",
     ]  # fmt: skip
     return [*_centres(s, c), *_surface(s, c, False), "if x > 0.0:", *_indent(touch)]
@@ -190,11 +241,9 @@ def probe_energy(s: Structure, k: int) -> list[str]:
     """Elastic energy and losses of a probe."""
     a, b = s.probe[k]
     o = s.offset[3] + L.PROBE_SIZE * k
-    out = [
-        line for line in probe(s, k, False) if not line.startswith("f" + str(a)) and not line.startswith("f" + str(b))
-    ]
+    out = [line for line in probe(s, k, False) if line.split(" ")[0] not in {f"f{i}" for i in (a, b, s.guide(b))}]
     touch = [
-        f"stored, lost = felt_energy(x, lb * v{b} - la * v{a}, fn, p[{o + 4}], p[{o + 5}], p[{o + 6}])",
+        f"stored, lost = felt_energy(x, {_closing(s, k)}, fn, p[{o + 4}], p[{o + 5}], p[{o + 6}])",
         "energy += stored", "felt_loss += lost",
     ]  # fmt: skip
     return [*out, f"x = y{b} + hb - y{a} - ha", "if x > 0.0:", *_indent(touch)]

@@ -7,7 +7,8 @@ from __future__ import annotations
 
 from . import layout as L
 from . import workspace as W
-from .emit import mass, module, pose
+from .emit import module
+from .emit_bodies import mass, pose
 from .emit_contacts import contact_energy, probe_energy
 from .structure import Structure
 
@@ -25,8 +26,14 @@ def emit_energy(tables: L.Tables) -> str:
         "joints = 0.0",
         "given = 0.0",
     ]
+    if s.guided:
+        out.append("rail_loss = 0.0")
     for i, w in enumerate(s.parent):
         law = ", ".join(s.body(i, k) for k in (L.JF_A, L.JF_B1, L.JF_B2))
+        if i in s.guided:
+            out += [f"force, _ = friction(v{i}, p[{L.V_T}], {law})", f"rail_loss += force * v{i}"]
+            out.append(f"energy += 0.5 * md{i} * v{i} * v{i}")
+            continue
         out += [f"torque, _ = friction(v{i}, p[{L.OMEGA_T}], {law})", f"joints += torque * v{i}"]
         out.append(f"energy += 0.5 * md{i} * v{i} * v{i} + {s.body(i, L.MASS)} * p[{L.GRAVITY}] * (y{i} + ry{i})")
         if w >= 0:
@@ -40,11 +47,19 @@ def emit_energy(tables: L.Tables) -> str:
     for k, (kind, i) in enumerate(s.drive):
         o = s.offset[2] + L.DRIVE_SIZE * k
         arm = f"(c{i} * p[{o + L.DRIVE_X}] - s{i} * p[{o + L.DRIVE_Y}])"
+        if kind == L.FORCE_DOWN and s.guide(i) >= 0:
+            out.append(f"given -= u * v{s.guide(i)}")
         out.append(f"given -= u * {arm} * v{i}" if kind == L.FORCE_DOWN else f"given += u * v{i}")
     for c in range(len(s.contact)):
         out += contact_energy(s, c)
     for k in range(len(s.probe)):
         out += probe_energy(s, k)
     names = {W.ENERGY: "energy", W.POWER_IN: "given", W.POWER_FELT: "felt_loss", W.POWER_FRICTION: "friction_loss"}
+    if s.guided:
+        names[W.POWER_RAIL] = "rail_loss"
+    if s.damper:
+        names[W.POWER_SHANK] = " + ".join(
+            f"p[{s.offset[5] + L.DAMPER_SIZE * k}] * v{i} * v{i}" for k, i in enumerate(s.damper)
+        )
     out += [f"w[{at}] = {name}" for at, name in names.items()]
-    return module(("energy", "w, p, u", [*out, f"w[{W.POWER_JOINTS}] = joints", "return 0"]))
+    return module(s, ("energy", "w, p, u", [*out, f"w[{W.POWER_JOINTS}] = joints", "return 0"]))

@@ -54,9 +54,9 @@ def constant_until(t, k, t_end, table_t, table_u, held):
 def fit_to_input(t, step, u0, k, table_t, table_u, w, n, tolerance_q, tolerance_v):
     """Shorten ``step`` so that no kink of the table inside it can do harm.
 
-    A kink of strength s, a distance r from the nearer end of the step, bends the speed by at most
-    |f_u| / M * s r^2 / 2. Where too much of that would be lost the step ends at the kink. Many weak kinks add up
-    to a departure from the chord, which is bounded likewise.
+    A kink of strength s, a time r before the end of the step, which began with the slope before it, bends the
+    speed by at most |f_u| / M * s r^2 / 2. Where too much of that would be lost the step ends at the kink. Many weak
+    kinks add up to a departure from the chord, which is bounded likewise.
     """
     gain = 0.0
     for i in range(n):
@@ -72,7 +72,7 @@ def fit_to_input(t, step, u0, k, table_t, table_u, w, n, tolerance_q, tolerance_
         while j < last and table_t[j] < end:
             before = (table_u[j] - table_u[j - 1]) / (table_t[j] - table_t[j - 1])
             after = (table_u[j + 1] - table_u[j]) / (table_t[j + 1] - table_t[j])
-            reach = min(table_t[j] - t, end - table_t[j])
+            reach = end - table_t[j]
             if gain * abs(after - before) * reach * reach > tolerance_v and table_t[j] - t > 1e-9:
                 return table_t[j] - t
             bend = max(bend, abs(table_u[j] - (u0 + (u1 - u0) * (table_t[j] - t) / step)))

@@ -8,18 +8,20 @@ Every derivative rests on one rule: turning coordinate b moves a point X that ha
 
 from .compile import kernel
 from .dynamics import probe_state
-from .kinematics import contact_offset, gap_geometry, point
+from .kinematics import along_chain, contact_offset, gap_geometry, point
 from .laws import felt, friction
 from .layout import (
     A_R,
     BODY_SIZE,
     DAMP,
+    DAMPER_SIZE,
     DRIVE_SIZE,
     DRIVE_X,
     DRIVE_Y,
     FORCE_DOWN,
     GLOBALS,
     GRAVITY,
+    GUIDED,
     JF_A,
     JF_B1,
     JF_B2,
@@ -56,15 +58,22 @@ def inertia_and_joints(v, u, a, p, tables, pose, stiff, damp, f_u):
             damp[i, j] = 0.0
     for i in range(n):
         o = GLOBALS + BODY_SIZE * i
-        _, slope = friction(v[i], p[OMEGA_T], p[o + JF_A], p[o + JF_B1], p[o + JF_B2])
+        threshold = p[V_T] if parent[i] == GUIDED else p[OMEGA_T]
+        _, slope = friction(v[i], threshold, p[o + JF_A], p[o + JF_B1], p[o + JF_B2])
         damp[i, i] -= slope
         m = p[o + MASS]
         rx = pose[i, POSE_CX] - pose[i, POSE_X]
         ry = pose[i, POSE_CY] - pose[i, POSE_Y]
         own = m * g * ry
-        stiff[i, i] += own
         w = parent[i]
-        if w >= 0:
+        if w == GUIDED:
+            continue
+        stiff[i, i] += own
+        if w >= 0 and parent[w] == GUIDED:
+            stiff[w, i] += m * rx * v[i] * v[i] + m * ry * a[i]
+            stiff[i, i] += m * ry * a[w]
+            damp[w, i] += 2.0 * m * ry * v[i]
+        elif w >= 0:
             dx = pose[i, POSE_X] - pose[w, POSE_X]
             dy = pose[i, POSE_Y] - pose[w, POSE_Y]
             stiff[w, w] += m * g * (dy + ry)
@@ -94,9 +103,15 @@ def inertia_and_joints(v, u, a, p, tables, pose, stiff, damp, f_u):
             x, y = point(pose, i, p[o + DRIVE_X], p[o + DRIVE_Y])
             f_u[i] -= x - pose[i, POSE_X]
             stiff[i, i] += u * (y - pose[i, POSE_Y])
+            if parent[i] >= 0 and parent[parent[i]] == GUIDED:
+                f_u[parent[i]] -= 1.0
         else:
             f_u[i] += 1.0
         o += DRIVE_SIZE
+    o = tables.offset[5]
+    for k in range(tables.damper.shape[0]):
+        damp[tables.damper[k], tables.damper[k]] -= p[o]
+        o += DAMPER_SIZE
 
 
 @kernel
@@ -121,11 +136,7 @@ def contacts(v, p, tables, pose, work, stiff, damp):
         slide = 0.0
         for k in range(count):
             b = tables.chain[c, k]
-            lx = px - pose[b, POSE_X]
-            ly = py - pose[b, POSE_Y]
-            s = tables.side[c, k]
-            gn[k] = s * (lx * ny - ly * nx)
-            gt[k] = s * (lx * nx + ly * ny)
+            gn[k], gt[k] = along_chain(pose, tables.parent, b, tables.side[c, k], px, py, nx, ny)
             rate -= gn[k] * v[b]
             slide += gt[k] * v[b]
         fn, fn_x, fn_rate = felt(x, rate, p[o + K_A], p[o + K_B], p[o + K_C], p[o + DAMP])
@@ -142,7 +153,16 @@ def contacts(v, p, tables, pose, work, stiff, damp):
             s = tables.side[c, j]
             x_j = -gn[j]
             # velocity of the circle's centre and turning rate kappa of the normal (n_j = kappa t)
-            if s > 0:
+            lifts = tables.parent[cj] == GUIDED
+            if s > 0 and lifts:
+                vx = 0.0
+                vy = 1.0
+                kappa = 0.0 if distance == 0.0 else nx / distance
+            elif lifts:
+                vx = 0.0
+                vy = 0.0
+                kappa = 0.0 if distance == 0.0 else -nx / distance
+            elif s > 0:
                 vx = -(ay - qy)
                 vy = ax - qx
                 kappa = 0.0 if distance == 0.0 else (nx * vy - ny * vx) / distance
@@ -160,14 +180,20 @@ def contacts(v, p, tables, pose, work, stiff, damp):
                 b = tables.chain[c, k]
                 mx = xx
                 my = xy
-                if tables.ancestor[b, cj] == 1:
+                if tables.ancestor[b, cj] == 1 and lifts:
+                    my -= 1.0
+                elif tables.ancestor[b, cj] == 1:
                     mx += pose[b, POSE_Y] - qy
                     my -= pose[b, POSE_X] - qx
                 lx = px - pose[b, POSE_X]
                 ly = py - pose[b, POSE_Y]
                 sk = tables.side[c, k]
-                dn[k] = sk * (mx * ny - my * nx + kappa * (lx * nx + ly * ny))
-                dt[k] = sk * (mx * nx + my * ny - kappa * (lx * ny - ly * nx))
+                if tables.parent[b] == GUIDED:
+                    dn[k] = sk * kappa * nx
+                    dt[k] = -sk * kappa * ny
+                else:
+                    dn[k] = sk * (mx * ny - my * nx + kappa * (lx * nx + ly * ny))
+                    dt[k] = sk * (mx * nx + my * ny - kappa * (lx * ny - ly * nx))
                 rate_j -= dn[k] * v[b]
                 slide_j += dt[k] * v[b]
             fn_j = fn_x * x_j + fn_rate * rate_j
@@ -183,7 +209,7 @@ def contacts(v, p, tables, pose, work, stiff, damp):
     for k in range(tables.probe.shape[0]):
         a = tables.probe[k, 0]
         b = tables.probe[k, 1]
-        x, rate, la, lb = probe_state(v, p, o, a, b, pose)
+        x, rate, la, lb = probe_state(v, p, o, a, b, pose, tables.parent)
         fn, fn_x, fn_rate = felt(x, rate, p[o + 4], p[o + 5], p[o + 6], p[o + 7])
         if fn > 0.0:
             _, ay = point(pose, a, p[o], p[o + 1])
@@ -200,6 +226,18 @@ def contacts(v, p, tables, pose, work, stiff, damp):
             damp[a, b] += fn_rate * lb * la
             damp[b, a] += fn_rate * la * lb
             damp[b, b] -= fn_rate * lb * lb
+            w = tables.parent[b]
+            if w >= 0 and tables.parent[w] == GUIDED:  # b rises with the guide it hangs from
+                stiff[a, w] += fn_x * la
+                stiff[b, w] -= fn_x * lb
+                stiff[w, a] -= fn_qa
+                stiff[w, b] -= fn_qb
+                stiff[w, w] -= fn_x
+                damp[a, w] += fn_rate * la
+                damp[b, w] -= fn_rate * lb
+                damp[w, a] += fn_rate * la
+                damp[w, b] -= fn_rate * lb
+                damp[w, w] -= fn_rate
         o += PROBE_SIZE
 
 

@@ -22,6 +22,7 @@ from .layout import (
     E_X,
     E_Y,
     GLOBALS,
+    GUIDED,
     LINE,
     N_X,
     N_Y,
@@ -41,12 +42,21 @@ from .layout import (
 @inlined
 def place(q, v, p, parent, pose):
     """Fill ``pose`` (n, POSE_SIZE): pivot, orientation, centre of mass and angular speed of each body."""
-    for i in range(q.shape[0]):
-        o = GLOBALS + BODY_SIZE * i
+    n = q.shape[0]
+    for turn in range(2 * n):  # what hangs from the ground first
+        i = turn % n
         w = parent[i]
+        if (w >= 0) != (turn >= n):
+            continue
+        o = GLOBALS + BODY_SIZE * i
         px = p[o + PIVOT_X]
         py = p[o + PIVOT_Y]
-        if w < 0:
+        if w == GUIDED:
+            phi = 0.0
+            omega = 0.0
+            x = px
+            y = py + q[i]
+        elif w < 0:
             phi = q[i]
             omega = v[i]
             x = px
@@ -125,6 +135,16 @@ def gap_geometry(pose, p, o, body_a, body_b, shape):
             return r + rho - gap_end, ex, ey, ax, ay, bx, by, 0.0
     distance = sqrt(ux * ux + uy * uy)
     return r + rho - distance, ux / distance, uy / distance, ax, ay, bx, by, distance
+
+
+@inlined
+def along_chain(pose, parent, b, side, px, py, nx, ny):
+    """Generalised direction on coordinate ``b`` of a force at (px, py): along the normal and along t = z x n."""
+    if parent[b] == GUIDED:
+        return side * ny, side * nx
+    lx = px - pose[b, POSE_X]
+    ly = py - pose[b, POSE_Y]
+    return side * (lx * ny - ly * nx), side * (lx * nx + ly * ny)
 
 
 @inlined

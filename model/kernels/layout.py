@@ -2,13 +2,17 @@
 
 The scene packs both; a kernel finds a value by the constants below. Integers describe structure (which
 body, which shape), floats describe values, so that a changed value never compiles or reorders anything.
-Every coordinate is the angle of one body's revolute joint; body index = coordinate index; a parent comes
-before its children and has no parent of its own (two levels: enough for action, motor arm, flexible shank).
+Every coordinate is the angle of one body's revolute joint, or the height (m) of a vertical guide without mass that
+carries a body; body index = coordinate index; a parent has no parent of its own (two levels: enough for action, motor
+arm, flexible shank, a key that lifts).
 """
 
 from typing import NamedTuple
 
 import numpy as np
+
+# parents that are no body: a joint fixed to the ground, and the ground under a vertical guide
+GROUND, GUIDED = -1, -2
 
 # shapes of the second surface of a contact
 CIRCLE, LINE, HYBRID = 0, 1, 2
@@ -41,6 +45,9 @@ DRIVE_SIZE = 2
 # per probe (one-sided vertical contact between a point of body A and a point of body B)
 PROBE_SIZE = 8  # A x, A y, B x, B y, a, b, c, D
 
+# per damper: torque on the joint = -d v
+DAMPER_SIZE = 1
+
 # columns of the pose table of bodies, world frame
 POSE_X, POSE_Y, POSE_C, POSE_S, POSE_PHI, POSE_CX, POSE_CY, POSE_OMEGA = range(8)
 POSE_SIZE = 8
@@ -64,7 +71,7 @@ COUNTERS = (
 class Tables(NamedTuple):
     """Structure of a scene, int64 arrays (n = coordinates, c = contacts, s = springs, d = drives, b = probes)."""
 
-    parent: np.ndarray  # (n,) index of the parent body, -1 for ground
+    parent: np.ndarray  # (n,) index of the parent body, GROUND, or GUIDED for a vertical guide
     ancestor: np.ndarray  # (n, n) 1 where the column's joint is a strict ancestor of the row's
     spring: np.ndarray  # (s,) body of each spring
     contact: np.ndarray  # (c, 4) body A, body B (-1 ground), shape of B, length of the chain
@@ -72,5 +79,7 @@ class Tables(NamedTuple):
     side: np.ndarray  # (c, MAX_CHAIN) +1 where the coordinate moves A, -1 where it moves B
     drive: np.ndarray  # (d, 2) kind, body
     probe: np.ndarray  # (b, 2) body A, body B; both hang from ground
-    offset: np.ndarray  # (5,) where springs, contacts, drives, probes and the prescribed motion start in p
+    offset: np.ndarray  # (6,) where springs, contacts, drives, probes, the prescribed motion and dampers start in p
     prescribed: np.ndarray  # (n,) 1 where a coordinate follows the motion in p; such come last and carry no other body
+    damper: np.ndarray  # (k,) body of each damper
+    rail: np.ndarray  # (0,) or (1,) contact on which a guided body rests

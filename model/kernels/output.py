@@ -48,7 +48,7 @@ def probe_forces_along(q, v, p, tables, force):
         place(q[k], v[k], p, tables.parent, pose)
         o = tables.offset[3]
         for b in range(tables.probe.shape[0]):
-            x, rate, _, _ = probe_state(v[k], p, o, tables.probe[b, 0], tables.probe[b, 1], pose)
+            x, rate, _, _ = probe_state(v[k], p, o, tables.probe[b, 0], tables.probe[b, 1], pose, tables.parent)
             fn, _, _ = felt(x, rate, p[o + 4], p[o + 5], p[o + 6], p[o + 7])
             force[k, b] = fn
             o += PROBE_SIZE

@@ -12,6 +12,7 @@ import importlib.util
 import os
 import sys
 import tempfile
+import threading
 from pathlib import Path
 from types import ModuleType
 from typing import Any, NamedTuple
@@ -33,7 +34,9 @@ class Kernels(NamedTuple):
 
 _loaded: dict[bytes, Kernels] = {}
 _energies: dict[bytes, Any] = {}
-COMPILED = {"scenes": 0}  # how often source was turned into machine code or fetched from disk in this process
+# structures whose kernels this process has loaded, and how many of them it had to compile for that; values never do
+COMPILED = {"scenes": 0, "compiled": 0}
+_alone = threading.RLock()  # threads that start at once load or compile a structure once, not each for itself
 
 
 def _write(path: Path, text: str) -> None:
@@ -69,7 +72,9 @@ def energy_of(tables: Tables) -> Any:
     """Kernel of the energy audit of a structure; compiled only when a run asks for it."""
     key = _key(tables)
     if key not in _energies:
-        _energies[key] = _load(emit_energy(tables)).energy
+        with _alone:
+            if key not in _energies:
+                _energies[key] = _load(emit_energy(tables)).energy
     return _energies[key]
 
 
@@ -77,7 +82,11 @@ def kernels_of(tables: Tables) -> Kernels:
     """Kernels of the structure in ``tables``: from memory, from the disk cache, or compiled (a few seconds, once)."""
     key = _key(tables)
     if key not in _loaded:
-        module = _load(emit(tables))
-        _loaded[key] = Kernels(module.linearise, module.prepare, module.skip, module.stage)
-        COMPILED["scenes"] += 1
+        with _alone:
+            if key not in _loaded:
+                module = _load(emit(tables))
+                kernels = Kernels(module.linearise, module.prepare, module.skip, module.stage)
+                COMPILED["scenes"] += 1
+                COMPILED["compiled"] += not all(k.stats.cache_hits for k in kernels)
+                _loaded[key] = kernels
     return _loaded[key]

@@ -33,6 +33,20 @@ class Structure:
         self.free = self.n - int(tables.prescribed.sum())  # coordinates that are solved for; prescribed ones follow
         # contacts that can push a free coordinate, by their place in masks and rooms; the others are left out
         self.place = {c: k for k, c in enumerate(solved_contacts(tables))}
+        self.damper = [int(i) for i in tables.damper]
+        self.rail = [int(c) for c in tables.rail]
+        self.guided = {i for i, w in enumerate(self.parent) if w == L.GUIDED}
+
+    def order(self) -> list[int]:
+        """Bodies, each after its parent."""
+        out: list[int] = []
+        for i, w in enumerate(self.parent):
+            out += [k for k in (w, i) if k >= 0 and k not in out]
+        return out
+
+    def guide(self, body: int) -> int:
+        """The vertical guide that carries ``body``, or -1."""
+        return self.parent[body] if self.parent[body] in self.guided else -1
 
     def children(self, body: int) -> list[int]:
         """Bodies that hang from ``body``."""
@@ -51,7 +65,8 @@ class Structure:
         for chain in self.chain:
             out |= {(i, j) for i, _ in chain for j, _ in chain if i < self.free}
         for a, b in self.probe:
-            out |= {(a, b), (b, a)}
+            ends = [i for i in (a, b, self.guide(b)) if i >= 0]
+            out |= {(i, j) for i in ends for j in ends}
         return out
 
     def square(self) -> set[tuple[int, int]]:

@@ -154,6 +154,24 @@ def turn_of_second(bx, by, qx, qy, nx, ny, distance, r, x_j):
 
 
 @inlined
+def lift_of_first(nx, ny, distance, r, x_j):
+    """The same when a vertical guide lifts body A."""
+    kappa = 0.0
+    if distance != 0.0:
+        kappa = nx / distance
+    return kappa, 0.5 * x_j * nx + r * kappa * ny, 1.0 + 0.5 * x_j * ny - r * kappa * nx
+
+
+@inlined
+def lift_of_second(nx, ny, distance, r, x_j):
+    """The same when a vertical guide lifts body B."""
+    kappa = 0.0
+    if distance != 0.0:
+        kappa = -nx / distance
+    return kappa, 0.5 * x_j * nx + r * kappa * ny, 0.5 * x_j * ny - r * kappa * nx
+
+
+@inlined
 def turn_of_arm(side, mx, my, nx, ny, kappa, lx, ly):
     """Change of a joint's generalised normal and tangential direction when its arm moves by (mx, my)."""
     return (

@@ -14,13 +14,19 @@ STIFF = 9 * WIDTH  # (WIDTH, WIDTH) K = df/dq - (dM/dq) a
 DAMP = STIFF + WIDTH * WIDTH  # (WIDTH, WIDTH) D = df/dv
 LU = DAMP + WIDTH * WIDTH  # (WIDTH, WIDTH) factors; the diagonal holds reciprocals
 ROOM = LU + WIDTH * WIDTH  # (MAX_CONTACTS,) distance the surfaces can approach before they may touch; 0 = touching
-CLOSING = ROOM + MAX_CONTACTS  # (MAX_CONTACTS,) speed at which an open gap closes, m/s
-SLIDE = CLOSING + MAX_CONTACTS  # (MAX_CONTACTS,) sliding speed of touching contacts with friction, m/s
+GAP = ROOM + MAX_CONTACTS  # (MAX_CONTACTS,) the room, or minus the penetration where surfaces touch, m
+GAP_RATE = GAP + MAX_CONTACTS  # (MAX_CONTACTS,) its rate, m/s
+GAP_ACC = GAP_RATE + MAX_CONTACTS  # (MAX_CONTACTS,) and the rate of that, m/s^2, joints' accelerations only
+KICK = GAP_ACC + MAX_CONTACTS  # (MAX_CONTACTS,) jump of a joint's acceleration per m that felt is pressed in, 1/(m s^2)
+SLIDE = KICK + MAX_CONTACTS  # (MAX_CONTACTS,) sliding speed of touching contacts with friction, m/s
 SLIDE_RATE = SLIDE + MAX_CONTACTS  # (MAX_CONTACTS,) and its rate, m/s^2, joints' accelerations only
-U = SLIDE_RATE + MAX_CONTACTS  # (MAX_STAGES, 2, WIDTH) stages: angle part, speed part
+GRIP = SLIDE_RATE + MAX_CONTACTS  # (MAX_CONTACTS,) acceleration of a joint by full friction, rad/s^2
+U = GRIP + MAX_CONTACTS  # (MAX_STAGES, 2, WIDTH) stages: angle part, speed part
 AUDIT_Q = U + MAX_STAGES * 2 * WIDTH  # state at which energies and powers are asked for
 AUDIT_V = AUDIT_Q + WIDTH
-ENERGY, POWER_IN, POWER_FELT, POWER_FRICTION, POWER_JOINTS = range(AUDIT_V + WIDTH, AUDIT_V + WIDTH + 5)  # J, W
+ENERGY, POWER_IN, POWER_FELT, POWER_FRICTION, POWER_JOINTS, POWER_RAIL, POWER_SHANK = range(
+    AUDIT_V + WIDTH, AUDIT_V + WIDTH + 7
+)  # J, W; the last two only where a scene has the effect
 STATIC = ENERGY + WIDTH  # 1 leaves (dM/dq) a out of K, for statics
 PIECE = STATIC + 1  # piece of the prescribed motion found last
 SIZE = STATIC + WIDTH

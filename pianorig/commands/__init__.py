@@ -18,7 +18,6 @@ NAMES = (
     "calibrate-felt",
     "validate",
     "serve-sim",
-    "selftest",
     "info",
 )
 

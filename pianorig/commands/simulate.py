@@ -15,8 +15,14 @@ if TYPE_CHECKING:
 
 
 def command(
-    force: Annotated[Path, typer.Option("--force", help="CSV file with the columns time_s,force_n.")],
     out: Annotated[Path, typer.Option("--out", help="File to write: .csv or .h5.")],
+    force: Annotated[
+        Path | None, typer.Option("--force", help="CSV file with the columns time_s,force_n: the motion is the answer.")
+    ] = None,
+    key_motion: Annotated[
+        Path | None,
+        typer.Option("--key-motion", help="CSV file with the columns time_s,key_rad: the force is the answer."),
+    ] = None,
     action: Annotated[str, typer.Option("--action", help="Built-in action or a TOML file.")] = "hirschkorn2004",
     set_: Annotated[
         list[str] | None, typer.Option("--set", help="Parameter to change, path=value; may be repeated.")
@@ -43,18 +49,35 @@ def command(
     method: Annotated[str, typer.Option("--method", help="Integration method.")] = "rodas4p",
     as_json: Annotated[bool, typer.Option("--json", help="Print a JSON summary.")] = False,
 ) -> None:
-    """Predict all five bodies under a force on the key.
+    """Predict all five bodies under a force on the key, or the force that a measured motion of the key takes.
 
     Example:  pianorig simulate --force forte.csv --set contact04.friction=0 --inside --out forte_angles.csv
     """
     import model
 
+    from ..errors import InputError
+    from ..motion_driving import drive_by_motion
     from ..output import check_writable, print_json, write_columns
     from ..settings import load_changed
 
     if out.suffix in (".csv", ".h5"):
         check_writable(out)
     chosen = load_changed(action, set_, scale)
+    if key_motion is not None:
+        drive_by_motion(
+            chosen,
+            key_motion,
+            out,
+            also=[name for name, given in (("--force", force), ("--forces", forces), ("--inside", inside)) if given],
+            tolerance=tolerance,
+            output_rate=output_rate,
+            scene=scene,
+            method=method,
+            as_json=as_json,
+        )
+        return
+    if force is None:
+        raise InputError("simulate: found neither --force nor --key-motion; give one of them")
     times, values = model.read_force_table(force)
     outputs = None if output_rate is None else model.output_times(times[0], times[-1], output_rate)
     solution = model.simulate(

@@ -4,8 +4,8 @@ channel, real client.
 ``sim://?bench=PATH&seed=3&clock=real`` : ``bench`` is a bench file (default: the built-in one), ``seed``
 overrides its seed, ``clock`` is
 ``virtual`` (default), ``real``, or a speed such as ``10``; ``fault`` plants faults
-(:mod:`rig.simulated.faults`); ``hand=yes`` lets the operator's hand act when a self-test asks
-for it. The device takes product and name from the rig file.
+(:mod:`rig.simulated.faults`); ``effects=balance_rail,shank`` lets the specimen's key lift and its shank bend
+(`model.effects`). The device takes product and name from the rig file.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from rig.simulated.service import Service
 from rig.simulated.wiring import WIRING_OF_PRODUCT, Wiring
 
 DEFAULT_BENCH = Path(__file__).parent / "bench.toml"
-OPTIONS = ("bench", "seed", "clock", "fault", "hand")
+OPTIONS = ("bench", "seed", "clock", "fault", "effects")
 
 
 class SimulatedBackend(NidaqmxBackend):
@@ -77,16 +77,17 @@ def open_backend(url: str, config: RigConfig) -> SimulatedBackend:
     sensors = load_sensors(bench, seed=seed)
     from rig.simulated.plant import load_plant  # here: only this path needs the model and its kernels
 
-    plant = load_plant(bench, seed=seed, sample_rate_hz=config.device.sample_rate_hz)
+    effects = [name for name in options.get("effects", "").split(",") if name]
+    plant = load_plant(bench, seed=seed, sample_rate_hz=config.device.sample_rate_hz, effects=effects)
     device = build_device(config, plant, sensors, clock=clock)
     device.faults = FaultPlan(faults)
-    device.bench.hand = _hand(url, options.get("hand", "no"))
     backend = SimulatedBackend(
         device,
         {
             "bench": bench.name,
             "bench_sha256": sha256_of_file(bench),
             "seed": str(sensors.seed),
+            **({"specimen_effects": ", ".join(effects)} if effects else {}),
         },
     )
     backend.identify(config)
@@ -110,12 +111,6 @@ def _seed(url: str, text: str | None) -> int | None:
     if not (text.isascii() and text.isdigit()):
         raise InputError(f"{url}: seed = {text!r}, allowed a whole number from 0")
     return int(text)
-
-
-def _hand(url: str, text: str) -> bool:
-    if text not in ("yes", "no"):
-        raise InputError(f"{url}: hand = {text!r}, allowed yes or no")
-    return text == "yes"
 
 
 def _clock(url: str, text: str) -> Clock:

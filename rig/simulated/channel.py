@@ -1,18 +1,17 @@
 """A ``grpc.Channel`` that dispatches in process: the real client on the virtual device, without socket or
 serialisation.
 
-Unary calls and event streams exist; calls the device does not have are answered with UNIMPLEMENTED.
+Only unary calls exist; streams (events) are answered with UNIMPLEMENTED, as are calls the device does not
+have.
 """
 
 from __future__ import annotations
 
-import contextlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import grpc
 
-from rig.simulated.events import EventStream
 from rig.simulated.service import Service
 from rig.simulated.status import DaqStatusError, NotImplementedByDevice, ServerGone
 
@@ -52,42 +51,6 @@ class InProcessError(grpc.RpcError):
         return self._metadata
 
 
-@contextlib.contextmanager
-def _as_rpc_errors() -> Iterator[None]:
-    try:
-        yield
-    except DaqStatusError as error:
-        raise InProcessError(grpc.StatusCode.UNKNOWN, str(error), trailing_metadata(error)) from None
-    except ServerGone as error:
-        raise InProcessError(grpc.StatusCode.UNAVAILABLE, f"failed to connect: {error}") from None
-    except NotImplementedByDevice as error:
-        raise InProcessError(grpc.StatusCode.UNIMPLEMENTED, f"not simulated: {error}") from None
-
-
-class InProcessStream:
-    """The stream of a registered event, as a client iterates it."""
-
-    def __init__(self, events: EventStream) -> None:
-        self._events = events
-
-    def initial_metadata(self) -> tuple[Metadatum, ...]:
-        """Return the metadata that says that the event is registered."""
-        return ()
-
-    def done(self) -> bool:
-        """Whether the stream failed while it was registered; it would have raised."""
-        return False
-
-    def cancel(self) -> bool:
-        """End the stream."""
-        self._events.cancel()
-        return True
-
-    def __iter__(self) -> Iterator[Any]:
-        with _as_rpc_errors():
-            yield from self._events
-
-
 class InProcessChannel(grpc.Channel):
     """Channel to a :class:`rig.simulated.service.Service` in the same process."""
 
@@ -99,8 +62,14 @@ class InProcessChannel(grpc.Channel):
         name = method.rsplit("/", 1)[-1]
 
         def call(request: Any, timeout: float | None = None, metadata: Any = None, **options: Any) -> Any:
-            with _as_rpc_errors():
+            try:
                 return self.service.handle(name, request)
+            except DaqStatusError as error:
+                raise InProcessError(grpc.StatusCode.UNKNOWN, str(error), trailing_metadata(error)) from None
+            except ServerGone as error:
+                raise InProcessError(grpc.StatusCode.UNAVAILABLE, f"failed to connect: {error}") from None
+            except NotImplementedByDevice as error:
+                raise InProcessError(grpc.StatusCode.UNIMPLEMENTED, f"not simulated: {error}") from None
 
         return call
 
@@ -111,14 +80,8 @@ class InProcessChannel(grpc.Channel):
         return call
 
     def unary_stream(self, method: str, *args: Any, **kwargs: Any) -> Callable[..., Any]:
-        """Return a callable that registers an event and gives its stream."""
-        name = method.rsplit("/", 1)[-1]
-
-        def call(request: Any, timeout: float | None = None, metadata: Any = None, **options: Any) -> InProcessStream:
-            with _as_rpc_errors():
-                return InProcessStream(self.service.stream(name, request))
-
-        return call
+        """Return a callable that refuses: events are not simulated."""
+        return self._no_streams(method)
 
     def stream_unary(self, method: str, *args: Any, **kwargs: Any) -> Callable[..., Any]:
         """Return a callable that refuses."""

@@ -14,9 +14,6 @@ from typing import Protocol
 class Clock(Protocol):
     """What the device asks of a clock."""
 
-    paced: bool
-    """Whether time takes its time."""
-
     @property
     def now_s(self) -> float:
         """Time since the clock was made, s."""
@@ -31,8 +28,6 @@ class Clock(Protocol):
 
 class VirtualClock:
     """Time that passes in no time."""
-
-    paced = False
 
     def __init__(self) -> None:
         self._now_s = 0.0
@@ -54,8 +49,6 @@ class VirtualClock:
 
 class PacedClock:
     """Virtual time that never runs ahead of ``speed`` times the wall clock."""
-
-    paced = True
 
     def __init__(
         self,

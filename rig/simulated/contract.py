@@ -34,12 +34,15 @@ class PlantBlock:
         Absolute angles of key, whippen and hammer, rad.
     motor_rad : ndarray, shape (n,)
         Angle of the motor arm, rad.
+    key_lift_m : ndarray, shape (n,), optional
+        Height of the key's pivot above where it rests, m; None for a plant whose key cannot leave its rail.
     """
 
     time_s: NDArray[np.float64]
     force_n: NDArray[np.float64]
     angle_rad: NDArray[np.float64]
     motor_rad: NDArray[np.float64]
+    key_lift_m: NDArray[np.float64] | None = None
 
 
 @runtime_checkable

@@ -9,8 +9,8 @@ stand in bench.toml. Same seed and trial, same trial. A bad bench file ends in `
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 import model
+from model.effects import EFFECTS, KEY_LIFT, MOTOR
 from rig.errors import InputError
 from rig.simulated.contract import ENCODED_BODIES, PlantBlock
 
@@ -31,10 +32,12 @@ class PlantTruth:
     Attributes
     ----------
     time_s : (n,)
-    angle_rad, speed_rad_per_s : (n, 6) key, whippen, jack, repetition, hammer, motor
+    angle_rad, speed_rad_per_s : (n, k) key, whippen, jack, repetition, hammer, motor, then what effects of the specimen
+        add: ``key_lift`` (m, m/s), ``shank``; named in ``coordinates``
     force_n : (n,) force of the arm on the key
     action : the specimen of this trial
     torque_per_volt_nm : of this trial
+    coordinates : (k,) names of the columns
     """
 
     time_s: NDArray[np.float64]
@@ -43,9 +46,14 @@ class PlantTruth:
     force_n: NDArray[np.float64]
     action: model.Action
     torque_per_volt_nm: float
+    coordinates: tuple[str, ...] = ()
+
+    def column(self, coordinate: str) -> NDArray[np.float64]:
+        """One coordinate over time, (n,)."""
+        return self.angle_rad[:, self.coordinates.index(coordinate)]
 
     def angles_at(self, time_s: ArrayLike) -> NDArray[np.float64]:
-        """Angles (k, 6) at any times within the trial, by cubic Hermite interpolation of angles and speeds."""
+        """Coordinates at any times (k,) within the trial, by cubic Hermite interpolation of angles and speeds."""
         t = np.clip(np.asarray(time_s, dtype=float), self.time_s[0], self.time_s[-1])
         i = np.clip(np.searchsorted(self.time_s, t, side="right") - 1, 0, len(self.time_s) - 2)
         h = (self.time_s[i + 1] - self.time_s[i])[:, None]
@@ -70,7 +78,7 @@ class ActionPlant:
     def __init__(
         self,
         action: model.Action,
-        arm: model.MotorArm,
+        choice: model.SceneChoice,
         torque_per_volt_nm: float,
         scatter: Mapping[str, float],
         seed: int,
@@ -78,7 +86,7 @@ class ActionPlant:
     ) -> None:
         self.sample_rate_hz = sample_rate_hz
         self.action = action
-        self.arm = arm
+        self.choice = choice
         self.torque_per_volt_nm = torque_per_volt_nm
         self.scatter = dict(scatter)
         self.seed = seed
@@ -100,7 +108,8 @@ class ActionPlant:
     def start_trial(self, trial: int) -> None:
         """Put everything at rest and draw the scatter of ``trial``."""
         self._specimen, self._gain = self.draw(trial)
-        scene = model.build_scene(self._specimen, self.arm)
+        scene = model.build_scene(self._specimen, self.choice)
+        self._names = scene.bodies
         rest = model.rest_state(self._specimen, scene=scene).angle_rad
         self._run = model.Simulation(scene, model.State(0.0, rest, np.zeros(scene.size)), tolerance=TOLERANCE)
         self._edge = 0
@@ -123,12 +132,19 @@ class ActionPlant:
         force = self._run.probe_forces(angles, speeds)[:, 0]
         self._record.append((edges[:-1], angles, speeds, force))
         encoded = [model.BODIES.index(body) for body in ENCODED_BODIES]
-        return PlantBlock(time_s=edges[:-1], force_n=force, angle_rad=angles[:, encoded], motor_rad=angles[:, -1])
+        lift = angles[:, self._names.index(KEY_LIFT)] if KEY_LIFT in self._names else None
+        return PlantBlock(
+            time_s=edges[:-1],
+            force_n=force,
+            angle_rad=angles[:, encoded],
+            motor_rad=angles[:, self._names.index(MOTOR)],
+            key_lift_m=lift,
+        )
 
     def truth(self) -> PlantTruth:
         """Everything that happened since the trial started."""
         time, angles, speeds, force = (np.concatenate(parts) for parts in zip(*self._record, strict=True))
-        return PlantTruth(time, angles, speeds, force, self._specimen, self._gain)
+        return PlantTruth(time, angles, speeds, force, self._specimen, self._gain, self._names)
 
 
 def _table(table: Mapping[str, Any], key: str, where: Path) -> dict[str, Any]:
@@ -148,18 +164,17 @@ def read_bench(path: Path) -> dict[str, Any]:
         raise InputError(f"{path}: is not valid TOML: {problem}") from None
 
 
-def load_plant(bench_path: Path, seed: int | None, sample_rate_hz: float) -> ActionPlant:
-    """Build the plant a bench file describes; ``seed`` wins over the file's."""
+def load_plant(bench_path: Path, seed: int | None, sample_rate_hz: float, effects: Collection[str] = ()) -> ActionPlant:
+    """Build the plant a bench file describes; ``seed`` wins over the file's.
+
+    The specimen has the effects (`model.effects`) that are named in ``effects`` or have a table in the file.
+    """
     path = Path(bench_path)
     bench = read_bench(path)
     specimen = _table(bench, "specimen", path)
-    names = {f.name for f in fields(model.MotorArm)}
-    arm_table = _table(bench, "motor_arm", path)
-    for key, value in arm_table.items():
-        if key not in names:
-            raise InputError(f"{path}: motor_arm.{key}: unknown key; allowed {', '.join(sorted(names))}")
-        if isinstance(value, bool) or not isinstance(value, (int, float)) or not np.isfinite(value) or value < 0:
-            raise InputError(f"{path}: motor_arm.{key}: found {value!r}, allowed a finite number from 0")
+    _table(bench, "motor_arm", path)
+    tables = {effect: bench[effect] for effect in EFFECTS if effect in bench}
+    choice = model.scene_of({"effects": [*effects], **tables}, str(path))
     scatter = _table(bench, "scatter", path)
     for key, value in scatter.items():
         if isinstance(value, bool) or not isinstance(value, (int, float)) or not 0.0 <= value <= 0.3:
@@ -167,13 +182,13 @@ def load_plant(bench_path: Path, seed: int | None, sample_rate_hz: float) -> Act
     torque = _table(bench, "motor", path).get("torque_per_volt_nm")
     if isinstance(torque, bool) or not isinstance(torque, (int, float)) or not 0 < torque <= 100:
         raise InputError(f"{path}: motor.torque_per_volt_nm: found {torque!r}, allowed above 0 to 100 N m/V")
-    action = model.load_action(specimen.get("action", "hirschkorn2004"), specimen.get("set", {}))
+    action = choice.on(model.load_action(specimen.get("action", "hirschkorn2004"), specimen.get("set", {})))
     for key in scatter:
         if key != "motor_gain":
             action[key]  # an unknown path is refused here, before anything moves
     return ActionPlant(
         action,
-        model.MotorArm(**arm_table),
+        choice,
         float(torque),
         scatter,
         int(bench.get("seed", 1)) if seed is None else int(seed),

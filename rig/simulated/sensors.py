@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
+from model.observables import encoder_rad
 from rig import toml_file
 from rig.simulated.contract import ENCODED_BODIES
 
@@ -48,10 +49,14 @@ class ForceSensor(_Table):
 
 
 class EncoderSensor(_Table):
-    """Table ``[encoders.<body>]`` of the bench file: the real scale and the sense it is mounted in."""
+    """Table ``[encoders.<body>]`` of the bench file: the real scale and the sense it is mounted in.
+
+    A scale whose centre moves past the sensor by d reads d / ``scale_radius_m`` too much; without a radius it does not.
+    """
 
     counts_per_revolution: Count = Field(ge=4, multiple_of=4)
     sign: Literal[1, -1] = 1
+    scale_radius_m: Number | None = Field(default=None, gt=1e-3, le=1.0)
 
 
 class _Encoders(_Table):
@@ -138,8 +143,14 @@ class EncoderSignals:
         rng = np.random.default_rng([self.seed, self.trial, _ENCODER_STREAM])
         self._phase = rng.uniform(0, 1, len(ENCODED_BODIES))
 
-    def quarter_counts(self, angle_rad: NDArray[np.float64]) -> NDArray[np.int64]:
-        """Counts (X4) since the first edge of the trial, shape (n, 3), for absolute angles (n, 3)."""
+    def quarter_counts(
+        self, angle_rad: NDArray[np.float64], key_lift_m: NDArray[np.float64] | None = None
+    ) -> NDArray[np.int64]:
+        """Counts (X4) since the first edge of the trial, shape (n, 3), for absolute angles (n, 3) and lift (n,)."""
+        radius_m = self.sensors[0].scale_radius_m
+        if key_lift_m is not None and radius_m is not None:
+            angle_rad = angle_rad.copy()
+            angle_rad[:, 0] = encoder_rad(angle_rad[:, 0], key_lift_m, radius_m)
         per_rad = np.array([s.sign * s.counts_per_revolution / (2 * np.pi) for s in self.sensors])
         position = np.floor(angle_rad * per_rad + self._phase).astype(np.int64)
         if self._first is None:

@@ -16,6 +16,7 @@ from markupsafe import Markup
 
 from validation.event import EVENTS
 from validation.report import present
+from validation.report.budget_table import area_table, budget_table
 from validation.report.figures import all_figures
 from validation.report.scorecard_table import scorecard_table
 from validation.result import ValidationResult
@@ -45,6 +46,8 @@ def render_html(result: ValidationResult) -> str:
         iso=present.iso_table(result),
         differences=present.resolution_table(result),
         events=present.event_page_table(result),
+        budget=budget_table(result),
+        area=area_table(result),
         events_by_trial=present.event_by_trial_table(result),
         repeatability=present.repeatability_tables(result),
         trials=present.trial_page_table(result),

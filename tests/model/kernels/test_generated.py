@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numba
@@ -13,13 +14,15 @@ import pytest
 
 import model
 from model import simulation
+from model.choice import SceneChoice
 from model.integrators.rosenbrock import integrate
+from model.kernels import compile as compiling
 from model.kernels import dynamics, jacobian, scenes
 from model.kernels import layout as L
 from model.kernels import workspace as W
 from model.kernels.kinematics import place
 from model.kernels.signatures import SKIP
-from model.scene import MotorArm, build_scene
+from model.scene import build_scene
 from tests.model.conftest import random_states, read_table
 
 
@@ -27,15 +30,16 @@ def square(w: np.ndarray, start: int, n: int) -> np.ndarray:
     return w[start : start + W.WIDTH**2].reshape(W.WIDTH, W.WIDTH)[:n, :n]
 
 
-@pytest.mark.parametrize("arm", [None, MotorArm(contact_a=1e9, contact_b=1e7)], ids=["force", "motor"])
-def test_generated_kernels_equal_the_tables(action: model.Action, arm: MotorArm | None) -> None:
-    scene = build_scene(action, arm)
+@pytest.mark.parametrize("effects", [(), ("motor_arm",)], ids=["force", "motor"])
+def test_generated_kernels_equal_the_tables(action: model.Action, effects: tuple[str, ...]) -> None:
+    stiffening = action.with_values({"motor_arm.contact_a": 1e9, "motor_arm.contact_b": 1e7})
+    scene = build_scene(stiffening, SceneChoice(effects=effects))
     n, p, t = scene.size, scene.vector, scene.tables
     kernels = scenes.kernels_of(t)
     counters = np.zeros(len(L.COUNTERS), dtype=np.int64)
     solved = 0
     for q, v, u in random_states(300, seed=11):
-        if arm is not None:
+        if effects:
             q, v, u = np.append(q, -0.01), np.append(v, 0.3), 0.01 * u
         pose = np.zeros((n, L.POSE_SIZE))
         f, a, m_diag, m_up, f_u = (np.zeros(n) for _ in range(5))
@@ -152,6 +156,31 @@ def test_a_changed_value_compiles_nothing_and_a_left_out_element_is_not_in_the_s
     text = emit(build_scene(action).tables)
     less = emit(build_scene(action.with_values({"contact12": 0, "jack_spring": 0})).tables)
     assert len(less) < len(text) and text.count("contact_force(") == 1 + less.count("contact_force(")
+
+
+def test_a_switched_element_compiles_once_and_is_then_loaded(
+    action: model.Action, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    times, forces = [0.0, 0.01], [0.0, 1.0]
+
+    def counts(changed: model.Action) -> tuple[int, int]:
+        before = dict(scenes.COMPILED)
+        model.simulate(changed, times, forces, scene="key", initial=rest, output_time_s=[0.01])
+        return tuple(scenes.COMPILED[k] - before[k] for k in ("scenes", "compiled"))  # type: ignore[return-value]
+
+    full = model.rest_state(action)
+    rest = replace(full, angle_rad=full.angle_rad[:1])
+    monkeypatch.setattr(compiling, "FOLDER", tmp_path)
+    monkeypatch.setattr(scenes, "_loaded", {})
+    switched = action.with_values({"contact03": 0.0})
+    assert counts(action) == (1, 1)
+    assert counts(action.with_values({"key.mass": 0.1, "contact02.normal.D": 0.5})) == (0, 0)
+    assert counts(switched) == (1, 1)
+    assert counts(switched) == (0, 0) and counts(action) == (0, 0)
+    monkeypatch.setattr(scenes, "_loaded", {})  # as in the next process
+    for kept in [name for name in sys.modules if name.startswith("scene_")]:
+        monkeypatch.delitem(sys.modules, kept)
+    assert counts(switched) == (1, 0) and counts(action) == (1, 0)
 
 
 def test_an_edited_kernel_source_changes_the_answer_in_the_next_process(tmp_path: Path) -> None:

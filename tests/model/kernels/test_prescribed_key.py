@@ -12,7 +12,7 @@ from model.kernels.emit import emit
 from model.kernels.load import load_along
 from model.kernels.scenes import kernels_of
 from model.motion import KeyMotion
-from model.scene import MotorArm, build_scene
+from model.scene import build_scene
 from model.simulation import Simulation, State
 from model.statics import solve_rest
 from model.twin import Twin
@@ -65,8 +65,8 @@ def test_motion_with_a_jump_is_refused() -> None:
         KeyMotion(np.array([0.0, 0.5, 1.0]), rows)
     with pytest.raises(model.InputError, match="do not increase"):
         KeyMotion(np.array([0.0, 0.0, 1.0]), np.zeros((2, 6)))
-    with pytest.raises(model.InputError, match="motor arm and a prescribed key"):
-        build_scene(model.load_action(), MotorArm(), key_motion=taylor(0.0, 0.0, 0.0))
+    with pytest.raises(model.InputError, match="prescribed key and the effect motor_arm"):
+        build_scene(model.load_action(), model.SceneChoice(effects=("motor_arm",)), key_motion=taylor(0.0, 0.0, 0.0))
 
 
 def test_accelerations_force_and_rail_equal_the_twin(action: model.Action, twin: Twin) -> None:

@@ -117,7 +117,7 @@ def test_command_can_change_while_under_way(plant: ActionPlant) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ("inertia = 2.2e-4", "inertia = -1.0", "motor_arm.inertia: found -1.0"),
+        ("inertia = 2.2e-4", "inertia = -1.0", "motor_arm.inertia: found -1"),
         ("inertia = 2.2e-4", "inertial = 2.2e-4", "motor_arm.inertial: unknown key"),
         ("motor_gain = 0.003", "motor_gain = 3", "scatter.motor_gain: found 3, allowed 0 to 0.3"),
         ("torque_per_volt_nm = 1.2", "torque_per_volt_nm = 0", "motor.torque_per_volt_nm: found 0"),

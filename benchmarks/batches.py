@@ -1,0 +1,183 @@
+"""Batches: trials a second, how well two processors are used, and what lies beside the kernels.
+
+Run:  python benchmarks/batches.py [--trials N] [--workers W] [--rounds R] [--processes]
+Forte trials of 3,501 rows that differ by up to 2 % in force, at 1e-4 rad, all angles and speeds at all rows. One
+worker and W workers take turns; the ratio is taken within a round, the best and the median round are printed.
+Efficiency is the time of one worker over W times the time of W. Spread is that of single members on one worker. What
+lies beside the step loop holds Python's global lock and bounds what threads can reach. Wall times mean something on an
+idle machine only; the processor's share of the wall time is printed, which an idle machine brings near W.
+Exit 1: a member differs from a single run in any bit, or from a run at 1e-9 rad by more than 10 times the tolerance.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+import time
+from concurrent.futures import Executor, ProcessPoolExecutor
+from functools import partial
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT))  # measures the checkout this file lies in
+
+import numpy as np  # noqa: E402
+from peers.forces import force_table  # noqa: E402
+
+import model  # noqa: E402
+from model import batch, simulation  # noqa: E402
+
+TOLERANCE = 1e-4
+TARGET_EFFICIENCY, TARGET_RATE = 0.90, 300.0
+
+
+def trials(count: int) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    times, force = force_table("forte")
+    scale = 1.0 + 0.02 * np.random.default_rng(7).uniform(-1.0, 1.0, count)
+    return {f"{i:04d}": (times, force * s) for i, s in enumerate(scale)}
+
+
+def memory_mb() -> float:
+    """Most memory this process has held, MB; NaN where the system does not say."""
+    try:
+        import resource
+    except ImportError:
+        return float("nan")
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
+
+
+def timed(many: dict[str, tuple[np.ndarray, np.ndarray]], **how: object) -> tuple[float, float]:
+    """Wall and processor time of a batch, s."""
+    start, work = time.perf_counter(), time.process_time()
+    members = model.simulate_many(model.load_action(), many, tolerance=TOLERANCE, **how)  # type: ignore[arg-type]
+    seconds, work = time.perf_counter() - start, time.process_time() - work
+    failed = [m for m in members if m.error is not None]
+    if failed:
+        raise SystemExit(f"member {failed[0].trial}: {failed[0].error}")
+    return seconds, work
+
+
+def beside_the_kernels(job: batch.Job) -> tuple[float, float]:
+    """Processor time (ms) of one member, and what of it is not the step loop; best of many."""
+    inner = simulation.integrate
+    spent = [0.0]
+
+    def watched(*values: object) -> object:
+        start = time.thread_time()
+        out = inner(*values)
+        spent[0] += time.thread_time() - start
+        return out
+
+    best = (np.inf, np.inf)
+    simulation.integrate = watched
+    try:
+        for _ in range(40):
+            spent[0] = 0.0
+            start = time.thread_time()
+            batch.run_job(job, "")
+            whole = time.thread_time() - start
+            best = min(best, (whole, whole - spent[0]))
+    finally:
+        simulation.integrate = inner
+    return best[0] * 1e3, best[1] * 1e3
+
+
+def after_rest() -> tuple[float, float]:
+    """Processor time and right-hand sides of a blow with 60 s of rest after it over those of the blow alone."""
+    times, force = force_table("forte")
+    action = model.load_action()
+    rest = model.rest_state(action)
+    quiet = np.append(times, times[-1] + 1.5), np.append(force, 0.0)  # until the action has come to rest
+    long = np.append(quiet[0], quiet[0][-1] + 60.0), np.append(quiet[1], 0.0)
+    ratios, work = [], [0, 0]
+    for _ in range(15):
+        spent = []
+        for k, (t, f) in enumerate((quiet, long)):
+            start = time.thread_time()
+            solution = model.simulate(action, t, f, tolerance=TOLERANCE, output_time_s=t[-1:], initial=rest)
+            spent.append(time.thread_time() - start)
+            work[k] = int(solution.counters["n_rhs"])
+        ratios.append(spent[1] / spent[0])
+    return float(np.median(ratios)), work[1] / work[0]
+
+
+def check(many: dict[str, tuple[np.ndarray, np.ndarray]], workers: int) -> float:
+    """Largest error (rad) of some members; exit 1 where one is not what a single run gives."""
+    action = model.load_action()
+    members = model.simulate_many(action, many, tolerance=TOLERANCE, workers=workers)
+    worst = 0.0
+    for member in members[:: max(1, len(members) // 8)]:
+        single = model.simulate(action, *many[member.trial], tolerance=TOLERANCE)
+        if member.solution is None or not np.array_equal(member.solution.angle_rad, single.angle_rad):
+            raise SystemExit(f"member {member.trial} differs from a single run")
+        fine = model.simulate(action, *many[member.trial], tolerance=1e-9)
+        worst = max(worst, float(np.abs(fine.angle_rad - member.solution.angle_rad).max()))
+    if worst > 10 * TOLERANCE:
+        raise SystemExit(f"error {worst:.2g} rad, allowed {10 * TOLERANCE:g}")
+    return worst
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--trials", type=int, default=400)
+    parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--rounds", type=int, default=5)
+    parser.add_argument("--processes", action="store_true", help="also with a pool of processes")
+    chosen = parser.parse_args()
+    count, workers = chosen.trials, chosen.workers
+    many = trials(count)
+    load = f", load {os.getloadavg()[0]:.1f}" if hasattr(os, "getloadavg") else ""
+    print(f"{count} forte trials at {TOLERANCE:g} rad on {workers} of {batch.run.workers_here()} processors{load}")
+    print(f"largest error {check(many, workers):.2g} rad; members equal single runs to the last bit")
+
+    pools: dict[str, Executor | None] = {"threads": None}
+    if chosen.processes:
+        pools["processes"] = ProcessPoolExecutor(workers)
+    for name, pool in pools.items():
+        run = partial(timed, many, workers=workers, executor=pool)
+        run()
+        rounds = [(timed(many, workers=1), run()) for _ in range(chosen.rounds)]
+        efficiency = sorted(one[0] / (workers * more[0]) for one, more in rounds)
+        best = count / min(more[0] for _, more in rounds)
+        alone, together = (1e3 * min(r[k][1] for r in rounds) / count for k in (0, 1))
+        got = max(more[1] / more[0] for _, more in rounds)
+        verdict = "reached" if efficiency[-1] >= TARGET_EFFICIENCY and best >= TARGET_RATE else "missed"
+        print(
+            f"{name:9}  {count / min(one[0] for one, _ in rounds):6.0f} trials/s on 1, {best:6.0f} on {workers}; "
+            f"efficiency best {efficiency[-1]:.1%}, median {efficiency[len(efficiency) // 2]:.1%}  ({verdict}: wanted "
+            f"{TARGET_RATE:.0f} trials/s, {TARGET_EFFICIENCY:.0%})"
+        )
+        if pool is None:
+            print(
+                f"           processor time {alone:.2f} ms a trial on 1, {together:.2f} on {workers}; at work {got:.2f}"
+            )
+        else:
+            pool.shutdown()
+
+    jobs = batch.make_jobs(
+        model.load_action(), many, {"": {}}, tolerance=TOLERANCE, output_time_s=None, choice=model.SceneChoice(),
+        method="rodas4p",
+    )  # fmt: skip
+    each = []
+    for job in jobs:
+        start = time.thread_time()
+        batch.run_job(job, "")
+        each.append(1e3 * (time.thread_time() - start))
+    low, middle, high = np.percentile(each, [5, 50, 95])
+    print(
+        f"one member {min(each):.2f} ms at best, {middle:.2f} median, 5-95 % {low:.2f} to {high:.2f} (processor time)"
+    )
+    whole, beside = beside_the_kernels(jobs[0])
+    start = time.thread_time()
+    for job in jobs:
+        job.sha256()
+    hashing = 1e3 * (time.thread_time() - start) / len(jobs)
+    print(f"beside the step loop {beside:.3f} of {whole:.2f} ms ({beside / whole:.1%}); content hash {hashing:.3f} ms")
+    ratio, work = after_rest()
+    print(f"60 s of rest after the blow: time x {ratio:.3f}, right-hand sides x {work:.4f} (wanted below 1.02)")
+    print(f"most memory {memory_mb():.0f} MB, of which {len(jobs) * 11 * 8 * 3501 / 1e6:.0f} MB are the answers")
+
+
+if __name__ == "__main__":
+    main()

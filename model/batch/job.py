@@ -1,0 +1,194 @@
+"""One member of a batch as plain data: what to simulate, its content hash, and the function that simulates it.
+
+A job can be pickled and sent anywhere. Its hash covers everything the answer depends on, labels excluded: structure and
+numbers of the scene, start, force table, output times, tolerance, method, outputs, and the text of the model's code.
+Jobs of one parameter set share scene and rest state, jobs of one trial share the force table.
+A job that cannot be made or done gives a `Member` with its error; nothing is raised and nothing dropped.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, fields, is_dataclass, replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..blow import check_force_table, check_output_times, follow
+from ..choice import SceneChoice
+from ..errors import ModelError
+from ..parameters import Action
+from ..scene import Scene, build_scene
+from ..simulation import State
+from ..solution import Solution
+from ..statics import RestState, solve_rest
+
+Array = NDArray[np.float64]
+_LABELS = ("trial", "parameters", "failure")
+
+
+@dataclass(frozen=True)
+class Job:
+    """What one member of a batch needs.
+
+    Attributes
+    ----------
+    trial, parameters : labels of the force table and of the parameter set
+    scene : what takes part, with all numbers; None where ``failure`` says why there is none
+    start_rad : (n,) angles at the first time, at rest
+    time_s, force_n : (k,) checked force table
+    output_time_s : (m,)
+    outputs : beyond angles and speeds, as in a `SceneChoice`
+    """
+
+    trial: str
+    parameters: str
+    scene: Scene | None
+    start_rad: Array | None
+    time_s: Array
+    force_n: Array
+    output_time_s: Array
+    tolerance: float
+    method: str
+    outputs: tuple[str, ...] = ()
+    failure: Exception | None = None
+
+    def sha256(self) -> str:
+        """Hash of everything the answer depends on."""
+        digest = hashlib.sha256(code_sha256().encode())
+        for item in fields(self):
+            if item.name not in _LABELS:
+                _feed(digest, getattr(self, item.name))
+        return digest.hexdigest()
+
+
+@dataclass(frozen=True)
+class Member:
+    """Result of one job: a solution, or the error that kept it from one.
+
+    Attributes
+    ----------
+    trial, parameters : labels of its job
+    sha256 : content hash of its job; empty where the job could not be made
+    solution, error : one of them is None
+    reused : it was read from a store
+    """
+
+    trial: str
+    parameters: str
+    sha256: str
+    solution: Solution | None = None
+    error: Exception | None = None
+    reused: bool = False
+
+
+def _feed(digest: Any, value: Any) -> None:
+    """Add a value to a hash, with its kind and length, so that no two values look alike."""
+    if isinstance(value, np.ndarray):
+        plain = np.ascontiguousarray(value)
+        digest.update(f"array {plain.dtype.str} {plain.shape}\0".encode())
+        digest.update(plain.data)
+    elif is_dataclass(value):
+        digest.update(f"{type(value).__name__}\0".encode())
+        for item in fields(value):
+            _feed(digest, getattr(value, item.name))
+    elif isinstance(value, tuple):
+        digest.update(f"tuple {len(value)}\0".encode())
+        for one in value:
+            _feed(digest, one)
+    elif value is None or isinstance(value, (bool, int, float, str)):
+        text = repr(value).encode()
+        digest.update(f"{type(value).__name__} {len(text)}\0".encode() + text)
+    else:
+        raise TypeError(f"a job cannot hold a {type(value).__name__}")
+
+
+@cache
+def code_sha256() -> str:
+    """Hash of the text of all code of the model and of the versions it computes with."""
+    import numba
+
+    digest = hashlib.sha256(f"numpy {np.__version__} numba {numba.__version__}".encode())
+    folder = Path(__file__).resolve().parents[1]
+    for path in sorted(folder.rglob("*.py")):
+        digest.update(path.relative_to(folder).as_posix().encode() + b"\0")
+        digest.update(path.read_bytes())
+    return digest.hexdigest()
+
+
+def _row(array: Array) -> Array:
+    return np.require(array, float, ["C", "W"])
+
+
+def _writable(scene: Scene) -> Scene:
+    """The scene with arrays kernels accept; what comes from another process may be read-only."""
+    if all(array.flags.writeable for array in (scene.vector, *scene.tables)):
+        return scene
+    tables = type(scene.tables)(*(np.require(table, requirements=["C", "W"]) for table in scene.tables))
+    return replace(scene, vector=_row(scene.vector), tables=tables)
+
+
+def _tables(
+    trials: Mapping[str, tuple[ArrayLike, ArrayLike]], output_time_s: ArrayLike | None
+) -> Iterator[tuple[str, Array, Array, Array, Exception | None]]:
+    empty = np.empty(0)
+    for name, (time_s, force_n) in trials.items():
+        try:
+            times, forces = check_force_table(time_s, force_n, f"trial {name}")
+            outputs = check_output_times(output_time_s, times)
+        except ModelError as problem:
+            yield name, empty, empty, empty, problem
+            continue
+        # kernels want plain rows that can be written; made once for all members
+        yield name, _row(times), _row(forces), _row(outputs), None
+
+
+def make_jobs(
+    action: Action,
+    trials: Mapping[str, tuple[ArrayLike, ArrayLike]],
+    parameter_sets: Mapping[str, Mapping[str, float]],
+    *,
+    tolerance: float,
+    output_time_s: ArrayLike | None,
+    choice: SceneChoice,
+    method: str,
+    initial: RestState | None = None,
+) -> list[Job]:
+    """Jobs of every parameter set with every trial, in that order."""
+    tables = list(_tables(trials, output_time_s))
+    jobs = []
+    for label, overrides in parameter_sets.items():
+        scene, start, failure = None, None, None
+        try:
+            changed = choice.on(action.with_values(overrides) if overrides else action)
+            scene = build_scene(changed, choice)
+            start = solve_rest(scene) if initial is None else np.array(initial.angle_rad, dtype=float)
+        except ModelError as problem:
+            failure = problem
+        jobs += [
+            Job(
+                trial, label, scene, start, times, forces, outputs, tolerance, method, choice.outputs,
+                failure or unusable,
+            )
+            for trial, times, forces, outputs, unusable in tables
+        ]  # fmt: skip
+    return jobs
+
+
+def run_job(job: Job, sha256: str) -> Member:
+    """Do one job; the same to the last bit as ``model.simulate`` with the same input."""
+    if job.failure is not None or job.scene is None or job.start_rad is None:
+        return Member(job.trial, job.parameters, sha256, error=job.failure)
+    state = State(float(job.time_s[0]), job.start_rad.copy(), np.zeros(job.scene.size))
+    wanted = {name: name in job.outputs for name in ("contact_forces", "energy", "inside")}
+    try:
+        solution = follow(
+            _writable(job.scene), state, job.time_s, job.force_n, job.output_time_s, job.tolerance, job.method, **wanted
+        )
+    except ModelError as problem:
+        return Member(job.trial, job.parameters, sha256, error=problem)
+    return Member(job.trial, job.parameters, sha256, solution)

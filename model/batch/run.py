@@ -1,0 +1,207 @@
+"""Hand the jobs of a batch to an executor and collect their members, always in the order of the jobs.
+
+By default on threads: kernels run without Python's global lock. Any ``concurrent.futures.Executor`` can take their
+place (``ProcessPoolExecutor``, Dask's ``Client.get_executor()``). Only a few jobs are handed over ahead, so that an
+interrupt finds little to wait for. A worker that is lost gives members with its error.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, ThreadPoolExecutor, wait
+from dataclasses import replace
+from pathlib import Path
+
+from numpy.typing import ArrayLike
+
+from ..choice import SceneChoice, load_scene
+from ..errors import InputError
+from ..integrators import DEFAULT_METHOD
+from ..kernels.scenes import energy_of, kernels_of
+from ..parameters import Action
+from ..statics import RestState
+from .job import Job, Member, make_jobs, run_job
+from .store import Store
+
+AHEAD = 4  # jobs handed over per worker
+AHEAD_ELSEWHERE = 256  # to an executor that does not tell how many workers it has
+POLL_S = 0.2  # an interrupt is noticed after this time at the latest, also where waiting cannot be interrupted
+
+Trials = Mapping[str, tuple[ArrayLike, ArrayLike]] | Sequence[tuple[ArrayLike, ArrayLike]]
+ParameterSets = Mapping[str, Mapping[str, float]] | Sequence[Mapping[str, float]]
+Progress = Callable[[int, int], None]
+
+
+class BatchInterrupt(KeyboardInterrupt):
+    """Ctrl-C during a batch; ``members`` holds those that were finished, None for the rest."""
+
+    def __init__(self, members: list[Member | None]) -> None:
+        super().__init__()
+        self.members = members
+
+
+def workers_here() -> int:
+    """Processors this process may use."""
+    if sys.platform == "linux":
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def _warm(jobs: Iterable[Job]) -> None:
+    """Load or compile the kernels of every structure once, before workers would each do it for themselves."""
+    seen = set()
+    for job in jobs:
+        if job.scene is not None and id(job.scene) not in seen:
+            seen.add(id(job.scene))
+            kernels_of(job.scene.tables)
+            if "energy" in job.outputs:
+                energy_of(job.scene.tables)
+
+
+def _hand_over(pool: Executor, job: Job, sha256: str) -> Future[Member]:
+    """Submit a job; where the executor takes no more (its workers are gone), a future with that error."""
+    try:
+        return pool.submit(run_job, job, sha256)
+    except Exception as problem:
+        refused: Future[Member] = Future()
+        refused.set_exception(problem)
+        return refused
+
+
+def run_jobs(
+    jobs: Sequence[Job],
+    *,
+    executor: Executor | None = None,
+    workers: int | None = None,
+    progress: Progress | None = None,
+    store: str | Path | Store | None = None,
+) -> list[Member]:
+    """Do jobs of any kind; members come in the order of the jobs. See `simulate_many`."""
+    if workers is not None and workers < 1:
+        raise InputError(f"workers: found {workers}, allowed 1 or more")
+    kept = Store(store) if isinstance(store, (str, Path)) else store
+    if kept is not None and any("inside" in job.outputs for job in jobs):
+        raise InputError("store: does not keep the inside view; allowed outputs contact_forces, energy")
+    members: list[Member | None] = [None] * len(jobs)
+    hashes = [job.sha256() if job.failure is None else "" for job in jobs]
+    todo = []
+    for i, job in enumerate(jobs):
+        if job.failure is not None:
+            members[i] = run_job(job, "")
+        elif kept is not None:
+            members[i] = kept.read(hashes[i], job.trial, job.parameters)
+        if members[i] is None:
+            todo.append(i)
+    done = len(jobs) - len(todo)
+    if progress is not None and done:
+        progress(done, len(jobs))
+    _warm(jobs[i] for i in todo)
+    own = ThreadPoolExecutor(workers or workers_here()) if executor is None else None
+    pool = executor or own
+    assert pool is not None
+    ahead = AHEAD * (workers or getattr(pool, "_max_workers", None) or AHEAD_ELSEWHERE // AHEAD)
+    waiting: dict[Future[Member], int] = {}
+    queue = iter(todo)
+
+    def collect(future: Future[Member]) -> None:
+        nonlocal done
+        i = waiting.pop(future)
+        try:
+            member = future.result()
+        except Exception as problem:  # a lost worker, an unexpected defect: it belongs to its member
+            member = Member(jobs[i].trial, jobs[i].parameters, hashes[i], error=problem)
+        members[i] = member
+        done += 1
+        if kept is not None:
+            kept.write(member)
+        if progress is not None:
+            progress(done, len(jobs))
+
+    try:
+        for i in queue:
+            waiting[_hand_over(pool, jobs[i], hashes[i])] = i
+            while len(waiting) >= ahead:
+                for future in wait(waiting, timeout=POLL_S, return_when=FIRST_COMPLETED).done:
+                    collect(future)
+        while waiting:
+            for future in wait(waiting, timeout=POLL_S, return_when=FIRST_COMPLETED).done:
+                collect(future)
+    except KeyboardInterrupt:
+        started = [future for future in waiting if not future.cancel()]
+        progress = None
+        for future in started:
+            collect(future)
+        if kept is not None:  # one may have been interrupted on its way there
+            for member in members:
+                if member is not None and not kept.path(member.sha256).exists():
+                    kept.write(member)
+        raise BatchInterrupt(members) from None
+    finally:
+        for future in waiting:
+            future.cancel()
+        if own is not None:
+            own.shutdown(wait=True, cancel_futures=True)
+    return [member for member in members if member is not None]
+
+
+def _named(items: Mapping[str, object] | Sequence[object]) -> dict[str, object]:
+    return dict(items) if isinstance(items, Mapping) else {str(i): item for i, item in enumerate(items)}
+
+
+def simulate_many(
+    action: Action,
+    trials: Trials,
+    parameter_sets: ParameterSets | None = None,
+    *,
+    tolerance: float = 1e-5,
+    output_time_s: ArrayLike | None = None,
+    contact_forces: bool = False,
+    energy: bool = False,
+    scene: SceneChoice | str | Path = "whole",
+    method: str = DEFAULT_METHOD,
+    initial: RestState | None = None,
+    executor: Executor | None = None,
+    workers: int | None = None,
+    progress: Progress | None = None,
+    store: str | Path | Store | None = None,
+) -> list[Member]:
+    """Simulate every trial with every parameter set; each member is the same, to the last bit, as a single `simulate`.
+
+    Parameters
+    ----------
+    action : parameter set that the others start from
+    trials : force tables (times s, forces N) by name or in a row (then named by their index)
+    parameter_sets : parameter path -> value for each set, by name or in a row; by default the action as it is
+    tolerance, output_time_s, contact_forces, energy, scene, method, initial : as for `simulate`
+    executor : where to compute; by default threads of this process
+    workers : how many threads; by default one per processor this process may use
+    progress : called with members done and members in all
+    store : folder that keeps finished members; a batch that was interrupted goes on where it stopped
+
+    Returns
+    -------
+    list of Member
+        One per parameter set and trial, trials running fastest. What failed has an ``error`` instead of a
+        ``solution``; nothing is left out.
+
+    Raises
+    ------
+    InputError : scene, workers or store cannot be used
+    BatchInterrupt : Ctrl-C, a `KeyboardInterrupt`; running members are finished and kept, the rest cancelled
+    """
+    choice = load_scene(scene)
+    extra = {name for name, on in (("contact_forces", contact_forces), ("energy", energy)) if on}
+    choice = replace(choice, outputs=tuple(sorted({*choice.outputs, *extra})))
+    jobs = make_jobs(
+        action,
+        _named(trials),  # type: ignore[arg-type]
+        _named(parameter_sets) if parameter_sets is not None else {"": {}},  # type: ignore[arg-type]
+        tolerance=tolerance,
+        output_time_s=output_time_s,
+        choice=choice,
+        method=method,
+        initial=initial,
+    )
+    return run_jobs(jobs, executor=executor, workers=workers, progress=progress, store=store)

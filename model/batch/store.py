@@ -1,0 +1,100 @@
+"""Finished members of a batch in a folder, one file each, named by the hash of its job.
+
+A file is written under another name and renamed when whole; one that is cut short or damaged fails its checksum, or
+does not hold what its name says, and counts as absent. What failed for good (a `ModelError`) is kept with its message,
+what failed by accident (a lost worker) is not. The format is NumPy's .npz with a line of JSON.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import tempfile
+import zipfile
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .. import errors
+from ..errors import InputError, ModelError
+from ..solution import EnergyAudit, Solution
+from .job import Member
+
+_ARRAYS = ("time_s", "angle_rad", "speed_rad_per_s", "contact_normal_n", "contact_friction_n")
+
+
+class Store:
+    """A folder of finished members; made if it does not exist.
+
+    Raises
+    ------
+    InputError : the folder cannot be made or written
+    """
+
+    def __init__(self, folder: str | Path) -> None:
+        self.folder = Path(folder)
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+            with tempfile.TemporaryFile(dir=self.folder):
+                pass
+        except OSError as problem:
+            raise InputError(f"{self.folder}: cannot be written ({problem.strerror}); choose another store") from None
+
+    def path(self, sha256: str) -> Path:
+        """File of a job's hash."""
+        return self.folder / f"{sha256}.npz"
+
+    def read(self, sha256: str, trial: str, parameters: str) -> Member | None:
+        """The member kept under a hash, with the labels of the batch that asks for it; None where there is none."""
+        try:
+            with open(self.path(sha256), "rb") as raw, np.load(raw, allow_pickle=False) as file:
+                about: dict[str, Any] = json.loads(str(file["about"]))
+                arrays = {name: file[name] for name in _ARRAYS if name in file}
+            if about["sha256"] != sha256:
+                return None
+            if "error" in about:
+                kind, message = about["error"]
+                return Member(trial, parameters, sha256, error=getattr(errors, kind)(message), reused=True)
+            energy = EnergyAudit(**about["energy"]) if about["energy"] is not None else None
+            solution = Solution(
+                bodies=tuple(about["bodies"]),
+                contacts=tuple(about["contacts"]),
+                counters=about["counters"],
+                tolerance=about["tolerance"],
+                energy=energy,
+                **arrays,
+            )
+        except (OSError, ValueError, KeyError, TypeError, AttributeError, EOFError, zipfile.BadZipFile):
+            return None
+        return Member(trial, parameters, sha256, solution, reused=True)
+
+    def write(self, member: Member) -> None:
+        """Keep a member; one without a hash or with an error that may not come again is not kept.
+
+        Raises
+        ------
+        InputError : the disk is full or gone
+        """
+        if not member.sha256 or (member.error is not None and not isinstance(member.error, ModelError)):
+            return
+        about: dict[str, Any] = {"sha256": member.sha256}
+        arrays = {}
+        if member.solution is None:
+            about["error"] = [type(member.error).__name__, str(member.error)]
+        else:
+            s = member.solution
+            about |= {"bodies": s.bodies, "contacts": s.contacts, "counters": s.counters, "tolerance": s.tolerance}
+            about["energy"] = None if s.energy is None else asdict(s.energy)
+            arrays = {name: getattr(s, name) for name in _ARRAYS if getattr(s, name) is not None}
+        path = self.path(member.sha256)
+        part = path.with_name(f".{path.name}.{os.getpid()}.part")
+        try:
+            with open(part, "wb") as file:
+                np.savez(file, about=np.array(json.dumps(about)), **arrays)
+            os.replace(part, path)
+        except OSError as problem:
+            raise InputError(f"{path}: cannot be written ({problem.strerror}); free space, then go on") from None
+        finally:
+            part.unlink(missing_ok=True)

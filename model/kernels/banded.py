@@ -1,0 +1,67 @@
+"""Sums over banded symmetric matrices that SciPy does not have: rows into a normal matrix, selected inverse, variances.
+
+A symmetric matrix with ``b`` diagonals above the main one is kept as SciPy's upper form, (b + 1, n): entry (i, j),
+i <= j <= i + b, lies at ``[b + i - j, j]``. Rows of a design have ``b + 1`` neighbouring entries from ``first`` on.
+"""
+
+import numpy as np
+
+from .compile import kernel
+
+
+@kernel
+def add_rows(matrix, first, rows, weight):
+    """Add sum_r weight_r row_r row_r^T."""
+    b = matrix.shape[0] - 1
+    for r in range(rows.shape[0]):
+        for k in range(rows.shape[1]):
+            for m in range(k, rows.shape[1]):
+                matrix[b + k - m, first[r] + m] += weight[r] * rows[r, k] * rows[r, m]
+
+
+@kernel
+def add_to(vector, first, rows, weight):
+    """Add sum_r weight_r row_r."""
+    for r in range(rows.shape[0]):
+        for k in range(rows.shape[1]):
+            vector[first[r] + k] += weight[r] * rows[r, k]
+
+
+@kernel
+def times(vector, first, rows):
+    """Product of each row with ``vector``, (r,)."""
+    out = np.zeros(rows.shape[0])
+    for r in range(rows.shape[0]):
+        for k in range(rows.shape[1]):
+            out[r] += rows[r, k] * vector[first[r] + k]
+    return out
+
+
+@kernel
+def inverse_band(factor):
+    """The band of (U^T U)^-1 from the band of U (Takahashi's recursion), same form."""
+    b = factor.shape[0] - 1
+    n = factor.shape[1]
+    out = np.zeros_like(factor)
+    for i in range(n - 1, -1, -1):
+        end = min(n - 1, i + b)
+        for j in range(end, i - 1, -1):
+            s = 1.0 / factor[b, i] if j == i else 0.0
+            for k in range(i + 1, end + 1):
+                low, high = (k, j) if k <= j else (j, k)
+                s -= factor[b + i - k, k] * out[b + low - high, high]
+            out[b + i - j, j] = s / factor[b, i]
+    return out
+
+
+@kernel
+def variances(inverse, first, rows):
+    """row (matrix) row^T of each row, (r,), from the band of the matrix."""
+    b = inverse.shape[0] - 1
+    out = np.zeros(rows.shape[0])
+    for r in range(rows.shape[0]):
+        for k in range(rows.shape[1]):
+            for m in range(k, rows.shape[1]):
+                share = 1.0 if m == k else 2.0
+                out[r] += share * rows[r, k] * rows[r, m] * inverse[b + k - m, first[r] + m]
+    return out

@@ -1,0 +1,88 @@
+"""``simulate --key-motion``: what force at the key front a measured motion of the key takes, written and told."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from .errors import InputError
+from .output import print_json, write_columns
+
+if TYPE_CHECKING:
+    from model import Action
+
+
+def drive_by_motion(
+    action: Action,
+    table: Path,
+    out: Path,
+    *,
+    also: Sequence[str],
+    tolerance: float,
+    output_rate: float | None,
+    scene: str,
+    method: str,
+    as_json: bool,
+) -> None:
+    """Run ``action`` under the key's motion in ``table``, write the columns to ``out``, print what came out.
+
+    Raises
+    ------
+    InputError : options in ``also`` that make no sense together with a motion, or a table that cannot be used
+    """
+    import numpy as np
+
+    import model
+
+    if also:
+        raise InputError(f"--key-motion: found together with {', '.join(also)}; give one or the other")
+    times, angles = model.read_motion_table(table)
+    outputs = None if output_rate is None else model.output_times(times[0], times[-1], output_rate)
+    driven = model.simulate_motion(
+        action, times, angles, tolerance=tolerance, output_time_s=outputs, scene=scene, method=method
+    )
+    lifts = driven.key_tensions()
+    write_columns(
+        out,
+        driven.columns(),
+        {
+            "action": action.name,
+            "changed": ", ".join(f"{k}={v!r}" for k, v in action.changed.items()),
+            "tolerance_rad": tolerance,
+            "method": method,
+            "scene": scene,
+            "key_motion": str(table),
+            "coverage_factor_95": driven.coverage_factor,
+            "resolution_rad": driven.fit.resolution_rad,
+            "jitter_rad": driven.fit.jitter_rad,
+        },
+    )
+    largest = int(np.argmax(np.abs(driven.force_n)))
+    if as_json:
+        print_json(
+            {
+                "out": out,
+                "rows": len(driven.time_s),
+                "tolerance_rad": tolerance,
+                "largest_force_n": driven.force_n[largest],
+                "u_largest_force_n": driven.u_force_n[largest],
+                "coverage_factor_95": driven.coverage_factor,
+                "resolution_rad": driven.fit.resolution_rad,
+                "jitter_rad": driven.fit.jitter_rad,
+                "key_would_lift": [{"start_s": lift.start_s, "end_s": lift.end_s} for lift in lifts],
+                **driven.counters,
+            }
+        )
+        return
+    half = driven.coverage_factor * driven.u_force_n[largest]
+    print(f"{out}: {len(driven.time_s)} rows, {driven.counters['n_steps']} steps")
+    print(
+        f"largest force {driven.force_n[largest]:.2f} N +- {half:.2f} N (95 %) at {driven.time_s[largest]:.4f} s; "
+        f"key angle read to {driven.fit.resolution_rad:.3g} rad, jitter {driven.fit.jitter_rad:.2g} rad"
+    )
+    for lift in lifts:
+        print(
+            f"key would lift from its rail {1e3 * lift.start_s:.1f} to {1e3 * lift.end_s:.1f} ms: "
+            "do not trust the force there"
+        )

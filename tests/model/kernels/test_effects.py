@@ -1,0 +1,133 @@
+"""The effects in the kernels: generated against tables, twin and differences; nothing of them where they are off."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import model
+from model.choice import SceneChoice
+from model.kernels import dynamics, jacobian, scenes
+from model.kernels import layout as L
+from model.kernels import workspace as W
+from model.kernels.emit import emit
+from model.kernels.emit_energy import emit_energy
+from model.scene import Scene, build_scene
+from model.twin import Twin
+from tests.model.conftest import random_states
+
+CHANGED = {
+    "key.pivot.x": 0.003,
+    "key.pivot.y": -0.002,
+    "balance_rail.normal.a": 3e9,
+    "balance_rail.normal.b": 2e7,
+    "shank.hinge.y": 0.0015,
+}
+CHOICES = [("balance_rail",), ("shank",), ("balance_rail", "shank")]
+
+
+@pytest.fixture(scope="module")
+def changed(action: model.Action) -> model.Action:
+    return action.with_values(CHANGED)
+
+
+def states(count: int, scene: Scene, seed: int) -> list[tuple[np.ndarray, np.ndarray, float]]:
+    """Random states of the five bodies, with lifts between compressed felt and 2 mm the shank bent by 10 mrad."""
+    random = np.random.default_rng(seed)
+    out = []
+    for q, v, u in random_states(count, seed):
+        for coordinate in scene.bodies[5:]:
+            if coordinate == "key_lift":
+                q = np.append(q, random.choice([random.uniform(-4e-4, 5e-6), random.uniform(5e-6, 2e-3)]))
+                v = np.append(v, random.normal() * 10.0 ** random.uniform(-4.0, -0.5))
+            else:
+                q = np.append(q, random.uniform(-0.01, 0.01))
+                v = np.append(v, random.normal() * 10.0 ** random.uniform(-3.0, 1.0))
+        out.append((q, v, u))
+    return out
+
+
+def generated(scene: Scene, q: np.ndarray, v: np.ndarray, u: float) -> dict[str, np.ndarray]:
+    n = scene.size
+    w = np.zeros(W.SIZE)
+    w[W.Q : W.Q + n], w[W.V : W.V + n] = q, v
+    touching = scenes.kernels_of(scene.tables).linearise(w, scene.vector, u)
+    mass = np.diag(w[W.M_DIAG : W.M_DIAG + n])
+    for i, up in enumerate(scene.tables.parent):
+        if up >= 0:
+            mass[i, up] = mass[up, i] = w[W.M_UP + i]
+    square = {
+        k: w[at : at + W.WIDTH**2].reshape(W.WIDTH, W.WIDTH)[:n, :n].copy() for k, at in (("K", W.STIFF), ("D", W.DAMP))
+    }
+    a = w[W.ACC : W.ACC + n].copy()
+    return {"a": a, "M": mass, "f": mass @ a, "f_u": w[W.F_U : W.F_U + n].copy(), "n": touching, **square}
+
+
+@pytest.mark.parametrize("effects", CHOICES, ids="+".join)
+def test_kernels_equal_twin_and_tables(changed: model.Action, effects: tuple[str, ...]) -> None:
+    scene, twin = build_scene(changed, SceneChoice(effects=effects)), Twin(changed, effects)
+    assert list(scene.bodies) == twin.coordinates
+    n, p, t = scene.size, scene.vector, scene.tables
+    lifted = pressed = 0
+    for q, v, u in states(300, scene, seed=21):
+        ours = generated(scene, q, v, u)
+        f, mass = twin.forces_and_mass(q, v, u)
+        np.testing.assert_allclose(ours["M"], mass, rtol=1e-12, atol=1e-12 * np.abs(mass).max())
+        theirs = np.linalg.solve(mass, f)
+        np.testing.assert_allclose(ours["a"], theirs, rtol=1e-10, atol=1e-12 * np.abs(theirs).max())
+        if "balance_rail" in effects:
+            force = twin.rail_force(q[5], v[5])
+            lifted, pressed = lifted + (force == 0.0), pressed + (force > 0.0)
+        pose, counters = np.zeros((n, L.POSE_SIZE)), np.zeros(len(L.COUNTERS), dtype=np.int64)
+        f, a, m_diag, m_up, f_u = (np.zeros(n) for _ in range(5))
+        stiff, damp = np.zeros((n, n)), np.zeros((n, n))
+        dynamics.acceleration(q, v, u, p, t, pose, m_diag, m_up, f, a, counters)
+        jacobian.linearise(v, u, a, p, t, pose, np.zeros((4, L.MAX_CHAIN)), stiff, damp, f_u)
+        for name, table in (("a", a), ("K", stiff), ("D", damp), ("f_u", f_u)):
+            np.testing.assert_allclose(ours[name], table, rtol=1e-9, atol=1e-11 * np.abs(table).max())
+    assert "balance_rail" not in effects or min(lifted, pressed) > 50
+
+
+@pytest.mark.parametrize("effects", CHOICES[2:], ids="+".join)
+def test_jacobian_equals_central_differences(changed: model.Action, effects: tuple[str, ...]) -> None:
+    scene = build_scene(changed, SceneChoice(effects=effects))
+    h, worst, compared = 1e-7, 0.0, 0
+    for q, v, u in states(100, scene, seed=5):
+        at = generated(scene, q, v, u)
+        for j, e in enumerate(h * np.eye(scene.size)):
+            plus, minus = generated(scene, q + e, v, u), generated(scene, q - e, v, u)
+            if plus["n"] != minus["n"]:
+                continue  # a contact opens inside the difference
+            compared += 1
+            stiff = (plus["f"] - minus["f"] - (plus["M"] - minus["M"]) @ at["a"]) / (2 * h)
+            worst = max(worst, np.abs(stiff - at["K"][:, j]).max() / (1e-3 + np.abs(at["K"]).max()))
+            plus, minus = generated(scene, q, v + e, u), generated(scene, q, v - e, u)
+            damp = (plus["f"] - minus["f"]) / (2 * h)
+            worst = max(worst, np.abs(damp - at["D"][:, j]).max() / (1e-3 + np.abs(at["D"]).max()))
+        f_u = (generated(scene, q, v, u + 1e-3)["f"] - generated(scene, q, v, u - 1e-3)["f"]) / 2e-3
+        np.testing.assert_allclose(f_u, at["f_u"], atol=1e-5)
+    assert worst < 2e-5 and compared > 600
+
+
+def test_effects_that_are_off_leave_no_trace(action: model.Action) -> None:
+    """Source, tables and numbers of the kernels are the same whatever the effects' parameters are."""
+    scene = build_scene(action)
+    other = build_scene(action.with_values({"shank.frequency_hz": 80.0, "balance_rail.normal.c": 1e5}))
+    assert scene.vector.tobytes() == other.vector.tobytes()
+    for a, b in zip(scene.tables, other.tables, strict=True):
+        np.testing.assert_array_equal(a, b)
+    text = emit(scene.tables) + emit_energy(scene.tables)
+    for trace in ("lift_of", "x5", "q5", "v5", "rail", f"w[{W.POWER_RAIL}]", f"w[{W.POWER_SHANK}]"):
+        assert trace not in text
+    assert "lift_of" in emit(build_scene(action, SceneChoice(effects=("balance_rail",))).tables)
+
+
+def test_a_changed_value_of_an_effect_compiles_nothing(action: model.Action) -> None:
+    choice = SceneChoice(effects=("balance_rail", "shank"))
+    before = build_scene(action, choice)
+    scenes.kernels_of(before.tables)
+    count = scenes.COMPILED["scenes"]
+    after = build_scene(action.with_values({"shank.frequency_hz": 80.0, "balance_rail.normal.a": 1e9}), choice)
+    scenes.kernels_of(after.tables)
+    assert scenes.COMPILED["scenes"] == count
+    assert np.count_nonzero(before.vector != after.vector) == 4  # k and d of the hinge, a and level of the felt
