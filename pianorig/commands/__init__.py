@@ -18,6 +18,7 @@ NAMES = (
     "calibrate-felt",
     "validate",
     "serve-sim",
+    "selftest",
     "info",
 )
 

@@ -20,6 +20,9 @@ def command(
     fault: Annotated[
         str | None, typer.Option("--fault", help="Faults to plant, e.g. overwrite@1/0.5 (trial/seconds).")
     ] = None,
+    hand: Annotated[
+        bool, typer.Option("--hand", help="Let the virtual operator's hand act when a self-test asks for it.")
+    ] = False,
     log: Annotated[bool, typer.Option("--log", help="Print a JSON line when outputs become live or safe.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the address as JSON.")] = False,
 ) -> None:
@@ -52,6 +55,7 @@ def command(
         seed=seed,
         bench=bench,
         fault=fault,
+        hand=hand,
         announce=announce,
         tell=tell if log else None,
     )

@@ -73,7 +73,7 @@ class BenchChecks:
                     task.close()
         return int(counted[-1]) - int(counted[0])
 
-    def loopback_delay(self, config: RigConfig, channel: str, command_v: np.ndarray) -> np.ndarray:
+    def loopback_read(self, config: RigConfig, channel: str, command_v: np.ndarray) -> np.ndarray:
         """Return what a voltage input wired to the motor's output reads while the command is put out, V."""
         made: list[nidaqmx.Task] = []
         values = np.empty(command_v.size)

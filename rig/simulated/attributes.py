@@ -9,6 +9,8 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from rig.simulated import status
+from rig.simulated.products import channel_names
+from rig.simulated.readings import COUNT_EDGES_TERM, EDGES, FREQ_TERM, FREQUENCY, SHUNT
 from rig.simulated.reservations import ARM_TYPE, NO_TRIGGER
 from rig.simulated.status import DaqStatusError
 from rig.simulated.tasks import FINITE, Channel, SimulatedTask
@@ -23,12 +25,14 @@ DO_NOT_OVERWRITE = 10159
 CO_TERM = 0x18E1
 ARM_EDGE, ARM_SOURCE = 0x1415, 0x1417
 ENCODER_TERMINALS = (0x219D, 0x219E)
+EDGE_TERMINALS = (COUNT_EDGES_TERM, FREQ_TERM)
+CI_SETTABLE = (*ENCODER_TERMINALS, *EDGE_TERMINALS, 0x21FB, 0x21FC, 0x2200, 0x2201)
 
 SETTABLE: dict[str, frozenset[int]] = {
     "Read": frozenset({0x1211}),
     "Buffer": frozenset({0x186C, 0x186D}),
     "Write": frozenset({0x1453}),
-    "Chan": frozenset({*ENCODER_TERMINALS, 0x21FB, 0x21FC, 0x2200, 0x2201, CO_TERM}),
+    "Chan": frozenset({*CI_SETTABLE, CO_TERM, SHUNT}),
     "Trig": frozenset({ARM_TYPE, ARM_EDGE, ARM_SOURCE}),
 }
 
@@ -59,6 +63,25 @@ def _clock_source(device: SimulatedDevice, task: SimulatedTask) -> str:
     return "/" + device.inventory.full_name(source) if source else ""
 
 
+def _terminal(device: SimulatedDevice, relative: str) -> str:
+    return "/" + device.inventory.full_name(relative) if relative else ""
+
+
+def _lines_per_channel(task: SimulatedTask) -> list[int]:
+    return [len(channel.settings.get("lines", "1")) for channel in task.channels] or [0]
+
+
+def _space_available(device: SimulatedDevice, task: SimulatedTask) -> int:
+    written = task.output.shape[0] if task.output is not None else 0
+    return max(int(task.setting("Buffer", "", 0x186D, written)) - max(written - task.generated, 0), 0)
+
+
+def _timing_type(device: SimulatedDevice, task: SimulatedTask) -> int:
+    if task.type == "CO":
+        return 10451  # implicit
+    return 12504 if task.changes else 10388 if task.clock is not None else 10390
+
+
 GETTABLE: dict[tuple[str, int], Getter] = {
     ("Task", 0x1276): lambda device, task: task.name,
     ("Task", 0x1273): lambda device, task: ", ".join(channel.name for channel in task.channels),
@@ -70,7 +93,14 @@ GETTABLE: dict[tuple[str, int], Getter] = {
     ("Timing", 0x1300): _clock("mode"),
     ("Timing", 0x1310): _clock("samples"),
     ("Read", 0x1823): lambda device, task: ", ".join(channel.name for channel in task.channels),
-    ("Write", 0x217F): lambda device, task: 1,
+    ("Write", 0x217F): lambda device, task: max(_lines_per_channel(task)),
+    ("Read", 0x217C): lambda device, task: max(_lines_per_channel(task)),
+    ("Write", 0x1453): lambda device, task: task.setting("Write", "", 0x1453, 10097),
+    ("Write", 0x1460): _space_available,
+    ("Write", 0x1458): lambda device, task: task.generated,
+    ("Trig", 0x1407): lambda device, task: _terminal(device, task.start_trigger),
+    ("Trig", 0x1393): lambda device, task: DIGITAL_EDGE if task.start_trigger else NO_TRIGGER,
+    ("Timing", 0x1347): _timing_type,
     ("Read", 0x217B): lambda device, task: len(task.channels),
     ("Read", 0x1223): _samples("available"),
     ("Read", 0x192A): _samples("acquired"),
@@ -83,14 +113,19 @@ GETTABLE: dict[tuple[str, int], Getter] = {
 }
 
 
-CHANNEL_TYPE = {"AI": 10100, "AO": 10102, "DO": 10153, "CI": 10131, "CO": 10132}
+CHANNEL_TYPE = {"AI": 10100, "AO": 10102, "DI": 10151, "DO": 10153, "CI": 10131, "CO": 10132}
+CI_TYPE = {EDGES: 10125, FREQUENCY: 10179}
 VOLTAGE, FORCE_BRIDGE, ANGULAR_ENCODER = 10322, 15899, 10360
 MEASUREMENT_TYPE = {"bridge": FORCE_BRIDGE, "voltage_in": VOLTAGE, "voltage_out": VOLTAGE, "counter": ANGULAR_ENCODER}
 CHANNEL_GETTABLE: dict[int, Callable[[SimulatedTask, Channel], Any]] = {
     0x187F: lambda task, channel: CHANNEL_TYPE[task.type or ""],
     0x18F5: lambda task, channel: channel.physical.name,
     0x0695: lambda task, channel: MEASUREMENT_TYPE[channel.physical.kind] if task.type == "AI" else None,
-    0x18A0: lambda task, channel: MEASUREMENT_TYPE[channel.physical.kind] if task.type == "CI" else None,
+    0x18A0: lambda task, channel: (
+        CI_TYPE.get(channel.settings.get("measures", ""), ANGULAR_ENCODER) if task.type == "CI" else None
+    ),
+    0x2178: lambda task, channel: len(channel.settings["lines"]) if task.type == "DI" else None,
+    0x2179: lambda task, channel: len(channel.settings["lines"]) if task.type == "DO" else None,
 }
 """Properties of a channel; None means that this type of channel does not have it."""
 
@@ -117,10 +152,11 @@ def put(device: SimulatedDevice, task: SimulatedTask, category: str, channel: st
         raise DaqStatusError(status.TASK_RUNNING, f"Task: {task.name}")
     if category == "Chan":
         channel = _channel(task, channel).name
-        wrong_type = task.type != ("CO" if attribute == CO_TERM else "CI")
-        if wrong_type:
+        wanted = "CO" if attribute == CO_TERM else "AI" if attribute == SHUNT else "CI"
+        bridge = attribute != SHUNT or _channel(task, channel).physical.kind == "bridge"
+        if task.type != wanted or not bridge:
             raise DaqStatusError(status.ATTRIBUTE_NOT_SUPPORTED, f"Property: 0x{attribute:04X} of {channel}")
-    if attribute in (*ENCODER_TERMINALS, ARM_SOURCE):
+    if attribute in (*ENCODER_TERMINALS, *EDGE_TERMINALS, ARM_SOURCE):
         device.inventory.terminal(value)
     if attribute == CO_TERM:
         device.inventory.terminal(value, output=True)
@@ -136,9 +172,14 @@ def put(device: SimulatedDevice, task: SimulatedTask, category: str, channel: st
 
 
 def _channel(task: SimulatedTask, name: str) -> Channel:
-    """Return the channel of that name; of several names, or of none, the first (they are of one type)."""
-    first = name.split(",")[0].strip()
+    """Return the channel of that name; of several names, or of none, the first (they are of one type).
+
+    Digital channels are also found by their lines or their port.
+    """
+    names = channel_names(name) if name.strip() else [""]
     for channel in task.channels:
-        if first in ("", channel.name):
+        lines = channel.settings.get("lines", [])
+        own = {"", channel.name, *lines, *(line.rsplit("/", 1)[0] for line in lines)}
+        if names[0] in own:
             return channel
     raise DaqStatusError(status.NO_SUCH_CHANNEL, f"Channel: {name!r} in task {task.name}")

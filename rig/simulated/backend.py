@@ -5,7 +5,8 @@ channel, real client.
 overrides its seed, ``clock`` is
 ``virtual`` (default), ``real``, or a speed such as ``10``; ``fault`` plants faults
 (:mod:`rig.simulated.faults`); ``effects=balance_rail,shank`` lets the specimen's key lift and its shank bend
-(`model.effects`). The device takes product and name from the rig file.
+(`model.effects`); ``hand=yes`` lets the operator's hand act when a self-test asks for it. The device takes product and
+name from the rig file.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ from rig.simulated.service import Service
 from rig.simulated.wiring import WIRING_OF_PRODUCT, Wiring
 
 DEFAULT_BENCH = Path(__file__).parent / "bench.toml"
-OPTIONS = ("bench", "seed", "clock", "fault", "effects")
+OPTIONS = ("bench", "seed", "clock", "fault", "effects", "hand")
 
 
 class SimulatedBackend(NidaqmxBackend):
@@ -81,6 +82,7 @@ def open_backend(url: str, config: RigConfig) -> SimulatedBackend:
     plant = load_plant(bench, seed=seed, sample_rate_hz=config.device.sample_rate_hz, effects=effects)
     device = build_device(config, plant, sensors, clock=clock)
     device.faults = FaultPlan(faults)
+    device.bench.hand = _hand(url, options.get("hand", "no"))
     backend = SimulatedBackend(
         device,
         {
@@ -111,6 +113,12 @@ def _seed(url: str, text: str | None) -> int | None:
     if not (text.isascii() and text.isdigit()):
         raise InputError(f"{url}: seed = {text!r}, allowed a whole number from 0")
     return int(text)
+
+
+def _hand(url: str, text: str) -> bool:
+    if text not in ("yes", "no"):
+        raise InputError(f"{url}: hand = {text!r}, allowed yes or no")
+    return text == "yes"
 
 
 def _clock(url: str, text: str) -> Clock:

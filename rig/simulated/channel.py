@@ -1,17 +1,18 @@
 """A ``grpc.Channel`` that dispatches in process: the real client on the virtual device, without socket or
 serialisation.
 
-Only unary calls exist; streams (events) are answered with UNIMPLEMENTED, as are calls the device does not
-have.
+Unary calls and event streams exist; calls the device does not have are answered with UNIMPLEMENTED.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import contextlib
+from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
 import grpc
 
+from rig.simulated.events import EventStream
 from rig.simulated.service import Service
 from rig.simulated.status import DaqStatusError, NotImplementedByDevice, ServerGone
 
@@ -51,6 +52,42 @@ class InProcessError(grpc.RpcError):
         return self._metadata
 
 
+@contextlib.contextmanager
+def _as_rpc_errors() -> Iterator[None]:
+    try:
+        yield
+    except DaqStatusError as error:
+        raise InProcessError(grpc.StatusCode.UNKNOWN, str(error), trailing_metadata(error)) from None
+    except ServerGone as error:
+        raise InProcessError(grpc.StatusCode.UNAVAILABLE, f"failed to connect: {error}") from None
+    except NotImplementedByDevice as error:
+        raise InProcessError(grpc.StatusCode.UNIMPLEMENTED, f"not simulated: {error}") from None
+
+
+class InProcessStream:
+    """The stream of a registered event, as a client iterates it."""
+
+    def __init__(self, events: EventStream) -> None:
+        self._events = events
+
+    def initial_metadata(self) -> tuple[Metadatum, ...]:
+        """Return the metadata that says that the event is registered."""
+        return ()
+
+    def done(self) -> bool:
+        """Whether the stream failed while it was registered; it would have raised."""
+        return False
+
+    def cancel(self) -> bool:
+        """End the stream."""
+        self._events.cancel()
+        return True
+
+    def __iter__(self) -> Iterator[Any]:
+        with _as_rpc_errors():
+            yield from self._events
+
+
 class InProcessChannel(grpc.Channel):
     """Channel to a :class:`rig.simulated.service.Service` in the same process."""
 
@@ -62,14 +99,8 @@ class InProcessChannel(grpc.Channel):
         name = method.rsplit("/", 1)[-1]
 
         def call(request: Any, timeout: float | None = None, metadata: Any = None, **options: Any) -> Any:
-            try:
+            with _as_rpc_errors():
                 return self.service.handle(name, request)
-            except DaqStatusError as error:
-                raise InProcessError(grpc.StatusCode.UNKNOWN, str(error), trailing_metadata(error)) from None
-            except ServerGone as error:
-                raise InProcessError(grpc.StatusCode.UNAVAILABLE, f"failed to connect: {error}") from None
-            except NotImplementedByDevice as error:
-                raise InProcessError(grpc.StatusCode.UNIMPLEMENTED, f"not simulated: {error}") from None
 
         return call
 
@@ -80,8 +111,14 @@ class InProcessChannel(grpc.Channel):
         return call
 
     def unary_stream(self, method: str, *args: Any, **kwargs: Any) -> Callable[..., Any]:
-        """Return a callable that refuses: events are not simulated."""
-        return self._no_streams(method)
+        """Return a callable that registers an event and gives its stream."""
+        name = method.rsplit("/", 1)[-1]
+
+        def call(request: Any, timeout: float | None = None, metadata: Any = None, **options: Any) -> InProcessStream:
+            with _as_rpc_errors():
+                return InProcessStream(self.service.stream(name, request))
+
+        return call
 
     def stream_unary(self, method: str, *args: Any, **kwargs: Any) -> Callable[..., Any]:
         """Return a callable that refuses."""

@@ -3,15 +3,19 @@ task."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from typing import Any
 
 from rig.simulated import status
 from rig.simulated.attributes import ENCODER_TERMINALS
-from rig.simulated.device import CO_DELAY, CO_FREQ, SimulatedDevice
+from rig.simulated.device import SimulatedDevice
 from rig.simulated.messages import enum
+from rig.simulated.pulses import CO_DELAY, CO_DUTY, CO_FREQ
 from rig.simulated.readings import (
     DEGREES,
+    EDGES,
+    FREQUENCY,
     MILLIVOLTS_PER_VOLT,
     NEWTON_IN,
     RADIANS,
@@ -25,6 +29,11 @@ from rig.simulated.status import DaqStatusError, NotImplementedByDevice
 from rig.simulated.tasks import SimulatedTask
 
 INTERNAL_EXCITATION = 10200
+SECONDS = 10364
+RISING, FALLING = 10280, 10171
+COUNT_UP, COUNT_DOWN = 10128, 10124
+CHAN_FOR_ALL_LINES = 1
+CO_HIGH_TIME, CO_LOW_TIME = 0x18BA, 0x18BB
 VOLTS, HERTZ = 10348, 10373
 BRIDGE_CONFIGURATIONS = (10182, 10187, 10270)
 
@@ -120,12 +129,73 @@ def co_pulse_frequency(device: SimulatedDevice, task: SimulatedTask, request: An
     device.add_channels(task, "CO", "counter", request.counter, request.name_to_assign_to_channel)
     name = task.channels[-1].name
     task.attributes["Chan", name, CO_FREQ] = timebase / round(timebase / request.freq)
+    task.attributes["Chan", name, CO_DUTY] = request.duty_cycle
     task.attributes["Chan", name, CO_DELAY] = max(round(request.initial_delay * timebase), 2) / timebase
 
 
+def co_pulse_time(device: SimulatedDevice, task: SimulatedTask, request: Any) -> None:
+    """CO pulses by their high and low times, s."""
+    _one_of(enum(request, "units"), (SECONDS,), "Units")
+    if not (request.high_time > 0 and request.low_time > 0 and request.initial_delay >= 0):
+        raise DaqStatusError(status.INVALID_VALUE, f"High {request.high_time:g} s, low {request.low_time:g} s")
+    _add_pulses(device, task, request, request.initial_delay, request.high_time, request.low_time)
+
+
+def co_pulse_ticks(device: SimulatedDevice, task: SimulatedTask, request: Any) -> None:
+    """CO pulses by ticks of a timebase of the device."""
+    source = device.inventory.terminal(request.source_terminal)
+    match = re.fullmatch(r"(\d+)([Mk])HzTimebase", source)
+    if match is None:
+        raise NotImplementedByDevice(f"ticks of {request.source_terminal}")
+    tick_s = 1 / (float(match[1]) * {"M": 1e6, "k": 1e3}[match[2]])
+    if request.high_ticks < 2 or request.low_ticks < 2 or request.initial_delay < 0:
+        raise DaqStatusError(status.INVALID_VALUE, f"High {request.high_ticks}, low {request.low_ticks} ticks")
+    delay, high, low = request.initial_delay * tick_s, request.high_ticks * tick_s, request.low_ticks * tick_s
+    _add_pulses(device, task, request, delay, high, low)
+
+
+def _add_pulses(
+    device: SimulatedDevice, task: SimulatedTask, request: Any, delay_s: float, high_s: float, low_s: float
+) -> None:
+    timebase = device.inventory.product.counter_timebase_hz
+    device.add_channels(task, "CO", "counter", request.counter, request.name_to_assign_to_channel)
+    name = task.channels[-1].name
+    high, low = (max(round(part * timebase), 2) / timebase for part in (high_s, low_s))
+    task.attributes["Chan", name, CO_FREQ] = 1 / (high + low)
+    task.attributes["Chan", name, CO_DUTY] = high / (high + low)
+    task.attributes["Chan", name, CO_DELAY] = max(round(delay_s * timebase), 2) / timebase
+    task.attributes["Chan", name, CO_HIGH_TIME], task.attributes["Chan", name, CO_LOW_TIME] = high, low
+
+
+def ci_count_edges(device: SimulatedDevice, task: SimulatedTask, request: Any) -> None:
+    """CI counting edges on a terminal, up or down."""
+    _one_of(enum(request, "edge"), (RISING, FALLING), "Edge")
+    _one_of(enum(request, "count_direction"), (COUNT_UP, COUNT_DOWN), "Count direction")
+    step = 1 if enum(request, "count_direction") == COUNT_UP else -1
+    device.add_channels(
+        task, "CI", "counter", request.counter, request.name_to_assign_to_channel,
+        measures=EDGES, initial_count=int(request.initial_count), step=step,
+    )  # fmt: skip
+
+
+def ci_frequency(device: SimulatedDevice, task: SimulatedTask, request: Any) -> None:
+    """CI measuring a frequency on a terminal."""
+    _one_of(enum(request, "units"), (HERTZ,), "Units")
+    if not 0 < request.min_val < request.max_val:
+        raise DaqStatusError(status.INVALID_VALUE, f"Limits {request.min_val:g} to {request.max_val:g} Hz")
+    device.add_channels(task, "CI", "counter", request.counter, request.name_to_assign_to_channel, measures=FREQUENCY)
+
+
 def do_lines(device: SimulatedDevice, task: SimulatedTask, request: Any) -> None:
-    """DO on single lines."""
-    device.add_channels(task, "DO", "line", request.lines, request.name_to_assign_to_lines)
+    """DO on lines or ports."""
+    one = enum(request, "line_grouping") == CHAN_FOR_ALL_LINES
+    device.add_lines(task, "DO", request.lines, request.name_to_assign_to_lines, one_channel=one)
+
+
+def di_lines(device: SimulatedDevice, task: SimulatedTask, request: Any) -> None:
+    """DI on lines or ports."""
+    one = enum(request, "line_grouping") == CHAN_FOR_ALL_LINES
+    device.add_lines(task, "DI", request.lines, request.name_to_assign_to_lines, one_channel=one)
 
 
 CHANNEL_CALLS: dict[str, Callable[[SimulatedDevice, SimulatedTask, Any], None]] = {
@@ -134,5 +204,10 @@ CHANNEL_CALLS: dict[str, Callable[[SimulatedDevice, SimulatedTask, Any], None]] 
     "CreateCIAngEncoderChan": ci_angular_encoder,
     "CreateAOVoltageChan": ao_voltage,
     "CreateCOPulseChanFreq": co_pulse_frequency,
+    "CreateCOPulseChanTime": co_pulse_time,
+    "CreateCOPulseChanTicks": co_pulse_ticks,
+    "CreateCICountEdgesChan": ci_count_edges,
+    "CreateCIFreqChan": ci_frequency,
     "CreateDOChan": do_lines,
+    "CreateDIChan": di_lines,
 }

@@ -14,6 +14,9 @@ from typing import Protocol
 class Clock(Protocol):
     """What the device asks of a clock."""
 
+    paced: bool
+    """Whether time takes its time."""
+
     @property
     def now_s(self) -> float:
         """Time since the clock was made, s."""
@@ -28,6 +31,8 @@ class Clock(Protocol):
 
 class VirtualClock:
     """Time that passes in no time."""
+
+    paced = False
 
     def __init__(self) -> None:
         self._now_s = 0.0
@@ -49,6 +54,8 @@ class VirtualClock:
 
 class PacedClock:
     """Virtual time that never runs ahead of ``speed`` times the wall clock."""
+
+    paced = True
 
     def __init__(
         self,

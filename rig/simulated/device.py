@@ -8,18 +8,22 @@ a read asks for samples that do not exist yet.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.simulated import status
+from rig.simulated import status, waiting
 from rig.simulated.bench_time import BenchTime
 from rig.simulated.clock import Clock
 from rig.simulated.contract import Plant
+from rig.simulated.engines import engine_of, own_clock
 from rig.simulated.faults import FaultPlan
+from rig.simulated.passing import latch, put_out
 from rig.simulated.products import Inventory, Kind, channel_names
-from rig.simulated.readings import encoder_reading, force_reading
+from rig.simulated.pulses import edges_until, pulse_train
+from rig.simulated.readings import edge_terminal
 from rig.simulated.reservations import Reservations
 from rig.simulated.sensors import SensorSet
 from rig.simulated.status import DaqStatusError, NotImplementedByDevice
@@ -27,9 +31,7 @@ from rig.simulated.tasks import FINITE, Buffer, Channel, SampleClock, SimulatedT
 from rig.simulated.watchdog import Watchdogs
 from rig.simulated.wiring import Wiring
 
-AO_CLOCK = "ao/SampleClock"
-CO_FREQ, CO_DELAY = 0x1178, 0x299
-INPUTS = ("AI", "CI")
+INPUTS = ("AI", "CI", "DI")
 
 
 class SimulatedDevice:
@@ -60,8 +62,11 @@ class SimulatedDevice:
         self.trial = 0
         self.watchdogs = Watchdogs(self)
         self.faults = FaultPlan()
+        self.exports: dict[str, str] = {}
+        """Terminals that carry another terminal's signal."""
+        self.between: Callable[[], None] = lambda: None
+        """Called between stretches of time, so that other clients get a turn."""
         self._reservations = Reservations(inventory)
-        self._master: SimulatedTask | None = None
 
     def task(self, name: str) -> SimulatedTask:
         """Return a task by name."""
@@ -88,12 +93,23 @@ class SimulatedDevice:
     def add_channels(
         self, task: SimulatedTask, type_: TaskType, kind: Kind, physical: str, name: str, **settings: Any
     ) -> None:
-        """Add the comma-separated physical channels to a task."""
+        """Add the comma-separated physical channels to a task; digital ones come from :meth:`add_lines`."""
         names = channel_names(physical)
         for index, part in enumerate(names):
             channel = self.inventory.channel(part, kind)
             given = name if len(names) == 1 else f"{name}{index}"
             task.add_channel(type_, Channel(given if name else channel.name, channel, settings))
+
+    def add_lines(self, task: SimulatedTask, type_: TaskType, lines: str, name: str, *, one_channel: bool) -> None:
+        """Add digital lines or whole ports to a task, as one channel or one per line."""
+        found = self.inventory.lines(lines)
+        groups = [found] if one_channel else [[line] for line in found]
+        for index, group in enumerate(groups):
+            given = name if len(groups) == 1 else f"{name}{index}"
+            port = group[0].name.rsplit("/", 1)[0]
+            several = port if lines.strip().lower() == port.lower() else group[0].name + "..."
+            own = several if len(group) > 1 else group[0].name
+            task.add_channel(type_, Channel(given if name else own, group[0], {"lines": [line.name for line in group]}))
 
     def configure_clock(self, task: SimulatedTask, rate_hz: float, source: str, mode: int, samples: int) -> None:
         """Set a task's sample clock after coercing its rate and checking its route."""
@@ -104,15 +120,15 @@ class SimulatedDevice:
         if not rate_hz > 0 or samples < 1:
             raise DaqStatusError(status.INVALID_VALUE, f"Rate {rate_hz:g}, samples per channel {samples}")
         terminal = self.inventory.terminal(source) if source and source != "OnboardClock" else ""
-        if task.type == "AI":
-            rate_hz = self.inventory.coerced_ai_rate(rate_hz, task.channels[0].physical.kind)
-        elif task.type == "CI" and not terminal:
+        if task.type == "CI" and not terminal:
             raise DaqStatusError(-200303, "External sample clock source must be specified for this measurement.")
-        elif task.type not in ("CI", "AO"):
-            raise NotImplementedByDevice(f"sample clock of a {task.type} task")
-        elif task.type == "AO" and rate_hz > self.inventory.product.ao_max_rate_hz:
-            raise DaqStatusError(status.RATE_TOO_HIGH, f"Requested {rate_hz:g}")
-        task.clock = SampleClock(rate_hz, terminal, mode, samples)
+        if task.type == "CO":
+            raise NotImplementedByDevice("sample clock of a CO task")
+        static = any(channel.physical.kind == "static_line" for channel in task.channels)
+        if static or (task.type in ("DI", "DO") and not self.inventory.product.clocked_lines):
+            raise DaqStatusError(status.ATTRIBUTE_NOT_SUPPORTED, f"Task: {task.name}: these lines are static")
+        rate_hz = self.inventory.coerced_rate(rate_hz, task.channels[0].physical.kind, len(task.channels))
+        task.clock, task.changes = SampleClock(rate_hz, terminal, mode, samples), frozenset()
 
     def commit(self, task: SimulatedTask) -> None:
         """Take the task's resources; refuses what another task holds."""
@@ -128,47 +144,51 @@ class SimulatedDevice:
         task.state, task.committed = "unreserved", False
 
     def start(self, task: SimulatedTask) -> None:
-        """Start a task; starting AI is the start trigger of everything armed."""
+        """Start a task; the start of one with a clock of its own is the start trigger of those that wait for it."""
         if task.state == "running":
             raise DaqStatusError(status.TASK_RUNNING, f"Task: {task.name}")
         if self.watchdogs.started(task):
             return
-        if task.type == "AO" and task.output is None and task.clock is not None:
+        if task.type in ("AO", "DO") and task.output is None and task.clock is not None:
             raise DaqStatusError(status.NO_DATA_WRITTEN, f"Task: {task.name}")
         self.commit(task)
-        task.state, task.generated = "running", 0
+        task.state, task.generated, task.finished, task.error = "running", 0, False, 0
         if task.type in INPUTS:
-            task.buffer = Buffer(task.buffer_size, len(task.channels))
-        own_clock = task.clock is not None and not task.clock.source
-        if task.clock is not None and own_clock and not task.start_trigger:
-            self._trigger(task, task.clock)
-        elif own_clock:
-            raise NotImplementedByDevice(f"{task.name} with a clock of its own and a start trigger")
-        else:
-            # a trigger that is waited for must still come; one that has passed never comes again
-            task.live = not (task.start_trigger or task.arm_trigger)
+            task.buffer = Buffer(task.buffer_size, sum(len(c.settings.get("lines", "1")) for c in task.channels))
+        # a trigger that is waited for must still come; one that has passed never comes again
+        if not (task.start_trigger or task.arm_trigger):
+            self._go_live(task)
 
-    def _trigger(self, master: SimulatedTask, clock: SampleClock) -> None:
-        if self._master is not None:
-            raise NotImplementedByDevice(f"{master.name} on a clock of its own beside {self._master.name}")
-        self._master, self.trial = master, self.trial + 1
-        delay_s = self.inventory.input_delay_s(master.channels[0].physical.kind, clock.rate_hz)
-        self.bench.begin(self.trial, clock.rate_hz, delay_s)
-        trigger = f"{str(master.type).lower()}/StartTrigger"
-        for task in self.tasks.values():
-            if task is master or (task.state == "running" and trigger in (task.start_trigger, task.arm_trigger)):
-                task.live = True
+    @staticmethod
+    def _times(task: SimulatedTask) -> bool:
+        """Whether a task makes time pass by itself."""
+        return own_clock(task) or task.type == "CO"
 
-    def _ticking(self) -> set[str]:
-        """Sample clock terminals that carry the running clock; "" is the master's own."""
-        if self._master is None:
-            return set()
-        ticking = {"", f"{str(self._master.type).lower()}/SampleClock"}
-        if any(
-            t.type == "AO" and t.live and t.clock is not None and t.clock.source in ticking for t in self.tasks.values()
+    def _go_live(self, task: SimulatedTask) -> None:
+        """Let a task's clock tick from here on, and those that waited for it."""
+        clocked = own_clock(task) or task.type == "CO"
+        if clocked and not any(
+            other.live and (own_clock(other) or other.type == "CO") for other in self.tasks.values()
         ):
-            ticking.add(AO_CLOCK)
-        return ticking
+            rate_hz = task.clock.rate_hz if task.clock is not None else self.bench.rate_hz
+            self.trial += 1
+            delay_s = self.inventory.input_delay_s(task.channels[0].physical.kind, rate_hz)
+            idle = not any(t.type == "AO" and t.output is not None and t.output.any() for t in self.tasks.values())
+            self.bench.begin(self.trial, rate_hz, delay_s, by_hand=idle and not self.drive_enabled())
+        task.live, task.since_s = True, self.bench.edge / self.bench.rate_hz
+        engine = None if own_clock(task) else engine_of(self, task)
+        task.since_tick = engine.passed(self.bench.edge) if engine else 0
+        if task.type == "CO":
+            task.pulse_end_s = pulse_train(task).end_s
+        if task.type == "CI" and "measures" in task.channels[0].settings:
+            terminal = edge_terminal(self, task, task.channels[0])
+            task.counted = int(edges_until(self, terminal, np.array([self.bench.edge]))[0])
+        if own_clock(task):
+            trigger = f"{str(task.type).lower()}/StartTrigger"
+            for other in self.tasks.values():
+                waited = {self.exports.get(t, t) for t in (other.start_trigger, other.arm_trigger)}
+                if other.state == "running" and not other.live and trigger in waited:
+                    self._go_live(other)
 
     def stop(self, task: SimulatedTask) -> None:
         """Stop a task; an output keeps the value it has."""
@@ -176,12 +196,18 @@ class SimulatedDevice:
             return
         task.live = False
         self.watchdogs.stopped(task)
-        if task is self._master:
-            self._master = None
         if task.committed:
             task.state = "committed"
         else:
             self.release(task)
+
+    def reset(self) -> None:
+        """Forget all tasks and put the outputs where they are after power-up."""
+        for name in list(self.tasks):
+            self.clear_task(name)
+        self.output_v = dict.fromkeys(self.output_v, 0.0)
+        self.lines = dict.fromkeys(self.lines, False)
+        self.exports.clear()
 
     def drive_enabled(self) -> bool:
         """Whether the motor drive follows the analog output."""
@@ -189,50 +215,20 @@ class SimulatedDevice:
         return line is None or self.lines.get(self.inventory.full_name(line), False)
 
     def advance(self, n: int) -> None:
-        """Let at most n edges of the running sample clock pass: outputs, plant, inputs, in this order."""
-        if self._master is None:
-            return
-        n = int(min(n, self._master.remaining()))
-        if n <= 0:
-            return
-        ticking = self._ticking()
-        clocked = [t for t in self.tasks.values() if t.live and t.clock is not None and t.clock.source in ticking]
-        motor = self.inventory.full_name(self.wiring.motor)
-        command = np.full(n, self.output_v.get(motor, 0.0))
-        for task in clocked:
-            rows = task.next_output(n) if task.type == "AO" else np.empty((0, 0))
-            for column, channel in enumerate(task.channels if rows.shape[0] else []):
-                self.output_v[channel.physical.name] = float(rows[-1, column])
-                if channel.physical.name == motor:
-                    command[: rows.shape[0]] = rows[:, column]
-                    command[rows.shape[0] :] = rows[-1, column]
-        at_s = (self.bench.edge + np.arange(n)) / self.bench.rate_hz
-        cell, quarter = self.bench.step(command if self.drive_enabled() else np.zeros(n))
-        cell, quarter = self.faults.change(self.trial, at_s, cell, quarter)
-        for task in clocked:
-            if task.buffer is not None:
-                task.buffer.put(self._latch(task, cell, quarter)[: max(int(min(task.remaining(), n)), 0)])
+        """Let at most n edges of the bench pass; time stands still when no task has anything left to do."""
+        waiting.advance(self, n)
 
     def pulse_edges_s(self, counter: str) -> NDArray[np.float64]:
-        """Rising edges a counter has put out since the start trigger, s; none when it does not run."""
+        """Rising edges a counter has put out since its trigger, s; none when it does not run."""
         for task in self.tasks.values():
-            channel = next((c for c in task.channels if c.physical.name == counter), None)
-            if task.type == "CO" and task.live and channel is not None:
-                rate = task.setting("Chan", channel.name, CO_FREQ, 0.0)
-                first = task.setting("Chan", channel.name, CO_DELAY, 0.0)
-                passed = int(np.floor((self.bench.edge / self.bench.rate_hz - first) * rate + 1e-9)) + 1
-                return first + np.arange(max(passed, 0)) / rate
+            if task.type == "CO" and task.live and any(c.physical.name == counter for c in task.channels):
+                return pulse_train(task).until(self.bench.edge / self.bench.rate_hz)
         return np.empty(0)
 
     @property
     def edge(self) -> int:
-        """Edges of the sample clock since the last start trigger."""
+        """Edges of the bench since the last start trigger."""
         return self.bench.edge
-
-    def _latch(self, task: SimulatedTask, cell: NDArray[np.float64], quarter: NDArray[np.int64]) -> NDArray[np.float64]:
-        if task.type == "AI":
-            return np.column_stack([force_reading(self, channel, cell) for channel in task.channels])
-        return np.column_stack([encoder_reading(self, task, channel, quarter) for channel in task.channels])
 
     def read(self, task: SimulatedTask, n: int, timeout_s: float) -> NDArray[np.float64]:
         """Return up to n samples per channel, shape (m, channels), letting time pass until they exist.
@@ -242,23 +238,20 @@ class SimulatedDevice:
         if task.state != "running":
             self.start(task)
         if task.clock is None or task.buffer is None:
-            present = [self._latch(task, *self.bench.present()) for _ in range(max(n, 1))]
-            return np.concatenate(present)
+            return np.concatenate([latch(self, task, *self.bench.present()) for _ in range(max(n, 1))])
         if n < 0:
             n = task.buffer.available if task.clock.mode != FINITE else task.clock.samples - task.buffer.read
         missing = n - task.buffer.available
         if missing > task.remaining():
             raise DaqStatusError(status.PAST_THE_END, f"Task: {task.name}", samples_read=0)
         if missing > 0:
-            allowed = missing if timeout_s < 0 else min(missing, int(timeout_s * self.bench.rate_hz + 1e-9))
-            if task.live and task.clock.source in self._ticking():
-                self.advance(int(min(allowed, task.remaining())))
-            elif timeout_s > 0:
-                self.bench.clock.advance(timeout_s)
+            waiting.for_samples(self, task, missing, timeout_s)
+        if task.ref_trigger:
+            return np.empty((0, len(task.channels)))  # nothing is connected there that could trigger it
         return task.buffer.take(min(n, task.buffer.available))
 
     def write(self, task: SimulatedTask, values: NDArray[np.float64], auto_start: bool) -> None:
-        """Take samples for an analog output, shape (n, channels): buffered, or at once without a clock."""
+        """Take samples for an analog output, V, shape (n, channels)."""
         if task.type != "AO":
             raise DaqStatusError(status.WRONG_OUTPUT_TYPE, f"Task: {task.name} is {task.type}")
         for column, channel in enumerate(task.channels):
@@ -267,24 +260,31 @@ class SimulatedDevice:
             if not np.all(inside):
                 detail = f"Channel: {channel.name}, limits {low:g} to {high:g} V"
                 raise DaqStatusError(status.INVALID_AO_DATA, detail)
+        self.accept(task, values, auto_start)
+
+    def accept(self, task: SimulatedTask, values: NDArray[np.float64], auto_start: bool) -> None:
+        """Take samples for an output, shape (n, channels or lines): buffered, or put out at once without a clock."""
         self.watchdogs.refuse_if_held(task)
-        if task.clock is not None:
-            if task.state == "running":
-                raise NotImplementedByDevice("writing to a running generation")
+        if task.clock is None:
+            self._at_once(task, auto_start)
+            put_out(self, task, values[-1])
+        elif task.state != "running":
             task.output = values.copy()
             if auto_start:
                 self.start(task)
-            return
-        self._at_once(task, auto_start)
-        self.output_v.update({c.physical.name: float(values[-1, i]) for i, c in enumerate(task.channels)})
+        elif task.error:
+            raise DaqStatusError(task.error, f"Task: {task.name}")
+        elif task.regenerates or task.output is None:
+            task.output = values.copy()
+        else:
+            task.output = np.concatenate((task.output, values))
 
     def write_lines(self, task: SimulatedTask, states: list[bool], auto_start: bool) -> None:
         """Set digital lines at once."""
-        if task.type != "DO" or len(states) != len(task.channels):
+        lines = sum(len(channel.settings.get("lines", ())) for channel in task.channels)
+        if task.type != "DO" or len(states) != lines:
             raise DaqStatusError(status.WRONG_OUTPUT_TYPE, f"Task: {task.name}, {len(states)} lines")
-        self.watchdogs.refuse_if_held(task)
-        self._at_once(task, auto_start)
-        self.lines.update({c.physical.name: state for c, state in zip(task.channels, states, strict=True)})
+        self.accept(task, np.array([states], dtype=np.float64), auto_start)
 
     def _at_once(self, task: SimulatedTask, auto_start: bool) -> None:
         if task.state == "running":

@@ -10,12 +10,13 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Any, Literal
 
 from rig.simulated import status
 from rig.simulated.status import DaqStatusError
 
-Kind = Literal["bridge", "voltage_in", "voltage_out", "counter", "line"]
+DIGITAL_RATE_HZ = 10e6
+Kind = Literal["bridge", "voltage_in", "voltage_out", "counter", "line", "static_line"]
 
 
 @dataclass(frozen=True)
@@ -46,13 +47,40 @@ class Product:
     ai_ranges_v: tuple[float, ...] = ()
     encoder_terminals: tuple[tuple[str, str], ...] = ()
     """A and B terminals each counter has unless told otherwise; empty: they must be told."""
+    edge_terminals: tuple[str, ...] = ()
+    """Terminal on which each counter counts edges unless told otherwise; empty: it must be told."""
+    pulse_terminals: tuple[str, ...] = ()
+    """Terminal on which each counter puts out pulses unless told otherwise."""
+    clocked_lines: bool = False
+    """Whether digital lines can have a sample clock."""
+    change_detection: bool = False
+    ai_aggregate_rate_hz: float = math.inf
+    """Sum of the rates of several AI channels on one converter."""
+    ao_rates_hz: tuple[float, ...] = ()
+    """Largest AO rate with one, two, … channels; empty: ``ao_max_rate_hz`` for each."""
+    timebase_hz: float = 100e6
     ai_bits: int = 16
     watchdog_reach: tuple[Kind, ...] = ()
     """Kinds of outputs the product's watchdog timer can put into a state."""
     input_only_terminals: str = r"(?!)"
     internal: tuple[str, ...] = field(
-        default=("ai/SampleClock", "ai/StartTrigger", "ao/SampleClock", "ao/StartTrigger")
+        default=tuple(
+            f"{kind}/{signal}" for kind in ("ai", "ao", "di", "do") for signal in ("SampleClock", "StartTrigger")
+        )
     )
+    timebases: str = r"(?!)"
+    """Terminals that carry clocks of the device itself, by pattern."""
+
+    def count_terminal(self, channel: Any) -> str:
+        """Return the terminal on which a counter counts edges unless told otherwise."""
+        number = int(channel.physical.resource.removeprefix("ctr"))
+        if not self.edge_terminals:
+            raise DaqStatusError(status.NO_SUCH_TERMINAL, f"Channel: {channel.name}: its input terminal must be told")
+        return self.edge_terminals[number]
+
+    def pulse_terminal(self, resource: str) -> str:
+        """Return the terminal on which a counter puts out pulses unless told otherwise; "" for none."""
+        return self.pulse_terminals[int(resource.removeprefix("ctr"))] if self.pulse_terminals else ""
 
 
 def _numbered(prefix: str, count: int, kind: Kind, resource: str) -> tuple[tuple[str, Kind, str], ...]:
@@ -77,6 +105,10 @@ CDAQ_9189 = Product(
     bridge_excitation_v=(2.5, 3.3, 5.0, 10.0),
     input_only_terminals=r"Mod3/PFI\d+",
     watchdog_reach=("voltage_out", "line"),
+    clocked_lines=True,
+    change_detection=True,
+    timebase_hz=80e6,
+    timebases=r"(80|20)MHzTimebase|100kHzTimebase|Ctr[0-3]InternalOutput",
 )
 
 PCIE_6363 = Product(
@@ -86,6 +118,8 @@ PCIE_6363 = Product(
         *_numbered("ao", 4, "voltage_out", "ao"),
         *_numbered("ctr", 4, "counter", "ctr"),
         *_numbered("port0/line", 32, "line", "pin0."),
+        *_numbered("port1/line", 8, "static_line", "PFI PFI"),
+        *((f"port2/line{i}", "static_line", f"PFI PFI{8 + i}") for i in range(8)),
     ),
     terminals=(r"PFI(1[0-5]|[0-9])",),
     ao_range_v=10.0,
@@ -94,6 +128,13 @@ PCIE_6363 = Product(
     counter_timebase_hz=100e6,
     ai_ranges_v=(0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0),
     encoder_terminals=(("PFI8", "PFI10"), ("PFI3", "PFI11"), ("PFI0", "PFI1"), ("PFI5", "PFI6")),
+    edge_terminals=("PFI8", "PFI3", "PFI0", "PFI5"),
+    pulse_terminals=("PFI12", "PFI13", "PFI14", "PFI15"),
+    clocked_lines=True,
+    change_detection=True,
+    ai_aggregate_rate_hz=1e6,
+    ao_rates_hz=(2.86e6, 2.0e6, 1.54e6, 1.25e6),
+    timebases=r"(100|20)MHzTimebase|100kHzTimebase|Ctr[0-3]InternalOutput",
     watchdog_reach=("line",),  # X Series manual: digital and PFI lines, not the analog outputs
 )
 
@@ -144,29 +185,67 @@ class Inventory:
             raise DaqStatusError(code, f"Physical Channel: {name} ({channel.kind}, not {kind})")
         return channel
 
+    def names(self, *kinds: Kind) -> list[str]:
+        """Return the full names of all channels of these kinds."""
+        return [channel.name for channel in self._channels.values() if channel.kind in kinds]
+
+    def lines(self, text: str) -> list[PhysicalChannel]:
+        """Return the digital lines a list such as ``Dev1/port0/line0:7`` or ``Dev1/port0`` names."""
+        found: list[PhysicalChannel] = []
+        for name in channel_names(text):
+            inside = [c for key, c in self._channels.items() if key.startswith(name.lower() + "/line")]
+            if re.search(r"/port\d+$", name) and inside:
+                found += inside
+            else:
+                try:
+                    found.append(self.channel(name, "line"))
+                except DaqStatusError:
+                    found.append(self.channel(name, "static_line"))
+        return found
+
+    def line(self, name: str) -> PhysicalChannel:
+        """Return one digital line by its full name."""
+        return self._channels[name.lower()]
+
     def terminal(self, name: str, *, output: bool = False) -> str:
         """Check a terminal name such as ``/cDAQ1/ai/SampleClock``; return it relative to the device."""
         if not name.startswith("/" + self.name):
             raise DaqStatusError(status.NO_SUCH_TERMINAL, f"Terminal: {name!r}")
         relative = name[1 + len(self.name) :].lstrip("/")
-        known = relative in self.product.internal or any(re.fullmatch(p, relative) for p in self.product.terminals)
+        patterns = (*self.product.terminals, self.product.timebases)
+        known = relative in self.product.internal or any(re.fullmatch(p, relative) for p in patterns)
         if not known or "/" + self.full_name(relative) != name:
             raise DaqStatusError(status.NO_SUCH_TERMINAL, f"Terminal: {name!r}")
         inputs = self.product.input_only_terminals
-        if output and (relative in self.product.internal or re.fullmatch(inputs, relative)):
+        inside = relative in self.product.internal or re.fullmatch(self.product.timebases, relative)
+        if output and (inside or re.fullmatch(inputs, relative)):
             raise DaqStatusError(status.NO_ROUTE, f"Terminal: {name!r} is an input")
         return relative
 
-    def coerced_ai_rate(self, rate_hz: float, kind: Kind) -> float:
-        """Return the AI clock's real rate, coerced up: 50 kHz/n (n to 31) for bridges, else 100 MHz/n."""
+    def coerced_rate(self, rate_hz: float, kind: Kind, channels: int) -> float:
+        """Return a sample clock's real rate, coerced up: 50 kHz/n (n to 31) for bridges, else the timebase over n.
+
+        Raises DaqStatusError above what the product can do with so many channels.
+        """
+        product = self.product
         if not rate_hz > 0:
             raise DaqStatusError(status.INVALID_VALUE, f"Sample clock rate: {rate_hz:g}")
-        if rate_hz > self.product.ai_max_rate_hz * (1 + 1e-9):
-            detail = f"Requested {rate_hz:g}, maximum {self.product.ai_max_rate_hz:g}"
-            raise DaqStatusError(status.RATE_TOO_HIGH, detail)
+        most = DIGITAL_RATE_HZ
+        if kind in ("bridge", "voltage_in"):
+            most = (
+                product.ai_max_rate_hz
+                if channels == 1
+                else min(product.ai_max_rate_hz, product.ai_aggregate_rate_hz / channels)
+            )
+        elif kind == "voltage_out":
+            most = product.ao_rates_hz[channels - 1] if product.ao_rates_hz else product.ao_max_rate_hz
+        elif kind == "counter":
+            return rate_hz  # told, not generated: the clock comes from a terminal
+        if rate_hz > most * (1 + 1e-9):
+            raise DaqStatusError(status.RATE_TOO_HIGH, f"Requested {rate_hz:g}, maximum {most:g}")
         if kind == "bridge":
             return 50e3 / min(max(math.floor(50e3 / rate_hz * (1 + 1e-12)), 1), 31)
-        return 100e6 / math.floor(100e6 / rate_hz * (1 + 1e-12))
+        return product.timebase_hz / math.floor(product.timebase_hz / rate_hz * (1 + 1e-12))
 
     def input_delay_s(self, kind: Kind, rate_hz: float) -> float:
         """Delay between the signal and its sample: the 9237's decimation filter; none otherwise."""

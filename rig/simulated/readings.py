@@ -19,6 +19,12 @@ if TYPE_CHECKING:
     from rig.simulated.device import SimulatedDevice
 
 A_TERMINAL, B_TERMINAL = 0x219D, 0x219E
+COUNT_EDGES_TERM, FREQ_TERM = 0x18C7, 0x18A2
+EDGES, FREQUENCY = "edges", "frequency"
+SHUNT = 0x94
+SHUNT_OHM = 100e3
+"""Shunt resistor inside the NI 9237."""
+BRIDGE_OHM = 350.0
 X1, X2, X4 = 10090, 10091, 10092
 DEGREES, RADIANS, TICKS = 10146, 10273, 10304
 NEWTONS, POUNDS, KILOGRAM_FORCE = 15875, 15876, 15877
@@ -27,15 +33,27 @@ NEWTON_IN = {NEWTONS: 1.0, POUNDS: 4.4482216152605, KILOGRAM_FORCE: 9.80665}
 VOLTS_PER_VOLT, MILLIVOLTS_PER_VOLT = 15896, 15897
 
 
-def force_reading(device: SimulatedDevice, channel: Channel, cell_mv_per_v: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return what an AI channel gives for the load cell's output, in the units its task asked for."""
+def analog_reading(
+    device: SimulatedDevice,
+    task: SimulatedTask,
+    channel: Channel,
+    cell_mv_per_v: NDArray[np.float64],
+    edge: NDArray[np.int64],
+) -> NDArray[np.float64]:
+    """Return what an AI channel gives at each edge (n,) for the load cell's output (n,), in its task's units."""
     product, settings = device.inventory.product, channel.settings
     wired = channel.physical.name == device.inventory.full_name(device.wiring.force)
     signal = cell_mv_per_v if wired else np.zeros_like(cell_mv_per_v)
     if channel.physical.kind == "voltage_in":
         volts = signal * device.wiring.conditioner_v_per_mv_per_v
+        loopback = device.wiring.loopback
+        if loopback is not None and channel.physical.name == device.inventory.full_name(loopback):
+            volts = device.bench.command_before(edge)
         half = device.inventory.voltage_range(settings["min_val"], settings["max_val"])
         return quantise(volts, half, product.ai_bits)
+    if task.setting("Chan", channel.name, SHUNT, False) and wired:
+        # one arm of the bridge shunted; an input that is open has no bridge to unbalance
+        signal = signal + 1e3 * BRIDGE_OHM / (4 * SHUNT_OHM + 2 * BRIDGE_OHM)
     reading = quantise(signal, product.bridge_range_mv_per_v, product.bridge_bits)
     per_mv = 1e-3 if settings["electrical_units"] == VOLTS_PER_VOLT else 1.0
     e0, e1 = settings["first_electrical_val"], settings["second_electrical_val"]
@@ -63,3 +81,10 @@ def encoder_reading(
         return ticks + settings["initial_angle"]
     turn = 360.0 if settings["units"] == DEGREES else 2 * np.pi
     return ticks * (turn / (edges * settings["pulses_per_rev"])) + settings["initial_angle"]
+
+
+def edge_terminal(device: SimulatedDevice, task: SimulatedTask, channel: Channel) -> str:
+    """Return the terminal, relative to the device, whose edges a counter counts or measures; its own by default."""
+    attribute = FREQ_TERM if channel.settings["measures"] == FREQUENCY else COUNT_EDGES_TERM
+    named = task.setting("Chan", channel.name, attribute, "")
+    return device.inventory.terminal(named) if named else device.inventory.product.count_terminal(channel)

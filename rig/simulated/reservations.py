@@ -21,13 +21,17 @@ class Reservations:
 
     def needed(self, task: SimulatedTask) -> list[str]:
         """Return the hardware a task needs for itself; refuses terminals that it should have been told."""
-        needed = [channel.physical.resource for channel in task.channels]
-        if task.clock is not None and task.type in ("AI", "AO"):
+        needed = [channel.physical.resource for channel in task.channels if task.type not in ("DI", "DO")]
+        if task.type in ("DI", "DO"):
+            lines = [line for channel in task.channels for line in channel.settings["lines"]]
+            # inputs may share a line, outputs may not
+            needed = [self._inventory.line(line).resource for line in lines] if task.type == "DO" else []
+        if task.clock is not None and task.type in ("AI", "AO", "DI", "DO"):
             needed.append(f"{task.type} timing engine")
         if task.setting("Trig", "", ARM_TYPE, NO_TRIGGER) != NO_TRIGGER and not task.arm_trigger:
             raise DaqStatusError(status.NO_SUCH_TERMINAL, f"Task: {task.name}: arm start trigger without a source")
         for channel in task.channels:
-            if task.type == "CI":
+            if task.type == "CI" and "pulses_per_rev" in channel.settings:
                 for attribute in (A_TERMINAL, B_TERMINAL):
                     self._inventory.terminal(task.setting("Chan", channel.name, attribute, ""))
             if task.type == "CO" and (terminal := task.setting("Chan", channel.name, CO_TERMINAL, "")):

@@ -3,6 +3,8 @@ otherwise."""
 
 from __future__ import annotations
 
+import contextlib
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
@@ -10,9 +12,13 @@ import grpc
 
 from rig.errors import HardwareFault
 from rig.simulated.channel import trailing_metadata
+from rig.simulated.events import EVENTS
 from rig.simulated.messages import CALLS, SERVICE, request_class
 from rig.simulated.service import Service
 from rig.simulated.status import DaqStatusError, NotImplementedByDevice, ServerGone
+
+WORKERS = 32
+"""Calls and event streams at once; each stream takes one as long as it lasts."""
 
 
 class _Handler(grpc.GenericRpcHandler):
@@ -25,21 +31,35 @@ class _Handler(grpc.GenericRpcHandler):
             return None  # gRPC itself answers UNIMPLEMENTED
 
         def answer(request: Any, context: grpc.ServicerContext) -> Any:
-            try:
+            with _aborting(context):
                 return self._service.handle(call, request)
-            except DaqStatusError as error:
-                context.set_trailing_metadata(tuple((e.key, e.value) for e in trailing_metadata(error)))
-                context.abort(grpc.StatusCode.UNKNOWN, str(error))
-            except ServerGone as error:
-                context.abort(grpc.StatusCode.UNAVAILABLE, f"failed to connect: {error}")
-            except NotImplementedByDevice as error:
-                context.abort(grpc.StatusCode.UNIMPLEMENTED, f"not simulated: {error}")
 
-        return grpc.unary_unary_rpc_method_handler(
-            answer,
+        def events(request: Any, context: grpc.ServicerContext) -> Iterator[Any]:
+            with _aborting(context):
+                stream = self._service.stream(call, request)
+                context.add_callback(stream.cancel)
+                context.send_initial_metadata(())  # the client waits for it before it starts the task
+                yield from stream
+
+        kind = grpc.unary_stream_rpc_method_handler if call in EVENTS else grpc.unary_unary_rpc_method_handler
+        return kind(
+            events if call in EVENTS else answer,
             request_deserializer=request_class(call).FromString,
             response_serializer=lambda message: message.SerializeToString(),
         )
+
+
+@contextlib.contextmanager
+def _aborting(context: grpc.ServicerContext) -> Iterator[None]:
+    try:
+        yield
+    except DaqStatusError as error:
+        context.set_trailing_metadata(tuple((e.key, e.value) for e in trailing_metadata(error)))
+        context.abort(grpc.StatusCode.UNKNOWN, str(error))
+    except ServerGone as error:
+        context.abort(grpc.StatusCode.UNAVAILABLE, f"failed to connect: {error}")
+    except NotImplementedByDevice as error:
+        context.abort(grpc.StatusCode.UNIMPLEMENTED, f"not simulated: {error}")
 
 
 def serve(service: Service, *, host: str = "127.0.0.1", port: int = 0) -> tuple[grpc.Server, int]:
@@ -52,7 +72,7 @@ def serve(service: Service, *, host: str = "127.0.0.1", port: int = 0) -> tuple[
     """
     # without the second option two servers may share a port on Linux, and a client talk to either
     options = [("grpc.max_receive_message_length", -1), ("grpc.so_reuseport", 0)]
-    server = grpc.server(ThreadPoolExecutor(max_workers=4), options=options)
+    server = grpc.server(ThreadPoolExecutor(max_workers=WORKERS), options=options)
     server.add_generic_rpc_handlers((_Handler(service),))
     try:
         bound = server.add_insecure_port(f"{host}:{port}")

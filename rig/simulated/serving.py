@@ -42,6 +42,7 @@ def serve_until_interrupted(
     seed: int | None = None,
     bench: Path | None = None,
     fault: str | None = None,
+    hand: bool = False,
     announce: Callable[[str, str, str], None],
     tell: Callable[[dict[str, object]], None] | None = None,
     stop: threading.Event | None = None,
@@ -63,7 +64,7 @@ def serve_until_interrupted(
         When the address cannot be bound.
     """
     config = load_rig(rig).config
-    options = {"clock": clock, "seed": seed, "bench": bench, "fault": fault}
+    options = {"clock": clock, "seed": seed, "bench": bench, "fault": fault, "hand": "yes" if hand else None}
     url = "sim://?" + urlencode({key: value for key, value in options.items() if value is not None})
     backend = open_backend(url, config)
     server, bound = serve(backend.service, host=host, port=port)

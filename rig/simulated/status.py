@@ -36,6 +36,8 @@ WATCHDOG_WHILE_OTHERS_RESERVED = -201477
 CANNOT_RESET_EXPIRED_WATCHDOG = -200644
 WRITE_AFTER_WATCHDOG = -200678
 NOT_A_WATCHDOG = -200635
+EVENT_REGISTERED = {"RegisterEveryNSamplesEvent": -200966, "RegisterDoneEvent": -200950, "RegisterSignalEvent": -200949}
+EVENT_WHILE_RUNNING = -200960
 
 TEXTS = {
     SAMPLES_NOT_YET_AVAILABLE: "Some or all of the samples requested have not yet been acquired.",
@@ -67,6 +69,8 @@ TEXTS = {
     CANNOT_RESET_EXPIRED_WATCHDOG: "The watchdog timer has expired and must be cleared, not reset.",
     WRITE_AFTER_WATCHDOG: "The output cannot be written: the watchdog timer has expired.",
     DEVICE_LOST: "The device cannot be reached.",
+    **dict.fromkeys(EVENT_REGISTERED.values(), "The event is registered for this task already."),
+    EVENT_WHILE_RUNNING: "Events are registered before the task is started.",
     NOT_A_WATCHDOG: "The task is not a watchdog timer task.",
     OPERATION_TIMED_OUT: "The operation did not complete within the time allowed.",
 }

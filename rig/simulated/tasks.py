@@ -18,9 +18,10 @@ from rig.simulated import status
 from rig.simulated.products import PhysicalChannel
 from rig.simulated.status import DaqStatusError
 
-TaskType = Literal["AI", "AO", "CI", "CO", "DO"]
+TaskType = Literal["AI", "AO", "CI", "CO", "DI", "DO"]
 State = Literal["unreserved", "committed", "running"]
 FINITE, CONTINUOUS = 10178, 10123
+REGENERATION, NO_REGENERATION = 0x1453, 10158
 
 
 @dataclass(eq=False)
@@ -94,6 +95,22 @@ class SimulatedTask:
     buffer: Buffer | None = None
     output: NDArray[np.float64] | None = None
     generated: int = 0
+    since_s: float = 0.0
+    """Bench time at which it became live, s."""
+    since_tick: int = 0
+    """Tick of its clock at which it became live."""
+    counted: int = 0
+    """Edges that had passed on its terminal when it became live."""
+    ref_trigger: str = ""
+    changes: frozenset[str] = frozenset()
+    """Lines whose changes are its sample clock."""
+    pulses: int | None = 1
+    """Pulses a counter output puts out; None: without end."""
+    pulse_end_s: float = float("inf")
+    finished: bool = False
+    """A counter output has put out its last pulse."""
+    error: int = 0
+    """Status that ended a generation."""
 
     def add_channel(self, kind: TaskType, channel: Channel) -> None:
         """Add a channel; refuses a mixture of types and a second counter."""
@@ -130,28 +147,42 @@ class SimulatedTask:
         return self.to_do if self.buffer is not None else float("inf")
 
     @property
+    def so_far(self) -> int:
+        """Samples acquired or generated since the start."""
+        return self.buffer.acquired if self.buffer is not None else self.generated
+
+    @property
     def to_do(self) -> float:
         """Samples a finite task will still acquire or generate; infinite when it is continuous."""
         if self.clock is None or self.clock.mode != FINITE:
             return float("inf")
-        return self.clock.samples - (self.buffer.acquired if self.buffer is not None else self.generated)
+        return self.clock.samples - self.so_far
 
     def next_output(self, n: int) -> NDArray[np.float64]:
         """Return the next samples of a generation, at most n, shape (m, channels); fewer when it ends.
 
-        A finite generation longer than the buffer repeats the buffer, as the driver's regeneration does.
+        A generation longer than the buffer repeats the buffer, as the driver's regeneration does; where regeneration
+        is not allowed it ends with an error when the written samples are used up.
         """
         if self.output is None or self.clock is None:
             return np.empty((0, len(self.channels)))
         total = self.clock.samples if self.clock.mode == FINITE else np.iinfo(np.int64).max
         m = int(min(n, total - self.generated))
+        if not self.regenerates and self.generated + m > self.output.shape[0]:
+            m = self.output.shape[0] - self.generated
+            self.error, self.live = status.GENERATION_STOPPED, False
         rows = (self.generated + np.arange(m)) % self.output.shape[0]
         self.generated += m
         return self.output[rows]
+
+    @property
+    def regenerates(self) -> bool:
+        """Whether written samples may be put out again."""
+        return bool(self.setting("Write", "", REGENERATION, 0) != NO_REGENERATION)
 
     @property
     def done(self) -> bool:
         """Whether a finite task has acquired or generated all its samples, or the task does not run."""
         if self.state != "running":
             return True
-        return self.to_do <= 0
+        return self.finished if self.type == "CO" else self.to_do <= 0

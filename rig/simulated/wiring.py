@@ -22,6 +22,10 @@ class Wiring:
     motor: str
     encoders: tuple[tuple[str, str], tuple[str, str], tuple[str, str]]
     drive_enable: str | None
+    exposure: str | None = None
+    """Terminal with the exposure signal of a camera that runs by itself."""
+    loopback: str | None = None
+    """Voltage input that is wired to the motor's output."""
     conditioner_v_per_mv_per_v: float = 5.0
 
 
@@ -31,11 +35,14 @@ WIRING_OF_PRODUCT = {
         motor="Mod2/ao0",
         encoders=(("Mod3/PFI0", "Mod3/PFI1"), ("Mod3/PFI2", "Mod3/PFI3"), ("Mod3/PFI4", "Mod3/PFI5")),
         drive_enable="Mod4/port0/line7",
+        exposure="Mod4/PFI0",
     ),
     "PCIe-6363": Wiring(
         force="ai0",
         motor="ao0",
         encoders=(("PFI8", "PFI10"), ("PFI3", "PFI11"), ("PFI0", "PFI1")),
         drive_enable="port0/line0",
+        exposure="PFI12",
+        loopback="ai1",
     ),
 }

@@ -97,15 +97,6 @@ def test_an_output_can_run_on_its_own_clock_and_hold_its_last_value(cdaq) -> Non
     assert cdaq.device.bench.plant.truth().size == 100
 
 
-def test_two_tasks_with_clocks_of_their_own_are_not_simulated(cdaq, force_task) -> None:
-    force_task(cdaq).start()
-    second = cdaq.task()
-    second.ao_channels.add_ao_voltage_chan("cDAQ1Mod2/ao0")
-    second.timing.cfg_samp_clk_timing(1000, samps_per_chan=10)
-    with pytest.raises(nidaqmx.errors.RpcError):
-        second.write(np.zeros(10), auto_start=True)
-
-
 def test_a_clock_that_nothing_drives_never_ticks(cdaq, bridge) -> None:
     task = cdaq.task()
     bridge(task)

@@ -90,13 +90,13 @@ def test_refusals_carry_the_driver_status_and_unknown_calls_are_unimplemented(se
             add_voltage_inputs(stub, task, channels, **changes)
         assert ("ni-error", str(code)) in [tuple(entry) for entry in refusal.value.trailing_metadata()]
     for call, request in (
-        (stub.CreateCIFreqChan, messages.CreateCIFreqChanRequest(task=task)),
+        (stub.CreateCISemiPeriodChan, messages.CreateCISemiPeriodChanRequest(task=task)),
         (stub.CreateWatchdogTimerTask, messages.CreateWatchdogTimerTaskRequest()),
     ):
         with pytest.raises(grpc.RpcError) as refusal:
             call(request)
         assert refusal.value.code() == grpc.StatusCode.UNIMPLEMENTED
-    stream = stub.RegisterDoneEvent(messages.RegisterDoneEventRequest(task=task))
+    stream = stub.RegisterSignalEvent(messages.RegisterSignalEventRequest(task=task, signal_id_raw=12494))
     with pytest.raises(grpc.RpcError) as refusal:
         next(stream)
     assert refusal.value.code() == grpc.StatusCode.UNIMPLEMENTED

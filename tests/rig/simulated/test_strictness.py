@@ -175,7 +175,7 @@ def test_calls_and_properties_that_are_not_simulated_are_refused_never_invented(
         task.ai_channels.add_ai_thrmcpl_chan("cDAQ1Mod1/ai1")
     assert unknown.value.rpc_code == grpc.StatusCode.UNIMPLEMENTED
     with pytest.raises(RpcError):
-        task.register_every_n_samples_acquired_into_buffer_event(100, lambda *a: 0)
+        task.register_signal_event(ni.Signal.COUNTER_OUTPUT_EVENT, lambda *a: 0)
     with refused(-200452):
         _ = task.ai_channels[0].ai_lowpass_enable
     with refused(-200452):

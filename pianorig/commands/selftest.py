@@ -1,0 +1,43 @@
+"""``pianorig selftest``: test a bench before the first blow and write the dated record that recording demands."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def command(
+    backend: Annotated[
+        str, typer.Option("--backend", help="sim://, ni://local or ni-grpc://host:31763.")
+    ] = "sim://?hand=yes",
+    rig: Annotated[str, typer.Option("--rig", help="Built-in rig or a TOML file.")] = "virtual",
+    out: Annotated[Path, typer.Option("--out", help="Folder for the record.")] = Path("selftests"),
+    operator: Annotated[str, typer.Option("--operator", help="Who tests.")] = "unknown",
+    yes: Annotated[
+        bool, typer.Option("--yes", help="On ni*://: do not ask, where safety.allow_yes of the rig file permits.")
+    ] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the findings as JSON.")] = False,
+) -> None:
+    """Test wiring, signs, scales, delay, bridge, camera, drive-enable and watchdog; gentle pushes, no blow.
+
+    Example:  pianorig selftest --backend ni://local --rig my_rig.toml --operator ana
+    """
+    from ..asking import type_answer
+    from ..bench_check import check_bench
+    from ..output import print_json
+
+    def show(check: str, passed: bool, found: str, allowed: str, advice: str) -> None:
+        if not as_json:
+            print(f"{'ok  ' if passed else 'FAIL'} {check:<24} {found:<36} allowed {allowed}")
+            if advice:
+                print(f"     {advice}")
+
+    path, record = check_bench(backend, rig, out, operator=operator, yes=yes, ask=type_answer, show=show)
+    if as_json:
+        print_json({"record": path, **record.model_dump(mode="json")})
+    else:
+        print(f"record: {path}" + ("" if record.passed else "; it did not pass, recording on hardware will refuse it"))
+    if not record.passed:
+        raise typer.Exit(3)

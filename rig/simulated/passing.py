@@ -1,0 +1,115 @@
+"""Time passing on the virtual device: outputs, plant, inputs, in this order, n edges of the bench at once.
+
+Place in the data flow: the device decides how many edges pass; generations say what stands at the outputs at each, the
+bench answers with what stands at the sensors' terminals, and every task takes the samples its clock ticked for.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig.simulated import status
+from rig.simulated.engines import Engine, engine_of
+from rig.simulated.pulses import driver_of, edges_until
+from rig.simulated.readings import FREQUENCY, analog_reading, edge_terminal, encoder_reading
+from rig.simulated.status import DaqStatusError
+from rig.simulated.tasks import SimulatedTask
+
+if TYPE_CHECKING:
+    from rig.simulated.device import SimulatedDevice
+
+
+def let_pass(device: SimulatedDevice, n: int) -> None:
+    """Let n edges of the bench pass."""
+    bench = device.bench
+    edge = bench.edge
+    clocked = [(task, engine_of(device, task)) for task in device.tasks.values() if task.live and task.type != "CO"]
+    motor = device.inventory.full_name(device.wiring.motor)
+    command = np.full(n, device.output_v.get(motor, 0.0))
+    for task, engine in clocked:
+        if engine is not None and task.type in ("AO", "DO"):
+            _put_out(device, task, engine, motor, command)
+    at_s = (edge + np.arange(n)) / bench.rate_hz
+    bench.remember(command)
+    cell, quarter = bench.step(command if device.drive_enabled() else np.zeros(n))
+    cell, quarter = device.faults.change(device.trial, at_s, cell, quarter)
+    for task, engine in clocked:
+        if engine is None or task.buffer is None:
+            continue
+        first, last = _ticks(task, engine, edge, n)
+        last = min(last, first + int(min(task.remaining(), last - first)))
+        rows = engine.edges(first, last) - edge
+        rows = np.clip(rows, 0, n - 1)
+        if rows.size:
+            task.buffer.put(latch(device, task, cell[rows], quarter[rows], edge + rows))
+    now_s = bench.edge / bench.rate_hz
+    for task in device.tasks.values():
+        if task.type == "CO" and task.live and now_s >= task.pulse_end_s:
+            task.finished = True
+
+
+def _ticks(task: SimulatedTask, engine: Engine, edge: int, n: int) -> tuple[int, int]:
+    return max(engine.passed(edge), task.since_tick), max(engine.passed(edge + n), task.since_tick)
+
+
+def _put_out(
+    device: SimulatedDevice, task: SimulatedTask, engine: Engine, motor: str, command: NDArray[np.float64]
+) -> None:
+    edge, n = device.bench.edge, command.size
+    first, last = _ticks(task, engine, edge, n)
+    rows = task.next_output(last - first)
+    if not rows.shape[0]:
+        return
+    put_out(device, task, rows[-1])
+    if task.type == "AO":
+        for column, channel in enumerate(task.channels):
+            if channel.physical.name == motor:
+                at = engine.edges(first, first + rows.shape[0]) - edge
+                held = np.searchsorted(at, np.arange(n), side="right") - 1
+                reached = held >= 0
+                command[reached] = rows[held[reached], column]
+
+
+def put_out(device: SimulatedDevice, task: SimulatedTask, row: NDArray[np.float64]) -> None:
+    """Let the outputs of a task stand at these values, V per channel or levels per line; lines may be watched."""
+    if task.type == "AO":
+        device.output_v.update({c.physical.name: float(row[i]) for i, c in enumerate(task.channels)})
+        return
+    names = [line for channel in task.channels for line in channel.settings["lines"]]
+    before = dict(device.lines)
+    device.lines.update({name: bool(level) for name, level in zip(names, row, strict=True)})
+    changed = {name for name in names if device.lines[name] != before.get(name, False)}
+    for other in device.tasks.values():
+        if other.live and other.buffer is not None and changed & other.changes:
+            other.buffer.put(latch(device, other, *device.bench.present()))
+
+
+def latch(
+    device: SimulatedDevice,
+    task: SimulatedTask,
+    cell: NDArray[np.float64],
+    quarter: NDArray[np.int64],
+    edge: NDArray[np.int64] | None = None,
+) -> NDArray[np.float64]:
+    """Return what an input task reads, (n, channels or lines), for cell output (n,) and counts (n, 3) at edges (n,)."""
+    if edge is None:
+        edge = np.full(cell.size, device.bench.edge)
+    if task.type == "AI":
+        return np.column_stack([analog_reading(device, task, channel, cell, edge) for channel in task.channels])
+    if task.type == "DI":
+        names = [line for channel in task.channels for line in channel.settings["lines"]]
+        return np.tile([float(device.lines.get(name, False)) for name in names], (cell.size, 1))
+    channel = task.channels[0]
+    if "pulses_per_rev" in channel.settings:
+        return encoder_reading(device, task, channel, quarter)[:, None]
+    terminal = edge_terminal(device, task, channel)
+    if channel.settings["measures"] == FREQUENCY:
+        train = driver_of(device, terminal)
+        if train is None:
+            raise DaqStatusError(status.SAMPLES_NOT_YET_AVAILABLE, f"Task: {task.name}: no edges", samples_read=0)
+        return np.full((cell.size, 1), train.rate_hz)
+    passed = edges_until(device, terminal, edge) - task.counted
+    return (channel.settings["initial_count"] + channel.settings["step"] * passed)[:, None].astype(np.float64)

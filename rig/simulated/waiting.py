@@ -1,0 +1,83 @@
+"""Letting time pass on the virtual device until something has happened: samples, the end of a task, a timeout.
+
+Place in the data flow: reads and waits of a client come here; time moves nowhere else. Where the clock is paced it
+moves in stretches of 20 ms, between which other clients and the watchdog get a turn.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rig.simulated.engines import engine_of, own_clock
+from rig.simulated.passing import let_pass
+from rig.simulated.tasks import SimulatedTask
+
+if TYPE_CHECKING:
+    from rig.simulated.device import SimulatedDevice
+
+STEP_S = 0.02
+FOR_EVER = np.iinfo(np.int64).max
+
+
+def advance(device: SimulatedDevice, n: int) -> None:
+    """Let at most n edges of the bench pass; time stands still when no task has anything left to do."""
+    step = max(int(STEP_S * device.bench.rate_hz), 1) if device.bench.clock.paced else n
+    while n > 0:
+        now = int(min(n, step, _edges_left(device)))
+        if now <= 0:
+            return
+        let_pass(device, now)
+        n -= now
+        if n > 0:
+            device.between()
+
+
+def _edges_left(device: SimulatedDevice) -> float:
+    """Edges until the last task with a clock of its own has ended."""
+    left = 0.0
+    for task in device.tasks.values():
+        if not task.live:
+            continue
+        if task.type == "CO":
+            left = max(left, 0.0 if task.finished else _edges_to_pulse_end(device, task))
+        elif own_clock(task) and (engine := engine_of(device, task)) is not None:
+            ended = float("inf") if np.isinf(engine.limit) else engine.edge_after(int(engine.limit))
+            left = max(left, ended - device.bench.edge)
+    return left
+
+
+def _edges_to_pulse_end(device: SimulatedDevice, task: SimulatedTask) -> float:
+    return float(np.ceil(task.pulse_end_s * device.bench.rate_hz) - device.bench.edge) + 1
+
+
+def until_done(device: SimulatedDevice, task: SimulatedTask, duration_s: float) -> None:
+    """Let time pass until a task is done, at most ``duration_s``; a negative one waits for ever."""
+    allowed = FOR_EVER if duration_s < 0 else duration_s * device.bench.rate_hz
+    left = 0.0
+    if task.type == "CO":
+        left = _edges_to_pulse_end(device, task) if task.live else 0.0
+    elif task.live and np.isfinite(task.to_do) and (engine := engine_of(device, task)) is not None:
+        left = engine.edge_after(task.since_tick + task.so_far + int(task.to_do)) - device.bench.edge
+    elif task.live:
+        left = float("inf")
+    if np.isfinite(left):
+        advance(device, int(min(left, allowed)))
+    elif duration_s > 0:
+        advance(device, int(allowed))
+
+
+def for_samples(device: SimulatedDevice, task: SimulatedTask, missing: int, timeout_s: float) -> None:
+    """Let time pass until a task has ``missing`` more samples, or the timeout has ended."""
+    engine = engine_of(device, task) if task.live else None
+    if engine is not None and task.buffer is not None and not task.ref_trigger:
+        allowed = int(timeout_s * device.bench.rate_hz + 1e-9) if timeout_s >= 0 else FOR_EVER
+        needed = engine.edge_after(task.since_tick + task.buffer.acquired + missing) - device.bench.edge
+        advance(device, min(needed, allowed))
+        return
+    while timeout_s > 0:  # nothing ticks for it
+        now_s = min(timeout_s, STEP_S) if device.bench.clock.paced else timeout_s
+        device.bench.clock.advance(now_s)
+        timeout_s -= now_s
+        device.between()
