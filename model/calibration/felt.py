@@ -126,7 +126,7 @@ def fit_felt(curve: LoadingCurve) -> FeltFit:
 
     Raises
     ------
-    InputError : the mid-line does not press back at all
+    InputError : the mid-line does not press back
     """
     loading = smooth_phase(curve.loading_m, curve.loading_n)
     unloading = smooth_phase(curve.unloading_m, curve.unloading_n)
@@ -142,6 +142,10 @@ def fit_felt(curve: LoadingCurve) -> FeltFit:
     columns = _cubic(x) / scale
     free = np.linalg.pinv(columns)
     beta, bound = _constrain(columns, mid, free @ mid)
+    if not beta.sum() > 0.0:
+        raise InputError(
+            "loading curve: pulls more than it presses; allowed a mid-line above 0 N; check the zero of the force"
+        )
     # that of the free fit: going to the nearest point of a convex set lengthens no error, so it is safe on a bound too
     gain = (free @ half) / scale[:, None]
     variance = np.concatenate([loading.variance, unloading.variance])

@@ -91,7 +91,11 @@ def test_fit_is_a_felt_whatever_the_curve(p: float, q: float, r: float, seed: in
         return
     words = ["loading"] * 40 + ["unloading"] * 40
     curve = check_curve(np.concatenate([x, x[::-1]]), np.concatenate([mid + 0.02 * s, (mid - 0.02 * s)[::-1]]), words)
-    fit = fit_felt(curve)
+    try:
+        fit = fit_felt(curve)
+    except InputError as refused:
+        assert "pulls more than it presses" in str(refused)
+        return
     depth = np.linspace(0.0, 20 * deepest, 4000)
     a, b, c = fit.abc * deepest ** np.array([3.0, 2.0, 1.0])
     stiffness = 3 * a * (depth / deepest) ** 2 + 2 * b * depth / deepest + c
