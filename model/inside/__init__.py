@@ -5,6 +5,6 @@ name when something is drawn.
 """
 
 from .observe import Inside, Observer, observe
-from .rail import Tension, tensions
+from .rail import Lift, Tension, lifts, tensions
 
-__all__ = ["Inside", "Observer", "Tension", "observe", "tensions"]
+__all__ = ["Inside", "Lift", "Observer", "Tension", "lifts", "observe", "tensions"]

@@ -14,11 +14,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ..effects import RAIL
 from ..kernels import layout as L
 from ..kernels import output as O
 from ..panels import integrate_panels, panel_edges
 from ..scene import Scene
-from .rail import Tension, tensions
+from .rail import Lift, Tension, lifts, tensions
 
 Array = NDArray[np.float64]
 States = Callable[[Array], tuple[Array, Array]]
@@ -55,7 +56,7 @@ class Inside:
 
     Attributes
     ----------
-    contacts, bodies : names; the joint of a body carries its name
+    scene : what took part, with all its numbers
     time_s : (m,)
     normal_n, friction_n : (m, c) force of the second surface on the first, along the normal and along t = z x n
     penetration_m : (m, c) depth of the felt, negative where the gap is open
@@ -70,11 +71,11 @@ class Inside:
     pose : (m, n, 3) pivot x, y (m) and orientation from ground (rad)
     largest_normal_n : (c,) of all times that were looked at, whatever rows were wanted
     dense_time_s, dense_joint_n : (k,), (k, n, 2) the joints' forces at all times that were looked at
+    dense_rail_m : (k,) depth of the one-sided rail's felt, negative where the key is off; 0 without such a rail
     error_j : bound on the error of the energies
     """
 
-    contacts: tuple[str, ...]
-    bodies: tuple[str, ...]
+    scene: Scene
     time_s: Array
     normal_n: Array
     friction_n: Array
@@ -94,7 +95,23 @@ class Inside:
     largest_normal_n: Array
     dense_time_s: Array
     dense_joint_n: Array
+    dense_rail_m: Array
     error_j: float
+
+    @property
+    def contacts(self) -> tuple[str, ...]:
+        """Names of the contacts."""
+        return self.scene.contacts
+
+    @property
+    def bodies(self) -> tuple[str, ...]:
+        """Names of the coordinates; each is a body with its joint, or a guide without mass (the key's lift)."""
+        return self.scene.bodies
+
+    @property
+    def turning_bodies(self) -> tuple[str, ...]:
+        """Bodies proper: without guides."""
+        return tuple(b for b, w in zip(self.bodies, self.scene.tables.parent, strict=True) if w != L.GUIDED)
 
     def columns(self) -> dict[str, Array]:
         """Columns of the output file by name; forces of contacts first."""
@@ -113,7 +130,8 @@ class Inside:
         for i, body in enumerate(self.bodies):
             out[f"{body}_joint_x_n"], out[f"{body}_joint_y_n"] = self.joint_n[:, i, 0], self.joint_n[:, i, 1]
             out[f"{body}_joint_rubbed_j"] = self.joint_j[:, i]
-        for i, body in enumerate(self.bodies):
+        for body in self.turning_bodies:
+            i = self.bodies.index(body)
             for k, axis in enumerate("xy"):
                 out[f"{body}_center_{axis}_m_per_s"] = self.center_m_per_s[:, i, k]
             for k, axis in enumerate("xy"):
@@ -123,8 +141,19 @@ class Inside:
         return out
 
     def key_tensions(self) -> list[Tension]:
-        """Intervals in which the balance rail would have to pull the key down: predicted lift."""
+        """Intervals in which a joint at the balance rail would have to pull the key down: predicted lift.
+
+        None where the key lies on a one-sided rail: see `key_lifts`.
+        """
+        if RAIL in self.contacts:
+            return []
         return tensions(self.dense_time_s, self.dense_joint_n[:, self.bodies.index("key"), 1])
+
+    def key_lifts(self) -> list[Lift]:
+        """Intervals in which the key is off its one-sided rail; none where a joint holds it."""
+        if RAIL not in self.contacts:
+            return []
+        return lifts(self.dense_time_s, self.dense_rail_m)
 
     def long_names(self, described: Mapping[str, str]) -> dict[str, str]:
         """What each column is, in words; ``described`` tells what a contact is."""
@@ -143,6 +172,7 @@ class Observer:
         self.scene = scene
         t, p = scene.tables, scene.vector
         self.parent = [int(w) for w in t.parent]
+        self.outwards = sorted(range(scene.size), key=lambda i: self.parent[i] >= 0)  # what stands on the ground first
         blocks = p[L.GLOBALS : L.GLOBALS + L.BODY_SIZE * scene.size].reshape(scene.size, L.BODY_SIZE)
         self.mass = blocks[:, L.MASS]
         self.down = [int(body) for kind, body in t.drive if kind == L.FORCE_DOWN]
@@ -158,14 +188,22 @@ class Observer:
         probes = np.zeros((m, len(t.probe)))
         if len(t.probe):
             O.probe_forces_along(q, v, p, t, probes)
-        return Look(self, pose, turning, seen, braked, u, probes)
+        return Look(self, pose, v, turning, seen, braked, u, probes)
 
 
 class Look:
     """States looked at: motion of the bodies and forces of the joints on demand."""
 
     def __init__(
-        self, observer: Observer, pose: Array, turning: Array, seen: Array, braked: Array, u: Array, probes: Array
+        self,
+        observer: Observer,
+        pose: Array,
+        rate: Array,
+        turning: Array,
+        seen: Array,
+        braked: Array,
+        u: Array,
+        probes: Array,
     ) -> None:
         self.observer, self.pose, self.seen, self.braked, self.u, self.probes = observer, pose, seen, braked, u, probes
         m, n = turning.shape
@@ -174,7 +212,12 @@ class Look:
         pivot_v, pivot_a = np.zeros((m, n, 2)), np.zeros((m, n, 2))
         pivot, center = pose[:, :, [L.POSE_X, L.POSE_Y]], pose[:, :, [L.POSE_CX, L.POSE_CY]]
         omega = pose[:, :, L.POSE_OMEGA]
-        for i, w in enumerate(observer.parent):
+        for i in observer.outwards:
+            w = observer.parent[i]
+            if w == L.GUIDED:  # does not turn; its coordinate is the height of its pivot
+                pivot_v[:, i, 1], pivot_a[:, i, 1] = rate[:, i], turning[:, i]
+                self.velocity[:, i], self.acceleration[:, i] = pivot_v[:, i], pivot_a[:, i]
+                continue
             self.turning[:, i] = turning[:, i]
             if w >= 0:
                 self.turning[:, i] += self.turning[:, w]
@@ -205,7 +248,7 @@ class Look:
             force[:, lower, 1] += self.probes[:, b]
         for body in observer.down:
             force[:, body, 1] += self.u
-        for i in range(len(observer.parent) - 1, -1, -1):  # children come after their parent
+        for i in reversed(observer.outwards):
             if observer.parent[i] >= 0:
                 force[:, observer.parent[i]] += force[:, i]
         return force
@@ -236,13 +279,20 @@ def observe(scene: Scene, states: States, time_s: Array, start: float, input_tim
     c, n = len(scene.contacts), scene.size
     dense_time: list[Array] = []
     dense_joint: list[Array] = []
+    dense_rail: list[Array] = []
+    rail = scene.contacts.index(RAIL) if RAIL in scene.contacts else None
+
+    def keep(times: Array, look: Look) -> None:
+        dense_time.append(times)
+        dense_joint.append(look.joints())
+        dense_rail.append(np.zeros(len(times)) if rail is None else look.seen[:, rail, O.SEEN_DEPTH])
+
     work: list[float] = []
     largest = np.zeros(c)
 
     def sample(times: Array) -> tuple[Array, Array]:
         look = observer.look(*states(times), np.interp(times, input_time_s, value))
-        dense_time.append(times)
-        dense_joint.append(look.joints())
+        keep(times, look)
         s = look.seen
         np.maximum(largest, s[:, :, O.SEEN_NORMAL].max(axis=0), out=largest)
         lost = np.concatenate([s[:, :, O.SEEN_RUBBED], s[:, :, O.SEEN_FELT], look.braked], axis=1)
@@ -262,12 +312,10 @@ def observe(scene: Scene, states: States, time_s: Array, start: float, input_tim
     q, v = states(time_s)
     look = observer.look(q, v, np.interp(time_s, input_time_s, value))
     s, joints = look.seen, look.joints()
-    dense_time.append(time_s)
-    dense_joint.append(joints)
+    keep(time_s, look)
     dense, first = np.unique(np.concatenate(dense_time), return_index=True)
     return Inside(
-        contacts=scene.contacts,
-        bodies=scene.bodies,
+        scene=scene,
         time_s=time_s,
         normal_n=s[:, :, O.SEEN_NORMAL],
         friction_n=s[:, :, O.SEEN_FRICTION],
@@ -287,5 +335,6 @@ def observe(scene: Scene, states: States, time_s: Array, start: float, input_tim
         largest_normal_n=np.maximum(largest, s[:, :, O.SEEN_NORMAL].max(axis=0, initial=0.0)),
         dense_time_s=dense,
         dense_joint_n=np.concatenate(dense_joint)[first],
+        dense_rail_m=np.concatenate(dense_rail)[first],
         error_j=error,
     )

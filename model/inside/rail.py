@@ -1,7 +1,8 @@
 """When a joint would have to pull: for the key's, intervals in which the key would leave its balance rail.
 
 The model holds the key by a revolute joint; the real key only lies on the rail (thesis Sections 3.2.2, 4.1). Where the
-joint's force on the key points down, the key is predicted to lift. How far, a model with a one-sided rail must say.
+joint's force on the key points down, the key is predicted to lift. How far, a scene with a one-sided rail says
+(effect ``balance_rail``): there the key does lift.
 """
 
 from __future__ import annotations
@@ -44,3 +45,18 @@ def tensions(time_s: Array, upwards_n: Array) -> list[Tension]:
         impulse = float(np.trapezoid(pull, at))
         out.append(Tension(float(a), float(b), float(pull[k]), float(at[k]), impulse))
     return out
+
+
+@dataclass(frozen=True)
+class Lift:
+    """An interval in which the key is off its rail: its ends (s), greatest height (m) and when."""
+
+    start_s: float
+    end_s: float
+    largest_m: float
+    largest_at_s: float
+
+
+def lifts(time_s: Array, depth_m: Array) -> list[Lift]:
+    """Intervals in which the felt of the rail is not touched; its depth (m,) is negative there."""
+    return [Lift(one.start_s, one.end_s, one.largest_n, one.largest_at_s) for one in tensions(time_s, depth_m)]

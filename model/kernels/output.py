@@ -10,7 +10,9 @@ from .layout import (
     A_R,
     BODY_SIZE,
     COUNTERS,
+    DAMPER_SIZE,
     GLOBALS,
+    GUIDED,
     JF_A,
     JF_B1,
     JF_B2,
@@ -20,6 +22,7 @@ from .layout import (
     OMEGA_T,
     POSE_SIZE,
     PROBE_SIZE,
+    V_T,
 )
 
 # columns of what `observe_along` gives per contact
@@ -82,8 +85,12 @@ def observe_along(q, v, u, p, tables, seen, pose, turning, braked):
         acceleration(q[k], v[k], u[k], p, tables, pose[k], m_diag, m_up, f, turning[k], counters)
         for i in range(n):
             o = GLOBALS + BODY_SIZE * i
-            torque, _ = friction(v[k, i], p[OMEGA_T], p[o + JF_A], p[o + JF_B1], p[o + JF_B2])
+            threshold = p[V_T] if tables.parent[i] == GUIDED else p[OMEGA_T]
+            torque, _ = friction(v[k, i], threshold, p[o + JF_A], p[o + JF_B1], p[o + JF_B2])
             braked[k, i] = torque * v[k, i]
+        for d in range(tables.damper.shape[0]):
+            i = tables.damper[d]
+            braked[k, i] += p[tables.offset[5] + DAMPER_SIZE * d] * v[k, i] * v[k, i]
         for c in range(tables.contact.shape[0]):
             o = contact_offset(tables.offset[1], c)
             fn, ft, x, rate, slide = contact_state(c, v[k], p, tables, pose[k])

@@ -12,9 +12,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..blow import check_force_table, output_times, simulate
+from ..batch import simulate_many
+from ..blow import check_force_table, output_times
 from ..changes import scaled
-from ..errors import InputError
+from ..errors import InputError, ModelError
 from ..parameters import BODIES, Action
 from ..solution import Solution
 from .blow_measures import BlowMeasures, measure_blow
@@ -121,9 +122,19 @@ def compare(
     times, forces = check_force_table(time_s, force_n)
     actions = [v.of(action) for v in every]
     rows = output_times(float(times[0]), float(times[-1]), RATE_HZ)
-    solutions = [
-        simulate(one, times, forces, tolerance=tolerance, output_time_s=rows, contact_forces=True) for one in actions
-    ]
+    members = simulate_many(
+        action,
+        {"blow": (times, forces)},
+        {v.name: one.changed for v, one in zip(every, actions, strict=True)},
+        tolerance=tolerance,
+        output_time_s=rows,
+        contact_forces=True,
+    )
+    solutions = []
+    for member in members:
+        if member.solution is None:
+            raise ModelError(f"variant {member.parameters!r}: {member.error}")
+        solutions.append(member.solution)
     at = np.interp(rows, times, forces)
     measures = [measure_blow(one, s, at) for one, s in zip(actions, solutions, strict=True)]
     return Study(action.name, rows, at, every, tuple(solutions), tuple(measures))

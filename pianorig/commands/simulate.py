@@ -3,15 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from ..settings import SCALE_HELP
-
-if TYPE_CHECKING:
-    from model import Action
-    from model.inside import Inside, Tension
 
 
 def command(
@@ -43,6 +39,13 @@ def command(
             "acceleration; print where energy went and when the key would lift from its rail.",
         ),
     ] = False,
+    figures: Annotated[
+        Path | None, typer.Option("--figures", help="Draw the inside view on one sheet: .svg, .pdf or .png.")
+    ] = None,
+    animation: Annotated[
+        Path | None,
+        typer.Option("--animation", help="Draw the action moving, contacts lit by their force: .html or .svg."),
+    ] = None,
     scene: Annotated[
         str, typer.Option("--scene", help="What takes part: whole, without-string, key, key-whippen, or a TOML file.")
     ] = "whole",
@@ -56,19 +59,23 @@ def command(
     import model
 
     from ..errors import InputError
+    from ..inside_view import check_drawings, described, draw_inside, inside_facts, print_inside
     from ..motion_driving import drive_by_motion
     from ..output import check_writable, print_json, write_columns
     from ..settings import load_changed
 
     if out.suffix in (".csv", ".h5"):
         check_writable(out)
+    check_drawings(figures, animation)
     chosen = load_changed(action, set_, scale)
+    force_only = {"--force": force, "--forces": forces, "--inside": inside, "--figures": figures}
+    force_only |= {"--animation": animation}
     if key_motion is not None:
         drive_by_motion(
             chosen,
             key_motion,
             out,
-            also=[name for name, given in (("--force", force), ("--forces", forces), ("--inside", inside)) if given],
+            also=[name for name, given in force_only.items() if given],
             tolerance=tolerance,
             output_rate=output_rate,
             scene=scene,
@@ -103,56 +110,24 @@ def command(
             "scene": scene,
             "force_table": str(force),
         },
-        None if seen is None else seen.long_names(_described(chosen)),
+        None if seen is None else seen.long_names(described(chosen)),
     )
-    facts = {"out": out, "rows": len(solution.time_s), "tolerance_rad": tolerance, **solution.counters}
-    lifts = [] if seen is None else seen.key_tensions()
+    facts: dict[str, object] = {
+        "out": out,
+        "rows": len(solution.time_s),
+        "tolerance_rad": tolerance,
+        **solution.counters,
+    }
+    if figures is not None or animation is not None:
+        draw_inside(chosen, times, values, figures, animation, tolerance=tolerance, scene=scene, method=method)
+    drawings = {"figures": figures, "animation": animation}
     if as_json:
-        print_json(facts if seen is None else facts | _inside_facts(seen, lifts))
+        facts |= {} if seen is None else inside_facts(seen)
+        print_json(facts | {name: path for name, path in drawings.items() if path is not None})
         return
     print(f"{out}: {len(solution.time_s)} rows, {solution.counters['n_steps']} steps")
     if seen is not None:
-        _print_inside(seen, lifts, _described(chosen))
-
-
-def _described(action: Action) -> dict[str, str]:
-    """What each contact is, in the words of the action's file."""
-    ending = ".description"
-    return {path[: -len(ending)]: words for path, words in action.structure.items() if path.endswith(ending)}
-
-
-def _inside_facts(seen: Inside, lifts: list[Tension]) -> dict[str, object]:
-    """The inside view's sums for ``--json``."""
-    from dataclasses import asdict
-
-    contacts = [
-        {
-            "contact": name,
-            "largest_normal_n": seen.largest_normal_n[i],
-            "slid_m": seen.slid_m[-1, i],
-            "rubbed_j": seen.rubbed_j[-1, i],
-            "felt_j": seen.felt_j[-1, i],
-        }
-        for i, name in enumerate(seen.contacts)
-    ]
-    joints = [{"joint": body, "rubbed_j": seen.joint_j[-1, i]} for i, body in enumerate(seen.bodies)]
-    return {"contacts": contacts, "joints": joints, "key_would_lift": [asdict(one) for one in lifts]}
-
-
-def _print_inside(seen: Inside, lifts: list[Tension], described: dict[str, str]) -> None:
-    """Table of contacts and joints, then the intervals in which the key would lift."""
-    print(f"{'contact':<34}{'largest N':>10}{'rubbed mm':>11}{'friction mJ':>13}{'felt mJ':>9}")
-    for i, name in enumerate(seen.contacts):
-        print(
-            f"{name[-2:]} {described.get(name, ''):<31}{seen.largest_normal_n[i]:>10.2f}"
-            f"{1e3 * seen.slid_m[-1, i]:>11.3f}{1e3 * seen.rubbed_j[-1, i]:>13.4f}{1e3 * seen.felt_j[-1, i]:>9.4f}"
-        )
-    joints = ", ".join(f"{body} {1e3 * seen.joint_j[-1, i]:.4f}" for i, body in enumerate(seen.bodies))
-    print(f"joints, friction mJ: {joints}")
-    for one in lifts:
-        print(
-            f"key would lift from its balance rail {one.start_s:.4f} to {one.end_s:.4f} s: "
-            f"pull to {one.largest_n:.2f} N, {1e3 * one.impulse_ns:.2f} mN s"
-        )
-    if not lifts:
-        print("key stays on its balance rail")
+        print_inside(seen, described(chosen))
+    for path in drawings.values():
+        if path is not None:
+            print(path)

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.pianorig.test_commands import DATA, run
+from tests.pianorig.test_commands import DATA, _modules_after, run
 
 FORTE = str(DATA / "forte_force.csv")
 
@@ -67,3 +67,40 @@ def test_nothing_is_looked_at_unless_asked(monkeypatch: pytest.MonkeyPatch) -> N
     assert solution.inside is None
     with pytest.raises(AssertionError, match="looked inside"):
         model.simulate(model.load_action(), [0.0, 0.01], [0.0, 1.0], inside=True)
+
+
+def test_sheet_and_animation(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    drawings = {"--figures": tmp_path / "sheet.pdf", "--animation": tmp_path / "blow.html"}
+    arguments = [str(part) for pair in drawings.items() for part in pair]
+    out = tmp_path / "o.csv"
+    assert run("simulate", "--force", FORTE, *arguments, "--output-rate", "100", "--out", str(out), "--json") == 0
+    facts = json.loads(capsys.readouterr().out)
+    assert facts["figures"] == str(drawings["--figures"]) and "contacts" not in facts
+    assert drawings["--figures"].read_bytes()[:5] == b"%PDF-"
+    assert "back check" in drawings["--animation"].read_text(encoding="utf-8")
+    assert len(out.read_text().splitlines()[0].split(",")) == 11  # drawings add no columns
+
+
+@pytest.mark.parametrize(
+    ("option", "name", "words"),
+    [
+        ("--figures", "sheet.jpeg", "allowed .svg, .pdf, .png"),
+        ("--animation", "blow.mp4", "allowed .html, .svg"),
+        ("--animation", "nowhere/blow.html", "does not exist"),
+    ],
+)
+def test_drawings_that_cannot_be_are_refused_first(
+    option: str, name: str, words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = str(tmp_path / "o.csv")
+    assert run("simulate", "--force", FORTE, option, str(tmp_path / name), "--out", out) == 2
+    error = capsys.readouterr().err
+    assert words in error and error.count("\n") == 1 and not list(tmp_path.iterdir())
+
+
+def test_only_the_sheet_needs_matplotlib(tmp_path: Path) -> None:
+    out, moving = str(tmp_path / "o.csv"), str(tmp_path / "a.svg")
+    loaded = _modules_after("simulate", "--force", FORTE, "--inside", "--animation", moving, "--out", out)
+    assert "model.inside.animation" in loaded
+    assert not loaded & {"pandas", "matplotlib", "scipy.integrate", "scipy.optimize", "scipy.sparse"}
+    assert "model.inside" not in _modules_after("simulate", "--force", FORTE, "--out", out)

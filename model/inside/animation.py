@@ -1,0 +1,316 @@
+"""A moving side view of a blow in one file: SVG that any browser plays, or HTML with the same SVG and a slider.
+
+Time is stretched, most of all around the strike. Contacts shine by their force (area in proportion to it); bars beside
+the picture show each against its own largest; the key's pivot turns red where its rail would have to pull, or where a
+key that can lift is off it. The file names no other file or address. Lengths in the drawing are millimetres times
+`SCALE`.
+"""
+
+from __future__ import annotations
+
+import html
+import json
+import os
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..effects import RAIL
+from ..errors import InputError
+from ..parameters import Action
+from ..solution import Solution
+from .figure import close_up, contact_words, input_words
+from .observe import Inside
+from .side_view import GROUND, SideView, side_view
+
+Array = NDArray[np.float64]
+
+ENDINGS = (".svg", ".html")
+SCALE = 1.75  # drawing units per mm
+FRAME_S = 0.04  # of the viewer's time between two rows
+FAR_STEP_S, NEAR_STEP_S = 1e-3, 2e-4  # of the action's time between two rows, away from the strike and around it
+GLOW_MM2_PER_N = 6.0
+COLORS = {
+    "key": "#8C6D46", "whippen": "#4C72B0", "jack": "#C44E52", "repetition": "#55A868", "hammer": "#8172B2",
+    "shank": "#8172B2", "motor": "#333333", GROUND: "#555555",
+}  # fmt: skip
+PLOT_WIDTH, PLOT_HEIGHT = 820.0, 150.0
+BAR_WIDTH, BAR_STEP = 110.0, 24.0
+MARGIN = 24.0
+
+
+def frame_rows(seen: Inside) -> NDArray[np.int64]:
+    """Rows to show, one per frame: fine around the strike, coarse elsewhere."""
+    time = seen.time_s
+    near = close_up(seen)
+    parts = [
+        np.arange(time[0], near[0], FAR_STEP_S),
+        np.arange(near[0], near[1], NEAR_STEP_S),
+        np.arange(near[1], time[-1], FAR_STEP_S),
+        time[-1:],
+    ]
+    return np.unique(np.searchsorted(time, np.concatenate(parts) - 1e-9).clip(0, len(time) - 1))
+
+
+def write_animation(action: Action, solution: Solution, force_n: Array, path: str | Path) -> None:
+    """Write the moving side view to ``path`` (.svg or .html).
+
+    Parameters
+    ----------
+    action, solution : what was simulated, with its inside view at 5 kHz or finer
+    force_n : (m,) force on the key at the solution's times, N
+    """
+    target = Path(path)
+    if target.suffix not in ENDINGS:
+        raise InputError(f"{target}: ending found {target.suffix!r}, allowed {', '.join(ENDINGS)}")
+    if solution.inside is None:
+        raise InputError("animation: the solution has no inside view; simulate with inside=True")
+    seen = solution.inside
+    rows = frame_rows(seen)
+    svg = _svg(action, seen, force_n, rows)
+    text = svg if target.suffix == ".svg" else _page(action, seen.time_s[rows], svg)
+    part = target.with_name(f".{target.name}.{os.getpid()}.part")
+    try:
+        part.write_text(text, encoding="utf-8")
+        os.replace(part, target)
+    except OSError as problem:
+        raise InputError(f"{target}: cannot be written ({problem.strerror}); choose another file") from None
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def _values(values: Array, digits: int = 2) -> str:
+    """A list of numbers of an animated attribute, one per frame."""
+    return ";".join(f"{v:.{digits}f}".rstrip("0").rstrip(".") for v in values)
+
+
+class _Clock:
+    """Writes animated attributes that all run on the same frames."""
+
+    def __init__(self, frames: int) -> None:
+        self.end = f'dur="{(frames - 1) * FRAME_S:g}s" repeatCount="indefinite"'
+
+    def attribute(self, name: str, values: str) -> str:
+        return f'<animate attributeName="{name}" values="{values}" {self.end}/>'
+
+    def transform(self, kind: str, values: str) -> str:
+        return f'<animateTransform attributeName="transform" type="{kind}" values="{values}" {self.end}/>'
+
+
+def _svg(action: Action, seen: Inside, force: Array, rows: NDArray[np.int64]) -> str:
+    view = side_view(seen)
+    clock = _Clock(len(rows))
+    low, high = _extent(seen, view)
+    width, height = SCALE * 1e3 * (high - low)
+    bars_x = width + 2 * MARGIN
+    total_width = bars_x + 190 + BAR_WIDTH + MARGIN
+    plot_y = max(height, BAR_STEP * (len(seen.contacts) + 1)) + 2 * MARGIN
+    total_height = plot_y + PLOT_HEIGHT + 2 * MARGIN
+    parts = [
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {total_width:.0f} {total_height:.0f}" '
+        'font-family="sans-serif" font-size="13" role="img">',
+        f"<title>{html.escape(action.name)}: side view of a blow</title>",
+        f'<rect width="{total_width:.0f}" height="{total_height:.0f}" fill="white"/>',
+        # y up, metres to drawing units
+        f'<g transform="translate({MARGIN - SCALE * 1e3 * low[0]:.2f} {MARGIN + SCALE * 1e3 * high[1]:.2f}) '
+        f'scale({SCALE} {-SCALE})" stroke-linecap="round" stroke-linejoin="round" fill="none">',
+        _surfaces(view, GROUND),
+        *(_body(seen, view, i, rows, clock) for i in range(len(seen.bodies))),
+        *(_glow(seen, c, rows, clock) for c in range(len(seen.contacts))),
+        "</g>",
+        *(_bar(action, seen, c, rows, clock, bars_x) for c in range(len(seen.contacts))),
+        _legend(seen, bars_x),
+        _plot(action, seen, force, rows, clock, plot_y),
+        "</svg>",
+    ]
+    return "\n".join(parts)
+
+
+def _extent(seen: Inside, view: SideView) -> tuple[Array, Array]:
+    """Lower left and upper right corner of what is drawn, m."""
+    points = [shape.points for shape in view.surfaces[GROUND]]
+    for i, body in enumerate(seen.bodies):
+        pose = seen.pose[:, i]
+        own = np.concatenate([view.sticks[body].reshape(-1, 2), *(s.points for s in view.surfaces[body])])
+        for x, y, turn in (pose[0], *pose[:: max(1, len(pose) // 40)]):
+            c, s = np.cos(turn), np.sin(turn)
+            points.append(np.array([x, y]) + own @ np.array([[c, s], [-s, c]]))
+    every = np.concatenate(points)
+    return every.min(axis=0) - 0.004, every.max(axis=0) + 0.004
+
+
+def _path(points: Array) -> str:
+    return "M" + "L".join(f"{1e3 * x:.2f} {1e3 * y:.2f}" for x, y in points)
+
+
+def _surfaces(view: SideView, body: str) -> str:
+    lines = "".join(_path(shape.points) for shape in view.surfaces[body])
+    return f'<path d="{lines}" stroke="{COLORS.get(body, "#777777")}" stroke-width="1.1"/>'
+
+
+def _body(seen: Inside, view: SideView, i: int, rows: NDArray[np.int64], clock: _Clock) -> str:
+    """Sticks, surfaces and pivot of a body, moved by its pose."""
+    body = seen.bodies[i]
+    pose = seen.pose[rows, i]
+    color = COLORS.get(body, "#777777")
+    places = ";".join(f"{1e3 * x:.2f} {1e3 * y:.2f}" for x, y in pose[:, :2])
+    sticks = "".join(_path(pair) for pair in view.sticks[body])
+    dot = f'<circle r="1.6" fill="white" stroke="{color}" stroke-width="0.8"/>'
+    if body == "key":
+        rail = seen.contacts.index(RAIL) if RAIL in seen.contacts else None
+        pull = seen.joint_n[rows, i, 1] < 0.0 if rail is None else seen.penetration_m[rows, rail] <= 0.0
+        fills = ";".join("#D62728" if p else "#FFFFFF" for p in pull)
+        radii = ";".join("4" if p else "2" for p in pull)
+        dot = (
+            f'<circle r="2" fill="white" stroke="{color}" stroke-width="0.8">'
+            f"{clock.attribute('fill', fills)}{clock.attribute('r', radii)}</circle>"
+        )
+    return (
+        f"<g>{clock.transform('translate', places)}<g>{clock.transform('rotate', _values(np.degrees(pose[:, 2]), 3))}"
+        f'<path d="{sticks}" stroke="{color}" stroke-width="5" opacity="0.3"/>{_surfaces(view, body)}{dot}</g></g>'
+    )
+
+
+def _glow(seen: Inside, c: int, rows: NDArray[np.int64], clock: _Clock) -> str:
+    """A light at a contact, its area in proportion to the force; largest force around each frame."""
+    radius = np.sqrt(GLOW_MM2_PER_N * _held(seen.normal_n[:, c], rows) / np.pi)
+    places = ";".join(f"{1e3 * x:.2f} {1e3 * y:.2f}" for x, y in seen.point_m[rows, c])
+    number = seen.contacts[c].removeprefix("contact").replace("_", " ")
+    return (
+        f"<g>{clock.transform('translate', places)}"
+        f'<circle r="0" fill="#FF7F0E" opacity="0.75">{clock.attribute("r", _values(radius))}</circle>'
+        f'<text x="2.5" y="-2.5" transform="scale(1 -1)" font-size="6" fill="#444444">{number}</text></g>'
+    )
+
+
+def _held(values: Array, rows: NDArray[np.int64]) -> Array:
+    """Largest value since the frame before, so that no short peak falls between two frames."""
+    starts = np.concatenate([[rows[0]], rows[:-1] + 1])
+    out: Array = np.maximum.reduceat(values, np.minimum(starts, len(values) - 1))
+    return out
+
+
+def _bar(action: Action, seen: Inside, c: int, rows: NDArray[np.int64], clock: _Clock, x: float) -> str:
+    """Name, force against its largest, and that largest force."""
+    y = MARGIN + BAR_STEP * c
+    largest = float(seen.largest_normal_n[c])
+    share = _held(seen.normal_n[:, c], rows) / largest if largest > 0.0 else np.zeros(len(rows))
+    words = html.escape(contact_words(action, seen.contacts[c]))
+    return (
+        f'<text x="{x + 180:.0f}" y="{y + 13:.0f}" text-anchor="end">{words}</text>'
+        f'<rect x="{x + 188:.0f}" y="{y:.0f}" width="{BAR_WIDTH:.0f}" height="16" fill="#EEEEEE"/>'
+        f'<rect x="{x + 188:.0f}" y="{y:.0f}" width="0" height="16" fill="#FF7F0E">'
+        f"{clock.attribute('width', _values(BAR_WIDTH * np.minimum(share, 1.0), 1))}</rect>"
+        f'<text x="{x + 186 + BAR_WIDTH:.0f}" y="{y + 12:.0f}" text-anchor="end" font-size="10" fill="#555555">'
+        f"{largest:.3g} N</text>"
+    )
+
+
+def _legend(seen: Inside, x: float) -> str:
+    """Names of the bodies in their colours."""
+    y = MARGIN + BAR_STEP * len(seen.contacts) + 14
+    words = " ".join(
+        f'<tspan fill="{COLORS.get(body, "#777777")}" font-weight="bold">{html.escape(body)}</tspan>'
+        for body in seen.turning_bodies
+    )
+    return (
+        f'<text x="{x + 20:.0f}" y="{y:.0f}" font-size="11">{words}</text>'
+        f'<text x="{x + 20:.0f}" y="{y + 18:.0f}" font-size="11" fill="#D62728">'
+        f"red pivot: the key {'is off' if RAIL in seen.contacts else 'would lift from'} its rail</text>"
+    )
+
+
+def _plot(action: Action, seen: Inside, force: Array, rows: NDArray[np.int64], clock: _Clock, top: float) -> str:
+    """Force on the key and angles over real time, with a cursor at the frame's time."""
+    time = seen.time_s
+    span = float(time[-1] - time[0]) or 1.0
+    x = MARGIN + PLOT_WIDTH * (time - time[0]) / span
+    thin = np.unique(np.concatenate([np.arange(0, len(time), max(1, len(time) // 1500)), rows]))
+    parts = [f'<rect x="{MARGIN}" y="{top:.0f}" width="{PLOT_WIDTH}" height="{PLOT_HEIGHT}" fill="#F7F7F7"/>']
+    given, unit = input_words(seen)
+    curves = [(given, force, "#000000")]
+    for body in ("key", "hammer"):
+        if body in seen.bodies:
+            turn = seen.pose[:, seen.bodies.index(body), 2]
+            curves.append((f"{body} turned", np.abs(turn - turn[0]), COLORS[body]))
+    for k, (words, values, color) in enumerate(curves):
+        largest = float(np.max(np.abs(values))) or 1.0
+        y = top + PLOT_HEIGHT * (0.97 - 0.94 * np.clip(values / largest, 0.0, 1.0))
+        line = "M" + "L".join(f"{a:.1f} {b:.1f}" for a, b in zip(x[thin], y[thin], strict=True))
+        said = f"{largest:.3g} {unit}" if k == 0 else f"{np.degrees(largest):.3g}°"
+        parts.append(f'<path d="{line}" fill="none" stroke="{color}" stroke-width="1.3"/>')
+        place = MARGIN + PLOT_WIDTH + 12
+        parts.append(f'<text x="{place:.0f}" y="{top + 16 + 20 * k:.0f}" fill="{color}">{words}, to {said}</text>')
+    cursor = _values(x[rows], 1)
+    parts.append(
+        f'<line x1="0" x2="0" y1="{top:.0f}" y2="{top + PLOT_HEIGHT:.0f}" stroke="#D62728" stroke-width="1.2">'
+        f"{clock.attribute('x1', cursor)}{clock.attribute('x2', cursor)}</line>"
+    )
+    for t in np.linspace(float(time[0]), float(time[-1]), 8):
+        at = MARGIN + PLOT_WIDTH * (t - time[0]) / span
+        parts.append(
+            f'<text x="{at:.1f}" y="{top + PLOT_HEIGHT + 16:.0f}" text-anchor="middle" font-size="11">{t:.2f} s</text>'
+        )
+    return "".join(parts)
+
+
+def _page(action: Action, time: Array, svg: str) -> str:
+    """The drawing with a slider, a speed and the action's time; ``#t=0.112`` in the address stops it there."""
+    return _PAGE.format(
+        name=html.escape(action.name),
+        svg=svg,
+        last=len(time) - 1,
+        frame=FRAME_S,
+        times=json.dumps([round(float(t), 5) for t in time]),
+    )
+
+
+_PAGE = """<!DOCTYPE html>
+<html lang="en"><head><meta charset="utf-8"><title>{name}: side view of a blow</title>
+<style>body{{font-family:sans-serif;margin:12px}} svg{{width:100%;max-height:86vh}} #bar{{display:flex;gap:12px;
+align-items:center}} #at{{flex:1}} output{{min-width:15em;font-variant-numeric:tabular-nums}}</style></head>
+<body>
+{svg}
+<div id="bar"><button id="play">pause</button>
+<input id="at" type="range" min="0" max="{last}" step="0.01" value="0" aria-label="time">
+<select id="speed" aria-label="speed"><option value="0.25">quarter speed</option>
+<option value="1" selected>speed 1</option><option value="4">4 times</option></select><output id="now"></output></div>
+<script>
+const times = {times}, frame = {frame};
+const svg = document.querySelector("svg"), at = document.getElementById("at"), now = document.getElementById("now");
+const play = document.getElementById("play"), speed = document.getElementById("speed");
+let running = true, k = 0, before = null;
+function show() {{
+  svg.setCurrentTime(Math.min(k, times.length - 1.001) * frame);
+  const i = Math.min(Math.floor(k), times.length - 2), t = times[i] + (k - i) * (times[i + 1] - times[i]);
+  at.value = k;
+  const slowed = Math.round(frame / (times[i + 1] - times[i]) / speed.value);
+  now.textContent = t.toFixed(4) + " s, slowed " + slowed + " times";
+}}
+function run(is) {{ running = is; before = null; play.textContent = is ? "pause" : "play"; }}
+function step(stamp) {{
+  if (running) {{
+    if (before !== null) k = (k + (stamp - before) / 1000 / frame * speed.value) % (times.length - 1);
+    before = stamp;
+    show();
+  }}
+  requestAnimationFrame(step);
+}}
+function stopAt(t) {{
+  let i = times.findIndex((x) => x > t) - 1;
+  if (i < 0) i = t < times[0] ? 0 : times.length - 2;
+  k = Math.max(0, Math.min(i + (t - times[i]) / (times[i + 1] - times[i]), times.length - 1));
+  run(false);
+  show();
+}}
+play.onclick = () => run(!running);
+at.oninput = () => {{ run(false); k = +at.value; show(); }};
+speed.onchange = show;
+svg.pauseAnimations();
+const wanted = /t=([0-9.]+)/.exec(location.hash);
+if (wanted) stopAt(+wanted[1]); else show();
+requestAnimationFrame(step);
+</script>
+</body></html>
+"""

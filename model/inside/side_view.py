@@ -1,0 +1,154 @@
+"""The action from the side, drawn from the model's own geometry: surfaces, pivots and the bodies that join them.
+
+Per body, in its own frame and metres: the part of each contact surface that the motion meets, and a stick figure
+(shortest tree) through pivot, surfaces and the pivots it carries. `animation` moves these by the bodies' poses.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..kernels import layout as L
+from ..scene import Scene
+from .observe import Inside
+
+Array = NDArray[np.float64]
+
+WHOLE_CIRCLE_M = 0.008  # circles up to this radius are drawn whole
+MARGIN_RAD, MARGIN_M = 0.25, 0.004  # drawn beyond what the motion meets
+NEAR_M = 0.006  # a surface counts as met while its gap is below this
+GROUND = "ground"
+
+
+@dataclass(frozen=True)
+class Shape:
+    """A curve of a body: (k, 2) points in its frame, m."""
+
+    points: Array
+    contact: str
+
+
+@dataclass(frozen=True)
+class SideView:
+    """What to draw, by body (``ground`` among them).
+
+    Attributes
+    ----------
+    surfaces : curves of contact surfaces
+    sticks : pairs of points (k, 2, 2) that make the stick figure; none for the ground
+    """
+
+    surfaces: dict[str, list[Shape]]
+    sticks: dict[str, Array]
+
+
+def side_view(seen: Inside) -> SideView:
+    """Geometry of the bodies that take part in a motion."""
+    scene = seen.scene
+    bodies = (*seen.bodies, GROUND)
+    surfaces: dict[str, list[Shape]] = {body: [] for body in bodies}
+    marks: dict[str, list[Array]] = {body: [np.zeros(2)] for body in seen.bodies}
+    for c, name in enumerate(seen.contacts):
+        for k, surface in enumerate(_surfaces(scene, c)):
+            body = bodies[int(scene.tables.contact[c, k])]  # -1, the ground, is the last
+            met = _in_frame(seen, body, seen.point_m[:, c])[_met(seen, c)]
+            curve = surface.curve(met)
+            surfaces[body].append(Shape(curve, name))
+            if body != GROUND:
+                marks[body].append(curve.mean(axis=0) if surface.closed else curve[len(curve) // 2])
+    for i, parent in enumerate(scene.tables.parent):
+        if parent >= 0:
+            o = L.GLOBALS + L.BODY_SIZE * i
+            marks[seen.bodies[parent]].append(scene.vector[o + L.PIVOT_X : o + L.PIVOT_Y + 1])
+    o = int(scene.tables.offset[2])
+    for kind, i in scene.tables.drive:
+        if kind == L.FORCE_DOWN:
+            marks[seen.bodies[i]].append(scene.vector[o + L.DRIVE_X : o + L.DRIVE_Y + 1])
+        o += L.DRIVE_SIZE
+    o = int(scene.tables.offset[3])
+    for upper, lower in scene.tables.probe:
+        marks[seen.bodies[upper]].append(scene.vector[o : o + 2])
+        marks[seen.bodies[lower]].append(scene.vector[o + 2 : o + 4])
+        o += L.PROBE_SIZE
+    return SideView(surfaces, {body: _tree(np.array(points)) for body, points in marks.items()})
+
+
+def _met(seen: Inside, c: int) -> NDArray[np.bool_]:
+    """Rows in which the surfaces of a contact are near each other; the nearest row where they never are."""
+    depth = seen.penetration_m[:, c]
+    near = depth > -NEAR_M
+    return near if near.any() else depth == depth.max()
+
+
+def _in_frame(seen: Inside, body: str, point: Array) -> Array:
+    """World points (m, 2) in the frame of a body."""
+    if body == GROUND:
+        return point
+    pose = seen.pose[:, seen.bodies.index(body)]
+    away = point - pose[:, :2]
+    c, s = np.cos(pose[:, 2]), np.sin(pose[:, 2])
+    return np.stack([c * away[:, 0] + s * away[:, 1], -s * away[:, 0] + c * away[:, 1]], axis=1)
+
+
+@dataclass(frozen=True)
+class _Surface:
+    """A circle, line or arc with tangents in its body's frame: base point, radius, normal or both ends (rad)."""
+
+    base: Array
+    radius: float
+    normal: Array | None = None
+    ends: tuple[float, float] | None = None
+
+    @property
+    def closed(self) -> bool:
+        """Whether it is drawn as a whole circle."""
+        return self.normal is None and self.radius <= WHOLE_CIRCLE_M
+
+    def curve(self, met: Array) -> Array:
+        """Points around the places ``met`` (k, 2)."""
+        if self.normal is not None:
+            along = np.array([-self.normal[1], self.normal[0]])
+            ways = (met - self.base) @ along
+            line: Array = (
+                self.base + np.array([[ways.min() - MARGIN_M], [ways.mean()], [ways.max() + MARGIN_M]]) * along
+            )
+            return line
+        angle = np.linspace(0.0, 2.0 * np.pi, 33)
+        if not self.closed:
+            seen_from = np.unwrap(np.arctan2(met[:, 1] - self.base[1], met[:, 0] - self.base[0]))
+            angle = np.linspace(seen_from.min() - MARGIN_RAD, seen_from.max() + MARGIN_RAD, 25)
+        kept = angle if self.ends is None else np.clip(angle, *self.ends)  # beyond the ends of an arc run its tangents
+        over = self.radius * np.tan(np.clip(angle - kept, -1.0, 1.0))
+        out = np.stack([np.cos(kept), np.sin(kept)], axis=1)
+        along = np.stack([-np.sin(kept), np.cos(kept)], axis=1)
+        points: Array = self.base + self.radius * out + over[:, None] * along
+        return points
+
+
+def _surfaces(scene: Scene, c: int) -> tuple[_Surface, _Surface]:
+    """Both surfaces of a contact from the scene's numbers."""
+    p = scene.vector[int(scene.tables.offset[1]) + L.CONTACT_SIZE * c :]
+    first = _Surface(p[L.A_X : L.A_Y + 1], float(p[L.A_R]))
+    base, radius, shape = p[L.B_X : L.B_Y + 1], float(p[L.B_R]), scene.tables.contact[c, 2]
+    if shape == L.LINE:
+        return first, _Surface(base, 0.0, normal=p[L.N_X : L.N_Y + 1])
+    if shape == L.HYBRID:
+        start, end = np.unwrap([np.arctan2(p[L.N_Y], p[L.N_X]), np.arctan2(p[L.E_Y], p[L.E_X])])
+        return first, _Surface(base, radius, ends=(float(start), float(end)))
+    return first, _Surface(base, radius)
+
+
+def _tree(points: Array) -> Array:
+    """Shortest tree through points (k, 2) as pairs (k - 1, 2, 2), grown from the first."""
+    joined, left = [0], list(range(1, len(points)))
+    pairs: list[Sequence[Array]] = []
+    while left:
+        away = np.hypot(*(points[joined][:, None] - points[left][None]).transpose(2, 0, 1))
+        i, k = np.unravel_index(int(np.argmin(away)), away.shape)
+        pairs.append((points[joined[i]], points[left[k]]))
+        joined.append(left.pop(int(k)))
+    return np.array(pairs).reshape(-1, 2, 2)
