@@ -8,7 +8,7 @@ A balance that stays open when panels are split is the solution's fault, and is 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,7 +21,7 @@ from .parameters import Action
 Array = NDArray[np.float64]
 States = Callable[[Array], tuple[Array, Array]]
 
-FLOWS = ("input", "joint_friction", "contact_friction", "felt_damping")
+FLOWS = ("input", "joint_friction", "contact_friction", "felt_damping", "rail", "shank")
 
 
 @dataclass(frozen=True)
@@ -57,6 +57,7 @@ def audit(
     force_time_s: ArrayLike,
     force_n: ArrayLike,
     *,
+    effects: Sequence[str] = (),
     panel_s: float = 5e-4,
     goal: float = 1e-6,
     rounds: int = 6,
@@ -67,6 +68,7 @@ def audit(
     ----------
     states : gives angles and speeds, (m, 5) each, at increasing times (m,) s; called once per round
     force_time_s, force_n : (k,) force on the key, linear between its points
+    effects : of the scene that moved, in the order of its coordinates (`model.effects`)
     panel_s : longest panel, s
     goal : share of the turnover up to which errors of the integration over time are pursued
     rounds : how often panels are split at most
@@ -76,19 +78,19 @@ def audit(
 
     def sample(times: Array) -> tuple[Array, Array]:
         q, v = states(times)
-        stored, powers = energy_terms(action, q, v, np.interp(times, knots, forces))
+        stored, powers = energy_terms(action, q, v, np.interp(times, knots, forces), effects)
         total = np.sum(list(stored.values()), axis=0)
         if not seen:  # the first round covers all of the motion
             seen["start"] = float(total[0])
             swing = max(float(np.ptp(part)) for part in stored.values())
             given = float(np.trapezoid(np.abs(powers["input"]), times))
-            seen["turnover"] = given + swing + float(np.max(stored["felt"]))
+            seen["turnover"] = given + swing + float(np.max(stored["felt"] + stored["rail"]))
         return np.stack([powers[name] for name in FLOWS], axis=1), total
 
     panels = integrate_panels(
         sample,
         panel_edges(start, end, panel_s, knots),
-        np.array([1.0, -1.0, -1.0, -1.0]),
+        np.array([1.0] + [-1.0] * (len(FLOWS) - 1)),
         lambda: goal * seen["turnover"] / 100.0,
         rounds,
     )

@@ -8,9 +8,12 @@ Source: thesis eqs. 2.4, 2.10, 2.12, A.3. A state that is not finite gives terms
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .effects import KEY_LIFT, ON_THE_HEAD, RAIL, SHANK, bending, parts_of_hammer, sink_m
 from .parameters import BODIES, Action
 
 Array = NDArray[np.float64]
@@ -36,23 +39,40 @@ def _curve(action: Action, path: str, z: Array) -> Array:
 
 
 class _Motion:
-    """Angles, pivots and their velocities of all bodies, (m,) and (m, 2)."""
+    """Angles, pivots and their velocities of all bodies, (m,) and (m, 2); mass, inertia, centre of mass of each."""
 
-    def __init__(self, action: Action, q: Array, v: Array) -> None:
+    def __init__(self, action: Action, q: Array, v: Array, effects: Sequence[str]) -> None:
         self.action = action
+        self.coordinates = [*BODIES, *(c for e, c in ((RAIL, KEY_LIFT), ("shank", SHANK)) if e in effects)]
+        self.q, self.v = ({c: x[:, i] for i, c in enumerate(self.coordinates)} for x in (q, v))
+        self.mass = {
+            b: (action[f"{b}.mass"], action[f"{b}.inertia"], self.local(f"{b}.center_of_mass")) for b in BODIES
+        }
+        if SHANK in self.coordinates:
+            for part, (m, x, y, inertia) in zip(("hammer", SHANK), parts_of_hammer(action), strict=True):
+                self.mass[part] = (m, inertia, np.array([x, y]))
         self._contacts: dict[str, tuple[Array, Array, Array]] = {}
         still = np.zeros(len(q))
         self.angle, self.omega = {"ground": still}, {"ground": still}
         self.pivot, self.velocity = {"ground": np.zeros((len(q), 2))}, {"ground": np.zeros((len(q), 2))}
-        for i, body in enumerate(BODIES):
-            up = action.structure[f"{body}.parent"]
-            self.pivot[body], self.velocity[body] = self.carried(up, f"{body}.pivot")
-            self.angle[body], self.omega[body] = self.angle[up] + q[:, i], self.omega[up] + v[:, i]
+        for body in self.mass:
+            up = "hammer" if body == SHANK else action.structure[f"{body}.parent"]
+            joint = self.local("shank.hinge" if body == SHANK else f"{body}.pivot")
+            self.pivot[body], self.velocity[body] = self.fixed(up, joint)
+            if body == "key" and KEY_LIFT in self.q:
+                rise = np.array([0.0, 1.0])
+                self.pivot[body] = self.pivot[body] + self.q[KEY_LIFT][:, None] * rise
+                self.velocity[body] = self.velocity[body] + self.v[KEY_LIFT][:, None] * rise
+            self.angle[body], self.omega[body] = self.angle[up] + self.q[body], self.omega[up] + self.v[body]
+
+    def fixed(self, body: str, local: Array) -> tuple[Array, Array]:
+        """Position and velocity (m, 2) of the point (2,) of a body's frame."""
+        point = self.pivot[body] + _rotate(self.angle[body], local)
+        return point, self.velocity_at(body, point)
 
     def carried(self, body: str, path: str) -> tuple[Array, Array]:
         """Position and velocity (m, 2) of the point ``path`` fixed to ``body``."""
-        point = self.pivot[body] + _rotate(self.angle[body], self.local(path))
-        return point, self.velocity_at(body, point)
+        return self.fixed(body, self.local(path) - (self.local("shank.hinge") if body == SHANK else 0.0))
 
     def velocity_at(self, body: str, point: Array) -> Array:
         """Velocity (m, 2) of the material point of ``body`` that is at ``point``."""
@@ -69,7 +89,10 @@ class _Motion:
 
     def _contact(self, name: str) -> tuple[Array, Array, Array]:
         a = self.action
-        first, second = a.structure[f"{name}.first.body"], a.structure[f"{name}.second.body"]
+        first, second = (
+            SHANK if name in ON_THE_HEAD and SHANK in self.q and body == "hammer" else body
+            for body in (a.structure[f"{name}.first.body"], a.structure[f"{name}.second.body"])
+        )
         shape, r = a.structure[f"{name}.second.shape"], a[f"{name}.first.radius"]
         centre = self.carried(first, f"{name}.first")[0]
         u = centre - self.carried(second, f"{name}.second")[0]
@@ -118,11 +141,10 @@ def felt_energy(a: float, b: float, c: float, x: Array) -> Array:
 
 
 def _stored(action: Action, motion: _Motion, q: Array) -> dict[str, Array]:
-    kinetic, gravity, spring, felt = (np.zeros(len(q)) for _ in range(4))
-    for body in BODIES:
-        centre, velocity = motion.carried(body, f"{body}.center_of_mass")
-        m = action[f"{body}.mass"]
-        kinetic += 0.5 * m * _dot(velocity, velocity) + 0.5 * action[f"{body}.inertia"] * motion.omega[body] ** 2
+    kinetic, gravity, spring, felt, rail, shank = (np.zeros(len(q)) for _ in range(6))
+    for body, (m, inertia, local) in motion.mass.items():
+        centre, velocity = motion.fixed(body, local)
+        kinetic += 0.5 * m * _dot(velocity, velocity) + 0.5 * inertia * motion.omega[body] ** 2
         gravity += m * action["gravity.g"] * centre[:, 1]
     for body in ("jack", "repetition"):
         torque, k, q0 = (action[f"{body}_spring.{key}"] for key in ("torque", "stiffness", "angle"))
@@ -131,11 +153,16 @@ def _stored(action: Action, motion: _Motion, q: Array) -> dict[str, Array]:
     for name in _CONTACTS:
         a, b, c, _ = _felt(action, name)
         felt += felt_energy(a, b, c, motion.contact(name)[0])
-    return {"kinetic": kinetic, "gravity": gravity, "spring": spring, "felt": felt}
+    if KEY_LIFT in motion.q:
+        a, b, c, _ = _felt(action, RAIL)
+        rail = felt_energy(a, b, c, sink_m(action) - motion.q[KEY_LIFT])
+    if SHANK in motion.q:
+        shank = 0.5 * bending(action)[0] * motion.q[SHANK] ** 2
+    return {"kinetic": kinetic, "gravity": gravity, "spring": spring, "felt": felt, "rail": rail, "shank": shank}
 
 
 def _powers(action: Action, motion: _Motion, v: Array, force: Array) -> dict[str, Array]:
-    joint, sliding, damping = (np.zeros(len(v)) for _ in range(3))
+    joint, sliding, damping, rail, shank = (np.zeros(len(v)) for _ in range(5))
     for i, body in enumerate(BODIES):
         joint += v[:, i] * _curve(action, f"{body}.joint_friction", v[:, i] / action["friction_threshold.omega_t"])
     for name in _CONTACTS:
@@ -146,21 +173,36 @@ def _powers(action: Action, motion: _Motion, v: Array, force: Array) -> dict[str
         damping += (normal - static) * rate
         sliding += normal * slide * _curve(action, f"{name}.friction", slide / action["friction_threshold.v_t"])
     down = -motion.carried("key", "drive.point")[1][:, 1]
-    return {"input": force * down, "joint_friction": joint, "contact_friction": sliding, "felt_damping": damping}
+    if KEY_LIFT in motion.q:
+        a, b, c, d = _felt(action, RAIL)
+        x, rate = np.maximum(sink_m(action) - motion.q[KEY_LIFT], 0.0), -motion.v[KEY_LIFT]
+        static = np.maximum(0.0, ((a * x + b) * x + c) * x)
+        rail = static * (np.maximum(0.0, 1.0 + d * rate) - 1.0) * rate
+        grip = action[f"{RAIL}.guide_friction.A"] * np.tanh(rate / action["friction_threshold.v_t"])
+        rail = rail + grip * rate
+    if SHANK in motion.q:
+        shank = bending(action)[1] * motion.v[SHANK] ** 2
+    lost = {"joint_friction": joint, "contact_friction": sliding, "felt_damping": damping, "rail": rail, "shank": shank}
+    return {"input": force * down, **lost}
 
 
 def energy_terms(
-    action: Action, angle_rad: ArrayLike, speed_rad_per_s: ArrayLike, force_n: ArrayLike
+    action: Action,
+    angle_rad: ArrayLike,
+    speed_rad_per_s: ArrayLike,
+    force_n: ArrayLike,
+    effects: Sequence[str] = (),
 ) -> tuple[dict[str, Array], dict[str, Array]]:
-    """What states (m, 5) store and exchange under forces (m,) on the key.
+    """What states (m, 5) store and exchange under forces (m,) on the key; (m, 6) or (m, 7) with ``effects``.
 
     Returns
     -------
-    stored : energy (J), (m,) each: ``kinetic``, ``gravity``, ``spring``, ``felt``
+    stored : energy (J), (m,) each: ``kinetic``, ``gravity``, ``spring``, ``felt``, ``rail`` (felt of the balance
+        rail), ``shank`` (bending)
     powers : power (W), (m,) each: ``input`` of the force and, positive when lost, ``joint_friction``,
-        ``contact_friction``, ``felt_damping``
+        ``contact_friction``, ``felt_damping``, ``rail`` (its felt and the friction on its pin), ``shank``
     """
     q, v = np.atleast_2d(np.asarray(angle_rad, float)), np.atleast_2d(np.asarray(speed_rad_per_s, float))
     with np.errstate(all="ignore"):  # a state far outside gives inf or nan, which the caller sees
-        motion = _Motion(action, q, v)
+        motion = _Motion(action, q, v, effects)
         return _stored(action, motion, q), _powers(action, motion, v, np.asarray(force_n, float))

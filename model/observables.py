@@ -30,9 +30,22 @@ def hammer_height_from_angle(action: Action, hammer_rad: ArrayLike) -> NDArray[n
     return gap / length - action[f"{STRING}.first.radius"]
 
 
-def hammer_height_m(action: Action, angle_rad: ArrayLike) -> NDArray[np.float64]:
-    """Distance from the hammer's striking surface to the string, m; angles (m, n)."""
-    return hammer_height_from_angle(action, _column(angle_rad, "hammer"))
+def hammer_height_m(action: Action, angle_rad: ArrayLike, shank_rad: ArrayLike | None = None) -> NDArray[np.float64]:
+    """Distance from the hammer's striking surface to the string, m; angles (m, n).
+
+    Where the shank bends, ``shank_rad`` (m,) is the head's angle from the straight shank; without it the height is that
+    of a straight hammer, which is what an encoder at the pivot tells.
+    """
+    theta = _column(angle_rad, "hammer")
+    if shank_rad is None:
+        return hammer_height_from_angle(action, theta)
+    # the head turned about the hinge: as a whole hammer turned by both angles, its pivot moved along
+    turned = theta + np.asarray(shank_rad, dtype=float)
+    hinge = complex(action["shank.hinge.x"], action["shank.hinge.y"])
+    way = hinge * (np.exp(1j * theta) - np.exp(1j * turned))
+    normal = complex(action[f"{STRING}.second.normal.x"], action[f"{STRING}.second.normal.y"])
+    along = np.real(way * normal.conjugate()) / abs(normal)
+    return np.asarray(hammer_height_from_angle(action, turned) + along)
 
 
 def encoder_rad(angle_rad: ArrayLike, lift_m: ArrayLike, radius_m: float) -> NDArray[np.float64]:

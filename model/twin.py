@@ -17,7 +17,12 @@ from .parameters import BODIES, Action
 
 Vector = NDArray[np.float64]
 
-_COORDINATE = {"balance_rail": "key_lift", "shank": "shank"}
+_COORDINATE = {"motor_arm": "motor", "balance_rail": "key_lift", "shank": "shank"}
+_ARM_LEVEL = 0.029  # rad, key at which the motor's arm is level: near rest
+_ARM = (
+    *("inertia", "length", "joint_friction", "spring_stiffness", "preload_n"),
+    *(f"contact_{k}" for k in ("a", "b", "c", "damping")),
+)
 _BEYOND_HINGE = ("contact04", "contact12", "contact13")
 
 
@@ -32,7 +37,7 @@ def _turn(vector: Vector) -> Vector:
 
 
 class Twin:
-    """Right-hand side of one action; the input is the force on the key, N, positive downwards."""
+    """Right-hand side of one action; the input is the force on the key (N, downwards) or the motor's torque."""
 
     def __init__(self, action: Action, effects: Sequence[str] = ()) -> None:
         self.action = action
@@ -76,6 +81,7 @@ class Twin:
         return out
 
     def _place(self, q: Vector, v: Vector) -> None:
+        self.turned = dict(zip(self.coordinates, q, strict=True))
         self.angle, self.omega, self.pivot = {"ground": 0.0}, {"ground": 0.0}, {"ground": np.zeros(2)}
         for body in self.bodies:
             up, i = self.parent[body], self.coordinates.index(body)
@@ -177,7 +183,10 @@ class Twin:
         for body in ("jack", "repetition"):
             i, s = BODIES.index(body), f"{body}_spring"
             f[i] += a[f"{s}.torque"] - a[f"{s}.stiffness"] * (q[i] - a[f"{s}.angle"])
-        f += self._point_jacobian("key", self._point("key", "drive.point")).T @ np.array([0.0, -force_n])
+        if "motor" in self.coordinates:
+            self._press_by_motor(v, force_n, mass, f)
+        else:
+            f += self._point_jacobian("key", self._point("key", "drive.point")).T @ np.array([0.0, -force_n])
         for name in self.contacts:
             f += self.contact(name, v)[2]
         if self.bends:
@@ -188,6 +197,21 @@ class Twin:
             friction = a["balance_rail.guide_friction.A"] * np.tanh(v[i] / a["friction_threshold.v_t"])
             f[i] += self.rail_force(q[i], v[i]) - friction
         return f, mass
+
+    def _press_by_motor(self, v: Vector, torque_nm: float, mass: NDArray[np.float64], f: Vector) -> None:
+        """Add rotor, arm and their contact with the key to ``mass`` and ``f``."""
+        a, i = {k: self.action[f"motor_arm.{k}"] for k in _ARM}, self.coordinates.index("motor")
+        level = self._local("key.pivot") + _rotate(_ARM_LEVEL, self._local("drive.point"))
+        arm = _rotate(self.turned["motor"], np.array([-a["length"], 0.0]))
+        tip, point = level + np.array([a["length"], 0.0]) + arm, self._point("key", "drive.point")
+        closing = self._point_jacobian("key", point)[1]  # of the penetration, per unit speed
+        closing[i] -= _turn(arm)[1]
+        x, rate = point[1] - tip[1], float(closing @ v)
+        static = max(0.0, a["contact_a"] * x**3 + a["contact_b"] * x**2 + a["contact_c"] * x) if x > 0.0 else 0.0
+        f -= closing * static * max(0.0, 1.0 + a["contact_damping"] * rate)
+        mass[i, i] += a["inertia"]
+        f[i] += torque_nm + a["preload_n"] * a["length"] - a["spring_stiffness"] * self.turned["motor"]
+        f[i] -= a["joint_friction"] * np.tanh(v[i] / self.action["friction_threshold.omega_t"])
 
     def rail_force(self, lift: float, rate: float) -> float:
         """Force of the balance rail on the key (N) at a height (m) of its pivot above its place in the set."""

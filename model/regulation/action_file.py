@@ -9,6 +9,7 @@ import os
 from collections.abc import Sequence
 from pathlib import Path
 
+from ..effects import effect_defaults
 from ..errors import InputError
 from ..parameters import Action
 
@@ -31,7 +32,9 @@ def action_text(action: Action, comment: Sequence[str] = ()) -> str:
         table, _, rest = path.partition(".")
         if rest:
             tables.setdefault(table, []).append(f"{rest} = {_text(text)}")
-    for path, q in action.quantities.items():
+    usual = effect_defaults()
+    own = {path: q for path, q in action.effects.items() if q != usual[path]}
+    for path, q in (*action.quantities.items(), *own.items()):
         table, _, rest = path.partition(".")
         tables.setdefault(table, []).append(
             f"{rest} = {{ value = {_number(q.value)}, unit = {_text(q.unit)}, u = {_number(q.u)}, "
