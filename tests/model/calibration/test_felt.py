@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from model import load_action
@@ -75,6 +75,7 @@ def test_noise_of_the_displacement_is_seen_in_the_uncertainty() -> None:
     assert np.std(z, axis=0) == pytest.approx([1.0, 1.0, 1.0], abs=0.17)
 
 
+@settings(deadline=None)
 @given(
     st.floats(-2.0, 2.0),
     st.floats(-2.0, 2.0),
