@@ -84,6 +84,15 @@ def inside_facts(seen: Inside) -> dict[str, object]:
     }
 
 
+def lift_attributes(seen: Inside) -> dict[str, list[float]]:
+    """Intervals in which the key lifts or would, as attributes of the output file; none where it stays."""
+    out = {}
+    for name, found in (("key_would_lift", seen.key_tensions()), ("key_lifts", seen.key_lifts())):
+        if found:
+            out[f"{name}_from_s"], out[f"{name}_to_s"] = [one.start_s for one in found], [one.end_s for one in found]
+    return out
+
+
 def print_inside(seen: Inside, words: dict[str, str]) -> None:
     """Table of contacts and joints, then the intervals in which the key lifts or would."""
     print(f"{'contact':<34}{'largest N':>10}{'rubbed mm':>11}{'friction mJ':>13}{'felt mJ':>9}")

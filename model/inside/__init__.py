@@ -4,7 +4,8 @@
 name when something is drawn.
 """
 
-from .observe import Inside, Observer, observe
+from .look import Observer
+from .observe import Inside, observe
 from .rail import Lift, Tension, lifts, tensions
 
 __all__ = ["Inside", "Lift", "Observer", "Tension", "lifts", "observe", "tensions"]

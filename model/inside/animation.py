@@ -9,7 +9,6 @@ key that can lift is off it. The file names no other file or address. Lengths in
 from __future__ import annotations
 
 import html
-import json
 import os
 from pathlib import Path
 
@@ -22,6 +21,7 @@ from ..parameters import Action
 from ..solution import Solution
 from .figure import close_up, contact_words, input_words
 from .observe import Inside
+from .page import page
 from .side_view import GROUND, SideView, side_view
 
 Array = NDArray[np.float64]
@@ -69,7 +69,7 @@ def write_animation(action: Action, solution: Solution, force_n: Array, path: st
     seen = solution.inside
     rows = frame_rows(seen)
     svg = _svg(action, seen, force_n, rows)
-    text = svg if target.suffix == ".svg" else _page(action, seen.time_s[rows], svg)
+    text = svg if target.suffix == ".svg" else page(action.name, seen.time_s[rows], FRAME_S, svg)
     part = target.with_name(f".{target.name}.{os.getpid()}.part")
     try:
         part.write_text(text, encoding="utf-8")
@@ -253,64 +253,3 @@ def _plot(action: Action, seen: Inside, force: Array, rows: NDArray[np.int64], c
             f'<text x="{at:.1f}" y="{top + PLOT_HEIGHT + 16:.0f}" text-anchor="middle" font-size="11">{t:.2f} s</text>'
         )
     return "".join(parts)
-
-
-def _page(action: Action, time: Array, svg: str) -> str:
-    """The drawing with a slider, a speed and the action's time; ``#t=0.112`` in the address stops it there."""
-    return _PAGE.format(
-        name=html.escape(action.name),
-        svg=svg,
-        last=len(time) - 1,
-        frame=FRAME_S,
-        times=json.dumps([round(float(t), 5) for t in time]),
-    )
-
-
-_PAGE = """<!DOCTYPE html>
-<html lang="en"><head><meta charset="utf-8"><title>{name}: side view of a blow</title>
-<style>body{{font-family:sans-serif;margin:12px}} svg{{width:100%;max-height:86vh}} #bar{{display:flex;gap:12px;
-align-items:center}} #at{{flex:1}} output{{min-width:15em;font-variant-numeric:tabular-nums}}</style></head>
-<body>
-{svg}
-<div id="bar"><button id="play">pause</button>
-<input id="at" type="range" min="0" max="{last}" step="0.01" value="0" aria-label="time">
-<select id="speed" aria-label="speed"><option value="0.25">quarter speed</option>
-<option value="1" selected>speed 1</option><option value="4">4 times</option></select><output id="now"></output></div>
-<script>
-const times = {times}, frame = {frame};
-const svg = document.querySelector("svg"), at = document.getElementById("at"), now = document.getElementById("now");
-const play = document.getElementById("play"), speed = document.getElementById("speed");
-let running = true, k = 0, before = null;
-function show() {{
-  svg.setCurrentTime(Math.min(k, times.length - 1.001) * frame);
-  const i = Math.min(Math.floor(k), times.length - 2), t = times[i] + (k - i) * (times[i + 1] - times[i]);
-  at.value = k;
-  const slowed = Math.round(frame / (times[i + 1] - times[i]) / speed.value);
-  now.textContent = t.toFixed(4) + " s, slowed " + slowed + " times";
-}}
-function run(is) {{ running = is; before = null; play.textContent = is ? "pause" : "play"; }}
-function step(stamp) {{
-  if (running) {{
-    if (before !== null) k = (k + (stamp - before) / 1000 / frame * speed.value) % (times.length - 1);
-    before = stamp;
-    show();
-  }}
-  requestAnimationFrame(step);
-}}
-function stopAt(t) {{
-  let i = times.findIndex((x) => x > t) - 1;
-  if (i < 0) i = t < times[0] ? 0 : times.length - 2;
-  k = Math.max(0, Math.min(i + (t - times[i]) / (times[i + 1] - times[i]), times.length - 1));
-  run(false);
-  show();
-}}
-play.onclick = () => run(!running);
-at.oninput = () => {{ run(false); k = +at.value; show(); }};
-speed.onchange = show;
-svg.pauseAnimations();
-const wanted = /t=([0-9.]+)/.exec(location.hash);
-if (wanted) stopAt(+wanted[1]); else show();
-requestAnimationFrame(step);
-</script>
-</body></html>
-"""

@@ -1,9 +1,8 @@
 """What happens at each contact, joint and body along a motion, as arrays over the output times.
 
-A finished run goes in (scene, a way to get its states at any time, force table), an `Inside` comes out. Forces and
-accelerations are functions of the state alone, from the same kernels as the motion; what adds up (sliding,
-dissipation) is integrated on panels that are split until its error is a millionth of the work done. Joint
-reactions follow from Newton's law, from the outer bodies inwards. World frame: x right, y up.
+A finished run goes in (scene, a way to get its states at any time, force table), an `Inside` comes out. Single states
+are looked at by `look`; what adds up (sliding, dissipation) is integrated on panels that are split until its error is a
+millionth of all losses. World frame: x right, y up. Signs and reasons: docs/decisions/model-inside.md.
 """
 
 from __future__ import annotations
@@ -19,12 +18,13 @@ from ..kernels import layout as L
 from ..kernels import output as O
 from ..panels import integrate_panels, panel_edges
 from ..scene import Scene
+from .look import Look, Observer
 from .rail import Lift, Tension, lifts, tensions
 
 Array = NDArray[np.float64]
 States = Callable[[Array], tuple[Array, Array]]
 
-GOAL = 1e-6  # error of what adds up, as a share of the work of the force
+GOAL = 1e-6  # error of what adds up, as a share of all losses
 LONGEST_PANEL_S = 5e-4
 ROUNDS = 5
 
@@ -163,105 +163,6 @@ class Inside:
         for body in self.bodies:
             out |= {f"{body}_{key}": f"{body}: {words}" for key, words in BODY_WORDS.items()}
         return out
-
-
-class Observer:
-    """Looks at states of one scene."""
-
-    def __init__(self, scene: Scene) -> None:
-        self.scene = scene
-        t, p = scene.tables, scene.vector
-        self.parent = [int(w) for w in t.parent]
-        self.outwards = sorted(range(scene.size), key=lambda i: self.parent[i] >= 0)  # what stands on the ground first
-        blocks = p[L.GLOBALS : L.GLOBALS + L.BODY_SIZE * scene.size].reshape(scene.size, L.BODY_SIZE)
-        self.mass = blocks[:, L.MASS]
-        self.down = [int(body) for kind, body in t.drive if kind == L.FORCE_DOWN]
-
-    def look(self, q: Array, v: Array, u: Array) -> Look:
-        """Everything at states (m, n) under inputs (m,)."""
-        m, n, c = len(q), self.scene.size, len(self.scene.contacts)
-        seen, pose = np.zeros((m, c, O.SEEN_SIZE)), np.zeros((m, n, L.POSE_SIZE))
-        turning, braked = np.zeros((m, n)), np.zeros((m, n))
-        t, p = self.scene.tables, self.scene.vector
-        q, v, u = (np.require(a, float, ["C", "W"]) for a in (q, v, u))
-        O.observe_along(q, v, u, p, t, seen, pose, turning, braked)
-        probes = np.zeros((m, len(t.probe)))
-        if len(t.probe):
-            O.probe_forces_along(q, v, p, t, probes)
-        return Look(self, pose, v, turning, seen, braked, u, probes)
-
-
-class Look:
-    """States looked at: motion of the bodies and forces of the joints on demand."""
-
-    def __init__(
-        self,
-        observer: Observer,
-        pose: Array,
-        rate: Array,
-        turning: Array,
-        seen: Array,
-        braked: Array,
-        u: Array,
-        probes: Array,
-    ) -> None:
-        self.observer, self.pose, self.seen, self.braked, self.u, self.probes = observer, pose, seen, braked, u, probes
-        m, n = turning.shape
-        self.turning = np.zeros((m, n))  # angular acceleration from ground
-        self.velocity, self.acceleration = np.zeros((m, n, 2)), np.zeros((m, n, 2))
-        pivot_v, pivot_a = np.zeros((m, n, 2)), np.zeros((m, n, 2))
-        pivot, center = pose[:, :, [L.POSE_X, L.POSE_Y]], pose[:, :, [L.POSE_CX, L.POSE_CY]]
-        omega = pose[:, :, L.POSE_OMEGA]
-        for i in observer.outwards:
-            w = observer.parent[i]
-            if w == L.GUIDED:  # does not turn; its coordinate is the height of its pivot
-                pivot_v[:, i, 1], pivot_a[:, i, 1] = rate[:, i], turning[:, i]
-                self.velocity[:, i], self.acceleration[:, i] = pivot_v[:, i], pivot_a[:, i]
-                continue
-            self.turning[:, i] = turning[:, i]
-            if w >= 0:
-                self.turning[:, i] += self.turning[:, w]
-                arm = pivot[:, i] - pivot[:, w]
-                pivot_v[:, i] = pivot_v[:, w] + omega[:, w, None] * _turn(arm)
-                pivot_a[:, i] = pivot_a[:, w] + _carried(arm, omega[:, w], self.turning[:, w])
-            arm = center[:, i] - pivot[:, i]
-            self.velocity[:, i] = pivot_v[:, i] + omega[:, i, None] * _turn(arm)
-            self.acceleration[:, i] = pivot_a[:, i] + _carried(arm, omega[:, i], self.turning[:, i])
-
-    def joints(self) -> Array:
-        """Force (m, n, 2) on each body from what carries it: what Newton's law leaves over when all others are known.
-
-        Friction, springs and damping of a joint are torques; they do not enter here.
-        """
-        observer, tables = self.observer, self.observer.scene.tables
-        force = observer.mass[:, None] * self.acceleration
-        force[:, :, 1] += observer.mass * observer.scene.vector[L.GRAVITY]
-        normal, press = self.seen[:, :, O.SEEN_NX : O.SEEN_NY + 1], self.seen[:, :, O.SEEN_NORMAL, None]
-        push = press * normal + self.seen[:, :, O.SEEN_FRICTION, None] * _turn(normal)
-        for c, (first, second, *_) in enumerate(tables.contact):
-            if first >= 0:
-                force[:, first] -= push[:, c]
-            if second >= 0:
-                force[:, second] += push[:, c]
-        for b, (upper, lower) in enumerate(tables.probe):
-            force[:, upper, 1] -= self.probes[:, b]
-            force[:, lower, 1] += self.probes[:, b]
-        for body in observer.down:
-            force[:, body, 1] += self.u
-        for i in reversed(observer.outwards):
-            if observer.parent[i] >= 0:
-                force[:, observer.parent[i]] += force[:, i]
-        return force
-
-
-def _turn(vector: Array) -> Array:
-    """The vectors turned by +90 degrees."""
-    return np.stack([-vector[..., 1], vector[..., 0]], axis=-1)
-
-
-def _carried(arm: Array, omega: Array, alpha: Array) -> Array:
-    """Acceleration of a point at ``arm`` from the pivot of a turning body, beyond the pivot's own."""
-    return alpha[:, None] * _turn(arm) - (omega**2)[:, None] * arm
 
 
 def observe(scene: Scene, states: States, time_s: Array, start: float, input_time_s: Array, value: Array) -> Inside:

@@ -59,7 +59,7 @@ def command(
     import model
 
     from ..errors import InputError
-    from ..inside_view import check_drawings, described, draw_inside, inside_facts, print_inside
+    from ..inside_view import check_drawings, described, draw_inside, inside_facts, lift_attributes, print_inside
     from ..motion_driving import drive_by_motion
     from ..output import check_writable, print_json, write_columns
     from ..settings import load_changed
@@ -109,7 +109,8 @@ def command(
             "method": method,
             "scene": scene,
             "force_table": str(force),
-        },
+        }
+        | ({} if seen is None else lift_attributes(seen)),
         None if seen is None else seen.long_names(described(chosen)),
     )
     facts: dict[str, object] = {

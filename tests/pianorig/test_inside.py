@@ -54,6 +54,8 @@ def test_inside_as_hdf5_opens_in_xarray(tmp_path: Path, capsys: pytest.CaptureFi
             assert data[name].attrs["units"] == unit and data[name].dims == ("time_s",), name
         assert data["contact04_rubbed_j"].attrs["long_name"] == "back check: energy lost by friction since the start"
         assert data["time_s"].attrs["units"] == "s"
+        from_s, to_s = data.attrs["key_would_lift_from_s"], data.attrs["key_would_lift_to_s"]
+        assert np.all(from_s < to_s) and from_s[0] == pytest.approx(0.1093, abs=5e-4)
 
 
 def test_nothing_is_looked_at_unless_asked(monkeypatch: pytest.MonkeyPatch) -> None:
