@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .parameters import BODIES, Action
 
-STRING = "contact12"
+CAPSTAN, KEY_FRONT, STRING = "contact01", "contact02", "contact12"
 
 
 def _column(angle_rad: ArrayLike, body: str) -> NDArray[np.float64]:
@@ -69,3 +69,28 @@ def key_dip_m(action: Action, angle_rad: ArrayLike, rest_rad: ArrayLike | None =
     angles = np.asarray(angle_rad, dtype=float)
     rest = angles[:1] if rest_rad is None else np.asarray(rest_rad, dtype=float)[None, :]
     return key_front_height_m(action, rest) - key_front_height_m(action, angles)
+
+
+def key_front_gap_m(action: Action, angle_rad: ArrayLike) -> NDArray[np.float64]:
+    """Gap between the key's underside and the felt under its front, m, 0 at first touch; angles (m, n)."""
+    theta = _column(angle_rad, "key")
+    c, s = np.cos(theta), np.sin(theta)
+    x, y = action[f"{KEY_FRONT}.second.x"], action[f"{KEY_FRONT}.second.y"]
+    nx, ny = action[f"{KEY_FRONT}.second.normal.x"], action[f"{KEY_FRONT}.second.normal.y"]
+    along_x = action[f"{KEY_FRONT}.first.x"] - action["key.pivot.x"] - (c * x - s * y)
+    along_y = action[f"{KEY_FRONT}.first.y"] - action["key.pivot.y"] - (s * x + c * y)
+    reach = (along_x * (c * nx - s * ny) + along_y * (s * nx + c * ny)) / np.hypot(nx, ny)
+    return np.asarray(reach - action[f"{KEY_FRONT}.first.radius"], dtype=float)
+
+
+def capstan_gap_m(action: Action, angle_rad: ArrayLike) -> NDArray[np.float64]:
+    """Gap between capstan and whippen heel, m, negative where the felt is pressed in; angles (m, n)."""
+    key, whippen = _column(angle_rad, "key"), _column(angle_rad, "whippen")
+
+    def centre(body: str, side: str, theta: NDArray[np.float64]) -> NDArray[np.complex128]:
+        pivot = complex(action[f"{body}.pivot.x"], action[f"{body}.pivot.y"])
+        local = complex(action[f"{CAPSTAN}.{side}.x"], action[f"{CAPSTAN}.{side}.y"])
+        return np.asarray(pivot + np.exp(1j * theta) * local)
+
+    apart = np.abs(centre("key", "first", key) - centre("whippen", "second", whippen))
+    return np.asarray(apart - action[f"{CAPSTAN}.first.radius"] - action[f"{CAPSTAN}.second.radius"], dtype=float)

@@ -25,6 +25,8 @@ from validation.event import Event
 from validation.event_tables import event_summary, event_table
 from validation.events import find_events
 from validation.geometry import ActionGeometry, Array
+from validation.key_lift import Lift
+from validation.marking import doubtful_events, find_marks, mark_table, mark_warnings
 from validation.measurement import ENCODER_CHANNELS, U_REST_LEVEL_M, Measurement
 from validation.predictor import RIVALS, Predictor, TrialPrediction
 from validation.provenance import provenance
@@ -103,9 +105,12 @@ def compare_session(
         raise InputError(f"{session.path}: no usable trial ({reasons}); record or accept at least one")
     trial_events = {m.number: find_events(m.motion, m.quiet.stop) for m in measured}
     window = common_window(measured, trial_events)
+    marks = find_marks(predictor, measured, predictions, trial_events)
+    trial_events = doubtful_events(trial_events, marks)
     warnings = [few_trials_warning(len(measured))]
     for m in measured:
         warnings += [f"trial {m.number}: {text}" for text in (*m.notes, *predictions[m.number].notes)]
+    warnings += mark_warnings(marks)
     warnings += [f"trial {number} is not used: {reason}" for number, reason in refused.items()]
     if progress is not None and budget:
         progress("uncertainty budget of the events")
@@ -115,6 +120,7 @@ def compare_session(
         measured,
         predictions,
         trial_events,
+        marks,
         refused,
         window,
         [text for text in warnings if text],
@@ -158,6 +164,7 @@ def _assemble(
     measured: list[Measurement],
     predictions: dict[int, TrialPrediction],
     trial_events: dict[int, dict[str, Event]],
+    marks: dict[int, list[Lift]],
     refused: dict[int, str],
     window: Any,
     warnings: list[str],
@@ -166,7 +173,10 @@ def _assemble(
 ) -> ValidationResult:
     """Build every table of the result."""
     model_events = {number: p.events for number, p in predictions.items()}
-    traces = {m.number: trace_table(m, predictions[m.number].model, predictions[m.number].rivals) for m in measured}
+    traces = {
+        m.number: trace_table(m, predictions[m.number].model, predictions[m.number].rivals, marks[m.number])
+        for m in measured
+    }
     film = {m.number: film_trace_table(m, predictions[m.number].model, predictions[m.number].rivals) for m in measured}
     filmed = {number: frame for number, frame in film.items() if frame is not None}
     uncertainty = uncertainty_table(measured, filmed)
@@ -200,6 +210,7 @@ def _assemble(
         trials=pd.DataFrame(rows),
         scores=scores,
         scorecard=card,
+        marked=mark_table(marks),
         channels=channels,
         events=event_table(trial_events, model_events),
         event_summary=summary,

@@ -7,12 +7,15 @@ Failure: what cannot be stated is NaN.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from validation.geometry import Array
+from validation.key_lift import Lift, marked
 from validation.measurement import ENCODER_CHANNELS, FILM_CHANNELS, Measurement
 from validation.prediction import BODIES, Prediction
 
@@ -20,9 +23,11 @@ from validation.prediction import BODIES, Prediction
 INFIX = {"null": "null", "raw_force": "raw"}
 
 
-def trace_table(m: Measurement, p: Prediction, rivals: Mapping[str, Prediction]) -> pd.DataFrame:
-    """Force, encoder angles and predicted angles of one trial on the DAQ's sample times."""
-    columns = {
+def trace_table(
+    m: Measurement, p: Prediction, rivals: Mapping[str, Prediction], lifts: Sequence[Lift] = ()
+) -> pd.DataFrame:
+    """Force, encoder angles and predicted angles of one trial on the DAQ's sample times; marked key samples flagged."""
+    columns: dict[str, NDArray[Any]] = {
         "time_s": m.time_s,
         "raw_force_n": m.raw_force_n,
         "force_time_s": m.force.time_s,
@@ -30,6 +35,7 @@ def trace_table(m: Measurement, p: Prediction, rivals: Mapping[str, Prediction])
         "u_force_n": m.force.u_force_n,
     }
     columns |= {f"{name}_measured_rad": m.change_rad[:, i] for i, name in enumerate(ENCODER_CHANNELS)}
+    columns["key_marked"] = marked(m.time_s, list(lifts))
     columns |= {f"{body}_predicted_rad": p.change_rad(body) for body in BODIES}
     for rival, q in rivals.items():
         columns |= {f"{body}_{INFIX[rival]}_rad": q.change_rad(body) for body in ENCODER_CHANNELS}
@@ -54,11 +60,20 @@ def film_trace_table(m: Measurement, p: Prediction, rivals: Mapping[str, Predict
     return pd.DataFrame(columns)
 
 
+def scored(frame: pd.DataFrame, channel: str) -> Array:
+    """Measured angles of a channel, NaN where they are marked as false."""
+    values = frame[f"{channel}_measured_rad"].to_numpy(dtype=float)
+    flag = f"{channel}_marked"
+    return np.where(frame[flag].to_numpy(dtype=bool), np.nan, values) if flag in frame else values
+
+
 def on_common_base(time_s: Array, frames: dict[int, pd.DataFrame], column: str) -> Array:
     """One column of several trials on one time base, (n_samples, n_trials); NaN outside a trial."""
     out = np.full((time_s.size, len(frames)), np.nan)
     for j, frame in enumerate(frames.values()):
-        time, values = frame["time_s"].to_numpy(), frame[column].to_numpy()
+        time = frame["time_s"].to_numpy()
+        channel = column.removesuffix("_measured_rad")
+        values = frame[column].to_numpy() if channel == column else scored(frame, channel)
         if time.size >= time_s.size:
             first = int(np.searchsorted(time, time_s[0] - 1e-9))
             if first + time_s.size <= time.size and np.allclose(

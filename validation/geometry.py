@@ -122,25 +122,9 @@ def geometry_of(action: Any, rest_angle_rad: Array) -> ActionGeometry:
     def dip(angle: Array) -> Array:
         return np.asarray(observables.key_dip_m(action, angle, rest), dtype=float)
 
-    return ActionGeometry(rest, height, dip, touch_dip(rest, dip, lambda angle: key_front_gap_m(action, angle)))
-
-
-def key_front_gap_m(action: Any, angle_rad: Array) -> Array:
-    """Gap between the key's underside and the felt under its front, m, 0 at first touch; angles (n, 5).
-
-    The felt is a circle fixed to the ground, the key's underside a line that turns with the key (thesis Table
-    A.2, Pg4, and Table A.3, Pk4).
-    """
-    theta = np.asarray(angle_rad, dtype=float)[:, KEY]
-    c, s = np.cos(theta), np.sin(theta)
-    contact = "contact02"
-    x, y = action[f"{contact}.second.x"], action[f"{contact}.second.y"]
-    nx, ny = action[f"{contact}.second.normal.x"], action[f"{contact}.second.normal.y"]
-    length = float(np.hypot(nx, ny))
-    along_x = action[f"{contact}.first.x"] - action["key.pivot.x"] - (c * x - s * y)
-    along_y = action[f"{contact}.first.y"] - action["key.pivot.y"] - (s * x + c * y)
-    reach = (along_x * (c * nx - s * ny) + along_y * (s * nx + c * ny)) / length
-    return np.asarray(reach - action[f"{contact}.first.radius"], dtype=float)
+    return ActionGeometry(
+        rest, height, dip, touch_dip(rest, dip, lambda angle: observables.key_front_gap_m(action, angle))
+    )
 
 
 def touch_dip(rest_rad: Array, dip: Callable[[Array], Array], key_gap: Callable[[Array], Array]) -> float:

@@ -119,6 +119,24 @@ class Predictor:
         rest = rest_state(action, force_n=preload_n)
         return Load(rest, (self.geometry or geometry_of)(action, rest.angle_rad))
 
+    def rail_tensions(self, m: Measurement) -> list[Any]:
+        """Intervals in which the model's balance rail would have to pull the key down, under this trial's force.
+
+        A look inside costs some eighty times a prediction: asked for one trial, and only when there is a doubt.  A
+        stand-in for the model has no inside.
+        """
+        if self.predict is not None:
+            return []
+        run = self.simulate(
+            self.action,
+            m.force.time_s,
+            m.force.force_n,
+            tolerance=self.tolerance,
+            initial=self.load(m.force.preload_n).rest,
+            inside=True,
+        )
+        return list(run.inside.key_tensions())
+
     def trial(self, m: Measurement) -> TrialPrediction:
         """Predict one trial by the model and its rivals; unchanged inputs are read, not simulated."""
         from model.errors import ModelError

@@ -41,6 +41,9 @@ class ValidationResult:
     scorecard : DataFrame
         One row per channel and score: channel, score, title, unit, better (lower or higher), model (over all trials),
         ceiling (the same score of trial against trial), pairs (how many of them), null (of the null model), raw_force.
+    marked : DataFrame
+        Samples left out of the scores: trial, channel, start_s, end_s, largest_at_s, gap_m, lift_m, rail_pull_n,
+        reason.
     channels : DataFrame
         One row per channel: channel, source, n_trials, rmse_rad (root mean square over trials), range_rad,
         rmse_over_range, s_r_rad, s_r_low_rad, s_r_high_rad, s_r_largest_rad, limit_rad, rmse_over_s_r,
@@ -65,7 +68,7 @@ class ValidationResult:
         of the simultaneous 95 % band of the mean), _difference_rad (mean paired difference), its _difference_u95_rad
         (pointwise) and _difference_band95_rad (simultaneous).
     traces : dict
-        Trial → DataFrame of time_s, raw_force_n, force_time_s, force_n, u_force_n, <channel>_measured_rad,
+        Trial → DataFrame of time_s, raw_force_n, force_time_s, force_n, u_force_n, <channel>_measured_rad, key_marked,
         <body>_predicted_rad, <channel>_null_rad (null model), <channel>_raw_rad (driven by the raw force).
     film_traces : dict
         Trial → DataFrame of time_s, <channel>_measured_rad, <channel>_u_rad, <channel>_predicted_rad.
@@ -83,6 +86,7 @@ class ValidationResult:
     trials: pd.DataFrame
     scores: pd.DataFrame
     scorecard: pd.DataFrame
+    marked: pd.DataFrame
     channels: pd.DataFrame
     events: pd.DataFrame
     event_summary: pd.DataFrame
@@ -110,6 +114,7 @@ class ValidationResult:
             "trials": self.trials,
             "scores": self.scores,
             "scorecard": self.scorecard,
+            "marked": self.marked,
             "channels": self.channels,
             "events": self.events,
             "event_summary": self.event_summary,

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from validation.channel_tables import GROUPS
 from validation.curve_scores import SCORES, all_scores, ceiling_scores, together
-from validation.curve_tables import INFIX, on_common_base
+from validation.curve_tables import INFIX, on_common_base, scored
 from validation.geometry import Array
 from validation.metrics import score_curve
 from validation.window import Window
@@ -61,7 +61,7 @@ def _scores(frame: pd.DataFrame, name: str, early: NDArray[np.bool_], s_r: float
     from validation.guards import guard_notes
 
     time = frame["time_s"].to_numpy()
-    trial, model = frame[f"{name}_measured_rad"].to_numpy(), frame[f"{name}_predicted_rad"].to_numpy()
+    trial, model = scored(frame, name), frame[f"{name}_predicted_rad"].to_numpy()
     whole = score_curve(time, trial, model, s_r)
     scores = all_scores(time, trial, model, early)
     out: dict[str, object] = {"rmse_over_s_r": whole.rmse_over_s_r, **scores}
