@@ -60,7 +60,7 @@ def test_an_unchanged_trial_is_not_simulated_again(small):
     assert not first.trials["reused"].any()
     assert again.trials["reused"].all()
     for number in (1, 2):
-        np.testing.assert_array_equal(first.traces[number].to_numpy(), again.traces[number].to_numpy())
+        assert first.traces[number].equals(again.traces[number])
 
 
 def test_what_a_prediction_depends_on_makes_it_anew(small):
