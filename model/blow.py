@@ -29,7 +29,7 @@ LARGEST_FORCE_N = 1000.0
 
 
 def check_force_table(
-    time_s: ArrayLike, force_n: ArrayLike, where: str = "force table"
+    time_s: ArrayLike, force_n: ArrayLike, where: str = "force table", column: str = "force_n"
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return times and forces (k,) as float arrays; raise ``InputError`` at the first row that cannot be used."""
     try:
@@ -40,12 +40,12 @@ def check_force_table(
         raise InputError(f"{where}: found shapes {times.shape} and {forces.shape}, allowed two equal columns")
     if len(times) < 2:
         raise InputError(f"{where}: found {len(times)} rows, allowed at least 2")
-    for name, column, limit in (("time_s", times, 1e6), ("force_n", forces, LARGEST_FORCE_N)):
-        bad = ~np.isfinite(column) | (np.abs(column) > limit)
+    for name, values, limit in (("time_s", times, 1e6), (column, forces, LARGEST_FORCE_N)):
+        bad = ~np.isfinite(values) | (np.abs(values) > limit)
         if bad.any():
             row = int(np.argmax(bad))
             raise InputError(
-                f"{where}: row {row + 1}: {name} found {column[row]:g}, allowed finite numbers up to {limit:g}"
+                f"{where}: row {row + 1}: {name} found {values[row]:g}, allowed finite numbers up to {limit:g}"
             )
     steps = np.diff(times)
     if (steps <= 0).any():
@@ -56,10 +56,10 @@ def check_force_table(
     return times, forces
 
 
-def read_force_table(path: str | Path) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Read a CSV file with the columns ``time_s,force_n``; (k,) each."""
-    table = read_columns(path, ("time_s", "force_n"), ())
-    return check_force_table(table.numbers("time_s"), table.numbers("force_n"), table.where)
+def read_force_table(path: str | Path, column: str = "force_n") -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Read a CSV file with the columns ``time_s,force_n``; (k,) each. A motor's ``column`` is ``torque_nm``."""
+    table = read_columns(path, ("time_s", column), ())
+    return check_force_table(table.numbers("time_s"), table.numbers(column), table.where, column)
 
 
 def output_times(start: float, end: float, rate_hz: float) -> NDArray[np.float64]:
@@ -102,7 +102,7 @@ def simulate(
     Parameters
     ----------
     action : parameter set
-    time_s, force_n : (k,) force table, linear between its points
+    time_s, force_n : (k,) force table, linear between its points; with the effect ``motor_arm`` the motor's torque, N m
     tolerance : requested largest error of any angle, rad
     output_time_s : (m,) increasing, within the table; by default the table's own times
     contact_forces : also compute normal and friction force of each contact
@@ -160,12 +160,17 @@ def follow(
     end = float(outputs[-1]) if len(outputs) else float(times[-1])
     angles, speeds = run.advance(end, times, forces, output_time_s=outputs)
     normal, tangential = run.contact_forces(angles, speeds) if contact_forces else (None, None)
+    contacts = built.contacts if contact_forces else ()
+    if normal is not None and tangential is not None and len(built.tables.probe):
+        pressed = run.probe_forces(angles, speeds)
+        contacts, normal = (*contacts, "motor_arm"), np.hstack([normal, pressed])
+        tangential = np.hstack([tangential, np.zeros_like(pressed)])
     return Solution(
         bodies=built.bodies,
         time_s=outputs,
         angle_rad=angles,
         speed_rad_per_s=speeds,
-        contacts=built.contacts if contact_forces else (),
+        contacts=contacts,
         contact_normal_n=normal,
         contact_friction_n=tangential,
         counters=run.work(),

@@ -28,8 +28,9 @@ GROUPS = ("damping", "friction", "joint_friction")
 
 def _names(action: Action) -> dict[str, list[str]]:
     """Parameter paths that each name stands for."""
-    names = {path: [path] for path in action.quantities}
-    for path in action.quantities:
+    paths = [*action.quantities, *action.effects]
+    names = {path: [path] for path in paths}
+    for path in paths:
         owner, _, last = path.rpartition(".")
         if last == "A" or owner.endswith("_spring") and last in ("torque", "stiffness"):
             names.setdefault(owner, []).append(path)

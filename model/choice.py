@@ -58,6 +58,11 @@ class SceneChoice:
         if "shank" in self.effects and "hammer" not in self.bodies:
             raise InputError("scene: effects: shank needs the hammer; add hammer or leave out shank")
 
+    @property
+    def input_column(self) -> str:
+        """Name and unit of what drives the scene."""
+        return "torque_nm" if "motor_arm" in self.effects else "force_n"
+
     def on(self, action: Action) -> Action:
         """The action with this scene's values; what the user has set by path stays.
 

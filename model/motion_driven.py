@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .choice import SceneChoice, load_scene
+from .effects import SHANK
 from .errors import InputError
 from .inside import Tension, tensions
 from .integrators import DEFAULT_METHOD
@@ -120,6 +121,8 @@ def drive(
     motion : of the key
     output_time_s : (m,) increasing, within the motion
     """
+    if choice is not None:
+        action = choice.on(action)
     scene = build_scene(action, choice=choice, key_motion=motion)
     start, end = float(motion.break_s[0]), float(motion.break_s[-1])
     state = State(start, solve_rest(scene, start), np.zeros(scene.size))
@@ -130,7 +133,7 @@ def drive(
     angles, speeds = np.column_stack([angles, key[:, 0]]), np.column_stack([speeds, key[:, 1]])
     force, rail = np.empty(len(key)), np.empty(len(key))
     load_along(angles, speeds, np.ascontiguousarray(key[:, 2]), scene.vector, scene.tables, force, rail)
-    bodies = tuple(b for b in BODIES if b in scene.bodies)
+    bodies = tuple(b for b in (*BODIES, SHANK) if b in scene.bodies)
     order = [scene.bodies.index(b) for b in bodies]
     return Driven(bodies, angles[:, order], speeds[:, order], force, rail, run.work())
 

@@ -47,7 +47,12 @@ def command(
         typer.Option("--animation", help="Draw the action moving, contacts lit by their force: .html or .svg."),
     ] = None,
     scene: Annotated[
-        str, typer.Option("--scene", help="What takes part: whole, without-string, key, key-whippen, or a TOML file.")
+        str,
+        typer.Option(
+            "--scene",
+            help="What takes part: whole, without-string, key, key-whippen; with effects lifting-key, flexible-shank, "
+            "lifting-key-flexible-shank, motor-arm (driven by torque_nm); or a TOML file.",
+        ),
     ] = "whole",
     method: Annotated[str, typer.Option("--method", help="Integration method.")] = "rodas4p",
     as_json: Annotated[bool, typer.Option("--json", help="Print a JSON summary.")] = False,
@@ -85,7 +90,9 @@ def command(
         return
     if force is None:
         raise InputError("simulate: found neither --force nor --key-motion; give one of them")
-    times, values = model.read_force_table(force)
+    choice = model.load_scene(scene)
+    chosen = choice.on(chosen)
+    times, values = model.read_force_table(force, choice.input_column)
     outputs = None if output_rate is None else model.output_times(times[0], times[-1], output_rate)
     solution = model.simulate(
         chosen,
@@ -95,7 +102,7 @@ def command(
         output_time_s=outputs,
         contact_forces=forces,
         inside=inside,
-        scene=scene,
+        scene=choice,
         method=method,
     )
     seen = solution.inside
