@@ -36,7 +36,10 @@ def save_calibration(path: str | os.PathLike[str], camera: CalibratedCamera, not
     ]
     for name, value in notes.items():
         text = str(value).replace("\\", "\\\\").replace('"', '\\"')
-        lines.append(f"{name} = {value!r}" if isinstance(value, int | float) else f'{name} = "{text}"')
+        number = isinstance(value, int | float)
+        lines.append(
+            f"{name} = {value if isinstance(value, int) else float(value)!r}" if number else f'{name} = "{text}"'
+        )
     temporary = temporary_name(path)
     try:
         temporary.write_text("\n".join(lines) + "\n", encoding="utf-8", newline="\n")

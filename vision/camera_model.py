@@ -66,8 +66,8 @@ class AssumedCamera:
     distance_widths: float = 10.0
 
     def __post_init__(self) -> None:
-        if not 0.0 <= self.u_tilt_rad <= math.radians(45.0):
-            raise InputError(f"assumed tilt {math.degrees(self.u_tilt_rad):g} deg; allowed 0 to 45")
+        if not 0.0 <= self.u_tilt_rad <= math.radians(30.0):
+            raise InputError(f"assumed tilt {math.degrees(self.u_tilt_rad):g} deg; allowed 0 to 30")
         if not 0.0 <= self.u_radial <= MAX_DISTORTION:
             raise InputError(f"assumed distortion {self.u_radial:g}; allowed 0 to {MAX_DISTORTION}")
         if not 1.0 <= self.distance_widths < math.inf:
@@ -78,11 +78,17 @@ class AssumedCamera:
         return None
 
     def variants(self, width: int, height: int) -> list[Variant]:
-        """The tilt in eight directions, and the distortion."""
+        """The tilt in eight directions, and the distortion.
+
+        Part of the error grows with the square of the tilt; the mean over a normal distribution of the tilt is
+        that of the points 0 and sqrt(3) standard uncertainties, with the weights 2/3 and 1/3 (Gauss-Hermite).
+        """
         made = []
         for k in range(DIRECTIONS):
-            lean = tilted(self.u_tilt_rad, 2.0 * math.pi * k / DIRECTIONS, self.distance_widths * width)
-            made.append(Variant("tilt", 1.0 / DIRECTIONS, Projection(width, height, lean)))
+            lean = tilted(
+                math.sqrt(3.0) * self.u_tilt_rad, 2.0 * math.pi * k / DIRECTIONS, self.distance_widths * width
+            )
+            made.append(Variant("tilt", 1.0 / (3.0 * DIRECTIONS), Projection(width, height, lean)))
         return [*made, Variant("distortion", 1.0, Projection(width, height, radial=self.u_radial))]
 
     def words(self) -> str:

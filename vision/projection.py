@@ -72,7 +72,11 @@ class Projection:
         flat: NDArray[np.float64] = bent.copy()
         for _ in range(30):
             share = np.sum(flat * flat, axis=-1, keepdims=True) / self.half_diagonal_px**2
-            flat = bent / (1.0 + self.radial * share)
+            better = bent / (1.0 + self.radial * share)
+            settled = bool(np.all(np.abs(better - flat) < 1e-11 * self.half_diagonal_px))
+            flat = better
+            if settled:
+                break
         inverse = np.asarray(np.linalg.inv(self.homography), dtype=np.float64)
         return np.asarray(self.centre_px + _project(inverse, flat))
 

@@ -11,6 +11,7 @@ NAMES = (
     "record",
     "recover",
     "track",
+    "calibrate-camera",
     "simulate",
     "touch",
     "study",
