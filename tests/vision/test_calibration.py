@@ -82,7 +82,7 @@ def test_parameters_lie_within_their_uncertainty(kind: str) -> None:
     for seed in range(4):
         lens, found = calibrated(seed, kind)
         assert found.n_frames == 6 and found.n_points % 63 == 0
-        assert found.residual_px < (0.06 if kind == "checkerboard" else 0.03)
+        assert found.residual_px < (0.1 if kind == "checkerboard" else 0.03)
         camera = found.camera
         z.append((camera.parameters - true_parameters(lens)) / np.sqrt(np.diag(camera.covariance)))
         true_scale = 22.0 / 5e-3 * math.sqrt(np.linalg.det(lens.homography[:2, :2]))
