@@ -12,13 +12,14 @@ palette, 24 and 32 bit (bottom row first unless the height is negative), Y800, G
 grey.
 
 Failure: chunks that reach beyond the file, fewer frames than announced, dropped frames, JPEG pictures
-without an end raise `FilmError`.
+without an end or of another size raise `FilmError`.
 """
 
 from __future__ import annotations
 
 import struct
 import warnings
+from array import array
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -42,7 +43,7 @@ class AviFilm(Film):
     """An AVI film with frames that stand by themselves.
 
     ``frame_rate_hz`` is what the file says, often the play-back rate. ``readable`` is False when the
-    codec is not one of this reader's.
+    codec is not one of this reader's. ``allow_truncated`` reads a film that was cut short to its last whole frame.
     """
 
     _row_bytes: int
@@ -53,12 +54,14 @@ class AviFilm(Film):
     _announced: int
     _format: bytes
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, *, allow_truncated: bool = False) -> None:
         self.path = path
+        self._allow_truncated = allow_truncated
         self._file = FileWindow(path)
         self._last: tuple[int, NDArray[Any]] = (-1, np.empty((0, 0), dtype=np.uint8))
-        self._offset: list[int] = []
-        self._size: list[int] = []
+        # arrays, not lists: a damaged film may hold a chunk every few bytes
+        self._offset = array("q")
+        self._size = array("q")
         self._stream: int | None = None
         self._streams = 0
         self._announced = 0
@@ -129,19 +132,35 @@ class AviFilm(Film):
         # decoders fill up a picture that breaks off; its end mark shows that it is whole
         tail = data[-64:].tobytes().rstrip(b"\0")
         picture = None
-        if data[:2].tobytes() == b"\xff\xd8" and tail.endswith(b"\xff\xd9"):
+        if data[:2].tobytes() == b"\xff\xd8" and tail.endswith(b"\xff\xd9") and self._fits(data):
             picture = cv2.imdecode(data, cv2.IMREAD_GRAYSCALE)
         if picture is None or picture.shape != (self.height, self.width):
             self._refuse(f"frame {index} is not a whole JPEG picture of {self.width} x {self.height}")
         return np.asarray(picture)
 
+    def _fits(self, data: NDArray[np.uint8]) -> bool:
+        """Whether a JPEG says it has the film's size: a decoder would believe any other and allocate for it."""
+        at = 2
+        while at + 9 <= data.size and data[at] == 0xFF:
+            kind, length = int(data[at + 1]), int(data[at + 2]) * 256 + int(data[at + 3])
+            if 0xC0 <= kind <= 0xCF and kind not in (0xC4, 0xC8, 0xCC):
+                height, width = (int(data[i]) * 256 + int(data[i + 1]) for i in (at + 5, at + 7))
+                return (height, width) == (self.height, self.width)
+            at += 1 if kind == 0xFF else 2 + length
+        return False
+
     def _check_frames(self) -> None:
-        if self.n_frames == 0 or self.n_frames < self._announced:
+        if self.n_frames == 0 or (self.n_frames < self._announced and not self._allow_truncated):
             self._refuse(f"announces {self._announced} frames but holds {self.n_frames}: it is cut short")
         needed = self._row_bytes * self.height if self._pixel_bytes else 4
         for index, size in enumerate(self._size):
             if size < needed:
                 self._refuse(f"frame {index} has {size} bytes, needs {needed}: it was dropped or cut short")
+            if self._pixel_bytes and size > needed + max(self._row_bytes, 4096):
+                self._refuse(
+                    f"frame {index} has {size} bytes, {self.width} x {self.height} need {needed}: the header does not "
+                    "describe these frames"
+                )
 
     def _look_at_compression(self) -> None:
         """Keep the first JPEG's steps; warn when its pictures are too coarse for the stated accuracy."""
@@ -175,6 +194,8 @@ class AviFilm(Film):
                     self._refuse("is not an AVI file")
                 break
             end = place + 8 + size
+            if end > self._file.size and self._allow_truncated:
+                end = self._file.size
             if end > self._file.size:
                 self._refuse(f"{self._file.size} bytes, but its container needs {end}: it is cut short")
             self._walk(place + 12, end, 0)
@@ -184,6 +205,11 @@ class AviFilm(Film):
         while place + 8 <= end:
             name, size = self._head(place)
             data = place + 8
+            if data + size > end and self._allow_truncated and end == self._file.size:
+                if name != b"LIST":
+                    # the frame in which the film breaks off
+                    return
+                size = end - data
             if data + size > end:
                 self._refuse(f"chunk {name!r} at byte {place} reaches to {data + size}, its list ends at {end}")
             if name == b"LIST" and size >= 4:
@@ -195,6 +221,8 @@ class AviFilm(Film):
             elif name == b"strf" and self._stream == self._streams - 1 and not self._format:
                 self._format = self._file.view(data, data + min(size, 40 + 1024)).tobytes()
             elif self._stream is not None and name in (b"%02ddc" % self._stream, b"%02ddb" % self._stream):
+                if size == 0:
+                    self._refuse(f"frame {len(self._offset)} is empty: it was dropped")
                 self._offset.append(data)
                 self._size.append(size)
             place = data + size + size % 2

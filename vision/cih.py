@@ -72,12 +72,14 @@ def read_header(path: Path) -> FilmHeader:
     """Read a ``.cih`` or ``.cihx`` file; raises `FilmError` with the field, the value found and what is
     allowed."""
     try:
+        size = path.stat().st_size
+        if size > MAX_HEADER_BYTES:
+            raise FilmError(f"{path}: header is larger than {MAX_HEADER_BYTES} bytes; this is not a Photron header")
         with path.open("rb") as file:
-            data = file.read(MAX_HEADER_BYTES + 1)
+            # the size is asked for first: Python would set aside all that a read allows
+            data = file.read(size)
     except OSError as error:
         raise FilmError(f"{path}: header cannot be read ({error.strerror or error})") from None
-    if len(data) > MAX_HEADER_BYTES:
-        raise FilmError(f"{path}: header is larger than {MAX_HEADER_BYTES} bytes; this is not a Photron header")
     try:
         raw = _fields_of_cihx(data) if b"<cih>" in data else _fields_of_cih(data)
         return _header(raw)

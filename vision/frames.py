@@ -164,7 +164,7 @@ def open_film(path: str | os.PathLike[str], *, allow_truncated: bool = False) ->
         ``.mraw``, ``.cih`` or ``.cihx`` (the two lie side by side), AVI/MP4/MOV/MKV, a TIFF with one frame
         per page, a folder of PNG/TIFF pictures in the order of their names.
     allow_truncated : bool
-        Read an MRAW file that was cut short up to its last whole frame instead of refusing it.
+        Read a film that was cut short up to its last whole frame instead of refusing it.
 
     Returns
     -------
@@ -190,17 +190,17 @@ def open_film(path: str | os.PathLike[str], *, allow_truncated: bool = False) ->
     if suffix == ".avi":
         from vision.avi_film import AviFilm
 
-        avi = AviFilm(path)
+        avi = AviFilm(path, allow_truncated=allow_truncated)
         if avi.readable:
             return avi
         avi.close()
     if suffix in VIDEO_SUFFIXES:
         from vision.video import VideoFilm
 
-        return VideoFilm(path)
+        return VideoFilm(path, allow_truncated=allow_truncated)
     if suffix in PICTURE_SUFFIXES:
         from vision.picture_stack import PagedPicture
 
-        return PagedPicture(path)
+        return PagedPicture(path, allow_truncated=allow_truncated)
     known = ", ".join((".mraw", ".cih", ".cihx", *VIDEO_SUFFIXES, ".tif", ".tiff"))
     raise FilmError(f"{path}: film format {suffix or '(no suffix)'} is not known; readable: {known}, picture folders")

@@ -59,7 +59,7 @@ class PictureFolder(Film):
 class PagedPicture(Film):
     """A TIFF file with one frame per page, or a single picture."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, *, allow_truncated: bool = False) -> None:
         self.path = path
         try:
             self.n_frames = int(cv2.imcount(str(path), cv2.IMREAD_UNCHANGED))
@@ -70,6 +70,17 @@ class PagedPicture(Film):
         first = self._page(0)
         self.height, self.width = first.shape
         self.bit_depth = 8 * first.dtype.itemsize
+        if allow_truncated:
+            self.n_frames = self._whole_pages()
+
+    def _whole_pages(self) -> int:
+        """Pages up to the first that cannot be decoded."""
+        for index in range(1, self.n_frames):
+            try:
+                self._page(index)
+            except FilmError:
+                return index
+        return self.n_frames
 
     def read(self, index: int) -> NDArray[Any]:
         """Whole frame, shape (height, width)."""

@@ -36,9 +36,10 @@ class VideoFilm(Film):
     the tracker the true frame times.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, *, allow_truncated: bool = False) -> None:
         self.path = path
-        check_whole(path)
+        if not allow_truncated:
+            check_whole(path)
         self._capture = self._open()
         self.width = int(self._capture.get(cv2.CAP_PROP_FRAME_WIDTH))
         self.height = int(self._capture.get(cv2.CAP_PROP_FRAME_HEIGHT))
@@ -48,7 +49,7 @@ class VideoFilm(Film):
                 f"{path}: says {announced:g} frames of {self.width} x {self.height}; the file is "
                 "cut short or not a video"
             )
-        self.n_frames = self._countable(int(announced))
+        self.n_frames = self._countable(int(announced), allow_truncated)
         rate = float(self._capture.get(cv2.CAP_PROP_FPS))
         self.frame_rate_hz = rate if 0.0 < rate < 1e9 else None
         self.codec = _fourcc(self._capture)
@@ -105,20 +106,20 @@ class VideoFilm(Film):
             raise FilmError(f"{self.path}: cannot be decoded; the file is damaged or its codec is not known to OpenCV")
         return capture
 
-    def _countable(self, announced: int) -> int:
+    def _countable(self, announced: int, allow_truncated: bool) -> int:
         """Number of frames after checking that the last one is there; an AVI cut short still announces
         all."""
         present = 0
         while present < announced and self._capture.grab():
             present += 1
         self._capture.release()
-        if present < announced:
+        if present < announced and not (allow_truncated and present > 0):
             raise FilmError(
                 f"{self.path}: announces {announced} frames but ends after {present}; the film is "
                 "cut short, copy it again"
             )
         self._capture = self._open()
-        return announced
+        return present
 
     def _ended(self, index: int) -> None:
         raise FilmError(f"{self.path}: frame {index} of {self.n_frames} cannot be decoded; the film is damaged")

@@ -1,0 +1,197 @@
+"""Readers against damaged headers: every mutated film gives a typed error or right data, nothing else.
+
+    python benchmarks/fuzz_readers.py [--count 12000] [--seed 1]
+
+Mutates CIH, CIHX, MRAW (length) and AVI (uncompressed and MJPEG) films of 0.5 to 1 MB: bytes overwritten, digits
+changed, stretches cut, doubled or swapped. A film that opens must give frames of the size it states, and the
+original grey values where its header still says the same. No step may allocate more than the film's own size (as
+Python and NumPy count it, against the file or its grey values, whichever is more; OpenCV decodes only JPEG
+pictures whose header states the film's size). Printed: counts per kind, the largest allocation over the film's
+size. The exit code is 1 if one film does anything else.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import os
+import sys
+import tempfile
+import tracemalloc
+import warnings
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+# decoders report damage on standard error themselves; here every film is damaged
+os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
+
+from vision.avi import write_avi
+from vision.errors import FilmError, VisionWarning
+from vision.frames import open_film
+from vision.writers import write_mraw
+
+CIH_LINES = """#Camera Information Header
+Record Rate(fps) : 2000
+Shutter Speed(s) : 1/8000
+Total Frame : {n}
+Original Total Frame : {n}
+Start Frame : -3
+Save Step : 1
+Image Width : {width}
+Image Height : {height}
+Color Type : Mono
+Color Bit : 8
+File Format : MRaw
+EffectiveBit Depth : 8
+EffectiveBit Side : Lower
+"""
+SHAPE = (6, 256, 400)
+
+
+@dataclass
+class Tally:
+    """What became of the mutated films of one kind."""
+
+    refused: int = 0
+    same: int = 0
+    other: int = 0
+    largest: float = 0.0
+    wrong: list[str] = field(default_factory=list)
+
+
+def mutated(data: bytes, rng: np.random.Generator, head: int) -> bytes:
+    """A damaged copy; most damage falls within the first ``head`` bytes."""
+    out = bytearray(data)
+    for _ in range(int(rng.integers(1, 5))):
+        end = min(head, len(out)) if rng.uniform() < 0.9 else len(out)
+        if end < 4:
+            break
+        at = int(rng.integers(0, end - 2))
+        length = int(rng.integers(1, min(24, end - at)))
+        match int(rng.integers(0, 6)):
+            case 0:
+                out[at : at + length] = rng.integers(0, 256, length, dtype=np.uint8).tobytes()
+            case 1:
+                out[at] ^= 1 << int(rng.integers(0, 8))
+            case 2:
+                digits = [i for i in range(end) if 48 <= out[i] < 58]
+                if digits:
+                    out[digits[int(rng.integers(0, len(digits)))]] = int(rng.integers(48, 58))
+            case 3:
+                del out[at : at + length]
+            case 4:
+                out[at:at] = out[at : at + length]
+            case _:
+                word = (0, 1, 0xFF, 0x7FFFFFFF, 0xFFFFFFFF, 0x10000)[int(rng.integers(0, 6))]
+                out[at : at + 4] = word.to_bytes(4, "little")
+    return bytes(out)
+
+
+def look(path: Path, frames: NDArray[Any], exact: bool, tally: Tally, what: str) -> None:
+    """Open a damaged film, read all of it, and note what happened."""
+    size = max(path.stat().st_size, frames.size)
+    tracemalloc.reset_peak()
+    before = tracemalloc.get_traced_memory()[0]
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", VisionWarning)
+            film = open_film(path)
+        with film:
+            like = film.frame_time_s is None or film.frame_time_s.size == film.n_frames
+            seen = []
+            for i in range(min(film.n_frames, 50)):
+                frame = film.read(i)
+                like &= frame.shape == (film.height, film.width)
+                seen.append(frame.copy() if i < 2 else None)
+            unchanged = (film.n_frames, film.height, film.width, film.bit_depth) == (*SHAPE, 8)
+            if not like:
+                tally.wrong.append(f"{what}: frames are not of the size the film states")
+            elif unchanged:
+                tally.same += 1
+                if exact and any(s is not None and not np.array_equal(s, f) for s, f in zip(seen, frames, strict=True)):
+                    tally.wrong.append(f"{what}: other grey values than were written")
+            else:
+                tally.other += 1
+    except FilmError as problem:
+        tally.refused += 1
+        if "\n" in str(problem):
+            tally.wrong.append(f"{what}: message of several lines")
+    except Exception as problem:
+        tally.wrong.append(f"{what}: {type(problem).__name__}: {problem}")
+    tally.largest = max(tally.largest, (tracemalloc.get_traced_memory()[1] - before) / size)
+
+
+def fuzz(folder: Path, count: int, seed: int) -> dict[str, Tally]:
+    """Mutate ``count`` films in all; tallies by kind."""
+    rng = np.random.default_rng(seed)
+    smooth = np.linspace(40, 200, SHAPE[2])[None, None, :] + 4.0 * np.arange(SHAPE[0])[:, None, None]
+    frames = (smooth + rng.normal(0, 3, SHAPE)).clip(0, 255).astype(np.uint8)
+    mraw, cih = folder / "a.mraw", folder / "b.mraw"
+    write_mraw(mraw, frames, 2000.0, exposure_s=1e-4)
+    write_mraw(cih, frames, 2000.0)
+    cih.with_suffix(".cihx").unlink()
+    raw, jpeg = folder / "raw.avi", folder / "jpeg.avi"
+    write_avi(raw, frames, 25.0, quality=None)
+    write_avi(jpeg, frames, 25.0, quality=95)
+    text = CIH_LINES.format(n=SHAPE[0], height=SHAPE[1], width=SHAPE[2]).encode()
+    headers = {
+        "CIHX": (mraw, mraw.with_suffix(".cihx"), mraw.with_suffix(".cihx").read_bytes(), 10_000, True),
+        "CIH": (cih, cih.with_suffix(".cih"), text, 10_000, True),
+        "AVI": (raw, raw, raw.read_bytes(), 320, False),
+        "AVI MJPEG": (jpeg, jpeg, jpeg.read_bytes(), 1000, False),
+    }
+    tallies = {name: Tally() for name in (*headers, "MRAW length")}
+    for path in (mraw, raw, jpeg):
+        # what is imported at first use is not the film's doing
+        open_film(path).close()
+    importlib.import_module("vision.video")
+    tracemalloc.start()
+    try:
+        for number in range(count):
+            name = list(tallies)[number % len(tallies)]
+            if name == "MRAW length":
+                header = mraw.with_suffix(".cihx")
+                header.write_bytes(headers["CIHX"][2])
+                whole = mraw.read_bytes()
+                mraw.write_bytes(
+                    mutated(whole, rng, len(whole)) if rng.uniform() < 0.5 else whole[: -rng.integers(1, 9)]
+                )
+                look(mraw, frames, False, tallies[name], f"{name} {number}")
+                mraw.write_bytes(whole)
+                continue
+            film, file, data, head, exact = headers[name]
+            file.write_bytes(mutated(data, rng, head))
+            look(film, frames, exact, tallies[name], f"{name} {number}")
+            file.write_bytes(data)
+    finally:
+        tracemalloc.stop()
+    return tallies
+
+
+def main() -> int:
+    """Fuzz and print."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--count", type=int, default=12_000)
+    parser.add_argument("--seed", type=int, default=1)
+    arguments = parser.parse_args()
+    with tempfile.TemporaryDirectory() as folder:
+        tallies = fuzz(Path(folder), arguments.count, arguments.seed)
+    names = ("films", "refused", "read", "other size", "allocation / film")
+    print(f"{'kind':14s}" + "".join(f"{name:>19s}" for name in names) + "  wrong")
+    for name, t in tallies.items():
+        total = t.refused + t.same + t.other
+        counts = "".join(f"{n:19d}" for n in (total, t.refused, t.same, t.other))
+        print(f"{name:14s}{counts}{t.largest:19.2f}  {len(t.wrong)}")
+        for words in t.wrong[:5]:
+            print(f"  {words}")
+    bad = any(t.wrong for t in tallies.values()) or max(t.largest for t in tallies.values()) > 1.0
+    print("FAILED" if bad else "all refused or read right")
+    return 1 if bad else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
