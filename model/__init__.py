@@ -38,7 +38,7 @@ _HOME = {
     "KeyMotion": "motion",
     "MotionDriven": "motion_driven",
     "simulate_motion": "motion_driven",
-    "read_motion_table": "motion_fit",
+    "read_motion_table": "motion_table",
     "Press": "press",
     "hand_set_rest": "hand_set",
     "slow_press": "press",

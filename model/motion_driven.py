@@ -23,6 +23,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .blow import check_output_times
 from .choice import SceneChoice, load_scene
 from .effects import SHANK
 from .errors import InputError
@@ -189,14 +190,7 @@ def simulate_motion(
         raise InputError(f"uncertainty of the zero: found {u_zero_rad:g} rad, allowed 0 to 0.1")
     choice = load_scene(scene)
     fit = fit_key_motion(time_s, key_rad, resolution_rad=resolution_rad, jitter_rad=jitter_rad)
-    outputs = fit.time_s if output_time_s is None else np.asarray(output_time_s, dtype=float)
-    if outputs.ndim != 1 or len(outputs) == 0 or not np.all(np.isfinite(outputs)) or np.any(np.diff(outputs) < 0):
-        raise InputError("output times: allowed a finite, increasing row of times")
-    if outputs[0] < fit.time_s[0] or outputs[-1] > fit.time_s[-1]:
-        raise InputError(
-            f"output times: found {outputs[0]:g} to {outputs[-1]:g} s, allowed within the table, "
-            f"{fit.time_s[0]:g} to {fit.time_s[-1]:g} s"
-        )
+    outputs = check_output_times(output_time_s, fit.time_s)
 
     def run(motion: KeyMotion) -> Driven:
         return drive(action, motion, outputs, tolerance=tolerance, choice=choice, method=method)

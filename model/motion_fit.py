@@ -2,36 +2,36 @@
 
 Measured angles in (encoder counts or noiseless), a quintic spline with a knot at every sample out. What keeps it
 smooth is a prior on its fourth derivative: independent normal numbers with a variance that follows the data, high
-where the key hits something and low where it rests (`_follow`). Spline and covariance are the posterior of that prior,
+where the key hits something and low where it rests (`_posterior`). Spline and covariance are that prior's posterior,
 so that what smoothing rounds off at a bump is in the stated uncertainty, not only what noise leaves.
 Noise: a count is uncertain by its width; equal counts in a row repeat one rounding error and count as one reading;
-jitter beyond that is estimated from the residuals. Bad columns end in ``InputError``.
+jitter of angle and clock beyond that is estimated from the residuals. Bad columns end in ``InputError``.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from pathlib import Path
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .column_file import read_columns
+from .encoder_noise import noise_of, repeated_share, resolution_of, runs_of
 from .errors import InputError
 from .kernels import banded
 from .motion import KeyMotion
+from .motion_table import check_motion_table
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 DEGREE, PRIOR = 5, 4  # of the spline; of the derivative that the prior keeps small
-WINDOW_S = 1.2e-3  # half width over which the prior's variance is the same: shorter than a key's bump
+WINDOW_S = 1.0e-3  # half width over which the prior's variance is the same: shorter than a key's bump
 WINDOW_SAMPLES = 5
-ROUNDS, HASTE = 60, 1.7  # of the variance's iteration, and how far beyond each of its steps
+ROUNDS, SETTLED, HASTE = 150, 0.01, 1.4  # of the variance's iteration; last change; how far beyond each of its steps
 SLOWEST_RAD_PER_S = 700.0  # motion is followed up to there at least: a window tells nothing of what is slower
 DEEPEST = 1e-15  # smallest variance of the prior over the largest: what double precision can still tell apart
-FEWEST = 20  # samples
-LARGEST_KEY_RAD, LARGEST_TIME_S, LONGEST = 3.0, 1e6, 200_000
+NOISELESS_RAD = 1e-8  # less noise than this, and the motion between the samples is what is not known
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,8 @@ class KeyFit:
     ----------
     time_s : (n,) of the samples that were used
     resolution_rad : width of a count, 0 where the angles are not quantised
-    jitter_rad : standard deviation of one sample beyond that
+    jitter_rad : standard deviation of one sample's angle beyond that
+    clock_s : standard deviation of a sample's time
     knots, coefficients, offset_rad : of the spline
     factor, inverse : bands of the posterior precision's factor and of the covariance
     """
@@ -50,6 +51,7 @@ class KeyFit:
     time_s: Array
     resolution_rad: float
     jitter_rad: float
+    clock_s: float
     knots: Array
     coefficients: Array
     offset_rad: float
@@ -113,62 +115,88 @@ def _rows(knots: Array, times: Array, order: int = 0) -> tuple[Array, Integers]:
     return out, first
 
 
-def resolution_of(angle_rad: Array) -> float:
-    """Width of a count (rad) where all angles are whole multiples of one apart, else 0."""
-    step = np.diff(np.unique(angle_rad))
-    step = step[step > 1e-12]
-    if len(step) == 0:
-        return 0.0
-    smallest = float(step.min())
-    smallest = float(np.median(step[step < 1.5 * smallest]))
-    multiples = step / smallest
-    return smallest if np.max(np.abs(multiples - np.round(multiples))) < 1e-3 else 0.0
+@dataclass(frozen=True)
+class _Readings:
+    """Samples as the fit reads them; jitter that is None is estimated."""
+
+    time_s: Array
+    y_rad: Array  # from the first sample
+    runs: Array
+    resolution_rad: float
+    jitter_rad: float | None
+    clock_s: float = 0.0
+
+    @property
+    def floor_rad(self) -> float:
+        """Noise that is always assumed: noiseless angles come from a computation that is no better."""
+        return 1e-9 * max(1e-3, float(np.ptp(self.y_rad)))
 
 
-def _runs(angle_rad: Array) -> Array:
-    """How many equal readings in a row each sample belongs to."""
-    edges = np.concatenate([[0], np.flatnonzero(np.diff(angle_rad)) + 1, [len(angle_rad)]])
-    length = np.diff(edges)
-    return np.repeat(length, length).astype(float)
+class _Fitted(NamedTuple):
+    jitter_rad: float
+    clock_s: float
+    knots: Array
+    coefficients: Array
+    factor: Array
+    inverse: Array
 
 
-def _follow(place: Array, half_width: float) -> tuple[Integers, Integers]:
-    """First and last + 1 index within ``half_width`` of each place."""
-    low = np.searchsorted(place, place - half_width, side="left")
-    return low, np.searchsorted(place, place + half_width, side="right")
+def _posterior(read: _Readings, inner: Array, haste: float) -> _Fitted:
+    """Spline with knots at the times ``inner``, its covariance and the noise of the samples.
 
+    The prior's variance is what the data show of the fourth derivative, averaged over a window (expectation
+    maximisation, each step taken ``haste`` times), but never so small that the window would hold less than one
+    independent value: the fit would then believe in more smoothness than it can know of.
+    """
+    from scipy.linalg import cho_solve_banded, cholesky_banded
 
-def check_motion_table(time_s: ArrayLike, key_rad: ArrayLike, where: str = "key motion") -> tuple[Array, Array]:
-    """Times and angles (n,) that can be used; lost ones (NaN) are left out. ``InputError`` names the first bad row."""
-    try:
-        times, angles = np.asarray(time_s, dtype=float), np.asarray(key_rad, dtype=float)
-    except (TypeError, ValueError):
-        raise InputError(f"{where}: found something that is not a number; allowed two columns of numbers") from None
-    if times.ndim != 1 or times.shape != angles.shape:
-        raise InputError(f"{where}: found shapes {times.shape} and {angles.shape}, allowed two equal columns")
-    lost = np.isnan(angles)
-    for name, column, limit in (("time_s", times, LARGEST_TIME_S), ("key_rad", angles, LARGEST_KEY_RAD)):
-        bad = (np.abs(column) > limit) | (~np.isfinite(column) & ~(lost if name == "key_rad" else False))
-        if bad.any():
-            row = int(np.argmax(bad))
+    times, y, rounding, floor = read.time_s, read.y_rad, read.resolution_rad**2 / 12.0, read.floor_rad
+    jitter = max(floor, 1e-6 * float(np.ptp(y)) if read.jitter_rad is None else read.jitter_rad)
+    knots = np.concatenate([[inner[0]] * DEGREE, inner, [inner[-1]] * DEGREE])
+    size = len(knots) - DEGREE - 1
+    rows, first = _rows(knots, times)
+    rows_speed, first_speed = _rows(knots, times, 1)
+    speed, clock = np.zeros(len(times)), read.clock_s
+    prior, at = _differences(knots, PRIOR), np.arange(size - PRIOR)
+    place = np.array([knots[PRIOR + k : PRIOR + k + len(prior)] for k in range(DEGREE - PRIOR + 1)]).mean(axis=0)
+    width = (knots[DEGREE + 1 : DEGREE + 1 + len(prior)] - knots[PRIOR : PRIOR + len(prior)]) / (DEGREE + 1 - PRIOR)
+    prior = prior * np.sqrt(width)[:, None]  # the square is then an intensity, rad^2/s^7, whatever the sampling
+    step = float(np.median(np.diff(times)))
+    reach = 0.5 * max(WINDOW_S, WINDOW_SAMPLES * step)
+    low, high = np.searchsorted(place, place - reach), np.searchsorted(place, place + reach, side="right")
+    intensity = np.full(len(prior), 1e12)
+    factor = inverse = c = np.empty(0)
+    for _ in range(ROUNDS):
+        share = repeated_share(read.resolution_rad, jitter) if rounding > 0.0 else 0.0
+        readings = 1.0 / (1.0 - share + share * read.runs)  # of the rounding, how many readings each sample is
+        noise = jitter**2 + (clock * speed) ** 2
+        weight = 1.0 / (rounding / readings + noise)
+        normal, right = np.zeros((DEGREE + 1, size)), np.zeros(size)
+        banded.add_rows(normal, first, rows, weight)
+        banded.add_rows(normal, at, prior, 1.0 / intensity)
+        banded.add_to(right, first, rows, weight * y)
+        try:
+            factor = cholesky_banded(normal)
+        except np.linalg.LinAlgError:
             raise InputError(
-                f"{where}: row {row + 1}: {name} found {column[row]:g}, allowed finite numbers up to {limit:g}"
-            )
-    if (np.diff(times) <= 0).any():
-        row = int(np.argmax(np.diff(times) <= 0)) + 1
-        raise InputError(
-            f"{where}: row {row + 1}: time {times[row]:g} s does not follow {times[row - 1]:g} s; times must increase"
-        )
-    times, angles = times[~lost], angles[~lost]
-    if not FEWEST <= len(times) <= LONGEST:
-        raise InputError(f"{where}: found {len(times)} rows with an angle, allowed {FEWEST} to {LONGEST}")
-    return times, angles
-
-
-def read_motion_table(path: str | Path) -> tuple[Array, Array]:
-    """Read a CSV file with the columns ``time_s,key_rad``; (n,) each, without rows whose angle is NaN."""
-    table = read_columns(path, ("time_s", "key_rad"), ())
-    return check_motion_table(table.numbers("time_s"), table.numbers("key_rad"), table.where)
+                "key motion: angles found that no smooth motion comes near; check their unit (rad) and the times (s)"
+            ) from None
+        c = cho_solve_banded((factor, False), right)
+        inverse = banded.inverse_band(factor)
+        expected = banded.times(c, at, prior) ** 2 + banded.variances(inverse, at, prior)
+        for _ in range(2):
+            expected = banded.window_means(expected, low, high)
+        before, intensity = intensity, intensity * (expected / intensity) ** haste
+        lowest = SLOWEST_RAD_PER_S ** (2 * PRIOR) * step * (rounding + jitter**2)
+        intensity = np.maximum(intensity, max(lowest, DEEPEST * float(intensity.max())))
+        if read.jitter_rad is None:
+            seen = (y - banded.times(c, first, rows)) ** 2 + banded.variances(inverse, first, rows) - rounding
+            speed = banded.times(c, first_speed, rows_speed)
+            jitter, clock = noise_of(seen, speed, readings / (rounding + noise) ** 2)
+            jitter = max(floor, jitter)
+        if np.max(np.abs(intensity - before) / before) < SETTLED:
+            break
+    return _Fitted(jitter, clock, knots, c, factor, inverse)
 
 
 def fit_key_motion(
@@ -186,53 +214,26 @@ def fit_key_motion(
     ------
     InputError : columns that cannot be used
     """
-    from scipy.linalg import cho_solve_banded, cholesky_banded
-
     times, angles = check_motion_table(time_s, key_rad)
     for name, value in (("resolution", resolution_rad), ("jitter", jitter_rad)):
         if value is not None and not 0.0 <= value <= 0.1:
             raise InputError(f"{name} of the key's angle: found {value:g} rad, allowed 0 to 0.1")
     resolution = resolution_of(angles) if resolution_rad is None else float(resolution_rad)
-    offset = float(angles[0])
-    y = angles - offset
-    floor = 1e-9 * max(1e-3, float(np.ptp(y)))  # noiseless angles come from a computation that is no better
-    jitter = max(floor, 1e-6 * float(np.ptp(y))) if jitter_rad is None else max(floor, jitter_rad)
-    rounding = resolution**2 / 12.0
-    runs = _runs(angles) if resolution > 0.0 else np.ones(len(angles))
-
-    knots = np.concatenate([[times[0]] * DEGREE, times, [times[-1]] * DEGREE])
-    rows, first = _rows(knots, times)
-    prior, at = _differences(knots, PRIOR), np.arange(len(knots) - DEGREE - 1 - PRIOR)
-    place = np.array([knots[PRIOR + k : PRIOR + k + len(prior)] for k in range(DEGREE - PRIOR + 1)]).mean(axis=0)
-    width = (knots[DEGREE + 1 : DEGREE + 1 + len(prior)] - knots[PRIOR : PRIOR + len(prior)]) / (DEGREE + 1 - PRIOR)
-    prior = prior * np.sqrt(width)[:, None]  # the square is then an intensity, rad^2/s^7, whatever the sampling
-    step = float(np.median(np.diff(times)))
-    low, high = _follow(place, max(WINDOW_S, WINDOW_SAMPLES * step) / 2.0)
-
-    def local_mean(x: Array) -> Array:
-        for _ in range(2):
-            total = np.concatenate([[0.0], np.cumsum(x)])
-            x = (total[high] - total[low]) / (high - low)
-        return x
-
-    intensity = np.full(len(prior), 1e12)
-    factor = inverse = c = np.empty(0)
-    for turn in range(ROUNDS):
-        weight = 1.0 / (rounding * runs + jitter**2)
-        normal, right = np.zeros((DEGREE + 1, len(knots) - DEGREE - 1)), np.zeros(len(knots) - DEGREE - 1)
-        banded.add_rows(normal, first, rows, weight)
-        banded.add_rows(normal, at, prior, 1.0 / intensity)
-        banded.add_to(right, first, rows, weight * y)
-        factor = cholesky_banded(normal)
-        c = cho_solve_banded((factor, False), right)
-        inverse = banded.inverse_band(factor)
-        expected = local_mean(banded.times(c, at, prior) ** 2 + banded.variances(inverse, at, prior))
-        haste = HASTE if turn < ROUNDS - 3 else 1.0
-        intensity = intensity * (expected / intensity) ** haste
-        lowest = SLOWEST_RAD_PER_S ** (2 * PRIOR) * step * (rounding + jitter**2)
-        intensity = np.maximum(intensity, max(lowest, DEEPEST * float(intensity.max())))
-        if jitter_rad is None:
-            left = y - banded.times(c, first, rows)
-            seen = float(np.average(left**2 + banded.variances(inverse, first, rows), weights=1.0 / runs))
-            jitter = max(floor, np.sqrt(max(0.0, seen - rounding)))
-    return KeyFit(times, resolution, float(jitter), knots, c, offset, factor, inverse)
+    runs = runs_of(angles) if resolution > 0.0 else np.ones(len(angles))
+    read = _Readings(times, angles - angles[0], runs, resolution, jitter_rad)
+    found = _posterior(read, times, HASTE)
+    if resolution == 0.0 and found.jitter_rad < NOISELESS_RAD:
+        # the uncertainty is then what happens between samples: there must be a knot for it
+        read = replace(read, jitter_rad=found.jitter_rad, clock_s=found.clock_s)
+        found = _posterior(read, np.sort(np.concatenate([times, 0.5 * (times[1:] + times[:-1])])), 1.0)
+    return KeyFit(
+        times,
+        resolution,
+        found.jitter_rad,
+        found.clock_s,
+        found.knots,
+        found.coefficients,
+        float(angles[0]),
+        found.factor,
+        found.inverse,
+    )

@@ -56,6 +56,7 @@ def drive_by_motion(
             "coverage_factor_95": driven.coverage_factor,
             "resolution_rad": driven.fit.resolution_rad,
             "jitter_rad": driven.fit.jitter_rad,
+            "clock_jitter_s": driven.fit.clock_s,
         },
     )
     largest = int(np.argmax(np.abs(driven.force_n)))
@@ -70,6 +71,7 @@ def drive_by_motion(
                 "coverage_factor_95": driven.coverage_factor,
                 "resolution_rad": driven.fit.resolution_rad,
                 "jitter_rad": driven.fit.jitter_rad,
+                "clock_jitter_s": driven.fit.clock_s,
                 "key_would_lift": [{"start_s": lift.start_s, "end_s": lift.end_s} for lift in lifts],
                 **driven.counters,
             }

@@ -65,3 +65,14 @@ def variances(inverse, first, rows):
                 share = 1.0 if m == k else 2.0
                 out[r] += share * rows[r, k] * rows[r, m] * inverse[b + k - m, first[r] + m]
     return out
+
+
+@kernel
+def window_means(x, low, high):
+    """Mean of ``x`` from ``low`` to before ``high`` for each pair, (r,)."""
+    out = np.zeros(low.shape[0])
+    for r in range(low.shape[0]):
+        for k in range(low[r], high[r]):
+            out[r] += x[k]
+        out[r] /= high[r] - low[r]
+    return out

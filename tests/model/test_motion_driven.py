@@ -2,44 +2,17 @@
 
 from __future__ import annotations
 
-import tomllib
-from functools import cache
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 import model
 from model.motion_driven import drive
-from tests.model.conftest import read_table
-
-COUNT = 2.0 * np.pi / 327680
-DOUBLE = Path(__file__).parents[2] / "rig" / "profiles" / "double.toml"
-PROFILES = ("forte", "piano", "double")
-
-
-@cache
-def truth(name: str) -> tuple[np.ndarray, np.ndarray, model.Solution]:
-    """Times, force and motion of a blow."""
-    if name == "double":
-        points = tomllib.loads(DOUBLE.read_text())["points"]
-        time = np.arange(3201) / 5000.0
-        force = np.interp(time, [p["time_s"] for p in points], [p["force_n"] for p in points])
-    else:
-        time, force = read_table(f"{name}_force.csv").T.copy()
-    return time, force, model.simulate(model.load_action(), time, force, tolerance=1e-9)
-
-
-def counts(angle: np.ndarray, seed: int, jitter: float = 0.5) -> np.ndarray:
-    """What an encoder gives for angles: whole counts from a random zero; the zero itself is known."""
-    random = np.random.default_rng(seed)
-    phase = random.uniform()
-    return (np.floor(angle / COUNT + random.normal(0.0, jitter, len(angle)) + phase) - phase + 0.5) * COUNT
+from tests.model.key_blows import PROFILES, blow, counted, key_truth
 
 
 @pytest.mark.parametrize("name", PROFILES)
 def test_noiseless_round_trip(action: model.Action, name: str) -> None:
-    time, force, forward = truth(name)
+    time, force, forward = blow(name)
     driven = model.simulate_motion(action, time, forward.angle_rad[:, 0], members=0)
     error = driven.force_n - force
     assert np.sqrt(np.mean(error**2)) < 0.01 * np.max(force)  # measured: 0.0003, 0.0022, 0.0027
@@ -48,7 +21,7 @@ def test_noiseless_round_trip(action: model.Action, name: str) -> None:
 
 
 def test_force_has_the_accuracy_of_the_integrator(action: model.Action) -> None:
-    time, _, forward = truth("forte")
+    time, _, forward = blow("forte")
     motion = model.simulate_motion(action, time, forward.angle_rad[:, 0], members=0).fit.motion()
     best = drive(action, motion, time, tolerance=1e-10).force_n
     errors = [np.max(np.abs(drive(action, motion, time, tolerance=tol).force_n - best)) for tol in (1e-5, 1e-6, 1e-8)]
@@ -56,7 +29,7 @@ def test_force_has_the_accuracy_of_the_integrator(action: model.Action) -> None:
 
 
 def test_a_run_that_stops_early_or_is_looked_at_elsewhere_is_the_same(action: model.Action) -> None:
-    time, _, forward = truth("forte")
+    time, _, forward = blow("forte")
     fit = model.simulate_motion(action, time[:700], forward.angle_rad[:700, 0], members=0).fit
     every = drive(action, fit.motion(), time[:700])
     some = drive(action, fit.motion(), time[100:600:7])
@@ -65,7 +38,7 @@ def test_a_run_that_stops_early_or_is_looked_at_elsewhere_is_the_same(action: mo
 
 
 def test_lift_is_where_the_inside_view_of_the_force_driven_run_sees_it(action: model.Action) -> None:
-    time, force, forward = truth("forte")
+    time, force, forward = blow("forte")
     driven = model.simulate_motion(action, time, forward.angle_rad[:, 0], members=0)
     seen = model.simulate(action, time, force, inside=True).inside
     assert seen is not None
@@ -78,7 +51,7 @@ def test_lift_is_where_the_inside_view_of_the_force_driven_run_sees_it(action: m
 
 
 def test_scenes_without_some_bodies(action: model.Action) -> None:
-    time, _, forward = truth("forte")
+    time, _, forward = blow("forte")
     angle = forward.angle_rad[:700, 0]
     driven = model.simulate_motion(action, time[:700], angle, members=0, scene="key-whippen")
     assert driven.bodies == ("key", "whippen") and driven.angle_rad.shape == (700, 2)
@@ -101,3 +74,40 @@ def test_bad_arguments(action: model.Action) -> None:
             model.simulate_motion(action, time, angle, **change)
     with pytest.raises(model.InputError, match=r"shapes \(50,\) and \(49,\)"):
         model.simulate_motion(action, time, angle[1:])
+
+
+def test_force_from_counts_is_within_its_uncertainty(action: model.Action) -> None:
+    """Half a forte, one seed: the ensemble's spread against the actual error; the wide trial is below."""
+    time, truth = key_truth("forte")
+    half = slice(0, 1000)
+    driven = model.simulate_motion(action, time[half], counted(truth, 3)[half])
+    error = driven.force_n - blow("forte")[1][half]
+    inside = np.abs(error) < driven.coverage_factor * driven.u_force_n
+    assert 0.9 < inside.mean() <= 1.0
+    assert np.sqrt(np.mean(error**2)) < 0.02 * np.max(driven.force_n)
+    assert 0.5 < np.sqrt(np.mean(error**2) / np.mean(driven.u_force_n**2)) < 1.5
+    # the zero's uncertainty shows where felt is pressed: at rest the key lies on its back rest
+    loose = model.simulate_motion(action, time[half], counted(truth, 3)[half], u_zero_rad=2e-5)
+    assert loose.u_force_n[100] > 1.1 * driven.u_force_n[100]
+    again = model.simulate_motion(action, time[half], counted(truth, 3)[half])
+    np.testing.assert_array_equal(again.u_force_n, driven.u_force_n)
+
+
+def test_a_key_at_rest_takes_no_force(action: model.Action) -> None:
+    rest = model.rest_state(action).angle_rad[0]
+    driven = model.simulate_motion(action, np.arange(200) / 1000.0, np.full(200, rest))
+    assert np.max(np.abs(driven.force_n)) < 1e-6 and np.max(driven.u_force_n) < 1e-5
+    assert not driven.lifted.any() and driven.key_tensions() == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("jitter", [0.0, 0.5])
+def test_interval_covers_in_seeded_trials_of_several_profiles(action: model.Action, jitter: float) -> None:
+    covered = []
+    for name in PROFILES:
+        time, truth = key_truth(name)
+        for seed in range(20):
+            driven = model.simulate_motion(action, time, counted(truth, 100 + seed, jitter), seed=seed)
+            error = driven.force_n - blow(name)[1]
+            covered.append(np.mean(np.abs(error) < driven.coverage_factor * driven.u_force_n))
+    assert 0.93 < np.mean(covered) < 0.97, np.reshape(covered, (3, 20)).mean(axis=1)
