@@ -191,6 +191,8 @@ def simulate_motion(
     choice = load_scene(scene)
     fit = fit_key_motion(time_s, key_rad, resolution_rad=resolution_rad, jitter_rad=jitter_rad)
     outputs = check_output_times(output_time_s, fit.time_s)
+    if len(outputs) == 0:
+        raise InputError("output times: found none, allowed at least one")
 
     def run(motion: KeyMotion) -> Driven:
         return drive(action, motion, outputs, tolerance=tolerance, choice=choice, method=method)
