@@ -35,11 +35,9 @@ class Observer:
         turning, braked = np.zeros((m, n)), np.zeros((m, n))
         t, p = self.scene.tables, self.scene.vector
         q, v, u = (np.require(a, float, ["C", "W"]) for a in (q, v, u))
-        O.observe_along(q, v, u, p, t, seen, pose, turning, braked)
-        probes = np.zeros((m, len(t.probe)))
-        if len(t.probe):
-            O.probe_forces_along(q, v, p, t, probes)
-        return Look(self, pose, v, turning, seen, braked, u, probes)
+        tips = np.zeros((m, len(t.probe), 2))
+        O.observe_along(q, v, u, p, t, seen, pose, turning, braked, tips)
+        return Look(self, pose, v, turning, seen, braked, u, tips)
 
 
 class Look:
@@ -54,9 +52,9 @@ class Look:
         seen: Array,
         braked: Array,
         u: Array,
-        probes: Array,
+        tips: Array,
     ) -> None:
-        self.observer, self.pose, self.seen, self.braked, self.u, self.probes = observer, pose, seen, braked, u, probes
+        self.observer, self.pose, self.seen, self.braked, self.u, self.tips = observer, pose, seen, braked, u, tips
         m, n = turning.shape
         self.turning = np.zeros((m, n))  # angular acceleration from ground
         self.velocity, self.acceleration = np.zeros((m, n, 2)), np.zeros((m, n, 2))
@@ -95,8 +93,8 @@ class Look:
             if second >= 0:
                 force[:, second] += push[:, c]
         for b, (upper, lower) in enumerate(tables.probe):
-            force[:, upper, 1] -= self.probes[:, b]
-            force[:, lower, 1] += self.probes[:, b]
+            force[:, upper, 1] -= self.tips[:, b, 0]
+            force[:, lower, 1] += self.tips[:, b, 0]
         for body in observer.down:
             force[:, body, 1] += self.u
         for i in reversed(observer.outwards):

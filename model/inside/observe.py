@@ -38,6 +38,8 @@ CONTACT_WORDS = {
     "felt_j": "energy lost in the felt since the start",
 }
 BODY_WORDS = {
+    "tip_n": "force of its tip on the key, downwards",
+    "tip_felt_j": "energy lost at its tip since the start",
     "joint_x_n": "force on it in its joint, to the right",
     "joint_y_n": "force on it in its joint, upwards",
     "joint_rubbed_j": "energy lost by friction in its joint since the start",
@@ -64,6 +66,7 @@ class Inside:
     slid_m : (m, c) way rubbed since the start, both directions added
     rubbed_j, felt_j : (m, c) energy lost since the start by friction and in the felt
     point_m : (m, c, 2) where the force acts
+    tip_n, tip_j : (m, b) force of the motor's tip on the key and energy lost there since the start; b is 0 or 1
     joint_n : (m, n, 2) force on a body from what carries it, in its joint
     joint_j : (m, n) energy lost since the start by friction in the joint
     center_m_per_s, center_m_per_s2 : (m, n, 2) velocity and acceleration of the centre of mass
@@ -85,6 +88,8 @@ class Inside:
     rubbed_j: Array
     felt_j: Array
     point_m: Array
+    tip_n: Array
+    tip_j: Array
     joint_n: Array
     joint_j: Array
     center_m_per_s: Array
@@ -127,6 +132,9 @@ class Inside:
                 ("felt_j", self.felt_j),
             ):
                 out[f"{name}_{what}"] = values[:, i]
+        for i, (upper, _) in enumerate(self.scene.tables.probe):
+            out[f"{self.bodies[upper]}_tip_n"] = self.tip_n[:, i]
+            out[f"{self.bodies[upper]}_tip_felt_j"] = self.tip_j[:, i]
         for i, body in enumerate(self.bodies):
             out[f"{body}_joint_x_n"], out[f"{body}_joint_y_n"] = self.joint_n[:, i, 0], self.joint_n[:, i, 1]
             out[f"{body}_joint_rubbed_j"] = self.joint_j[:, i]
@@ -177,7 +185,8 @@ def observe(scene: Scene, states: States, time_s: Array, start: float, input_tim
     input_time_s, value : (k,) input of the run, linear between its points
     """
     observer = Observer(scene)
-    c, n = len(scene.contacts), scene.size
+    c, n, b = len(scene.contacts), scene.size, len(scene.tables.probe)
+    width = 3 * c + n + b
     dense_time: list[Array] = []
     dense_joint: list[Array] = []
     dense_rail: list[Array] = []
@@ -196,18 +205,18 @@ def observe(scene: Scene, states: States, time_s: Array, start: float, input_tim
         keep(times, look)
         s = look.seen
         np.maximum(largest, s[:, :, O.SEEN_NORMAL].max(axis=0), out=largest)
-        lost = np.concatenate([s[:, :, O.SEEN_RUBBED], s[:, :, O.SEEN_FELT], look.braked], axis=1)
+        lost = np.concatenate([s[:, :, O.SEEN_RUBBED], s[:, :, O.SEEN_FELT], look.braked, look.tips[:, :, 1]], axis=1)
         if not work:
             work.append(float(np.trapezoid(np.abs(lost).sum(axis=1), times)))
         return np.concatenate([lost, np.abs(s[:, :, O.SEEN_SLIDE])], axis=1), np.zeros(len(times))
 
     end = float(time_s[-1]) if len(time_s) else start
-    totals = np.zeros((len(time_s), 3 * c + n))
+    totals = np.zeros((len(time_s), width))
     error = 0.0
     if end > start:
         edges = panel_edges(start, end, LONGEST_PANEL_S, np.asarray(time_s), np.asarray(input_time_s))
-        panels = integrate_panels(sample, edges, np.zeros(3 * c + n), lambda: GOAL * work[0] / len(edges), ROUNDS)
-        sums = np.vstack([np.zeros(3 * c + n), np.cumsum(panels.integral, axis=0)])
+        panels = integrate_panels(sample, edges, np.zeros(width), lambda: GOAL * work[0] / len(edges), ROUNDS)
+        sums = np.vstack([np.zeros(width), np.cumsum(panels.integral, axis=0)])
         totals = sums[np.searchsorted(panels.end_s, time_s, side="right")]
         error = float(panels.doubt.sum())
     q, v = states(time_s)
@@ -222,10 +231,12 @@ def observe(scene: Scene, states: States, time_s: Array, start: float, input_tim
         friction_n=s[:, :, O.SEEN_FRICTION],
         penetration_m=s[:, :, O.SEEN_DEPTH],
         sliding_m_per_s=s[:, :, O.SEEN_SLIDE],
-        slid_m=totals[:, 2 * c + n :],
+        slid_m=totals[:, 2 * c + n + b :],
         rubbed_j=totals[:, :c],
         felt_j=totals[:, c : 2 * c],
         point_m=s[:, :, O.SEEN_X : O.SEEN_Y + 1],
+        tip_n=look.tips[:, :, 0],
+        tip_j=totals[:, 2 * c + n : 2 * c + n + b],
         joint_n=joints,
         joint_j=totals[:, 2 * c : 2 * c + n],
         center_m_per_s=look.velocity,

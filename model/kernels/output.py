@@ -68,13 +68,13 @@ def penetrations(q, v, p, tables, penetration):
 
 
 @kernel
-def observe_along(q, v, u, p, tables, seen, pose, turning, braked):
+def observe_along(q, v, u, p, tables, seen, pose, turning, braked, tips):
     """Everything that a motion shows inside the action, at states (m, n) under inputs (m,).
 
     Fills ``seen`` (m, c, SEEN_SIZE): normal and friction force, N; penetration, m, negative where open; sliding speed
     of A over B along t = z x n, m/s, 0 where open; power lost by rubbing and in the felt, W; normal and point of
     action in the world. ``pose`` (m, n, POSE_SIZE); ``turning`` (m, n) accelerations, rad/s^2; ``braked`` (m, n) power
-    lost in the joints, W.
+    lost in the joints, W; ``tips`` (m, b, 2) force of each one-sided probe, N, and power lost in it, W.
     """
     n = q.shape[1]
     m_diag = np.zeros(n)
@@ -109,3 +109,11 @@ def observe_along(q, v, u, p, tables, seen, pose, turning, braked):
             seen[k, c, SEEN_NY] = ny
             seen[k, c, SEEN_X] = ax - r * nx
             seen[k, c, SEEN_Y] = ay - r * ny
+        o = tables.offset[3]
+        for b in range(tables.probe.shape[0]):
+            x, rate, _, _ = probe_state(v[k], p, o, tables.probe[b, 0], tables.probe[b, 1], pose[k], tables.parent)
+            fn, _, _ = felt(x, rate, p[o + 4], p[o + 5], p[o + 6], p[o + 7])
+            static, _, _ = felt(x, 0.0, p[o + 4], p[o + 5], p[o + 6], 0.0)
+            tips[k, b, 0] = fn
+            tips[k, b, 1] = (fn - static) * rate
+            o += PROBE_SIZE

@@ -215,6 +215,30 @@ def test_a_still_action_bears_its_weight(action: model.Action) -> None:
     assert np.abs(look.acceleration).max() < 1e-9
 
 
+def test_the_motors_tip(action: model.Action) -> None:
+    """At rest its shaft bears what the tip presses with, that is torque over length; in motion it loses energy."""
+    scene = model.build_scene(action, model.SceneChoice(effects=("motor_arm",)))
+    rest = model.rest_state(action, 0.03, scene)
+    q = rest.angle_rad
+    look = Observer(scene).look(q[None], np.zeros((1, scene.size)), np.array([0.03]))
+    motor = scene.bodies.index("motor")
+    length, spring = action["motor_arm.length"], action["motor_arm.spring_stiffness"]
+    torque = 0.03 + action["motor_arm.preload_n"] * length - spring * q[motor]
+    press = torque / (length * np.cos(q[motor]))
+    assert look.tips[0, 0, 0] == pytest.approx(press, rel=1e-9)
+    np.testing.assert_allclose(look.joints()[0, motor], [0.0, -press], atol=1e-9)
+    pushed = Observer(model.build_scene(action)).look(q[None, :motor], np.zeros((1, 5)), np.array([press]))
+    np.testing.assert_allclose(look.joints()[0, :5], pushed.joints()[0], atol=1e-8)  # as a force of that size
+    solution = model.simulate(
+        action, [0.0, 0.03, 0.15], [0.0, 0.8, 0.8], energy=True, inside=True, scene="motor-arm", tolerance=1e-7
+    )
+    inside, energy = solution.inside, solution.energy
+    assert inside is not None and energy is not None and inside.tip_j[-1, 0] > 1e-5
+    allowed = inside.error_j + abs(energy.residual) + 1e-8 * energy.work_in
+    assert abs(inside.felt_j[-1].sum() + inside.tip_j[-1, 0] - energy.lost_in_felt) < allowed
+    assert "motor_tip_n" in inside.columns()
+
+
 def test_tensions_of_a_sine() -> None:
     time = np.linspace(0.0, 2.0, 2001)
     found = tensions(time, 3.0 * np.sin(2 * np.pi * time))
