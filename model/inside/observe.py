@@ -37,9 +37,11 @@ CONTACT_WORDS = {
     "rubbed_j": "energy lost by friction since the start",
     "felt_j": "energy lost in the felt since the start",
 }
+TIP_WORDS = {
+    "motor_arm_normal_n": "motor arm: force of its tip on the key, downwards",
+    "motor_arm_felt_j": "motor arm: energy lost at its tip since the start",
+}
 BODY_WORDS = {
-    "tip_n": "force of its tip on the key, downwards",
-    "tip_felt_j": "energy lost at its tip since the start",
     "joint_x_n": "force on it in its joint, to the right",
     "joint_y_n": "force on it in its joint, upwards",
     "joint_rubbed_j": "energy lost by friction in its joint since the start",
@@ -132,9 +134,8 @@ class Inside:
                 ("felt_j", self.felt_j),
             ):
                 out[f"{name}_{what}"] = values[:, i]
-        for i, (upper, _) in enumerate(self.scene.tables.probe):
-            out[f"{self.bodies[upper]}_tip_n"] = self.tip_n[:, i]
-            out[f"{self.bodies[upper]}_tip_felt_j"] = self.tip_j[:, i]
+        for tip_n, tip_j in zip(self.tip_n.T, self.tip_j.T, strict=True):
+            out["motor_arm_normal_n"], out["motor_arm_felt_j"] = tip_n, tip_j
         for i, body in enumerate(self.bodies):
             out[f"{body}_joint_x_n"], out[f"{body}_joint_y_n"] = self.joint_n[:, i, 0], self.joint_n[:, i, 1]
             out[f"{body}_joint_rubbed_j"] = self.joint_j[:, i]
@@ -165,7 +166,7 @@ class Inside:
 
     def long_names(self, described: Mapping[str, str]) -> dict[str, str]:
         """What each column is, in words; ``described`` tells what a contact is."""
-        out: dict[str, str] = {}
+        out = dict(TIP_WORDS)
         for name in self.contacts:
             out |= {f"{name}_{key}": f"{described.get(name, name)}: {words}" for key, words in CONTACT_WORDS.items()}
         for body in self.bodies:

@@ -236,7 +236,7 @@ def test_the_motors_tip(action: model.Action) -> None:
     assert inside is not None and energy is not None and inside.tip_j[-1, 0] > 1e-5
     allowed = inside.error_j + abs(energy.residual) + 1e-8 * energy.work_in
     assert abs(inside.felt_j[-1].sum() + inside.tip_j[-1, 0] - energy.lost_in_felt) < allowed
-    assert "motor_tip_n" in inside.columns()
+    np.testing.assert_array_equal(inside.columns()["motor_arm_normal_n"], inside.tip_n[:, 0])
 
 
 def test_tensions_of_a_sine() -> None:
