@@ -23,7 +23,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .blow import check_output_times
+from .blow import LARGEST_FORCE_N, check_output_times
 from .choice import SceneChoice, load_scene
 from .effects import SHANK
 from .errors import InputError
@@ -69,6 +69,7 @@ class MotionDriven:
     angle_rad, speed_rad_per_s : (m, n) of all bodies, the key as fitted
     u_angle_rad : (m, n)
     key_rad_per_s2 : (m,) acceleration of the key
+    rest_rad : angle at which the key of this action lies without a force
     rail_n : (m,) force of the balance rail on the key, N, upwards
     lifted : (m,) True where the rail would have to pull
     fit : the motion that was fitted
@@ -85,6 +86,7 @@ class MotionDriven:
     speed_rad_per_s: Array
     u_angle_rad: Array
     key_rad_per_s2: Array
+    rest_rad: float
     rail_n: Array
     lifted: NDArray[np.bool_]
     fit: KeyFit
@@ -104,6 +106,12 @@ class MotionDriven:
         for i, body in enumerate(self.bodies):
             out[f"{body}_rad_per_s"] = self.speed_rad_per_s[:, i]
         return out
+
+
+def rest_angle(action: Action, choice: SceneChoice) -> float:
+    """Angle (rad) at which the key lies without a force."""
+    free = build_scene(choice.on(action), choice)
+    return float(solve_rest(free)[free.bodies.index("key")])
 
 
 def drive(
@@ -148,6 +156,7 @@ def simulate_motion(
     output_time_s: ArrayLike | None = None,
     resolution_rad: float | None = None,
     jitter_rad: float | None = None,
+    from_rest: bool = False,
     u_zero_rad: float = 0.0,
     members: int = MEMBERS,
     seed: int = 0,
@@ -161,6 +170,8 @@ def simulate_motion(
     action : parameter set
     time_s, key_rad : (n,) increasing times and measured angles of the key (from ground, counter-clockwise; at rest the
         rest angle of the action); NaN where an angle is lost
+    from_rest : the angles are changes since rest, as an incremental encoder gives them: the rest angle is added, and
+        the rounding of the encoder's zero to its uncertainty
     tolerance : requested largest error of any angle, rad
     output_time_s : (m,) increasing, within the table; by default the table's own times
     resolution_rad, jitter_rad : width of a count and standard deviation beyond it; by default found in the angles
@@ -189,20 +200,31 @@ def simulate_motion(
     if not 0.0 <= u_zero_rad <= 0.1:
         raise InputError(f"uncertainty of the zero: found {u_zero_rad:g} rad, allowed 0 to 0.1")
     choice = load_scene(scene)
+    rest = rest_angle(action, choice)
+    if from_rest:
+        key_rad = np.asarray(key_rad, dtype=float) + rest
     fit = fit_key_motion(time_s, key_rad, resolution_rad=resolution_rad, jitter_rad=jitter_rad)
     outputs = check_output_times(output_time_s, fit.time_s)
     if len(outputs) == 0:
         raise InputError("output times: found none, allowed at least one")
+
+    u_zero = float(np.hypot(u_zero_rad, fit.resolution_rad / np.sqrt(12.0) if from_rest else 0.0))
 
     def run(motion: KeyMotion) -> Driven:
         return drive(action, motion, outputs, tolerance=tolerance, choice=choice, method=method)
 
     mean_motion = fit.motion()
     mean = run(mean_motion)
+    largest = int(np.argmax(np.abs(mean.force_n)))
+    if not abs(mean.force_n[largest]) <= LARGEST_FORCE_N:
+        raise InputError(
+            f"key motion: takes {mean.force_n[largest]:.0f} N at {outputs[largest]:g} s, allowed up to "
+            f"{LARGEST_FORCE_N:g} N; check unit and zero of the angles (at rest {rest:.5f} rad, or changes from rest)"
+        )
     random = np.random.default_rng(seed)
     force_square, angle_square = np.zeros(len(outputs)), np.zeros(mean.angle_rad.shape)
     for _ in range(members):
-        member = run(fit.draw(random, u_zero_rad))
+        member = run(fit.draw(random, u_zero))
         force_square += (member.force_n - mean.force_n) ** 2
         angle_square += (member.angle_rad - mean.angle_rad) ** 2
     with np.errstate(invalid="ignore"):
@@ -217,6 +239,7 @@ def simulate_motion(
         speed_rad_per_s=mean.speed_rad_per_s,
         u_angle_rad=u_angle,
         key_rad_per_s2=mean_motion.at(outputs)[:, 2],
+        rest_rad=rest,
         rail_n=mean.rail_n,
         lifted=mean.rail_n < 0.0,
         fit=fit,

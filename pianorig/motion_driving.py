@@ -12,6 +12,8 @@ from .output import print_json, write_columns
 if TYPE_CHECKING:
     from model import Action
 
+FAR_FROM_REST_RAD = 5e-4  # 0.1 mm at the key front; most records begin at rest, so the reader is told
+
 
 def drive_by_motion(
     action: Action,
@@ -19,6 +21,7 @@ def drive_by_motion(
     out: Path,
     *,
     also: Sequence[str],
+    from_rest: bool,
     tolerance: float,
     output_rate: float | None,
     scene: str,
@@ -40,7 +43,14 @@ def drive_by_motion(
     times, angles = model.read_motion_table(table)
     outputs = None if output_rate is None else model.output_times(times[0], times[-1], output_rate)
     driven = model.simulate_motion(
-        action, times, angles, tolerance=tolerance, output_time_s=outputs, scene=scene, method=method
+        action,
+        times,
+        angles,
+        from_rest=from_rest,
+        tolerance=tolerance,
+        output_time_s=outputs,
+        scene=scene,
+        method=method,
     )
     lifts = driven.key_tensions()
     write_columns(
@@ -66,6 +76,7 @@ def drive_by_motion(
                 "out": out,
                 "rows": len(driven.time_s),
                 "tolerance_rad": tolerance,
+                "first_force_n": driven.force_n[0],
                 "largest_force_n": driven.force_n[largest],
                 "u_largest_force_n": driven.u_force_n[largest],
                 "coverage_factor_95": driven.coverage_factor,
@@ -83,6 +94,12 @@ def drive_by_motion(
         f"largest force {driven.force_n[largest]:.2f} N +- {half:.2f} N (95 %) at {driven.time_s[largest]:.4f} s; "
         f"key angle read to {driven.fit.resolution_rad:.3g} rad, jitter {driven.fit.jitter_rad:.2g} rad"
     )
+    away = driven.angle_rad[0, driven.bodies.index("key")] - driven.rest_rad
+    if abs(away) > FAR_FROM_REST_RAD:
+        print(
+            f"the first angle is {1e3 * away:+.2f} mrad from where this action's key rests: if it rested there, "
+            "shift the angles; for changes since rest add --from-rest"
+        )
     for lift in lifts:
         print(
             f"key would lift from its rail {1e3 * lift.start_s:.1f} to {1e3 * lift.end_s:.1f} ms: "

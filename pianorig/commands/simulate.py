@@ -19,6 +19,9 @@ def command(
         Path | None,
         typer.Option("--key-motion", help="CSV file with the columns time_s,key_rad: the force is the answer."),
     ] = None,
+    from_rest: Annotated[
+        bool, typer.Option("--from-rest", help="Angles of --key-motion are changes since rest, as an encoder counts.")
+    ] = False,
     action: Annotated[str, typer.Option("--action", help="Built-in action or a TOML file.")] = "hirschkorn2004",
     set_: Annotated[
         list[str] | None, typer.Option("--set", help="Parameter to change, path=value; may be repeated.")
@@ -81,6 +84,7 @@ def command(
             key_motion,
             out,
             also=[name for name, given in force_only.items() if given],
+            from_rest=from_rest,
             tolerance=tolerance,
             output_rate=output_rate,
             scene=scene,
@@ -88,6 +92,8 @@ def command(
             as_json=as_json,
         )
         return
+    if from_rest:
+        raise InputError("--from-rest: found without --key-motion, whose angles it is about; leave it out")
     if force is None:
         raise InputError("simulate: found neither --force nor --key-motion; give one of them")
     choice = model.load_scene(scene)

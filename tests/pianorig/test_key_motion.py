@@ -98,3 +98,22 @@ def test_what_cannot_go_together(blow: Path, tmp_path: Path, capsys: pytest.Capt
         error = capsys.readouterr().err
         assert words in error and error.count("\n") == 1
     assert not any(tmp_path.iterdir())
+
+
+def test_changes_since_rest(blow: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    rows = np.loadtxt(blow, delimiter=",", skiprows=1)
+    rows[:, 1] -= rows[0, 1]
+    table, out = tmp_path / "change.csv", tmp_path / "force.csv"
+    np.savetxt(table, rows, "%.12g", ",", header="time_s,key_rad", comments="")
+    assert run("simulate", "--key-motion", str(table), "--from-rest", "--out", str(out)) == 0
+    assert "from where" not in capsys.readouterr().out
+    force = np.loadtxt(out, delimiter=",", skiprows=1)
+    truth = np.loadtxt(FORCE, delimiter=",", skiprows=1)[:600, 1]
+    assert np.sqrt(np.mean((force[:, 1] - truth) ** 2)) < 0.03 * truth.max()
+    out.unlink()
+    # taken as angles from ground, the key would be pressed far into its bed
+    assert run("simulate", "--key-motion", str(table), "--out", str(out)) == 2
+    error = capsys.readouterr().err
+    assert "allowed up to 1000 N" in error and error.count("\n") == 1 and not out.exists()
+    assert run("simulate", "--force", str(FORCE), "--from-rest", "--out", str(out)) == 2
+    assert "--from-rest: found without --key-motion" in capsys.readouterr().err
