@@ -19,20 +19,23 @@ import pandas as pd
 
 from validation.budget import COLUMNS, event_budget, representative
 from validation.channel_tables import channel_tables
-from validation.curve_tables import film_trace_table, on_common_base, trace_table
+from validation.curve_tables import film_trace_table, trace_table
+from validation.diagnosis import Finding, camera_clock, finding_table, hum, lifts, rates, wiring
 from validation.errors import InputError
 from validation.event import Event
 from validation.event_tables import event_summary, event_table
 from validation.events import find_events
 from validation.geometry import ActionGeometry, Array
 from validation.key_lift import Lift
-from validation.marking import doubtful_events, find_marks, mark_table, mark_warnings
-from validation.measurement import ENCODER_CHANNELS, U_REST_LEVEL_M, Measurement
+from validation.marking import doubtful_events, find_marks, mark_table
+from validation.measurement import U_REST_LEVEL_M, Measurement
+from validation.outlying import outlying
 from validation.predictor import RIVALS, Predictor, TrialPrediction
 from validation.provenance import provenance
-from validation.repeatability import STANDS_OUT, distance_ratios, event_repeatability, few_trials_warning
+from validation.repeatability import event_repeatability, few_trials_warning
 from validation.result import ValidationResult
 from validation.score_tables import score_table, scorecard, with_scores
+from validation.suspect import wrong_friction
 from validation.trial_tables import trial_row, uncertainty_table
 from validation.trials import measure_all, open_session
 from validation.verdict import verdict_lines
@@ -49,6 +52,7 @@ def compare_session(
     geometry: Callable[[Any, Any], ActionGeometry] | None = None,
     rivals: tuple[str, ...] = RIVALS,
     budget: bool = True,
+    suspect: bool = True,
     keep_predictions: bool = True,
     u_rest_level_m: float = U_REST_LEVEL_M,
     now: Callable[[], datetime] = lambda: datetime.now(UTC),
@@ -68,6 +72,8 @@ def compare_session(
         What is scored beside the model: ``null`` (the null model), ``raw_force`` (the model under the recorded force).
     budget : bool
         Make the uncertainty budget of the events, some fifty runs of one trial.
+    suspect : bool
+        Look for a wrong friction of the model, some thirty runs of one trial.
     keep_predictions : bool
         Keep predictions in the session's ``derived/prediction`` and reuse them when their inputs have not
         changed.
@@ -110,7 +116,6 @@ def compare_session(
     warnings = [few_trials_warning(len(measured))]
     for m in measured:
         warnings += [f"trial {m.number}: {text}" for text in (*m.notes, *predictions[m.number].notes)]
-    warnings += mark_warnings(marks)
     warnings += [f"trial {number} is not used: {reason}" for number, reason in refused.items()]
     if progress is not None and budget:
         progress("uncertainty budget of the events")
@@ -125,6 +130,7 @@ def compare_session(
         window,
         [text for text in warnings if text],
         budget,
+        suspect,
         lambda: provenance(
             session,
             predictor.action,
@@ -169,6 +175,7 @@ def _assemble(
     window: Any,
     warnings: list[str],
     budget: bool,
+    suspect: bool,
     origin: Callable[[], dict[str, Any]],
 ) -> ValidationResult:
     """Build every table of the result."""
@@ -188,7 +195,8 @@ def _assemble(
         if events["string_impact"].status != "absent"
     }
     base = spread["time_s"].to_numpy()
-    warnings = warnings + _outlying(base, traces)
+    findings = _findings(predictor, measured, predictions, marks, trial_events, base, traces, suspect)
+    warnings = [f.text for f in findings] + warnings
     u_encoder = {m.number: m.u_rad for m in measured}
     scores = score_table(traces, filmed, u_encoder, channels, window, impact)
     card = scorecard(scores, traces, filmed, window, impact)
@@ -211,6 +219,7 @@ def _assemble(
         scores=scores,
         scorecard=card,
         marked=mark_table(marks),
+        findings=finding_table(findings),
         channels=channels,
         events=event_table(trial_events, model_events),
         event_summary=summary,
@@ -224,17 +233,28 @@ def _assemble(
     )
 
 
-def _outlying(base: Array, traces: dict[int, pd.DataFrame]) -> list[str]:
-    """Trials that stand out from the others in a channel, said and kept."""
-    texts = []
-    for channel in ENCODER_CHANNELS:
-        ratios = distance_ratios(on_common_base(base, traces, f"{channel}_measured_rad"))
-        texts += [
-            f"trial {number} stands out in {channel}: {ratio:.1f} times as far from the others as is usual; it is kept"
-            for number, ratio in zip(traces, ratios, strict=True)
-            if ratio > STANDS_OUT
-        ]
-    return texts
+def _findings(
+    predictor: Predictor,
+    measured: list[Measurement],
+    predictions: dict[int, TrialPrediction],
+    marks: dict[int, list[Lift]],
+    events: dict[int, dict[str, Event]],
+    base: Array,
+    traces: dict[int, pd.DataFrame],
+    suspect: bool,
+) -> list[Finding]:
+    """Faults of the session, wiring first; the model is suspected on a trial without any."""
+    found = rates(measured) + lifts(marks)
+    for m in measured:
+        found += wiring(m, predictions[m.number]) + hum(m) + camera_clock(m)
+    found += outlying(base, traces, measured, events, {(int(f.trial), f.channel) for f in found})
+    broken = {f.trial for f in found if f.kind in ("sign flip", "swapped channels", "outlying trial")}
+    sound = [m for m in measured if m.number not in broken]
+    if sound and suspect:
+        m = representative(sound)
+        release = events[m.number]["key_release"]
+        found += wrong_friction(predictor, m, release.value if release.status == "found" else float(m.time_s[-1]))
+    return found
 
 
 def _load(action: Any) -> Any:

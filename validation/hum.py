@@ -24,6 +24,7 @@ HARMONICS = 3
 SEARCH_HZ = 0.2
 SEARCH_BASELINE_S = 0.2
 MAINS_HZ = (50.0, 60.0)
+TOO_SHORT = "baseline of"  # how the reason begins when hum could not be looked for
 # probability with which a baseline without hum would pass the variance test
 REFUSAL_P = 1e-3
 
@@ -164,7 +165,7 @@ def fit_hum(time_s: Array, force_n: Array, mains_hz: float | None = None) -> Hum
         )
 
     if length < 2.0 / min(nominal):
-        reason = f"baseline of {1e3 * length:.0f} ms is shorter than two periods of {min(nominal):g} Hz"
+        reason = f"{TOO_SHORT} {1e3 * length:.0f} ms is shorter than two periods of {min(nominal):g} Hz"
         return refused(reason, nominal[0], None, before, False)
 
     searched = length >= SEARCH_BASELINE_S * (1 - 1e-9)

@@ -16,6 +16,7 @@ from typing import Any
 import pandas as pd
 
 from validation.budget import representative
+from validation.diagnosis import wiring
 from validation.event import Event
 from validation.geometry import KEY, WHIPPEN
 from validation.key_lift import Lift, capstan_of, find_lifts
@@ -32,7 +33,7 @@ def find_marks(
     predictions: dict[int, TrialPrediction],
     events: dict[int, dict[str, Event]],
 ) -> dict[int, list[Lift]]:
-    """Marked intervals of every trial.
+    """Marked intervals of every trial; none in trials whose encoders are wired wrong.
 
     The rail's pull is looked up in the trial of median peak force, moved to each trial's own impact.
     """
@@ -54,8 +55,11 @@ def find_marks(
             by = 0.0
         return [replace(t, start_s=t.start_s + by, end_s=t.end_s + by) for t in pulls()]
 
-    found = {}
+    found: dict[int, list[Lift]] = {}
     for m in measured:
+        if wiring(m, predictions[m.number]):
+            found[m.number] = []
+            continue
         load = predictor.load(m.force.preload_n)
         angle = load.geometry.absolute({KEY: m.change_rad[:, 0], WHIPPEN: m.change_rad[:, 1]})
         found[m.number] = find_lifts(
@@ -74,15 +78,6 @@ def mark_table(marks: dict[int, list[Lift]]) -> pd.DataFrame:
     """Every marked interval."""
     rows = [{"trial": number, "channel": "key", **asdict(lift)} for number, lifts in marks.items() for lift in lifts]
     return pd.DataFrame(rows, columns=COLUMNS)
-
-
-def mark_warnings(marks: dict[int, list[Lift]]) -> list[str]:
-    """One line per marked interval."""
-    return [
-        f"trial {number}: key marked from {x.start_s:.4f} to {x.end_s:.4f} s and left out of the scores: {x.reason}"
-        for number, lifts in marks.items()
-        for x in lifts
-    ]
 
 
 def doubtful_events(events: dict[int, dict[str, Event]], marks: dict[int, list[Lift]]) -> dict[int, dict[str, Event]]:

@@ -18,6 +18,7 @@ import pandas as pd
 
 from validation.errors import TrialError
 from validation.geometry import ActionGeometry, Array
+from validation.hum import TOO_SHORT
 from validation.motion import Motion, motion_of
 from validation.signals import CorrectedForce, Quiet, correct_force, encoder_change, find_quiet
 
@@ -29,12 +30,16 @@ U_REST_LEVEL_M = 0.1e-3 / np.sqrt(3)
 
 @dataclass(frozen=True)
 class FilmAngles:
-    """Angles tracked on the film of one trial, relative to the whippen and to rest; NaN where lost."""
+    """Angles tracked on the film of one trial, relative to the whippen and to rest; NaN where lost.
+
+    ``whippen_rad`` is the whippen's own, where the film shows it: it tells the film's clock from the encoder's.
+    """
 
     time_s: Array
     change_rad: dict[str, Array]
     u_rad: dict[str, Array]
     u_time_s: float
+    whippen_rad: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -118,7 +123,7 @@ def measure(
         u_scale_relative=scale,
     )
     film, notes = _film(film_table, data, quiet)
-    if not force.hum.accepted:
+    if force.hum.reason.startswith(TOO_SHORT):
         notes.append(f"hum not subtracted: {force.hum.reason}")
     return Measurement(
         data.number,
@@ -148,7 +153,8 @@ def _film(table: pd.DataFrame | None, data: Any, quiet: Quiet) -> tuple[FilmAngl
     if not np.all(np.diff(time) > 0):
         raise TrialError("derived film angles: time_s must increase from row to row; track the film again")
     change = {name: table[f"{name}_relative_rad"].to_numpy(dtype=float) for name in FILM_CHANNELS}
-    u = {name: table[f"{name}_relative_u_rad"].to_numpy(dtype=float) for name in FILM_CHANNELS}
+    u = {name: table[_u_column(table, name)].to_numpy(dtype=float) for name in FILM_CHANNELS}
+    whippen = table["whippen_rad"].to_numpy(dtype=float) if "whippen_rad" in table else None
     notes = []
     if time[0] > quiet.end_s:
         notes.append(
@@ -160,4 +166,10 @@ def _film(table: pd.DataFrame | None, data: Any, quiet: Quiet) -> tuple[FilmAngl
         if lost:
             notes.append(f"film: {name} lost in {lost} of {time.size} frames")
     camera = getattr(data, "camera", None)
-    return FilmAngles(time, change, u, camera.u_time_s if camera is not None else 0.0), notes
+    return FilmAngles(time, change, u, camera.u_time_s if camera is not None else 0.0, whippen), notes
+
+
+def _u_column(table: pd.DataFrame, name: str) -> str:
+    """Uncertainty with camera, shutter and codec where the tracker states it, else of noise and reference alone."""
+    total = f"{name}_relative_u_total_rad"
+    return total if total in table else f"{name}_relative_u_rad"

@@ -44,6 +44,8 @@ class ValidationResult:
     marked : DataFrame
         Samples left out of the scores: trial, channel, start_s, end_s, largest_at_s, gap_m, lift_m, rail_pull_n,
         reason.
+    findings : DataFrame
+        Faults of the session that were recognised: kind, trial, channel, value, limit, text.
     channels : DataFrame
         One row per channel: channel, source, n_trials, rmse_rad (root mean square over trials), range_rad,
         rmse_over_range, s_r_rad, s_r_low_rad, s_r_high_rad, s_r_largest_rad, limit_rad, rmse_over_s_r,
@@ -87,6 +89,7 @@ class ValidationResult:
     scores: pd.DataFrame
     scorecard: pd.DataFrame
     marked: pd.DataFrame
+    findings: pd.DataFrame
     channels: pd.DataFrame
     events: pd.DataFrame
     event_summary: pd.DataFrame
@@ -115,6 +118,7 @@ class ValidationResult:
             "scores": self.scores,
             "scorecard": self.scorecard,
             "marked": self.marked,
+            "findings": self.findings,
             "channels": self.channels,
             "events": self.events,
             "event_summary": self.event_summary,

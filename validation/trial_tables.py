@@ -64,6 +64,7 @@ def trial_row(number: int, m: Measurement | None, reason: str, p: Prediction | N
         "hum_hz": hum.frequency_hz,
         "hum_searched": hum.frequency_searched,
         "hum_accepted": hum.accepted,
+        "hum_reason": hum.reason,
     }
     row |= {f"hum_{k}_n": a for k, a in enumerate(hum.amplitude_n, start=1)}
     row |= {f"hum_{k}_phase_rad": a for k, a in enumerate(hum.phase_rad, start=1)}

@@ -35,7 +35,7 @@ def small(make, tmp_path):
 def test_each_trial_is_driven_by_its_own_corrected_force_from_rest(small, make):
     session, truth = small
     predict = Counting()
-    result = compare_session(session, truth.action, predict=predict, rivals=(), budget=False)
+    result = compare_session(session, truth.action, predict=predict, rivals=(), budget=False, suspect=False)
     assert len(predict.calls) == 2
     for call, number in zip(predict.calls, (1, 2), strict=True):
         true = np.interp(call.time_s, truth.time_s, truth.force_n[number])
@@ -54,8 +54,8 @@ def test_each_trial_is_driven_by_its_own_corrected_force_from_rest(small, make):
 def test_an_unchanged_trial_is_not_simulated_again(small):
     session, truth = small
     predict = Counting()
-    first = compare_session(session, truth.action, predict=predict, rivals=(), budget=False)
-    again = compare_session(session, truth.action, predict=predict, rivals=(), budget=False)
+    first = compare_session(session, truth.action, predict=predict, rivals=(), budget=False, suspect=False)
+    again = compare_session(session, truth.action, predict=predict, rivals=(), budget=False, suspect=False)
     assert len(predict.calls) == 2
     assert not first.trials["reused"].any()
     assert again.trials["reused"].all()
@@ -66,8 +66,8 @@ def test_an_unchanged_trial_is_not_simulated_again(small):
 def test_what_a_prediction_depends_on_makes_it_anew(small):
     session, truth = small
     predict = Counting()
-    compare_session(session, truth.action, predict=predict, rivals=(), budget=False)
-    compare_session(session, truth.action, predict=predict, tolerance=1e-6, rivals=(), budget=False)
+    compare_session(session, truth.action, predict=predict, rivals=(), budget=False, suspect=False)
+    compare_session(session, truth.action, predict=predict, tolerance=1e-6, rivals=(), budget=False, suspect=False)
     assert len(predict.calls) == 4
     compare_session(
         session,
@@ -76,18 +76,21 @@ def test_what_a_prediction_depends_on_makes_it_anew(small):
         tolerance=1e-6,
         rivals=(),
         budget=False,
+        suspect=False,
     )
     assert len(predict.calls) == 6
-    compare_session(session, truth.action, predict=predict, keep_predictions=False, rivals=(), budget=False)
+    compare_session(
+        session, truth.action, predict=predict, keep_predictions=False, rivals=(), budget=False, suspect=False
+    )
     assert len(predict.calls) == 8
 
 
 def test_a_damaged_prediction_is_made_again(small):
     session, truth = small
     predict = Counting()
-    compare_session(session, truth.action, predict=predict, rivals=(), budget=False)
+    compare_session(session, truth.action, predict=predict, rivals=(), budget=False, suspect=False)
     session.derived_path("prediction", 1).write_bytes(b"not a file")
-    result = compare_session(session, truth.action, predict=predict, rivals=(), budget=False)
+    result = compare_session(session, truth.action, predict=predict, rivals=(), budget=False, suspect=False)
     assert len(predict.calls) == 3
     assert list(result.trials["reused"]) == [False, True]
 
@@ -96,7 +99,7 @@ def test_a_prediction_that_cannot_be_kept_is_said_and_used(small):
     session, truth = small
     (session.path / "derived").rename(session.path / "elsewhere")
     (session.path / "derived").write_text("a file where a folder is needed")
-    result = compare_session(session, truth.action, predict=Counting(), rivals=(), budget=False)
+    result = compare_session(session, truth.action, predict=Counting(), rivals=(), budget=False, suspect=False)
     assert any("prediction not kept" in text for text in result.warnings)
     assert np.isfinite(result.channels.set_index("channel").loc["key", "rmse_rad"])
 
@@ -104,7 +107,7 @@ def test_a_prediction_that_cannot_be_kept_is_said_and_used(small):
 def test_a_prediction_of_the_wrong_shape_is_refused(small):
     session, truth = small
     with pytest.raises(PredictionError, match=r"prediction has shape \(\d+, 3\), expected \(\d+, 5\)"):
-        compare_session(session, truth.action, predict=Counting(shape=3), rivals=(), budget=False)
+        compare_session(session, truth.action, predict=Counting(shape=3), rivals=(), budget=False, suspect=False)
 
 
 def test_predicted_angles_between_samples_follow_angles_and_speeds():
@@ -130,13 +133,13 @@ def test_the_hash_of_an_action_knows_values_and_structure(recorded):
 def test_rivals_are_driven_by_their_own_force_kept_and_scored_beside_the_model(small):
     session, truth = small
     predict = Counting()
-    first = compare_session(session, truth.action, predict=predict, budget=False)
+    first = compare_session(session, truth.action, predict=predict, budget=False, suspect=False)
     assert len(predict.calls) == 4
     model_call, raw_call = predict.calls[:2]
     np.testing.assert_array_equal(raw_call.time_s, session.trials[0].read().time_s)
     np.testing.assert_array_equal(raw_call.force_n, session.trials[0].read().force_n)
     assert not np.array_equal(raw_call.force_n, model_call.force_n)
-    again = compare_session(session, truth.action, predict=predict, budget=False)
+    again = compare_session(session, truth.action, predict=predict, budget=False, suspect=False)
     assert len(predict.calls) == 4
     card = first.scorecard.set_index(["channel", "score"])
     assert again.scorecard.equals(first.scorecard)
@@ -163,7 +166,7 @@ def test_a_rival_that_fails_is_named_and_takes_nothing_along(small, monkeypatch)
         raise StaticsError("does not balance")
 
     monkeypatch.setattr(null_model, "simulate", fails)
-    result = compare_session(session, truth.action, predict=Counting(), budget=False)
+    result = compare_session(session, truth.action, predict=Counting(), budget=False, suspect=False)
     assert "trial 1: null not predicted: does not balance" in result.warnings
     assert result.scorecard["null"].isna().all()
     assert result.scorecard["model"].notna().any()
@@ -181,6 +184,8 @@ def test_a_trial_the_model_cannot_predict_is_named_and_the_rest_is_compared(smal
             raise IntegrationError("simulation stopped at t = 0.4 s")
         return good(action, time_s, force_n, **options)
 
-    result = compare_session(session, truth.action, predict=predict, rivals=(), budget=False, keep_predictions=False)
+    result = compare_session(
+        session, truth.action, predict=predict, rivals=(), budget=False, suspect=False, keep_predictions=False
+    )
     assert list(result.traces) == [2]
     assert "not predicted: simulation stopped at t = 0.4 s" in result.trials.set_index("trial").loc[1, "reason"]

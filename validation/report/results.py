@@ -8,7 +8,8 @@ Schema ``piano-action-rig results 1``; SI units and radians; a value that does n
 - ``window``: start_s, end_s, start_rule, end_rule
 - ``tables``: name → list of rows, each a mapping of column → value.  Columns are those of `ValidationResult`:
   ``trials``, ``scores``, ``channels``, ``events``, ``event_summary``, ``event_repeatability``,
-  ``budget``, ``scorecard``, ``marked``, ``uncertainty``
+  ``budget``, ``scorecard``, ``marked``, ``findings``,
+  ``uncertainty``
 - ``event_definitions``: event → title, unit, definition
 - ``provenance``: hashes, versions, tolerance_rad, rules
 

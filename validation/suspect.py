@@ -1,0 +1,112 @@
+"""Which friction of the model is wrong, if one is: the single coefficient whose change explains the difference best.
+
+Place in the data flow: one trial without other faults, run again with changed friction → here → findings.
+Conventions: differences of key, whippen and hammer angles in units of each channel's range, before the release only.
+Source: Gauss–Newton on one parameter at a time, in its logarithm; the change is then checked by a run.
+Failure: no finding when the difference is small, or no single coefficient takes nearly all of it away.  A finding is a
+suspicion: other errors of the model can look like friction.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable
+from typing import Any
+
+import numpy as np
+
+from validation.diagnosis import Finding
+from validation.geometry import Array
+from validation.measurement import ENCODER_CHANNELS, Measurement
+from validation.prediction import BODIES
+from validation.predictor import Predictor
+
+STEP = 0.1  # of the logarithm
+LARGEST_FACTOR = 4.0
+ROUNDS = 4
+SMALLEST_DIFFERENCE = 4e-3  # of the range, root mean square
+TAKES_AWAY = 0.95  # of the squared difference: with less, several things differ, and naming one would mislead
+
+
+def wrong_friction(
+    predictor: Predictor, m: Measurement, until_s: float, *, run: Callable[..., Iterable[Any]] = map
+) -> list[Finding]:
+    """Suspect the one friction coefficient that explains the difference between model and trial.
+
+    Parameters
+    ----------
+    predictor : Predictor
+    m : Measurement
+        A trial without other faults.
+    until_s : float
+        End of what is looked at: the release, after which differences grow of themselves.
+    run : callable
+        ``map``, or the ``map`` of an executor.
+    """
+    from model.errors import ModelError
+
+    force = m.force
+    time = m.time_s[(m.time_s >= force.time_s[0]) & (m.time_s <= min(force.time_s[-1], until_s))]
+    inside = np.isin(m.time_s, time)
+    trial = m.change_rad[inside]
+    extent = np.ptp(trial, axis=0)
+    if time.size < 10 or not np.all(extent > 0):
+        return []
+    order = [BODIES.index(name) for name in ENCODER_CHANNELS]
+
+    def residual(changed: dict[str, float]) -> Array | None:
+        try:
+            action = predictor.action.with_values(changed) if changed else predictor.action
+            rest = predictor.load_of(action, force.preload_n).rest
+            found = predictor.simulate(
+                action, force.time_s, force.force_n, tolerance=predictor.tolerance, output_time_s=time, initial=rest
+            )
+        except ModelError:
+            return None
+        change = np.asarray(found.angle_rad, dtype=float)[:, order] - np.asarray(rest.angle_rad)[order]
+        return np.asarray((change - trial) / extent).ravel()
+
+    start = residual({})
+    if start is None or math.sqrt(float(np.mean(start**2))) < SMALLEST_DIFFERENCE:
+        return []
+    paths = [p for p, q in sorted(predictor.action.quantities.items()) if p.endswith("friction.A") and q.value > 0]
+    stepped = list(run(residual, [{p: predictor.action[p] * math.exp(STEP)} for p in paths]))
+    taken = {}
+    for path, moved in zip(paths, stepped, strict=True):
+        if moved is not None:
+            slope = (moved - start) / STEP
+            taken[path] = float((slope @ start) ** 2 / ((slope @ slope) * (start @ start))) if slope.any() else 0.0
+    best: tuple[float, str, float] = (0.0, "", 1.0)
+    for path in sorted(taken, key=lambda p: -taken[p])[:3]:
+        factor, share = _follow(residual, path, predictor.action[path], start)
+        best = max(best, (share, path, factor))
+    share, path, factor = best
+    if share < TAKES_AWAY:
+        return []
+    text = (
+        f"model: {path} = {predictor.action[path]:.3g} is suspected: {factor:.2f} times as much takes away "
+        f"{100 * share:.0f} % of the squared difference from trial {m.number} until the release; measure this friction"
+    )
+    return [Finding("wrong friction", float("nan"), path, factor, 1.0, text)]
+
+
+def _follow(
+    residual: Callable[[dict[str, float]], Array | None], path: str, value: float, start: Array
+) -> tuple[float, float]:
+    """Factor on one parameter that leaves the smallest difference, and the share of its square taken away."""
+    at, here = 0.0, start
+    for _ in range(ROUNDS):
+        moved = residual({path: value * math.exp(at + STEP)})
+        if moved is None:
+            break
+        slope = (moved - here) / STEP
+        step = -float(slope @ here) / float(slope @ slope) if slope.any() else 0.0
+        limit = math.log(LARGEST_FACTOR)
+        new = min(max(at + step, -limit), limit)
+        there = residual({path: value * math.exp(new)})
+        if there is None or float(there @ there) >= float(here @ here):
+            break
+        at, here = new, there
+        if abs(step) < 0.01:
+            break
+    return math.exp(at), 1 - float(here @ here) / float(start @ start)
