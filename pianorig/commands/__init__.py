@@ -9,6 +9,7 @@ from typing import Any
 NAMES = (
     "demo",
     "record",
+    "learn",
     "recover",
     "track",
     "calibrate-camera",

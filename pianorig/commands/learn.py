@@ -1,0 +1,89 @@
+"""``pianorig learn``: make the motor reproduce a recorded force."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def command(
+    forces: Annotated[list[Path], typer.Argument(help="Recorded forces: CSV, LVM, TDMS, HDF5 or a sealed trial.")],
+    out: Annotated[Path, typer.Option("--out", help="Folder to create; one folder per force inside it.")],
+    rig: Annotated[str, typer.Option("--rig", help="Built-in rig or a TOML file.")] = "virtual",
+    backend: Annotated[str, typer.Option("--backend", help="sim://, ni://local or ni-grpc://host:31763.")] = "sim://",
+    blows: Annotated[int, typer.Option("--blows", help="Blows at most, for each force.")] = 8,
+    goal: Annotated[float, typer.Option("--goal", help="RMS error before key bottom, of the peak there.")] = 0.03,
+    scale: Annotated[float, typer.Option("--scale", help="Newtons the motor shall do per unit recorded.")] = 1.0,
+    channel: Annotated[str, typer.Option("--channel", help="Name of the force in the file.")] = "force_n",
+    time: Annotated[
+        str, typer.Option("--time", help="Name of the times, s; unused where the file has a rate.")
+    ] = "time_s",
+    key_bottom: Annotated[
+        float | None, typer.Option("--key-bottom", help="Time of key bottom in the recording, s; else it is found.")
+    ] = None,
+    operator: Annotated[str, typer.Option("--operator", help="Who records.")] = "unknown",
+    yes: Annotated[
+        bool, typer.Option("--yes", help="On ni*://: do not ask, where safety.allow_yes of the rig file permits.")
+    ] = False,
+    selftest: Annotated[
+        Path, typer.Option("--selftest", help="On ni*://: record of a self-test, or the folder of them.")
+    ] = Path("selftests"),
+    as_json: Annotated[bool, typer.Option("--json", help="Print a JSON summary.")] = False,
+) -> None:
+    """Learn motor profiles whose measured force follows recorded ones, by a few blows on the bench.
+
+    Example:  pianorig learn pianist_forte.csv --out learned/forte
+              pianorig record --profile learned/forte/profile.toml
+    """
+    from rig.config import load_rig
+
+    from ..asking import type_answer
+    from ..errors import InputError
+    from ..learning import learn_profile, load_target, summary
+    from ..learning_figures import draw_recorded
+    from ..output import print_json
+    from ..progress import say
+
+    if len({path.stem for path in forces}) < len(forces):
+        raise InputError("two forces have the same name; their folders would be the same")
+    if key_bottom is not None and len(forces) > 1:
+        raise InputError("--key-bottom: allowed with one force at a time")
+    rate = load_rig(rig).config.device.sample_rate_hz
+    targets = [
+        load_target(path, rate, force_channel=channel, time_channel=time, scale=scale, key_bottom_s=key_bottom)
+        for path in forces
+    ]
+    results = []
+    for target in targets:
+        folder = out if len(targets) == 1 else out / target.name
+        learned = learn_profile(
+            target,
+            folder,
+            rig=rig,
+            backend=backend,
+            blows=blows,
+            goal=goal,
+            operator=operator,
+            progress=lambda blow: say(f"blow {blow.number}: {100 * blow.error:.2f} % RMS of the peak", quiet=as_json),
+            yes=yes,
+            ask=type_answer,
+            selftests=selftest,
+        )
+        results.append({**summary(learned), "profile": folder / "profile.toml"})
+    draw_recorded(out / "recorded_forces.png", targets)
+    if as_json:
+        print_json({"out": out, "learned": results})
+    else:
+        for entry in results:
+            print(
+                f"{entry['target']}: {entry['rms_percent_of_peak']:.2f} % RMS of the peak before key bottom "
+                f"(blow {entry['best_blow']}); profile: {entry['profile']}"
+            )
+    late = [entry for entry in results if not entry["follows"]]
+    if late:
+        raise InputError(
+            f"{late[0]['target']}: {late[0]['rms_percent_of_peak']:.2f} % after {len(late[0]['rms_percent_by_blow'])} "
+            f"blows, goal {100 * goal:g} %; the best profile was written, more --blows may help"
+        )

@@ -1,0 +1,192 @@
+"""The force that shall be reproduced: a recorded blow on the rig's sample clock, and where its key reaches bottom.
+
+Place in the data flow: channels of a recording → target of learning. Time zero is `LEAD_S` before the force first
+rises; the resting force before that is subtracted; the force ends at zero. Key bottom is the foot of the steepest rise
+(thesis Figs 3.6 to 3.8: the force rises gradually, then spikes at key bottom), or is given. What comes behind it in
+the command is the held force without the spike, since arm and finger differ there.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig.errors import InputError
+
+LEAD_S = 0.05
+"""Time before the force rises, as in the thesis's profiles."""
+QUIET_S = 0.01
+"""The recording must begin with so much rest, s."""
+ONSET = 0.02
+"""The force has risen when it has left its rest by this part of the peak before key bottom."""
+SMOOTH_S = 0.001
+SPIKE = 4.0
+"""A rise is the spike at key bottom when it is so many times steeper than the rise before it (median)."""
+FIRST = 0.3
+"""Part of the steepest slope that the first spike has at least."""
+SPIKE_S = 0.06
+RELEASE_S = 0.02
+
+
+@dataclass(frozen=True, eq=False)
+class Target:
+    """A force to reproduce.
+
+    Attributes
+    ----------
+    name : str
+    time_s, force_n : ndarray, shape (n,)
+        On the sample clock, from `LEAD_S` before the onset, N.
+    command_n : ndarray, shape (n,)
+        First command: the same without the spike at key bottom.
+    onset_s, bottom_s : float
+        When the force rises, when the key reaches bottom.
+    rest_n : float
+        Resting force that was subtracted, N (scaled).
+    """
+
+    name: str
+    time_s: NDArray[np.float64]
+    force_n: NDArray[np.float64]
+    command_n: NDArray[np.float64]
+    onset_s: float
+    bottom_s: float
+    rest_n: float
+
+    @property
+    def peak_n(self) -> float:
+        """Largest force before key bottom, N."""
+        return float(np.max(self.force_n[self.time_s <= self.bottom_s]))
+
+
+def make_target(
+    name: str,
+    force_n: NDArray[np.float64],
+    interval_s: float,
+    sample_rate_hz: float,
+    *,
+    scale: float = 1.0,
+    key_bottom_s: float | None = None,
+) -> Target:
+    """Put a recorded force on the rig's sample clock.
+
+    Parameters
+    ----------
+    force_n : ndarray, shape (m,)
+        Recorded force, positive downwards.
+    interval_s : float
+        Its sample interval, s.
+    sample_rate_hz : float
+        The rig's.
+    scale : float
+        Factor on the force: what the motor shall do of what the pianist did.
+    key_bottom_s : float, optional
+        Time of key bottom in the recording; found by itself when not given.
+
+    Raises
+    ------
+    InputError
+        When the recording does not begin at rest, holds no blow, or has no spike at key bottom.
+    """
+    if not (np.isfinite(scale) and scale > 0):
+        raise InputError(f"{name}: scale = {scale:g}, allowed above 0")
+    if interval_s > 0.005:
+        raise InputError(f"{name}: sampled every {interval_s:g} s, allowed at most every 0.005 s")
+    if force_n.size * interval_s > 60:
+        raise InputError(f"{name}: lasts {force_n.size * interval_s:.3g} s, allowed at most 60 s; cut out one blow")
+    on_clock = scale * _resampled(force_n, interval_s, sample_rate_hz)
+    quiet = max(int(round(QUIET_S * sample_rate_hz)), 2)
+    if on_clock.size < 5 * quiet:
+        raise InputError(f"{name}: lasts {on_clock.size / sample_rate_hz:.3g} s, allowed from {5 * QUIET_S:g} s")
+    rest_n = float(np.mean(on_clock[:quiet]))
+    force = on_clock - rest_n
+    highest = float(np.max(force))
+    line = np.polynomial.polynomial.Polynomial.fit(np.arange(quiet), force[:quiet], 1)
+    noise = 4 * float(np.std(force[:quiet] - line(np.arange(quiet))))
+    drift = abs(float(line(quiet - 1) - line(0)))
+    if highest <= 0 or np.max(np.abs(force[:quiet])) > 0.05 * highest or drift > max(0.01 * highest, noise):
+        raise InputError(f"{name}: does not begin with {QUIET_S:g} s of rest before a push; cut the recording earlier")
+    if key_bottom_s is None:
+        bottom = key_bottom(force, sample_rate_hz)
+        if bottom is None:
+            raise InputError(f"{name}: no spike at key bottom was found; say when it is with --key-bottom SECONDS")
+    else:
+        bottom = int(round(key_bottom_s * sample_rate_hz))
+        if not quiet < bottom < force.size:
+            raise InputError(
+                f"{name}: key bottom at {key_bottom_s:g} s, allowed {QUIET_S:g} to {force.size / sample_rate_hz:g} s"
+            )
+    peak = float(np.max(force[:bottom]))
+    if peak <= 0:
+        raise InputError(f"{name}: no push before key bottom at {bottom / sample_rate_hz:.4f} s")
+    above = np.flatnonzero(force[: bottom + 1] > ONSET * peak)
+    above = above[force[above] > noise]
+    if not above.size:
+        raise InputError(f"{name}: the push before key bottom does not rise above the noise, {noise:.3g} N")
+    onset = int(above[0])
+    while onset > 0 and max(noise, 0.0) < force[onset - 1] < force[onset]:
+        onset -= 1
+    return _cut(name, force, rest_n, onset, bottom, sample_rate_hz)
+
+
+def _resampled(force_n: NDArray[np.float64], interval_s: float, rate_hz: float) -> NDArray[np.float64]:
+    """Linear between samples; a faster recording is averaged over each interval of the clock."""
+    time_s = np.arange(force_n.size) * interval_s
+    n = int(np.floor(time_s[-1] * rate_hz + 1e-6)) + 1
+    wanted = np.arange(n) / rate_hz
+    if interval_s * rate_hz > 0.75:
+        return np.interp(wanted, time_s, force_n)
+    area = np.concatenate(([0.0], np.cumsum(0.5 * (force_n[1:] + force_n[:-1]) * interval_s)))
+    half = 0.5 / rate_hz
+    low, high = np.clip(wanted - half, 0, time_s[-1]), np.clip(wanted + half, 0, time_s[-1])
+    # the area is quadratic between samples: a linear look-up errs by less than an interval's own change
+    return (np.interp(high, time_s, area) - np.interp(low, time_s, area)) / (high - low)
+
+
+def key_bottom(force_n: NDArray[np.float64], rate_hz: float) -> int | None:
+    """Return the sample at the foot of the spike at key bottom; None when no rise stands out."""
+    width = max(int(round(SMOOTH_S * rate_hz)), 1)
+    smooth = np.convolve(np.pad(force_n, (width, width), mode="edge"), np.ones(width) / width, "same")[width:-width]
+    slope = np.gradient(smooth) * rate_hz
+    # the first of the steep rises: a check that catches the hammer, or a bounce, may be steeper than key bottom
+    steep = int(np.argmax(slope > FIRST * slope.max())) if slope.max() > 0 else 0
+    top = steep + int(np.argmax(slope[steep : steep + 4 * width]))
+    rise = np.flatnonzero(smooth[:top] > 0.05 * smooth[top])
+    start = int(rise[0]) if rise.size else top
+    before = slope[start:top]
+    gentle = float(np.median(before[before > 0])) if np.any(before > 0) else 0.0
+    if top - start < 4 * width or slope[top] < SPIKE * gentle:
+        return None
+    # the foot: where the slope last was near that of the rise
+    foot = top
+    while foot > start and slope[foot] > gentle + 0.15 * (slope[top] - gentle):
+        foot -= 1
+    return foot
+
+
+def _cut(name: str, force: NDArray[np.float64], rest_n: float, onset: int, bottom: int, rate_hz: float) -> Target:
+    held = force.copy()
+    after = min(bottom + int(SPIKE_S * rate_hz), force.size - 1)
+    level = float(np.median(force[after : after + max(int(0.02 * rate_hz), 1)]))
+    held[bottom : after + 1] = np.interp(np.arange(bottom, after + 1), [bottom, after], [force[bottom], level])
+    width = max(int(0.005 * rate_hz), 1)
+    kernel = np.hanning(2 * width + 3)[1:-1]
+    smooth = np.convolve(np.pad(held, width, mode="edge"), kernel / kernel.sum(), "valid")
+    held[bottom:] = smooth[bottom:]
+    significant = np.flatnonzero(np.abs(held) > ONSET * np.max(force[: bottom + 1]))
+    end = min(int(significant[-1]) + 1, force.size)
+    lead, tail = int(round(LEAD_S * rate_hz)), max(int(round(RELEASE_S * rate_hz)), 1)
+    shown = np.concatenate((np.zeros(lead), force[onset:], np.zeros(tail)))[: lead + end - onset + tail]
+    command = np.concatenate((np.zeros(lead), held[onset:end], held[end - 1] * np.linspace(1, 0, tail + 1)[1:]))
+    n = min(shown.size, command.size)
+    return Target(
+        name=name,
+        time_s=np.arange(n) / rate_hz,
+        force_n=shown[:n],
+        command_n=command[:n],
+        onset_s=lead / rate_hz,
+        bottom_s=(lead + bottom - onset) / rate_hz,
+        rest_n=rest_n,
+    )
