@@ -102,6 +102,8 @@ def print_inside(seen: Inside, words: dict[str, str]) -> None:
             f"{title:<34}{seen.largest_normal_n[i]:>10.2f}"
             f"{1e3 * seen.slid_m[-1, i]:>11.3f}{1e3 * seen.rubbed_j[-1, i]:>13.4f}{1e3 * seen.felt_j[-1, i]:>9.4f}"
         )
+    for tip_n, tip_j in zip(seen.tip_n.T, seen.tip_j.T, strict=True):
+        print(f"{'tip of the motor arm':<34}{tip_n.max(initial=0.0):>10.2f}{'':>11}{'':>13}{1e3 * tip_j[-1]:>9.4f}")
     joints = ", ".join(f"{body} {1e3 * seen.joint_j[-1, i]:.4f}" for i, body in enumerate(seen.bodies))
     print(f"joints, friction mJ: {joints}")
     for one in seen.key_tensions():
