@@ -64,18 +64,17 @@ class SceneChoice:
         return "torque_nm" if "motor_arm" in self.effects else "force_n"
 
     def on(self, action: Action) -> Action:
-        """The action with this scene's values; what the user has set by path stays.
+        """The action with this scene's values; what the user has set by path stays."""
+        return action.with_effects({path: value for path, value in self.values if path not in action.changed})
 
-        Raises ``InputError`` where a value is set for an effect that the scene does not have: it would change nothing.
-        """
+    def check(self, action: Action) -> None:
+        """Refuse a value set for an effect that the scene does not have: it would change nothing."""
         for path in action.changed:
             effect = effect_of(path)
             if effect is not None and effect not in self.effects:
                 raise InputError(
                     f"{path} is set but the scene has no {effect}; choose a scene with it (effects = [{effect!r}])"
                 )
-        wanted = {path: value for path, value in self.values if action.changed.get(path, value) == value}
-        return action.with_values(wanted) if wanted else action
 
 
 SCENES = {

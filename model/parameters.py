@@ -73,6 +73,14 @@ class Action:
         _check_shapes(quantities, where)
         return replace(self, quantities=quantities, changed=changed, effects=effects)
 
+    def with_effects(self, values: Mapping[str, float]) -> Action:
+        """Return a copy with a scene's values for its effects, path -> value; not counted as changed by the user."""
+        effects = dict(self.effects)
+        for path, value in values.items():
+            number = check_value(path, value, "scene")
+            effects[path] = replace(effects[path], value=number, source=f"set to {number:g} by the scene")
+        return replace(self, effects=effects)
+
     def content(self) -> str:
         """All values as text in a fixed order, for hashing; of effects, those that are not the default."""
         usual = effect_defaults()

@@ -128,6 +128,7 @@ def build_scene(action: Action, choice: SceneChoice | None = None, key_motion: K
     Driven by a force on the key, by the torque of the motor where the choice has one, or by the motion of the key.
     """
     choice = SceneChoice() if choice is None else choice
+    choice.check(action)
     bodies = _coordinates(choice, key_motion)
     parent = [_parent(action, bodies, b) for b in bodies]
     n, key, motor = len(bodies), bodies.index("key"), MOTOR in bodies

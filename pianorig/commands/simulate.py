@@ -121,6 +121,7 @@ def command(
             "tolerance_rad": tolerance,
             "method": method,
             "scene": scene,
+            "effects": ", ".join([*choice.effects, *(f"{k}={v!r}" for k, v in choice.values)]),
             "force_table": str(force),
         }
         | ({} if seen is None else lift_attributes(seen)),
