@@ -7,15 +7,20 @@ Every method gets the same MRAW film (whippen, jack and repetition lever of a bl
 blur, 120 Hz flicker, noise of 2 grey), the same outlines, the same averaged still picture, and reads the film
 from disk itself. Printed per texture: RMS error of the angles (jack and repetition lever relative to the
 whippen), its ratio to the Cramer-Rao bound, frames per second for the three bodies together, frames lost. The
-last lines check our own figures; the exit code is 1 if one fails.
+last lines check our own figures; the exit code is 1 if one fails. pyIDI's rigid DIC is a row where it is installed.
 
-The truth is the mean of each angle over the exposure, known by construction. `--frames` shorter than 300 cuts
+Then: one body of 10,000 pixels, free and with 30 % of it hidden, against the Cramer-Rao bound of the pixels in
+sight; many films, raw and as MJPEG of quality 95, for coverage; a region against full frames of a large film.
+
+Rates are frames per CPU second with OpenCV on one thread. The truth is the mean of each angle over the
+exposure, known by construction. `--frames` shorter than 300 cuts
 the blow.
 """
 
 from __future__ import annotations
 
 import argparse
+import importlib.util
 import sys
 import tempfile
 import time
@@ -25,6 +30,7 @@ from typing import Any
 
 import cv2
 import numpy as np
+import tracking_cases
 from numpy.typing import NDArray
 
 from rig.simulated.camera import CameraSettings, FilmTruth, film_bodies, film_trial
@@ -127,6 +133,25 @@ def by_templates(film: Film, templates: list[Template], picture: NDArray[np.uint
     return phi
 
 
+def by_pyidi(film: Film, templates: list[Template], picture: NDArray[np.uint8]) -> NDArray[np.float64]:
+    """pyIDI's DIC with a rigid warp (1.4 or later) on the box around each body; it knows rectangles only."""
+    import pyidi
+
+    frames = np.stack([film.read(i) for i in range(film.n_frames)])
+    phi = np.full((film.n_frames, len(templates)), np.nan)
+    with tempfile.TemporaryDirectory() as folder:
+        for i, template in enumerate(templates):
+            left, right, top, bottom = template.box_px
+            size = [2 * int(min(-low, high)) - 1 for low, high in ((top, bottom), (left, right))]
+            x, y = np.rint(template.centre_px).astype(int)
+            dic = pyidi.DIC(pyidi.VideoReader(input_file=frames, root=folder))
+            dic.set_points(points=np.array([[y, x]]))
+            dic.configure(roi_size=size, warp="rigid", verbose=0, show_pbar=False)
+            dic.get_displacements(autosave=False)
+            phi[:, i] = dic.warp_params[0, :, 2]
+    return phi
+
+
 def peak(score: NDArray[Any], at: int) -> float:
     """Fraction of a pixel by which a parabola through three scores peaks beside the highest."""
     if not 0 < at < score.size - 1:
@@ -153,9 +178,9 @@ def measure(path: Path, truth: FilmTruth, settings: CameraSettings) -> tuple[lis
     for name, method in (("ours, IC-GN with weights", "icgn"), ("OpenCV ECC with mask", "ecc")):
         # compile outside the clock; a second run reads a film that is in the page cache, as for all methods
         track_film(path, bodies, frame_time_s, method=method, every=max(1, len(true) // 4), n_still=N_STILL)
-        start = time.perf_counter()
+        start = time.process_time()
         result = track_film(path, bodies, frame_time_s, method=method, n_still=N_STILL)
-        elapsed = time.perf_counter() - start
+        elapsed = time.process_time() - start
         angle = result.angle_rad.copy()
         angle[:, 1:] -= angle[:, :1]
         rows.append((name, angle - true, len(true) / elapsed, result.failed.sum(axis=0)))
@@ -169,14 +194,63 @@ def measure(path: Path, truth: FilmTruth, settings: CameraSettings) -> tuple[lis
         ("LK on turned-back frame", by_lucas_kanade),
         ("template match, 2 x 31 px", by_templates),
     ]
+    if importlib.util.find_spec("pyidi") is not None:
+        others.append(("pyIDI rigid DIC", by_pyidi))
     for name, method_of in others:
-        start = time.perf_counter()
+        start = time.process_time()
         with open_film(path) as film:
-            reference, templates = prepare(film, bodies, N_STILL)
-            phi = method_of(film, templates, np.clip(np.rint(reference.picture), 0, 255).astype(np.uint8))
-        elapsed = time.perf_counter() - start
+            ready = prepare(film, bodies, N_STILL)
+            phi = method_of(film, ready.templates, np.clip(np.rint(ready.reference.picture), 0, 255).astype(np.uint8))
+        elapsed = time.process_time() - start
         rows.append((name, angles_of(phi) - true, len(true) / elapsed, np.isnan(phi).sum(axis=0)))
     return rows, figures
+
+
+def one_body_rows() -> list[str]:
+    """Print one body of 10,000 pixels; claims that fail."""
+    failures = []
+    print("\none body alone, weights on; RMS over the Cramer-Rao bound of the pixels in sight")
+    print("  texture    hidden  pixels  RMS mdeg   ratio   cover     z  frames/s  lost")
+    for texture, least in (("speckle", 1000.0), ("wood", 600.0)):
+        for cover_px in (0, 42):
+            row = tracking_cases.one_body(texture, cover_px)
+            print(
+                f"  {texture:9s}{row['hidden']:8.2f}{row['pixels']:8.0f}{row['rms_mdeg']:10.2f}{row['ratio']:8.3f}"
+                f"{row['cover95']:8.3f}{row['z_std']:6.2f}{row['frames_per_s']:10.0f}{row['lost']:6.0f}"
+            )
+            if row["ratio"] > 1.15 or row["lost"]:
+                failures.append(f"one body, {texture}, {row['hidden']:.2f} hidden: ratio at most 1.15, none lost")
+            if cover_px == 0 and row["frames_per_s"] < least:
+                failures.append(f"one body, {texture}: {least:.0f} frames/s")
+    return failures
+
+
+def film_rows(count: int, blow_of: Callable[[NDArray[np.float64]], NDArray[np.float64]]) -> list[str]:
+    """Print coverage over many films, raw and MJPEG; claims that fail."""
+    failures = []
+    print(f"\n{count} films of three bodies, whippen and relative angles")
+    for name, quality in (("raw", None), ("MJPEG q95", 95)):
+        coverage, spread, largest, total = tracking_cases.many_films(count, 220, blow_of, REST, quality)
+        print(
+            f"  {name:10s}{total} frames: 95 % interval covers {coverage:.3f}, error/uncertainty spreads {spread:.3f}, "
+            f"largest error without a flag {largest:.1f} mdeg"
+        )
+        if not (0.93 <= coverage <= 0.97 and 0.9 <= spread <= 1.1):
+            failures.append(f"{name}: coverage 0.93 to 0.97, spread 0.9 to 1.1")
+        if largest > 50.0:
+            failures.append(f"{name}: no error above 50 mdeg without a flag")
+    return failures
+
+
+def reading_rows() -> list[str]:
+    """Print region against full-frame reading; claims that fail."""
+    row = tracking_cases.region_reading()
+    print(
+        f"\nreading 1280 x 1024, 12 bit, warm: full frame {row['full_ms']:.2f} ms ({row['frame_bytes']:.0f} bytes), "
+        f"220 x 220 {row['region_ms']:.3f} ms ({row['region_bytes']:.0f} bytes of pixels in rows of "
+        f"{row['row_bytes']:.0f} bytes): {row['times_faster']:.0f} times faster"
+    )
+    return [] if row["times_faster"] >= 10.0 and row["same"] else ["region at least 10 times faster, and the same"]
 
 
 def main() -> int:
@@ -184,16 +258,18 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--frames", type=int, default=600)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--films", type=int, default=24, help="films for the coverage rows")
     arguments = parser.parse_args()
+    cv2.setNumThreads(1)
     failures = []
     for texture in ("wood", "speckle"):
         settings = CameraSettings(texture=texture)
         times = 62.5e-6 + np.arange(arguments.frames) / settings.frame_rate_hz
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / "film.mraw"
-            start = time.perf_counter()
+            start = time.process_time()
             truth = film_trial(path, times, blow, settings=settings, seed=arguments.seed)
-            rendering = arguments.frames / (time.perf_counter() - start)
+            rendering = arguments.frames / (time.process_time() - start)
             bound = np.degrees(truth.relative_crlb_rad) * 1e3
             size = f"{settings.width} x {settings.height}"
             print(f"\n{texture}: {arguments.frames} frames {size}, rendered at {rendering:.0f}/s")
@@ -212,16 +288,17 @@ def main() -> int:
         ratio = np.sqrt(np.mean(error**2, axis=0)) / truth.relative_crlb_rad
         checks = {
             "no frame lost": bool(lost.sum() == 0),
-            "every angle within 1.5 of the bound": bool(np.all(ratio <= 1.5)),
+            "every angle within 1.15 of the bound": bool(np.all(ratio <= 1.15)),
             "no angle better than the bound allows": bool(np.all(ratio >= 0.9)),
-            "95 % interval covers .90 to .99": 0.90 <= figures["coverage"] <= 0.99,
-            "at least 200 frames/s for three bodies": rate >= 200.0,
+            "95 % interval covers .92 to .98": 0.92 <= figures["coverage"] <= 0.98,
+            "at least 400 frames/s for three bodies": rate >= 400.0,
             "no other method is more accurate": all(
                 np.nanmean(other[1][:, 1] ** 2) > 0.98 * np.mean(error[:, 1] ** 2) for other in rows[1:]
             ),
         }
         failures += [f"{texture}: {claim}" for claim, holds in checks.items() if not holds]
         print("  " + "; ".join(f"{claim}: {'yes' if holds else 'NO'}" for claim, holds in checks.items()))
+    failures += one_body_rows() + film_rows(arguments.films, blow) + reading_rows()
     for failure in failures:
         print(f"FAILED {failure}", file=sys.stderr)
     return 1 if failures else 0

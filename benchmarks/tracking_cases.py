@@ -1,0 +1,191 @@
+"""Cases of ``benchmarks/tracking.py``: one body of 10,000 pixels with and without cover, many films, region reading.
+
+Times are CPU seconds of this process with OpenCV on one thread, so that a busy machine changes them little.
+"""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig.simulated.camera import CameraSettings, film_bodies, film_trial
+from vision.angles import ccw_to_picture
+from vision.avi import write_avi
+from vision.bodies import Body, build_masks
+from vision.file_window import FileWindow
+from vision.flags import FrameFlag
+from vision.frames import open_film
+from vision.synthetic import Scene, Sensor, SyntheticBody, background, box, speckle, total_noise, wood_grain
+from vision.template import design_columns
+from vision.track import track_film
+from vision.writers import write_mraw
+
+HEIGHT, WIDTH, N_STILL, NOISE = 220, 260, 40, 2.0
+PIVOT = (105.0, 110.0)
+MDEG = np.radians(1e-3)
+
+
+def bar_scene(texture: str, seed: int) -> Scene:
+    """A bar with 10,584 usable pixels before a background."""
+    extent = (-56.0, -52.0, 90.0, 52.0)
+    make = speckle(extent, seed) if texture == "speckle" else wood_grain(extent, seed, direction_rad=0.15)
+    return Scene([SyntheticBody("bar", box(-50.0, -46.0, 84.0, 46.0), make)], background(HEIGHT, WIDTH, seed + 1))
+
+
+def bar_pose(n: int, turn_rad: float = 0.3) -> NDArray[np.float64]:
+    """Poses (n, 3): rest, then a turn with a drift."""
+    x = np.clip((np.arange(n) - N_STILL - 2) / (n - N_STILL - 10), 0.0, 1.0)
+    s = x**3 * (10 - 15 * x + 6 * x * x)
+    return np.column_stack([turn_rad * s, PIVOT[0] + 8 * s, PIVOT[1] - 5 * s])
+
+
+def cover_of(frame: int, width: int) -> slice:
+    """Columns of the picture that a dark bar of ``width`` px hides."""
+    left = 40 + int(0.45 * max(0, frame - N_STILL))
+    return slice(left, left + width) if frame > N_STILL and width else slice(0, 0)
+
+
+def one_body(texture: str, cover_px: int, n: int = 400, seed: int = 3) -> dict[str, float]:
+    """Track the bar alone from an MRAW film: RMS over the bound of the visible pixels, coverage, frames per second."""
+    scene, pose = bar_scene(texture, seed), bar_pose(n)
+    sensor, frames = Sensor(NOISE, 8, seed), []
+    for i in range(n):
+        light = scene.light(pose[i][None, None]).copy()
+        light[:, cover_of(i, cover_px)] = 25.0
+        frames.append(sensor.expose(light, 1.0 + 0.05 * np.cos(0.37 * i)))
+    body = Body("bar", scene.bodies[0].outline(*pose[0]))
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "bar.mraw"
+        write_mraw(path, frames, 2000.0)
+        track_film(path, [body], every=n // 4, n_still=N_STILL)  # compiles, and fills the page cache
+        seconds = []
+        for _ in range(3):
+            start = time.process_time()
+            result = track_film(path, [body], n_still=N_STILL)
+            seconds.append(time.process_time() - start)
+    error = result.angle_rad[:, 0] - (pose[:, 0] - pose[:N_STILL, 0].mean())
+    moving = slice(N_STILL + 1, None)
+    bound, hidden = visible_bounds(scene, body, pose, cover_px)
+    z = error[moving] / result.u_angle_rad[moving, 0]
+    return {
+        "pixels": float(result.info["pixels"]["bar"]),
+        "hidden": float(hidden[moving].max()),
+        "rms_mdeg": float(np.sqrt(np.nanmean(error[moving] ** 2)) / MDEG),
+        "ratio": float(np.sqrt(np.nanmean((error[moving] / bound[moving]) ** 2))),
+        "cover95": float(np.mean(np.abs(z[np.isfinite(z)]) < 1.96)),
+        "z_std": float(np.nanstd(z)),
+        "lost": float(result.failed.sum()),
+        "frames_per_s": n / min(seconds),
+    }
+
+
+def visible_bounds(
+    scene: Scene, body: Body, pose: NDArray[np.float64], cover_px: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Cramer-Rao bound of the angle from the pixels in sight, rad, and share hidden, frame by frame."""
+    picture = scene.light(pose[0][None, None])
+    mask = build_masks([body], HEIGHT, WIDTH)[0]
+    rows, columns = np.nonzero(mask)
+    design, _, _ = design_columns(picture, mask, (float(columns.mean()), float(rows.mean())))
+    bound, hidden = np.empty(len(pose)), np.empty(len(pose))
+    arm = np.stack([columns - PIVOT[0], rows - PIVOT[1]])
+    for i, (angle, x, _) in enumerate(pose):
+        phi = float(ccw_to_picture(angle))
+        at = x + np.cos(phi) * arm[0] - np.sin(phi) * arm[1]
+        bar = cover_of(i, cover_px)
+        seen = (at < bar.start - 0.5) | (at > bar.stop - 0.5)
+        normal = design[seen].T @ design[seen]
+        bound[i] = total_noise(NOISE, 8) * np.sqrt(np.linalg.inv(normal)[0, 0])
+        hidden[i] = 1.0 - seen.mean()
+    return bound, hidden
+
+
+def many_films(
+    count: int, n: int, blow: Any, rest: NDArray[np.float64], quality: int | None
+) -> tuple[float, float, float, int]:
+    """Whippen and both relative angles of ``count`` films: coverage of the 95 % interval, spread of error over u,
+    largest error (mdeg) of a frame without a flag, frames in all."""
+    z, largest, total = [], 0.0, 0
+    for seed in range(count):
+        texture = ("wood", "speckle")[seed % 2]
+        settings = replace(CameraSettings(), texture=texture)
+        rng = np.random.default_rng(seed)
+        shift, size = rng.uniform(-0.01, 0.02), rng.uniform(0.6, 1.0)
+        with tempfile.TemporaryDirectory() as folder:
+            path: Path = Path(folder) / "film.mraw"
+            times = 62.5e-6 + np.arange(n) / settings.frame_rate_hz
+            truth = film_trial(
+                path, times, lambda t, a=shift, b=size: rest + b * (blow(t - a) - rest), settings=settings, seed=seed
+            )
+            if quality is not None:
+                avi = Path(folder) / "film.avi"
+                with open_film(path) as film:
+                    write_avi(avi, (film.read(i) for i in range(n)), settings.frame_rate_hz, quality=quality)
+                path = avi
+            result = track_film(path, film_bodies(settings=settings), times)
+        still = slice(0, result.n_still)
+        true = truth.mean_angle_rad - truth.mean_angle_rad[still].mean(axis=0)
+        for name, angle, u, flag in [
+            ("whippen", result.angle_rad[:, 0], result.u_angle_rad[:, 0], result.flag[:, 0]),
+            *((body, *result.relative(body)) for body in ("jack", "repetition")),
+        ]:
+            error = angle - true[:, truth.bodies.index(name)]
+            good = np.isfinite(error)
+            z.append(error[good] / u[good])
+            doubtful = int(FrameFlag.IMPRECISE | FrameFlag.COVERED)
+            largest = max(largest, float(np.abs(error[good & ((flag & doubtful) == 0)]).max(initial=0.0)))
+        total += n
+    everything = np.concatenate(z)
+    return float(np.mean(np.abs(everything) < 1.96)), float(everything.std()), largest / MDEG, total
+
+
+def region_reading(n: int = 40) -> dict[str, float]:
+    """A region of 220 x 220 against full frames of a 12-bit MRAW film of 1280 x 1024, in the page cache."""
+    rng = np.random.default_rng(1)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "film.mraw"
+        frame = rng.integers(0, 4096, (1024, 1280), dtype=np.uint16)
+        write_mraw(path, (np.roll(frame, i, axis=0) for i in range(n)), 2000.0, bit_depth=12)
+        with open_film(path) as film:
+            viewed = [0]
+            plain = FileWindow.view
+
+            def counted(self: FileWindow, start: int, end: int) -> NDArray[np.uint8]:
+                viewed[0] += end - start
+                return plain(self, start, end)
+
+            def seconds(region: bool) -> float:
+                best = np.inf
+                for _ in range(3):
+                    start = time.process_time()
+                    for i in range(n):
+                        picture = film.read_region(i, 400, 620, 500, 720) if region else film.read(i)
+                    best = min(best, (time.process_time() - start) / n)
+                assert picture.shape == ((220, 220) if region else (1024, 1280))
+                return best
+
+            full, part = seconds(False), seconds(True)
+            FileWindow.view = counted  # type: ignore[method-assign]
+            try:
+                film.read_region(3, 400, 620, 500, 720)
+                rows_bytes, viewed[0] = viewed[0], 0
+                film.read(3)
+                full_bytes = viewed[0]
+            finally:
+                FileWindow.view = plain  # type: ignore[method-assign]
+            same = np.array_equal(film.read_region(7, 400, 620, 500, 720), film.read(7)[400:620, 500:720])
+        return {
+            "full_ms": 1e3 * full,
+            "region_ms": 1e3 * part,
+            "times_faster": full / part,
+            "region_bytes": float(220 * 220 * 3 // 2),
+            "row_bytes": float(rows_bytes),
+            "frame_bytes": float(full_bytes),
+            "same": float(same),
+        }
