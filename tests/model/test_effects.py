@@ -124,6 +124,15 @@ def test_energy_balance_closes_with_both(action: model.Action, forte: np.ndarray
         assert ours == pytest.approx(balance.flow_j[name][-1], rel=1e-5)
 
 
+def test_tolerance_holds_with_both(action: model.Action, forte: np.ndarray) -> None:
+    fine, usual = (
+        model.simulate(action, forte[:, 0], forte[:, 1], scene=BOTH, tolerance=tolerance) for tolerance in (1e-9, 1e-5)
+    )
+    error = np.abs(usual.angle_rad - fine.angle_rad).max(axis=0)
+    assert error.max() < 1e-5
+    assert error[LIFT] < 1e-6  # m, of 0.3 mm
+
+
 def test_a_forte_lifts_the_key_where_the_thesis_saw_it(action: model.Action, forte: np.ndarray) -> None:
     """Section 3.2.2: a significant lift at key bottom, smaller ones when the back is down again, solid otherwise."""
     at = np.arange(0.0, forte[-1, 0], 1e-4)
