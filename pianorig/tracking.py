@@ -117,9 +117,15 @@ def frame_times_of(
     camera = owner[1].read().camera
     if camera is None:
         raise InputError(f"{owner[1].path}: has no frame clock; record with a camera, or track a copy elsewhere")
+    from rig.session.film_record import read_record
+
+    attached = read_record(source.path)
     own = source.frame_time_s
     middle = 0.5 * (source.exposure_s or 0.0)
-    index = np.arange(source.n_frames) if own is None else np.rint((own - middle) * camera.frame_rate_hz)
+    if attached is not None:
+        index = attached.first_frame + np.arange(source.n_frames)
+    else:
+        index = np.arange(source.n_frames) if own is None else np.rint((own - middle) * camera.frame_rate_hz)
     index = index.astype(int)
     if index[0] < 0 or index[-1] >= camera.n_frames:
         raise InputError(

@@ -68,12 +68,16 @@ class Timing:
 
 @dataclass(frozen=True, eq=False)
 class Block:
-    """Successive samples: ``force_n`` (n,), ``force_raw`` (n,) in mV/V or V, ``encoder_count`` (n, 3)."""
+    """Successive samples: ``force_n`` (n,), ``force_raw`` (n,) in mV/V or V, ``encoder_count`` (n, 3).
+
+    ``exposure_count`` (n,) is there when the camera runs by itself and its exposures are counted.
+    """
 
     first_sample: int
     force_n: NDArray[np.float64]
     force_raw: NDArray[np.float64]
     encoder_count: NDArray[np.int64]
+    exposure_count: NDArray[np.int64] | None = None
 
 
 class Backend(Protocol):

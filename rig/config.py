@@ -131,6 +131,12 @@ class RigConfig(Table):
             raise ValueError(
                 f"encoders and camera use the counters {counters}, allowed one task per counter; give each its own"
             )
+        camera, rate = self.camera, self.device.sample_rate_hz
+        if camera is not None and camera.mode == "counted" and camera.frame_rate_hz > rate / 2:
+            raise ValueError(
+                f"camera.frame_rate_hz = {camera.frame_rate_hz:g} Hz, allowed at most {rate / 2:g} Hz (half of "
+                "device.sample_rate_hz) where exposures are counted"
+            )
         if self.watchdog is not None and self.recording.block_s > self.watchdog.timeout_s / 2:
             raise ValueError(
                 f"recording.block_s = {self.recording.block_s:g} s, allowed at most half of watchdog.timeout_s = "

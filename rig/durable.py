@@ -13,6 +13,7 @@ import os
 from collections.abc import Iterator
 from pathlib import Path
 
+from rig import platform_calls
 from rig.errors import InputError
 
 
@@ -29,7 +30,7 @@ def replace_when_complete(path: Path) -> Iterator[Path]:
     try:
         yield temporary
         with temporary.open("rb+") as stream:
-            os.fsync(stream.fileno())
+            platform_calls.synchronise_whole(stream.fileno())
         os.replace(temporary, path)
     except OSError as error:
         raise InputError(f"{path}: cannot be written ({error.strerror or error}); choose a writable place") from error

@@ -65,6 +65,8 @@ class Interlocks:
         self._zero: NDArray[np.int64] | None = None
         self._baseline_n: float | None = None
         self._noisy = False
+        self._since_exposure = 0
+        self._exposed = 0
 
     def check(self, block: Block) -> None:
         """Judge the next block.
@@ -82,6 +84,8 @@ class Interlocks:
         first = block.first_sample - old
         self._check_force(first, old)
         self._check_motion(first, old)
+        if block.exposure_count is not None:
+            self._check_exposures(block, block.exposure_count)
         self._check_stuck(first, old)
         end = block.first_sample + block.force_n.size
         if self._baseline_n is None and end + block.force_n.size > self._blow:
@@ -145,6 +149,23 @@ class Interlocks:
                     f"{name} encoder: {speed[at]:.4g} rad/s at {(first + since + step + at) / self._rate:.4f} s, "
                     f"allowed {self._limits.speed_rad_per_s[body]:g} rad/s"
                 )
+
+    def _check_exposures(self, block: Block, count: NDArray[np.int64]) -> None:
+        """Refuse a camera that runs by itself and leaves exposures out: its film would be misread from there on."""
+        camera = self._config.camera
+        if camera is None:
+            return
+        period = self._rate / camera.frame_rate_hz
+        line = np.concatenate(([self._exposed], count))
+        still = np.concatenate((np.ones(self._since_exposure, dtype=bool), np.diff(line) == 0))
+        if longest_run(still) > 1.5 * period + 1:
+            self._stop(
+                f"{camera.terminal}: no exposure for more than {1.5 / camera.frame_rate_hz * 1e3:.3g} ms before "
+                f"{(block.first_sample + count.size) / self._rate:.3f} s; the camera drops frames or is not running"
+            )
+        moved = np.flatnonzero(~still)
+        self._since_exposure = still.size - 1 - int(moved[-1]) if moved.size else still.size
+        self._exposed = int(count[-1])
 
     def _check_stuck(self, first: int, old: int) -> None:
         need = self._samples(self._limits.stuck_s)

@@ -13,16 +13,11 @@ from collections.abc import Iterator
 from types import FrameType
 from typing import Any
 
-_ENDING = ("SIGTERM", "SIGHUP", "SIGBREAK")
-"""Signals that ask a program to end; which of them exist depends on the system."""
+from rig import platform_calls
 
 
 class Terminated(KeyboardInterrupt):
     """The system or another program asked this one to end."""
-
-
-def _signals(*names: str) -> list[int]:
-    return [int(getattr(signal, name)) for name in names if hasattr(signal, name)]
 
 
 @contextlib.contextmanager
@@ -36,7 +31,7 @@ def termination_as_interrupt() -> Iterator[None]:
         raise Terminated(f"stopped by {signal.Signals(number).name}")
 
     previous: dict[int, Any] = {}
-    for number in _signals(*_ENDING):
+    for number in platform_calls.ending_signals():
         if signal.getsignal(number) is signal.SIG_DFL:  # whoever installed a handler of his own keeps it
             previous[number] = signal.signal(number, terminate)
     try:
@@ -54,7 +49,7 @@ def deferred() -> Iterator[None]:
         return
     waiting: list[tuple[int, FrameType | None]] = []
     previous: dict[int, Any] = {}
-    for number in _signals("SIGINT", *_ENDING):
+    for number in platform_calls.ending_signals(with_keyboard=True):
         handler = signal.getsignal(number)
         if callable(handler):  # not installed by C code, nor the system's default
             previous[number] = handler

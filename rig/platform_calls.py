@@ -1,17 +1,38 @@
-"""What differs between operating systems: getting data onto the disk, reserving room there, locking a file.
+"""What differs between operating systems: opening, syncing, reserving and locking files, signals that end a program.
 
-Place in the data flow: under the journal. Everything here takes an open file descriptor. Failures of the file system
-come as OSError, for the caller to put into words.
+Place in the data flow: under the journal, the files written whole, and the interrupts. Failures of the file system come
+as OSError, for the caller to put into words. The branch of the other system is tested by substitution.
 """
 
 from __future__ import annotations
 
 import os
 import shutil
+import signal
+import sys
 from pathlib import Path
 
-_LOCK_AT = 2**62
+WINDOWS = sys.platform == "win32"
+_ENDING = ("SIGTERM", "SIGHUP", "SIGBREAK")
+
+_LOCK_AT = 2**40
 """Byte that is locked on Windows, far behind any data, because a lock there also keeps readers out."""
+
+
+def open_raw(path: Path, flags: int) -> int:
+    """Open a file for unbuffered bytes (Windows would otherwise change line ends); return its descriptor."""
+    return os.open(path, flags | getattr(os, "O_BINARY", 0), 0o666)
+
+
+def ending_signals(*, with_keyboard: bool = False) -> list[int]:
+    """Return the signals that ask a program to end on this system; ``SIGBREAK`` is Ctrl-Break on Windows."""
+    names = (("SIGINT",) if with_keyboard else ()) + _ENDING
+    return [int(getattr(signal, name)) for name in names if hasattr(signal, name)]
+
+
+def synchronise_whole(descriptor: int) -> None:
+    """Have the file's data and its size on the disk itself before returning."""
+    os.fsync(descriptor)
 
 
 def synchronise(descriptor: int) -> None:
@@ -37,7 +58,7 @@ def reserve(descriptor: int, path: Path, size: int) -> None:
 def lock(descriptor: int) -> bool:
     """Take the file for this process until it is closed, or the process ends; False when another one has it."""
     try:
-        if os.name == "nt":
+        if WINDOWS:
             import msvcrt
 
             os.lseek(descriptor, _LOCK_AT, os.SEEK_SET)

@@ -58,7 +58,7 @@ def recover_session(path: str | Path) -> list[Recovered]:
 
 def _refuse_if_in_use(file: Path) -> None:
     try:
-        descriptor = os.open(file, os.O_RDWR | getattr(os, "O_BINARY", 0))
+        descriptor = platform_calls.open_raw(file, os.O_RDWR)
     except OSError as error:
         raise InputError(f"{file}: cannot be opened ({error.strerror or error})") from error
     try:

@@ -219,7 +219,18 @@ def _head(config: RigConfig, command: MotorCommand, timing: Timing, number: int,
 
 def _encoders(config: RigConfig) -> tuple[EncoderInfo, ...]:
     return tuple(
-        EncoderInfo(e.name, e.counts_per_revolution, e.sign, e.counter, e.u_scale_relative) for e in config.encoders
+        EncoderInfo(
+            name=e.name,
+            counts_per_revolution=e.counts_per_revolution,
+            sign=e.sign,
+            channel=e.counter,
+            u_scale_relative=e.u_scale_relative,
+            u_interpolation_rad=e.u_interpolation_rad,
+            u_eccentricity_rad=e.u_eccentricity_rad,
+            u_pivot_shift_rad=e.u_pivot_shift_rad,
+            calibration=str(e.certificate or ""),
+        )
+        for e in config.encoders
     )
 
 
@@ -227,7 +238,7 @@ def _force_info(config: RigConfig, timing: Timing) -> ForceInfo:
     force = config.force
     return ForceInfo(
         sensor=force.sensor,
-        calibration=force.calibration,
+        calibration="; ".join(filter(None, (force.calibration, str(force.certificate or "")))),
         electrical=force.electrical,
         physical_n=force.physical_n,
         electrical_unit=force.electrical_unit,
@@ -244,6 +255,11 @@ def _force_info(config: RigConfig, timing: Timing) -> ForceInfo:
 
 
 def _frame_clock(config: RigConfig, timing: Timing) -> FrameClock | None:
-    if config.camera is None or timing.frame_rate_hz is None or timing.first_pulse_s is None:
+    if config.camera is None:
+        return None
+    if config.camera.mode == "counted":
+        camera = config.camera
+        return FrameClock(camera.frame_rate_hz, 0.0, camera.exposure_s, camera.u_time_s, counted=True)
+    if timing.frame_rate_hz is None or timing.first_pulse_s is None:
         return None
     return FrameClock(timing.frame_rate_hz, timing.first_pulse_s, config.camera.exposure_s, config.camera.u_time_s)

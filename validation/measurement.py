@@ -111,7 +111,8 @@ def measure(
         mains_hz=info.mains_frequency_hz,
     )
     change, u_sample, u_zero = encoder_change(angle, quiet, resolution)
-    scale = np.array([data.encoders[i].u_scale_relative for i in order])
+    u_sample = np.hypot(u_sample, [data.encoders[i].u_change_rad for i in order])
+    scale = np.array([data.encoders[i].u_turn_relative for i in order])
     motion = motion_of(
         geometry,
         time,

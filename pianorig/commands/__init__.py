@@ -11,6 +11,7 @@ NAMES = (
     "record",
     "learn",
     "recover",
+    "attach",
     "track",
     "calibrate-camera",
     "simulate",

@@ -120,7 +120,10 @@ class NidaqmxBackend(BenchChecks):
                 tasks.motor_task(self._kept_task, config, command_v)
             if config.camera is not None:
                 with translated("configure", config.camera.counter):
-                    _, frame_rate_hz, first_pulse_s = tasks.camera_task(self._kept_task, config, config.camera)
+                    if config.camera.mode == "counted":
+                        tasks.edge_task(self._kept_task, config, config.camera.counter, config.camera.terminal)
+                    else:
+                        _, frame_rate_hz, first_pulse_s = tasks.camera_task(self._kept_task, config, config.camera)
             for name, task in self._tasks.items():
                 with translated("configure", name):
                     self._kick()
@@ -184,7 +187,9 @@ class NidaqmxBackend(BenchChecks):
         count = np.empty((n_samples, len(config.encoders)), dtype=np.int64)
         for column, encoder in enumerate(config.encoders):
             count[:, column] = self._read_ticks(tasks.encoder_task_name(encoder), n_samples, timeout_s)
-        block = Block(self._next_sample, force_n, raw, count)
+        counted = tasks.EDGES in self._tasks
+        exposures = self._read_ticks(tasks.EDGES, n_samples, timeout_s) if counted else None
+        block = Block(self._next_sample, force_n, raw, count, exposures)
         self._next_sample += n_samples
         return block
 

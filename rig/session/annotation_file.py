@@ -13,6 +13,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Literal, get_args
 
+from rig import platform_calls
 from rig.errors import InputError
 
 FILE_NAME = "annotations.jsonl"
@@ -45,7 +46,7 @@ def append(folder: Path, trial: int, kind: Kind, reason: str, author: str = "") 
     line = (json.dumps(asdict(annotation)) + "\n").encode("utf-8")
     path = folder / FILE_NAME
     try:
-        descriptor = os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT | getattr(os, "O_BINARY", 0), 0o666)
+        descriptor = platform_calls.open_raw(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT)
         try:
             os.write(descriptor, line)
         finally:

@@ -88,7 +88,7 @@ class JournalWriter:
         beginning = first + self._record(COMMAND, head.command_v.size, command)
         room = len(beginning) + most_samples * BYTES_PER_SAMPLE + (most_blocks + 1) * OVERHEAD + 4096
         try:
-            self._file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0), 0o666)
+            self._file = platform_calls.open_raw(path, os.O_RDWR | os.O_CREAT | os.O_EXCL)
         except OSError as error:
             raise InputError(f"{path}: cannot be created ({error.strerror or error})") from error
         try:

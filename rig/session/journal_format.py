@@ -2,7 +2,8 @@
 
 A journal is a row of records: magic ``PAJ1``, kind, sequence number, first sample, number of samples, payload length,
 CRC-32 of all that and of the payload, payload; little-endian. Kinds in this order: the trial's head (JSON), the motor
-command (float64, V), blocks (force N, force raw, counts of three encoders as int64), the end (JSON: status, reason).
+command (float64, V), blocks (force N, force raw, counts of three encoders and, where the camera is counted, of its
+exposures, as int64), the end (JSON: status, reason).
 Room set aside for later records is zero. Reading stops at the first record that is not whole and next in sequence:
 what comes out is always the beginning of what was written, whatever happened to the file.
 """
@@ -26,7 +27,8 @@ from rig.session.trial_head import TrialHead
 MAGIC = b"PAJ1"
 HEAD, COMMAND, BLOCK, END = 1, 2, 3, 4
 ENCODERS = 3
-BYTES_PER_SAMPLE = 8 * (2 + ENCODERS)
+BYTES_PER_SAMPLE = 8 * (2 + ENCODERS + 1)
+"""At most: without a camera that is counted there are 8 bytes less."""
 _FIXED = struct.Struct("<4sIQQII")
 _CRC = struct.Struct("<I")
 OVERHEAD = _FIXED.size + _CRC.size
@@ -74,7 +76,10 @@ def block_payload(block: Block) -> bytes:
     """Return a block's arrays as bytes, one array after the other."""
     columns = (block.force_n, block.force_raw)
     floats = b"".join(np.ascontiguousarray(column, dtype="<f8").tobytes() for column in columns)
-    return floats + np.ascontiguousarray(block.encoder_count, dtype="<i8").tobytes()
+    counts = np.ascontiguousarray(block.encoder_count, dtype="<i8").tobytes()
+    if block.exposure_count is not None:
+        counts += np.ascontiguousarray(block.exposure_count, dtype="<i8").tobytes()
+    return floats + counts
 
 
 def records(data: bytes) -> Iterator[Record]:
@@ -131,8 +136,10 @@ def read_journal(path: Path) -> Journal:
 
 def _block(record: Record) -> Block:
     n = record.n
-    if len(record.payload) != n * BYTES_PER_SAMPLE:
+    plain = n * (BYTES_PER_SAMPLE - 8)
+    if len(record.payload) not in (plain, n * BYTES_PER_SAMPLE):
         raise ValueError("length of a block")
+    exposures = np.frombuffer(record.payload, dtype="<i8", offset=plain) if len(record.payload) > plain else None
     force_n, force_raw = np.frombuffer(record.payload, dtype="<f8", count=2 * n).reshape(2, n)
-    count = np.frombuffer(record.payload, dtype="<i8", offset=16 * n).reshape(n, ENCODERS)
-    return Block(record.first_sample, force_n, force_raw, count)
+    count = np.frombuffer(record.payload, dtype="<i8", count=ENCODERS * n, offset=16 * n).reshape(n, ENCODERS)
+    return Block(record.first_sample, force_n, force_raw, count, exposures)

@@ -22,8 +22,9 @@ class EncoderInfo:
     """One angular encoder: which body, its scale and the sense of its counts.
 
     ``sign`` is +1 when the count rises as the body turns counter-clockwise, -1 otherwise;
-    ``counts_per_revolution`` counts all four edges (X4). ``u_scale_relative`` is the relative standard
-    uncertainty of the scale.
+    ``counts_per_revolution`` counts all four edges (X4). Standard uncertainties: ``u_scale_relative`` of the scale,
+    ``u_interpolation_rad`` of the divided line signal, ``u_eccentricity_rad`` of a scale off its centre (rad per rad
+    turned), ``u_pivot_shift_rad`` of a pivot that moves in its bushing. ``calibration`` names the certificate.
     """
 
     name: str
@@ -31,6 +32,23 @@ class EncoderInfo:
     sign: int = 1
     channel: str = ""
     u_scale_relative: float = 0.0
+    u_interpolation_rad: float = 0.0
+    u_eccentricity_rad: float = 0.0
+    u_pivot_shift_rad: float = 0.0
+    calibration: str = ""
+
+    @property
+    def u_turn_relative(self) -> float:
+        """Standard uncertainty of an angle per angle turned: scale and eccentricity."""
+        return float(np.hypot(self.u_scale_relative, self.u_eccentricity_rad))
+
+    @property
+    def u_change_rad(self) -> float:
+        """Standard uncertainty of the difference of two readings that does not grow with it, without quantisation.
+
+        Interpolation enters at both readings, the shift of the pivot once.
+        """
+        return float(np.hypot(np.sqrt(2.0) * self.u_interpolation_rad, self.u_pivot_shift_rad))
 
     @property
     def rad_per_count(self) -> float:

@@ -32,6 +32,8 @@ from rig.simulated.wiring import WIRING_OF_PRODUCT, Wiring
 
 DEFAULT_BENCH = Path(__file__).parent / "bench.toml"
 OPTIONS = ("bench", "seed", "clock", "fault", "effects", "hand")
+CAMERA_CLOCK_ERROR = 4e-5
+"""Relative error of the rate of a camera that runs by itself."""
 
 
 class SimulatedBackend(NidaqmxBackend):
@@ -64,7 +66,10 @@ def build_device(
     """Assemble a virtual device for a rig file; without ``wiring`` the product's usual one."""
     inventory = Inventory(PRODUCTS[config.device.product], config.device.name)
     wiring = wiring or WIRING_OF_PRODUCT[config.device.product]
-    return SimulatedDevice(inventory, plant, sensors, wiring, clock or VirtualClock())
+    device = SimulatedDevice(inventory, plant, sensors, wiring, clock or VirtualClock())
+    if config.camera is not None and config.camera.mode == "counted":
+        device.bench.camera_rate_hz = config.camera.frame_rate_hz * (1 + CAMERA_CLOCK_ERROR)
+    return device
 
 
 def open_backend(url: str, config: RigConfig) -> SimulatedBackend:

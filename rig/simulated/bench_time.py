@@ -17,6 +17,8 @@ from rig.simulated.converters import DelayLine
 from rig.simulated.pulses import PulseTrain
 from rig.simulated.sensors import EncoderSignals, ForceSignal, SensorSet
 
+_CAMERA_STREAM = 4
+
 
 class BenchTime:
     """Plant, sensors and clock of the virtual bench; ``trial`` and ``edge`` tell where it is."""
@@ -34,8 +36,9 @@ class BenchTime:
         """Whether the operator's hand acts when asked to (:mod:`rig.simulated.hand`)."""
         self.force_per_volt_n = 12.0
         self._by_hand = False
+        self.camera_rate_hz = 0.0
+        """Rate of a camera that runs by itself; 0 without one."""
         self.exposures: PulseTrain | None = None
-        """Exposures of a camera that runs by itself."""
         self._a_passed = np.zeros((1, 3), dtype=np.int64)
         self._a_first = 0
         self._held_v = np.zeros(1)
@@ -59,6 +62,9 @@ class BenchTime:
         self._delay = DelayLine(input_delay_s * rate_hz)
         self._a_passed, self._a_first, self._quarter = np.zeros((1, 3), dtype=np.int64), 0, self._quarter[:1] * 0
         self._held_v = np.zeros(1)
+        if self.camera_rate_hz > 0:
+            phase = np.random.default_rng([self.sensors.seed, trial, _CAMERA_STREAM]).uniform()
+            self.exposures = PulseTrain(self.camera_rate_hz, phase / self.camera_rate_hz, float("inf"), 0.0)
 
     def step(self, command_v: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
         """Let n edges pass; return the cell's output at each, mV/V (n,), and the counts (n, 3)."""

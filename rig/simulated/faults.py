@@ -34,7 +34,10 @@ STATUS = {
 LASTING = ("device-lost", "server-gone", "underrun")
 CELL = ("bridge-open", "saturated", "silent")
 SCALE = ("stuck", "miscount")
-KINDS = (*STATUS, "server-gone", *CELL, *SCALE)
+CAMERA = ("dropped",)
+SENSORS = (*CELL, *SCALE, *CAMERA)
+KINDS = (*STATUS, "server-gone", *SENSORS)
+DROPPED_FRAMES = 5
 LOST_COUNTS = 300
 OPEN_MV_PER_V = 1e4
 SILENT_NOISE_MV_PER_V = 3e-4
@@ -64,7 +67,7 @@ def parse_faults(text: str) -> tuple[Fault, ...]:
                 f"fault {part!r}: write KIND@TRIAL/SECONDS or KIND@CALL#NUMBER with a kind of {', '.join(KINDS)}, "
                 f"and :BODY ({', '.join(ENCODED_BODIES)}) behind {' and '.join(SCALE)}"
             )
-        if call and kind in (*CELL, *SCALE):
+        if call and kind in SENSORS:
             raise InputError(f"fault {part!r}: a sensor fails at a time, write {kind}@TRIAL/SECONDS")
         faults.append(Fault(kind, body or "", int(trial or 0), float(at_s or 0), call or "", int(number or 0)))
     return tuple(faults)
@@ -86,7 +89,7 @@ class FaultPlan:
             if fault in self._struck:
                 if fault.kind in LASTING:
                     self._fail(fault, call)
-            elif fault.kind not in (*CELL, *SCALE) and self._due(fault, call, device):
+            elif fault.kind not in SENSORS and self._due(fault, call, device):
                 if fault.kind == "underrun":
                     for task in device.tasks.values():
                         task.live = task.live and task.type != "AO"  # the output keeps the volts it has
@@ -105,6 +108,18 @@ class FaultPlan:
         if fault.kind == "underrun" and call != "IsTaskDone":
             return  # the driver tells it to whoever asks the output task
         raise DaqStatusError(STATUS[fault.kind], "planted", samples_read=0 if call.startswith("Read") else None)
+
+    def exposures(self, trial: int, time_s: NDArray[np.float64], count: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Return the exposures of the camera by each time, (n,), without those that it dropped."""
+        for fault in self.faults:
+            if fault.kind in CAMERA and trial == fault.trial:
+                at = self._held.get(fault)
+                if at is None and (time_s >= fault.at_s).any():
+                    at = self._held[fault] = float(count[time_s >= fault.at_s][0])
+                if at is not None:
+                    late = np.maximum(np.minimum(count, int(at)), count - DROPPED_FRAMES)
+                    count = np.where(time_s >= fault.at_s, late, count)
+        return count
 
     def change(
         self, trial: int, time_s: NDArray[np.float64], cell: NDArray[np.float64], counts: NDArray[np.int64]

@@ -69,7 +69,9 @@ def driver_of(device: SimulatedDevice, terminal: str) -> PulseTrain | None:
 def edges_until(device: SimulatedDevice, terminal: str, edge: NDArray[np.int64]) -> NDArray[np.int64]:
     """Return how many rising edges have passed on a terminal by each edge of the bench."""
     if (train := driver_of(device, terminal)) is not None:
-        return train.passed(edge / device.bench.rate_hz)
+        time_s = edge / device.bench.rate_hz
+        passed = train.passed(time_s)
+        return device.faults.exposures(device.trial, time_s, passed) if train is device.bench.exposures else passed
     for body, (a_terminal, _) in enumerate(device.wiring.encoders):
         if terminal == a_terminal:
             return device.bench.a_edges(body, edge)

@@ -25,7 +25,9 @@ from rig.simulated.contract import ENCODED_BODIES
 
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Count = Annotated[int, Field(strict=True)]
-_FORCE_STREAM, _ENCODER_STREAM = 1, 2
+_FORCE_STREAM, _ENCODER_STREAM, _MOUNTING_STREAM = 1, 2, 7
+TAKEN_UP_RAD = 0.005
+"""Turn of a body over which the shift of its pivot comes about."""
 
 
 class _Table(BaseModel):
@@ -57,6 +59,13 @@ class EncoderSensor(_Table):
     counts_per_revolution: Count = Field(ge=4, multiple_of=4)
     sign: Literal[1, -1] = 1
     scale_radius_m: Number | None = Field(default=None, gt=1e-3, le=1.0)
+    lines_per_revolution: Count = Field(default=2048, ge=1)
+    interpolation_rad: Number = Field(default=0.0, ge=0, le=0.01)
+    """Amplitude of the error that repeats with each line of the scale."""
+    eccentricity_rad: Number = Field(default=0.0, ge=0, le=0.1)
+    """Amplitude of the error that repeats with each revolution; its phase belongs to the bench."""
+    pivot_shift_rad: Number = Field(default=0.0, ge=0, le=0.01)
+    """Standard deviation, trial to trial, of the shift of a pivot that its body's first motion takes up."""
 
 
 class _Encoders(_Table):
@@ -137,11 +146,28 @@ class EncoderSignals:
     seed: int
     trial: int
     _phase: NDArray[np.float64] = field(init=False)
+    _shift_rad: NDArray[np.float64] = field(init=False)
+    _centre_rad: NDArray[np.float64] = field(init=False)
+    _line_rad: NDArray[np.float64] = field(init=False)
+    _rest_rad: NDArray[np.float64] | None = field(init=False, default=None)
     _first: NDArray[np.int64] | None = field(init=False, default=None)
 
     def __post_init__(self) -> None:
         rng = np.random.default_rng([self.seed, self.trial, _ENCODER_STREAM])
         self._phase = rng.uniform(0, 1, len(ENCODED_BODIES))
+        self._shift_rad = rng.standard_normal(len(ENCODED_BODIES)) * [s.pivot_shift_rad for s in self.sensors]
+        mounted = np.random.default_rng([self.seed, _MOUNTING_STREAM])
+        self._centre_rad, self._line_rad = mounted.uniform(0, 2 * np.pi, (2, len(ENCODED_BODIES)))
+
+    def error_rad(self, angle_rad: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Error of the scales' readings beside rounding, (n, 3), for absolute angles (n, 3)."""
+        if self._rest_rad is None:
+            self._rest_rad = angle_rad[:1].copy()
+        lines = np.array([s.lines_per_revolution for s in self.sensors])
+        divided = np.array([s.interpolation_rad for s in self.sensors]) * np.sin(lines * angle_rad + self._line_rad)
+        centred = np.array([s.eccentricity_rad for s in self.sensors]) * np.sin(angle_rad + self._centre_rad)
+        shifted = self._shift_rad * np.clip(np.abs(angle_rad - self._rest_rad) / TAKEN_UP_RAD, 0.0, 1.0)
+        return divided + centred + shifted
 
     def quarter_counts(
         self, angle_rad: NDArray[np.float64], key_lift_m: NDArray[np.float64] | None = None
@@ -152,7 +178,8 @@ class EncoderSignals:
             angle_rad = angle_rad.copy()
             angle_rad[:, 0] = encoder_rad(angle_rad[:, 0], key_lift_m, radius_m)
         per_rad = np.array([s.sign * s.counts_per_revolution / (2 * np.pi) for s in self.sensors])
-        position = np.floor(angle_rad * per_rad + self._phase).astype(np.int64)
+        read_rad = angle_rad + self.error_rad(angle_rad)
+        position = np.floor(read_rad * per_rad + self._phase).astype(np.int64)
         if self._first is None:
             self._first = position[0].copy()
         return position - self._first

@@ -36,13 +36,26 @@ def test_forte_spikes_at_key_bottom_as_in_the_thesis_and_comes_to_rest(forte) ->
         assert data.n_valid < 5000 * 3
 
 
-def test_the_encoders_tell_the_true_angles_within_one_count(forte) -> None:
+def test_the_encoders_tell_the_true_angles_within_one_count_and_their_budget(forte) -> None:
+    sensors = load_sensors(DEFAULT_BENCH).encoders
     for _, data, truth in forte:
         angle = truth.angles_at(data.time_s)[:, [0, 1, 4]]
         one_count = 2 * np.pi / np.array([e.counts_per_revolution for e in data.encoders])
         error = data.angle_rad() - (angle - angle[0])
+        planted = [
+            2 * s.interpolation_rad + s.eccentricity_rad * np.ptp(angle[:, i]) + 3 * s.pivot_shift_rad
+            for i, s in enumerate(sensors)
+        ]
         # the truth is looked up between edges, hence the small margin at the fastest moment
-        assert np.all(np.abs(error).max(axis=0) < 1.05 * one_count)
+        assert np.all(np.abs(error).max(axis=0) < 1.05 * one_count + planted)
+        for i, (encoder, s) in enumerate(zip(data.encoders, sensors, strict=True)):
+            # the rig file states what the bench has: a sine's standard deviation, and each error is inside the budget
+            assert encoder.u_interpolation_rad == pytest.approx(s.interpolation_rad / np.sqrt(2), rel=0.02)
+            assert encoder.u_eccentricity_rad == pytest.approx(s.eccentricity_rad / np.sqrt(2), rel=0.02)
+            assert encoder.u_pivot_shift_rad == s.pivot_shift_rad
+            turned = angle[:, i] - angle[0, i]
+            u = np.sqrt(encoder.u_change_rad**2 + (encoder.u_turn_relative * turned) ** 2 + one_count[i] ** 2 / 6)
+            assert np.all(np.abs(error[:, i]) < 4 * u)
 
 
 def test_the_force_is_the_true_one_delayed_with_the_declared_gain_offset_hum_and_noise(forte) -> None:

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from pianorig.cli import main
-from rig import platform_calls
 from rig.errors import InputError, RecordingFault
 from rig.recorder import record_session
 from rig.recover import recover_session
@@ -156,18 +155,3 @@ def test_a_disk_that_fills_up_stops_the_motor_and_keeps_what_was_committed(
     (trial,) = Session.open(tmp_path / "s").trials
     data = trial.read()
     assert trial.status == "fault" and "No space left" in data.reason and data.n_valid >= 1000
-
-
-def test_the_platform_module_works_without_posix(tmp_path, monkeypatch) -> None:
-    import os
-
-    calls = []
-    with (tmp_path / "f").open("wb") as file:
-        monkeypatch.delattr(os, "fdatasync", raising=False)
-        monkeypatch.setattr(os, "fsync", calls.append)
-        platform_calls.synchronise(file.fileno())
-        assert calls == [file.fileno()]
-        monkeypatch.delattr(os, "posix_fallocate", raising=False)
-        platform_calls.reserve(file.fileno(), tmp_path / "f", 1000)
-        with pytest.raises(OSError, match="free"):
-            platform_calls.reserve(file.fileno(), tmp_path / "f", 10**18)

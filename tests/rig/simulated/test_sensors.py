@@ -127,3 +127,29 @@ def test_bad_sensor_settings_are_refused_with_their_key(table, key, value) -> No
     incomplete = {k: v for k, v in BENCH.items() if k != table}
     with pytest.raises(InputError, match=f"{table} is missing"):
         load_sensors(incomplete)
+
+
+def test_a_scale_off_its_centre_divides_badly_and_a_pivot_shifts_by_what_is_planted() -> None:
+    made = EncoderSensor(
+        counts_per_revolution=40_000_000, sign=1, lines_per_revolution=100, interpolation_rad=2e-5,
+        eccentricity_rad=1e-3, pivot_shift_rad=3e-5,
+    )  # fmt: skip
+    plain = EncoderSensor(counts_per_revolution=40_000_000)
+    angle = np.linspace(0, 2 * np.pi, 20_001)[:, None] * np.ones(3) + 0.1
+    per_rad = 40_000_000 / (2 * np.pi)
+    errors, shifts = [], []
+    for trial in range(40):
+        signals = EncoderSignals((made, plain, made), 5, trial)
+        error = signals.quarter_counts(angle) / per_rad - (angle - angle[0])
+        assert np.abs(error[:, 1]).max() < 1.01 / per_rad
+        t = angle[:, 0]
+        columns = [f(k * t) for k in (1, 100) for f in (np.sin, np.cos)]
+        basis = np.column_stack([*columns, np.ones_like(t), np.clip((t - t[0]) / 0.005, 0, 1)])
+        fit, *_ = np.linalg.lstsq(basis, error[:, 0], rcond=None)
+        errors.append(fit[:4])
+        shifts.append(fit[5])
+        assert np.hypot(*fit[:2]) == pytest.approx(1e-3, rel=1e-3) and np.hypot(*fit[2:4]) == pytest.approx(
+            2e-5, rel=0.02
+        )
+    np.testing.assert_allclose(errors, np.tile(errors[0], (40, 1)), atol=2e-7)  # mounted once
+    assert np.std(shifts) == pytest.approx(3e-5, rel=0.35)
