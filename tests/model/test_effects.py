@@ -228,3 +228,21 @@ def test_an_action_file_may_carry_an_effect(action: model.Action, tmp_path: Path
     path.write_text(path.read_text().replace('"Hz"', '"rad/s"'), encoding="utf-8")
     with pytest.raises(model.InputError, match='shank.frequency_hz.unit: found "rad/s", allowed "Hz"'):
         model.load_action(path)
+
+
+def test_a_prescribed_key_cannot_lift(action: model.Action) -> None:
+    time = np.linspace(0.0, 0.1, 101)
+    with pytest.raises(model.InputError, match="a prescribed key and the effect balance_rail"):
+        model.simulate_motion(action, time, np.full(101, 0.0286), members=0, scene="lifting-key")
+
+
+@pytest.mark.slow  # compiles its own structures
+def test_force_of_a_prescribed_key_with_a_bending_shank(action: model.Action, forte: np.ndarray) -> None:
+    """Round trip: the motion that a force gave, prescribed, takes that force again, and bends the shank the same."""
+    at = np.arange(0.0, 0.6, 1.0 / 5000.0)
+    forward = model.simulate(action, forte[:, 0], forte[:, 1], output_time_s=at, scene="flexible-shank", tolerance=1e-7)
+    driven = model.simulate_motion(action, at, forward.angle_rad[:, 0], members=0, scene="flexible-shank")
+    force = np.interp(at, forte[:, 0], forte[:, 1])
+    assert np.sqrt(np.mean((driven.force_n - force) ** 2)) < 0.003 * force.max()  # measured 0.0009
+    bend = driven.angle_rad[:, driven.bodies.index("shank")] - forward.columns()["shank_rad"]
+    assert np.abs(bend).max() < 2e-5
