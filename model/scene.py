@@ -46,6 +46,14 @@ class Scene:
         """Number of coordinates that are solved for."""
         return len(self.bodies) - int(self.tables.prescribed.sum())
 
+    def check_whole(self, angle_rad: NDArray[np.float64], what: str) -> None:
+        """Refuse states (..., k) that are not those of all coordinates, the prescribed key among them."""
+        if angle_rad.shape[-1] != len(self.bodies):
+            raise InputError(
+                f"{what}: found states of {angle_rad.shape[-1]} coordinates, allowed all {len(self.bodies)}: "
+                f"{', '.join(self.bodies)}"
+            )
+
     @property
     def solved_contacts(self) -> int:
         """Number of contacts that can push one of them; the others are computed with the outputs only."""

@@ -97,6 +97,8 @@ class Simulation:
             raise InputError(
                 f"tolerance: found {self.tolerance:g} rad, allowed {SMALLEST_TOLERANCE:g} to {LARGEST_TOLERANCE:g}"
             )
+        if self.energy:
+            self.scene.check_whole(self.state.angle_rad, "energy")
         if self.energy and isinstance(get_method(self.method), DiagonalTableau):
             raise InputError(f"method: {self.method} keeps no account of energy; allowed with it: {DEFAULT_METHOD}")
         for name, array in (("angles", self.state.angle_rad), ("speeds", self.state.speed_rad_per_s)):
@@ -183,7 +185,7 @@ class Simulation:
         q, v = self.state.angle_rad, self.state.speed_rad_per_s
         fastest = int(np.argmax(np.abs(v)))
         words = f" ({self.scene.bodies[fastest]} at {v[fastest]:.3g} rad/s"
-        if self.scene.contacts:
+        if self.scene.contacts and len(q) == len(self.scene.bodies):
             normal = self.contact_forces(q[None], v[None])[0][0]
             words += f", {self.scene.contacts[int(np.argmax(normal))]} presses with {normal.max():.3g} N"
         return words + ")"
@@ -212,6 +214,7 @@ class Simulation:
 
     def stored_energy(self) -> float:
         """Kinetic, potential and elastic energy of the present state, J; zero of heights at the ground's origin."""
+        self.scene.check_whole(self.state.angle_rad, "energy")
         w = np.zeros(W.SIZE)
         w[W.AUDIT_Q : W.AUDIT_Q + self.scene.size] = self.state.angle_rad
         w[W.AUDIT_V : W.AUDIT_V + self.scene.size] = self.state.speed_rad_per_s
@@ -222,6 +225,7 @@ class Simulation:
         self, angle_rad: NDArray[np.float64], speed_rad_per_s: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Normal and friction force of each contact at given states; (m, n) in, (m, c) out, N."""
+        self.scene.check_whole(angle_rad, "contact forces")
         normal = np.zeros((len(angle_rad), len(self.scene.contacts)))
         tangential = np.zeros_like(normal)
         forces_along(angle_rad, speed_rad_per_s, self.scene.vector, self.scene.tables, normal, tangential)
@@ -229,6 +233,7 @@ class Simulation:
 
     def probe_forces(self, angle_rad: NDArray[np.float64], speed_rad_per_s: NDArray[np.float64]) -> NDArray[np.float64]:
         """Force of each one-sided probe (the motor arm on the key) at given states; (m, n) in, (m, b) out, N."""
+        self.scene.check_whole(angle_rad, "probe forces")
         force = np.zeros((len(angle_rad), len(self.scene.tables.probe)))
         probe_forces_along(angle_rad, speed_rad_per_s, self.scene.vector, self.scene.tables, force)
         return force

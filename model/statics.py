@@ -143,6 +143,7 @@ def rest_state(action: Action, force_n: float = 0.0, scene: Scene | None = None)
     """
     scene = build_scene(action) if scene is None else scene
     q = solve_rest(scene, force_n)
+    scene.check_whole(q, "rest state")
     forces, _, _ = balance(scene, q, force_n)
     still = np.zeros(scene.size)
     normal, tangential = (np.zeros((1, len(scene.contacts))) for _ in range(2))

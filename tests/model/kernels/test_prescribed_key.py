@@ -161,3 +161,23 @@ def test_methods_keep_their_order_under_a_prescribed_motion(action: model.Action
     errors = [np.abs(run(step, 1e-2) - truth)[-1].max() for step in steps]
     order = np.polyfit(np.log(steps), np.log(errors), 1)[0]
     assert METHODS[method].order - 0.4 < order < METHODS[method].order + 1.2, errors
+
+
+def test_states_without_the_key_are_not_taken_for_whole_ones(action: model.Action) -> None:
+    scene = build_scene(action, key_motion=taylor(0.0286, 0.0, 0.0))
+    rest = solve_rest(scene, 0.0)
+    run = Simulation(scene, State(0.0, rest, np.zeros(4)))
+    for ask in (
+        lambda: run.contact_forces(rest[None], np.zeros((1, 4))),
+        lambda: run.probe_forces(rest[None], np.zeros((1, 4))),
+        run.stored_energy,
+        lambda: Simulation(scene, State(0.0, rest, np.zeros(4)), energy=True),
+        lambda: model.rest_state(action, scene=scene),
+    ):
+        with pytest.raises(model.InputError, match="found states of 4 coordinates, allowed all 5"):
+            ask()
+    normal, _ = run.contact_forces(np.append(rest, 0.0286)[None], np.zeros((1, 5)))
+    assert normal[0, scene.contacts.index("contact01")] > 0.5
+    failing = Simulation(scene, State(0.0, rest, np.zeros(4)), max_steps=1)
+    with pytest.raises(model.IntegrationError, match="too many steps"):
+        failing.advance(1.0, np.array([0.0, 1.0]), np.array([0.0, 1.0]))
