@@ -33,6 +33,14 @@ def say(text: str, quiet: bool = False) -> None:
         print(text, file=sys.stderr, flush=True)
 
 
+def _left(left_s: float | None) -> str:
+    """Time left in words; nothing before it is known."""
+    if left_s is None:
+        return ""
+    minutes, seconds = divmod(round(left_s), 60)
+    return f"{minutes}:{seconds:02d} left"
+
+
 @contextmanager
 def recording_line(quiet: bool = False) -> Iterator[Callable[[Any], None] | None]:
     """One line that follows a recording: trial, time, peak force; yields the recorder's callback."""
@@ -44,7 +52,7 @@ def recording_line(quiet: bool = False) -> Iterator[Callable[[Any], None] | None
     def update(at: Any) -> None:
         peak[0] = at.peak_force_n if at.time_s < 0.05 else max(peak[0], at.peak_force_n)
         print(
-            f"\rtrial {at.trial}/{at.trials}  t = {at.time_s:5.2f} s  peak {peak[0]:5.1f} N ",
+            f"\rtrial {at.trial}/{at.trials}  t = {at.time_s:5.2f} s  peak {peak[0]:5.1f} N  {_left(at.left_s):18s}",
             end="",
             file=sys.stderr,
             flush=True,

@@ -17,6 +17,7 @@ from .tracking import BODIES_NAME
 
 if TYPE_CHECKING:
     from rig.session import Session, Trial
+    from rig.session.info import RoomInfo
     from rig.simulated.camera import FilmTruth
     from rig.simulated.camera_view import ActionGeometry, CameraSettings
     from rig.simulated.plant import PlantTruth
@@ -100,12 +101,14 @@ def record(
     yes: bool = False,
     ask: Callable[[str], str | None] = lambda question: None,
     selftests: Path = SELFTESTS,
+    plan: Path | None = None,
+    room: RoomInfo | None = None,
 ) -> tuple[Session, dict[int, PlantTruth], dict[int, FilmTruth]]:
     """Record a session and film the trials named in ``film``; a dry run on the model comes first.
 
     On hardware nothing moves before a valid self-test was found in ``selftests`` (a record or a folder of them) and
     somebody confirmed: ``ask`` shows a question and returns what was typed, ``yes`` takes its place where the rig
-    file permits.
+    file permits. A ``plan`` file takes the place of ``profile`` and ``trials``; ``ask`` also shows its prompts.
 
     Returns
     -------
@@ -122,9 +125,12 @@ def record(
     from rig.permission import permit
     from rig.profile import load_profile
     from rig.recorder import record_session
+    from rig.trial_plan import load_plan, plain_plan
 
     from .prediction import predictor
 
+    trial_plan = load_plan(plan) if plan is not None else plain_plan(load_profile(profile), trials)
+    trials = len(trial_plan.entries)
     wrong = [n for n in film if not 1 <= n <= trials]
     if wrong:
         raise InputError(f"--film {wrong[0]}: allowed trial numbers 1 to {trials}")
@@ -147,16 +153,16 @@ def record(
     try:
         if film and not hasattr(bench, "plant"):
             raise InputError(f"--film: {backend} has no virtual camera; save the real film beside the trial instead")
-        chosen = load_profile(profile)
         permission = None
         if bench.capabilities.hardware:
             permission = permit(rig_file, backend, selftests, yes=yes, ask=ask)
         session = record_session(
             out,
-            profile=chosen,
+            plan=trial_plan,
             rig_config=rig_file,
             backend=bench,
-            trials=trials,
+            room=room,
+            ask=ask,
             operator=operator,
             action_name=action_name,
             progress=progress,

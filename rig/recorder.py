@@ -1,4 +1,4 @@
-"""The recorder: a session of trials from one profile, checked before anything moves, safe on every way out.
+"""The recorder: a session of trials from one profile or a plan, checked before anything moves, safe on every way out.
 
 Place in the data flow: profile and rig file → backend → session folder. Ctrl-C, SIGTERM and faults stop the bench
 safely; what was recorded is kept and marked, and the exception goes on to the caller. When not one trial was recorded,
@@ -17,18 +17,19 @@ from pathlib import Path
 from rig.backend import Backend, open_backend
 from rig.config import Rig, load_rig
 from rig.dry_run import Predict, dry_run
-from rig.errors import HardwareFault, InputError
+from rig.errors import HardwareFault
 from rig.feed import BlockFeed
-from rig.interrupts import deferred, termination_as_interrupt
+from rig.interrupts import deferred
 from rig.permission import Permission, demand
+from rig.plan_run import Attendance, play
 from rig.profile import Profile, load_profile
 from rig.session import Session, SessionInfo, Trial
 from rig.session.annotation_file import utc_now
-from rig.session.info import ActionInfo, FileInfo, PlanInfo, RoomInfo
+from rig.session.info import ActionInfo, FileInfo, RoomInfo
 from rig.session.journal import JournalWriter
-from rig.trial_run import OpenJournal, Progress, motor_command, run_trial
+from rig.trial_plan import Plan, plain_plan
+from rig.trial_run import OpenJournal, Progress, motor_command
 
-MAX_TRIALS = 9999
 PACKAGES = ("piano-action-rig", "numpy", "h5py", "nidaqmx", "grpcio")
 
 
@@ -50,6 +51,8 @@ def record_session(
     open_journal: OpenJournal = JournalWriter,
     predict: Predict | None = None,
     permission: Permission | None = None,
+    plan: Plan | None = None,
+    ask: Callable[[str], str | None] | None = None,
 ) -> Session:
     """Record a session.
 
@@ -63,6 +66,10 @@ def record_session(
         An open backend (stays open), or an address to open and close.
     trials : int
         Number of trials, 1 to 9999.
+    plan : Plan, optional
+        A trial plan (:mod:`rig.trial_plan`) in place of ``profile`` and ``trials``.
+    ask : callable, optional
+        Shows an operator prompt of the plan and returns what was typed, None when nobody can be asked.
     operator, action_name, action, room, notes
         What goes into ``session.toml``; ``action`` replaces ``action_name``.
     progress : callable, optional
@@ -94,39 +101,29 @@ def record_session(
     KeyboardInterrupt
         The operator stopped; likewise.
     """
-    if not 1 <= trials <= MAX_TRIALS:
-        raise InputError(f"trials = {trials}, allowed 1 to {MAX_TRIALS}")
-    profile = profile if isinstance(profile, Profile) else load_profile(profile)
     rig = rig_config if isinstance(rig_config, Rig) else load_rig(rig_config)
+    if plan is None:
+        plan = plain_plan(profile if isinstance(profile, Profile) else load_profile(profile), trials)
     config = permission.applied_to(rig.config) if permission is not None else rig.config
-    command = motor_command(profile, config)
-    predicted = dry_run(profile, config, predict) if predict is not None else {}
+    first = plan.entries[0].profile
+    predicted: dict[str, float | str] = {}
+    for chosen in plan.profiles.values():
+        motor_command(chosen, config)
+        found = dry_run(chosen, config, predict) if predict is not None else {}
+        predicted = predicted or found
     existed = Path(out).is_dir()
     opened = open_backend(backend, rig.config) if isinstance(backend, str) else backend
     session: Session | None = None
+    attendance = Attendance(progress, after_trial, feed, ask, open_journal)
     try:
         demand(rig, opened.capabilities, permission, predict is not None)
         info = _session_info(
-            Path(out).name, opened, profile, rig, trials, operator, action or ActionInfo(name=action_name), room,
+            Path(out).name, opened, first, rig, plan, operator,
+            action or plan.action or ActionInfo(name=action_name), room or plan.room,
             {**(notes or {}), **(permission.noted() if permission else {})}, predicted,
         )  # fmt: skip
-        session = Session.create(out, info, {"rig.toml": rig.text, "profile.toml": profile.text})
-        with termination_as_interrupt():
-            for number in range(1, trials + 1):
-                journal = session.journal_path(number)
-                outcome = run_trial(
-                    opened, config, command, number, trials, journal,
-                    progress=progress, feed=feed, open_journal=open_journal,
-                )  # fmt: skip
-                if outcome.data is not None:
-                    with deferred():
-                        trial = session.add_trial(outcome.data)
-                        if outcome.journal is not None:
-                            outcome.journal.remove()
-                    if outcome.error is None and after_trial is not None:
-                        after_trial(trial)
-                if outcome.error is not None:
-                    raise outcome.error
+        session = Session.create(out, info, {"rig.toml": rig.text, **plan.files()})
+        play(session, opened, config, plan.entries, 1, plan.rest_s, attendance)
     except BaseException:
         if isinstance(backend, str):
             with deferred(), contextlib.suppress(HardwareFault):
@@ -147,7 +144,7 @@ def _session_info(
     backend: Backend,
     profile: Profile,
     rig: Rig,
-    trials: int,
+    plan: Plan,
     operator: str,
     action: ActionInfo,
     room: RoomInfo | None,
@@ -162,8 +159,8 @@ def _session_info(
         simulated=capabilities.simulated,
         action=action,
         rig=FileInfo(name=rig.config.name, copy_name="rig.toml", sha256=rig.sha256),
-        profile=FileInfo(name=profile.name, copy_name="profile.toml", sha256=profile.sha256),
-        plan=PlanInfo(trials=trials),
+        profile=FileInfo(name=profile.name, copy_name=plan.copies[plan.entries[0].condition], sha256=profile.sha256),
+        plan=plan.info(),
         room=room or RoomInfo(),
         backend={"name": capabilities.name, **capabilities.description},
         software=software_versions(),

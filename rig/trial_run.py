@@ -7,7 +7,7 @@ exception that ended it, if any. A block is in the journal before anybody is tol
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Protocol
 
@@ -44,6 +44,8 @@ class Progress:
     blow_end_s: float
     peak_force_n: float
     committed_s: float = 0.0
+    left_s: float | None = None
+    """Time left for all trials, s; None as long as it is not known."""
 
 
 class OpenJournal(Protocol):
@@ -106,6 +108,8 @@ def run_trial(
     trials: int,
     journal_path: Path,
     *,
+    condition: str = "",
+    entry: int = 0,
     progress: Callable[[Progress], None] | None = None,
     feed: BlockFeed | None = None,
     open_journal: OpenJournal = JournalWriter,
@@ -122,6 +126,7 @@ def run_trial(
     try:
         timing = backend.configure(config, command.volts)
         head = _head(config, command, timing, number, backend.capabilities.simulated)
+        head = replace(head, condition=condition, plan_entry=entry)
         size, longest = _lengths(config, command, timing)
         interlocks = Interlocks(config, timing, command.volts, command.blow_start_s)
         journal = open_journal(journal_path, head, longest + size, longest // size + 2)

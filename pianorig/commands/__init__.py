@@ -12,6 +12,7 @@ NAMES = (
     "learn",
     "recover",
     "attach",
+    "annotate",
     "track",
     "calibrate-camera",
     "simulate",

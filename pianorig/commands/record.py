@@ -3,9 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
+
+from ..errors import InputError
+
+if TYPE_CHECKING:
+    from rig.session.info import RoomInfo
 
 
 def command(
@@ -21,6 +26,14 @@ def command(
     ] = None,
     operator: Annotated[str, typer.Option("--operator", help="Who records.")] = "unknown",
     action: Annotated[str, typer.Option("--action", help="What stands on the bench.")] = "unknown",
+    plan: Annotated[
+        Path | None, typer.Option("--plan", help="Trial plan (TOML) in place of --profile and --trials.")
+    ] = None,
+    resume: Annotated[
+        Path | None, typer.Option("--resume", help="Go on with this session: what its plan still lacks.")
+    ] = None,
+    temperature: Annotated[float | None, typer.Option("--temperature", help="Of the room, degrees Celsius.")] = None,
+    humidity: Annotated[float | None, typer.Option("--humidity", help="Of the room, relative, percent.")] = None,
     dry_run: Annotated[
         bool, typer.Option("--dry-run", help="Reserve and print every task, predict the blow, move nothing.")
     ] = False,
@@ -41,13 +54,18 @@ def command(
 
         print_rehearsal(profile, rig, backend, as_json=as_json)
         return
+    if resume is not None:
+        if plan is not None or out is not None or film:
+            raise InputError("--resume: rig, profiles and plan are the session's own; not with --plan, --out or --film")
+        _resume(resume, backend, yes, selftest, as_json)
+        return
     from ..asking import type_answer
     from ..output import print_json
     from ..progress import bar, recording_line
     from ..recording import record
     from ..sessions import new_session_folder
 
-    target = out if out is not None else new_session_folder(profile)
+    target = out if out is not None else new_session_folder(profile if plan is None else plan.stem)
     with bar("filming", quiet=as_json) as film_progress, recording_line(quiet=as_json) as progress:
         session, _, _ = record(
             target,
@@ -63,6 +81,8 @@ def command(
             yes=yes,
             ask=type_answer,
             selftests=selftest,
+            plan=plan,
+            room=None if temperature is None and humidity is None else _room(temperature, humidity),
         )
     rows = [{"trial": t.number, "status": t.status, "film": t.film.name if t.film else None} for t in session.trials]
     if as_json:
@@ -71,3 +91,37 @@ def command(
     for row in rows:
         print(f"trial {row['trial']}: {row['status']}" + (f", film {row['film']}" if row["film"] else ""))
     print(f"session: {session.path}")
+
+
+def _room(temperature_c: float | None, humidity_percent: float | None) -> RoomInfo:
+    from math import isfinite
+
+    from rig.session.info import RoomInfo
+
+    for option, value, low, high in (
+        ("--temperature", temperature_c, -40.0, 60.0),
+        ("--humidity", humidity_percent, 0.0, 100.0),
+    ):
+        if value is not None and not (isfinite(value) and low <= value <= high):
+            raise InputError(f"{option} {value:g}: allowed {low:g} to {high:g}")
+    return RoomInfo(
+        temperature_c="unknown" if temperature_c is None else temperature_c,
+        relative_humidity_percent="unknown" if humidity_percent is None else humidity_percent,
+    )
+
+
+def _resume(session: Path, backend: str, yes: bool, selftest: Path, as_json: bool) -> None:
+    from ..asking import type_answer
+    from ..output import print_json
+    from ..progress import recording_line
+    from ..resuming import resume
+
+    with recording_line(quiet=as_json) as progress:
+        opened, new = resume(session, backend=backend, progress=progress, yes=yes, ask=type_answer, selftests=selftest)
+    rows = [{"trial": n, "status": (t := opened.trial(n)).status, "condition": t.read().condition} for n in new]
+    if as_json:
+        print_json({"session": session, "trials": rows})
+        return
+    for row in rows:
+        print(f"trial {row['trial']}: {row['status']}" + (f", {row['condition']}" if row["condition"] else ""))
+    print(f"session: {session}, {len(opened.trials)} trials")

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
 SCHEMA: Literal["piano-action-rig session 1"] = "piano-action-rig session 1"
 Measured = Annotated[float, Field(strict=True, allow_inf_nan=False)] | Literal["unknown"]
@@ -19,13 +19,43 @@ class _Table(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
 
+class RegulationInfo(_Table):
+    """The action's regulation as measured on the bench, m (the quantities of ``pianorig regulate``), or ``unknown``."""
+
+    dip_m: Measured = "unknown"
+    hammer_height_m: Measured = "unknown"
+    jack_m: Measured = "unknown"
+    repetition_m: Measured = "unknown"
+    let_off_m: Measured = "unknown"
+    drop_m: Measured = "unknown"
+    check_m: Measured = "unknown"
+    note: str = ""
+
+
+class AddedMassInfo(_Table):
+    """What the sensors add to the bodies, kg: load cell at the key front, encoder scales; or ``unknown``."""
+
+    load_cell_kg: Measured = "unknown"
+    key_scale_kg: Measured = "unknown"
+    whippen_scale_kg: Measured = "unknown"
+    hammer_scale_kg: Measured = "unknown"
+    note: str = ""
+
+
+def _as_note(value: object) -> object:
+    """A text instead of a table is its note; ``unknown`` says nothing."""
+    if isinstance(value, str):
+        return {} if value in ("", "unknown") else {"note": value}
+    return value
+
+
 class ActionInfo(_Table):
-    """The action on the bench: its name, key number and what is known of its regulation and added masses."""
+    """The action on the bench: its name, key number, measured regulation and masses added by sensors."""
 
     name: str = "unknown"
     key: str = "unknown"
-    regulation: str = "unknown"
-    added_masses: str = "unknown"
+    regulation: Annotated[RegulationInfo, BeforeValidator(_as_note)] = RegulationInfo()
+    added_masses: Annotated[AddedMassInfo, BeforeValidator(_as_note)] = AddedMassInfo()
 
 
 class FileInfo(_Table):
@@ -36,10 +66,24 @@ class FileInfo(_Table):
     sha256: Digest = ""
 
 
+class PlanCondition(_Table):
+    """A condition of the trial plan: its name, what the operator was told, and the copy of its profile."""
+
+    name: str
+    prompt: str = ""
+    profile: FileInfo
+
+
 class PlanInfo(_Table):
-    """What was to be recorded."""
+    """What was to be recorded; ``order`` names the condition of each entry, the first ``warm_up`` are not to count."""
 
     trials: Annotated[int, Field(strict=True, ge=1)] = 1
+    seed: Annotated[int, Field(strict=True, ge=0)] | None = None
+    rest_s: Annotated[float, Field(ge=0, allow_inf_nan=False)] = 0.0
+    warm_up: Annotated[int, Field(strict=True, ge=0)] = 0
+    sha256: Digest = ""
+    conditions: tuple[PlanCondition, ...] = ()
+    order: tuple[str, ...] = ()
 
 
 class RoomInfo(_Table):

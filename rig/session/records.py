@@ -122,6 +122,10 @@ class TrialData:
         Volts held from each sample to the next, V.
     encoder_count : ndarray of int64, shape (n, 3)
         Counts of key, whippen and hammer since arming.
+    condition : str
+        Condition of the trial plan; empty without one.
+    plan_entry : int
+        Number of the plan's entry that was played; 0 without a plan.
     """
 
     number: int
@@ -139,6 +143,8 @@ class TrialData:
     camera: CameraInfo | None = None
     reason: str = ""
     blow_start_s: float = 0.0
+    condition: str = ""
+    plan_entry: int = 0
     sha256: str = ""
 
     @property

@@ -85,6 +85,8 @@ def _write_root(file: h5py.File, data: TrialData) -> None:
     file.attrs["started_utc"] = data.started_utc
     file.attrs["simulated"] = int(data.simulated)
     file.attrs["blow_start_s"] = data.blow_start_s
+    file.attrs["condition"] = data.condition
+    file.attrs["plan_entry"] = data.plan_entry
 
 
 def _dataset(
@@ -215,6 +217,8 @@ def _read(file: h5py.File, sha256: str) -> TrialData:
         started_utc=str(file.attrs["started_utc"]),
         simulated=bool(file.attrs["simulated"]),
         blow_start_s=float(file.attrs["blow_start_s"]),
+        condition=str(file.attrs.get("condition", "")),
+        plan_entry=int(file.attrs.get("plan_entry", 0)),
         sample_rate_hz=float(daq.attrs["sample_rate_hz"]),
         time_s=daq["time"][()],
         force_n=force[()],

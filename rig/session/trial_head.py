@@ -89,6 +89,8 @@ class TrialHead:
     encoders: tuple[EncoderInfo, ...]
     force_info: ForceInfo
     frame_clock: FrameClock | None = None
+    condition: str = ""
+    plan_entry: int = 0
 
     def to_plain(self) -> dict[str, Any]:
         """Return all but the command as numbers, text and lists."""
@@ -101,6 +103,8 @@ class TrialHead:
             "encoders": [asdict(encoder) for encoder in self.encoders],
             "force_info": asdict(self.force_info),
             "frame_clock": asdict(self.frame_clock) if self.frame_clock else None,
+            "condition": self.condition,
+            "plan_entry": self.plan_entry,
         }
 
     @classmethod
@@ -120,6 +124,8 @@ class TrialHead:
             encoders=tuple(EncoderInfo(**encoder) for encoder in plain["encoders"]),
             force_info=ForceInfo(**force),
             frame_clock=FrameClock(**clock) if clock else None,
+            condition=str(plain.get("condition", "")),
+            plan_entry=int(plain.get("plan_entry", 0)),
         )
 
     def assemble(self, blocks: Sequence[Block], status: str, reason: str) -> TrialData:
@@ -157,6 +163,8 @@ class TrialHead:
             force_info=self.force_info,
             camera=self._camera(blocks, wanted),
             blow_start_s=self.blow_start_s,
+            condition=self.condition,
+            plan_entry=self.plan_entry,
         )
 
     def _camera(self, blocks: Sequence[Block], wanted: int) -> CameraInfo | None:

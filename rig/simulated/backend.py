@@ -46,6 +46,14 @@ class SimulatedBackend(NidaqmxBackend):
         self._description = description or {}
         super().__init__(InProcessChannel(self.service), name="virtual bench")
 
+    def wait(self, duration_s: float) -> None:
+        """Let time pass between two blows on the bench's own clock: none of the operator's on a virtual one."""
+        self.device.bench.clock.advance(duration_s)
+
+    def continue_after(self, trial: int) -> None:
+        """Go on behind a session's last trial, so that what is recorded next does not repeat its scatter."""
+        self.device.trial = trial
+
     @property
     def capabilities(self) -> Capabilities:
         """What this backend is."""

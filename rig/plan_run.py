@@ -1,0 +1,144 @@
+"""Playing the entries of a plan one after the other into a session that exists.
+
+Place in the data flow: recorder and resume → this → :mod:`rig.trial_run` for each blow. Before a condition that asks
+for it the operator is prompted; between blows the plan's rest is kept; a warm-up blow is recorded and rejected. What
+ends a trial early ends the session: earlier trials and the marked one are kept, the exception goes on.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+from rig.backend import Backend
+from rig.config import RigConfig
+from rig.errors import NotPermitted
+from rig.feed import BlockFeed
+from rig.interrupts import deferred, termination_as_interrupt
+from rig.session import Session, Trial
+from rig.session.journal import JournalWriter
+from rig.trial_plan import WARM_UP_REASON, Entry
+from rig.trial_run import OpenJournal, Progress, motor_command, run_trial
+
+
+@dataclass(frozen=True)
+class Attendance:
+    """Who watches, and what is done around the blows.
+
+    Attributes
+    ----------
+    progress : callable, optional
+        Called after each block with a :class:`rig.trial_run.Progress`; an exception in it stops the trial safely.
+    after_trial : callable, optional
+        Called with each sealed trial while the backend is still open, e.g. to save a film.
+    feed : BlockFeed, optional
+        Bounded feed for a live view.
+    ask : callable, optional
+        Shows an operator prompt and returns what was typed, None when nobody can be asked.
+    open_journal : callable
+        Creates each trial's journal; tests put a bad disk here.
+    now_s : callable
+        Clock of the time left, s.
+    """
+
+    progress: Callable[[Progress], None] | None = None
+    after_trial: Callable[[Trial], None] | None = None
+    feed: BlockFeed | None = None
+    ask: Callable[[str], str | None] | None = None
+    open_journal: OpenJournal = JournalWriter
+    now_s: Callable[[], float] = time.monotonic
+
+
+def play(
+    session: Session,
+    backend: Backend,
+    config: RigConfig,
+    entries: Sequence[Entry],
+    first_number: int,
+    rest_s: float,
+    attendance: Attendance,
+) -> None:
+    """Record ``entries`` as the trials from ``first_number`` on.
+
+    Raises
+    ------
+    HardwareFault
+        The bench stopped; ``NotPermitted`` when a prompt found nobody.
+    KeyboardInterrupt
+        The operator stopped.
+    """
+    wait: Callable[[float], None] = getattr(backend, "wait", time.sleep)
+    commands = {entry.condition: motor_command(entry.profile, config) for entry in entries}
+    last = first_number + len(entries) - 1
+    prompted: str | None = None
+    clock = _TimeLeft(attendance.now_s, rest_s, len(entries))
+    with termination_as_interrupt():
+        for number, entry in enumerate(entries, first_number):
+            if number > first_number and rest_s:
+                wait(rest_s)
+            if entry.condition != prompted:
+                _prompt(entry, number, attendance)
+                prompted = entry.condition
+            clock.begin()
+            outcome = run_trial(
+                backend, config, commands[entry.condition], number, last, session.journal_path(number),
+                condition=entry.condition, entry=entry.number if entry.condition else 0,
+                progress=_with_time_left(attendance, clock), feed=attendance.feed,
+                open_journal=attendance.open_journal,
+            )  # fmt: skip
+            if outcome.data is not None:
+                with deferred():
+                    trial = session.add_trial(outcome.data)
+                    if entry.warm_up:
+                        session.annotate(number, "reject", WARM_UP_REASON, author="plan")
+                    if outcome.journal is not None:
+                        outcome.journal.remove()
+                if outcome.error is None and attendance.after_trial is not None:
+                    attendance.after_trial(trial)
+            if outcome.error is not None:
+                raise outcome.error
+            clock.end()
+
+
+def _prompt(entry: Entry, number: int, attendance: Attendance) -> None:
+    if not entry.prompt:
+        return
+    question = f"Trial {number}, condition {entry.condition}: {entry.prompt}  Press Enter when done: "
+    if attendance.ask is None or attendance.ask(question) is None:
+        raise NotPermitted(
+            f"condition {entry.condition} asks the operator: {entry.prompt!r}, and nobody can be asked; record it at a "
+            "terminal, or take the prompt out of the plan"
+        )
+
+
+def _with_time_left(attendance: Attendance, clock: _TimeLeft) -> Callable[[Progress], None] | None:
+    show = attendance.progress
+    if show is None:
+        return None
+    return lambda at: show(replace(at, left_s=clock.left_s()))
+
+
+class _TimeLeft:
+    """Time left from the time the trials so far have taken, prompts not counted."""
+
+    def __init__(self, now_s: Callable[[], float], rest_s: float, trials: int) -> None:
+        self._now_s, self._rest_s, self._trials = now_s, rest_s, trials
+        self._done, self._spent_s, self._began_s = 0, 0.0, now_s()
+
+    def begin(self) -> None:
+        """A trial begins."""
+        self._began_s = self._now_s()
+
+    def end(self) -> None:
+        """It has ended."""
+        self._spent_s += self._now_s() - self._began_s
+        self._done += 1
+
+    def left_s(self) -> float | None:
+        """Return the time left, s; None before the first trial has ended."""
+        if not self._done:
+            return None
+        mean_s = self._spent_s / self._done
+        after = self._trials - self._done - 1
+        return max(mean_s - (self._now_s() - self._began_s), 0.0) + after * (mean_s + self._rest_s)

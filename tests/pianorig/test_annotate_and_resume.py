@@ -1,0 +1,50 @@
+"""``record --plan``, ``record --resume`` and ``annotate`` as a user meets them."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from pianorig.cli import main
+
+
+def run(*arguments: str) -> int:
+    with pytest.raises(SystemExit) as caught:
+        main(list(arguments))
+    return int(caught.value.code or 0)
+
+
+def test_a_planned_session_is_annotated_and_continued(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    plan, out = tmp_path / "plan.toml", tmp_path / "s"
+    plan.write_text(
+        'schema = "piano-action-rig plan 1"\nname = "p"\nrest_s = 600\n'
+        '[[conditions]]\nname = "a"\nprofile = "forte"\n[[conditions]]\nname = "b"\nprofile = "piano"\n'
+    )
+    assert run("record", "--plan", str(plan), "--out", str(out), "--temperature", "21", "--json") == 0
+    assert len(json.loads(capsys.readouterr().out)["trials"]) == 2
+    assert run("annotate", str(out), "--trial", "1", "--reject", "a knock", "--author", "ana") == 0
+    assert "trial 1: reject, a knock (ana)" in capsys.readouterr().out
+    assert run("record", "--resume", str(out), "--json") == 0
+    assert [row["trial"] for row in json.loads(capsys.readouterr().out)["trials"]] == [3]
+    assert run("annotate", str(out), "--trial", "1", "--accept", "it was outside", "--json") == 0
+    entries = json.loads(capsys.readouterr().out)["annotations"]
+    assert [entry["kind"] for entry in entries] == ["reject", "accept"]
+    for arguments, words in (
+        (("annotate", str(out), "--trial", "1", "--accept", "again"), "not rejected"),
+        (("annotate", str(out), "--trial", "9", "--note", "x"), "no trial 9"),
+        (("annotate", str(out), "--trial", "1", "--note", " "), "no reason"),
+        (("record", "--resume", str(out)), "nothing to resume"),
+        (("record", "--resume", str(out), "--plan", str(plan)), "not with --plan"),
+    ):
+        assert run(*arguments) == 2
+        error = capsys.readouterr().err
+        assert words in error and error.count("\n") == 1
+    from rig.session import Session
+
+    session = Session.open(out)
+    assert session.info.room.temperature_c == 21 and session.info.room.relative_humidity_percent == "unknown"
+    first, again = session.trial(1).read(), session.trial(3).read()
+    assert first.condition == again.condition
+    assert abs(first.force_n.max() - again.force_n.max()) > 1e-6  # a new blow, not the first one once more
