@@ -170,19 +170,24 @@ def probe_state(v, p, o, a, b, pose, parent):
     return by - ay, rate, la, lb
 
 
+@inlined
+def contact_frame(c, p, tables, pose):
+    """Where the numbers of contact ``c`` begin, its penetration (m), unit normal, and point of action (m)."""
+    o = contact_offset(tables.offset[1], c)
+    x, nx, ny, ax, ay, _, _, _ = gap_geometry(
+        pose, p, o, tables.contact[c, 0], tables.contact[c, 1], tables.contact[c, 2]
+    )
+    r = p[o + A_R] - 0.5 * x
+    return o, x, nx, ny, ax - r * nx, ay - r * ny
+
+
 @kernel
 def contact_state(c, v, p, tables, pose):
     """Normal force, friction force, penetration, its rate and sliding speed of contact ``c`` (N, N, m, m/s, m/s).
 
     Friction is the force on body A along t = z x n, positive with positive t; it opposes the sliding.
     """
-    o = contact_offset(tables.offset[1], c)
-    x, nx, ny, ax, ay, _, _, _ = gap_geometry(
-        pose, p, o, tables.contact[c, 0], tables.contact[c, 1], tables.contact[c, 2]
-    )
-    r = p[o + A_R] - 0.5 * x
-    px = ax - r * nx
-    py = ay - r * ny
+    o, x, nx, ny, px, py = contact_frame(c, p, tables, pose)
     rate = 0.0
     slide = 0.0
     for k in range(tables.contact[c, 3]):
@@ -201,19 +206,12 @@ def contact_state(c, v, p, tables, pose):
 @inlined
 def contact_forces(v, p, tables, pose, f, counters):
     """Add the forces of all touching contacts and probes to ``f`` (n,)."""
-    start = tables.offset[1]
     touching = 0
     for c in range(tables.contact.shape[0]):
-        o = contact_offset(start, c)
-        x, nx, ny, ax, ay, _, _, _ = gap_geometry(
-            pose, p, o, tables.contact[c, 0], tables.contact[c, 1], tables.contact[c, 2]
-        )
+        o, x, nx, ny, px, py = contact_frame(c, p, tables, pose)
         if x <= 0.0:
             continue
         touching += 1
-        r = p[o + A_R] - 0.5 * x
-        px = ax - r * nx
-        py = ay - r * ny
         count = tables.contact[c, 3]
         rate = 0.0
         slide = 0.0

@@ -1,0 +1,77 @@
+"""What the threshold speed of eq. 2.10 does to a blow: the smoothed law at falling v_t beside set-valued friction.
+
+The thesis does not print v_t and omega_t; this project takes 1e-3 m/s and 1e-2 rad/s. Both fall together here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..blow import check_force_table
+from ..blow import simulate as simulate_smoothed
+from ..parameters import Action
+from ..solution import Solution
+from ..study import BlowMeasures, measure_blow
+from .march import Marched, simulate
+
+THRESHOLDS = (1e-2, 1e-3, 1e-4, 1e-5)
+TOLERANCE = 1e-7
+
+
+@dataclass(frozen=True)
+class Limit:
+    """One blow under the smoothed law at several threshold speeds, and in the limit.
+
+    Attributes
+    ----------
+    v_t : (k,) threshold speeds, m/s; omega_t is the same number of times that of the given action
+    smoothed : (k,) solutions
+    marched : with set-valued friction, at the step asked for
+    coarse : the same at twice that step, whose distance is a measure of the march's own error
+    measures : (k + 1,) of the smoothed solutions, then of the march
+    """
+
+    v_t: tuple[float, ...]
+    smoothed: tuple[Solution, ...]
+    marched: Marched
+    coarse: Marched
+    measures: tuple[BlowMeasures, ...]
+
+    def away_rad(self, solution: Solution) -> float:
+        """Largest difference of any angle from the march."""
+        return float(np.max(np.abs(solution.angle_rad - self.marched.solution.angle_rad)))
+
+    def away_until_release_rad(self, solution: Solution) -> float:
+        """Largest difference of any angle from the march up to the end of the hold."""
+        held = self.marched.solution.time_s <= self.measures[-1].release_s
+        return float(np.max(np.abs(solution.angle_rad - self.marched.solution.angle_rad)[held], initial=0.0))
+
+    @property
+    def march_error_rad(self) -> float:
+        """Change of the march by halving its step."""
+        return self.away_rad(self.coarse.solution)
+
+
+def compare(
+    action: Action,
+    time_s: ArrayLike,
+    force_n: ArrayLike,
+    thresholds: Sequence[float] = THRESHOLDS,
+    step_s: float = 2.5e-6,
+) -> Limit:
+    """Simulate a blow at each threshold speed and march it without one; see `Limit`."""
+    times, forces = check_force_table(time_s, force_n)
+    ratio = action["friction_threshold.omega_t"] / action["friction_threshold.v_t"]
+    smoothed = []
+    for v_t in thresholds:
+        values = {"friction_threshold.v_t": v_t, "friction_threshold.omega_t": ratio * v_t}
+        smoothed.append(
+            simulate_smoothed(action.with_values(values), times, forces, tolerance=TOLERANCE, contact_forces=True)
+        )
+    marched, coarse = (simulate(action, times, forces, step) for step in (step_s, 2.0 * step_s))
+    measures = [measure_blow(action, solution, forces) for solution in (*smoothed, marched.solution)]
+    return Limit(tuple(thresholds), tuple(smoothed), marched, coarse, tuple(measures))

@@ -1,0 +1,106 @@
+"""Set-valued friction: closed-form motion of one pair, the static coefficient, and the limit of the smoothed law."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import model
+from model.errors import InputError
+from model.forces import force_table
+from model.kernels.stick_slip import stick_together, sweep_once
+from model.stick_slip import compare, simulate
+
+ACTION = model.load_action()
+
+
+def test_joint_friction_holds_then_slides_as_coulomb_says() -> None:
+    """A stiff joint alone stops an action whose every other friction is off."""
+    free = {f"{b}.joint_friction.A": 0.0 for b in model.BODIES} | {
+        f"contact{i:02d}.friction": 0.0 for i in (1, 4, 7, 10)
+    }
+    stiff = ACTION.with_values(free | {"key.joint_friction.A": 0.5})  # 0.5 N m at 0.23 m: more than 2 N
+    t = np.arange(0.0, 0.1, 2e-4)
+    held = simulate(stiff, t, np.full(len(t), 1.0), 1e-5)
+    key = held.solution.bodies.index("key")
+    assert np.ptp(held.solution.angle_rad[:, key]) < 1e-12
+    assert held.joint_sticks[1:, key].all()
+    pushed = simulate(stiff, t, np.full(len(t), 6.0), 1e-5)
+    assert pushed.solution.angle_rad[-1, key] < held.solution.angle_rad[-1, key] - 0.01
+    assert not pushed.joint_sticks[50, key]
+
+
+def test_sticking_pairs_stop_and_impulses_stay_in_their_bounds() -> None:
+    rng = np.random.default_rng(11)
+    for _ in range(200):
+        n, pairs = 4, 7  # more pairs than coordinates
+        root = rng.normal(size=(n, n))
+        mass = root @ root.T + 0.1 * np.eye(n)
+        along = rng.normal(size=(pairs, n))
+        given = np.ascontiguousarray(np.linalg.solve(mass, along.T).T)
+        own = np.einsum("ij,ij->i", along, given)
+        bound = rng.uniform(0.0, 2.0, pairs) * (rng.uniform(size=pairs) > 0.2)
+        start = rng.normal(size=n)
+        impulse, change = np.zeros(pairs), start.copy()
+        for sweep in range(300):
+            if sweep % 6 == 5:
+                stick_together(along, given, bound, impulse, change)
+            if sweep_once(along, given, own, bound, impulse, change) < 1e-11:
+                break
+        assert change == pytest.approx(start + impulse @ given, abs=1e-9)
+        w = along @ change
+        assert np.all(np.abs(impulse) <= bound)
+        for j in np.flatnonzero(bound > 0.0):  # sticks inside the bound, else the impulse opposes the sliding
+            assert abs(w[j]) < 1e-8 or impulse[j] == pytest.approx(-np.sign(w[j]) * bound[j])
+
+
+def test_smoothed_law_goes_to_the_limit() -> None:
+    t, f = force_table("forte")
+    cut = t <= 0.25
+    limit = compare(ACTION, t[cut], f[cut], (1e-2, 1e-3, 1e-4, 1e-5), step_s=5e-6)
+    away = [limit.away_rad(s) for s in limit.smoothed]
+    assert away[0] > 2.0 * away[1] > 4.0 * away[2] > 12.0 * away[3]
+    assert limit.march_error_rad < away[3] < 1e-4
+    strike = [m.strike_s for m in limit.measures]
+    assert abs(strike[3] - strike[4]) < 2e-6 < abs(strike[0] - strike[4])
+
+
+def test_without_friction_the_march_is_the_smooth_motion() -> None:
+    """No friction at all: only Moreau's scheme itself is left, of second order in the step."""
+    free = {f"{b}.joint_friction.A": 0.0 for b in model.BODIES} | {
+        f"contact{i:02d}.friction": 0.0 for i in (1, 4, 7, 10)
+    }
+    action = ACTION.with_values(free)
+    t, f = force_table("forte")
+    cut = t <= 0.13
+    exact = model.simulate(action, t[cut], f[cut], tolerance=1e-9)
+    errors = [
+        float(np.max(np.abs(simulate(action, t[cut], f[cut], h).solution.angle_rad - exact.angle_rad)))
+        for h in (2e-5, 1e-5)
+    ]
+    assert errors[1] < 2e-5
+    assert errors[0] / errors[1] > 3.0
+
+
+def test_a_pair_that_stuck_holds_up_to_the_static_coefficient() -> None:
+    """A peak of eq. 2.10 many times the kinetic coefficient keeps jack and knuckle together for longer."""
+    t, f = force_table("forte")
+    cut = t <= 0.25
+    flat, peaked = (
+        simulate(ACTION.with_values({"contact07.friction.B1": b1}), t[cut], f[cut], 1e-5) for b1 in (0.0, 20.0)
+    )
+    jack = flat.solution.contacts.index("contact07")
+    assert peaked.contact_sticks[:, jack].sum() > 1.1 * flat.contact_sticks[:, jack].sum()
+
+
+@pytest.mark.parametrize(
+    ("t", "step", "words"),
+    [
+        ([0.0, 0.1, 0.3], 1e-5, "not evenly spaced"),
+        ([0.0, 0.1, 0.2], 1e-3, "step: found 0.001 s"),
+        ([0.0, 0.1, 0.2], 0.0, "step: found 0 s"),
+    ],
+)
+def test_bad_input(t: list[float], step: float, words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        simulate(ACTION, t, [0.0, 0.0, 0.0], step)
