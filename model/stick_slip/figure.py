@@ -5,21 +5,20 @@ from __future__ import annotations
 from pathlib import Path
 
 from ..observables import hammer_height_m
-from ..parameters import Action
 from ..sheet import new_sheet, save_sheet
 from .limit import Limit
 
 
-def draw(action: Action, limit: Limit, path: str | Path) -> None:
+def draw(limit: Limit, path: str | Path) -> None:
     """Write the sheet to ``path`` (.svg, .pdf or .png)."""
     sheet = new_sheet(10.0, 4.2)
     over_time, over_speed = sheet.subplots(1, 2)
     for v_t, solution in zip(limit.v_t, limit.smoothed, strict=True):
-        height = 1e3 * hammer_height_m(action, solution.angle_rad)
+        height = 1e3 * hammer_height_m(limit.action, solution.angle_rad)
         over_time.plot(1e3 * solution.time_s, height, lw=1.0, label=f"eq. 2.10, v_t = {v_t:g} m/s")
     marched = limit.marched.solution
     over_time.plot(
-        1e3 * marched.time_s, 1e3 * hammer_height_m(action, marched.angle_rad), "k--", lw=1.0, label="set-valued"
+        1e3 * marched.time_s, 1e3 * hammer_height_m(limit.action, marched.angle_rad), "k--", lw=1.0, label="set-valued"
     )
     over_time.set(xlabel="time, ms", ylabel="hammer to string, mm", title="One blow")
     over_time.legend(fontsize="small")

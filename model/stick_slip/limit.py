@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from ..blow import check_force_table
 from ..blow import simulate as simulate_smoothed
+from ..observables import hammer_height_m
 from ..parameters import Action
 from ..solution import Solution
 from ..study import BlowMeasures, measure_blow
@@ -20,6 +21,7 @@ from .march import Marched, simulate
 
 THRESHOLDS = (1e-2, 1e-3, 1e-4, 1e-5)
 TOLERANCE = 1e-7
+CREEP_S = 0.05
 
 
 @dataclass(frozen=True)
@@ -28,6 +30,7 @@ class Limit:
 
     Attributes
     ----------
+    action : as given
     v_t : (k,) threshold speeds, m/s; omega_t is the same number of times that of the given action
     smoothed : (k,) solutions
     marched : with set-valued friction, at the step asked for
@@ -35,6 +38,7 @@ class Limit:
     measures : (k + 1,) of the smoothed solutions, then of the march
     """
 
+    action: Action
     v_t: tuple[float, ...]
     smoothed: tuple[Solution, ...]
     marched: Marched
@@ -49,6 +53,19 @@ class Limit:
         """Largest difference of any angle from the march up to the end of the hold."""
         held = self.marched.solution.time_s <= self.measures[-1].release_s
         return float(np.max(np.abs(solution.angle_rad - self.marched.solution.angle_rad)[held], initial=0.0))
+
+    def creep_m_per_s(self, solution: Solution) -> float:
+        """Mean speed at which the hammer leaves the string's side in the last ``CREEP_S`` of the hold; NaN without one.
+
+        Friction that only resists where something slides lets a held hammer creep; what set-valued friction shows
+        here is the motion that the falling force and the felt give.
+        """
+        time, end = solution.time_s, self.measures[-1].release_s
+        window = (time >= end - CREEP_S) & (time <= end)
+        if np.count_nonzero(window) < 2:
+            return float("nan")
+        height = hammer_height_m(self.action, solution.angle_rad)[window]
+        return float(np.polyfit(time[window] - end, height, 1)[0])
 
     @property
     def march_error_rad(self) -> float:
@@ -74,4 +91,4 @@ def compare(
         )
     marched, coarse = (simulate(action, times, forces, step) for step in (step_s, 2.0 * step_s))
     measures = [measure_blow(action, solution, forces) for solution in (*smoothed, marched.solution)]
-    return Limit(tuple(thresholds), tuple(smoothed), marched, coarse, tuple(measures))
+    return Limit(action, tuple(thresholds), tuple(smoothed), marched, coarse, tuple(measures))

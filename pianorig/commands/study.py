@@ -15,16 +15,22 @@ if TYPE_CHECKING:
     from model.study import Study
     from model.study.thesis import ThesisStudy
 
-THESIS = "thesis"
+THESIS, LIMIT = "thesis", "friction-limit"
 
 
 def command(
     action: Annotated[
-        str, typer.Argument(help="Built-in action or a TOML file; or the word thesis: its Figs 4.9-4.11, 4.16-4.19.")
+        str,
+        typer.Argument(
+            help="Built-in action or a TOML file; or the word thesis: its Figs 4.9-4.11, 4.16-4.19; or the word "
+            "friction-limit: threshold speeds beside set-valued friction."
+        ),
     ],
     force: Annotated[
         Path | None,
-        typer.Option("--force", help="CSV file with the columns time_s,force_n; for thesis: another forte."),
+        typer.Option(
+            "--force", help="CSV file with the columns time_s,force_n; after thesis or friction-limit: another forte."
+        ),
     ] = None,
     variant: Annotated[
         list[str] | None,
@@ -35,7 +41,8 @@ def command(
     ] = None,
     scale: Annotated[list[str] | None, typer.Option("--scale", help=SCALE_HELP)] = None,
     of: Annotated[
-        str | None, typer.Option("--of", help="With thesis: the action to study; default hirschkorn2004.")
+        str | None,
+        typer.Option("--of", help="With thesis or friction-limit: the action to study; default hirschkorn2004."),
     ] = None,
     out: Annotated[Path | None, typer.Option("--out", help="Folder for the figure and the tables.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
@@ -50,14 +57,21 @@ def command(
 
     if out is not None:
         _make_folder(out)
-    if action == THESIS:
+    if action in (THESIS, LIMIT):
         if variant:
-            raise InputError("study thesis: has its own variants; leave out --variant or name an action")
+            raise InputError(f"study {action}: has its own variants; leave out --variant or name an action")
         chosen = load_changed(of or "hirschkorn2004", set_, scale)
-        facts = _thesis(chosen, force, out, quiet=as_json)
+        if action == THESIS:
+            facts = _thesis(chosen, force, out, quiet=as_json)
+        else:
+            from ..friction_limit import friction_limit
+
+            facts = friction_limit(chosen, force, out, quiet=as_json)
     else:
         if of is not None:
-            raise InputError(f"--of {of}: goes with the word thesis only; name the action instead of {action}")
+            raise InputError(
+                f"--of {of}: goes with the words thesis and friction-limit only; name the action instead of {action}"
+            )
         if force is None:
             raise InputError("--force: missing; name a CSV file with the columns time_s,force_n")
         facts = _variants(load_changed(action, set_, scale), force, variant or [], out, quiet=as_json)

@@ -62,7 +62,7 @@ def test_scale_on_simulate(tmp_path: Path) -> None:
     [
         (["thesis", "--variant", "a: --set hammer.mass=0.01"], "study thesis: has its own variants"),
         (["hirschkorn2004"], "--force: missing"),
-        (["hirschkorn2004", "--of", "x", "--force", FORTE], "goes with the word thesis only"),
+        (["hirschkorn2004", "--of", "x", "--force", FORTE], "goes with the words thesis and friction-limit only"),
         (["hirschkorn2004", "--force", FORTE, "--variant", "dry"], "--variant 'dry': has no name"),
         (["hirschkorn2004", "--force", FORTE, "--variant", "a: --st x=1"], "--variant a: found '--st'"),
         (["hirschkorn2004", "--force", FORTE, "--variant", "a: --set hammer.mas=1"], "did you mean hammer.mass"),
@@ -98,3 +98,13 @@ def test_bad_input_is_one_line_and_exit_2(
 )
 def test_variant_grammar(text: str) -> None:
     assert read_variant(text) == ("a b", {"x.y": 1.0}, {"damping": 0.1})
+
+
+def test_friction_limit_in_words_and_files(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    force = tmp_path / "short.csv"
+    force.write_text("time_s,force_n\n" + "".join(f"{k * 5e-4!r},{min(10.0, 200 * k * 5e-4)}\n" for k in range(241)))
+    assert run("study", "friction-limit", "--force", str(force), "--out", str(tmp_path / "f"), "--json") == 0
+    facts = json.loads(capsys.readouterr().out)
+    away = [row["differs_rad"] for row in facts["friction"]]
+    assert away[0] > away[1] > away[2] > away[3] > away[4] == 0.0
+    assert {p.name for p in (tmp_path / "f").iterdir()} == {"friction_limit.svg", "friction_limit.csv"}
