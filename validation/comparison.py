@@ -20,26 +20,25 @@ import pandas as pd
 from validation.budget import COLUMNS, event_budget, representative
 from validation.channel_tables import channel_tables
 from validation.curve_tables import film_trace_table, trace_table
-from validation.diagnosis import Finding, camera_clock, finding_table, hum, lifts, rates, wiring
+from validation.diagnosis import finding_table
 from validation.errors import InputError
 from validation.event import Event
 from validation.event_tables import event_summary, event_table
 from validation.events import find_events
-from validation.geometry import ActionGeometry, Array
+from validation.examination import NOTHING, compare_by_motion, find_faults
+from validation.geometry import ActionGeometry
 from validation.key_lift import Lift
 from validation.marking import doubtful_events, find_marks, mark_table
 from validation.measurement import U_REST_LEVEL_M, Measurement
-from validation.outlying import outlying
 from validation.predictor import RIVALS, Predictor, TrialPrediction
 from validation.provenance import provenance
 from validation.repeatability import event_repeatability, few_trials_warning
 from validation.result import ValidationResult
 from validation.score_tables import score_table, scorecard, with_scores
-from validation.suspect import wrong_friction
 from validation.trial_tables import trial_row, uncertainty_table
 from validation.trials import measure_all, open_session
 from validation.verdict import verdict_lines
-from validation.window import common_window
+from validation.window import Window, common_window
 
 
 def compare_session(
@@ -53,6 +52,7 @@ def compare_session(
     rivals: tuple[str, ...] = RIVALS,
     budget: bool = True,
     suspect: bool = True,
+    by_motion: bool = False,
     keep_predictions: bool = True,
     u_rest_level_m: float = U_REST_LEVEL_M,
     now: Callable[[], datetime] = lambda: datetime.now(UTC),
@@ -74,6 +74,8 @@ def compare_session(
         Make the uncertainty budget of the events, some fifty runs of one trial.
     suspect : bool
         Look for a wrong friction of the model, some thirty runs of one trial.
+    by_motion : bool
+        Also drive the model by the key's measured motion and compare the force, in the trial of median peak force.
     keep_predictions : bool
         Keep predictions in the session's ``derived/prediction`` and reuse them when their inputs have not
         changed.
@@ -131,6 +133,7 @@ def compare_session(
         [text for text in warnings if text],
         budget,
         suspect,
+        by_motion,
         lambda: provenance(
             session,
             predictor.action,
@@ -172,10 +175,11 @@ def _assemble(
     trial_events: dict[int, dict[str, Event]],
     marks: dict[int, list[Lift]],
     refused: dict[int, str],
-    window: Any,
+    window: Window,
     warnings: list[str],
     budget: bool,
     suspect: bool,
+    by_motion: bool,
     origin: Callable[[], dict[str, Any]],
 ) -> ValidationResult:
     """Build every table of the result."""
@@ -195,7 +199,7 @@ def _assemble(
         if events["string_impact"].status != "absent"
     }
     base = spread["time_s"].to_numpy()
-    findings = _findings(predictor, measured, predictions, marks, trial_events, base, traces, suspect)
+    findings = find_faults(predictor, measured, predictions, marks, trial_events, base, traces, suspect)
     warnings = [f.text for f in findings] + warnings
     u_encoder = {m.number: m.u_rad for m in measured}
     scores = score_table(traces, filmed, u_encoder, channels, window, impact)
@@ -207,6 +211,10 @@ def _assemble(
         trial_row(n, by_number.get(n), refused.get(n, ""), predictions[n].model if n in predictions else None)
         for n in sorted({*by_number, *refused})
     ]
+    force_table, force_trace, note = (
+        compare_by_motion(predictor, measured, marks, window, findings) if by_motion else NOTHING
+    )
+    warnings += [note] if note else []
     name = getattr(session.info, "name", "") or session.path.name
     action_name = str(getattr(predictor.action, "name", "unknown"))
     return ValidationResult(
@@ -229,32 +237,10 @@ def _assemble(
         spread=spread,
         traces=traces,
         film_traces=filmed,
+        motion_driven=force_table,
+        motion_trace=force_trace,
         provenance=origin(),
     )
-
-
-def _findings(
-    predictor: Predictor,
-    measured: list[Measurement],
-    predictions: dict[int, TrialPrediction],
-    marks: dict[int, list[Lift]],
-    events: dict[int, dict[str, Event]],
-    base: Array,
-    traces: dict[int, pd.DataFrame],
-    suspect: bool,
-) -> list[Finding]:
-    """Faults of the session, wiring first; the model is suspected on a trial without any."""
-    found = rates(measured) + lifts(marks)
-    for m in measured:
-        found += wiring(m, predictions[m.number]) + hum(m) + camera_clock(m)
-    found += outlying(base, traces, measured, events, {(int(f.trial), f.channel) for f in found})
-    broken = {f.trial for f in found if f.kind in ("sign flip", "swapped channels", "outlying trial")}
-    sound = [m for m in measured if m.number not in broken]
-    if sound and suspect:
-        m = representative(sound)
-        release = events[m.number]["key_release"]
-        found += wrong_friction(predictor, m, release.value if release.status == "found" else float(m.time_s[-1]))
-    return found
 
 
 def _load(action: Any) -> Any:

@@ -74,6 +74,11 @@ class ValidationResult:
         <body>_predicted_rad, <channel>_null_rad (null model), <channel>_raw_rad (driven by the raw force).
     film_traces : dict
         Trial → DataFrame of time_s, <channel>_measured_rad, <channel>_u_rad, <channel>_predicted_rad.
+    motion_driven : DataFrame
+        Force predicted from the key's measured motion: see `validation.motion_driven.COLUMNS`; empty when not asked
+        for.
+    motion_trace : DataFrame or None
+        See `validation.motion_driven.motion_driven`.
     provenance : dict
         Hashes, versions, tolerance and rules.
     files : dict
@@ -99,6 +104,8 @@ class ValidationResult:
     spread: pd.DataFrame
     traces: dict[int, pd.DataFrame]
     film_traces: dict[int, pd.DataFrame]
+    motion_driven: pd.DataFrame
+    motion_trace: pd.DataFrame | None
     provenance: dict[str, Any]
     files: dict[str, Path] = field(default_factory=dict)
 
@@ -119,6 +126,7 @@ class ValidationResult:
             "scorecard": self.scorecard,
             "marked": self.marked,
             "findings": self.findings,
+            "motion_driven": self.motion_driven,
             "channels": self.channels,
             "events": self.events,
             "event_summary": self.event_summary,

@@ -162,6 +162,31 @@ def force_of_one_trial(result: ValidationResult, trial: int) -> ReportFigure:
     return _finish(figure, "force-one", "4.1", caption, text)
 
 
+def force_from_motion(result: ValidationResult, trace: pd.DataFrame) -> ReportFigure:
+    """Measured force, and the force the model needs for the measured motion of the key."""
+    row = result.motion_driven.iloc[0]
+    time = trace["time_s"].to_numpy()
+    use = ~trace["left_out"].to_numpy(dtype=bool)
+    measured, predicted = trace["force_n"].to_numpy(), np.where(use, trace["predicted_force_n"].to_numpy(), np.nan)
+    reach = trace["factor"].to_numpy() * trace["u_predicted_n"].to_numpy()
+    figure = Figure(figsize=(WIDTH_IN, 3.6), layout="constrained")
+    grid = figure.subplots(2, 1, sharex=True, height_ratios=(2.2, 1))
+    band(grid[0], time, predicted - reach, predicted + reach)
+    draw(grid[0], time, measured, f"measured, trial {int(row['trial'])}", color=BLACK, linewidth=1.1)
+    draw(grid[0], time, predicted, "from the key's motion", color=VERMILION, linewidth=1.2, dashes=(5, 1.5))
+    finish_axes(grid[0], "force (N)", bottom=False)
+    draw(grid[1], time, predicted - measured, color=BLUE, linewidth=0.9)
+    finish_axes(grid[1], "difference (N)")
+    grid[0].legend(fontsize=8)
+    caption = (
+        f"Force at the key front that the model needs for the measured motion of the key, trial {int(row['trial'])}. "
+        f"RMSE {row['rmse_n']:.2f} N, {100 * row['rmse_over_peak']:.1f} % of the peak; "
+        f"{100 * row['left_out_share']:.1f} % of the window left out (key may lift)."
+    )
+    text = f"Measured peak {row['peak_measured_n']:.1f} N, predicted {row['peak_predicted_n']:.1f} N."
+    return _finish(figure, "force-motion", "4.1, the other way round", caption, text)
+
+
 def model_against_trial(result: ValidationResult, trial: int, channel: str, number: str) -> ReportFigure:
     """One channel of one trial with its prediction, and the residuals of all trials (thesis 4.2–4.4)."""
     f = _window(result, result.traces[trial])
@@ -209,6 +234,8 @@ def all_figures(result: ValidationResult) -> dict[str, list[ReportFigure]]:
             repeatability.append(rotation_of_all_trials(result, channel, number))
         repeatability += film_rotations(result)
         comparison = [force_of_one_trial(result, first)]
+        if result.motion_trace is not None:
+            comparison.append(force_from_motion(result, result.motion_trace))
         for channel, number in zip(ENCODER_CHANNELS, ("4.2", "4.3", "4.4"), strict=True):
             comparison.append(model_against_trial(result, first, channel, number))
         return {"repeatability": repeatability, "comparison": comparison}

@@ -9,7 +9,7 @@ Schema ``piano-action-rig results 1``; SI units and radians; a value that does n
 - ``tables``: name → list of rows, each a mapping of column → value.  Columns are those of `ValidationResult`:
   ``trials``, ``scores``, ``channels``, ``events``, ``event_summary``, ``event_repeatability``,
   ``budget``, ``scorecard``, ``marked``, ``findings``,
-  ``uncertainty``
+  ``motion_driven``, ``uncertainty``
 - ``event_definitions``: event → title, unit, definition
 - ``provenance``: hashes, versions, tolerance_rad, rules
 

@@ -1,0 +1,115 @@
+"""A report whose inputs have not changed is not made again: hashes in, the kept report or nothing out.
+
+Place in the data flow: session folder, action, options and source code → one hash beside the report → `pianorig
+validate`.
+Conventions: SHA-256 of file contents, never of times.  Inputs are the session's TOML, annotations, trials and tracked
+angles, the action's file and changes, the options, the source of every package that shapes the numbers, and the
+versions of the libraries.  Films are not: their angles are.
+Failure: whatever cannot be read or does not agree counts as changed, and the report is made again.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import sys
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from importlib import metadata
+from importlib.util import find_spec
+from pathlib import Path
+
+NAME = "report.inputs.json"
+SCHEMA = "piano-action-rig report inputs 1"
+PACKAGES = ("model", "rig", "validation")
+LIBRARIES = ("numpy", "scipy", "pandas", "matplotlib", "numba", "h5py", "jinja2")
+SESSION_FILES = ("*.toml", "*.jsonl", "trial_*.h5", "derived/angles/*.h5")
+SOURCES = {".py", ".toml", ".j2", ".css"}
+
+
+@dataclass(frozen=True)
+class KeptReport:
+    """A report that can be used as it is."""
+
+    verdict_lines: list[str]
+    files: dict[str, Path]
+    made_utc: str
+
+
+def inputs_sha256(session: Path, action: str, options: Mapping[str, object]) -> str:
+    """Hash of everything a report depends on.
+
+    Parameters
+    ----------
+    session : Path
+        Session folder.
+    action : str
+        Built-in name or path of a TOML file.
+    options : mapping
+        Everything else that was asked for; plain values.
+    """
+    digest = hashlib.sha256()
+    for pattern in SESSION_FILES:
+        for file in sorted(session.glob(pattern)):
+            _feed(digest, file.relative_to(session).as_posix(), file)
+    if Path(action).is_file():
+        _feed(digest, "action", Path(action))
+    for package in PACKAGES:
+        for file in _sources(package):
+            _feed(digest, f"{package}/{file.name}", file)
+    for text in (action, json.dumps(dict(options), sort_keys=True, default=str), sys.version, *_versions()):
+        digest.update(text.encode() + b"\0")
+    return digest.hexdigest()
+
+
+def kept_report(folder: Path, inputs: str) -> KeptReport | None:
+    """The report in a folder when it was made from these inputs and none of its files has been touched since."""
+    try:
+        content = json.loads((folder / NAME).read_text(encoding="utf-8"))
+        if content["schema"] != SCHEMA or content["inputs_sha256"] != inputs:
+            return None
+        files = {str(name): folder / str(name) for name in content["files_sha256"]}
+        if any(_sha256(files[name]) != sha for name, sha in content["files_sha256"].items()):
+            return None
+        return KeptReport([str(line) for line in content["verdict_lines"]], files, str(content["made_utc"]))
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        return None
+
+
+def keep_report(
+    folder: Path, inputs: str, files: Mapping[str, Path], verdict_lines: Iterable[str], made_utc: str
+) -> None:
+    """Write beside a report what it was made from."""
+    content = {
+        "schema": SCHEMA,
+        "made_utc": made_utc,
+        "inputs_sha256": inputs,
+        "files_sha256": {name: _sha256(path) for name, path in files.items()},
+        "verdict_lines": list(verdict_lines),
+    }
+    part = folder / f".{NAME}.{os.getpid()}.part"
+    part.write_text(json.dumps(content, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+    os.replace(part, folder / NAME)
+
+
+def _sha256(file: Path) -> str:
+    return hashlib.sha256(file.read_bytes()).hexdigest()
+
+
+def _feed(digest: hashlib._Hash, name: str, file: Path) -> None:
+    digest.update(name.encode() + b"\0" + hashlib.sha256(file.read_bytes()).digest())
+
+
+def _sources(package: str) -> list[Path]:
+    spec = find_spec(package)
+    homes = list(spec.submodule_search_locations or []) if spec is not None else []
+    return sorted(file for home in homes for file in Path(home).rglob("*") if file.suffix in SOURCES and file.is_file())
+
+
+def _versions() -> Iterable[str]:
+    for name in LIBRARIES:
+        try:
+            yield f"{name} {metadata.version(name)}"
+        except metadata.PackageNotFoundError:
+            yield f"{name} unknown"
