@@ -57,6 +57,7 @@ class BenchTime:
         self.trial, self.edge, self._by_hand = trial, 0, by_hand and self.hand
         self.plant.sample_rate_hz = rate_hz
         self.plant.start_trial(trial)
+        self.clock.begin()
         self._force = ForceSignal(self.sensors.force, self.sensors.seed, trial)
         self._encoders = EncoderSignals(self.sensors.encoders, self.sensors.seed, trial)
         self._delay = DelayLine(input_delay_s * rate_hz)

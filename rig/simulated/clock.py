@@ -25,6 +25,9 @@ class Clock(Protocol):
     def elapsed_s(self) -> float:
         """The same as somebody sees it who does not wait for a read: a watchdog timer, s."""
 
+    def begin(self) -> None:
+        """Begin an acquisition: time in which nothing ran is not made up for."""
+
     def advance(self, duration_s: float) -> None:
         """Let ``duration_s`` pass."""
 
@@ -46,6 +49,9 @@ class VirtualClock:
     def elapsed_s(self) -> float:
         """Virtual time, s."""
         return self._now_s
+
+    def begin(self) -> None:
+        """Do nothing: time only counts."""
 
     def advance(self, duration_s: float) -> None:
         """Add ``duration_s`` to the time."""
@@ -79,6 +85,10 @@ class PacedClock:
     def elapsed_s(self) -> float:
         """Wall-clock time, s, slowed down with the bench but never sped up; goes on when nobody reads."""
         return (self._wall_s() - self._origin_s) * min(self._speed, 1.0)
+
+    def begin(self) -> None:
+        """Catch up with the wall clock, so that what follows takes its time."""
+        self._now_s = max(self._now_s, (self._wall_s() - self._origin_s) * self._speed)
 
     def advance(self, duration_s: float) -> None:
         """Add ``duration_s`` to the time, then wait until the wall clock has caught up."""
