@@ -60,6 +60,17 @@ def test_lift_is_where_the_inside_view_of_the_force_driven_run_sees_it(action: m
     assert 0 < driven.lifted.sum() < 60
 
 
+def test_any_clock_and_uneven_times(action: model.Action) -> None:
+    time, force, forward = blow("forte")
+    late = model.simulate_motion(action, time[:700] + 4e5, forward.angle_rad[:700, 0], members=0)
+    soon = model.simulate_motion(action, time[:700], forward.angle_rad[:700, 0], members=0)
+    assert late.time_s[0] == 4e5
+    assert np.sqrt(np.mean((late.force_n - soon.force_n) ** 2)) < 0.05  # the late clock ticks in 6e-11 s
+    kept = np.random.default_rng(8).random(len(time)) < 0.8
+    uneven = model.simulate_motion(action, time[kept], forward.angle_rad[kept, 0], members=0)
+    assert np.sqrt(np.mean((uneven.force_n - force[kept]) ** 2)) < 0.01 * force.max()
+
+
 def test_scenes_without_some_bodies(action: model.Action) -> None:
     time, _, forward = blow("forte")
     angle = forward.angle_rad[:700, 0]
