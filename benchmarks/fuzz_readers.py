@@ -2,7 +2,7 @@
 
     python benchmarks/fuzz_readers.py [--count 12000] [--seed 1]
 
-Mutates CIH, CIHX, MRAW (length) and AVI (uncompressed and MJPEG) films of 0.5 to 1 MB: bytes overwritten, digits
+Mutates CIH, CIHX, MRAW (length) and AVI (uncompressed and MJPEG) films of about 1 MB: bytes overwritten, digits
 changed, stretches cut, doubled or swapped. A film that opens must give frames of the size it states, and the
 original grey values where its header still says the same. No step may allocate more than the film's own size (as
 Python and NumPy count it, against the file or its grey values, whichever is more; OpenCV decodes only JPEG
@@ -49,7 +49,7 @@ File Format : MRaw
 EffectiveBit Depth : 8
 EffectiveBit Side : Lower
 """
-SHAPE = (6, 256, 400)
+SHAPE = (12, 256, 400)
 
 
 @dataclass

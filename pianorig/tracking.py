@@ -184,8 +184,31 @@ def track_film_file(
             progress=progress,
         )
     if owner is not None:
+        result.info["clock_offset"] = clock_offsets(owner[1], result)
         store_angles(owner, film, bodies_file, result.to_table(), _attributes(result, every))
     return result
+
+
+def clock_offsets(trial: Trial, result: TrackResult) -> dict[str, tuple[float, float]]:
+    """How far the film's clock is off the encoder of each body that has both: s to add to the film's times, and its
+    standard uncertainty. Bodies that hardly move are left out; the times themselves are not changed."""
+    import vision
+
+    data = trial.read()
+    angles = data.angle_rad()
+    offsets = {}
+    for i, encoder in enumerate(data.encoders):
+        if encoder.name not in result.bodies:
+            continue
+        body = result.column(encoder.name)
+        try:
+            found = vision.estimate_offset(
+                result.time_s, result.angle_rad[:, body], result.u_angle_rad[:, body], data.time_s, angles[:, i]
+            )
+        except vision.InputError:
+            continue
+        offsets[encoder.name] = (found.offset_s, found.u_offset_s)
+    return offsets
 
 
 def store_angles(
@@ -201,6 +224,8 @@ def _attributes(result: TrackResult, every: int) -> dict[str, Any]:
     attributes: dict[str, Any] = {"method": result.method, "every": every, "n_still": result.n_still}
     attributes |= {f"{b}_u_common_rad": float(u) for b, u in zip(result.bodies, result.u_common_rad, strict=True)}
     attributes["camera"] = result.budget.camera
+    for body, (offset, u) in result.info.get("clock_offset", {}).items():
+        attributes |= {f"{body}_clock_offset_s": offset, f"{body}_u_clock_offset_s": u}
     for relative, tail in ((False, ""), (True, "_relative")):
         for body, terms in result.budget.typical(relative).items():
             attributes |= {f"{body}{tail}_u_{name}_rad": value for name, value in terms.items()}
@@ -229,6 +254,7 @@ def summary(result: TrackResult) -> dict[str, Any]:
         "budget_rad": result.budget.typical(),
         "relative_budget_rad": result.budget.typical(relative=True),
         "camera": result.budget.camera,
+        "clock_offset_s": result.info.get("clock_offset", {}),
         **{name: result.info[name] for name in ("rows_resumed", "rows_confirmed", "wide_searches")},
     }
 

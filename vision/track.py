@@ -12,6 +12,7 @@ cannot be tracked raise `InputError`; a frame that fails is NaN with a flag.
 from __future__ import annotations
 
 import os
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
@@ -23,7 +24,7 @@ from vision.budgeting import budget_of, expected_budget
 from vision.camera_model import AssumedCamera, CameraModel
 from vision.checkpoint import Checkpoint, job_of
 from vision.error_budget import ErrorBudget
-from vision.errors import InputError, TrackingError
+from vision.errors import InputError, TrackingError, VisionWarning
 from vision.flags import FrameFlag
 from vision.following import CONFIRM, confirm_backward, fit_alone, follow
 from vision.frames import FrameSource, open_film
@@ -36,6 +37,8 @@ from vision.uncertainty import predicted_u_angle
 
 PRECISE_U_RAD = np.radians(0.05) / 4.0
 """Above this an error of 0.05 degrees is less than four standard uncertainties away."""
+FIRST_ORDER_RADIAL = 0.006
+"""Beyond this distortion pixels of one body move so differently that the weights leave some of them out."""
 METHODS = ("icgn", "ecc")
 Places = Mapping[str, tuple[float, float, float]]
 """Where bodies are, by name: angle (rad, counter-clockwise from the zero), x and y of the region's centre (px)."""
@@ -114,7 +117,14 @@ def track_film(
             )  # fmt: skip
     film, camera = path_or_source, camera or AssumedCamera()
     time_s = _times(film, frame_time_s)
-    camera.nominal(film.width, film.height)
+    nominal = camera.nominal(film.width, film.height)
+    if nominal is not None and abs(nominal.radial) > FIRST_ORDER_RADIAL:
+        warnings.warn(
+            f"{film.path}: the lens distorts by {100 * nominal.radial:.2f} % at the corner; above "
+            f"{100 * FIRST_ORDER_RADIAL:g} % the correction of angles is good to about 10 mdeg only: use a longer lens",
+            VisionWarning,
+            stacklevel=2,
+        )
     ready = prepare(film, bodies, n_still, max_pixels, method)
     if expected is not None:
         expected(expected_budget(ready, camera, u_time_s))

@@ -136,3 +136,5 @@ def command(
     for body in result.bodies:
         print(f"  {body:<11} {facts['lost'][body]} frames lost")
     print("\n".join(budget_lines(result.budget)))
+    for body, (offset, u) in facts["clock_offset_s"].items():
+        print(f"  film against the encoder of the {body}: {offset * 1e6:+.0f} us (u {u * 1e6:.0f})")

@@ -82,6 +82,9 @@ def test_film_times_are_tied_to_the_daq_clock(closed: Closed) -> None:
     shifts = np.arange(-10, 11) * 2e-5
     misfit = [np.sum((film - film[0] - np.interp(time + s, encoder_t, encoder)) ** 2) for s in shifts]
     assert abs(shifts[int(np.argmin(misfit))]) <= 4e-5
+    # tracking itself states how far the film is off the encoder, with an uncertainty that says why
+    offset, u = track.info["clock_offset"]["whippen"]
+    assert abs(offset) < 4 * u + 1e-5 and u < 5e-5
 
 
 def test_events_lie_within_their_stated_uncertainty(closed: Closed) -> None:
