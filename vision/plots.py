@@ -48,7 +48,7 @@ def write_plot(path: str | os.PathLike[str], result: TrackResult) -> None:
             marker="|", linestyle="none",
         )  # fmt: skip
     angle_axes.set_ylabel("angle, deg")
-    angle_axes.legend(loc="upper right", fontsize="small")
+    angle_axes.legend(loc="best", fontsize="small")
     u_axes.set_ylabel("u, mdeg")
     u_axes.set_ylim(bottom=0.0)
     u_axes.set_title("solid: noise and zero; dotted: with camera, shutter, codec", fontsize="small", loc="left")
