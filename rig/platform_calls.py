@@ -10,6 +10,8 @@ import os
 import shutil
 import signal
 import sys
+import time
+from collections.abc import Callable
 from pathlib import Path
 
 WINDOWS = sys.platform == "win32"
@@ -73,3 +75,17 @@ def lock(descriptor: int) -> bool:
     except OSError:
         return False
     return True
+
+
+def remove(path: Path, *, attempts: int = 20, wait: Callable[[float], None] = time.sleep) -> None:
+    """Delete a file that another program may be reading; Windows refuses as long as it does, so try for 0.2 s.
+
+    A file that cannot be deleted even then stays; who reads the folder later can tell that it is done with.
+    """
+    for attempt in range(attempts):
+        try:
+            path.unlink(missing_ok=True)
+            return
+        except PermissionError:
+            if attempt < attempts - 1:
+                wait(0.01)

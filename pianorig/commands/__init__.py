@@ -13,6 +13,7 @@ NAMES = (
     "recover",
     "attach",
     "annotate",
+    "watch",
     "track",
     "calibrate-camera",
     "simulate",

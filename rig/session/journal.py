@@ -170,7 +170,7 @@ class JournalWriter:
 
     def remove(self) -> None:
         """Delete the journal of a trial that is sealed, or of which not one sample came."""
-        self.path.unlink(missing_ok=True)
+        platform_calls.remove(self.path)
 
     def _record(self, kind: int, n: int, payload: bytes, first_sample: int = 0) -> bytes:
         record = encode(kind, self._sequence, first_sample, n, payload)

@@ -82,10 +82,10 @@ def block_payload(block: Block) -> bytes:
     return floats + counts
 
 
-def records(data: bytes) -> Iterator[Record]:
-    """Yield the whole records at the beginning of ``data``, in sequence."""
+def records(data: bytes, first_sequence: int = 0) -> Iterator[Record]:
+    """Yield the whole records at the beginning of ``data``, in sequence from ``first_sequence``."""
     at = 0
-    for expected in range(len(data)):
+    for expected in range(first_sequence, first_sequence + len(data)):
         if len(data) - at < OVERHEAD:
             return
         magic, kind, sequence, first, n, length = _FIXED.unpack_from(data, at)
@@ -112,7 +112,7 @@ def parse(data: bytes) -> Journal:
             elif record.kind == COMMAND and record.sequence == 1 and head_json is not None:
                 head = TrialHead.from_plain(json.loads(head_json), np.frombuffer(record.payload, dtype="<f8"))
             elif record.kind == BLOCK and head is not None and ending is None and record.first_sample == samples:
-                blocks.append(_block(record))
+                blocks.append(block_of(record))
                 samples += record.n
             elif record.kind == END and head is not None and record.first_sample == samples:
                 plain = json.loads(record.payload)
@@ -134,7 +134,8 @@ def read_journal(path: Path) -> Journal:
         raise InputError(f"{path}: cannot be read ({error.strerror or error})") from error
 
 
-def _block(record: Record) -> Block:
+def block_of(record: Record) -> Block:
+    """Return the block a record holds; ValueError when its length is wrong."""
     n = record.n
     plain = n * (BYTES_PER_SAMPLE - 8)
     if len(record.payload) not in (plain, n * BYTES_PER_SAMPLE):

@@ -1,0 +1,138 @@
+"""Following a session while another process records it: the journal of the trial at work, then the sealed trial.
+
+Place in the data flow: ``pianorig watch`` reads here. The journal is opened for reading, read from where the last look
+ended, and closed at once: no lock is taken and nothing is written, so that the recording cannot be disturbed. Only
+whole records in sequence are taken; what is on its way is seen at the next look.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig.backend import Block
+from rig.session.folder import Session
+from rig.session.journal_format import BLOCK, COMMAND, HEAD, OVERHEAD, block_of, parse, records
+from rig.session.trial_head import TrialHead
+
+
+class JournalFollower:
+    """Reads a growing journal bit by bit; ``head`` is None until that is whole."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.head: TrialHead | None = None
+        self.blocks: list[Block] = []
+        self._at = self._sequence = 0
+
+    def look(self) -> bool:
+        """Take what came since the last look; False when the journal is gone."""
+        try:
+            with self.path.open("rb") as stream:
+                if self.head is None:
+                    data = stream.read()
+                    self._begin(data)
+                    data = data[self._at :]
+                else:
+                    stream.seek(self._at)
+                    data = stream.read()
+        except OSError:
+            return False
+        if self.head is None:
+            return True
+        for record in records(data, self._sequence):
+            self._at += OVERHEAD + len(record.payload)
+            self._sequence += 1
+            if record.kind == BLOCK:
+                self.blocks.append(block_of(record))
+        return True
+
+    def _begin(self, data: bytes) -> None:
+        at = 0
+        for count, record in enumerate(records(data), 1):
+            at += OVERHEAD + len(record.payload)
+            if (record.kind, record.sequence) not in ((HEAD, 0), (COMMAND, 1)):
+                return
+            if record.kind == COMMAND:
+                self.head = parse(data[:at]).head
+                self._at, self._sequence = at, count
+                return
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """What can be seen of a session at one moment.
+
+    Attributes
+    ----------
+    trial, trials : int
+        Number of the trial seen, and how many the plan has.
+    state : str
+        ``recording``, or the status of a sealed trial.
+    condition : str
+    time_s, force_n : ndarray, shape (n,)
+    angle_rad : ndarray, shape (n, 3)
+        Key, whippen, hammer from the first sample on.
+    sealed : int
+        Trials sealed so far.
+    """
+
+    trial: int
+    trials: int
+    state: str
+    condition: str
+    time_s: NDArray[np.float64]
+    force_n: NDArray[np.float64]
+    angle_rad: NDArray[np.float64]
+    names: tuple[str, ...]
+    sealed: int
+
+    @property
+    def finished(self) -> bool:
+        """Whether nothing is being recorded and the plan's trials are there."""
+        return self.state != "recording" and self.sealed >= self.trials
+
+
+class SessionFollower:
+    """Looks at a session again and again; one journal is read on from where the last look ended."""
+
+    def __init__(self, session: str | Path) -> None:
+        self.session = Session.open(session, require_trials=False)
+        self._journal: JournalFollower | None = None
+
+    def look(self) -> View | None:
+        """Return what there is to see; None before the first sample.
+
+        Raises
+        ------
+        InputError
+            When a sealed trial cannot be read.
+        """
+        journals = self.session.journals
+        if journals:
+            number, path = list(journals.items())[-1]
+            if self._journal is None or self._journal.path != path:
+                self._journal = JournalFollower(path)
+            if self._journal.look() and self._journal.head is not None and self._journal.blocks:
+                return self._live(number, self._journal.head, self._journal.blocks)
+        trials = self.session.trials
+        if not trials:
+            return None
+        data = trials[-1].read()
+        return View(
+            data.number, self.session.info.plan.trials, data.status, data.condition, data.time_s, data.force_n,
+            data.angle_rad(), tuple(encoder.name for encoder in data.encoders), len(trials),
+        )  # fmt: skip
+
+    def _live(self, number: int, head: TrialHead, blocks: list[Block]) -> View:
+        force = np.concatenate([block.force_n for block in blocks])
+        count = np.concatenate([block.encoder_count for block in blocks])
+        per_count = np.array([encoder.rad_per_count for encoder in head.encoders])
+        return View(
+            number, self.session.info.plan.trials, "recording", head.condition,
+            np.arange(force.size) / head.sample_rate_hz, force, (count - count[:1]) * per_count,
+            tuple(encoder.name for encoder in head.encoders), len(self.session.trials),
+        )  # fmt: skip
