@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rig.errors import HardwareFault, InputError, SamplesLost
+from rig.errors import HardwareFault, InputError, LimitExceeded, SamplesLost
 from rig.feed import BlockFeed
 from rig.profile import parse_profile
 from rig.recorder import record_session
@@ -173,6 +173,25 @@ def test_an_action_that_never_rests_is_kept_and_says_so(
     data = session.trials[0].read()
     assert data.status == "not at rest" and data.reason == "not at rest 0.5 s after the blow"
     assert data.time_s[-1] == pytest.approx(0.35 + 0.08 + 0.5, abs=0.021)
+
+
+def test_an_action_that_has_not_come_back_is_not_struck_again(
+    record, make_backend, edited_rig, tmp_path, step_profile
+) -> None:
+    rig = edited_rig(("longest_s = 3.0", "longest_s = 0.5"))
+    backend = make_backend(rig.config, noise_n=0.02)
+    advance = backend.plant.advance
+
+    def creeping(command_v):
+        block = advance(command_v)
+        block.angle_rad[:, 1] += 0.02 * np.maximum(block.time_s - 0.36, 0)
+        return block
+
+    backend.plant.advance = creeping
+    with pytest.raises(LimitExceeded, match="whippen encoder rests 0.01.* rad from where it began, allowed 0.005"):
+        record_session(tmp_path / "s", profile=step_profile, rig_config=rig, backend=backend, trials=3)
+    (trial,) = Session.open(tmp_path / "s").trials
+    assert trial.status == "fault"
 
 
 def test_bad_input_is_refused_before_anything_moves_and_leaves_nothing(record, tmp_path) -> None:

@@ -75,17 +75,21 @@ def test_a_sound_bench_passes_every_check_and_is_left_safe(run, assert_safe) -> 
             {"motor and force", "output to force delay", "watchdog cuts the force"},
             "line6 does not enable the drive",
         ),
-        (
+        pytest.param(
             (("Mod2/ao0", "Mod2/ao3"),),
             {"motor and force", "output to force delay", "watchdog cuts the force"},
             "Mod2/ao3 is not the motor",
+            marks=pytest.mark.slow,
         ),
-        ((("force_per_volt_n = 12.0", "force_per_volt_n = 24.0"), ("force_limit_n = 120.0", "force_limit_n = 110.0")),
-         {"motor and force"}, "force_per_volt_n"),
+        pytest.param(
+            (("force_per_volt_n = 12.0", "force_per_volt_n = 24.0"),),
+            {"motor and force"}, "force_per_volt_n", marks=pytest.mark.slow),
         ((("u_group_delay_s = 2.0e-5", "u_group_delay_s = 2.0e-5\ngroup_delay_s = 0.0"),), {"output to force delay"},
          "group_delay_s"),
         ((('mode = "pulses"', 'mode = "counted"'), ("Mod4/PFI4", "Mod4/PFI5")), {"camera count"}, "Mod4/PFI5"),
-        ((("bridge_resistance_ohm = 350.0", "bridge_resistance_ohm = 1000.0"),), {"bridge shunt"}, "bridge_resistance"),
+        pytest.param(
+            (("bridge_resistance_ohm = 350.0", "bridge_resistance_ohm = 1000.0"),), {"bridge shunt"},
+            "bridge_resistance", marks=pytest.mark.slow),
     ],
 )  # fmt: skip
 def test_each_wiring_fault_is_found_and_named(edits, checks, said, run, assert_safe) -> None:

@@ -21,7 +21,7 @@ import pytest
 from pianorig.cli import main
 from pianorig.prediction import predictor
 from rig.config import load_rig
-from rig.errors import NotPermitted
+from rig.errors import DeviceNotFound, NotPermitted
 from rig.permission import Permission
 from rig.profile import load_profile
 from rig.recorder import record_session
@@ -157,6 +157,29 @@ def test_a_recording_asked_to_end_makes_the_outputs_safe_itself_and_seals_the_tr
     (trial,) = Session.open(folder).trials
     assert trial.status == "interrupted" and trial.read().n_valid > 1750
     assert "stopped by" in trial.read().reason and recover_session(folder) == []
+
+
+@pytest.mark.slow
+def test_when_the_server_dies_the_trial_ends_with_what_was_committed(serve, permitted, tmp_path) -> None:
+    server, address = serve("--clock", "real")
+    rig = load_rig(permitted[1])
+    permission = Permission("--yes", rig.sha256, read_record(Path(permitted[4])))
+    committed = []
+
+    def progress(state) -> None:
+        committed.append(round(state.committed_s * 5000))
+        if state.time_s > 0.4:
+            server.process.kill()
+
+    with pytest.raises(DeviceNotFound, match="does not answer"):
+        record_session(
+            tmp_path / "s", profile=load_profile(STEP), rig_config=rig, backend=address, trials=2,
+            permission=permission, predict=predictor(rig), progress=progress,
+        )  # fmt: skip
+    (trial,) = Session.open(tmp_path / "s").trials
+    data = trial.read()
+    assert trial.status == "fault" and "use the emergency stop" in data.reason
+    assert data.n_valid >= committed[-1] >= 2000
 
 
 def test_what_serve_sim_cannot_do_is_one_line(capsys) -> None:
