@@ -109,11 +109,22 @@ def write_contact_sheet(
 
 
 def worst_rows(result: TrackResult, count: int) -> list[int]:
-    """Rows of the result to look at first: most bodies lost, then lowest correlation of any body."""
+    """Rows of the result to look at first: most bodies lost, then lowest correlation of any body.
+
+    Neighbours show the same, so of the rows that are not lost those close to one taken already come last.
+    """
     lost = result.failed.sum(axis=1)
     correlation = np.where(np.isfinite(result.zncc), result.zncc, 1.0).min(axis=1)
     order = np.lexsort((correlation, -lost))
-    return [int(row) for row in order[:count]]
+    apart = lost.size // (4 * count)
+    taken: list[int] = []
+    later: list[int] = []
+    for row in map(int, order):
+        near = lost[row] == 0 and any(abs(row - other) <= apart for other in taken)
+        (later if near else taken).append(row)
+        if len(taken) == count:
+            break
+    return [*taken, *later][:count]
 
 
 class _Drawer:

@@ -128,6 +128,8 @@ def track_film(
     ready = prepare(film, bodies, n_still, max_pixels, method)
     if expected is not None:
         expected(expected_budget(ready, camera, u_time_s))
+    # first, so that outlines that do not fit the film are refused before the long work
+    still = _zero_of_still_frames(ready)
     table = PoseTable.empty(np.arange(0, film.n_frames, every), len(bodies))
     keep = None
     if checkpoint is not None:
@@ -136,7 +138,7 @@ def track_film(
     resumed = follow(run, table, keep, progress)
     again = confirm_backward(ready, table, confirm)
     info = {**run.info(ready.reference), "rows_resumed": resumed, "rows_confirmed": again}
-    result = _result(ready, table, time_s, camera, u_time_s, info)
+    result = _result(ready, still, table, time_s, camera, u_time_s, info)
     if keep is not None:
         keep.clear()
     return result
@@ -186,7 +188,8 @@ def retrack_frames(
         found = f"frame {wrong[0]}" if wrong else f"{len(frames)} frames with {len(places)} places"
         raise InputError(f"{film.path}: {found} to track again; allowed 0..{film.n_frames - 1}, one place per frame")
     ready = prepare(film, bodies, n_still, max_pixels, method)
-    zero, _, _ = _zero_of_still_frames(ready)
+    still = _zero_of_still_frames(ready)
+    zero = still[0]
     table = PoseTable.empty(np.array(frames, dtype=np.int64), len(bodies))
     for row, place in enumerate(places):
         poses = []
@@ -197,11 +200,15 @@ def retrack_frames(
             phi = float(ccw_to_picture(angle)) + zero[i]
             poses.append(np.array([phi, x - template.centre_px[0], y - template.centre_px[1]]))
         fit_alone(ready, table, row, poses)
-    return _result(ready, table, time_s, camera, u_time_s, {"retracked": list(frames)})
+    return _result(ready, still, table, time_s, camera, u_time_s, {"retracked": list(frames)})
+
+
+Zero = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.intp]]
 
 
 def _result(
     ready: Preparation,
+    still: Zero,
     table: PoseTable,
     time_s: NDArray[np.float64],
     camera: CameraModel,
@@ -210,7 +217,7 @@ def _result(
 ) -> TrackResult:
     """Angles, uncertainties and budget from the poses."""
     film, bodies, reference = ready.film, ready.bodies, ready.reference
-    zero, u_single, good = _zero_of_still_frames(ready)
+    zero, u_single, good = still[0], still[1].copy(), still[2]
     # a still frame agrees too well with the average it is part of, so the others tell the noise of one frame
     others = table.u_turn[table.frame >= reference.n_averaged]
     known = np.isfinite(others).sum(axis=0) > 0
@@ -252,9 +259,7 @@ def _result(
     )
 
 
-def _zero_of_still_frames(
-    ready: Preparation,
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.intp]]:
+def _zero_of_still_frames(ready: Preparation) -> Zero:
     """Mean picture rotation of each body over the still frames, standard uncertainty of one frame, frames counted."""
     n = ready.reference.n_averaged
     pose, u = first_poses(ready.run(), n)
