@@ -11,6 +11,7 @@ NAMES = (
     "record",
     "learn",
     "recover",
+    "import",
     "attach",
     "annotate",
     "watch",

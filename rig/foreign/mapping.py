@@ -1,0 +1,147 @@
+"""The mapping file of an import: which channel of a foreign recording is what, in which unit, with which scale (TOML).
+
+Place in the data flow: mapping and recordings → :mod:`rig.foreign.session_import` → session. Nothing is guessed: units,
+senses and counts per revolution are stated here, and a unit the recording itself states must agree. Bad files raise
+:class:`rig.errors.InputError`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from rig import toml_file
+from rig.channels import BODIES, Number, Table, Text
+from rig.errors import InputError
+from rig.foreign.channel_table import ChannelTable
+from rig.session.info import ActionInfo, RoomInfo
+
+NEWTONS = {"N": 1.0, "mN": 1e-3, "kN": 1e3, "lbf": 4.4482216152605}
+SYNONYMS = {
+    "n": "N", "newton": "N", "newtons": "N", "mn": "mN", "kn": "kN", "lbf": "lbf", "pound-force": "lbf",
+    "v": "V", "volt": "V", "volts": "V", "mv": "mV", "mv/v": "mV/V", "kg": "kg", "g": "g", "lb": "lb", "lbs": "lb",
+    "deg": "deg", "degree": "deg", "degrees": "deg", "°": "deg", "rad": "rad", "radian": "rad", "radians": "rad",
+    "rev": "rev", "counts": "counts", "ticks": "counts", "s": "s", "ms": "ms",
+}  # fmt: skip
+
+
+class TimeMapping(Table):
+    """The sample clock: a channel of times, s, or its rate; neither where the file states its interval."""
+
+    channel: Text | None = None
+    sample_rate_hz: Annotated[float, Field(strict=True, gt=0, le=1e7, allow_inf_nan=False)] | None = None
+
+    @model_validator(mode="after")
+    def _one(self) -> TimeMapping:
+        if self.channel is not None and self.sample_rate_hz is not None:
+            raise ValueError("time.channel and time.sample_rate_hz: allowed is one of them")
+        return self
+
+
+class ForceMapping(Table):
+    """The load cell: force = (value - ``zero``) · ``newtons_per_unit``, positive downwards on the key."""
+
+    channel: Text
+    unit: Literal["N", "mN", "kN", "lbf", "V", "mV", "mV/V"] = "N"
+    newtons_per_unit: Number | None = None
+    zero: Number = 0.0
+    sensor: str = "unknown"
+    calibration: str = "unknown"
+    group_delay_s: Number = Field(default=0.0, ge=0, le=1)
+    u_group_delay_s: Number = Field(default=0.0, ge=0, le=1)
+    u_noise_n: Number = Field(default=0.0, ge=0, le=100)
+    u_gain_relative: Number = Field(default=0.0, ge=0, le=1)
+    preload_n: Number = Field(default=0.0, ge=0, le=10)
+    u_preload_n: Number = Field(default=0.0, ge=0, le=10)
+
+    @property
+    def scale(self) -> float:
+        """Newtons per unit."""
+        return NEWTONS[self.unit] if self.newtons_per_unit is None else self.newtons_per_unit
+
+    @model_validator(mode="after")
+    def _scaled(self) -> ForceMapping:
+        if self.newtons_per_unit is None and self.unit not in NEWTONS:
+            raise ValueError(f"force.newtons_per_unit is missing; a force in {self.unit} needs it")
+        if self.newtons_per_unit == 0:
+            raise ValueError("force.newtons_per_unit = 0, allowed anything else")
+        return self
+
+
+class EncoderMapping(Table):
+    """An encoder: ``sign`` +1 when the value rises as the body turns counter-clockwise (thesis Fig. 2.3), else -1."""
+
+    name: Literal["key", "whippen", "hammer"]
+    channel: Text
+    unit: Literal["counts", "rad", "deg"]
+    counts_per_revolution: Annotated[int, Field(strict=True, ge=16, le=2**31)]
+    sign: Literal[1, -1]
+    u_scale_relative: Number = Field(default=0.0, ge=0, le=0.5)
+
+
+class MotorMapping(Table):
+    """The motor command, where it was recorded."""
+
+    channel: Text
+    volts_per_unit: Number = 1.0
+
+
+class Mapping(Table):
+    """A whole mapping file."""
+
+    schema_name: Literal["piano-action-rig mapping 1"] = Field(alias="schema")
+    simulated: bool = Field(strict=True)
+    operator: str = "unknown"
+    separator: Literal[",", ";", "\t", " "] = ","
+    decimal: Literal[".", ","] = "."
+    mains_frequency_hz: Number = Field(ge=40, le=70)
+    blow_start_s: Number | None = Field(default=None, ge=0)
+    time: TimeMapping = TimeMapping()
+    force: ForceMapping
+    encoders: tuple[EncoderMapping, EncoderMapping, EncoderMapping]
+    motor: MotorMapping | None = None
+    action: ActionInfo = ActionInfo()
+    room: RoomInfo = RoomInfo()
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Mapping:
+        names = tuple(encoder.name for encoder in self.encoders)
+        if names != BODIES:
+            raise ValueError(f"encoders are named {names}, allowed {BODIES} in this order")
+        channels = [self.force.channel, *(encoder.channel for encoder in self.encoders)]
+        channels += [self.motor.channel] if self.motor else []
+        if len(set(channels)) != len(channels):
+            raise ValueError(f"channels {channels} repeat; each quantity has a channel of its own")
+        if self.separator == self.decimal:
+            raise ValueError("separator and decimal are the same sign")
+        return self
+
+
+@dataclass(frozen=True)
+class MappingFile:
+    """A checked mapping with its text."""
+
+    config: Mapping
+    text: str
+    where: str
+
+
+def load_mapping(path: str | Path) -> MappingFile:
+    """Read and check a mapping file; raises InputError."""
+    return parse_mapping(toml_file.read_text(Path(path)), str(path))
+
+
+def parse_mapping(text: str, where: str = "mapping") -> MappingFile:
+    """Check TOML text as a mapping; ``where`` names it in errors."""
+    return MappingFile(toml_file.check(Mapping, toml_file.parse_toml(text, where), where), text, where)
+
+
+def check_unit(table: ChannelTable, channel: str, unit: str) -> None:
+    """Refuse a channel whose own unit is known and another one."""
+    stated = table.units.get(channel, "").strip()
+    known = SYNONYMS.get(stated.lower())
+    if known is not None and known != unit:
+        raise InputError(f"{table.where}: {channel} is in {stated!r} by the file itself, the mapping says {unit!r}")

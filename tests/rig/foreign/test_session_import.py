@@ -1,0 +1,128 @@
+"""Import: what was in the file is in the trial, in its own channel, unit and sense; anything doubtful is refused."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from pianorig.cli import main
+from rig.errors import InputError
+from rig.foreign.mapping import parse_mapping
+from rig.foreign.session_import import import_session
+from rig.session import Session
+
+RATE = 4000.0
+N = 1200
+TIME = np.arange(N) / RATE
+FORCE_V = 0.2 + 0.1 * np.clip((TIME - 0.05) / 0.1, 0, 3)
+KEY = np.round(-40 * np.clip(TIME - 0.06, 0, 1) * 100)
+WHIPPEN_DEG = 3.0 * np.clip(TIME - 0.06, 0, 1)
+HAMMER_RAD = 0.5 * np.clip(TIME - 0.07, 0, 1)
+
+MAPPING = """
+schema = "piano-action-rig mapping 1"
+simulated = false
+operator = "eva"
+mains_frequency_hz = 50.0
+[time]
+channel = "t"
+[force]
+channel = "load"
+unit = "V"
+newtons_per_unit = -25.0
+zero = 0.2
+group_delay_s = 1e-3
+[[encoders]]
+name = "key"
+channel = "k"
+unit = "counts"
+counts_per_revolution = 327680
+sign = 1
+[[encoders]]
+name = "whippen"
+channel = "w"
+unit = "deg"
+counts_per_revolution = 3600000
+sign = 1
+[[encoders]]
+name = "hammer"
+channel = "h"
+unit = "rad"
+counts_per_revolution = 6283185
+sign = -1
+"""
+
+
+@pytest.fixture
+def recording(tmp_path):
+    table = np.column_stack([TIME, 0.4 - FORCE_V, KEY, WHIPPEN_DEG, HAMMER_RAD])
+    path = tmp_path / "run.csv"
+    rows = "\n".join(",".join(repr(float(v)) for v in row) for row in table)
+    path.write_text(f"t,load,k,w,h\n{rows}\n")
+    return path
+
+
+def test_every_channel_arrives_in_its_unit_and_sense(tmp_path, recording) -> None:
+    session = import_session(tmp_path / "s", [recording, recording], parse_mapping(MAPPING))
+    session = Session.open(session.path)
+    assert [t.status for t in session.trials] == ["complete", "complete"]
+    data = session.trials[1].read()
+    np.testing.assert_allclose(data.force_n, 25 * (FORCE_V - 0.2), atol=1e-12)
+    np.testing.assert_array_equal(data.force_raw, 0.4 - FORCE_V)
+    np.testing.assert_array_equal(data.encoder_count[:, 0], KEY)
+    angle = data.angle_rad()
+    np.testing.assert_allclose(angle[:, 1], np.radians(WHIPPEN_DEG), atol=2e-6)
+    np.testing.assert_allclose(angle[:, 2], -HAMMER_RAD, atol=2e-6)
+    assert np.isnan(data.motor_command_v).all() and data.sample_rate_hz == pytest.approx(RATE)
+    assert data.blow_start_s == pytest.approx(0.05, abs=2e-3) and data.force_info.group_delay_s == 1e-3
+    assert session.info.operator == "eva" and not session.info.simulated
+    assert "run.csv sha256" in session.info.notes["trial 1"] and (session.path / "mapping.toml").is_file()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ('channel = "load"', 'channel = "last"', "no channel 'last'; there are t, load, k, w, h"),
+        ('channel = "w"\nunit = "deg"', 'channel = "w"\nunit = "counts"', "allowed whole counts"),
+        ("newtons_per_unit = -25.0\n", "", "needs it"),
+        ('name = "whippen"', 'name = "key"', "in this order"),
+        ('channel = "h"', 'channel = "w"', "repeat"),
+        ("sign = -1", "sign = 0", "sign"),
+        ("simulated = false\n", "", "simulated is missing"),
+        ('channel = "t"', "", "no times"),
+        ('channel = "t"', 'channel = "k"', "does not rise"),
+        ("operator =", "blow_start_s = 7.0\noperator =", "blow_start_s = 7 s"),
+    ],
+)
+def test_what_does_not_fit_is_refused_and_leaves_nothing(tmp_path, recording, old, new, words) -> None:
+    assert old in MAPPING
+    with pytest.raises(InputError) as caught:
+        import_session(tmp_path / "s", [recording], parse_mapping(MAPPING.replace(old, new, 1)))
+    assert words in str(caught.value) and "\n" not in str(caught.value) and not (tmp_path / "s").exists()
+
+
+def test_a_unit_the_file_states_wins_over_a_wrong_mapping(tmp_path) -> None:
+    nptdms = pytest.importorskip("nptdms")
+    path = tmp_path / "run.tdms"
+    names = {"load": ("N", FORCE_V), "k": ("counts", KEY), "w": ("deg", WHIPPEN_DEG), "h": ("rad", HAMMER_RAD)}
+    with nptdms.TdmsWriter(path) as writer:
+        writer.write_segment([
+            nptdms.ChannelObject("g", name, values, {"unit_string": unit, "wf_increment": 1 / RATE})
+            for name, (unit, values) in names.items()
+        ])  # fmt: skip
+    text = MAPPING.replace('[time]\nchannel = "t"\n', "")
+    with pytest.raises(InputError, match="load is in 'N' by the file itself, the mapping says 'V'"):
+        import_session(tmp_path / "s", [path], parse_mapping(text))
+    text = text.replace('unit = "V"\nnewtons_per_unit = -25.0\nzero = 0.2', 'unit = "N"')
+    data = import_session(tmp_path / "s", [path], parse_mapping(text)).trials[0].read()
+    np.testing.assert_array_equal(data.force_n, FORCE_V)
+    wrong = text.replace("[force]", "[time]\nsample_rate_hz = 5000.0\n[force]")
+    with pytest.raises(InputError, match=r"0\.00025 s by the file itself"):
+        import_session(tmp_path / "s2", [path], parse_mapping(wrong))
+
+
+def test_the_command_imports_and_says_what(tmp_path, recording, capsys) -> None:
+    (tmp_path / "m.toml").write_text(MAPPING)
+    with pytest.raises(SystemExit) as caught:
+        main(["import", str(recording), "--mapping", str(tmp_path / "m.toml"), "--out", str(tmp_path / "s")])
+    assert not caught.value.code and "1200 samples at 4000 Hz" in capsys.readouterr().out
