@@ -95,7 +95,7 @@ def event_budget(
     rows = []
     for row in summary.itertuples():
         name = str(row.event)
-        if not np.isfinite(row.difference):
+        if not np.isfinite(row.difference) or row.unit == "1":  # a count has no budget
             continue
         groups: dict[str, list[float]] = {}
         absent = 0

@@ -43,6 +43,14 @@ class EventKind:
 
 
 EVENTS: dict[str, EventKind] = {
+    "onset": EventKind("Onset", "s", "ms", 1e3, "key dip first rises through 0.1 mm above its rest"),
+    "let_off": EventKind(
+        "Let-off",
+        "s",
+        "ms",
+        1e3,
+        "free flight begins: last time before the impact at which the hammer is 0.1 mm off the path of its flight",
+    ),
     "key_bottom": EventKind(
         "Key bottom",
         "s",
@@ -77,8 +85,29 @@ EVENTS: dict[str, EventKind] = {
     "check_height": EventKind(
         "Check height", "m", "mm", 1e3, "median hammer height while held for at least 20 ms after the impact"
     ),
+    "check_bounces": EventKind(
+        "Bounces before the check",
+        "1",
+        "count",
+        1.0,
+        "number of times the hammer turns round by at least 0.3 mm between impact and check",
+    ),
     "key_release": EventKind(
         "Key release", "s", "ms", 1e3, "key dip falls for the last time through half the touching dip"
+    ),
+    "drop": EventKind(
+        "Drop",
+        "s",
+        "ms",
+        1e3,
+        "hammer first is 0.5 mm further from the string than where it was held",
+    ),
+    "landing": EventKind(
+        "Landing",
+        "s",
+        "ms",
+        1e3,
+        "after the drop, when the hammer is furthest from the string before it first comes back by 0.3 mm",
     ),
     "second_strike": EventKind(
         "Second strike",

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 
+from validation.course import bounces, drop, landing, let_off, onset
 from validation.event import Event, absent
 from validation.flight import Flight
 from validation.holds import check, key_bottom, key_release, rest
@@ -35,14 +36,21 @@ def find_events(motion: Motion, quiet_stop: int) -> dict[str, Event]:
     first = strikes[0] if strikes else None
     second = strikes[1] if len(strikes) > 1 else None
     check_time, check_height = check(motion, first.time_s if first else None, second.time_s if second else float("inf"))
+    release = key_release(motion)
+    falls = drop(motion, check_time.value, check_height.value, release.value)
     found = [
+        onset(motion, quiet_stop),
+        let_off(motion, first),
         key_bottom(motion),
         _impact("string_impact", first, "hammer never reaches the string"),
         _speed("hammer_speed", first, first.arrival if first else None, motion.u_speed_relative),
         _speed("rebound_speed", first, first.rebound if first else None, motion.u_speed_relative),
         check_time,
         check_height,
-        key_release(motion),
+        bounces(motion, first, check_time.value),
+        release,
+        falls,
+        landing(motion, falls.value),
         _impact("second_strike", second, "one string impact only" if first else "no string impact"),
         rest(motion, quiet_stop),
     ]

@@ -49,7 +49,7 @@ def test_events_of_a_trial_lie_within_their_stated_uncertainty(recorded, compare
         for row in compared.events.query("trial == @number and source == 'trial'").itertuples():
             assert row.status == true[row.event].status
             if row.status == "found":
-                assert abs(row.value - true[row.event].value) < 3 * row.u, row
+                assert abs(row.value - true[row.event].value) <= 3 * row.u, row
                 checked += 1
     assert checked == 5 * (len(EVENTS) - 1)
 

@@ -1,0 +1,149 @@
+"""Events of the course of a stroke between the large ones: onset, let-off, bounces before the check, drop, landing.
+
+Place in the data flow: `validation.motion` and the first strike → here → `validation.events`.
+Conventions: levels in m, measured from the stroke's own rest or held height, so that the zero of the bench does not
+enter; every time is a sub-sample crossing whose uncertainty comes from moving the level by its own.
+Source: thesis Section 3.2.2 for the course of a stroke; the levels are this project's definitions (`validation.event`).
+Failure: an event that did not happen is ``absent``.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from validation.crossings import bend_uncertainty_s, first_after, up_crossings, with_level_uncertainty
+from validation.event import Event, absent
+from validation.flight import DECELERATION_M_PER_S2
+from validation.geometry import Array
+from validation.impact import Strike
+from validation.motion import Motion
+
+ONSET_M = 0.1e-3
+OFF_PATH_M = 0.1e-3
+LONGEST_FLIGHT_S = 0.05
+DROP_M = 0.5e-3
+BOUNCE_M = 0.3e-3
+LANDED_M = 0.3e-3
+
+
+def onset(motion: Motion, quiet_stop: int) -> Event:
+    """Key dip first rises through 0.1 mm above its rest."""
+    dip = motion.key_dip_m - float(np.mean(motion.key_dip_m[:quiet_stop]))
+
+    def find(level: float) -> float | None:
+        return first_after(up_crossings(motion.time_s, dip, level), -np.inf)
+
+    value, u = with_level_uncertainty(find, ONSET_M, motion.u_dip_m)
+    if value is None:
+        return absent("onset", f"key never dips by {1e3 * ONSET_M:g} mm")
+    return _at("onset", value, u, motion.time_s, dip)
+
+
+def let_off(motion: Motion, strike: Strike | None) -> Event:
+    """Last time before the impact at which the hammer is 0.1 mm off the path of its free flight."""
+    if strike is None or not math.isfinite(strike.arrival.speed):
+        return absent("let_off", "no string impact")
+    speed, contact = strike.arrival.speed, strike.arrival.contact_s
+    age = contact - motion.time_s
+    path = speed * age + DECELERATION_M_PER_S2 * age**2 / 2
+    off = np.where((age > 0) & (age < LONGEST_FLIGHT_S), np.abs(motion.hammer_way_m - path), np.nan)
+
+    def find(level: float) -> float | None:
+        beyond = np.flatnonzero(off > level)
+        if beyond.size == 0 or beyond[-1] + 1 >= off.size or not np.isfinite(off[beyond[-1] + 1]):
+            return None
+        i = int(beyond[-1])
+        share = (off[i] - level) / (off[i] - off[i + 1])
+        return float(motion.time_s[i] + share * (motion.time_s[i + 1] - motion.time_s[i]))
+
+    value = find(OFF_PATH_M)
+    if value is None:
+        return absent("let_off", "hammer is in free flight for longer than 50 ms, or never")
+    # the deceleration of the path is part of the definition; the speed is not
+    u_path = strike.arrival.u_speed * (contact - value)
+    value, u = with_level_uncertainty(find, OFF_PATH_M, math.hypot(motion.u_height_m, u_path))
+    if value is None:
+        return absent("let_off", "no free flight")
+    return _at("let_off", value, u, motion.time_s, off)
+
+
+def bounces(motion: Motion, strike: Strike | None, check_s: float) -> Event:
+    """Number of times the hammer turns round by 0.3 mm or more between the impact and the check."""
+    if strike is None:
+        return absent("check_bounces", "no string impact")
+    if not math.isfinite(check_s):
+        return absent("check_bounces", "hammer is never held")
+    part = (motion.time_s > strike.time_s + 2e-3) & (motion.time_s < check_s)
+    return Event("check_bounces", float(_turns(motion.hammer_height_m[part], BOUNCE_M)), 0.0, "found")
+
+
+def _turns(height: Array, least: float) -> int:
+    """Reversals of a curve by at least so much."""
+    count, direction = 0, 0
+    low = high = None
+    for h in height[np.isfinite(height)]:
+        low, high = (h, h) if low is None or high is None else (min(low, h), max(high, h))
+        if direction >= 0 and high - h >= least:
+            count, direction, low, high = count + (direction > 0), -1, h, h
+        elif direction <= 0 and h - low >= least:
+            count, direction, low, high = count + (direction < 0), 1, h, h
+    return count
+
+
+def drop(motion: Motion, check_s: float, held_m: float, release_s: float) -> Event:
+    """Hammer first is 0.5 mm further from the string than the height it was held at, after the key was let go."""
+    if not math.isfinite(check_s) or not math.isfinite(held_m):
+        return absent("drop", "hammer is never held")
+    height = motion.hammer_height_m
+
+    def find(level: float) -> float | None:
+        return first_after(up_crossings(motion.time_s, height, level), check_s)
+
+    # the held height is a mean of many samples: only the sample itself is uncertain
+    value, u = with_level_uncertainty(find, held_m + DROP_M, motion.u_height_m)
+    if value is None:
+        return absent("drop", "hammer stays where it was held")
+    note = "" if not math.isfinite(release_s) or value > release_s - 0.05 else "long before the key was let go"
+    event = _at("drop", value, u, motion.time_s, height)
+    return event if not note else Event("drop", value, event.u, "ambiguous", note)
+
+
+def landing(motion: Motion, drop_s: float) -> Event:
+    """After the drop the hammer first comes back by 0.3 mm: the time it was furthest from the string before that."""
+    if not math.isfinite(drop_s):
+        return absent("landing", "no drop")
+    time, height = motion.time_s, motion.hammer_height_m
+    begin = int(np.searchsorted(time, drop_s))
+    highest = np.fmax.accumulate(height[begin:])
+    back = np.flatnonzero(highest - height[begin:] > LANDED_M)
+    if back.size == 0:
+        return absent("landing", "hammer does not bounce by 0.3 mm when it lands")
+    turn = begin + int(np.nanargmax(height[begin : begin + int(back[0]) + 1]))
+    if turn < 3 or turn + 4 > time.size or not np.isfinite(height[turn - 3 : turn + 4]).all():
+        return Event("landing", float(time[turn]), float(time[1] - time[0]), "ambiguous", "lost samples near it")
+    wide, u = _vertex(time, height, turn, 3, motion.u_height_m)
+    narrow, u_narrow = _vertex(time, height, turn, 2, motion.u_height_m)
+    if math.isnan(wide) or math.isnan(narrow):
+        return Event("landing", float(time[turn]), float(time[1] - time[0]), "ambiguous", "no clear turning point")
+    # felt is no parabola: what the width of the fit makes of the vertex is left in its uncertainty
+    return Event("landing", narrow, math.hypot(max(u, u_narrow), wide - narrow), "found")
+
+
+def _vertex(time: Array, height: Array, turn: int, reach: int, sigma: float) -> tuple[float, float]:
+    """Time of the vertex of a parabola through the samples about a turning point, and its standard uncertainty."""
+    part = slice(turn - reach, turn + reach + 1)
+    t = time[part] - time[turn]
+    (a, b, c), covariance = np.polyfit(t, height[part], 2, cov="unscaled")
+    if a >= 0:
+        return float("nan"), float("nan")
+    residual = height[part] - np.polyval((a, b, c), t)
+    noise = max(sigma, float(np.sqrt(residual @ residual / (t.size - 3))))
+    return float(time[turn] - b / (2 * a)), noise * float(np.sqrt(covariance[1, 1])) / abs(2 * a)
+
+
+def _at(name: str, value: float, u: float, time: Array, signal: Array) -> Event:
+    if math.isnan(u):
+        return Event(name, value, u, "ambiguous", "grazes its level: not found within the uncertainty of the level")
+    return Event(name, value, math.hypot(u, bend_uncertainty_s(time, np.nan_to_num(signal), value)), "found")
