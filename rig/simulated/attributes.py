@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from rig.simulated import status
+from rig.simulated import status, waiting
 from rig.simulated.products import channel_names
 from rig.simulated.readings import COUNT_EDGES_TERM, EDGES, FREQ_TERM, FREQUENCY, SHUNT
 from rig.simulated.reservations import ARM_TYPE, NO_TRIGGER
@@ -49,12 +49,18 @@ def _clock(field: str) -> Getter:
 
 
 def _samples(field: str) -> Getter:
-    return lambda device, task: getattr(task.buffer, field) if task.buffer is not None else 0
+    def get(device: SimulatedDevice, task: SimulatedTask) -> int:
+        if field == "available":
+            waiting.catch_up(device, task)
+        return getattr(task.buffer, field) if task.buffer is not None else 0
+
+    return get
 
 
 def _default_samples_to_read(device: SimulatedDevice, task: SimulatedTask) -> int:
     if task.clock is not None and task.clock.mode == FINITE:
         return task.clock.samples
+    waiting.catch_up(device, task)
     return task.buffer.available if task.buffer is not None else 0
 
 

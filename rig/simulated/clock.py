@@ -10,6 +10,8 @@ import time
 from collections.abc import Callable
 from typing import Protocol
 
+ASKING_S = 0.01
+
 
 class Clock(Protocol):
     """What the device asks of a clock."""
@@ -24,6 +26,10 @@ class Clock(Protocol):
     @property
     def elapsed_s(self) -> float:
         """The same as somebody sees it who does not wait for a read: a watchdog timer, s."""
+
+    @property
+    def due_s(self) -> float:
+        """Time that should have passed by itself for somebody who only asks what is there, s."""
 
     def begin(self) -> None:
         """Begin an acquisition: time in which nothing ran is not made up for."""
@@ -49,6 +55,11 @@ class VirtualClock:
     def elapsed_s(self) -> float:
         """Virtual time, s."""
         return self._now_s
+
+    @property
+    def due_s(self) -> float:
+        """A little: asking takes its time where nothing else lets it pass."""
+        return ASKING_S
 
     def begin(self) -> None:
         """Do nothing: time only counts."""
@@ -85,6 +96,11 @@ class PacedClock:
     def elapsed_s(self) -> float:
         """Wall-clock time, s, slowed down with the bench but never sped up; goes on when nobody reads."""
         return (self._wall_s() - self._origin_s) * min(self._speed, 1.0)
+
+    @property
+    def due_s(self) -> float:
+        """How far the time is behind the wall clock, s."""
+        return max((self._wall_s() - self._origin_s) * self._speed - self._now_s, 0.0)
 
     def begin(self) -> None:
         """Catch up with the wall clock, so that what follows takes its time."""

@@ -227,7 +227,7 @@ class SimulatedDevice:
 
     @property
     def edge(self) -> int:
-        """Edges of the bench since the last start trigger."""
+        """Edges of the bench since the last trigger."""
         return self.bench.edge
 
     def read(self, task: SimulatedTask, n: int, timeout_s: float) -> NDArray[np.float64]:
@@ -240,6 +240,7 @@ class SimulatedDevice:
         if task.clock is None or task.buffer is None:
             return np.concatenate([latch(self, task, *self.bench.present()) for _ in range(max(n, 1))])
         if n < 0:
+            waiting.catch_up(self, task)
             n = task.buffer.available if task.clock.mode != FINITE else task.clock.samples - task.buffer.read
         missing = n - task.buffer.available
         if missing > task.remaining():

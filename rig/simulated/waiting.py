@@ -81,3 +81,10 @@ def for_samples(device: SimulatedDevice, task: SimulatedTask, missing: int, time
         device.bench.clock.advance(now_s)
         timeout_s -= now_s
         device.between()
+
+
+def catch_up(device: SimulatedDevice, task: SimulatedTask) -> None:
+    """Let the time pass that should have passed by itself, for a client that asks what is there."""
+    clock = device.bench.clock
+    if task.live and task.buffer is not None and (clock.paced or not task.buffer.available):
+        advance(device, int(clock.due_s * device.bench.rate_hz))

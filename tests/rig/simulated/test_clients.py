@@ -320,3 +320,16 @@ def test_a_call_nobody_wrote_is_unimplemented(card) -> None:
     with pytest.raises(RpcError) as refusal:
         card.task().ai_channels.add_ai_thrmcpl_chan("Dev1/ai0")
     assert refusal.value.rpc_code == grpc.StatusCode.UNIMPLEMENTED
+
+
+def test_a_client_that_reads_what_is_there_gets_what_has_come(card) -> None:
+    task = card.task()
+    task.ai_channels.add_ai_voltage_chan("Dev1/ai2")
+    task.timing.cfg_samp_clk_timing(1000.0, sample_mode=CONTINUOUS)
+    task.start()
+    got, reads = 0, 0
+    while got < 100:
+        got += len(task.read(ni.READ_ALL_AVAILABLE))
+        reads += 1
+    assert reads < 50 and card.device.bench.edge == got
+    assert task.in_stream.avail_samp_per_chan == 10  # asking took 10 ms
