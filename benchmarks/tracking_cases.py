@@ -20,7 +20,7 @@ from vision.avi import write_avi
 from vision.bodies import Body, build_masks
 from vision.file_window import FileWindow
 from vision.flags import FrameFlag
-from vision.frames import open_film
+from vision.frames import ArrayFilm, open_film
 from vision.synthetic import Scene, Sensor, SyntheticBody, background, box, speckle, total_noise, wood_grain
 from vision.template import design_columns
 from vision.track import track_film
@@ -83,6 +83,39 @@ def one_body(texture: str, cover_px: int, n: int = 400, seed: int = 3) -> dict[s
         "lost": float(result.failed.sum()),
         "frames_per_s": n / min(seconds),
     }
+
+
+def against_pyidi(texture: str, n: int = 110, seed: int = 3) -> dict[str, float]:
+    """The bar free, ours and pyIDI's rigid DIC on the very same rectangle: RMS (mdeg), frames per CPU second."""
+    import pyidi
+
+    scene, pose = bar_scene(texture, seed), bar_pose(n)
+    sensor = Sensor(NOISE, 8, seed)
+    frames = np.stack([sensor.expose(scene.light(p[None, None])) for p in pose])
+    body = Body("bar", scene.bodies[0].outline(*pose[0]))
+    rows, columns = np.nonzero(build_masks([body], HEIGHT, WIDTH)[0])
+    size = [int(np.ptp(v)) // 2 * 2 + 1 for v in (rows, columns)]
+    with tempfile.TemporaryDirectory() as folder:
+        start = time.process_time()
+        dic = pyidi.DIC(pyidi.VideoReader(input_file=frames, root=folder))
+        dic.set_points(points=np.array([[round(rows.mean()), round(columns.mean())]]))
+        dic.configure(roi_size=size, warp="rigid", verbose=0, show_pbar=False)
+        dic.get_displacements(autosave=False)
+        theirs_s = time.process_time() - start
+    film = ArrayFilm(frames, 2000.0)
+    track_film(film, [body], every=n // 4, n_still=N_STILL)
+    start = time.process_time()
+    result = track_film(film, [body], n_still=N_STILL)
+    ours_s = time.process_time() - start
+    true = pose[:, 0] - pose[:N_STILL, 0].mean()
+    phi = -dic.warp_params[0, :, 2]
+    theirs = phi - phi[:N_STILL].mean() - true
+    ours = result.angle_rad[:, 0] - true
+
+    def rms(error: NDArray[np.float64]) -> float:
+        return float(np.sqrt(np.nanmean(error[N_STILL + 1 :] ** 2)) / MDEG)
+
+    return {"ours": rms(ours), "pyidi": rms(theirs), "ours_per_s": n / ours_s, "pyidi_per_s": n / theirs_s}
 
 
 def visible_bounds(

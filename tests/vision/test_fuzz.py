@@ -24,7 +24,7 @@ def test_damaged_films_are_refused_or_read_right(tmp_path: Path, capfd: pytest.C
     sys.modules["fuzz_readers"] = script
     try:
         spec.loader.exec_module(script)
-        tallies = script.fuzz(tmp_path, 120, 7)
+        tallies = script.fuzz(tmp_path, 80, 7)
     finally:
         del sys.modules["fuzz_readers"]
     for name, tally in tallies.items():
