@@ -15,6 +15,7 @@ from dataclasses import replace
 from pathlib import Path
 from urllib.parse import parse_qsl, urlsplit
 
+from rig import toml_file
 from rig.backend import Capabilities
 from rig.config import RigConfig
 from rig.daq import NidaqmxBackend
@@ -28,7 +29,7 @@ from rig.simulated.faults import FaultPlan, parse_faults
 from rig.simulated.products import PRODUCTS, Inventory
 from rig.simulated.sensors import SensorSet, load_sensors
 from rig.simulated.service import Service
-from rig.simulated.wiring import WIRING_OF_PRODUCT, Wiring
+from rig.simulated.wiring import WIRING_OF_PRODUCT, Wiring, planted_wiring
 
 DEFAULT_BENCH = Path(__file__).parent / "bench.toml"
 OPTIONS = ("bench", "seed", "clock", "fault", "effects", "hand")
@@ -93,7 +94,9 @@ def open_backend(url: str, config: RigConfig) -> SimulatedBackend:
 
     effects = [name for name in options.get("effects", "").split(",") if name]
     plant = load_plant(bench, seed=seed, sample_rate_hz=config.device.sample_rate_hz, effects=effects)
-    device = build_device(config, plant, sensors, clock=clock)
+    table = toml_file.parse_toml(toml_file.read_text(bench), str(bench)).get("wiring", {})
+    wiring = planted_wiring(table if isinstance(table, dict) else {"": table}, config.device.product, str(bench))
+    device = build_device(config, plant, sensors, clock=clock, wiring=wiring)
     device.faults = FaultPlan(faults)
     device.bench.hand = _hand(url, options.get("hand", "no"))
     backend = SimulatedBackend(

@@ -173,8 +173,8 @@ class SimulatedDevice:
             rate_hz = task.clock.rate_hz if task.clock is not None else self.bench.rate_hz
             self.trial += 1
             delay_s = self.inventory.input_delay_s(task.channels[0].physical.kind, rate_hz)
-            idle = not any(t.type == "AO" and t.output is not None and t.output.any() for t in self.tasks.values())
-            self.bench.begin(self.trial, rate_hz, delay_s, by_hand=idle and not self.drive_enabled())
+            loaded = [t.output for t in self.tasks.values() if t.type == "AO" and t.output is not None]
+            self.bench.begin(self.trial, rate_hz, delay_s, by_hand=bool(loaded) and not any(o.any() for o in loaded))
         task.live, task.since_s = True, self.bench.edge / self.bench.rate_hz
         engine = None if own_clock(task) else engine_of(self, task)
         task.since_tick = engine.passed(self.bench.edge) if engine else 0

@@ -1,12 +1,18 @@
 """Which terminal of the virtual device each sensor and actuator of the bench is wired to.
 
 The wiring belongs to the bench, not to the rig file: a rig file that names another channel reads an open
-input, as in the lab.
+input, as in the lab. ``[wiring]`` of a bench file plants other wiring: ``force``, ``motor``, ``drive_enable`` (a line,
+or "bridged"), ``key``, ``whippen``, ``hammer`` (A and B terminal). A bad table is :class:`rig.errors.InputError`.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+from rig.errors import InputError
+from rig.simulated.contract import ENCODED_BODIES
 
 
 @dataclass(frozen=True)
@@ -46,3 +52,22 @@ WIRING_OF_PRODUCT = {
         loopback="ai1",
     ),
 }
+
+
+def planted_wiring(table: Mapping[str, Any], product: str, where: str) -> Wiring:
+    """Return a product's usual wiring with what the ``[wiring]`` table of a bench file changes."""
+    wiring = WIRING_OF_PRODUCT[product]
+    encoders = dict(zip(ENCODED_BODIES, wiring.encoders, strict=True))
+    changed: dict[str, Any] = {}
+    for name, value in table.items():
+        if name in encoders and isinstance(value, list) and len(value) == 2 and all(isinstance(v, str) for v in value):
+            encoders[name] = (value[0], value[1])
+        elif name in ("force", "motor", "drive_enable") and isinstance(value, str):
+            changed[name] = None if (name, value) == ("drive_enable", "bridged") else value
+        else:
+            raise InputError(
+                f"{where}: wiring.{name} = {value!r}: allowed are force, motor, drive_enable with a name, and "
+                f"{', '.join(ENCODED_BODIES)} with [A, B]"
+            )
+    key, whippen, hammer = (encoders[body] for body in ENCODED_BODIES)
+    return replace(wiring, encoders=(key, whippen, hammer), **changed)
