@@ -1,8 +1,8 @@
 """The operator's hand at the virtual bench: lifts the arm off the key, puts it back, presses the key down and lets go.
 
-Place in the data flow: with ``sim://?hand=yes`` (or ``serve-sim --hand``) it acts in every acquisition whose motor command
-is 0 V throughout, which is when ``pianorig selftest`` asks the operator to do just this. Pressing is a torque on the
-arm, so that all bodies move as the mechanism makes them.
+Place in the data flow: with ``sim://?hand=yes`` (or ``serve-sim --hand``) it acts in every acquisition whose motor
+command is 0 V throughout, which is when ``pianorig selftest`` asks the operator to do just this. Pressing is a torque
+on the arm, so that all bodies move as the mechanism makes them.
 """
 
 from __future__ import annotations
