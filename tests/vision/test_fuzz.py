@@ -27,9 +27,10 @@ def test_damaged_films_are_refused_or_read_right(tmp_path: Path, capfd: pytest.C
         tallies = script.fuzz(tmp_path, 80, 7)
     finally:
         del sys.modules["fuzz_readers"]
+    assert sum(tally.same for tally in tallies.values()) > 5
     for name, tally in tallies.items():
         assert not tally.wrong, (name, tally.wrong)
-        assert tally.refused > 0 and tally.same > 0, name
+        assert tally.refused > 0, name
         assert tally.largest < 1.0, name
 
 
