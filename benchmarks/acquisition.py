@@ -1,20 +1,23 @@
 """How fast the recorder runs on the virtual bench, and what reading a session costs.
 
-    python benchmarks/acquisition.py
+    python benchmarks/acquisition.py [--hours 0.02] [--real-time-trials 10]
 
 Prints bench seconds per wall second: of the RPC layer alone, in process and over TCP on the loopback, at the 20 ms
 block length used in real time; and of five forte trials with the plant. Then the size of a trial file, and
-the time to check its seal and read it.
+the time to check its seal and read it. Then what a long recording costs (recording_numbers.py): samples lost, memory,
+processor time, delay from sample to journal, a disk that stalls; `--hours 1` is the whole measurement.
 """
 
 from __future__ import annotations
 
+import argparse
 import tempfile
 import time
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from recording_numbers import long_recording, real_time, stalled_disk
 
 from rig.backend import open_backend
 from rig.config import load_rig
@@ -64,6 +67,10 @@ def read_for(backend: Any, config: Any) -> tuple[float, float]:
 
 
 def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--hours", type=float, default=0.02)
+    parser.add_argument("--real-time-trials", type=int, default=10)
+    asked = parser.parse_args()
     config = load_rig("virtual").config
     sensors = load_sensors(DEFAULT_BENCH)
 
@@ -95,6 +102,9 @@ def main() -> None:
         per_trial_ms = (time.perf_counter() - start) / len(trials) * 1e3
         size = trials[0].path.stat().st_size / 1024
         print(f"trial file           : {size:.0f} KiB, checked and read in {per_trial_ms:.1f} ms")
+    long_recording(asked.hours)
+    real_time(asked.real_time_trials)
+    stalled_disk()
 
 
 if __name__ == "__main__":
