@@ -100,7 +100,7 @@ def long_recording(hours: float) -> None:
     later = np.array(memory)[passed >= min(60.0, bench_s / 2)]
     print(
         f"long recording       : {bench_s / 3600:.3f} h in {len(samples)} trials, {sum(samples)} samples of each "
-        f"channel, 0 lost; {bench_s / wall:.0f} x real time, {bench_s / cpu:.0f} x by processor time (each trial read back and checked)"
+        f"channel, 0 lost; {bench_s / wall:.0f} x real time, {bench_s / cpu:.0f} x by CPU time"
     )
     print(f"memory               : {later[0]:.0f} MB after the first minute, then {later.min() - later[0]:+.1f} to "
           f"{later.max() - later[0]:+.1f} MB")  # fmt: skip

@@ -53,7 +53,8 @@ def read_tdms(path: Path) -> ChannelTable:
         _check_segments(path, size)
         with warnings.catch_warnings():
             warnings.simplefilter("error")
-            with TdmsFile.open(path) as file:
+            # npTDMS leaves a file open that it fails to read
+            with path.open("rb") as stream, TdmsFile.open(stream) as file:
                 return _read(path, file, size, complaints)
     except InputError:
         raise
