@@ -11,6 +11,7 @@ Failure: a trial that cannot be used is listed with its reason and the rest goes
 from __future__ import annotations
 
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -34,7 +35,7 @@ from validation.predictor import RIVALS, Predictor, TrialPrediction
 from validation.provenance import provenance
 from validation.repeatability import event_repeatability, few_trials_warning
 from validation.result import ValidationResult
-from validation.score_tables import score_table, scorecard, with_scores
+from validation.score_tables import WORKERS, score_table, scorecard, with_scores
 from validation.trial_tables import trial_row, uncertainty_table
 from validation.trials import measure_all, open_session
 from validation.verdict import verdict_lines
@@ -232,7 +233,7 @@ def _assemble(
         events=event_table(trial_events, model_events),
         event_summary=summary,
         event_repeatability=event_repeatability(trial_events),
-        budget=event_budget(predictor, representative(measured), summary) if budget else pd.DataFrame(columns=COLUMNS),
+        budget=_budget(predictor, measured, summary) if budget else pd.DataFrame(columns=COLUMNS),
         uncertainty=uncertainty,
         spread=spread,
         traces=traces,
@@ -241,6 +242,12 @@ def _assemble(
         motion_trace=force_trace,
         provenance=origin(),
     )
+
+
+def _budget(predictor: Predictor, measured: list[Measurement], summary: pd.DataFrame) -> pd.DataFrame:
+    """Budget of the events; the runs share the processors, a simulation holds no lock."""
+    with ThreadPoolExecutor(WORKERS) as pool:
+        return event_budget(predictor, representative(measured), summary, run=pool.map)
 
 
 def _load(action: Any) -> Any:

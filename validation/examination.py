@@ -8,6 +8,8 @@ Failure: what cannot be done is said in a note.
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
+
 import pandas as pd
 
 from validation.budget import representative
@@ -20,6 +22,7 @@ from validation.motion_driven import COLUMNS as MOTION_COLUMNS
 from validation.motion_driven import motion_driven, motion_row
 from validation.outlying import outlying
 from validation.predictor import Predictor, TrialPrediction
+from validation.score_tables import WORKERS
 from validation.suspect import wrong_friction
 from validation.window import Window
 
@@ -72,5 +75,7 @@ def find_faults(
     if sound and suspect:
         m = representative(sound)
         release = events[m.number]["key_release"]
-        found += wrong_friction(predictor, m, release.value if release.status == "found" else float(m.time_s[-1]))
+        until = release.value if release.status == "found" else float(m.time_s[-1])
+        with ThreadPoolExecutor(WORKERS) as pool:
+            found += wrong_friction(predictor, m, until, run=pool.map)
     return found

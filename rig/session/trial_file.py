@@ -201,7 +201,21 @@ def _plain(value: Any) -> Any:
     return value.item() if isinstance(value, np.generic) else value
 
 
+UNITS = {"time": "s", "force": "N", "motor_command": "V", "encoder_count": "1"}
+
+
+def _check_units(file: h5py.File) -> None:
+    for name, expected in UNITS.items():
+        found = file["daq"][name].attrs.get("units")
+        if found != expected:
+            raise InputError(
+                f"{file.filename}: daq/{name}: units {'missing' if found is None else repr(str(found))}, expected "
+                f"{expected!r}; write the trial again in SI units"
+            )
+
+
 def _read(file: h5py.File, sha256: str) -> TrialData:
+    _check_units(file)
     daq = file["daq"]
     force = daq["force"]
     info = ForceInfo(**{field: _plain(force.attrs[field]) for field in ForceInfo.__dataclass_fields__})

@@ -1,0 +1,71 @@
+"""Bad input: each fault is named in one line, and what is left is still compared."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from rig.session import Session, trial_file
+from validation import compare_session
+
+QUICK = {"keep_predictions": False, "rivals": (), "budget": False, "suspect": False}
+
+
+@pytest.fixture(scope="module")
+def strokes(make):
+    """Time, force and encoder angles of one blow, computed once."""
+    import model
+
+    action = model.load_action("hirschkorn2004")
+    rest = model.rest_state(action, force_n=make.preload_n)
+    time = np.arange(int(1.3 * make.rate_hz)) / make.rate_hz
+    force = make.preload_n + make.force(time)
+    run = model.simulate(action, time, force, initial=rest)
+    return time, force, (run.angle_rad - rest.angle_rad)[:, [0, 1, 4]]
+
+
+def reasons(session):
+    result = compare_session(session, **QUICK)
+    for line in result.warnings:
+        assert "\n" not in line
+    return result, result.trials.set_index("trial")["reason"]
+
+
+@pytest.mark.parametrize(
+    ("units", "words"), [("kN", "units 'kN', expected 'N'"), (None, "units missing, expected 'N'")]
+)
+def test_wrong_or_missing_units_are_named(make, strokes, tmp_path, monkeypatch, units, words):
+    session = Session.create(tmp_path / "s", make.info())
+    session.add_trial(make.trial(1, *strokes))
+    write = trial_file._dataset
+
+    def other(group, name, *args, **kwargs):
+        dataset = write(group, name, *args, **kwargs)
+        if name == "force":
+            if units is None:
+                del dataset.attrs["units"]
+            else:
+                dataset.attrs["units"] = units
+        return dataset
+
+    monkeypatch.setattr(trial_file, "_dataset", other)
+    session.add_trial(make.trial(2, *strokes))
+    result, reason = reasons(Session.open(tmp_path / "s"))
+    assert list(result.traces) == [1]
+    assert f"trial_0002.h5: daq/force: {words}" in reason[2]
+
+
+def test_a_missing_channel_a_truncated_file_and_a_single_trial_are_named(make, strokes, tmp_path):
+    session = Session.create(tmp_path / "s", make.info())
+    for number in (1, 2):
+        session.add_trial(make.trial(number, *strokes))
+    session.add_trial(make.trial(3, *strokes, names=("key", "whippen", "motor")))
+    with session.trials[1].path.open("r+b") as file:
+        file.truncate(100_000)
+    result, reason = reasons(Session.open(tmp_path / "s"))
+    assert list(result.traces) == [1]
+    assert "truncated" in reason[2]
+    assert "encoder 'hammer' is missing" in reason[3]
+    assert any(line.startswith("One trial: repeatability is not known") for line in result.warnings)
+    assert np.isfinite(result.channels["rmse_rad"].iloc[0])
+    assert result.channels["state"].iloc[0] == "one trial"
