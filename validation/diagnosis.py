@@ -180,3 +180,19 @@ def lifts(marks: dict[int, list[Lift]]) -> list[Finding]:
 def finding_table(findings: list[Finding]) -> pd.DataFrame:
     """Every finding as a row."""
     return pd.DataFrame([asdict(f) for f in findings], columns=COLUMNS)
+
+
+def summary_line(findings: list[Finding]) -> str:
+    """All kinds of finding with their trials in one sentence; empty when there is none."""
+    kinds: dict[str, list[int]] = {}
+    for f in findings:
+        trials = kinds.setdefault(f.kind, [])
+        if np.isfinite(f.trial) and int(f.trial) not in trials:
+            trials.append(int(f.trial))
+    if not kinds:
+        return ""
+    parts = []
+    for kind, trials in kinds.items():
+        where = f"trial{'' if len(trials) == 1 else 's'} {', '.join(map(str, trials))}" if trials else "model"
+        parts.append(f"{kind} ({where})")
+    return f"Faults found: {', '.join(parts)}; read the warnings before the scores."
