@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import butter, sosfiltfilt
 
 from rig.errors import InputError
 
@@ -28,6 +29,8 @@ FIRST = 0.3
 """Part of the steepest slope that the first spike has at least."""
 SPIKE_S = 0.06
 RELEASE_S = 0.02
+FIRST_CUTOFF_HZ = 60.0
+"""Of the zero-phase low-pass of the first command."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +43,7 @@ class Target:
     time_s, force_n : ndarray, shape (n,)
         On the sample clock, from `LEAD_S` before the onset, N.
     command_n : ndarray, shape (n,)
-        First command: the same without the spike at key bottom.
+        First command: the same without the spike at key bottom, low-passed.
     onset_s, bottom_s : float
         When the force rises, when the key reaches bottom.
     rest_n : float
@@ -180,6 +183,10 @@ def _cut(name: str, force: NDArray[np.float64], rest_n: float, onset: int, botto
     lead, tail = int(round(LEAD_S * rate_hz)), max(int(round(RELEASE_S * rate_hz)), 1)
     shown = np.concatenate((np.zeros(lead), force[onset:], np.zeros(tail)))[: lead + end - onset + tail]
     command = np.concatenate((np.zeros(lead), held[onset:end], held[end - 1] * np.linspace(1, 0, tail + 1)[1:]))
+    # what the recording rings with must not ring the arm as well
+    command = sosfiltfilt(butter(2, min(FIRST_CUTOFF_HZ, 0.4 * rate_hz), fs=rate_hz, output="sos"), command)
+    command *= np.clip((np.arange(command.size) / rate_hz - 0.8 * LEAD_S) / (0.2 * LEAD_S), 0.0, 1.0)
+    command[0] = command[-1] = 0.0
     n = min(shown.size, command.size)
     return Target(
         name=name,

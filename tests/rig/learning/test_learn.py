@@ -144,6 +144,16 @@ def test_the_first_of_two_spikes_is_key_bottom() -> None:
     assert key_bottom(force, RATE) == pytest.approx(BOTTOM_S * RATE, abs=6)
 
 
+def test_the_first_command_does_not_ring_with_the_recording() -> None:
+    time = np.arange(pianist().size) / RATE
+    ringing = pianist() + 0.8 * np.sin(2 * np.pi * 450 * time) * ((time > 0.1) & (time < BOTTOM_S))
+    rough = make_target("ringing", ringing, 1 / RATE, RATE, key_bottom_s=BOTTOM_S)
+    smooth = make_target("own", pianist(), 1 / RATE, RATE, key_bottom_s=BOTTOM_S)
+    n = min(rough.command_n.size, smooth.command_n.size)
+    assert np.abs(rough.force_n[:n] - smooth.force_n[:n]).max() > 0.7
+    assert np.abs(rough.command_n[:n] - smooth.command_n[:n]).max() < 0.1
+
+
 def test_bad_numbers_and_a_target_beyond_the_motor_are_refused(config) -> None:
     target = make_target("pianist", pianist(), 1 / RATE, RATE)
     for arguments, words in (({"blows": 0}, "blows = 0"), ({"goal": 0.0}, "goal = 0")):
