@@ -74,6 +74,7 @@ def _writable_cache() -> Path | None:
 
 
 FOLDER = _writable_cache()
+MULTIPLY_ADD = {"contract", "nsz"}  # of generated text: contracted where the processor has the instruction
 
 
 def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -91,14 +92,32 @@ def inlined(function: Callable[..., Any]) -> Callable[..., Any]:
     return numba.njit(function, nogil=True, error_model="numpy", fastmath=False, forceinline=True)
 
 
-def _explicit(signature: Any, fastmath: Any) -> Callable[[Callable[..., Any]], Any]:
+def piece(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Compile a ``function`` of a module of its own into its callers, like `inlined`, but keep it on disk for others."""
+    before = numba_config.CACHE_DIR
+    numba_config.CACHE_DIR = "" if FOLDER is None else str(FOLDER)
+    try:
+        return numba.njit(
+            function,
+            cache=FOLDER is not None,
+            nogil=True,
+            error_model="numpy",
+            fastmath=MULTIPLY_ADD,
+            forceinline=True,
+            _nrt=False,
+        )
+    finally:
+        numba_config.CACHE_DIR = before
+
+
+def _explicit(signature: Any, fastmath: Any, allocates: bool) -> Callable[[Callable[..., Any]], Any]:
     def compiled(function: Callable[..., Any]) -> Any:
         before = numba_config.CACHE_DIR
         numba_config.CACHE_DIR = "" if FOLDER is None else str(FOLDER)
         try:
-            return numba.njit(signature, cache=FOLDER is not None, nogil=True, error_model="numpy", fastmath=fastmath)(
-                function
-            )
+            return numba.njit(
+                signature, cache=FOLDER is not None, nogil=True, error_model="numpy", fastmath=fastmath, _nrt=allocates
+            )(function)
         finally:
             numba_config.CACHE_DIR = before
 
@@ -110,9 +129,9 @@ def step_loop(signature: Any) -> Callable[[Callable[..., Any]], Any]:
 
     Without them numba compiles the loop again for every scene, and never finds it on disk.
     """
-    return _explicit(signature, False)
+    return _explicit(signature, False, True)
 
 
 def generated(signature: Any) -> Callable[[Callable[..., Any]], Any]:
     """Decorator of generated kernels: explicit types, cached, multiply-add contracted where the processor has it."""
-    return _explicit(signature, {"contract", "nsz"})
+    return _explicit(signature, MULTIPLY_ADD, False)

@@ -14,7 +14,8 @@ import re
 from . import layout as L
 from . import workspace as W
 from .emit_bodies import derivatives, forces, mass, pose, solve_mass
-from .emit_contacts import contact_forces, contact_linearised, probe, second_rates
+from .emit_contacts import probe
+from .emit_pieces import Piece, forces_piece, linearised_piece, rates_piece
 from .structure import Structure
 
 _HEAD = '''"""Generated from the structure of a scene by model.kernels.emit; do not edit."""
@@ -23,14 +24,8 @@ from model.kernels.compile import generated
 from model.kernels.laws import felt, friction
 from model.kernels.motion import motion_at, piece_at
 from model.kernels.signatures import ENERGY, LINEARISE, PREPARE, SKIP, STAGE
-from model.kernels.terms import (
-    circle_gap, circle_room, contact_force, contact_laws, cosine_sine, felt_energy, hybrid_gap, hybrid_room,
-    turn_of_arm, turn_of_first, turn_of_second,
-)
+from model.kernels.terms import circle_gap, contact_laws, cosine_sine, felt_energy, hybrid_gap
 '''
-
-
-_GUIDE_HEAD = "from model.kernels.terms import lift_of_first, lift_of_second\n"
 
 
 def _prescribed(s: Structure, derivatives: bool) -> list[str]:
@@ -45,15 +40,18 @@ def _prescribed(s: Structure, derivatives: bool) -> list[str]:
     return out
 
 
-def _linearise(s: Structure) -> list[str]:
+def _linearise(s: Structure, pieces: set[Piece]) -> list[str]:
     out = [f"q{i} = w[{W.Q + i}]\nv{i} = w[{W.V + i}]" for i in range(s.free)] + _prescribed(s, True)
     out += [f"k{i}_{j} = 0.0\nd{i}_{j} = 0.0" for i, j in sorted(s.pattern())]
     out += ["touching = 0", *pose(s), *mass(s), *forces(s, True)]
     out += [f"easy{i} = 1.0 / md{i}" for i in range(s.free)]
     rates = []
     for c in s.place:
-        out += contact_linearised(s, c)
-        rates += second_rates(s, c)
+        piece, call = linearised_piece(s, c)
+        later, call_later = rates_piece(s, c)
+        pieces |= {piece, later}
+        out += call
+        rates += call_later
     for k in range(len(s.probe)):
         out += probe(s, k, True)
     out += [*solve_mass(s), *derivatives(s), *rates]
@@ -121,7 +119,7 @@ def _skip(s: Structure) -> list[str]:
     return [*out, "return mask"]
 
 
-def _stage(s: Structure) -> list[str]:
+def _stage(s: Structure, pieces: set[Piece]) -> list[str]:
     n = range(s.free)
     out = [f"q{i} = w[{W.Q + i}]\nv{i} = w[{W.V + i}]\nsq{i} = 0.0\nsv{i} = 0.0\nb{i} = 0.0\nl{i} = 0.0" for i in n]
     out += ["for j in range(k):", f"    o = {W.U} + {2 * W.WIDTH} * j", f"    aj = a[{W.MAX_STAGES} * k + j]"]
@@ -138,7 +136,9 @@ def _stage(s: Structure) -> list[str]:
     out.append("if k > 0:")
     inner = [*pose(s), *mass(s), *forces(s, False)]
     for c in s.place:
-        inner += contact_forces(s, c)
+        piece, call = forces_piece(s, c)
+        pieces.add(piece)
+        inner += [f"if mask & {1 << s.place[c]} == 0:", *("    " + line for line in call)]
     for k in range(len(s.probe)):
         inner += probe(s, k, False)
     inner += solve_mass(s)
@@ -166,19 +166,27 @@ def _stage(s: Structure) -> list[str]:
 
 def emit(tables: L.Tables) -> str:
     """Source of the module that holds the four kernels of a scene with this structure."""
+    return emit_with_pieces(tables)[0]
+
+
+def emit_with_pieces(tables: L.Tables) -> tuple[str, list[Piece]]:
+    """The same, and the modules of the kinds of contact that it imports."""
     s = Structure(tables)
-    return module(
-        s,
-        ("linearise", "w, p, u", _linearise(s)),
+    pieces: set[Piece] = set()
+    functions = (
+        ("linearise", "w, p, u", _linearise(s, pieces)),
         ("prepare", "w, gh", _prepare(s)),
         ("skip", "w, p", _skip(s)),
-        ("stage", "w, p, a, c, k, gh, step, u, ft, mask", _stage(s)),
+        ("stage", "w, p, a, c, k, gh, step, u, ft, mask", _stage(s, pieces)),
     )
+    used = sorted(pieces)
+    head = "".join(f"from {piece.name} import {piece.name}\n" for piece in used)
+    return module(s, *functions, head=head), used
 
 
-def module(s: Structure, *functions: tuple[str, str, list[str]]) -> str:
+def module(s: Structure, *functions: tuple[str, str, list[str]], head: str = "") -> str:
     """Source of a module with these functions: name, arguments, lines."""
-    parts = [_HEAD, _GUIDE_HEAD] if s.guided else [_HEAD]
+    parts = [_HEAD, head]
     for name, arguments, body in functions:
         lines = [line for text in body for line in text.split("\n")]
         parts.append(f"\n\n@generated({name.upper()})\ndef {name}({arguments}):\n")

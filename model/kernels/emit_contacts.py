@@ -11,6 +11,7 @@ from . import layout as L
 from . import workspace as W
 
 if TYPE_CHECKING:
+    from .emit_pieces import Alone
     from .structure import Structure
 
 
@@ -27,23 +28,22 @@ def _along(body: int, x: str, y: str) -> tuple[str, str]:
     return (x, y) if body < 0 else (f"c{body} * {x} - s{body} * {y}", f"s{body} * {x} + c{body} * {y}")
 
 
-def _pivot(s: Structure, body: int) -> tuple[str, str]:
+def _pivot(s: Structure | Alone, body: int) -> tuple[str, str]:
     return f"x{body}", f"y{body}"
 
 
-def _numbers(s: Structure, c: int, *names: int) -> list[str]:
-    o = s.offset[1] + L.CONTACT_SIZE * c
-    return [f"p[{o + k}]" for k in names]
+def _numbers(s: Structure | Alone, c: int, *names: int) -> list[str]:
+    return [s.contact_number(c, k) for k in names]
 
 
-def _centres(s: Structure, c: int) -> list[str]:
+def _centres(s: Structure | Alone, c: int) -> list[str]:
     a, b, _, _ = s.contact[c]
     ax, ay = _at(a, *_numbers(s, c, L.A_X, L.A_Y))
     bx, by = _at(b, *_numbers(s, c, L.B_X, L.B_Y))
     return [f"ax = {ax}", f"ay = {ay}", f"bx = {bx}", f"by = {by}"]
 
 
-def _surface(s: Structure, c: int, room: bool) -> list[str]:
+def _surface(s: Structure | Alone, c: int, room: bool) -> list[str]:
     """Lines that set x, nx, ny, distance (or room, nx, ny) from the centres."""
     _, b, shape, _ = s.contact[c]
     ra, rb = _numbers(s, c, L.A_R, L.B_R)
@@ -65,7 +65,7 @@ def _surface(s: Structure, c: int, room: bool) -> list[str]:
     return [*out, f"x, nx, ny, distance = {kind}_gap(ax - bx, ay - by, {ra} + {rb}{ends})"]
 
 
-def _rates(s: Structure, c: int) -> list[str]:
+def _rates(s: Structure | Alone, c: int) -> list[str]:
     """Arms, generalised directions, rate of penetration, sliding speed, at mid-penetration."""
     out = [f"r = {_numbers(s, c, L.A_R)[0]} - 0.5 * x", "px = ax - r * nx", "py = ay - r * ny"]
     for k, (b, side) in enumerate(s.chain[c]):
@@ -81,15 +81,15 @@ def _rates(s: Structure, c: int) -> list[str]:
     return out
 
 
-def _law(s: Structure, c: int) -> str:
+def _law(s: Structure | Alone, c: int) -> str:
     felt = _numbers(s, c, L.K_A, L.K_B, L.K_C, L.DAMP)
     return ", ".join([*felt, f"p[{L.V_T}]", *_numbers(s, c, L.MU_A, L.MU_B1, L.MU_B2)])
 
 
-def _push(s: Structure, c: int) -> list[str]:
+def _push(s: Alone, c: int) -> list[str]:
     out = []
     for k, (b, side) in enumerate(s.chain[c]):
-        if b >= s.free:
+        if not s.solved(b):
             continue
         moment = "fy" if b in s.guided else f"lx{k} * fy - ly{k} * fx"
         out.append(f"f{b} {'+' if side > 0 else '-'}= {moment}")
@@ -100,24 +100,23 @@ def _indent(lines: list[str]) -> list[str]:
     return ["    " + line for line in lines]
 
 
-def contact_forces(s: Structure, c: int) -> list[str]:
-    """Add the force of contact ``c`` to f unless the mask says that it cannot touch."""
+def contact_forces(s: Alone, c: int) -> list[str]:
+    """Add the force of contact ``c`` to f where it touches."""
     touch = [*_rates(s, c), f"fx, fy = contact_force(x, rate, slide, nx, ny, {_law(s, c)})", *_push(s, c)]
-    inner = [*_centres(s, c), *_surface(s, c, False), "if x > 0.0:", *_indent(touch)]
-    return [f"if mask & {1 << s.place[c]} == 0:", *_indent(inner)]
+    return [*_centres(s, c), *_surface(s, c, False), "if x > 0.0:", *_indent(touch)]
 
 
-def contact_linearised(s: Structure, c: int) -> list[str]:
+def contact_linearised(s: Alone, c: int) -> list[str]:
     """Force and derivatives of contact ``c`` where it touches; its gap and how fast that changes in any case."""
-    chain, at = s.chain[c], s.place[c]
+    chain = s.chain[c]
     law = [f"fn, fnx, fnr, mu, mus = contact_laws(x, rate, slide, {_law(s, c)})"]
     law += ["fx = fn * nx + mu * fn * ny", "fy = fn * ny - mu * fn * nx", *_push(s, c), "touching += 1"]
     law += [f"turns{k}_{c} = gn{k}" for k in range(len(chain))]
     law += [f"slides{k}_{c} = gt{k}" for k in range(len(chain))]
-    law += [f"w[{W.ROOM + at}] = 0.0", f"w[{W.GAP + at}] = -x", f"w[{W.GAP_RATE + at}] = -rate"]
+    law += [f"w[{s.at(c, W.ROOM)}] = 0.0", f"w[{s.at(c, W.GAP)}] = -x", f"w[{s.at(c, W.GAP_RATE)}] = -rate"]
     law += [
-        f"w[{W.SLIDE + at}] = slide",
-        f"w[{W.GRIP + at}] = {_numbers(s, c, L.MU_A)[0]} * fn * {_easiest(s, c, 'gt')}",
+        f"w[{s.at(c, W.SLIDE)}] = slide",
+        f"w[{s.at(c, W.GRIP)}] = {_numbers(s, c, L.MU_A)[0]} * fn * {_easiest(s, c, 'gt')}",
     ]
     away = _surface(s, c, True)
     for k, (b, side) in enumerate(chain):
@@ -126,38 +125,37 @@ def contact_linearised(s: Structure, c: int) -> list[str]:
         away.append(f"turns{k}_{c} = {'' if side > 0 else '-'}{way}")
     rate = " + ".join(f"turns{k}_{c} * v{b}" for k, (b, _) in enumerate(chain))
     stiffness, damping = _numbers(s, c, L.K_C, L.DAMP)
-    away += [f"w[{W.ROOM + at}] = room", f"w[{W.GAP + at}] = room", f"w[{W.GAP_RATE + at}] = {rate}"]
+    away += [f"w[{s.at(c, W.ROOM)}] = room", f"w[{s.at(c, W.GAP)}] = room", f"w[{s.at(c, W.GAP_RATE)}] = {rate}"]
     return [
         *(f"slides{k}_{c} = 0.0" for k in range(len(chain))), *_centres(s, c), *_surface(s, c, False),
         "if x > 0.0:", *_indent([*_rates(s, c), *law, "if fn > 0.0:", *_indent(_derivatives(s, c))]),
         "else:", *_indent(away),
-        f"w[{W.KICK + at}] = {stiffness} * (1.0 + {damping} * abs(w[{W.GAP_RATE + at}])) * "
+        f"w[{s.at(c, W.KICK)}] = {stiffness} * (1.0 + {damping} * abs(w[{s.at(c, W.GAP_RATE)}])) * "
         + _easiest(s, c, "turns", f"_{c}"),
     ]  # fmt: skip
 
 
-def _easiest(s: Structure, c: int, name: str, end: str = "") -> str:
+def _easiest(s: Alone, c: int, name: str, end: str = "") -> str:
     """Text of the largest acceleration of one joint that a unit force along a direction gives."""
-    terms = [f"abs({name}{k}{end}) * easy{b}" for k, (b, _) in enumerate(s.chain[c]) if b < s.free]
+    terms = [f"abs({name}{k}{end}) * easy{b}" for k, (b, _) in enumerate(s.chain[c]) if s.solved(b)]
     out = terms[0]
     for term in terms[1:]:
         out = f"max({out}, {term})"
     return out
 
 
-def second_rates(s: Structure, c: int) -> list[str]:
+def second_rates(s: Alone, c: int) -> list[str]:
     """How fast gap rate and sliding speed of contact ``c`` change, once the accelerations are known."""
     chain = s.chain[c]
     turn, slide = (" + ".join(f"{n}{k}_{c} * a{b}" for k, (b, _) in enumerate(chain)) for n in ("turns", "slides"))
     rubs = f"{_numbers(s, c, L.MU_A)[0]} != 0.0"
-    at = s.place[c]
     return [
-        f"w[{W.GAP_ACC + at}] = {turn}",
-        f"w[{W.SLIDE_RATE + at}] = 0.0", f"if {rubs}:", f"    w[{W.SLIDE_RATE + at}] = {slide}",
+        f"w[{s.at(c, W.GAP_ACC)}] = {turn}",
+        f"w[{s.at(c, W.SLIDE_RATE)}] = 0.0", f"if {rubs}:", f"    w[{s.at(c, W.SLIDE_RATE)}] = {slide}",
     ]  # fmt: skip
 
 
-def _derivatives(s: Structure, c: int) -> list[str]:
+def _derivatives(s: Alone, c: int) -> list[str]:
     """Add the derivatives of a pushing contact to K and D."""
     chain = s.chain[c]
     out = [f"along{k} = gn{k} - mu * gt{k}" for k in range(len(chain))]
@@ -182,7 +180,7 @@ def _derivatives(s: Structure, c: int) -> list[str]:
         out += [f"fnj = -fnx * gn{j} - fnr * ({rate})", f"fmu = fn * mus * ({slide})"]
         out += [f"fnv = -fnr * gn{j}", f"fmv = fn * mus * gt{j}"]
         for k, (b, _) in enumerate(chain):
-            if b >= s.free:
+            if not s.solved(b):
                 continue
             out.append(f"k{b}_{cj} += fnj * along{k} + fn * (dn{k} - mu * dt{k}) - fmu * gt{k}")
             out.append(f"d{b}_{cj} += fnv * along{k} - fmv * gt{k}")

@@ -18,7 +18,7 @@ from types import ModuleType
 from typing import Any, NamedTuple
 
 from . import compile as _compile
-from .emit import emit
+from .emit import emit_with_pieces
 from .emit_energy import emit_energy
 from .layout import Tables
 
@@ -47,10 +47,11 @@ def _write(path: Path, text: str) -> None:
     os.replace(name, path)
 
 
-def _load(text: str) -> ModuleType:
-    name = "scene_" + hashlib.sha256(text.encode()).hexdigest()[:16]
+def _load(text: str, name: str = "") -> ModuleType:
+    """Module with this text: written to the cache under its name, by default the hash of its text, and imported."""
+    name = name or "scene_" + hashlib.sha256(text.encode()).hexdigest()[:16]
     if _compile.FOLDER is None:
-        module = ModuleType(name)
+        module = sys.modules[name] = ModuleType(name)
         exec(compile(text, f"<{name}>", "exec"), module.__dict__)
         return module
     path = _compile.FOLDER / f"{name}.py"
@@ -84,7 +85,11 @@ def kernels_of(tables: Tables) -> Kernels:
     if key not in _loaded:
         with _alone:
             if key not in _loaded:
-                module = _load(emit(tables))
+                text, pieces = emit_with_pieces(tables)
+                for piece in pieces:
+                    if piece.name not in sys.modules:
+                        _load(piece.text, piece.name)
+                module = _load(text)
                 kernels = Kernels(module.linearise, module.prepare, module.skip, module.stage)
                 COMPILED["scenes"] += 1
                 COMPILED["compiled"] += not all(k.stats.cache_hits for k in kernels)

@@ -56,6 +56,10 @@ class Structure:
         """Text of number ``k`` of body ``i``."""
         return f"p[{L.GLOBALS + L.BODY_SIZE * i + k}]"
 
+    def contact_number(self, c: int, k: int) -> str:
+        """Text of number ``k`` of contact ``c``."""
+        return f"p[{self.offset[1] + L.CONTACT_SIZE * c + k}]"
+
     def pattern(self) -> set[tuple[int, int]]:
         """Entries of K, D and M that can differ from zero; rows are free coordinates, columns also prescribed ones."""
         out = {(i, i) for i in range(self.free)}

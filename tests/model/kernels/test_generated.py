@@ -145,7 +145,7 @@ def test_skipping_changes_no_bit_of_the_answer(action: model.Action, monkeypatch
 def test_a_changed_value_compiles_nothing_and_a_left_out_element_is_not_in_the_source(
     action: model.Action,
 ) -> None:
-    from model.kernels.emit import emit
+    from model.kernels.emit import emit_with_pieces
 
     force = read_table("forte_force.csv")[:60]
     model.simulate(action, force[:, 0], force[:, 1])
@@ -153,9 +153,10 @@ def test_a_changed_value_compiles_nothing_and_a_left_out_element_is_not_in_the_s
     other = action.with_values({"contact04.friction.A": 0.2, "hammer.mass": 0.01})
     model.simulate(other, force[:, 0], force[:, 1])
     assert (scenes.COMPILED["scenes"], len(integrate.signatures)) == before
-    text = emit(build_scene(action).tables)
-    less = emit(build_scene(action.with_values({"contact12": 0, "jack_spring": 0})).tables)
-    assert len(less) < len(text) and text.count("contact_force(") == 1 + less.count("contact_force(")
+    text, kinds = emit_with_pieces(build_scene(action).tables)
+    less, same = emit_with_pieces(build_scene(action.with_values({"contact12": 0, "jack_spring": 0})).tables)
+    assert len(less) < len(text) and text.count("= push_") == 1 + less.count("= push_") > 10
+    assert set(same) <= set(kinds)  # so that the second scene compiles no kind of contact again
 
 
 def test_a_switched_element_compiles_once_and_is_then_loaded(
