@@ -29,8 +29,8 @@ ANGLE_SHARE = 0.17
 SPEED_SHARE = 1.7  # 1/s
 EXTRA = 0.05
 REFERENCE_TOLERANCE = 1e-5
-# Where the key's motion is given the answer is the force that holds it: contacts turn an error of an angle or speed into
-# one of force, which no inertia smooths. A third of the local error keeps that in proportion (model-tolerance.md).
+# Where the key's motion is given the answer is the force that holds it: contacts turn an error of an angle or speed
+# into one of force, which no inertia smooths. A third of the local error: model-tolerance.md.
 PRESCRIBED_SHARE = 1.0 / 3.0
 # What sticks by friction creeps at a fraction of the threshold speed v_t. A local error of that size shakes it loose,
 # in the simulation only, whatever the tolerance says: share of v_t at a lever of 0.1 m that an error may reach
