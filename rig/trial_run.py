@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from rig.backend import Backend, Block, Timing
 from rig.config import RigConfig
-from rig.errors import HardwareFault, InputError
+from rig.errors import HardwareFault, InputError, SamplesLost
 from rig.feed import BlockFeed
 from rig.interlocks import Interlocks, rms_force_n
 from rig.interrupts import deferred
@@ -145,6 +145,7 @@ def run_trial(
                 progress(Progress(number, trials, read / rate, command.blow_end_s, peak, committed / rate))
 
         status = _read_until_rest(backend, config, command, timing, keep)
+        _prove_whole(backend, sum(block.force_n.size for block in blocks))
         if status == "complete" or number < trials:
             interlocks.check_returned()  # or there is no further blow
     except KeyboardInterrupt as interrupt:
@@ -171,6 +172,23 @@ def run_trial(
             journal.remove()
         return TrialOutcome(None, error)
     return TrialOutcome(head.assemble(blocks, status, reason), error, journal)
+
+
+def _prove_whole(backend: Backend, stored: int) -> None:
+    """Hold what is stored against the driver's own count of samples, where the backend can tell it.
+
+    Raises
+    ------
+    SamplesLost
+        When a task has handed out more or fewer samples than are stored.
+    """
+    positions = getattr(backend, "read_positions", dict)
+    for name, (handed_out, acquired) in positions().items():
+        if handed_out != stored or acquired < stored:
+            raise SamplesLost(
+                f"{name}: the driver has acquired {acquired} and handed out {handed_out} samples per channel, {stored} "
+                "are stored; samples are missing or doubled"
+            )
 
 
 def _lengths(config: RigConfig, command: MotorCommand, timing: Timing) -> tuple[int, int]:

@@ -204,6 +204,16 @@ class NidaqmxBackend(BenchChecks):
             raise HardwareFault(f"{name}: counts are not whole numbers; the task is not in ticks", phase="read")
         return whole.astype(np.int64)
 
+    def read_positions(self) -> dict[str, tuple[int, int]]:
+        """Samples per channel that each input task has handed out and acquired since its start, by the driver."""
+        positions = {}
+        for name in (tasks.MASTER, *map(tasks.encoder_task_name, self._ready().encoders), tasks.EDGES):
+            if name in self._tasks:
+                with translated("read", name):
+                    stream = self._tasks[name].in_stream
+                    positions[name] = (int(stream.curr_read_pos), int(stream.total_samp_per_chan_acquired))
+        return positions
+
     def safe_stop(self) -> None:
         """Stop all, motor at 0 V, drive disabled; each step is tried, then the first failure raised."""
         failures: list[BaseException] = []

@@ -93,9 +93,15 @@ class InProcessChannel(grpc.Channel):
 
     def __init__(self, service: Service) -> None:
         self.service = service
+        self._calls: dict[str, Callable[..., Any]] = {}
 
     def unary_unary(self, method: str, *args: Any, **kwargs: Any) -> Callable[..., Any]:
-        """Return a callable for one call of the service."""
+        """Return a callable for one call of the service; the client asks for all of them for each of its tasks."""
+        if method not in self._calls:
+            self._calls[method] = self._unary_call(method)
+        return self._calls[method]
+
+    def _unary_call(self, method: str) -> Callable[..., Any]:
         name = method.rsplit("/", 1)[-1]
 
         def call(request: Any, timeout: float | None = None, metadata: Any = None, **options: Any) -> Any:

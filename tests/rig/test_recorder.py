@@ -87,6 +87,26 @@ def test_progress_and_feed_see_every_block_and_a_full_feed_never_holds_up(record
     assert max(p.peak_force_n for p in seen) == pytest.approx(6.05, abs=0.1)
 
 
+def test_the_drivers_own_count_must_be_what_is_stored(record) -> None:
+    folder, backend, call = record
+    counted = backend.read_positions
+    seen: list[int] = []
+
+    def short() -> dict[str, tuple[int, int]]:
+        positions = counted()
+        assert len(positions) == 4
+        seen.extend(handed_out for handed_out, _ in positions.values())
+        first = next(iter(positions))
+        return positions if len(seen) < 8 else {**positions, first: (positions[first][0] + 1, positions[first][1] + 1)}
+
+    backend.read_positions = short
+    with pytest.raises(SamplesLost, match="samples are missing or doubled"):
+        call()
+    trials = Session.open(folder).trials
+    assert [trial.status for trial in trials] == ["complete", "fault"]
+    assert seen[:4] == [trials[0].read().n_valid] * 4
+
+
 def test_after_each_trial_the_plant_can_be_looked_at(record) -> None:
     _, backend, call = record
     looked = []
