@@ -58,7 +58,7 @@ def test_each_contact_force_equals_the_twin(action: model.Action, twin: Twin) ->
 
 @pytest.mark.parametrize("effects", [(), ("motor_arm",)])
 def test_jacobian_equals_central_differences(action: model.Action, effects: tuple[str, ...]) -> None:
-    stiffening = action.with_values({"motor_arm.contact_a": 1e9, "motor_arm.contact_b": 1e7})
+    stiffening = action.with_effects({"motor_arm.contact_a": 1e9, "motor_arm.contact_b": 1e7})
     scene = build_scene(stiffening, SceneChoice(effects=effects))
     n = scene.size
     h = 1e-7

@@ -32,7 +32,7 @@ def square(w: np.ndarray, start: int, n: int) -> np.ndarray:
 
 @pytest.mark.parametrize("effects", [(), ("motor_arm",)], ids=["force", "motor"])
 def test_generated_kernels_equal_the_tables(action: model.Action, effects: tuple[str, ...]) -> None:
-    stiffening = action.with_values({"motor_arm.contact_a": 1e9, "motor_arm.contact_b": 1e7})
+    stiffening = action.with_effects({"motor_arm.contact_a": 1e9, "motor_arm.contact_b": 1e7})
     scene = build_scene(stiffening, SceneChoice(effects=effects))
     n, p, t = scene.size, scene.vector, scene.tables
     kernels = scenes.kernels_of(t)
