@@ -56,6 +56,7 @@ def compare_session(
     by_motion: bool = False,
     keep_predictions: bool = True,
     u_rest_level_m: float = U_REST_LEVEL_M,
+    condition: str | None = None,
     now: Callable[[], datetime] = lambda: datetime.now(UTC),
     progress: Callable[[str], None] | None = None,
 ) -> ValidationResult:
@@ -82,6 +83,8 @@ def compare_session(
         changed.
     u_rest_level_m : float
         Standard uncertainty of hammer height and key dip at rest on the bench.
+    condition : str, optional
+        Condition of the session's trial plan to compare; needed where usable trials are of several.
     now : callable
         The clock of the report's date.
     progress : callable, optional
@@ -106,7 +109,9 @@ def compare_session(
         rivals=rivals,
         session=session if keep_predictions else None,
     )
-    measured, refused = measure_all(session, lambda preload: predictor.load(preload).geometry, u_rest_level_m)
+    measured, refused = measure_all(
+        session, lambda preload: predictor.load(preload).geometry, u_rest_level_m, condition
+    )
     predictions = _predict_all(predictor, measured, refused, progress)
     measured = [m for m in measured if m.number in predictions]
     if not measured:

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from validation.errors import TrialError
+from validation.errors import InputError, TrialError
 from validation.geometry import ActionGeometry
 from validation.measurement import Measurement, measure
 
@@ -28,7 +28,7 @@ def open_session(session: Any) -> Any:
 
 
 def measure_all(
-    session: Any, geometry: Callable[[float], ActionGeometry], u_rest_level_m: float
+    session: Any, geometry: Callable[[float], ActionGeometry], u_rest_level_m: float, condition: str | None = None
 ) -> tuple[list[Measurement], dict[int, str]]:
     """Usable trials, and the reason of each that is not, by number.
 
@@ -39,10 +39,18 @@ def measure_all(
         Geometry of the action under test at a preload in N.
     u_rest_level_m : float
         Standard uncertainty of hammer height and key dip at rest on the bench.
+    condition : str, optional
+        Condition of the trial plan to keep to.
+
+    Raises
+    ------
+    InputError
+        The usable trials are of several conditions and none was chosen, or the chosen one was not recorded.
     """
     from rig.errors import RigError
 
     measured, refused = [], {}
+    conditions: dict[str, int] = {}
     for trial in session.trials:
         if trial.rejected is not None:
             refused[trial.number] = f"rejected: {trial.rejected}"
@@ -51,6 +59,10 @@ def measure_all(
             data = trial.read()
             if data.status not in USABLE_STATUS:
                 raise TrialError(f"recorded with status {data.status!r}: {data.reason or 'no reason given'}")
+            conditions[data.condition] = conditions.get(data.condition, 0) + 1
+            if condition is not None and data.condition != condition:
+                refused[trial.number] = f"recorded under the condition {data.condition!r}, not {condition!r}"
+                continue
             derived = session.read_derived("angles", trial.number)
             measured.append(
                 measure(
@@ -63,4 +75,12 @@ def measure_all(
             )
         except (RigError, TrialError) as error:
             refused[trial.number] = str(error)
+    found = ", ".join(f"{name!r} ({n} trials)" for name, n in sorted(conditions.items()))
+    if condition is None and len(conditions) > 1:
+        raise InputError(
+            f"{session.path}: trials of several conditions found: {found}; allowed one, for different motions have no "
+            "common repeatability; choose it with --condition"
+        )
+    if condition is not None and conditions and condition not in conditions:
+        raise InputError(f"{session.path}: no usable trial of the condition {condition!r}; found {found}")
     return measured, refused

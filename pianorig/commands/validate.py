@@ -22,6 +22,9 @@ def command(
     by_motion: Annotated[
         bool, typer.Option("--by-motion/--no-by-motion", help="Also predict the force from the key's motion.")
     ] = True,
+    condition: Annotated[
+        str | None, typer.Option("--condition", help="Condition of the trial plan; needed where there are several.")
+    ] = None,
     again: Annotated[bool, typer.Option("--again", help="Make the report again though nothing has changed.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print a JSON summary.")] = False,
 ) -> None:
@@ -34,13 +37,13 @@ def command(
     from ..output import print_json, print_verdict
 
     folder = out or session
-    options = {"set": set_ or [], "tolerance": tolerance, "by_motion": by_motion}
+    options = {"set": set_ or [], "tolerance": tolerance, "by_motion": by_motion, "condition": condition}
     inputs = inputs_sha256(session, action, options)
     kept = None if again else kept_report(folder, inputs)
     if kept is not None:
         verdict, files, reused = kept.verdict_lines, kept.files, f"everything, as made {kept.made_utc}"
     else:
-        result = _validate(session, action, set_ or [], out, tolerance, by_motion, quiet=as_json)
+        result = _validate(session, action, set_ or [], out, tolerance, by_motion, condition, quiet=as_json)
         verdict, files = result.verdict_lines, result.files
         keep_report(folder, inputs, files, verdict, result.provenance["created_utc"])
         used = result.trials[result.trials["used"]]
@@ -55,7 +58,15 @@ def command(
 
 
 def _validate(
-    session: Path, action: str, settings: list[str], out: Path | None, tolerance: float, by_motion: bool, *, quiet: bool
+    session: Path,
+    action: str,
+    settings: list[str],
+    out: Path | None,
+    tolerance: float,
+    by_motion: bool,
+    condition: str | None,
+    *,
+    quiet: bool,
 ) -> ValidationResult:
     import model
     import validation
@@ -66,5 +77,5 @@ def _validate(
     chosen = model.load_action(action, read_settings(settings))
     progress = None if quiet else say
     return validation.validate_session(
-        session, chosen, out, tolerance=tolerance, progress=progress, by_motion=by_motion
+        session, chosen, out, tolerance=tolerance, progress=progress, by_motion=by_motion, condition=condition
     )

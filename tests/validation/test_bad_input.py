@@ -7,6 +7,7 @@ import pytest
 
 from rig.session import Session, trial_file
 from validation import compare_session
+from validation.errors import InputError
 
 QUICK = {"keep_predictions": False, "rivals": (), "budget": False, "suspect": False}
 
@@ -69,3 +70,19 @@ def test_a_missing_channel_a_truncated_file_and_a_single_trial_are_named(make, s
     assert any(line.startswith("One trial: repeatability is not known") for line in result.warnings)
     assert np.isfinite(result.channels["rmse_rad"].iloc[0])
     assert result.channels["state"].iloc[0] == "one trial"
+
+
+def test_trials_of_several_conditions_are_not_pooled(make, strokes, tmp_path):
+    from dataclasses import replace
+
+    session = Session.create(tmp_path / "s", make.info())
+    for number, condition in ((1, "loud"), (2, "soft"), (3, "loud")):
+        session.add_trial(replace(make.trial(number, *strokes), condition=condition))
+    with pytest.raises(InputError, match=r"several conditions found: 'loud' \(2 trials\), 'soft' \(1 trials\)"):
+        compare_session(session, **QUICK)
+    result = compare_session(session, condition="loud", **QUICK)
+    trials = result.trials.set_index("trial")
+    assert list(trials.index[trials["used"]]) == [1, 3]
+    assert "condition 'soft'" in trials.loc[2, "reason"]
+    with pytest.raises(InputError, match="no usable trial of the condition 'silent'"):
+        compare_session(session, condition="silent", **QUICK)
