@@ -60,7 +60,7 @@ def audit(
     effects: Sequence[str] = (),
     panel_s: float = 5e-4,
     goal: float = 1e-6,
-    rounds: int = 6,
+    rounds: int = 12,
 ) -> Audit:
     """Energy balance from ``start`` to ``end`` (s).
 
@@ -71,7 +71,7 @@ def audit(
     effects : of the scene that moved, in the order of its coordinates (`model.effects`)
     panel_s : longest panel, s
     goal : share of the turnover up to which errors of the integration over time are pursued
-    rounds : how often panels are split at most
+    rounds : how often panels are split at most; bodies jammed into each other part within nanoseconds
     """
     knots, forces = np.asarray(force_time_s, float), np.asarray(force_n, float)
     seen: dict[str, float] = {}

@@ -81,10 +81,12 @@ def integrate_panels(
         rest = fine @ sign - (total[:, 4] - total[:, 0])
         doubt = np.abs(fine - coarse).sum(axis=1) / 15.0
         worst = np.maximum(np.abs(rest), doubt)
-        open_ = ~(worst <= allowed())
+        coarse_still = open_ = ~(worst <= allowed())
         room = (MOST_POINTS - points) // (4 * SPLIT) if level < rounds else 0
         if open_.sum() > room:  # the worst first
-            open_ &= np.isin(np.arange(len(worst)), np.argsort(-worst)[: max(room, 0)])
+            open_ = open_ & np.isin(np.arange(len(worst)), np.argsort(-worst)[: max(room, 0)])
+        # a panel given up before Simpson's rule settles is not yet in the range where fine - coarse shrinks by 15
+        doubt = np.where(coarse_still, 15.0 * doubt, doubt)
         done = ~open_
         kept.append((right[done], fine[done], rest[done], doubt[done], total[done, 4]))
         if not open_.any():
