@@ -21,6 +21,8 @@ from vision.projection import Projection
 from vision.template import Template
 
 CELL_PX = 8
+ROWS_AT_ONCE = 256
+"""Poses worked on together: bounds the memory on a long film and stays in the processor's cache."""
 
 
 class PoseResponse:
@@ -40,12 +42,10 @@ class PoseResponse:
         self._at = np.stack([np.bincount(place, offset[k]) / count for k in range(2)], axis=-1)
         columns = np.vstack([template.columns.astype(float), np.ones(template.n_pixels)])
         influence = np.linalg.solve(template.normal, columns)[:3]
-        # (3, cells, 2): pose per displacement of a cell along x and y
-        self._gain = np.stack(
-            [
-                np.stack([np.bincount(place, influence[k] * columns[1 + axis]) for axis in range(2)], axis=-1)
-                for k in range(3)
-            ]
+        # one (cells, 3) per axis: pose per displacement of a cell along x and along y
+        self._gain_x, self._gain_y = (
+            np.stack([np.bincount(place, influence[k] * columns[1 + axis]) for k in range(3)], axis=-1)
+            for axis in range(2)
         )
 
     def error(self, camera: Projection, pose: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -54,16 +54,24 @@ class PoseResponse:
         ``pose`` is the motion seen by the perfect camera (to first order the tracked one); NaN stays NaN.
         """
         centre = np.array(self.template.centre_px)
-        here = centre + self._at
-        flat, flat_centre = camera.rectified(here), camera.rectified(centre)
-        c, s = np.cos(pose[:, 0]), np.sin(pose[:, 0])
-        turn = np.stack([np.stack([c, -s], axis=-1), np.stack([s, c], axis=-1)], axis=1)
-        moved_centre = centre + pose[:, None, 1:]
-        true = camera.rectified(moved_centre) + np.einsum("nij,kj->nki", turn, flat - flat_centre)
-        apart = camera.seen(true) - (moved_centre + np.einsum("nij,kj->nki", turn, self._at))
-        # into the axes of the template
-        apart = np.einsum("nji,nkj->nki", turn, apart)
-        result: NDArray[np.float64] = np.einsum("akj,nkj->na", self._gain, apart)
+        flat, flat_centre = camera.rectified(centre + self._at), camera.rectified(centre)
+        result = np.empty((len(pose), 3))
+        for start in range(0, len(pose), ROWS_AT_ONCE):
+            rows = pose[start : start + ROWS_AT_ONCE]
+            c, s = np.cos(rows[:, 0]), np.sin(rows[:, 0])
+            # transposed, since points are rows: q' = q @ turn
+            turn = np.stack([np.stack([c, s], axis=-1), np.stack([-s, c], axis=-1)], axis=1)
+            moved_centre = centre + rows[:, None, 1:]
+            true = (flat - flat_centre) @ turn
+            true += camera.rectified(moved_centre)
+            apart = camera.seen(true)
+            apart -= self._at @ turn
+            apart -= moved_centre
+            # summed along the picture's axes first, then turned into the template's: c and s leave the sum
+            x, y = apart[..., 0], apart[..., 1]
+            along = x @ self._gain_x + y @ self._gain_y
+            across = y @ self._gain_x - x @ self._gain_y
+            result[start : start + ROWS_AT_ONCE] = c[:, None] * along + s[:, None] * across
         return result
 
     def without_error(self, camera: Projection, pose: NDArray[np.float64], rounds: int = 3) -> NDArray[np.float64]:

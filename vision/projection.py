@@ -63,16 +63,17 @@ class Projection:
     def seen(self, rectified_px: ArrayLike) -> NDArray[np.float64]:
         """Where points of the plane, shape (..., 2), appear in the picture."""
         flat = _project(self.homography, np.asarray(rectified_px, dtype=float) - self.centre_px)
-        share = np.sum(flat * flat, axis=-1, keepdims=True) / self.half_diagonal_px**2
-        return self.centre_px + flat * (1.0 + self.radial * share)
+        if self.radial:
+            flat *= 1.0 + self.radial / self.half_diagonal_px**2 * _square(flat)
+        flat += self.centre_px
+        return flat
 
     def rectified(self, seen_px: ArrayLike) -> NDArray[np.float64]:
         """Points of the plane that appear at the given points; undoes `seen`."""
         bent = np.asarray(seen_px, dtype=float) - self.centre_px
         flat: NDArray[np.float64] = bent.copy()
         for _ in range(30):
-            share = np.sum(flat * flat, axis=-1, keepdims=True) / self.half_diagonal_px**2
-            better = bent / (1.0 + self.radial * share)
+            better = bent / (1.0 + self.radial / self.half_diagonal_px**2 * _square(flat))
             settled = bool(np.all(np.abs(better - flat) < 1e-11 * self.half_diagonal_px))
             flat = better
             if settled:
@@ -95,6 +96,17 @@ def tilted(tilt_rad: float, direction_rad: float, distance_px: float) -> NDArray
 
 
 def _project(homography: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
-    mapped = points @ homography[:, :2].T + homography[:, 2]
-    result: NDArray[np.float64] = mapped[..., :2] / mapped[..., 2:]
-    return result
+    """New points; one expression per coordinate, as NumPy's products with a 2-vector at the end are slow."""
+    x, y = points[..., 0], points[..., 1]
+    h = homography
+    depth = h[2, 0] * x + h[2, 1] * y + h[2, 2]
+    mapped = np.empty_like(points)
+    np.divide(h[0, 0] * x + h[0, 1] * y + h[0, 2], depth, out=mapped[..., 0])
+    np.divide(h[1, 0] * x + h[1, 1] * y + h[1, 2], depth, out=mapped[..., 1])
+    return mapped
+
+
+def _square(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Squared distance from the origin, shape (..., 1)."""
+    x, y = points[..., :1], points[..., 1:]
+    return np.asarray(x * x + y * y)
