@@ -19,40 +19,8 @@ from rig.foreign.lvm_text import parse_lvm
 from rig.foreign.mapping import parse_mapping
 from rig.profile import load_profile, parse_profile
 from rig.trial_plan import parse_plan
+from tests.rig.foreign.test_session_import import MAPPING
 from tests.rig.fuzz.damage import COUNTS, same_values, survive, text
-
-MAPPING = """
-schema = "piano-action-rig mapping 1"
-simulated = false
-operator = "eva"
-mains_frequency_hz = 50.0
-[time]
-channel = "t"
-[force]
-channel = "load"
-unit = "V"
-newtons_per_unit = -25.0
-zero = 0.2
-group_delay_s = 1e-3
-[[encoders]]
-name = "key"
-channel = "k"
-unit = "counts"
-counts_per_revolution = 327680
-sign = 1
-[[encoders]]
-name = "whippen"
-channel = "w"
-unit = "deg"
-counts_per_revolution = 3600000
-sign = 1
-[[encoders]]
-name = "hammer"
-channel = "h"
-unit = "rad"
-counts_per_revolution = 6283185
-sign = -1
-"""
 
 
 def rig_case() -> tuple[bytes, Any, Any]:
