@@ -14,6 +14,7 @@ from validation import InputError, compare_session, validate_session, write_repo
 from validation.event import EVENTS
 from validation.report import present
 from validation.report.drawing import degrees, rotation_label
+from validation.report.figures import all_figures
 from validation.report.files import write_files
 from validation.report.render import cannot_claim, render_html
 from validation.report.svg import decimate
@@ -225,3 +226,28 @@ def test_thinning_keeps_every_spike_and_every_gap():
 )
 def test_values_are_rounded_to_their_uncertainty(value, u, text):
     assert present.with_u(value, u) == text
+
+
+def test_overlays_show_bands_and_the_lifts_that_are_left_out(compared):
+    from dataclasses import replace
+
+    lift = {"trial": 1, "channel": "key", "start_s": 0.30, "end_s": 0.31}
+    marked = pd.DataFrame([lift]).reindex(columns=compared.marked.columns)
+    with_lift = {f.key: f for f in all_figures(replace(compared, marked=marked))["comparison"]}
+    without = {f.key: f for f in all_figures(replace(compared, marked=marked[:0]))["comparison"]}
+    shaded = with_lift["key-model"]
+    assert "1 interval, 10.0 ms in all" in shaded.caption
+    assert "repeatability limit" in shaded.caption
+    assert "simultaneous 95 % band of the mean difference" in shaded.caption
+    assert "left out: key may lift" in shaded.svg
+    assert "left out" not in without["key-model"].svg
+    assert with_lift["hammer-model"].svg == without["hammer-model"].svg
+    # of each panel: the band as a filled shape
+    assert shaded.svg.count("FillBetweenPolyCollection") == 4
+
+
+def test_a_single_trial_has_no_bands(lonely):
+    _, result = lonely
+    figures = {f.key: f for group in all_figures(result).values() for f in group}
+    assert "FillBetweenPolyCollection" not in figures["key-model"].svg
+    assert "Shaded" not in figures["key-model"].caption + figures["key-all"].caption

@@ -90,8 +90,27 @@ def degrees(channel: str, rad: pd.Series | Array) -> Array:
     return SIGN[channel] * np.degrees(np.asarray(rad, dtype=float))
 
 
-def band(axes: Axes, time: Array, low: Array, high: Array) -> None:
-    """A shaded band between two curves."""
+def band(
+    axes: Axes, time: Array, low: Array, high: Array, label: str | None = None, *, color: str = SKY, alpha: float = 0.35
+) -> None:
+    """A shaded band between two curves; nothing where the band is not known."""
+    if not np.isfinite(low).any():
+        return
     t, a = decimate(time, low, keep="min")
     _, b = decimate(time, high, keep="max")
-    axes.fill_between(t, a, b, color=SKY, alpha=0.35, linewidth=0)
+    axes.fill_between(t, a, b, color=color, alpha=alpha, linewidth=0, label=label)
+
+
+def shade_lifts(axes: Axes, marked: pd.DataFrame, trials: list[int], label: str = "left out: key may lift") -> None:
+    """Shade and hatch the intervals of these trials that are left out of the scores."""
+    for i, row in enumerate(marked[marked["trial"].isin(trials)].itertuples()):
+        axes.axvspan(
+            row.start_s,
+            row.end_s,
+            facecolor=ORANGE,
+            edgecolor=BLACK,
+            alpha=0.25,
+            hatch="////",
+            linewidth=0,
+            label=label if i == 0 else None,
+        )

@@ -10,18 +10,16 @@ Failure: a channel without data gets no figure.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import pandas as pd
 from matplotlib import rc_context
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from validation.measurement import ENCODER_CHANNELS, FILM_CHANNELS
 from validation.report.drawing import (
     BLACK,
     BLUE,
+    SIGN,
     SKY,
     TITLE,
     VERMILION,
@@ -33,26 +31,19 @@ from validation.report.drawing import (
     legend,
     line_style,
     rotation_label,
+    shade_lifts,
 )
-from validation.report.svg import STYLE, figure_svg
+from validation.report.figure import (
+    WIDTH_IN,
+    ReportFigure,
+    finish,
+    lift_text,
+    marked_intervals,
+    window,
+    zoom_on_impact,
+)
+from validation.report.svg import STYLE
 from validation.result import ValidationResult
-
-ZOOM_S = (0.02, 0.03)
-WIDTH_IN = 9.2
-
-
-@dataclass(frozen=True)
-class ReportFigure:
-    """One figure: its anchor, the thesis figure it repeats, caption and SVG text."""
-
-    key: str
-    number: str
-    caption: str
-    svg: str
-
-
-def _window(result: ValidationResult, frame: pd.DataFrame) -> pd.DataFrame:
-    return frame[result.window.mask(frame["time_s"].to_numpy())]
 
 
 def force_of_all_trials(result: ValidationResult) -> ReportFigure:
@@ -61,7 +52,7 @@ def force_of_all_trials(result: ValidationResult) -> ReportFigure:
     axes = figure.subplots()
     peak = 0.0
     for i, (number, frame) in enumerate(result.traces.items()):
-        f = _window(result, frame)
+        f = window(result, frame)
         force = f["force_n"].to_numpy()
         peak = max(peak, float(force.max(initial=0.0)))
         draw(
@@ -77,7 +68,7 @@ def force_of_all_trials(result: ValidationResult) -> ReportFigure:
     n = len(result.traces)
     caption = f"Measured force of all {n} trials, corrected for offset, hum and channel delay, never smoothed."
     text = f"{n} curves of force over time; the largest force is {peak:.1f} N."
-    return _finish(figure, "force-all", "3.9", caption, text)
+    return finish(figure, "force-all", "3.9", caption, text)
 
 
 def rotation_of_all_trials(result: ValidationResult, channel: str, number: str) -> ReportFigure:
@@ -85,7 +76,7 @@ def rotation_of_all_trials(result: ValidationResult, channel: str, number: str) 
     figure = Figure(figsize=(WIDTH_IN, 3.9), layout="constrained")
     grid = figure.subplots(2, 2, sharex="col", height_ratios=(3, 1), width_ratios=(2.2, 1))
     for i, (trial, frame) in enumerate(result.traces.items()):
-        f = _window(result, frame)
+        f = window(result, frame)
         for top in grid[0]:
             rotation = degrees(channel, f[f"{channel}_measured_rad"])
             draw(
@@ -98,24 +89,34 @@ def rotation_of_all_trials(result: ValidationResult, channel: str, number: str) 
             )
     s_r = np.degrees(result.spread[f"{channel}_s_r_rad"].to_numpy())
     known = bool(np.isfinite(s_r).any())
+    base = result.spread["time_s"].to_numpy()
+    mean = degrees(channel, result.spread[f"{channel}_mean_rad"])
+    reach = np.degrees(result.spread[f"{channel}_band95_rad"].to_numpy())
+    lifts = marked_intervals(result, channel)
+    banded = bool(np.isfinite(reach).any())
     for top, low in grid.T:
+        band(top, base, mean - reach, mean + reach, "mean, 95 % band")
+        shade_lifts(top, lifts, list(result.traces))
         if known:
             draw(low, result.spread["time_s"].to_numpy(), s_r, color=BLACK, linewidth=1.0)
         finish_axes(top, rotation_label(channel), bottom=False)
         finish_axes(low, "$s_r$ (°)")
         low.set_ylim(bottom=0)
     legend(grid[0, 0], len(result.traces))
-    _zoom_on_impact(result, next(iter(result.traces)), grid[0, 1])
+    zoom_on_impact(result, next(iter(result.traces)), grid[0, 1])
     text = f"sᵣ(t) is at most {np.nanmax(s_r):.3f}°." if known else "Repeatability is not known with one trial."
     caption = f"Rotation of the {TITLE[channel]} in all {len(result.traces)} trials; below: repeatability sᵣ(t)."
-    return _finish(figure, f"{channel}-all", number, caption, text)
+    if banded:
+        caption += f" Shaded: simultaneous 95 % band of the mean, at most ±{np.nanmax(reach):.3f}°."
+    caption += lift_text(lifts)
+    return finish(figure, f"{channel}-all", number, caption, text)
 
 
 def film_rotations(result: ValidationResult) -> list[ReportFigure]:
     """Jack and repetition lever of every filmed trial with band, prediction and residual (thesis 3.13)."""
     figures = []
     for trial, frame in result.film_traces.items():
-        f = _window(result, frame)
+        f = window(result, frame)
         time = f["time_s"].to_numpy()
         figure = Figure(figsize=(WIDTH_IN, 4.2), layout="constrained")
         grid = figure.subplots(2, 2, sharex=True, height_ratios=(2.4, 1))
@@ -141,25 +142,25 @@ def film_rotations(result: ValidationResult) -> list[ReportFigure]:
             f"Rotation of jack and repetition lever relative to the whippen, tracked on the film of "
             f"trial {trial}. " + "; ".join(notes) + "."
         )
-        figures.append(_finish(figure, f"film-{trial}", "3.13", caption, caption))
+        figures.append(finish(figure, f"film-{trial}", "3.13", caption, caption))
     return figures
 
 
 def force_of_one_trial(result: ValidationResult, trial: int) -> ReportFigure:
     """Corrected and raw force of one trial (thesis 4.1)."""
-    f = _window(result, result.traces[trial])
+    f = window(result, result.traces[trial])
     figure = Figure(figsize=(WIDTH_IN, 3.0), layout="constrained")
     axes, zoom = figure.subplots(1, 2, width_ratios=(2.2, 1))
     for panel in (axes, zoom):
         draw(panel, f["time_s"].to_numpy(), f["raw_force_n"].to_numpy(), "as recorded", color=SKY, linewidth=0.8)
         draw(panel, f["force_time_s"].to_numpy(), f["force_n"].to_numpy(), "corrected", color=BLACK, linewidth=1.1)
         finish_axes(panel, "force (N)")
-    _zoom_on_impact(result, trial, zoom)
+    zoom_on_impact(result, trial, zoom)
     axes.legend(fontsize=8)
     caption = f"Force of trial {trial}: as recorded, and as it drives the model, corrected (offset, hum, delay)."
     at = int(np.nanargmax(f["force_n"].to_numpy()))
     text = f"The largest force is {f['force_n'].iloc[at]:.1f} N at {f['force_time_s'].iloc[at]:.4f} s."
-    return _finish(figure, "force-one", "4.1", caption, text)
+    return finish(figure, "force-one", "4.1", caption, text)
 
 
 def force_from_motion(result: ValidationResult, trace: pd.DataFrame) -> ReportFigure:
@@ -184,24 +185,37 @@ def force_from_motion(result: ValidationResult, trace: pd.DataFrame) -> ReportFi
         f"{100 * row['left_out_share']:.1f} % of the window left out (key may lift)."
     )
     text = f"Measured peak {row['peak_measured_n']:.1f} N, predicted {row['peak_predicted_n']:.1f} N."
-    return _finish(figure, "force-motion", "4.1, the other way round", caption, text)
+    return finish(figure, "force-motion", "4.1, the other way round", caption, text)
 
 
 def model_against_trial(result: ValidationResult, trial: int, channel: str, number: str) -> ReportFigure:
     """One channel of one trial with its prediction, and the residuals of all trials (thesis 4.2–4.4)."""
-    f = _window(result, result.traces[trial])
+    f = window(result, result.traces[trial])
     time = f["time_s"].to_numpy()
     measured = degrees(channel, f[f"{channel}_measured_rad"])
     model = degrees(channel, f[f"{channel}_predicted_rad"])
-    figure = Figure(figsize=(WIDTH_IN, 4.4), layout="constrained")
-    grid = figure.subplots(2, 2, sharex="col", height_ratios=(2.2, 1), width_ratios=(2.2, 1))
+    row = result.channels[result.channels["channel"] == channel].iloc[0]
+    base = result.spread["time_s"].to_numpy()
+    mean, reach, s_r = (
+        np.degrees(result.spread[f"{channel}_{name}_rad"].to_numpy())
+        for name in ("difference", "difference_band95", "s_r")
+    )
+    mean *= SIGN[channel]
+    # how much another trial may differ from this one at each instant: the limit's factor times s_r(t)
+    factor = float(row["limit_rad"]) / float(row["s_r_rad"]) if row["s_r_rad"] > 0 else float("nan")
+    limit = np.interp(time, base, s_r * factor, left=np.nan, right=np.nan)
+    lifts = marked_intervals(result, channel, trial)
+    figure = Figure(figsize=(WIDTH_IN, 5.2), layout="constrained")
+    grid = figure.subplots(2, 2, sharex="col", height_ratios=(1.6, 1), width_ratios=(2.2, 1))
     for top in grid[0]:
+        band(top, time, measured - limit, measured + limit, "repeatability limit")
+        shade_lifts(top, lifts, [trial])
         draw(top, time, measured, f"trial {trial}", color=BLACK, linewidth=1.2)
         draw(top, time, model, "model", color=VERMILION, linewidth=1.3, dashes=(5, 1.5))
         finish_axes(top, rotation_label(channel), bottom=False)
     for low in grid[1]:
         for i, (other, frame) in enumerate(result.traces.items()):
-            part = _window(result, frame)
+            part = window(result, frame)
             difference = part[f"{channel}_predicted_rad"].to_numpy() - part[f"{channel}_measured_rad"].to_numpy()
             draw(
                 low,
@@ -211,18 +225,28 @@ def model_against_trial(result: ValidationResult, trial: int, channel: str, numb
                 columns=columns_for(len(result.traces)),
                 **line_style(i),
             )
+        band(low, base, mean - reach, mean + reach, "mean, 95 % band", alpha=0.5)
+        shade_lifts(low, lifts, [trial])
         low.axhline(0.0, color="#777777", linewidth=0.7)
         finish_axes(low, "model − trial (°)")
     grid[0, 0].legend(fontsize=8)
-    _zoom_on_impact(result, trial, grid[0, 1])
+    zoom_on_impact(result, trial, grid[0, 1])
     row = result.scores[(result.scores["trial"] == trial) & (result.scores["channel"] == channel)].iloc[0]
     caption = (
         f"Rotation of the {TITLE[channel]}, model and trial {trial}; below: model minus trial for all trials. "
         f"RMSE of trial {trial}: {np.degrees(row['rmse_rad']):.3f}°."
     )
+    if np.isfinite(limit).any():
+        caption += " Shaded above: repeatability limit, within which 95 % of other trials lie at each instant."
+    if np.isfinite(reach).any():
+        caption += (
+            " Shaded below: simultaneous 95 % band of the mean difference; where it leaves zero, model and trials "
+            "differ by more than scatter and sensors explain."
+        )
+    caption += lift_text(lifts)
     largest = f"{np.degrees(row['largest_rad']):.3f}° at {row['largest_at_s']:.4f} s"
     text = f"The largest difference of trial {trial} is {largest}."
-    return _finish(figure, f"{channel}-model", number, caption, text)
+    return finish(figure, f"{channel}-model", number, caption, text)
 
 
 def all_figures(result: ValidationResult) -> dict[str, list[ReportFigure]]:
@@ -239,16 +263,3 @@ def all_figures(result: ValidationResult) -> dict[str, list[ReportFigure]]:
         for channel, number in zip(ENCODER_CHANNELS, ("4.2", "4.3", "4.4"), strict=True):
             comparison.append(model_against_trial(result, first, channel, number))
         return {"repeatability": repeatability, "comparison": comparison}
-
-
-def _zoom_on_impact(result: ValidationResult, trial: int, axes: Axes) -> None:
-    """Limit a panel to the moments around the string impact of a trial, when there is one."""
-    e = result.events
-    hit = e[(e["trial"] == trial) & (e["source"] == "trial") & (e["event"] == "string_impact")]["value"]
-    if len(hit) and np.isfinite(hit.iloc[0]):
-        axes.set_xlim(float(hit.iloc[0]) - ZOOM_S[0], float(hit.iloc[0]) + ZOOM_S[1])
-        axes.set_title("around the string impact", fontsize=9)
-
-
-def _finish(figure: Figure, key: str, number: str, caption: str, description: str) -> ReportFigure:
-    return ReportFigure(key, number, caption, figure_svg(figure, key, caption, description))
