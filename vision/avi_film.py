@@ -37,6 +37,8 @@ COARSE_JPEG = 12.0
 """Mean quantisation step: 6 at quality 95, 11.5 at 90, 29 at 75 (tables of ITU-T T.81 annex K)."""
 LUMA = np.array([0.114, 0.587, 0.299])
 """Weights of blue, green, red (ITU-R BT.601)."""
+NOTHING: tuple[int, NDArray[Any]] = (-1, np.empty((0, 0), dtype=np.uint8))
+"""No frame decoded yet."""
 
 
 class AviFilm(Film):
@@ -58,7 +60,7 @@ class AviFilm(Film):
         self.path = path
         self._allow_truncated = allow_truncated
         self._file = FileWindow(path)
-        self._last: tuple[int, NDArray[Any]] = (-1, np.empty((0, 0), dtype=np.uint8))
+        self._last = NOTHING
         # arrays, not lists: a damaged film may hold a chunk every few bytes
         self._offset = array("q")
         self._size = array("q")
@@ -108,6 +110,8 @@ class AviFilm(Film):
         start = self._offset[index]
         if not self._pixel_bytes:
             if self._last[0] != index:
+                # let go of first: one decoded picture at a time
+                self._last = NOTHING
                 self._last = (index, self._jpeg(index, self._file.view(start, start + self._size[index])))
             return self._last[1][y0:y1, x0:x1]
         top, bottom = (self.height - y1, self.height - y0) if self._bottom_up else (y0, y1)

@@ -78,6 +78,8 @@ class VideoFilm(Film):
             if not self._capture.grab():
                 self._ended(self._next)
             self._next += 1
+        # let go of first: the colour picture is three times as large already
+        self._last = None
         ok, picture = self._capture.read()
         if not ok or picture is None:
             self._ended(index)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import sys
+import tracemalloc
 from pathlib import Path
 
 import cv2
@@ -45,6 +46,28 @@ def test_jpeg_that_claims_to_be_huge_is_not_decoded(tmp_path: Path) -> None:
     path.write_bytes(bytes(data))
     with open_film(path) as film, pytest.raises(FilmError, match="64 x 48"):
         film.read(0)
+
+
+@pytest.mark.parametrize(("code", "reader", "most"), [(b"MJPG", "AviFilm", 1.2), (b"MJPA", "VideoFilm", 4.2)])
+def test_memory_is_a_fixed_number_of_frames(tmp_path: Path, code: bytes, reader: str, most: float) -> None:
+    """Also where OpenCV's video reader steps in, with colour pictures, because the codec's letters are others."""
+    path = tmp_path / "film.avi"
+    rng = np.random.default_rng(4)
+    write_avi(path, [rng.integers(0, 255, (240, 320), dtype=np.uint8) for _ in range(9)], 25.0)
+    path.write_bytes(path.read_bytes().replace(b"MJPG", code))
+    with open_film(path) as film:
+        # what is loaded at first use is not the film's doing
+        film.read(8)
+    tracemalloc.start()
+    try:
+        with open_film(path) as film:
+            assert type(film).__name__ == reader
+            for index in (0, 1, 2, 7, 3):
+                assert film.read(index).shape == (240, 320)
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert 0.9 * 240 * 320 < peak < most * 240 * 320
 
 
 @pytest.mark.parametrize("quality", [None, 95])
