@@ -10,6 +10,7 @@ offset hardly correlate.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -141,19 +142,20 @@ def build_template(
 
 def invert_normal(normal: NDArray[np.float64]) -> NDArray[np.float64] | None:
     """Inverse of a normal matrix, or None when the columns do not fix all five parameters."""
-    diagonal = np.diag(normal)
-    if not np.all(np.isfinite(normal)) or np.any(diagonal <= 0.0):
+    diagonal = normal.diagonal()
+    # one number that is not finite makes the sum so
+    if not (diagonal.min() > 0.0 and math.isfinite(normal.sum())):
         return None
     scale = 1.0 / np.sqrt(diagonal)
-    scaled = normal * np.outer(scale, scale)
+    both = scale[:, None] * scale
     try:
-        inverse = np.linalg.inv(scaled)
+        inverse = np.linalg.inv(normal * both)
     except np.linalg.LinAlgError:
         return None
     # the columns are scaled to length one, so the inverse is as large as the condition number
-    if not np.abs(inverse).max() < 1e9 or np.any(np.diag(inverse) <= 0.0):
+    if not np.abs(inverse).max() < 1e9 or inverse.diagonal().min() <= 0.0:
         return None
-    return inverse * np.outer(scale, scale)
+    return inverse * both
 
 
 def _noise_normal(dx: NDArray[np.float64], dy: NDArray[np.float64], variance: float) -> NDArray[np.float64]:
