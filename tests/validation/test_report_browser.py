@@ -1,4 +1,4 @@
-"""The report in a real browser: it renders, says nothing on the console, and asks the network for nothing."""
+"""The report in a real browser: it renders, zooms, says nothing on the console, and asks the network for nothing."""
 
 from __future__ import annotations
 
@@ -9,37 +9,122 @@ import pytest
 CHROMIUM = next(
     (path for name in ("chromium", "chromium-browser", "google-chrome") if (path := shutil.which(name))), None
 )
+pytestmark = pytest.mark.skipif(
+    CHROMIUM is None, reason="no Chromium found: install chromium to look at the report in a browser"
+)
 
 
-@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium found: install chromium to look at the report in a browser")
-def test_the_report_opens_without_errors_or_requests(written):
+@pytest.fixture(scope="module")
+def browser():
     api = pytest.importorskip("playwright.sync_api", reason="playwright drives the browser")
-    path = written.files["report.html"]
-    problems, requests = [], []
     with api.sync_playwright() as driver:
         browser = driver.chromium.launch(
             executable_path=CHROMIUM,
             args=["--no-sandbox", "--disable-gpu", "--disable-quic", "--disable-background-networking"],
         )
-        page = browser.new_page(viewport={"width": 1200, "height": 900})
-        page.on("console", lambda message: problems.append(message.text))
-        page.on("pageerror", lambda error: problems.append(str(error)))
-        page.on("request", lambda request: requests.append(request.url))
-        page.goto(path.as_uri())
-        assert page.locator("svg[role=img]").count() == 9
-        assert page.locator("svg[role=img]").first.bounding_box()["height"] > 150
-        assert "Model hirschkorn2004 against 5 trials" in page.locator("#verdict").inner_text()
-        # by keyboard: the first stop is the way past the navigation, and details open without a mouse
-        page.keyboard.press("Tab")
-        assert page.evaluate("document.activeElement.className") == "skip"
-        summary = page.locator("#events details summary").first
-        summary.focus()
-        page.keyboard.press("Enter")
-        assert page.locator("#table-area").is_visible()
-        # nothing is wider than the page at reading width or on a narrow screen
-        for width in (1200, 480):
-            page.set_viewport_size({"width": width, "height": 900})
-            assert page.evaluate("document.documentElement.scrollWidth") <= width
+        yield browser
         browser.close()
+
+
+@pytest.fixture
+def opened(browser, written):
+    """The page at reading width; on leaving, it must have kept silent and to itself."""
+    problems, requests = [], []
+    page = browser.new_page(viewport={"width": 1200, "height": 900})
+    page.on("console", lambda message: problems.append(message.text))
+    page.on("pageerror", lambda error: problems.append(str(error)))
+    page.on("request", lambda request: requests.append(request.url))
+    page.goto(written.files["report.html"].as_uri())
+    yield page
+    page.close()
     assert problems == []
     assert [url for url in requests if not url.startswith(("file:", "data:"))] == []
+
+
+def test_the_report_opens_and_is_no_wider_than_the_page(opened):
+    page = opened
+    assert page.locator("svg[role=img]").count() == 9
+    assert page.locator("svg[role=img]").first.bounding_box()["height"] > 150
+    assert "Model hirschkorn2004 against 5 trials" in page.locator("#verdict").inner_text()
+    # by keyboard: the first stop is the way past the navigation, and details open without a mouse
+    page.keyboard.press("Tab")
+    assert page.evaluate("document.activeElement.className") == "skip"
+    page.locator("#events details summary").first.focus()
+    page.keyboard.press("Enter")
+    assert page.locator("#table-area").is_visible()
+    for width in (1200, 480):
+        page.set_viewport_size({"width": width, "height": 900})
+        assert page.evaluate("document.documentElement.scrollWidth") <= width
+
+
+PANELS = """() => [...document.querySelectorAll('svg[data-panels]')].map(svg =>
+  JSON.parse(svg.dataset.panels).map(p => {
+  const axes = document.getElementById(p.id), box = axes.querySelector('g[id*="-patch_"] path').getBBox();
+  return {id: p.id, off: Math.max(Math.abs(box.x - p.left), Math.abs(box.x + box.width - p.right),
+                                  Math.abs(box.y - p.top), Math.abs(box.y + box.height - p.bottom))};
+}))"""
+PEAK = """() => {
+  const svg = document.getElementById('figure-force-all').querySelector('svg');
+  const p = JSON.parse(svg.dataset.panels)[0];
+  const path = document.querySelector(`#${p.id} g[id*="-line2d_"] > path[d*="L"][style*="stroke-width: 1.1"]`);
+  let best = null;
+  for (let s = 0; s <= 4000; s++) {
+    const at = path.getPointAtLength(path.getTotalLength() * s / 4000);
+    if (!best || at.y < best.y) best = at;
+  }
+  const shown = best.matrixTransform(path.getCTM()), frame = new DOMPoint(p.left, 0).matrixTransform(svg.getCTM());
+  const end = new DOMPoint(p.right, 0).matrixTransform(svg.getCTM());
+  return (shown.x - frame.x) / (end.x - frame.x);
+}"""
+
+
+STRETCHED = """() => [...document.querySelectorAll('svg[data-panels] g[transform*=scale]')]
+  .map(g => g.getAttribute('transform').split('scale')[1])"""
+
+
+def test_all_overlays_zoom_together_by_keyboard(opened, compared):
+    page = opened
+    members = page.evaluate(PANELS)
+    assert all(members)  # every figure has a panel on the common axis
+    assert max(p["off"] for panels in members for p in panels) < 0.01
+    window = compared.window
+    trace = next(iter(compared.traces.values()))
+    inside = trace[window.mask(trace["time_s"].to_numpy())]
+    peak_s = float(inside["force_time_s"].iloc[int(inside["force_n"].to_numpy().argmax())])
+    whole = (peak_s - window.start_s) / (window.end_s - window.start_s)
+    assert page.evaluate(PEAK) == pytest.approx(whole, abs=2e-3)
+    page.locator("#zoom-from").focus()
+    page.keyboard.press("Control+A")
+    page.keyboard.type(f"{peak_s - 0.02:.5f}")
+    page.keyboard.press("Tab")
+    page.keyboard.press("Control+A")
+    page.keyboard.type(f"{peak_s + 0.03:.5f}")
+    page.keyboard.press("Enter")
+    # the largest force lies where a time axis of these limits puts it
+    assert page.evaluate(PEAK) == pytest.approx(0.4, abs=0.02)
+    moved = page.evaluate(STRETCHED)
+    assert len(moved) == sum(len(panels) for panels in members)
+    assert len(set(moved)) == 1
+    labels = [float(x) for x in page.locator("#figure-force-all .zoom-ticks text").all_text_contents()]
+    assert len(labels) >= 3
+    assert peak_s - 0.02 <= min(labels) < max(labels) <= peak_s + 0.03
+    # an end before the start is refused in words and changes nothing
+    page.locator("#zoom-to").fill("0")
+    page.keyboard.press("Enter")
+    assert "must lie" in page.locator("#zoom-said").inner_text()
+    assert page.evaluate(PEAK) == pytest.approx(0.4, abs=0.02)
+    page.locator("button[data-zoom=right]").press("Enter")
+    assert page.evaluate(PEAK) == pytest.approx(0.15, abs=0.02)
+    page.locator("button[data-zoom=whole]").press("Space")
+    assert page.evaluate(PEAK) == pytest.approx(whole, abs=2e-3)
+    assert page.locator("#zoom-said").inner_text() == "Whole evaluation window."
+
+
+def test_without_scripts_everything_is_readable_and_no_dead_control_is_shown(browser, written):
+    context = browser.new_context(java_script_enabled=False)
+    page = context.new_page()
+    page.goto(written.files["report.html"].as_uri())
+    assert not page.locator("#zoom").is_visible()
+    assert page.locator("svg[role=img]").count() == 9
+    assert page.locator("#table-scores").is_visible()
+    context.close()

@@ -91,14 +91,24 @@ def degrees(channel: str, rad: pd.Series | Array) -> Array:
 
 
 def band(
-    axes: Axes, time: Array, low: Array, high: Array, label: str | None = None, *, color: str = SKY, alpha: float = 0.35
+    axes: Axes,
+    time: Array,
+    low: Array,
+    high: Array,
+    label: str | None = None,
+    *,
+    alpha: float = 0.35,
+    fits: bool = True,
 ) -> None:
-    """A shaded band between two curves; nothing where the band is not known."""
+    """A shaded band between two curves, nothing where it is not known; ``fits``: the panel grows to hold it."""
     if not np.isfinite(low).any():
         return
     t, a = decimate(time, low, keep="min")
     _, b = decimate(time, high, keep="max")
-    axes.fill_between(t, a, b, color=color, alpha=alpha, linewidth=0, label=label)
+    before = axes.dataLim.frozen()
+    axes.fill_between(t, a, b, color=SKY, alpha=alpha, linewidth=0, label=label)
+    if not fits:
+        axes.dataLim.set(before)
 
 
 def shade_lifts(axes: Axes, marked: pd.DataFrame, trials: list[int], label: str = "left out: key may lift") -> None:

@@ -64,6 +64,12 @@ def zoom_on_impact(result: ValidationResult, trial: int, axes: Axes) -> None:
         axes.set_title("around the string impact", fontsize=9)
 
 
-def finish(figure: Figure, key: str, number: str, caption: str, description: str) -> ReportFigure:
-    """The drawn figure as a `ReportFigure`."""
-    return ReportFigure(key, number, caption, figure_svg(figure, key, caption, description))
+def finish(
+    result: ValidationResult, figure: Figure, key: str, number: str, caption: str, description: str
+) -> ReportFigure:
+    """The drawn figure as a `ReportFigure`; all panels but those around the impact show the evaluation window."""
+    whole = (result.window.start_s, result.window.end_s)
+    for axes in figure.axes:
+        if axes.get_autoscalex_on():
+            axes.set_xlim(*whole)
+    return ReportFigure(key, number, caption, figure_svg(figure, key, caption, description, whole))

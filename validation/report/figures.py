@@ -68,7 +68,7 @@ def force_of_all_trials(result: ValidationResult) -> ReportFigure:
     n = len(result.traces)
     caption = f"Measured force of all {n} trials, corrected for offset, hum and channel delay, never smoothed."
     text = f"{n} curves of force over time; the largest force is {peak:.1f} N."
-    return finish(figure, "force-all", "3.9", caption, text)
+    return finish(result, figure, "force-all", "3.9", caption, text)
 
 
 def rotation_of_all_trials(result: ValidationResult, channel: str, number: str) -> ReportFigure:
@@ -95,7 +95,7 @@ def rotation_of_all_trials(result: ValidationResult, channel: str, number: str) 
     lifts = marked_intervals(result, channel)
     banded = bool(np.isfinite(reach).any())
     for top, low in grid.T:
-        band(top, base, mean - reach, mean + reach, "mean, 95 % band")
+        band(top, base, mean - reach, mean + reach, "mean, 95 % band", fits=False)
         shade_lifts(top, lifts, list(result.traces))
         if known:
             draw(low, result.spread["time_s"].to_numpy(), s_r, color=BLACK, linewidth=1.0)
@@ -109,7 +109,7 @@ def rotation_of_all_trials(result: ValidationResult, channel: str, number: str) 
     if banded:
         caption += f" Shaded: simultaneous 95 % band of the mean, at most ±{np.nanmax(reach):.3f}°."
     caption += lift_text(lifts)
-    return finish(figure, f"{channel}-all", number, caption, text)
+    return finish(result, figure, f"{channel}-all", number, caption, text)
 
 
 def film_rotations(result: ValidationResult) -> list[ReportFigure]:
@@ -142,7 +142,7 @@ def film_rotations(result: ValidationResult) -> list[ReportFigure]:
             f"Rotation of jack and repetition lever relative to the whippen, tracked on the film of "
             f"trial {trial}. " + "; ".join(notes) + "."
         )
-        figures.append(finish(figure, f"film-{trial}", "3.13", caption, caption))
+        figures.append(finish(result, figure, f"film-{trial}", "3.13", caption, caption))
     return figures
 
 
@@ -160,7 +160,7 @@ def force_of_one_trial(result: ValidationResult, trial: int) -> ReportFigure:
     caption = f"Force of trial {trial}: as recorded, and as it drives the model, corrected (offset, hum, delay)."
     at = int(np.nanargmax(f["force_n"].to_numpy()))
     text = f"The largest force is {f['force_n'].iloc[at]:.1f} N at {f['force_time_s'].iloc[at]:.4f} s."
-    return finish(figure, "force-one", "4.1", caption, text)
+    return finish(result, figure, "force-one", "4.1", caption, text)
 
 
 def force_from_motion(result: ValidationResult, trace: pd.DataFrame) -> ReportFigure:
@@ -185,7 +185,7 @@ def force_from_motion(result: ValidationResult, trace: pd.DataFrame) -> ReportFi
         f"{100 * row['left_out_share']:.1f} % of the window left out (key may lift)."
     )
     text = f"Measured peak {row['peak_measured_n']:.1f} N, predicted {row['peak_predicted_n']:.1f} N."
-    return finish(figure, "force-motion", "4.1, the other way round", caption, text)
+    return finish(result, figure, "force-motion", "4.1, the other way round", caption, text)
 
 
 def model_against_trial(result: ValidationResult, trial: int, channel: str, number: str) -> ReportFigure:
@@ -208,7 +208,7 @@ def model_against_trial(result: ValidationResult, trial: int, channel: str, numb
     figure = Figure(figsize=(WIDTH_IN, 5.2), layout="constrained")
     grid = figure.subplots(2, 2, sharex="col", height_ratios=(1.6, 1), width_ratios=(2.2, 1))
     for top in grid[0]:
-        band(top, time, measured - limit, measured + limit, "repeatability limit")
+        band(top, time, measured - limit, measured + limit, "repeatability limit", fits=False)
         shade_lifts(top, lifts, [trial])
         draw(top, time, measured, f"trial {trial}", color=BLACK, linewidth=1.2)
         draw(top, time, model, "model", color=VERMILION, linewidth=1.3, dashes=(5, 1.5))
@@ -246,7 +246,7 @@ def model_against_trial(result: ValidationResult, trial: int, channel: str, numb
     caption += lift_text(lifts)
     largest = f"{np.degrees(row['largest_rad']):.3f}° at {row['largest_at_s']:.4f} s"
     text = f"The largest difference of trial {trial} is {largest}."
-    return finish(figure, f"{channel}-model", number, caption, text)
+    return finish(result, figure, f"{channel}-model", number, caption, text)
 
 
 def all_figures(result: ValidationResult) -> dict[str, list[ReportFigure]]:

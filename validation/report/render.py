@@ -8,6 +8,8 @@ Failure: none of its own.
 
 from __future__ import annotations
 
+import base64
+import hashlib
 import json
 from pathlib import Path
 
@@ -25,7 +27,10 @@ HERE = Path(__file__).parent
 
 
 def render_html(result: ValidationResult) -> str:
-    """The report as one HTML page without scripts or outside addresses."""
+    """The report as one HTML page without outside addresses; its only script is the zoom, and no other may run."""
+    script = (HERE / "zoom.js").read_text(encoding="utf-8")
+    # the text between the tags, with the line end that the template puts on each side
+    digest = hashlib.sha256(f"\n{script}\n".encode()).digest()
     environment = Environment(
         loader=FileSystemLoader(HERE),
         autoescape=True,
@@ -40,6 +45,9 @@ def render_html(result: ValidationResult) -> str:
     return template.render(
         result=result,
         style=Markup((HERE / "report.css").read_text(encoding="utf-8")),
+        script=Markup(script),
+        script_sha256=base64.b64encode(digest).decode(),
+        impact_s=_impact_s(result),
         figures=figures,
         score_matrix=present.score_matrix(result),
         scorecard=scorecard_table(result),
@@ -56,6 +64,13 @@ def render_html(result: ValidationResult) -> str:
         provenance=_flat(result.provenance),
         simulated=bool(result.provenance.get("session", {}).get("simulated", False)),
     )
+
+
+def _impact_s(result: ValidationResult) -> float | None:
+    """String impact of the first trial that has one."""
+    e = result.events
+    times = e[(e["source"] == "trial") & (e["event"] == "string_impact")]["value"].dropna()
+    return float(times.iloc[0]) if len(times) else None
 
 
 def cannot_claim(result: ValidationResult) -> list[str]:

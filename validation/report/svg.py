@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import html
 import io
+import json
 import re
 from typing import Any
 
@@ -65,8 +66,35 @@ def decimate(time: Array, values: Array, *, columns: int = COLUMNS, keep: str = 
     return t[index], out
 
 
-def figure_svg(figure: Figure, key: str, title: str, description: str) -> str:
-    """SVG text of a figure for a page: role img, title and description, unique ids, no addresses."""
+def time_panels(figure: Figure, key: str, start_s: float, end_s: float) -> str:
+    """Places of the panels that show the whole window, as JSON in the units of the SVG, for the page's zoom.
+
+    Known once the figure has been drawn: its layout is decided then.
+    """
+    width, height = (72 * float(v) for v in figure.get_size_inches())
+    panels = []
+    for i, axes in enumerate(figure.axes, start=1):
+        if not np.allclose(axes.get_xlim(), (start_s, end_s), rtol=0, atol=1e-9):
+            continue
+        box = axes.get_position()
+        panels.append(
+            {
+                "id": f"{key}-axes_{i}",
+                "left": round(width * box.x0, 3),
+                "right": round(width * box.x1, 3),
+                "top": round(height * (1 - box.y1), 3),
+                "bottom": round(height * (1 - box.y0), 3),
+                "labelled": bool(axes.get_xlabel()),
+            }
+        )
+    return json.dumps(panels, separators=(",", ":"))
+
+
+def figure_svg(figure: Figure, key: str, title: str, description: str, window_s: tuple[float, float]) -> str:
+    """SVG text of a figure for a page: role img, title and description, unique ids, no addresses.
+
+    Panels that show ``window_s`` are named in the attribute ``data-panels``.
+    """
     with rc_context(STYLE):
         FigureCanvasSVG(figure)
         buffer = io.StringIO()
@@ -81,8 +109,9 @@ def figure_svg(figure: Figure, key: str, title: str, description: str) -> str:
     text = re.sub(r"url\(#([^)]+)\)", rf"url(#{key}-\1)", text)
     head, body = text.split(">", 1)
     head = re.sub(r'\s(width|height)="[^"]*"', "", head)
+    panels = html.escape(time_panels(figure, key, *window_s))
     label = (
-        f'{head} role="img" aria-labelledby="{key}-title {key}-desc">'
+        f'{head} role="img" data-panels="{panels}" aria-labelledby="{key}-title {key}-desc">'
         f'<title id="{key}-title">{html.escape(title)}</title>'
         f'<desc id="{key}-desc">{html.escape(description)}</desc>'
     )
