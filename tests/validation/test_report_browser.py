@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from pathlib import Path
 
 import pytest
 
@@ -128,3 +129,48 @@ def test_without_scripts_everything_is_readable_and_no_dead_control_is_shown(bro
     assert page.locator("svg[role=img]").count() == 9
     assert page.locator("#table-scores").is_visible()
     context.close()
+
+
+AUDIT = (Path(__file__).parent / "accessibility.js").read_text(encoding="utf-8")
+FOCUSABLE = """() => [...document.querySelectorAll('a[href], button, input, summary, [tabindex="0"]')]
+  .filter(e => e.checkVisibility()).length"""
+FOCUSED = """() => {
+  const e = document.activeElement, s = getComputedStyle(e);
+  if (e === document.body) return null;
+  if (!e.dataset.seen) e.dataset.seen = document.querySelectorAll('[data-seen]').length + 1;
+  return [e.dataset.seen, s.outlineStyle !== 'none' && parseFloat(s.outlineWidth) >= 2, e.outerHTML.slice(0, 80)];
+}"""
+
+
+def test_no_serious_accessibility_fault(opened):
+    opened.evaluate("document.querySelectorAll('details').forEach(e => { e.open = true; })")
+    found = opened.evaluate(AUDIT)
+    assert found["checked"] > 500
+    assert found["faults"] == []
+
+
+def test_the_audit_sees_what_it_looks_for(browser):
+    page = browser.new_page()
+    page.set_content(
+        "<h1>a</h1><h3 id=b>b</h3><p id=b style='color:#999'>pale</p><svg></svg><figure></figure><button></button>"
+        "<table><tr><th>c</th></tr></table><a href='#b' tabindex=2>d</a>"
+    )
+    kinds = {text.split(":")[0] for text in page.evaluate(AUDIT)["faults"]}
+    page.close()
+    assert kinds == {
+        "no language", "no title", "not one main", "image without text", "figure without caption",
+        "header without scope", "table without caption or header", "control or region without name",
+        "own order of tabs",
+        "heading skips a level", "id twice", "contrast below 4.5",
+    }  # fmt: skip
+
+
+def test_every_control_is_reached_by_tab_and_shows_its_focus(opened):
+    expected = opened.evaluate(FOCUSABLE)
+    reached = {}
+    for _ in range(expected):
+        opened.keyboard.press("Tab")
+        number, visible, text = opened.evaluate(FOCUSED)
+        reached[number] = text
+        assert visible, text
+    assert len(reached) == expected
