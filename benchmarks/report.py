@@ -1,0 +1,100 @@
+"""Size, time and memory of the report page against the number of trials: `python benchmarks/report.py [--trials 100]`.
+
+Sessions are made from the shipped example: its trials copied in turn, the force of each copy scaled by a little.  Film
+tracking is not part of it.  Each run is a process of its own, `pianorig validate`, as a user starts it; memory is the
+largest resident set of that process and of those it started.  The kernel is compiled by a run that is not counted.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import subprocess
+import sys
+import tempfile
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from rig.session import Session
+
+EXAMPLE = Path(__file__).parent.parent / "sessions" / "example_forte"
+SEED = 100
+SCATTER = 0.005
+LIMITS = {  # name → (seconds, MB of page, GB of memory)
+    "cold": (6.0, 8.0, 1.0),
+    "unchanged": (1.5, 8.0, 1.0),
+    "many": (60.0, 8.0, 1.0),
+}
+# runs in a process of its own, so that the largest resident set belongs to this run alone
+RUN = """
+import json, resource, subprocess, sys, time
+start = time.perf_counter()
+done = subprocess.run(
+    [sys.executable, "-c", "from pianorig.cli import main; main()", "validate", "--json", sys.argv[1]],
+    capture_output=True, text=True,
+)
+seconds = time.perf_counter() - start
+peak = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss
+print(json.dumps({"code": done.returncode, "out": done.stdout, "err": done.stderr, "s": seconds, "kb": peak}))
+"""
+
+
+def make_session(folder: Path, n_trials: int) -> Path:
+    """A session of many trials: the example's, copied in turn with slightly scaled force."""
+    source = Session.open(EXAMPLE)
+    session = Session.create(folder, source.info)
+    originals = [trial.read() for trial in source.trials]
+    random = np.random.default_rng(SEED)
+    for i in range(n_trials):
+        trial = originals[i % len(originals)]
+        factor = 1 + SCATTER * random.standard_normal()
+        session.add_trial(replace(trial, number=i + 1, force_n=trial.force_n * factor))
+    return folder
+
+
+def run(folder: Path) -> dict[str, object]:
+    """One ``pianorig validate``: seconds, memory, and what it said."""
+    done = subprocess.run([sys.executable, "-c", RUN, str(folder)], capture_output=True, text=True, check=True)
+    result: dict[str, object] = json.loads(done.stdout)
+    if result["code"] != 0:
+        raise SystemExit(f"validate failed: {result['err']}")
+    return result
+
+
+def main() -> int:
+    """Print the table; 1 when a limit is not met."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--trials", type=int, default=100, help="trials of the large session")
+    n_many = parser.parse_args().trials
+    met = True
+    print(f"{'session':<28}{'time s':>8}{'limit':>7}{'memory GB':>11}{'limit':>7}{'page MB':>9}{'limit':>7}")
+    with tempfile.TemporaryDirectory() as place:
+        few, many = make_session(Path(place) / "few", 5), make_session(Path(place) / "many", n_many)
+        run(make_session(Path(place) / "compiles", 1))
+        for name, folder, title in (
+            ("cold", few, "5 trials, cold"),
+            ("unchanged", few, "5 trials, unchanged"),
+            ("many", many, f"{n_many} trials, cold"),
+        ):
+            result = run(folder)
+            page = folder / "report.html"
+            n = 5 if folder == few else n_many
+            said = json.loads(str(result["out"]))
+            if f"against {n} trials" not in said["verdict"]:
+                raise SystemExit(f"{title}: not all trials were compared: {said['verdict'][:200]}")
+            found = (float(str(result["s"])), page.stat().st_size / 1e6, float(str(result["kb"])) * 1024 / 1e9)
+            limits = LIMITS[name]
+            met &= all(value <= limit for value, limit in zip(found, limits, strict=True))
+            print(
+                f"{title:<28}{found[0]:>8.2f}{limits[0]:>7.1f}{found[2]:>11.3f}{limits[2]:>7.1f}"
+                f"{found[1]:>9.2f}{limits[1]:>7.1f}",
+                flush=True,
+            )
+    print("all limits met" if met else "NOT all limits met")
+    return 0 if met else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
