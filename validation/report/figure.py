@@ -36,10 +36,9 @@ def window(result: ValidationResult, frame: pd.DataFrame) -> pd.DataFrame:
     return frame[result.window.mask(frame["time_s"].to_numpy())]
 
 
-def marked_intervals(result: ValidationResult, channel: str, trial: int | None = None) -> pd.DataFrame:
-    """Intervals of a channel that are left out of the scores, of one trial or of all."""
-    m = result.marked
-    return m[(m["channel"] == channel) & ((m["trial"] == trial) if trial is not None else True)]
+def marked_intervals(result: ValidationResult, channel: str) -> pd.DataFrame:
+    """Intervals of a channel that are left out of the scores, of all trials."""
+    return result.marked[result.marked["channel"] == channel]
 
 
 def lift_text(lifts: pd.DataFrame) -> str:

@@ -204,7 +204,7 @@ def model_against_trial(result: ValidationResult, trial: int, channel: str, numb
     # how much another trial may differ from this one at each instant: the limit's factor times s_r(t)
     factor = float(row["limit_rad"]) / float(row["s_r_rad"]) if row["s_r_rad"] > 0 else float("nan")
     limit = np.interp(time, base, s_r * factor, left=np.nan, right=np.nan)
-    lifts = marked_intervals(result, channel, trial)
+    lifts = marked_intervals(result, channel)
     figure = Figure(figsize=(WIDTH_IN, 5.2), layout="constrained")
     grid = figure.subplots(2, 2, sharex="col", height_ratios=(1.6, 1), width_ratios=(2.2, 1))
     for top in grid[0]:
@@ -225,8 +225,8 @@ def model_against_trial(result: ValidationResult, trial: int, channel: str, numb
                 columns=columns_for(len(result.traces)),
                 **line_style(i),
             )
-        band(low, base, mean - reach, mean + reach, "mean, 95 % band", alpha=0.5)
-        shade_lifts(low, lifts, [trial])
+        band(low, base, mean - reach, mean + reach, "mean, 95 % band", alpha=0.5, fits=False)
+        shade_lifts(low, lifts, list(result.traces))
         low.axhline(0.0, color="#777777", linewidth=0.7)
         finish_axes(low, "model − trial (°)")
     grid[0, 0].legend(fontsize=8)
