@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import InputError, IntegrationError
-from .integrators import DEFAULT_METHOD, DiagonalTableau, get_method
+from .integrators import DEFAULT_METHOD, CoupledTableau, DiagonalTableau, RosenbrockTableau, get_method
 from .integrators.rosenbrock import NOT_FINITE, STEP_TOO_SMALL, TOO_MANY_STEPS, integrate
 from .kernels import layout as L
 from .kernels import workspace as W
@@ -102,7 +102,7 @@ class Simulation:
             )
         if self.energy:
             self.scene.check_whole(self.state.angle_rad, "energy")
-        if self.energy and isinstance(get_method(self.method), DiagonalTableau):
+        if self.energy and not isinstance(get_method(self.method), RosenbrockTableau):
             raise InputError(f"method: {self.method} keeps no account of energy; allowed with it: {DEFAULT_METHOD}")
         for name, array in (("angles", self.state.angle_rad), ("speeds", self.state.speed_rad_per_s)):
             if np.shape(array) != (self.scene.size,):
@@ -164,6 +164,8 @@ class Simulation:
         loop = integrate
         if isinstance(tableau, DiagonalTableau):
             from .integrators.diagonal import integrate_diagonal as loop  # compiled on first use
+        elif isinstance(tableau, CoupledTableau):
+            from .integrators.coupled import integrate_coupled as loop
         time, step, status = loop(
             self.state.time_s, float(until), self.state.step_s, q, v, times, values, held,
             outputs, out_q, out_v, self.scene.vector, self.scene.tables.parent[: self.scene.size],

@@ -1,4 +1,4 @@
-"""What defines a method: Rosenbrock methods of the RODAS family, and ESDIRK methods.
+"""What defines a method: Rosenbrock methods of the RODAS family, ESDIRK methods, and three-stage collocation.
 
 A Rosenbrock method is given in the form that solves for transformed stages.
 
@@ -115,3 +115,72 @@ def _third_row(first: float, second: float) -> NDArray[np.float64]:
     out = np.zeros((MAX_STAGES, MAX_STAGES))
     out[2, :2] = first, second
     return out.ravel()
+
+
+@dataclass(frozen=True)
+class CoupledTableau:
+    """Coefficients (three stages) and properties of one collocation method; stiffly accurate, last row of a is b.
+
+    With T^-1 a^-1 T = diag(gamma, [[alpha, -beta], [beta, alpha]]) the stage equations fall into a real and a complex
+    system. The embedded error is (gamma / h - J)^-1 (F(y) + sum_i estimate_i Z_i / h).
+    Source of the form: Hairer and Wanner, Solving Ordinary Differential Equations II, Section IV.8.
+    """
+
+    name: str
+    order: int
+    embedded_order: int
+    dense_order: int
+    stability: str
+    source: str
+    a: NDArray[np.float64]  # (3, 3)
+    c: NDArray[np.float64]  # (3,) stage times
+    estimate: NDArray[np.float64]  # (3,) weights of the error estimate
+    share: float = 1.0  # of the local tolerance, as in RosenbrockTableau
+
+    @cached_property
+    def transformation(self) -> tuple[float, complex, NDArray[np.float64]]:
+        """Eigenvalues gamma and alpha + i beta (beta > 0) of the inverse of ``a``, and T (3, 3)."""
+        values, vectors = np.linalg.eig(np.linalg.inv(self.a))
+        real, lower_half = int(np.argmin(np.abs(values.imag))), int(np.argmin(values.imag))
+        x = vectors[:, lower_half]  # of alpha - i beta: its real and imaginary part turn as the block above
+        t = np.column_stack([vectors[:, real].real, x.real, x.imag])
+        return float(values[real].real), complex(values[lower_half].conj()), t
+
+    @property
+    def gamma(self) -> float:
+        """The real eigenvalue of the inverse of ``a``."""
+        return self.transformation[0]
+
+    @property
+    def b(self) -> NDArray[np.float64]:
+        """Weights (3,)."""
+        return np.ascontiguousarray(self.a[-1])
+
+    @property
+    def dense(self) -> NDArray[np.float64]:
+        """All the loop needs, (11, 3): T, T^-1, the polynomial (row k: of s^(k+1)), the estimate, (alpha, beta, 0)."""
+        _, pair, t = self.transformation
+        polynomial = np.linalg.inv(self.c[:, None] ** np.arange(1, 4))
+        return np.ascontiguousarray(
+            np.vstack([t, np.linalg.inv(t), polynomial, self.estimate, [pair.real, pair.imag, 0.0]])
+        )
+
+    @property
+    def flat_a(self) -> NDArray[np.float64]:
+        """Rows for the stage kernel: the argument of F is y + slot 0."""
+        return _third_row(1.0, 0.0)
+
+    @property
+    def flat_c(self) -> NDArray[np.float64]:
+        """Rows for the stage kernel: F alone."""
+        return _third_row(0.0, 0.0)
+
+    @property
+    def d(self) -> NDArray[np.float64]:
+        """No time derivative is used."""
+        return np.zeros(len(self.c))
+
+    @property
+    def stages(self) -> int:
+        """Number of stages."""
+        return len(self.c)

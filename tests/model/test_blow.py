@@ -36,6 +36,13 @@ def test_tight_tolerance_reaches_the_reference(action: model.Action, blow: str, 
     assert np.abs(solution.speed_rad_per_s - rows[:, 6:]).max() < 1e-4
 
 
+def test_every_method_keeps_the_default_tolerance_on_forte(action: model.Action) -> None:
+    time, force, rows = reference("forte")
+    for method in METHODS:
+        solution = model.simulate(action, time, force, output_time_s=rows[:, 0], method=method)
+        assert np.abs(solution.angle_rad - rows[:, 1:6]).max() < 1e-5, method
+
+
 @pytest.mark.skipif(not SHARED.is_dir(), reason="the project's shared reference forte is not on this machine")
 def test_shared_reference_forte(action: model.Action) -> None:
     table = np.loadtxt(SHARED / "forte_force_5kHz.csv", delimiter=",", skiprows=1)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import model
-from model.integrators import METHODS
+from model.integrators import METHODS, CoupledTableau
 from model.kernels import workspace as W
 from model.kernels.emit import emit
 from model.kernels.load import load_along
@@ -159,6 +159,8 @@ def test_methods_keep_their_order_under_a_prescribed_motion(action: model.Action
         return np.hstack([angles, speeds])
 
     steps = np.array([1e-3, 5e-4, 2.5e-4, 1.25e-4])
+    if isinstance(METHODS[method], CoupledTableau):
+        steps *= 2.0  # at the smallest its error would be that of the truth
     truth = run(1e-5, 1e-9)
     errors = [np.abs(run(step, 1e-2) - truth)[-1].max() for step in steps]
     order = np.polyfit(np.log(steps), np.log(errors), 1)[0]
