@@ -273,7 +273,7 @@ def integrate_coupled(
         for m in range(3):
             for i in range(PAIR):
                 course[m, i] = polynomial[m, 0] * z[0, i] + polynomial[m, 1] * z[1, i] + polynomial[m, 2] * z[2, i]
-        course_step = step
+        course_step = step if t1 < stop else 0.0  # starts anew after a stop, as a run in pieces does: same bits
         while k_out < n_out and out_t[k_out] <= t1:
             x = (out_t[k_out] - t) / step
             for i in range(n):
