@@ -237,7 +237,10 @@ def model_against_trial(result: ValidationResult, trial: int, channel: str, numb
         f"RMSE of trial {trial}: {np.degrees(row['rmse_rad']):.3f}°."
     )
     if np.isfinite(limit).any():
-        caption += " Shaded above: repeatability limit, within which 95 % of other trials lie at each instant."
+        caption += (
+            " Shaded above: repeatability limit about this trial, which two trials differ by less than in 95 % "
+            "of cases at each instant (cut off where it leaves the panel)."
+        )
     if np.isfinite(reach).any():
         caption += (
             " Shaded below: simultaneous 95 % band of the mean difference; where it leaves zero, model and trials "
