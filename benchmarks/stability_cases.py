@@ -127,7 +127,10 @@ def abused(seed: int, number: int) -> Case:
         if poison < 0.06:
             case.force_n[int(random.integers(len(forces)))] = bad
         elif poison < 0.08:
-            case.time_s[int(random.integers(len(times)))] = bad if not np.isfinite(bad) else -bad
+            row = int(random.integers(len(times)))
+            case.time_s[row] = bad if not np.isfinite(bad) else -bad
+            if row == 0 and bad == 1e5:
+                case.expect = None  # a table may begin that long ago: the action rests until then
         elif poison < 0.10:
             case.angle_rad = [bad] * 5
         else:
