@@ -19,6 +19,7 @@ def peers(monkeypatch):
     monkeypatch.syspath_prepend(str(BENCHMARKS))
 
 
+@pytest.mark.slow  # half a minute, for all the peers are compiled
 def test_quick_run_gives_table_diagram_and_json(tmp_path):
     picture, record = tmp_path / "diagram.svg", tmp_path / "rows.json"
     done = subprocess.run(

@@ -86,6 +86,7 @@ def test_order_of_work_and_pickling_change_nothing(action: model.Action) -> None
         assert_same(a.solution, b.solution)
 
 
+@pytest.mark.slow  # compiles scenes of its own
 def test_scene_with_everything_it_says_reaches_the_members(action: model.Action) -> None:
     """Effects, their values and outputs, as in a single run."""
     choice = replace(model.load_scene("lifting-key"), outputs=("contact_forces",))

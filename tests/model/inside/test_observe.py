@@ -123,6 +123,7 @@ def test_what_contacts_and_joints_lose_is_the_audits(forte: model.Solution) -> N
     assert inside.slid_m[-1, 3] > 1e-4 and inside.rubbed_j[-1, 1] == 0.0  # back check rubs; key front has no friction
 
 
+@pytest.mark.slow  # compiles scenes of its own
 def test_a_key_that_can_lift_does_where_a_joint_would_pull(action: model.Action, forte: model.Solution) -> None:
     """And what rail, pin and shank lose is the audit's."""
     table = read_table("forte_force.csv")

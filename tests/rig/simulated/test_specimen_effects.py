@@ -60,6 +60,7 @@ def test_bad_addresses_are_refused(url: str, words: str) -> None:
         open_backend(url, load_rig("virtual").config)
 
 
+@pytest.mark.slow  # compiles scenes of its own
 def test_bench_tables_switch_effects_on_with_their_values(tmp_path: Path) -> None:
     path = tmp_path / "bench.toml"
     table = "[shank]\nfrequency_hz = 110.0\n\n[motor]\n"
