@@ -22,6 +22,7 @@ def test_no_example_is_forgotten() -> None:
     assert {p.name for p in EXAMPLES.glob("*.py")} == set(PROMISES)
 
 
+@pytest.mark.slow  # each starts a fresh process and compiles or records by itself
 @pytest.mark.parametrize("name", PROMISES)
 def test_example_runs(name: str, tmp_path: Path) -> None:
     done = subprocess.run(
