@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from .errors import InputError, IntegrationError
 from .integrators import DEFAULT_METHOD, CoupledTableau, DiagonalTableau, RosenbrockTableau, get_method
-from .integrators.rosenbrock import NOT_FINITE, STEP_TOO_SMALL, TOO_MANY_STEPS, integrate
+from .integrators.rosenbrock import integrate
+from .integrators.stepping import NOT_FINITE, STEP_TOO_SMALL, TOO_MANY_STEPS
 from .kernels import layout as L
 from .kernels import workspace as W
 from .kernels.output import forces_along, probe_forces_along

@@ -12,13 +12,23 @@ from math import isfinite
 import numpy as np
 
 from model.kernels.compile import kernel, step_loop
-from model.kernels.events import fit_to_events
-from model.kernels.inputs import fit_to_input, input_at
+from model.kernels.inputs import input_at
 from model.kernels.layout import N_CONTACT, N_JACOBIAN, N_REJECTED, N_RHS, N_STEPS
 from model.kernels.signatures import INTEGRATE
-from model.kernels.workspace import ACC, ALLOWANCE, DAMP, LU, M_DIAG, M_UP, SIZE, STIFF, WIDTH, Q, U, V
+from model.kernels.workspace import ACC, DAMP, LU, M_DIAG, M_UP, SIZE, STIFF, WIDTH, Q, U, V
 
-from .rosenbrock import DONE, GROW, NOT_FINITE, SAFETY, SHRINK, SMALLEST_STEP, STEP_TOO_SMALL, TOO_MANY_STEPS
+from .stepping import (
+    DONE,
+    NOT_FINITE,
+    SMALLEST_STEP,
+    STEP_TOO_SMALL,
+    TOO_MANY_STEPS,
+    after_step,
+    allow,
+    begin,
+    plan,
+    shortened,
+)
 
 PAIR = 2 * WIDTH
 MOST_ITERATIONS = 10
@@ -112,16 +122,9 @@ def integrate_coupled(
     y_q, y_v = np.zeros(n, np.complex128), np.zeros(n, np.complex128)
     turned = np.zeros(n, np.complex128)
     heavy = np.zeros(n, np.complex128)
-    for i in range(n):
-        w[Q + i] = q[i]
-        w[V + i] = v[i]
     k_in = 0
-    k_out = 0
+    k_out = begin(t, q, v, w, out_t, out_q, out_v)
     n_out = out_t.shape[0]
-    while k_out < n_out and out_t[k_out] <= t:
-        out_q[k_out] = q
-        out_v[k_out] = v
-        k_out += 1
     status = TOO_MANY_STEPS
     fresh = True
     rejected = False
@@ -137,23 +140,15 @@ def integrate_coupled(
             counters[N_CONTACT] += n_contacts
             fresh = False
         h = min(h, h_max)
-        stop = t_end
-        if held and k_in + 1 < table_t.shape[0] and t < table_t[k_in + 1] < stop:
-            stop = table_t[k_in + 1]
-        step = fit_to_events(h, w, p, n, n_contacts, tolerance_v)
-        fitted = step
-        if t + 1.01 * step >= stop:
-            step = stop - t
-        elif t + 2.0 * step > stop:
-            step = 0.5 * (stop - t)
-        if not held:
-            step = fit_to_input(t, step, u0, k_in, table_t, table_u, w, n, tolerance_q, tolerance_v)
+        step, fitted, stop = plan(
+            t, t_end, h, u0, k_in, held, table_t, table_u, w, p, n, n_contacts, tolerance_q, tolerance_v
+        )
         error = 0.0
         real, two = gamma / step, pair / step
         ok = factorise(w, parent, n, real, lu, pivot) and factorise(w, parent, n, two, lu2, pivot2)
         if ok:
+            allow(w, step)
             for i in range(WIDTH):
-                w[ALLOWANCE + i] = 1.5 * step * abs(w[V + i]) + step * step * abs(w[ACC + i]) + 1e-7
                 for j in range(WIDTH):
                     w[LU + WIDTH * i + j] = 1.0 if i == j else 0.0
             mask = skip(w, p)
@@ -263,7 +258,7 @@ def integrate_coupled(
         if not ok or not error <= 1.0:
             counters[N_REJECTED] += 1
             rejected = True
-            h = step * max(SHRINK, SAFETY * error ** (-exponent)) if ok and isfinite(error) else 0.3 * step
+            h = shortened(step, error, exponent) if ok and isfinite(error) else 0.3 * step
             if h < SMALLEST_STEP:
                 status = STEP_TOO_SMALL if ok else NOT_FINITE
                 break
@@ -281,10 +276,7 @@ def integrate_coupled(
                     rise = course[0, o + i] + x * (course[1, o + i] + x * course[2, o + i])
                     row[k_out, i] = w[Q + o + i] + x * rise
             k_out += 1
-        factor = GROW if error == 0.0 else min(GROW, max(SHRINK, SAFETY * error ** (-exponent)))
-        if rejected:
-            factor = min(factor, 1.0)
-        h = max(step * factor, h if step < fitted == h and factor >= 1.0 else 0.0)
+        h = after_step(step, error, exponent, rejected, fitted, h)
         rejected = False
         for i in range(n):
             w[Q + i] += z[2, i]  # stiffly accurate

@@ -12,13 +12,23 @@ from math import isfinite
 import numpy as np
 
 from model.kernels.compile import step_loop
-from model.kernels.events import fit_to_events
-from model.kernels.inputs import fit_to_input, input_at
+from model.kernels.inputs import input_at
 from model.kernels.layout import N_CONTACT, N_JACOBIAN, N_REJECTED, N_RHS, N_STEPS
 from model.kernels.signatures import INTEGRATE
-from model.kernels.workspace import ACC, ALLOWANCE, Q1, SIZE, WIDTH, Q, U, V
+from model.kernels.workspace import ACC, Q1, SIZE, WIDTH, Q, U, V
 
-from .rosenbrock import DONE, GROW, NOT_FINITE, SAFETY, SHRINK, SMALLEST_STEP, STEP_TOO_SMALL, TOO_MANY_STEPS
+from .stepping import (
+    DONE,
+    NOT_FINITE,
+    SMALLEST_STEP,
+    STEP_TOO_SMALL,
+    TOO_MANY_STEPS,
+    after_step,
+    allow,
+    begin,
+    plan,
+    shortened,
+)
 
 PAIR = 2 * WIDTH
 MOST_ITERATIONS = 8
@@ -37,16 +47,9 @@ def integrate_diagonal(
     s = b_.shape[0]
     w = np.zeros(SIZE)
     slope_of = np.zeros((s, PAIR))  # h k of each stage
-    for i in range(n):
-        w[Q + i] = q[i]
-        w[V + i] = v[i]
     k_in = 0
-    k_out = 0
+    k_out = begin(t, q, v, w, out_t, out_q, out_v)
     n_out = out_t.shape[0]
-    while k_out < n_out and out_t[k_out] <= t:
-        out_q[k_out] = q
-        out_v[k_out] = v
-        k_out += 1
     status = TOO_MANY_STEPS
     fresh = True
     rejected = False
@@ -62,23 +65,14 @@ def integrate_diagonal(
             counters[N_CONTACT] += n_contacts
             fresh = False
         h = min(h, h_max)
-        stop = t_end
-        if held and k_in + 1 < table_t.shape[0] and t < table_t[k_in + 1] < stop:
-            stop = table_t[k_in + 1]
-        step = fit_to_events(h, w, p, n, n_contacts, tolerance_v)
-        fitted = step
-        if t + 1.01 * step >= stop:
-            step = stop - t
-        elif t + 2.0 * step > stop:
-            step = 0.5 * (stop - t)
-        if not held:
-            step = fit_to_input(t, step, u0, k_in, table_t, table_u, w, n, tolerance_q, tolerance_v)
+        step, fitted, stop = plan(
+            t, t_end, h, u0, k_in, held, table_t, table_u, w, p, n, n_contacts, tolerance_q, tolerance_v
+        )
         gh = gamma * step
         error = 0.0
         ok = prepare(w, gh) == 1
         if ok:
-            for i in range(WIDTH):
-                w[ALLOWANCE + i] = 1.5 * step * abs(w[V + i]) + step * step * abs(w[ACC + i]) + 1e-7
+            allow(w, step)
             mask = skip(w, p)
             for i in range(n):
                 slope_of[0, i] = step * w[V + i]
@@ -133,7 +127,7 @@ def integrate_diagonal(
         if not ok or not error <= 1.0:
             counters[N_REJECTED] += 1
             rejected = True
-            h = step * max(SHRINK, SAFETY * error ** (-exponent)) if ok and isfinite(error) else 0.3 * step
+            h = shortened(step, error, exponent) if ok and isfinite(error) else 0.3 * step
             if h < SMALLEST_STEP:
                 status = STEP_TOO_SMALL if ok else NOT_FINITE
                 break
@@ -149,10 +143,7 @@ def integrate_diagonal(
                     right = slope_of[s - 1, o + i] - rise
                     row[k_out, i] = w[Q + o + i] + x * (rise + (1.0 - x) * (left * (1.0 - x) - right * x))
             k_out += 1
-        factor = GROW if error == 0.0 else min(GROW, max(SHRINK, SAFETY * error ** (-exponent)))
-        if rejected:
-            factor = min(factor, 1.0)
-        h = max(step * factor, h if step < fitted == h and factor >= 1.0 else 0.0)
+        h = after_step(step, error, exponent, rejected, fitted, h)
         rejected = False
         for i in range(PAIR):
             w[Q + i] = w[Q1 + i]

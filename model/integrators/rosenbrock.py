@@ -11,8 +11,8 @@ from math import isfinite
 import numpy as np
 
 from model.kernels.compile import kernel, step_loop
-from model.kernels.events import at_rest, fit_to_events
-from model.kernels.inputs import constant_until, fit_to_input, input_at
+from model.kernels.events import at_rest
+from model.kernels.inputs import constant_until, input_at
 from model.kernels.layout import (
     N_CONTACT,
     N_JACOBIAN,
@@ -23,14 +23,21 @@ from model.kernels.layout import (
     N_STEPS,
 )
 from model.kernels.signatures import INTEGRATE
-from model.kernels.workspace import ACC, ALLOWANCE, AUDIT_Q, AUDIT_V, POWER_IN, Q1, SIZE, V1, WIDTH, Q, U, V
+from model.kernels.workspace import AUDIT_Q, AUDIT_V, POWER_IN, Q1, SIZE, V1, WIDTH, Q, U, V
 
-DONE, STEP_TOO_SMALL, NOT_FINITE, TOO_MANY_STEPS = 0, 1, 2, 3
+from .stepping import (
+    DONE,
+    NOT_FINITE,
+    SMALLEST_STEP,
+    STEP_TOO_SMALL,
+    TOO_MANY_STEPS,
+    after_step,
+    allow,
+    begin,
+    plan,
+    shortened,
+)
 
-SAFETY = 0.75
-GROW = 5.0
-SHRINK = 0.15
-SMALLEST_STEP = 1e-12
 WAKING_STEP = 1e-5
 STAGE = 2 * WIDTH
 GAUSS, WEIGHT = (-0.3872983346207417, 0.0, 0.3872983346207417), (5.0 / 18.0, 4.0 / 9.0, 5.0 / 18.0)
@@ -69,16 +76,9 @@ def integrate(
     s = b_.shape[0]
     w = np.zeros(SIZE)
     parts = np.zeros((n, n + 1))
-    for i in range(n):
-        w[Q + i] = q[i]
-        w[V + i] = v[i]
     k_in = 0
-    k_out = 0
+    k_out = begin(t, q, v, w, out_t, out_q, out_v)
     n_out = out_t.shape[0]
-    while k_out < n_out and out_t[k_out] <= t:
-        out_q[k_out] = q
-        out_v[k_out] = v
-        k_out += 1
     status = TOO_MANY_STEPS
     fresh = True
     rejected = False
@@ -113,25 +113,15 @@ def integrate(
                     fresh = True
                     continue
         h = min(h, h_max)
-        stop = t_end
-        if held and k_in + 1 < table_t.shape[0] and t < table_t[k_in + 1] < stop:
-            stop = table_t[k_in + 1]
-        step = fit_to_events(h, w, p, n, n_contacts, tolerance_v)
-        fitted = step
-        # take a last step whole rather than leave a sliver
-        if t + 1.01 * step >= stop:
-            step = stop - t
-        elif t + 2.0 * step > stop:
-            step = 0.5 * (stop - t)
-        if not held:
-            step = fit_to_input(t, step, u0, k_in, table_t, table_u, w, n, tolerance_q, tolerance_v)
+        step, fitted, stop = plan(
+            t, t_end, h, u0, k_in, held, table_t, table_u, w, p, n, n_contacts, tolerance_q, tolerance_v
+        )
         gh = gamma * step
         error = 0.0
         ok = prepare(w, gh) == 1
         if ok:
             # contacts are left out only while every stage stays within these allowances: the answer is the same
-            for i in range(WIDTH):  # prescribed coordinates too
-                w[ALLOWANCE + i] = 1.5 * step * abs(w[V + i]) + step * step * abs(w[ACC + i]) + 1e-7
+            allow(w, step)
             mask = skip(w, p)
             looked_at = n_contacts
             bits = mask
@@ -162,7 +152,7 @@ def integrate(
         if not ok or error > 1.0:
             counters[N_REJECTED] += 1
             rejected = True
-            h = step * max(SHRINK, SAFETY * error ** (-exponent)) if ok else 0.2 * step
+            h = shortened(step, error, exponent) if ok else 0.2 * step
             if h < SMALLEST_STEP:
                 status = STEP_TOO_SMALL if ok else NOT_FINITE
                 break
@@ -180,11 +170,7 @@ def integrate(
                 energy(w, p, u0 if held else u)
                 for j in range(audit.shape[0]):
                     audit[j] += step * WEIGHT[g] * w[POWER_IN + j]
-        factor = GROW if error == 0.0 else min(GROW, max(SHRINK, SAFETY * error ** (-exponent)))
-        if rejected:
-            factor = min(factor, 1.0)
-        # a step cut short by its end says little about the next one, one cut short by an event does
-        h = max(step * factor, h if step < fitted == h and factor >= 1.0 else 0.0)
+        h = after_step(step, error, exponent, rejected, fitted, h)
         rejected = False
         for i in range(STAGE):
             w[Q + i] = w[Q1 + i]
