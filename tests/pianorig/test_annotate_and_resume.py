@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
-from pianorig.cli import main
+from tests.command_line import run
 
 
-def run(*arguments: str) -> int:
-    with pytest.raises(SystemExit) as caught:
-        main(list(arguments))
-    return int(caught.value.code or 0)
-
-
-def test_a_planned_session_is_annotated_and_continued(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_planned_session_is_annotated_and_continued(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], refused: Callable[..., None]
+) -> None:
     plan, out = tmp_path / "plan.toml", tmp_path / "s"
     plan.write_text(
         'schema = "piano-action-rig plan 1"\nname = "p"\nrest_s = 600\n'
@@ -38,9 +35,7 @@ def test_a_planned_session_is_annotated_and_continued(tmp_path: Path, capsys: py
         (("record", "--resume", str(out)), "nothing to resume"),
         (("record", "--resume", str(out), "--plan", str(plan)), "not with --plan"),
     ):
-        assert run(*arguments) == 2
-        error = capsys.readouterr().err
-        assert words in error and error.count("\n") == 1
+        refused(words, *arguments)
     from rig.session import Session
 
     session = Session.open(out)

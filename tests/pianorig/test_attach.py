@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from pianorig.attaching import attach_film, session_folder
-from pianorig.cli import main
 from pianorig.errors import InputError
 from pianorig.tracking import frame_times_of
 from rig.profile import load_profile
 from rig.recorder import record_session
 from rig.session import Session
 from rig.session.film_record import read_record
+from tests.command_line import run
 from vision import open_film
 from vision.writers import write_mraw
 
@@ -50,10 +50,8 @@ def beside(session: Session) -> list[str]:
 def test_the_film_of_a_trial_is_copied_with_its_header_and_recorded(session, tmp_path, capsys) -> None:
     path = film(tmp_path)
     digest = hashlib.sha256(path.read_bytes()).hexdigest()
-    main_arguments = ["attach", str(path), str(session.path), "--trial", "2", "--sha256", digest.upper()]
-    with pytest.raises(SystemExit) as end:
-        main(main_arguments)
-    assert end.value.code == 0 and "trial 2: trial_0002.mraw, frames 100 to 139" in capsys.readouterr().out
+    assert run("attach", path, session.path, "--trial", "2", "--sha256", digest.upper()) == 0
+    assert "trial 2: trial_0002.mraw, frames 100 to 139" in capsys.readouterr().out
     assert beside(session) == ["trial_0002.cihx", "trial_0002.film.toml", "trial_0002.h5", "trial_0002.mraw"]
     trial = session.trial(2)
     assert trial.film.read_bytes() == path.read_bytes() and path.exists()

@@ -6,22 +6,16 @@ import json
 import os
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from pianorig import commands
-from pianorig.cli import main
+from tests.command_line import run
 
 DATA = Path(__file__).parents[1] / "model" / "data"
-
-
-def run(*arguments: str) -> int:
-    """Exit code of a command run in this process."""
-    with pytest.raises(SystemExit) as caught:
-        main(list(arguments))
-    return int(caught.value.code or 0)
 
 
 @pytest.fixture
@@ -85,47 +79,32 @@ def test_simulate_with_forces_rate_settings_and_hdf5(short_force: Path, tmp_path
 )
 def test_bad_input_is_one_line_and_exit_2(
     short_force: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
     change: dict[str, str],
     words: str,
+    refused: Callable[..., None],
 ) -> None:
-    monkeypatch.chdir(tmp_path)
     options = {"--force": short_force.name, "--out": "angles.csv", **change}
-    before = sorted(p.name for p in tmp_path.iterdir())
-    assert run("simulate", *(part for pair in options.items() for part in pair)) == 2
-    error = capsys.readouterr().err
-    assert words in error and error.count("\n") == 1
-    assert sorted(p.name for p in tmp_path.iterdir()) == before
+    refused(words, "simulate", *(part for pair in options.items() for part in pair))
 
 
-def test_bad_profiles_move_nothing_and_leave_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_bad_profiles_move_nothing_and_leave_nothing(tmp_path: Path, refused: Callable[..., None]) -> None:
     profile = tmp_path / "wild.toml"
     profile.write_text(
         'name = "wild"\ninterpolation = "linear"\n'
         "points = [{ time_s = 0.0, force_n = 0.0 }, { time_s = 0.1, force_n = 500.0 }, "
         "{ time_s = 0.2, force_n = 0.0 }]\n"
     )
-    out = tmp_path / "session"
-    assert run("record", "--profile", str(profile), "--out", str(out)) == 2
-    error = capsys.readouterr().err
-    assert "500" in error and "120" in error and error.count("\n") == 1
-    assert not out.exists()
+    refused("force_n = 500 N, allowed -120 to 120 N", "record", "--profile", profile, "--out", "session")
 
 
-def test_validate_refuses_a_folder_without_trials(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert run("validate", str(tmp_path)) == 2
-    assert capsys.readouterr().err.count("\n") == 1
-    assert not any(tmp_path.iterdir())
+def test_validate_refuses_a_folder_without_trials(tmp_path: Path, refused: Callable[..., None]) -> None:
+    refused(str(tmp_path), "validate", tmp_path)
 
 
-def test_track_refuses_a_film_without_outlines(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_track_refuses_a_film_without_outlines(tmp_path: Path, refused: Callable[..., None]) -> None:
     film = tmp_path / "film.mraw"
     film.write_bytes(b"1234")
-    assert run("track", str(film)) == 2
-    assert "--bodies" in capsys.readouterr().err
-    assert [p.name for p in tmp_path.iterdir()] == ["film.mraw"]
+    refused("--bodies", "track", film)
 
 
 def test_every_command_has_an_example_and_json(capsys: pytest.CaptureFixture[str]) -> None:
@@ -135,7 +114,7 @@ def test_every_command_has_an_example_and_json(capsys: pytest.CaptureFixture[str
         assert f"pianorig {name}" in text and "Example:" in text and "--json" in text, name
 
 
-def _modules_after(*arguments: str) -> set[str]:
+def modules_after(*arguments: str) -> set[str]:
     """Modules that a fresh process has imported after a command."""
     code = (
         "import sys\n"
@@ -149,9 +128,9 @@ def _modules_after(*arguments: str) -> set[str]:
 
 def test_start_up_imports_only_what_a_command_needs(short_force: Path, tmp_path: Path) -> None:
     heavy = {"numpy", "numba", "pandas", "scipy", "matplotlib", "h5py", "cv2", "nidaqmx"}
-    assert not _modules_after("--help") & heavy
+    assert not modules_after("--help") & heavy
     out = str(tmp_path / "o.csv")
-    loaded = _modules_after("simulate", "--force", str(short_force), "--out", out)
+    loaded = modules_after("simulate", "--force", str(short_force), "--out", out)
     assert "numba" in loaded
     assert not loaded & {"pandas", "matplotlib", "cv2", "nidaqmx", "h5py"}
     # numba itself loads scipy.linalg for BLAS (docs/decisions/start-up-imports.md); we load nothing of SciPy

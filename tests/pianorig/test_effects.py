@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
 
-from pianorig.cli import main
+from tests.command_line import run
 
 SCENE = "lifting-key-flexible-shank"
 
@@ -21,14 +22,6 @@ def blow(tmp_path: Path) -> Path:
     rows = np.column_stack([t, np.where(t < 0.02, 0.0, 12.0)])
     np.savetxt(path, rows, delimiter=",", header="time_s,force_n", comments="", fmt="%.6g")
     return path
-
-
-def run(*words: str | Path) -> int:
-    try:
-        main([str(w) for w in words])
-    except SystemExit as stop:
-        return int(stop.code or 0)
-    return 0
 
 
 def test_columns_of_effects_and_values_by_path(blow: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -56,12 +49,9 @@ def test_columns_of_effects_and_values_by_path(blow: Path, tmp_path: Path, capsy
     ],
 )
 def test_what_would_have_no_meaning_is_refused(
-    blow: Path, tmp_path: Path, words: tuple, message: str, capsys: pytest.CaptureFixture[str]
+    blow: Path, words: tuple, message: str, refused: Callable[..., None]
 ) -> None:
-    out = tmp_path / "out.csv"
-    assert run("simulate", "--force", blow, "--out", out, *words) == 2
-    error = capsys.readouterr().err
-    assert message in error and error.count("\n") == 1 and not out.exists()
+    refused(message, "simulate", "--force", blow, "--out", "out.csv", *words)
 
 
 @pytest.mark.slow  # compiles its own structure

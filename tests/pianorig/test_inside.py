@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from tests.pianorig.test_commands import DATA, _modules_after, run
+from tests.command_line import run
+from tests.pianorig.test_commands import DATA, modules_after
 
 FORTE = str(DATA / "forte_force.csv")
 
@@ -92,17 +94,14 @@ def test_sheet_and_animation(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     ],
 )
 def test_drawings_that_cannot_be_are_refused_first(
-    option: str, name: str, words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    option: str, name: str, words: str, refused: Callable[..., None]
 ) -> None:
-    out = str(tmp_path / "o.csv")
-    assert run("simulate", "--force", FORTE, option, str(tmp_path / name), "--out", out) == 2
-    error = capsys.readouterr().err
-    assert words in error and error.count("\n") == 1 and not list(tmp_path.iterdir())
+    refused(words, "simulate", "--force", FORTE, option, name, "--out", "o.csv")
 
 
 def test_only_the_sheet_needs_matplotlib(tmp_path: Path) -> None:
     out, moving = str(tmp_path / "o.csv"), str(tmp_path / "a.svg")
-    loaded = _modules_after("simulate", "--force", FORTE, "--inside", "--animation", moving, "--out", out)
+    loaded = modules_after("simulate", "--force", FORTE, "--inside", "--animation", moving, "--out", out)
     assert "model.inside.animation" in loaded
     assert not loaded & {"pandas", "matplotlib", "scipy.integrate", "scipy.optimize", "scipy.sparse"}
-    assert "model.inside" not in _modules_after("simulate", "--force", FORTE, "--out", out)
+    assert "model.inside" not in modules_after("simulate", "--force", FORTE, "--out", out)

@@ -3,20 +3,15 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from pianorig.cli import main
+from tests.command_line import run
 
 FORTE = Path(__file__).parents[1] / "model" / "data" / "forte_force.csv"
-
-
-def run(*arguments: str) -> int:
-    with pytest.raises(SystemExit) as caught:
-        main(list(arguments))
-    return int(caught.value.code or 0)
 
 
 def test_a_recorded_forte_is_learned_and_played(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -43,14 +38,11 @@ def test_a_recorded_forte_is_learned_and_played(tmp_path: Path, capsys: pytest.C
     assert min(errors) <= 0.035 * 9.9
 
 
-def test_what_cannot_be_learned_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    out = tmp_path / "learned"
+def test_what_cannot_be_learned_is_one_line(refused: Callable[..., None]) -> None:
     for arguments, words in (
         ((str(FORTE), "--scale", "50"), "give a smaller scale"),
-        ((str(tmp_path / "none.csv"),), "cannot be read"),
+        (("none.csv",), "cannot be read"),
         ((str(FORTE), "--channel", "kraft"), "no channel 'kraft'"),
         ((str(FORTE), str(FORTE)), "same name"),
     ):
-        assert run("learn", *arguments, "--out", str(out)) == 2
-        error = capsys.readouterr().err
-        assert words in error and error.count("\n") == 1 and not out.exists()
+        refused(words, "learn", *arguments, "--out", "learned")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,8 @@ import pytest
 
 import model
 from pianorig.settings import read_variant
-from tests.pianorig.test_commands import DATA, run
+from tests.command_line import run
+from tests.pianorig.test_commands import DATA
 
 FORTE = str(DATA / "forte_force.csv")
 
@@ -74,18 +76,8 @@ def test_scale_on_simulate(tmp_path: Path) -> None:
         (["hirschkorn2004", "--force", FORTE, "--out", "no/such/folder"], "folder cannot be made"),
     ],
 )
-def test_bad_input_is_one_line_and_exit_2(
-    arguments: list[str],
-    words: str,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    assert run("study", *arguments) == 2
-    error = capsys.readouterr().err
-    assert words in error and error.count("\n") == 1
-    assert not list(tmp_path.iterdir())
+def test_bad_input_is_one_line_and_exit_2(arguments: list[str], words: str, refused: Callable[..., None]) -> None:
+    refused(words, "study", *arguments)
 
 
 @pytest.mark.parametrize(

@@ -3,22 +3,17 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
 
-from pianorig.cli import main
+from tests.command_line import run
 from vision.bodies import Body, save_bodies
 from vision.synthetic import Scene, Sensor, SyntheticBody, background, box, speckle
 from vision.writers import write_mraw
-
-
-def run(*arguments: str) -> int:
-    with pytest.raises(SystemExit) as caught:
-        main(list(arguments))
-    return int(caught.value.code or 0)
 
 
 @pytest.fixture(scope="module")
@@ -74,9 +69,7 @@ def test_every_nth_frame_with_json(
     assert pd.read_csv(out)["frame"].tolist() == list(range(0, 60, 5))
 
 
-def test_a_frame_again(
-    filmed: tuple[Path, Path, np.ndarray], tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_frame_again(filmed: tuple[Path, Path, np.ndarray], tmp_path: Path, refused: Callable[..., None]) -> None:
     film, outlines, angle = filmed
     out = tmp_path / "o.csv"
     base = ("track", str(film), "--bodies", str(outlines), "--out", str(out))
@@ -94,18 +87,13 @@ def test_a_frame_again(
     near = f"bar={np.degrees(row['bar_rad']) + 1.5},{row['bar_x_px'] + 2},{row['bar_y_px'] - 2}"
     assert run(*base, "--retrack", "40", "--place", near) == 0
     assert abs(pd.read_csv(out).loc[40, "bar_rad"] - row["bar_rad"]) < 0.2 * row["bar_u_rad"]
-    capsys.readouterr()
     for wrong, words in (
         (("--retrack", "60"), "no such frame"),
         (("--retrack", "3", "--place", "bar=1,2"), "ANGLE_DEG"),
         (("--retrack", "3", "--place", "beam=1,2,3"), "beam"),
         (("--place", "bar=1,2,3"), "--retrack"),
     ):
-        before = out.read_bytes()
-        assert run(*base, *wrong) == 2
-        error = capsys.readouterr().err
-        assert words in error and error.count("\n") == 1
-        assert out.read_bytes() == before
+        refused(words, *base, *wrong)
 
 
 def test_interrupted_by_the_user(

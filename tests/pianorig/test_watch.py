@@ -8,16 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pianorig.cli import main
 from pianorig.terminal_plot import curve
+from tests.command_line import run
 
 SHIPPED = Path(__file__).parents[2] / "sessions" / "example_forte"
-
-
-def run(*arguments: str) -> int:
-    with pytest.raises(SystemExit) as caught:
-        main(list(arguments))
-    return int(caught.value.code or 0)
 
 
 def test_a_ramp_rises_from_the_lowest_left_to_the_highest_right_dot() -> None:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Callable
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 
-from pianorig.cli import main
+from tests.command_line import run
 from vision.bodies import Body
 from vision.calibration import Calibration, Target, calibrate
 from vision.calibration_file import load_calibration, save_calibration
@@ -167,7 +168,7 @@ def test_file_round_trip_and_damage(tmp_path: Path) -> None:
         assert str(path) in str(caught.value) and "\n" not in str(caught.value)
 
 
-def test_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_command(tmp_path: Path, capsys: pytest.CaptureFixture[str], refused: Callable[..., None]) -> None:
     from vision.writers import write_mraw
 
     lens = Projection(WIDTH, HEIGHT, tilted(math.radians(3.0), 0.5, 12.0 * WIDTH), 0.005)
@@ -175,20 +176,12 @@ def test_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     source = target_film(lens, "checkerboard", 2, views=2)
     write_mraw(film, [source.read(i) for i in range(source.n_frames)], 1000.0)
     base = ["calibrate-camera", str(film), "--pitch-mm", "5", "--out", str(out)]
-    with pytest.raises(SystemExit) as caught:
-        main([*base, "--grid", "9x7", "--json"])
-    assert caught.value.code in (None, 0)
+    assert run(*base, "--grid", "9x7", "--json") == 0
     facts = json.loads(capsys.readouterr().out)
     assert facts["scale_px_per_m"] == pytest.approx(4400.0, rel=2e-3) and facts["views"] == 2
     assert facts["effect_on_angles_rad"] > facts["u_after_correction_rad"] > 0
     assert load_calibration(out).width == WIDTH
-    with pytest.raises(SystemExit):
-        main([*base, "--grid", "9x7"])
+    assert run(*base, "--grid", "9x7") == 0
     assert "mdeg without correction" in capsys.readouterr().out
     for grid, words in (("9", "COLUMNSxROWS"), ("10x7", "no checkerboard of 10 x 7"), ("2x7", "3 to 200")):
-        before = out.read_bytes()
-        with pytest.raises(SystemExit) as caught:
-            main([*base, "--grid", grid])
-        assert caught.value.code == 2
-        error = capsys.readouterr().err
-        assert words in error and error.count("\n") == 1 and out.read_bytes() == before
+        refused(words, *base, "--grid", grid)

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from pianorig.cli import main
+from tests.command_line import run
 from vision.bodies import load_bodies, signed_distance
 from vision.errors import TrackingError
 from vision.frames import ArrayFilm
@@ -34,14 +35,14 @@ def film_of_two() -> tuple[np.ndarray, list[np.ndarray], np.ndarray]:
     return np.stack(frames), outlines, angle
 
 
-def test_each_moving_body_gets_its_outline(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_each_moving_body_gets_its_outline(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], refused: Callable[..., None]
+) -> None:
     frames, outlines, angle = film_of_two()
     film = tmp_path / "film.mraw"
     write_mraw(film, frames, 2000.0)
     out = tmp_path / "bodies.toml"
-    with pytest.raises(SystemExit) as caught:
-        main(["track", str(film), "--propose-bodies", str(out)])
-    assert caught.value.code in (None, 0)
+    assert run("track", film, "--propose-bodies", out) == 0
     said = capsys.readouterr().out
     assert "body1, body2" in said and "bodies.png" in said
     bodies = load_bodies(out)
@@ -58,10 +59,7 @@ def test_each_moving_body_gets_its_outline(tmp_path: Path, capsys: pytest.Captur
     result = track_film(film, bodies)
     end = sorted(np.nanmax(result.angle_rad, axis=0))
     np.testing.assert_allclose(end, angle[-1], atol=2e-3)
-    before = out.read_bytes()
-    with pytest.raises(SystemExit) as caught:
-        main(["track", str(film), "--propose-bodies", str(out)])
-    assert caught.value.code == 2 and out.read_bytes() == before, "corrected outlines are never overwritten"
+    refused(str(out), "track", film, "--propose-bodies", out)  # corrected outlines are never overwritten
 
 
 def test_nothing_moves() -> None:

@@ -1,0 +1,31 @@
+"""What the tests of all packages share."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from tests.command_line import run
+
+
+def contents(folder: Path) -> dict[Path, bytes]:
+    return {path: path.read_bytes() if path.is_file() else b"" for path in folder.rglob("*")}
+
+
+@pytest.fixture
+def refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Callable[..., None]:
+    """Check that a command in the test's folder exits with 2, tells why in one line and leaves every file alone."""
+
+    def check(words: str, *arguments: str | Path) -> None:
+        monkeypatch.chdir(tmp_path)
+        before = contents(tmp_path)
+        capsys.readouterr()
+        assert run(*arguments) == 2
+        error = capsys.readouterr().err
+        assert words in error
+        assert error.endswith("\n") and len(error.splitlines()) == 1
+        assert contents(tmp_path) == before
+
+    return check
