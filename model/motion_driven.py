@@ -197,7 +197,7 @@ def simulate_motion(
     from sample to sample moves the key by less than a count: it is neither in the force nor in its uncertainty.
     Errors last: one draw at an impact can shift the force of a whole hold. Equations: thesis Chapter 2.
     """
-    from scipy.stats import t as student
+    from scipy.special import stdtrit
 
     if members < 0 or members == 1:
         raise InputError(f"members of the ensemble: found {members}, allowed 0 or from 2")
@@ -238,7 +238,7 @@ def simulate_motion(
         time_s=outputs,
         force_n=mean.force_n,
         u_force_n=u_force,
-        coverage_factor=float(student.ppf(0.975, members)) if members else float("nan"),
+        coverage_factor=float(stdtrit(members, 0.975)) if members else float("nan"),
         angle_rad=mean.angle_rad,
         speed_rad_per_s=mean.speed_rad_per_s,
         u_angle_rad=u_angle,

@@ -13,7 +13,6 @@ from __future__ import annotations
 from functools import lru_cache
 
 import numpy as np
-from scipy.stats import wasserstein_distance
 
 from validation.geometry import Array
 
@@ -26,7 +25,7 @@ def area_metric(model: Array, trial: Array) -> float:
     m, t = (np.asarray(v, dtype=float)[np.isfinite(v)] for v in (model, trial))
     if min(m.size, t.size) < 2:
         return float("nan")
-    return float(wasserstein_distance(m, t))
+    return float(_between(m[None], t[None])[0])
 
 
 @lru_cache(maxsize=256)
@@ -39,10 +38,15 @@ def area_floor(n_model: int, n_trial: int) -> tuple[float, float]:
     if min(n_model, n_trial) < 2:
         return float("nan"), float("nan")
     rng = np.random.default_rng([SEED, n_model, n_trial])
-    m = np.sort(rng.standard_normal((DRAWS, n_model)), axis=1)
-    t = np.sort(rng.standard_normal((DRAWS, n_trial)), axis=1)
-    if n_model == n_trial:
-        areas = np.abs(m - t).mean(axis=1)
-    else:
-        areas = np.array([wasserstein_distance(a, b) for a, b in zip(m, t, strict=True)])
+    areas = _between(rng.standard_normal((DRAWS, n_model)), rng.standard_normal((DRAWS, n_trial)))
     return float(areas.mean()), float(np.quantile(areas, 0.95))
+
+
+def _between(model: Array, trial: Array) -> Array:
+    """Area between the two distribution functions of every row."""
+    values = np.concatenate([model, trial], axis=1)
+    order = np.argsort(values, axis=1, kind="stable")
+    of_model = order < model.shape[1]
+    apart = np.cumsum(of_model / model.shape[1] - ~of_model / trial.shape[1], axis=1)
+    width = np.diff(np.take_along_axis(values, order, axis=1), axis=1)
+    return np.asarray((np.abs(apart[:, :-1]) * width).sum(axis=1))

@@ -217,14 +217,14 @@ def fit_hum(time_s: Array, force_n: Array, mains_hz: float | None = None) -> Hum
 
 def _refusal(time: Array, force: Array, f: float, before: float, after: float, parameters: int) -> str:
     """Why the sinusoids must not be subtracted, or an empty string."""
-    from scipy.stats import f as f_distribution
+    from scipy.special import fdtri
 
     n = time.size
     gained = before**2 * (n - 1) - after**2 * (n - parameters)
     if after == 0.0:
         return "" if gained > 0 else "the baseline is constant: there is no hum to remove"
     ratio = gained / (parameters - 1) / after**2
-    limit = float(f_distribution.isf(REFUSAL_P, parameters - 1, n - parameters))
+    limit = float(fdtri(parameters - 1, n - parameters, 1 - REFUSAL_P))
     if ratio < limit:
         return f"hum does not lower the baseline residual ({before:.4g} N before, {after:.4g} N after)"
     cut = 2 * n // 3

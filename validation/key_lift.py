@@ -23,7 +23,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d
-from scipy.signal import savgol_filter
 
 from validation.geometry import WHIPPEN, Array
 
@@ -147,6 +146,8 @@ def _widened(time: Array, gap: Array, impact_s: float, release_s: float) -> Arra
 
 def _carried(whippen_rad: Array, step: float, free_fall: float) -> NDArray[np.bool_]:
     """Samples at which the whippen is accelerated upwards of its free fall."""
+    from scipy.signal import savgol_filter  # a third of a second to import, needed for doubtful trials only
+
     window = max(2 * round(FALL_WINDOW_S / step / 2) + 1, 5)
     acceleration = savgol_filter(whippen_rad, window, 2, deriv=2, delta=step)
     return np.asarray(acceleration > FREE_SHARE * free_fall)

@@ -14,7 +14,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
+from scipy.special import stdtrit
 
 from validation.band import FEWEST_FOR_BAND, simultaneous_band
 from validation.geometry import Array
@@ -58,7 +58,7 @@ def paired_difference(model: Array, trial: Array, u_sample: float) -> PairedDiff
     mean = difference.mean(axis=1)
     scatter = difference.std(axis=1, ddof=1) / np.sqrt(n)
     sensor = 1.96 * u_sample
-    u95 = np.hypot(stats.t.ppf(0.975, n - 1) * scatter, sensor)
+    u95 = np.hypot(stdtrit(n - 1, 0.975) * scatter, sensor)
     band95 = np.hypot(simultaneous_band(difference, u_sample=u_sample).half_width, sensor)
     known = np.isfinite(mean)
     if not known.any():

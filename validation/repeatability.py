@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
-from scipy import stats
+from scipy.special import chdtri, stdtrit
 
 from validation.event import EVENTS, Event
 from validation.geometry import Array
@@ -56,7 +56,7 @@ def limit_factor(n: int) -> float:
     """
     if n < 2:
         return float("nan")
-    return float(stats.t.ppf(0.5 + CONFIDENCE / 2, n - 1) * np.sqrt(2))
+    return float(stdtrit(n - 1, 0.5 + CONFIDENCE / 2) * np.sqrt(2))
 
 
 def s_interval_factors(n: int) -> tuple[float, float]:
@@ -65,8 +65,8 @@ def s_interval_factors(n: int) -> tuple[float, float]:
         return float("nan"), float("nan")
     freedom = n - 1
     tail = (1 - CONFIDENCE) / 2
-    low = np.sqrt(freedom / stats.chi2.isf(tail, freedom))
-    high = np.sqrt(freedom / stats.chi2.isf(1 - tail, freedom))
+    low = np.sqrt(freedom / chdtri(freedom, tail))
+    high = np.sqrt(freedom / chdtri(freedom, 1 - tail))
     return float(low), float(high)
 
 

@@ -19,6 +19,8 @@ from validation.result import ValidationResult
 
 ZOOM_S = (0.02, 0.03)
 WIDTH_IN = 9.2
+# inches: what ticks and an axis label take beside the ticks' numbers, a character of those, a line of text, the edges
+BESIDE_IN, CHARACTER_IN, LINE_IN, EDGE_IN, GAP_IN = 0.34, 0.075, 0.19, 0.1, 0.12
 
 
 @dataclass(frozen=True)
@@ -63,6 +65,38 @@ def zoom_on_impact(result: ValidationResult, trial: int, axes: Axes) -> None:
         axes.set_title("around the string impact", fontsize=9)
 
 
+def arrange(figure: Figure) -> None:
+    """Place the panels of one grid by the length of their labels.
+
+    A layout engine would draw the figure once to measure it and once more to keep it, three times the work.
+    """
+    panels = [(axes, place) for axes in figure.axes if (place := axes.get_subplotspec()) is not None]
+    rows, columns = panels[0][1].get_geometry()[:2]
+    left = np.zeros(columns)
+    above, below = np.zeros((2, rows))
+    for axes, place in panels:
+        row, column = place.rowspan.start, place.colspan.start
+        ticks = axes.yaxis.get_major_formatter().format_ticks(list(axes.get_yticks()))
+        longest = max((len(text.replace("$\\mathdefault{", "").rstrip("}$")) for text in ticks), default=0)
+        left[column] = max(left[column], BESIDE_IN + CHARACTER_IN * longest)
+        numbered = bool(axes.xaxis.get_tick_params().get("labelbottom", True))
+        below[row] = max(below[row], LINE_IN * (numbered + bool(axes.get_xlabel())))
+        above[row] = max(above[row], LINE_IN * (1.2 if axes.get_title() else 0.0))
+    width, height = figure.get_size_inches()
+    inside = width - left.sum() - EDGE_IN * columns
+    between = float(np.mean(left[1:])) + EDGE_IN if columns > 1 else 0.0
+    tall = height - above.sum() - below.sum() - GAP_IN * rows - EDGE_IN
+    under = float(np.mean(above[1:] + below[:-1])) + GAP_IN if rows > 1 else 0.0
+    figure.subplots_adjust(
+        left=left[0] / width,
+        right=1 - EDGE_IN / width,
+        top=1 - (above[0] + EDGE_IN) / height,
+        bottom=(below[-1] + GAP_IN) / height,
+        wspace=between * columns / inside,
+        hspace=under * rows / tall,
+    )
+
+
 def finish(
     result: ValidationResult, figure: Figure, key: str, number: str, caption: str, description: str
 ) -> ReportFigure:
@@ -71,4 +105,5 @@ def finish(
     for axes in figure.axes:
         if axes.get_autoscalex_on():
             axes.set_xlim(*whole)
+    arrange(figure)
     return ReportFigure(key, number, caption, figure_svg(figure, key, caption, description, whole))

@@ -48,7 +48,7 @@ from validation.result import ValidationResult
 
 def force_of_all_trials(result: ValidationResult) -> ReportFigure:
     """Corrected force of every trial (thesis 3.9)."""
-    figure = Figure(figsize=(WIDTH_IN, 3.0), layout="constrained")
+    figure = Figure(figsize=(WIDTH_IN, 3.0))
     axes = figure.subplots()
     peak = 0.0
     for i, (number, frame) in enumerate(result.traces.items()):
@@ -73,7 +73,7 @@ def force_of_all_trials(result: ValidationResult) -> ReportFigure:
 
 def rotation_of_all_trials(result: ValidationResult, channel: str, number: str) -> ReportFigure:
     """One encoder channel of every trial, with s_r(t) below (thesis 3.10–3.12)."""
-    figure = Figure(figsize=(WIDTH_IN, 3.9), layout="constrained")
+    figure = Figure(figsize=(WIDTH_IN, 3.9))
     grid = figure.subplots(2, 2, sharex="col", height_ratios=(3, 1), width_ratios=(2.2, 1))
     for i, (trial, frame) in enumerate(result.traces.items()):
         f = window(result, frame)
@@ -118,7 +118,7 @@ def film_rotations(result: ValidationResult) -> list[ReportFigure]:
     for trial, frame in result.film_traces.items():
         f = window(result, frame)
         time = f["time_s"].to_numpy()
-        figure = Figure(figsize=(WIDTH_IN, 4.2), layout="constrained")
+        figure = Figure(figsize=(WIDTH_IN, 4.2))
         grid = figure.subplots(2, 2, sharex=True, height_ratios=(2.4, 1))
         notes = []
         for j, channel in enumerate(FILM_CHANNELS):
@@ -149,7 +149,7 @@ def film_rotations(result: ValidationResult) -> list[ReportFigure]:
 def force_of_one_trial(result: ValidationResult, trial: int) -> ReportFigure:
     """Corrected and raw force of one trial (thesis 4.1)."""
     f = window(result, result.traces[trial])
-    figure = Figure(figsize=(WIDTH_IN, 3.0), layout="constrained")
+    figure = Figure(figsize=(WIDTH_IN, 3.0))
     axes, zoom = figure.subplots(1, 2, width_ratios=(2.2, 1))
     for panel in (axes, zoom):
         draw(panel, f["time_s"].to_numpy(), f["raw_force_n"].to_numpy(), "as recorded", color=SKY, linewidth=0.8)
@@ -170,7 +170,7 @@ def force_from_motion(result: ValidationResult, trace: pd.DataFrame) -> ReportFi
     use = ~trace["left_out"].to_numpy(dtype=bool)
     measured, predicted = trace["force_n"].to_numpy(), np.where(use, trace["predicted_force_n"].to_numpy(), np.nan)
     reach = trace["factor"].to_numpy() * trace["u_predicted_n"].to_numpy()
-    figure = Figure(figsize=(WIDTH_IN, 3.6), layout="constrained")
+    figure = Figure(figsize=(WIDTH_IN, 3.6))
     grid = figure.subplots(2, 1, sharex=True, height_ratios=(2.2, 1))
     band(grid[0], time, predicted - reach, predicted + reach)
     draw(grid[0], time, measured, f"measured, trial {int(row['trial'])}", color=BLACK, linewidth=1.1)
@@ -205,7 +205,7 @@ def model_against_trial(result: ValidationResult, trial: int, channel: str, numb
     factor = float(row["limit_rad"]) / float(row["s_r_rad"]) if row["s_r_rad"] > 0 else float("nan")
     limit = np.interp(time, base, s_r * factor, left=np.nan, right=np.nan)
     lifts = marked_intervals(result, channel)
-    figure = Figure(figsize=(WIDTH_IN, 5.2), layout="constrained")
+    figure = Figure(figsize=(WIDTH_IN, 5.2))
     grid = figure.subplots(2, 2, sharex="col", height_ratios=(1.6, 1), width_ratios=(2.2, 1))
     for top in grid[0]:
         band(top, time, measured - limit, measured + limit, "repeatability limit", fits=False)
