@@ -11,6 +11,7 @@ import pandas as pd
 import pytest
 
 from tests.command_line import run
+from tests.vision.motion import smooth_step
 from vision.bodies import Body, save_bodies
 from vision.synthetic import Scene, Sensor, SyntheticBody, background, box, speckle
 from vision.writers import write_mraw
@@ -22,8 +23,7 @@ def filmed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path, np.nda
     folder = tmp_path_factory.mktemp("film")
     body = SyntheticBody("bar", box(-30.0, -22.0, 80.0, 22.0), speckle((-36.0, -28.0, 86.0, 28.0), 5))
     scene = Scene([body], background(150, 210, 6))
-    x = np.clip((np.arange(60) - 14) / 36, 0, 1)
-    angle = 0.25 * x**3 * (10 - 15 * x + 6 * x * x)
+    angle = 0.25 * smooth_step((np.arange(60) - 14) / 36)
     sensor = Sensor(2.0, 12, 3)
     frames = [sensor.expose(scene.light(np.array([[[a, 92.0, 96.0]]]))) for a in angle]
     film, outlines = folder / "film.mraw", folder / "bodies.toml"

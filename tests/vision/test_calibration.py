@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from tests.command_line import run
+from tests.vision.motion import smooth_step
 from vision.bodies import Body
 from vision.calibration import Calibration, Target, calibrate
 from vision.calibration_file import load_calibration, save_calibration
@@ -98,8 +99,7 @@ def bar_through(lens: Projection, turn_rad: float = 0.35) -> tuple[ArrayFilm, li
     """A bar that turns about an off-centre point of the plane, filmed through a lens; its true angle."""
     body = SyntheticBody("bar", box(-40.0, -25.0, 110.0, 25.0), speckle((-46.0, -31.0, 116.0, 31.0), 5))
     scene = Scene([body], background(HEIGHT, WIDTH, 6), lens)
-    x = np.clip((np.arange(40) - 14) / 20, 0, 1)
-    angle = turn_rad * x**3 * (10 - 15 * x + 6 * x * x)
+    angle = turn_rad * smooth_step((np.arange(40) - 14) / 20)
     sensor = Sensor(2.0, 8, 3)
     frames = [sensor.expose(scene.light(np.array([[[a, 110.0, 140.0]]]))) for a in angle]
     outline = lens.seen(body.outline(0.0, 110.0, 140.0))

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from tests.command_line import run
+from tests.vision.motion import smooth_step
 from vision.bodies import load_bodies, signed_distance
 from vision.errors import TrackingError
 from vision.frames import ArrayFilm
@@ -24,8 +25,7 @@ def film_of_two() -> tuple[np.ndarray, list[np.ndarray], np.ndarray]:
     finger = SyntheticBody("finger", box(-14.0, -70.0, 14.0, 10.0), speckle((-20.0, -76.0, 20.0, 16.0), 2))
     rest = SyntheticBody("rest", box(-20.0, -15.0, 20.0, 15.0), speckle((-26.0, -21.0, 26.0, 21.0), 4))
     scene = Scene([rest, beam, finger], background(170, 230, 3))
-    x = np.clip((np.arange(80) - 14) / 50, 0, 1)
-    s = x**3 * (10 - 15 * x + 6 * x * x)
+    s = smooth_step((np.arange(80) - 14) / 50)
     angle = np.column_stack([0.12 * s, 0.5 * s])
     pin = np.column_stack([90 + 60 * np.cos(angle[:, 0]), 125 - 60 * np.sin(angle[:, 0])])
     sensor, frames = Sensor(2.0, 8, 7), []

@@ -9,22 +9,13 @@ import numpy as np
 import pytest
 
 import vision.following
+from tests.vision.motion import bar_motion
 from vision.errors import InputError
 from vision.flags import FrameFlag
 from vision.synthetic import Scene
 from vision.track import retrack_frames, track_film
 
 MDEG = np.radians(1e-3)
-
-
-def smooth_step(x: np.ndarray) -> np.ndarray:
-    x = np.clip(x, 0.0, 1.0)
-    return x**3 * (10 - 15 * x + 6 * x * x)
-
-
-def turning(n: int, pivot: tuple[float, float]) -> np.ndarray:
-    s = smooth_step((np.arange(n) - 14) / (n - 24))
-    return np.column_stack([0.3 * s, pivot[0] + 4 * s, pivot[1] + 2 * s])[:, None, :]
 
 
 class StoppedError(Exception):
@@ -49,7 +40,7 @@ def test_interrupted_run_goes_on_to_the_same_numbers(
     method: str,
 ) -> None:
     monkeypatch.setattr(vision.following, "EVERY_ROWS", 16)
-    known = film_of(bar_scene("wood"), turning(70, pivot))
+    known = film_of(bar_scene("wood"), bar_motion(70, pivot, 0.3))
     whole = track_film(known.film, known.bodies, method=method)
     keep = tmp_path / "unfinished.npz"
 
@@ -80,7 +71,7 @@ def test_interrupted_run_goes_on_to_the_same_numbers(
 def test_a_frame_alone_gives_what_the_film_gave(
     bar_scene: Callable[[str], Scene], film_of: Callable[..., object], pivot: tuple[float, float]
 ) -> None:
-    pose = turning(70, pivot)
+    pose = bar_motion(70, pivot, 0.3)
     known = film_of(bar_scene("speckle"), pose)
     result = track_film(known.film, known.bodies)
     near = {"bar": (result.angle_rad[50, 0] + 0.03, result.x_px[50, 0] - 2.0, result.y_px[50, 0] + 1.5)}
@@ -105,7 +96,7 @@ def test_backward_pass_takes_back_a_wrong_stretch(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Poses of three rows are spoilt after the forward pass; the backward pass does not confirm them."""
-    known = film_of(bar_scene("speckle"), turning(70, pivot))
+    known = film_of(bar_scene("speckle"), bar_motion(70, pivot, 0.3))
     forward = vision.following.follow
 
     def spoil(run: object, table: object, *rest: object) -> int:
@@ -129,7 +120,7 @@ def test_backward_pass_takes_back_a_wrong_stretch(
 def test_only_doubtful_rows_are_seen_twice(
     bar_scene: Callable[[str], Scene], film_of: Callable[..., object], pivot: tuple[float, float]
 ) -> None:
-    pose = turning(90, pivot)
+    pose = bar_motion(90, pivot, 0.3)
     clean = film_of(bar_scene("speckle"), pose)
     assert track_film(clean.film, clean.bodies).info["rows_confirmed"] == 0
 

@@ -5,18 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from tests.vision.motion import smooth_step
 from vision.errors import InputError
 from vision.timing import estimate_offset, times_of_counts, times_of_edges
 
 
 def blow(t: np.ndarray) -> np.ndarray:
     """Up within 30 ms, hold, down within 60 ms, 0.09 rad."""
-
-    def step(start: float, length: float) -> np.ndarray:
-        x = np.clip((t - start) / length, 0, 1)
-        return x**3 * (10 - 15 * x + 6 * x * x)
-
-    return 0.09 * (step(0.1, 0.03) - step(0.3, 0.06))
+    return 0.09 * (smooth_step((t - 0.1) / 0.03) - smooth_step((t - 0.3) / 0.06))
 
 
 def test_exposure_centre_and_delay() -> None:

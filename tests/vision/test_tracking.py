@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from tests.vision.motion import bar_motion, smooth_step
 from vision.angles import ccw_to_picture
 from vision.bodies import Body, build_masks
 from vision.ecc import EccFitter
@@ -24,18 +24,6 @@ from vision.track import track_film
 from vision.uncertainty import cramer_rao_bound
 
 MDEG = np.radians(1e-3)
-
-
-def smooth_step(x: NDArray[np.float64]) -> NDArray[np.float64]:
-    """0 to 1 with zero speed and acceleration at both ends."""
-    x = np.clip(x, 0.0, 1.0)
-    return x**3 * (10 - 15 * x + 6 * x * x)
-
-
-def bar_motion(n: int, pivot: tuple[float, float], turn_rad: float, still: int = 14) -> NDArray[np.float64]:
-    """Poses (n, 1, 3) of a bar that rests, turns about its origin, and drifts to the right and down."""
-    s = smooth_step((np.arange(n) - still) / (n - still - 6))
-    return np.column_stack([turn_rad * s, pivot[0] + 6.0 * s, pivot[1] + 3.0 * s])[:, None, :]
 
 
 @pytest.mark.parametrize("engine", ["icgn", "ecc"])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from tests.vision.motion import smooth_step
 from vision.bodies import Body
 from vision.flags import FrameFlag
 from vision.frames import ArrayFilm
@@ -14,11 +15,6 @@ from vision.track import track_film
 HEIGHT, WIDTH, N, STILL = 190, 250, 110, 14
 KINDS = ("bar", "textured", "blackout", "fast", "both")
 WARNED = int(FrameFlag.IMPRECISE | FrameFlag.COVERED)
-
-
-def smooth_step(x: np.ndarray) -> np.ndarray:
-    x = np.clip(x, 0, 1)
-    return x**3 * (10 - 15 * x + 6 * x * x)
 
 
 def hard_film(seed: int) -> tuple[ArrayFilm, Body, np.ndarray]:
