@@ -36,9 +36,9 @@ def load_target(
     from rig.learning import make_target
 
     table = read_channels(source)
-    if time_channel not in table.channels and table.interval_s is not None:
+    if time_channel not in table.channels and force_channel in table.clocks:
         time_channel = None
-    interval_s = table.interval(time_channel, "--time CHANNEL")
+    interval_s = table.interval([force_channel], time_channel, "--time CHANNEL")
     return make_target(
         source.stem, table.channel(force_channel), interval_s, sample_rate_hz, scale=scale, key_bottom_s=key_bottom_s
     )

@@ -1,14 +1,15 @@
-"""Channels of equal length as some program wrote them, and how their times are known.
+"""Channels as some program wrote them, and how their times are known.
 
-Conventions: values and units as in the file, nothing converted. All values are finite: a file with a gap, NaN or
-infinity in a channel that is asked for is refused.
+Conventions: values and units as in the file, nothing converted. A file may hold more than is asked for, also at other
+rates; what is asked for must be finite and whole, and channels used together must lie on one clock.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,19 @@ from rig.errors import InputError
 _NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d{1,4})?", re.ASCII)
 JITTER = 0.02
 """Largest deviation of a time from even spacing, relative to the spacing."""
+SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
+"""Units a channel of times may have."""
+
+
+class Clock(NamedTuple):
+    """Times of a channel by the file's own statement: sample k at ``start_s + k * interval_s`` after ``stamp_s``.
+
+    ``stamp_s`` is the time of day or date it states beside, s from an origin of the file's; 0 where it states none.
+    """
+
+    interval_s: float
+    start_s: float = 0.0
+    stamp_s: float = 0.0
 
 
 def number(cell: str, decimal: str = ".") -> float:
@@ -35,66 +49,166 @@ def number(cell: str, decimal: str = ".") -> float:
     return value
 
 
+def shown(cell: str) -> str:
+    """Return a cell of text for a message, cut where it is long."""
+    return repr(cell if len(cell) <= 40 else cell[:37] + "...")
+
+
 @dataclass(frozen=True, eq=False)
 class ChannelTable:
-    """What a file holds.
+    """What a file, or one segment of it, holds.
 
     Attributes
     ----------
     where : str
         The file, for messages.
     channels : mapping of name to ndarray, shape (n,)
+        Lengths may differ from channel to channel.
     units : mapping of name to unit text, where the file gives one
-    interval_s : float or None
-        Sample interval, s, where the file gives one beside its channels.
+    clocks : mapping of name to Clock, where the file gives one
+    unreadable : mapping of name to what is wrong with that channel
+        Refused when it is asked for.
     """
 
     where: str
     channels: Mapping[str, NDArray[np.float64]]
     units: Mapping[str, str] = field(default_factory=dict)
-    interval_s: float | None = None
+    clocks: Mapping[str, Clock] = field(default_factory=dict)
+    unreadable: Mapping[str, str] = field(default_factory=dict)
 
     def channel(self, name: str) -> NDArray[np.float64]:
         """Return one channel; InputError when it is missing or holds a value that is not finite."""
+        if name in self.unreadable:
+            raise InputError(f"{self.where}: {self.unreadable[name]}")
         if name not in self.channels:
-            raise InputError(f"{self.where}: no channel {name!r}; there are {', '.join(self.channels) or 'none'}")
+            there = ", ".join([*self.channels, *self.unreadable])[:400] or "none"
+            raise InputError(f"{self.where}: no channel {name!r}; there are {there}")
         values = self.channels[name]
         if not np.all(np.isfinite(values)):
             row = int(np.argmin(np.isfinite(values))) + 1
             raise InputError(f"{self.where}: {name} row {row}: found {values[row - 1]}, allowed a finite number")
         return values
 
-    def interval(self, time_channel: str | None, where_else: str = "sample_rate_hz") -> float:
-        """Return the sample interval, s, from a channel of even times in s, or from the file's own statement.
+    def interval(
+        self,
+        names: Sequence[str],
+        time_channel: str | None,
+        where_else: str = "sample_rate_hz",
+        *,
+        unit: str = "s",
+        same_start: bool = False,
+    ) -> float:
+        """Return the sample interval, s, that channels used together have.
+
+        Parameters
+        ----------
+        names : sequence of str
+            The channels; they must be of one length and, where the file states clocks, on one of them.
+        time_channel : str or None
+            Channel of even times; None takes the file's own statement.
+        where_else : str
+            What else can tell the interval, for the message.
+        unit : str
+            Of the channel of times: s, ms or us.
+        same_start : bool
+            The channels begin together, whatever starts the file states.
 
         Raises
         ------
         InputError
-            When times do not rise evenly, or nothing tells the interval.
+            When the channels are of several clocks, times do not rise evenly, or nothing tells the interval.
         """
-        if time_channel is None:
-            if self.interval_s is None:
-                raise InputError(f"{self.where}: no times; name the time channel or give {where_else}")
-            return self.interval_s
-        time_s = self.channel(time_channel)
-        if time_s.size < 2:
-            raise InputError(f"{self.where}: {time_s.size} samples, allowed from 2")
-        step = float(time_s[-1] - time_s[0]) / (time_s.size - 1)
-        if not step > 0:
-            raise InputError(f"{self.where}: {time_channel} does not rise; times must be in s and in order")
-        away = np.abs(time_s - (time_s[0] + step * np.arange(time_s.size))) / step
-        if away.max() > max(JITTER, 0.5000001 * _rounding(time_s) / step):
-            row = int(np.argmax(away)) + 1
-            raise InputError(
-                f"{self.where}: {time_channel} row {row}: {time_s[row - 1]:g} s is {away.max():.3g} intervals off even "
-                "spacing; samples are missing, or the times are not the sample clock's"
-            )
+        self.check_together([*names, *([] if time_channel is None else [time_channel])], same_start)
+        if time_channel is not None:
+            return even_interval(self.channel(time_channel) * SECONDS[unit], f"{self.where}: {time_channel}")
+        stated = self.stated_interval(names)
+        if stated is None:
+            raise InputError(f"{self.where}: no times; name the time channel or give {where_else}")
+        return stated
+
+    def stated_interval(self, names: Sequence[str]) -> float | None:
+        """Return the interval the file states for these channels, s; None where it states none."""
+        stated = [self.clocks[name].interval_s for name in names if name in self.clocks]
+        return stated[0] if stated else None
+
+    def check_together(self, names: Sequence[str], same_start: bool = False) -> None:
+        """Refuse channels of several lengths or clocks: sample k of one would not belong to sample k of another."""
+        first = names[0]
+        for name in names[1:]:
+            sizes = self.channel(first).size, self.channel(name).size
+            if sizes[0] != sizes[1]:
+                raise InputError(
+                    f"{self.where}: {first} has {sizes[0]} samples, {name} {sizes[1]}; allowed is one equal number"
+                )
+        timed = [(name, self.clocks[name]) for name in names if name in self.clocks]
+        for name, clock in timed[1:]:
+            one, reference = timed[0]
+            apart = abs(clock.interval_s - reference.interval_s) * self.channels[one].size
+            if apart > JITTER * reference.interval_s:
+                raise InputError(
+                    f"{self.where}: {one} has a sample every {reference.interval_s:g} s, {name} every "
+                    f"{clock.interval_s:g} s; allowed is one interval for channels used together"
+                )
+            later = (clock.start_s - reference.start_s) + (clock.stamp_s - reference.stamp_s)
+            if abs(later) > JITTER * reference.interval_s and not same_start:
+                raise InputError(
+                    f"{self.where}: {name} begins {later:g} s after {one}; channels used together must begin together "
+                    "(time.same_start = true in the mapping where they did)"
+                )
+
+
+def even_interval(time_s: NDArray[np.float64], what: str) -> float:
+    """Return the interval of even times, s; ``what`` names file and channel in errors.
+
+    Text rounds times: what rounding explains is no jitter, as long as a lost sample would still show.
+
+    Raises
+    ------
+    InputError
+        Times that do not rise, are uneven, or are written too coarsely to tell.
+    """
+    if time_s.size < 2:
+        raise InputError(f"{what}: {time_s.size} samples, allowed from 2")
+    steps = np.diff(time_s)
+    step = float(time_s[-1] - time_s[0]) / (time_s.size - 1)
+    if not step > 0:
+        raise InputError(f"{what} does not rise; times must be in s and in order")
+    if steps.min() < 0:
+        row = int(np.argmax(steps < 0)) + 2
+        raise InputError(f"{what} row {row}: {time_s[row - 1]:.9g} s comes after {time_s[row - 2]:.9g} s")
+    uneven = np.abs(steps - step) / step
+    # what the line through the ends leaves: jitter, rounding at both, and a step that changes on the way
+    away = np.abs(time_s - (time_s[0] + step * np.arange(time_s.size))) / step
+    if max(uneven.max(), away.max()) <= JITTER:
         return step
+    rounding = _rounding(time_s) / step
+    if rounding > 0.45 and abs(np.median(steps) - step) > 0.1 * step:
+        raise InputError(
+            f"{what} is written in steps of {rounding * step:g} s, too coarse for samples every {step:g} s; "
+            "give sample_rate_hz instead"
+        )
+    explained = 0.0 if rounding > 0.45 else 1.01 * rounding
+    most = max(JITTER, explained)
+    if uneven.max() > explained + JITTER or away.max() > most:
+        row = int(np.argmax(uneven)) + 2 if uneven.max() > explained + JITTER else int(np.argmax(away)) + 1
+        raise InputError(
+            f"{what} row {row}: {time_s[row - 1]:.9g} s is {max(away[row - 1], uneven.max()):.3g} intervals off even "
+            "spacing; samples are missing, or the times are not the sample clock's"
+        )
+    return step
+
+
+def written_as(value: float, stated: float) -> bool:
+    """Whether a stated number is a value as text may write it, with few digits: 0.000021 is 1/48000."""
+    return abs(stated - value) <= max(0.51 * _rounding(np.array([stated])), 1e-5 * abs(value))
 
 
 def _rounding(time_s: NDArray[np.float64]) -> float:
-    """Smallest decimal place the times are written with, s, at least 1e-9: rounded text is not jitter."""
+    """Decimal place the times are written with, s, at least what floating point leaves of them."""
+    floor = float(4 * np.spacing(np.abs(time_s).max()))
     for digits in range(1, 9):
-        if np.all(np.abs(np.round(time_s, digits) - time_s) < 1e-10 * np.maximum(np.abs(time_s), 1.0)):
+        if 10.0**-digits < floor:
+            break
+        if np.all(np.abs(np.round(time_s, digits) - time_s) <= max(floor, 1e-15)):
             return float(10.0**-digits)
-    return 1e-9
+    return floor

@@ -1,19 +1,24 @@
-"""CSV: one row of names, then one row of numbers per sample; lines that begin with # and empty lines are passed over.
+"""CSV: one row of names, perhaps one of units, then one row per sample; ``#`` lines and empty lines are passed over.
 
-Conventions: UTF-8; separator and decimal sign are given, never guessed. A row that is too short or long, or a cell
-that is no number, is refused with its row (from 1 below the names) and column.
+Conventions: UTF-8; separator and decimal sign are given, never guessed. A unit may also stand in brackets behind a
+name, ``Force (N)``; the name keeps it. A column of clock times (``10:15:00.0002``, ISO 8601 date and time) becomes
+seconds after its first row. A row that is too short or long is refused with its number (from 1 below the names), a
+column with a cell that is no number when it is asked for.
 """
 
 from __future__ import annotations
 
 import csv
+from datetime import datetime
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rig import toml_file
 from rig.errors import InputError
-from rig.foreign.channel_table import ChannelTable, number
+from rig.foreign import units
+from rig.foreign.channel_table import ChannelTable, number, shown
 
 
 def read_csv(path: Path, separator: str = ",", decimal: str = ".") -> ChannelTable:
@@ -22,7 +27,7 @@ def read_csv(path: Path, separator: str = ",", decimal: str = ".") -> ChannelTab
     Raises
     ------
     InputError
-        When the file cannot be read, has no rows, or a name or cell cannot be used.
+        When the file cannot be read, has no rows, or rows of several lengths.
     """
     return parse_csv(toml_file.read_text(path), str(path), separator, decimal)
 
@@ -36,19 +41,60 @@ def parse_csv(text: str, where: str, separator: str = ",", decimal: str = ".") -
         rows = list(csv.reader(lines, delimiter=separator, strict=True))
     except csv.Error as error:
         raise InputError(f"{where}: not a CSV file ({error})") from None
-    if len(rows) < 2:
-        raise InputError(f"{where}: {max(len(rows) - 1, 0)} rows of numbers, allowed from 1 below a row of names")
-    names = [name.strip() for name in rows[0]]
-    if len(set(names)) != len(names) or not all(names):
-        raise InputError(f"{where}: names {', '.join(names)[:200]!r} must be unique and not empty")
-    values = np.empty((len(rows) - 1, len(names)))
-    for i, row in enumerate(rows[1:]):
+    names = [name.strip() for name in rows[0]] if rows else []
+    stated = [units.of_name(name) for name in names]
+    first = 1
+    if len(rows) > 1 and len(rows[1]) == len(names) and units.is_units_row(rows[1]):
+        stated = [cell.strip().strip("()[]").strip() or unit for cell, unit in zip(rows[1], stated, strict=True)]
+        first = 2
+    if len(rows) <= first:
+        raise InputError(f"{where}: {max(len(rows) - first, 0)} rows of numbers, allowed from 1 below a row of names")
+    for i, row in enumerate(rows[first:], first):
         if len(row) != len(names):
-            raise InputError(f"{where}: row {i + 1}: {len(row)} cells, allowed {len(names)}, one for each name")
-        for k, cell in enumerate(row):
+            raise InputError(
+                f"{where}: row {i}: {len(row)} cells, allowed {len(names)}, one for each name (separator {separator!r})"
+            )
+    if all(not name for name in names):
+        raise InputError(f"{where}: its first row holds no name of a column")
+    columns, unreadable = {}, {}
+    for k, name in enumerate(names):
+        if names.count(name) > 1 and name:
+            unreadable[name] = f"{names.count(name)} columns are named {name!r}; names must be unique"
+        elif name:
             try:
-                values[i, k] = number(cell, decimal)
-            except ValueError:
-                shown = cell if len(cell) <= 40 else cell[:37] + "..."
-                raise InputError(f"{where}: row {i + 1}: {names[k]} found {shown!r}, allowed a number") from None
-    return ChannelTable(where, {name: values[:, k].copy() for k, name in enumerate(names)})
+                columns[name], is_clock = _column([row[k] for row in rows[first:]], decimal, first)
+                stated[k] = "s" if is_clock else stated[k]
+            except ValueError as error:
+                unreadable[name] = f"{name} {error}"
+    known = {name: unit for name, unit in zip(names, stated, strict=True) if unit and name in columns}
+    return ChannelTable(where, columns, known, unreadable=unreadable)
+
+
+def _column(cells: list[str], decimal: str, first: int) -> tuple[NDArray[np.float64], bool]:
+    """Numbers of a column, and whether they were clock times."""
+    started = _clock(cells[0], decimal)
+    values = np.empty(len(cells))
+    for i, cell in enumerate(cells):
+        try:
+            if started is None:
+                values[i] = number(cell, decimal)
+            else:
+                read = _clock(cell, decimal)
+                if read is None:
+                    raise ValueError
+                values[i] = (read - started).total_seconds()
+        except (ValueError, TypeError):
+            what = "a number" if started is None else "a time like the first"
+            raise ValueError(f"row {first + i}: found {shown(cell)}, allowed {what}") from None
+    return values, started is not None
+
+
+def _clock(cell: str, decimal: str) -> datetime | None:
+    """A time of day, on an arbitrary date, or a date and time; None for anything else."""
+    text = cell.strip().replace(decimal, ".")
+    if ":" not in text:
+        return None
+    try:
+        return datetime.fromisoformat(text if "-" in text or "/" in text else f"2000-01-01T{text}")
+    except ValueError:
+        return None

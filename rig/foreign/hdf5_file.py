@@ -1,7 +1,8 @@
-"""HDF5: a sealed trial of a session, or any file with one-dimensional numeric datasets at its root.
+"""HDF5: a sealed trial of a session, or any file with one-dimensional datasets of numbers (``name``, ``group/name``).
 
 A trial gives ``force_n`` (less its mean before the blow), ``motor_command_v`` and the angles in rad; its seal is
-checked first. Other files carry no checksum: what the HDF5 library cannot read is refused.
+checked first. Other files carry no checksum: what the HDF5 library cannot read is refused. A dataset's attribute
+``units`` is its unit.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ import h5py
 import numpy as np
 
 from rig.errors import InputError
-from rig.foreign.channel_table import ChannelTable
+from rig.foreign.channel_table import ChannelTable, Clock
 from rig.session.trial_file import SCHEMA, read_trial
 
 
@@ -22,17 +23,12 @@ def read_hdf5(path: Path) -> ChannelTable:
     Raises
     ------
     InputError
-        When the file cannot be read or holds no numbers at its root.
+        When the file cannot be read or holds no numbers.
     """
     try:
         with h5py.File(path, "r") as file:
             if file.attrs.get("schema") != SCHEMA:
-                columns = {
-                    name: np.asarray(node[()], dtype=np.float64)
-                    for name, node in file.items()
-                    if isinstance(node, h5py.Dataset) and node.ndim == 1 and node.dtype.kind in "iuf"
-                }
-                return _checked(path, columns)
+                return _plain(path, file)
     except InputError:
         raise
     except (OSError, RuntimeError, ValueError, TypeError, KeyError) as error:
@@ -47,12 +43,21 @@ def read_hdf5(path: Path) -> ChannelTable:
         "motor_command_v": data.motor_command_v,
         **angles,
     }
-    return ChannelTable(str(path), columns, {"time_s": "s", "force_n": "N"}, 1.0 / data.sample_rate_hz)
+    clock = Clock(1.0 / data.sample_rate_hz)
+    units = {"time_s": "s", "force_n": "N", "motor_command_v": "V", **dict.fromkeys(angles, "rad")}
+    return ChannelTable(str(path), columns, units, dict.fromkeys(columns, clock))
 
 
-def _checked(path: Path, columns: dict[str, np.ndarray]) -> ChannelTable:
-    sizes = {values.size for values in columns.values()}
-    if len(sizes) != 1 or 0 in sizes:
-        found = ", ".join(f"{name} ({values.size})" for name, values in columns.items()) or "none"
-        raise InputError(f"{path}: datasets of numbers at the root: {found}; allowed some of one equal length")
-    return ChannelTable(str(path), columns)
+def _plain(path: Path, file: h5py.File) -> ChannelTable:
+    columns, units = {}, {}
+
+    def take(name: str, node: h5py.Group | h5py.Dataset) -> None:
+        if isinstance(node, h5py.Dataset) and node.ndim == 1 and node.dtype.kind in "iuf" and node.size:
+            columns[name] = np.asarray(node[()], dtype=np.float64)
+            stated = node.attrs.get("units", b"")
+            units[name] = stated.decode("utf-8", "replace") if isinstance(stated, bytes) else str(stated)
+
+    file.visititems(take)
+    if not columns:
+        raise InputError(f"{path}: no one-dimensional dataset of numbers")
+    return ChannelTable(str(path), columns, {name: unit for name, unit in units.items() if unit})

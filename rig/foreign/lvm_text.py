@@ -1,32 +1,59 @@
-"""LabVIEW measurement files (``.lvm``): a header of the file, one of the segment, then rows of numbers.
+"""LabVIEW measurement files (``.lvm``): a header of the file, then segments: a header each and rows of numbers.
 
-Separator and decimal sign are those the header states. ``X_Columns`` ``One``, ``Multi`` (all equal) and ``No`` (times
-from ``X0`` and ``Delta_X``) are read; the times are channel ``X_Value``. The number of rows must be what ``Samples``
-says. Files of several segments are refused: what lies between them is not stated.
+Separator and decimal sign are those the header states. Values of a segment header stand in the column of the channel
+they belong to. ``X_Columns`` ``One``, ``Multi`` and ``No`` (times from ``X0`` and ``Delta_X``) are read; where all
+channels have the same times these are channel ``X_Value``. Every segment becomes a table; with ``Multi_Headings``
+``No`` only the first has a header, and each as many rows as that says. Special blocks are passed over. Source:
+National Instruments, Specification for the LabVIEW Measurement File, 2.0. A count of rows other than ``Samples`` says
+is refused.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import dataclass
+from datetime import datetime
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rig.errors import InputError
-from rig.foreign.channel_table import ChannelTable, number
+from rig.foreign.channel_table import JITTER, SECONDS, ChannelTable, Clock, even_interval, number, shown, written_as
+from rig.foreign.units import known
 
 END = "***End_of_Header***"
+SPECIAL, END_SPECIAL = "***Start_Special***", "***End_Special***"
 SEPARATORS = {"Tab": "\t", "Comma": ","}
 TIME = "X_Value"
 
 
-def read_lvm(path: Path) -> ChannelTable:
-    """Read the channels of a LabVIEW measurement file.
+@dataclass(frozen=True)
+class _File:
+    """What the header of the file states."""
+
+    where: str
+    separator: str
+    decimal: str
+    columns: str
+    one_heading: bool
+
+
+@dataclass(frozen=True)
+class _Segment:
+    """A segment's header fields by tag, in cells, and its lines from the row of names on."""
+
+    fields: dict[str, list[str]]
+    lines: list[str]
+
+
+def read_lvm(path: Path) -> tuple[ChannelTable, ...]:
+    """Read the segments of a LabVIEW measurement file.
 
     Raises
     ------
     InputError
-        When the file is no such file, is cut off, or holds several segments.
+        When the file is no such file or is cut off.
     """
     try:
         data = path.read_bytes()
@@ -39,43 +66,55 @@ def read_lvm(path: Path) -> ChannelTable:
     return parse_lvm(text, str(path))
 
 
-def parse_lvm(text: str, where: str) -> ChannelTable:
+def parse_lvm(text: str, where: str) -> tuple[ChannelTable, ...]:
     """Read LVM text; ``where`` names it in errors."""
     lines = [line.rstrip("\r") for line in text.split("\n")]
     if not lines[0].startswith("LabVIEW Measurement"):
         raise InputError(f"{where}: not a LabVIEW measurement file; its first line must be 'LabVIEW Measurement'")
+    lines = list(_without_special(lines, where))
     ends = [i for i, line in enumerate(lines) if line.startswith(END)]
-    if len(ends) != 2:
-        raise InputError(f"{where}: {max(len(ends) - 1, 0)} segments, allowed 1; save one segment per file")
-    separator, decimal, columns = _file_header(lines[: ends[0]], where)
-    segment = _fields(lines[ends[0] + 1 : ends[1]], separator)
-    count = _whole(segment, "Channels", where)[0]
-    samples = _whole(segment, "Samples", where)[:count]
-    if count < 1 or len(samples) != count or len(set(samples)) != 1 or samples[0] < 1:
-        raise InputError(f"{where}: Samples {samples} of {count} channels; allowed one equal number from 1 for each")
-    return _table(lines[ends[1] + 1 :], segment, separator, decimal, columns, count, samples[0], where)
+    if len(ends) < 2:
+        raise InputError(f"{where}: 0 segments, allowed from 1; the file is cut off")
+    file = _file_header(lines[: ends[0]], where)
+    tables: list[ChannelTable] = []
+    for segment in _segments(file, lines[ends[0] + 1 :]):
+        name = where if len(ends) == 2 else f"{where} segment {len(tables) + 1}"
+        tables += _tables(file, segment, name)
+    return tuple(tables)
 
 
-def _file_header(lines: list[str], where: str) -> tuple[str, str, str]:
-    header = _fields(lines, "\t")
-    header.update({key: value for key, value in _fields(lines, ",").items() if key not in header})
-    stated = {key: value[0].strip() if value else "" for key, value in header.items()}
-    separator = stated.get("Separator", "")
+def _without_special(lines: list[str], where: str) -> Iterator[str]:
+    inside = False
+    for line in lines:
+        if line.startswith(SPECIAL):
+            inside = True
+        elif line.startswith(END_SPECIAL):
+            inside = False
+        elif not inside:
+            yield line
+    if inside:
+        raise InputError(f"{where}: {SPECIAL} without {END_SPECIAL}; the file is cut off")
+
+
+def _file_header(lines: list[str], where: str) -> _File:
+    separators = {line[len("Separator") + 1 :].strip(" \t,") for line in lines if line.startswith("Separator")}
+    separator = separators.pop() if len(separators) == 1 else "" if separators else "Tab"
     if separator not in SEPARATORS:
         raise InputError(f"{where}: Separator {separator!r}, allowed {' or '.join(SEPARATORS)}")
-    if SEPARATORS[separator] == ",":
-        stated = {key: value[0].strip() if value else "" for key, value in _fields(lines, ",").items()}
+    fields = _fields(lines, SEPARATORS[separator])
+    stated = {key: value[0].strip() for key, value in fields.items() if value}
     decimal = stated.get("Decimal_Separator", ".")
+    # a decimal comma in a file separated by commas leaves an empty cell behind the tag: it cannot be read
     if decimal not in (".", ",") or (decimal == "," and separator == "Comma"):
         raise InputError(f"{where}: Decimal_Separator {decimal!r}, allowed '.', or ',' where Separator is Tab")
-    columns = stated.get("X_Columns", "")
+    columns = stated.get("X_Columns", "One")
     if columns not in ("One", "Multi", "No"):
         raise InputError(f"{where}: X_Columns {columns!r}, allowed One, Multi or No")
-    return SEPARATORS[separator], decimal, columns
+    return _File(where, SEPARATORS[separator], decimal, columns, stated.get("Multi_Headings", "") == "No")
 
 
 def _fields(lines: list[str], separator: str) -> dict[str, list[str]]:
-    found = {}
+    found: dict[str, list[str]] = {}
     for line in lines:
         key, *values = line.split(separator)
         if key.strip():
@@ -83,8 +122,152 @@ def _fields(lines: list[str], separator: str) -> dict[str, list[str]]:
     return found
 
 
-def _whole(segment: dict[str, list[str]], key: str, where: str) -> list[int]:
-    cells = [cell.strip() for cell in segment.get(key, []) if cell.strip()]
+def _segments(file: _File, lines: list[str]) -> Iterator[_Segment]:
+    """Cut what is behind the file's header: the tags that stand before an end of header belong to its segment."""
+    ends = [i for i, line in enumerate(lines) if line.startswith(END)]
+    starts = []
+    for end in ends:
+        start = end
+        while start > 0 and _is_tag(lines[start - 1], file):
+            start -= 1
+        starts.append(start)
+    if any(line.strip() for line in lines[: starts[0]]):
+        raise InputError(
+            f"{file.where}: found {shown(lines[0])} before the first segment's header; the file is damaged"
+        )
+    for start, end, stop in zip(starts, ends, [*starts[1:], len(lines)], strict=True):
+        yield _Segment(_fields(lines[start:end], file.separator), lines[end + 1 : stop])
+
+
+def _is_tag(line: str, file: _File) -> bool:
+    """Whether a line can stand in a segment's header: empty, or with a first cell that is no number or name."""
+    cell = line.split(file.separator)[0].strip()
+    if not cell:
+        return not line.strip()
+    try:
+        number(cell, file.decimal)
+    except ValueError:
+        return cell != TIME
+    return False
+
+
+def _tables(file: _File, segment: _Segment, where: str) -> list[ChannelTable]:
+    """The segment's table, and those of segments without a header that follow it."""
+    count = _whole(segment.fields.get("Channels", [])[:1], "Channels", where)[0]
+    if not 1 <= count <= 10_000:
+        raise InputError(f"{where}: Channels {count}, allowed 1 to 10000")
+    multi = file.columns == "Multi"
+    at = list(range(1, 2 * count, 2)) if multi else list(range(1, count + 1))
+    cells = [c for c in segment.fields.get("Samples", [])[: at[-1]] if c.strip()]
+    samples = _whole(cells, "Samples", where)
+    if len(samples) != count or len(set(samples)) != 1 or samples[0] < 1:
+        raise InputError(f"{where}: Samples {samples} of {count} channels; allowed one equal number from 1 for each")
+    rows = [line.split(file.separator) for line in segment.lines if line.strip()]
+    if not rows:
+        raise InputError(f"{where}: no row of channel names")
+    heads = [cell.strip() for cell in rows[0]]
+    names = [heads[k] if k < len(heads) else "" for k in at]
+    time_at = list(range(0, 2 * count, 2)) if multi else [0]
+    if any(k >= len(heads) or heads[k] != TIME for k in time_at) or len(set(names)) != count or not all(names):
+        raise InputError(f"{where}: column names {heads[:40]}; allowed {TIME} and {count} unique names")
+    packets, left = divmod(len(rows) - 1, samples[0])
+    if left or packets < 1 or (packets > 1 and not file.one_heading):
+        raise InputError(f"{where}: {len(rows) - 1} rows, but Samples says {samples[0]}; the file is cut off or joined")
+    values = _values(file, rows[1:], at[-1] + 1, where)
+    tables = []
+    for k in range(packets):
+        name = where if packets == 1 else f"{where} segment {k + 1}"
+        tables.append(_table(file, segment, names, at, values[k * samples[0] : (k + 1) * samples[0]], name))
+    return tables
+
+
+def _values(file: _File, rows: list[list[str]], width: int, where: str) -> NDArray[np.float64]:
+    values = np.zeros((len(rows), width))
+    first = 1 if file.columns == "No" else 0  # the column of times is empty
+    for i, row in enumerate(rows):
+        if len(row) < width or any(cell.strip() for cell in row[width + 1 :]):
+            raise InputError(f"{where}: row {i + 1}: {len(row)} cells, allowed {width} and a comment")
+        values[i, first:] = _numbers(row[first:width], file.decimal, f"row {i + 1}:", where)
+    return values
+
+
+def _table(
+    file: _File, segment: _Segment, names: list[str], at: list[int], values: NDArray[np.float64], where: str
+) -> ChannelTable:
+    def of_channel(tag: str) -> dict[str, str]:
+        cells = segment.fields.get(tag, [])
+        return {
+            name: cells[k - 1].strip()
+            for name, k in zip(names, at, strict=True)
+            if k <= len(cells) and cells[k - 1].strip()
+        }
+
+    def quantity(tag: str) -> dict[str, float]:
+        return {name: _numbers([cell], file.decimal, tag, where)[0] for name, cell in of_channel(tag).items()}
+
+    dimensions = set(of_channel("X_Dimension").values()) or {"Time"}
+    labels = {known(label) or "s" for label in of_channel("X_Unit_Label").values()} or {"s"}
+    if dimensions != {"Time"} or len(labels) != 1 or not labels <= set(SECONDS):
+        raise InputError(
+            f"{where}: X_Dimension {sorted(dimensions)} in {sorted(labels)}, allowed Time in one of {list(SECONDS)}"
+        )
+    unit = labels.pop()
+    steps, starts = quantity("Delta_X"), quantity("X0")
+    if any(not step > 0 for step in steps.values()):
+        raise InputError(f"{where}: Delta_X {sorted(steps.values())}, allowed above 0")
+    columns = {name: values[:, k].copy() for name, k in zip(names, at, strict=True)}
+    times: list[NDArray[np.float64]]
+    if file.columns == "No":
+        if set(steps) != set(names):
+            raise InputError(f"{where}: X_Columns is No and Delta_X is missing; the times are not known")
+        count = np.arange(len(values), dtype=np.float64)
+        times = [starts.get(name, 0.0) + steps[name] * count for name in names]
+        stated = {name: Clock(steps[name], starts.get(name, 0.0)) for name in names}
+    else:
+        times = [values[:, k - 1] if file.columns == "Multi" else values[:, 0] for k in at]
+        stated = {
+            name: _clock(time, steps.get(name), f"{where}: {TIME} of {name}")
+            for name, time in zip(names, times, strict=True)
+            if len(time) > 1
+        }
+    dates, hours = of_channel("Date"), of_channel("Time")
+    clocks = {
+        name: Clock(
+            clock.interval_s * SECONDS[unit],
+            clock.start_s * SECONDS[unit],
+            _stamp(dates.get(name, ""), hours.get(name, ""), file.decimal, where),
+        )
+        for name, clock in stated.items()
+    }
+    units = of_channel("Y_Unit_Label")
+    if all(np.array_equal(time, times[0]) for time in times):
+        columns[TIME], units[TIME] = times[0].copy(), unit
+    return ChannelTable(where, columns, units, clocks)
+
+
+def _clock(time: NDArray[np.float64], stated: float | None, what: str) -> Clock:
+    """Clock of a column of times, which ``Delta_X`` must agree with as far as the digits of both go."""
+    found = even_interval(time, what)
+    if stated is None or written_as(found, stated):
+        return Clock(
+            found if stated is None or abs(stated / found - 1) * len(time) > JITTER else stated, float(time[0])
+        )
+    raise InputError(f"{what} rises by {found:g}, but Delta_X says {stated:g}; one of them is wrong")
+
+
+def _stamp(date: str, time: str, decimal: str, where: str) -> float:
+    """Seconds of ``Date`` (YYYY/MM/DD) and ``Time`` (HH:MM:SS.XXX) after the beginning of 1904; 0 where not stated."""
+    try:
+        day = (datetime.strptime(date, "%Y/%m/%d") - datetime(1904, 1, 1)).days if date else 0
+        parts = [number(part, decimal) for part in time.split(":")] if time else [0.0, 0.0, 0.0]
+        hour, minute, second = parts
+    except ValueError:
+        raise InputError(f"{where}: Date {date!r}, Time {time!r}, allowed YYYY/MM/DD and HH:MM:SS.XXX") from None
+    return ((day * 24 + hour) * 60 + minute) * 60 + second if date and time else 0.0
+
+
+def _whole(cells: list[str], key: str, where: str) -> list[int]:
+    cells = [cell.strip() for cell in cells]
     if not cells or not all(cell.isascii() and cell.isdigit() and len(cell) < 12 for cell in cells):
         raise InputError(f"{where}: {key} {cells}, allowed whole numbers")
     return [int(cell) for cell in cells]
@@ -94,56 +277,4 @@ def _numbers(cells: list[str], decimal: str, what: str, where: str) -> list[floa
     try:
         return [number(cell, decimal) for cell in cells]
     except ValueError as error:
-        raise InputError(f"{where}: {what} found {str(error)[:40]!r}, allowed a number") from None
-
-
-def _table(
-    lines: list[str],
-    segment: dict[str, list[str]],
-    separator: str,
-    decimal: str,
-    columns: str,
-    count: int,
-    samples: int,
-    where: str,
-) -> ChannelTable:
-    rows = [line.split(separator) for line in lines if line.strip()]
-    if not rows:
-        raise InputError(f"{where}: no row of channel names")
-    heads = [cell.strip() for cell in rows[0]]
-    width = 2 * count if columns == "Multi" else count + 1
-    value_at = list(range(1, 2 * count, 2)) if columns == "Multi" else list(range(1, count + 1))
-    time_at = list(range(0, 2 * count, 2)) if columns == "Multi" else [0]
-    names = [heads[k] if k < len(heads) else "" for k in value_at]
-    if any(k >= len(heads) or heads[k] != TIME for k in time_at) or len(set(names)) != count or not all(names):
-        raise InputError(f"{where}: column names {heads[:40]}; allowed {TIME} and {count} unique names")
-    if len(rows) - 1 != samples:
-        raise InputError(f"{where}: {len(rows) - 1} rows, but Samples says {samples}; the file is cut off or joined")
-    values = np.empty((samples, width))
-    for i, row in enumerate(rows[1:]):
-        cells = row[:width]
-        if columns == "No":
-            cells = ["0", *cells[1:]]  # the column of times is empty
-        if len(cells) < width or any(cell.strip() for cell in row[width + 1 :]):
-            raise InputError(f"{where}: row {i + 1}: {len(row)} cells, allowed {width} and a comment")
-        values[i] = _numbers(cells, decimal, f"row {i + 1}:", where)
-    interval = _interval(segment, decimal, count, where)
-    time: NDArray[np.float64] = values[:, 0].copy()
-    if columns == "No":
-        if interval is None:
-            raise InputError(f"{where}: X_Columns is No and Delta_X is missing; the times are not known")
-        start = _numbers(segment.get("X0", ["0"])[:1], decimal, "X0", where)
-        time = np.asarray(start[0] + interval * np.arange(samples), dtype=np.float64)
-    elif any(not np.array_equal(values[:, k], time) for k in time_at):
-        raise InputError(f"{where}: the channels have different times; allowed one time axis for all")
-    units = dict(zip(names, [cell.strip() for cell in segment.get("Y_Unit_Label", [])], strict=False))
-    table = {TIME: time, **{name: values[:, k].copy() for name, k in zip(names, value_at, strict=True)}}
-    return ChannelTable(where, table, {k: v for k, v in units.items() if v}, interval)
-
-
-def _interval(segment: dict[str, list[str]], decimal: str, count: int, where: str) -> float | None:
-    cells = [cell for cell in segment.get("Delta_X", []) if cell.strip()][:count]
-    steps = set(_numbers(cells, decimal, "Delta_X", where))
-    if len(steps) > 1 or any(not step > 0 for step in steps):
-        raise InputError(f"{where}: Delta_X {sorted(steps)}, allowed one positive number for all channels")
-    return steps.pop() if steps else None
+        raise InputError(f"{where}: {what} found {shown(str(error))}, allowed a number") from None

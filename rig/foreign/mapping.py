@@ -17,22 +17,22 @@ from rig import toml_file
 from rig.channels import BODIES, Number, Table, Text
 from rig.errors import InputError
 from rig.foreign.channel_table import ChannelTable
+from rig.foreign.units import known
 from rig.session.info import ActionInfo, RoomInfo
 
-NEWTONS = {"N": 1.0, "mN": 1e-3, "kN": 1e3, "lbf": 4.4482216152605}
-SYNONYMS = {
-    "n": "N", "newton": "N", "newtons": "N", "mn": "mN", "kn": "kN", "lbf": "lbf", "pound-force": "lbf",
-    "v": "V", "volt": "V", "volts": "V", "mv": "mV", "mv/v": "mV/V", "kg": "kg", "g": "g", "lb": "lb", "lbs": "lb",
-    "deg": "deg", "degree": "deg", "degrees": "deg", "°": "deg", "rad": "rad", "radian": "rad", "radians": "rad",
-    "rev": "rev", "counts": "counts", "ticks": "counts", "s": "s", "ms": "ms",
-}  # fmt: skip
+NEWTONS = {"N": 1.0, "mN": 1e-3, "kN": 1e3, "lbf": 4.4482216152605, "kgf": 9.80665, "gf": 9.80665e-3}
 
 
 class TimeMapping(Table):
-    """The sample clock: a channel of times, s, or its rate; neither where the file states its interval."""
+    """The sample clock: a channel of times or its rate; neither where the file states its interval.
+
+    ``same_start`` says that the channels began together although the file states different starts.
+    """
 
     channel: Text | None = None
+    unit: Literal["s", "ms", "us"] = "s"
     sample_rate_hz: Annotated[float, Field(strict=True, gt=0, le=1e7, allow_inf_nan=False)] | None = None
+    same_start: bool = Field(default=False, strict=True)
 
     @model_validator(mode="after")
     def _one(self) -> TimeMapping:
@@ -45,7 +45,7 @@ class ForceMapping(Table):
     """The load cell: force = (value - ``zero``) · ``newtons_per_unit``, positive downwards on the key."""
 
     channel: Text
-    unit: Literal["N", "mN", "kN", "lbf", "V", "mV", "mV/V"] = "N"
+    unit: Literal["N", "mN", "kN", "lbf", "kgf", "gf", "V", "mV", "mV/V"] = "N"
     newtons_per_unit: Number | None = None
     zero: Number = 0.0
     sensor: str = "unknown"
@@ -90,7 +90,17 @@ class MotorMapping(Table):
 
 
 class Mapping(Table):
-    """A whole mapping file."""
+    """A whole mapping file.
+
+    Attributes
+    ----------
+    absent_encoders : tuple of str
+        Bodies that were not measured; with those of ``encoders`` they are all three.
+    segments : "trials", "join" or None
+        What the segments of a file are: a trial each, or parts of one. None refuses files of several.
+    overrule_units : tuple of str
+        Channels whose unit the file states wrongly: the mapping's is taken.
+    """
 
     schema_name: Literal["piano-action-rig mapping 1"] = Field(alias="schema")
     simulated: bool = Field(strict=True)
@@ -101,7 +111,10 @@ class Mapping(Table):
     blow_start_s: Number | None = Field(default=None, ge=0)
     time: TimeMapping = TimeMapping()
     force: ForceMapping
-    encoders: tuple[EncoderMapping, EncoderMapping, EncoderMapping]
+    encoders: Annotated[tuple[EncoderMapping, ...], Field(max_length=3)] = ()
+    absent_encoders: tuple[Literal["key", "whippen", "hammer"], ...] = ()
+    segments: Literal["trials", "join"] | None = None
+    overrule_units: tuple[Text, ...] = ()
     motor: MotorMapping | None = None
     action: ActionInfo = ActionInfo()
     room: RoomInfo = RoomInfo()
@@ -109,15 +122,30 @@ class Mapping(Table):
     @model_validator(mode="after")
     def _consistent(self) -> Mapping:
         names = tuple(encoder.name for encoder in self.encoders)
-        if names != BODIES:
-            raise ValueError(f"encoders are named {names}, allowed {BODIES} in this order")
-        channels = [self.force.channel, *(encoder.channel for encoder in self.encoders)]
-        channels += [self.motor.channel] if self.motor else []
+        if names != tuple(body for body in BODIES if body in names) or len(set(names)) != len(names):
+            raise ValueError(f"encoders are named {names}, allowed once each, in this order: {BODIES}")
+        if both := [body for body in names if body in self.absent_encoders]:
+            raise ValueError(f"absent_encoders names {both[0]}, which is under encoders as well")
+        if unsaid := [body for body in BODIES if body not in (*names, *self.absent_encoders)]:
+            raise ValueError(
+                f"encoders: {unsaid[0]} is missing; add it, or say absent_encoders = {unsaid} where it was not measured"
+            )
+        channels = self.channels
         if len(set(channels)) != len(channels):
             raise ValueError(f"channels {channels} repeat; each quantity has a channel of its own")
+        if self.time.channel in channels:
+            raise ValueError(f"time.channel = {self.time.channel!r} is a measured channel as well")
+        if unknown := [name for name in self.overrule_units if name not in (*channels, self.time.channel)]:
+            raise ValueError(f"overrule_units names {unknown[0]!r}, allowed are the channels of the mapping")
         if self.separator == self.decimal:
             raise ValueError("separator and decimal are the same sign")
         return self
+
+    @property
+    def channels(self) -> list[str]:
+        """Channels that are measured, force first."""
+        encoders = [encoder.channel for encoder in self.encoders]
+        return [self.force.channel, *encoders, *([self.motor.channel] if self.motor else [])]
 
 
 @dataclass(frozen=True)
@@ -139,9 +167,11 @@ def parse_mapping(text: str, where: str = "mapping") -> MappingFile:
     return MappingFile(toml_file.check(Mapping, toml_file.parse_toml(text, where), where), text, where)
 
 
-def check_unit(table: ChannelTable, channel: str, unit: str) -> None:
-    """Refuse a channel whose own unit is known and another one."""
+def check_unit(table: ChannelTable, channel: str, unit: str, overruled: tuple[str, ...] = ()) -> None:
+    """Refuse a channel that states a unit itself, and another one, unless the mapping overrules it."""
     stated = table.units.get(channel, "").strip()
-    known = SYNONYMS.get(stated.lower())
-    if known is not None and known != unit:
-        raise InputError(f"{table.where}: {channel} is in {stated!r} by the file itself, the mapping says {unit!r}")
+    if known(stated) not in (None, unit) and channel not in overruled:
+        raise InputError(
+            f"{table.where}: {channel} is in {stated!r} by the file itself, the mapping says {unit!r}; correct the "
+            "mapping, or name the channel in overrule_units where the file is wrong"
+        )

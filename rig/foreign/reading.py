@@ -1,8 +1,14 @@
-"""Choosing the reader by the ending of a file's name."""
+"""Choosing the reader by the ending of a file's name, and putting segments of a file together.
+
+Segments are joined only where the file's own times go on from one to the next, or where it gives none that tell.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
+
+import numpy as np
 
 from rig.errors import InputError
 from rig.foreign.channel_table import ChannelTable
@@ -10,8 +16,8 @@ from rig.foreign.channel_table import ChannelTable
 SUFFIXES = (".csv", ".txt", ".lvm", ".tdms", ".h5", ".hdf5")
 
 
-def read_channels(path: str | Path, *, separator: str = ",", decimal: str = ".") -> ChannelTable:
-    """Read all channels of a recording; ``separator`` and ``decimal`` are for CSV only.
+def read_segments(path: str | Path, *, separator: str = ",", decimal: str = ".") -> tuple[ChannelTable, ...]:
+    """Read all channels of a recording, one table a segment; ``separator`` and ``decimal`` are for CSV only.
 
     Raises
     ------
@@ -23,7 +29,7 @@ def read_channels(path: str | Path, *, separator: str = ",", decimal: str = ".")
     if suffix in (".csv", ".txt"):
         from rig.foreign.csv_text import read_csv
 
-        return read_csv(file, separator, decimal)
+        return (read_csv(file, separator, decimal),)
     if suffix == ".lvm":
         from rig.foreign.lvm_text import read_lvm
 
@@ -31,9 +37,58 @@ def read_channels(path: str | Path, *, separator: str = ",", decimal: str = ".")
     if suffix == ".tdms":
         from rig.foreign.tdms_file import read_tdms
 
-        return read_tdms(file)
+        return (read_tdms(file),)
     if suffix in (".h5", ".hdf5"):
         from rig.foreign.hdf5_file import read_hdf5
 
-        return read_hdf5(file)
+        return (read_hdf5(file),)
     raise InputError(f"{file}: ending {suffix!r}, allowed {', '.join(SUFFIXES)}")
+
+
+def read_channels(path: str | Path, *, separator: str = ",", decimal: str = ".") -> ChannelTable:
+    """Read a recording that must be of one segment; raises InputError."""
+    segments = read_segments(path, separator=separator, decimal=decimal)
+    if len(segments) != 1:
+        raise InputError(
+            f"{path}: {len(segments)} segments, allowed 1 here; save the one that is meant to its own file"
+        )
+    return segments[0]
+
+
+def joined(segments: Sequence[ChannelTable], names: Sequence[str]) -> ChannelTable:
+    """Return segments as one table with the channels ``names``.
+
+    Raises
+    ------
+    InputError
+        When a channel is not in all of them, has several units or intervals, or time is missing between them.
+    """
+    first = segments[0]
+    whole = {name: np.concatenate([segment.channel(name) for segment in segments]) for name in names}
+    for before, after in zip(segments, segments[1:], strict=False):
+        for name in names:
+            if before.units.get(name, "") != after.units.get(name, ""):
+                raise InputError(
+                    f"{after.where}: {name} is in {after.units.get(name, '')!r}, in the segment before it in "
+                    f"{before.units.get(name, '')!r}; such segments cannot be joined"
+                )
+            if name not in before.clocks or name not in after.clocks:
+                continue
+            one, other = before.clocks[name], after.clocks[name]
+            n = before.channel(name).size
+            if abs(other.interval_s - one.interval_s) * n > 0.5 * one.interval_s:
+                raise InputError(
+                    f"{after.where}: a sample every {other.interval_s:g} s, in the segment before it every "
+                    f"{one.interval_s:g} s; such segments cannot be joined"
+                )
+            later = other.start_s - one.start_s, other.stamp_s - one.stamp_s
+            silent = later == (0.0, 0.0)  # times begin anew and no stamp tells: the mapping's word counts
+            gaps = [away - n * one.interval_s for away in (later[0], sum(later))]
+            gap = min(gaps, key=abs)
+            if not silent and abs(gap) > 0.5 * one.interval_s:
+                raise InputError(
+                    f"{after.where}: {name} begins {gap:g} s after the end of the segment before it; samples are "
+                    'missing, segments = "trials" keeps them apart'
+                )
+    clocks = {name: first.clocks[name] for name in names if name in first.clocks}
+    return ChannelTable(first.where.removesuffix(" segment 1"), whole, first.units, clocks)

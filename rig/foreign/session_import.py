@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 
 from rig.durable import sha256_of_bytes, sha256_of_file
 from rig.errors import InputError
-from rig.foreign.channel_table import ChannelTable
+from rig.foreign.channel_table import ChannelTable, written_as
 from rig.foreign.mapping import EncoderMapping, Mapping, MappingFile, check_unit
-from rig.foreign.reading import read_channels
+from rig.foreign.reading import joined, read_segments
 from rig.session import Session, SessionInfo
 from rig.session.annotation_file import utc_now
 from rig.session.info import FileInfo, PlanInfo
@@ -47,12 +47,19 @@ def import_session(out: str | Path, files: Sequence[Path], mapping: MappingFile)
     if not files:
         raise InputError("no recording to import")
     config = mapping.config
-    tables = [read_channels(file, separator=config.separator, decimal=config.decimal) for file in files]
-    trials = [
-        make_trial(table, config, number, _file_time(file))
-        for number, (table, file) in enumerate(zip(tables, files, strict=True), 1)
-    ]
-    notes = {f"trial {n}": f"{file.name} sha256 {sha256_of_file(file)}" for n, file in enumerate(files, 1)}
+    trials: list[TrialData] = []
+    notes = {}
+    for file in files:
+        digest = sha256_of_file(file) if file.is_file() else ""
+        tables = _recordings(file, config)
+        for part, table in enumerate(tables, 1):
+            trials.append(make_trial(table, config, len(trials) + 1, _file_time(file)))
+            segment = f" segment {part} of {len(tables)}" if len(tables) > 1 else ""
+            notes[f"trial {len(trials)}"] = f"{file.name}{segment} sha256 {digest}"
+    if config.segments == "join":
+        notes["segments"] = "joined, one trial a file"
+    if config.absent_encoders:
+        notes["absent encoders"] = ", ".join(config.absent_encoders)
     if config.blow_start_s is None:
         notes["blow start"] = "found in the force, not recorded"
     digest = sha256_of_bytes(mapping.text.encode("utf-8"))
@@ -75,6 +82,20 @@ def import_session(out: str | Path, files: Sequence[Path], mapping: MappingFile)
     return session
 
 
+def _recordings(file: Path, config: Mapping) -> tuple[ChannelTable, ...]:
+    """One table for each trial a file holds."""
+    segments = read_segments(file, separator=config.separator, decimal=config.decimal)
+    if len(segments) == 1 or config.segments == "trials":
+        return segments
+    if config.segments is None:
+        raise InputError(
+            f'{file}: {len(segments)} segments; say in the mapping what they are: segments = "trials" or "join"'
+        )
+    names = config.channels
+    timed = all(name in segment.clocks for segment in segments for name in names)
+    return (joined(segments, names if timed or config.time.channel is None else [*names, config.time.channel]),)
+
+
 def _file_time(file: Path) -> str:
     return datetime.fromtimestamp(file.stat().st_mtime, UTC).isoformat(timespec="seconds")
 
@@ -87,22 +108,29 @@ def make_trial(table: ChannelTable, mapping: Mapping, number: int, started_utc: 
     InputError
         When a channel is missing, has another unit, holds what is no finite number, or is no whole count.
     """
-    wanted = mapping.force
-    check_unit(table, wanted.channel, wanted.unit)
+    wanted, time = mapping.force, mapping.time
+    check_unit(table, wanted.channel, wanted.unit, mapping.overrule_units)
     raw = table.channel(wanted.channel)
-    if mapping.time.channel is not None:
-        check_unit(table, mapping.time.channel, "s")
-    if mapping.time.sample_rate_hz is not None:
-        interval_s = 1.0 / mapping.time.sample_rate_hz
-        if table.interval_s is not None and abs(table.interval_s / interval_s - 1) > 1e-3:
-            raise InputError(
-                f"{table.where}: sample interval {table.interval_s:g} s by the file itself, the mapping says "
-                f"{interval_s:g} s"
-            )
+    time_channel = time.channel if time.channel in table.channels or not table.clocks else None
+    if time_channel is not None:
+        check_unit(table, time_channel, time.unit, mapping.overrule_units)
+    if time.sample_rate_hz is None:
+        interval_s = table.interval(
+            mapping.channels, time_channel, "time.sample_rate_hz in the mapping", unit=time.unit,
+            same_start=time.same_start,
+        )  # fmt: skip
     else:
-        interval_s = table.interval(mapping.time.channel, "time.sample_rate_hz in the mapping")
+        table.check_together(mapping.channels, time.same_start)
+        interval_s = 1.0 / time.sample_rate_hz
+        stated = table.stated_interval(mapping.channels)
+        if stated is not None and not written_as(interval_s, stated):
+            raise InputError(
+                f"{table.where}: sample interval {stated:g} s by the file itself, the mapping says {interval_s:g} s"
+            )
     force = (raw - wanted.zero) * wanted.scale
-    counts = np.column_stack([_counts(table, encoder) for encoder in mapping.encoders])
+    counts = np.empty((raw.size, len(mapping.encoders)), dtype=np.int64)
+    for k, encoder in enumerate(mapping.encoders):
+        counts[:, k] = _counts(table, encoder, mapping.overrule_units)
     volts = np.full(raw.size, np.nan)
     if mapping.motor is not None:
         volts = table.channel(mapping.motor.channel) * mapping.motor.volts_per_unit
@@ -146,8 +174,8 @@ def make_trial(table: ChannelTable, mapping: Mapping, number: int, started_utc: 
     )
 
 
-def _counts(table: ChannelTable, encoder: EncoderMapping) -> NDArray[np.int64]:
-    check_unit(table, encoder.channel, encoder.unit)
+def _counts(table: ChannelTable, encoder: EncoderMapping, overruled: tuple[str, ...]) -> NDArray[np.int64]:
+    check_unit(table, encoder.channel, encoder.unit, overruled)
     values = table.channel(encoder.channel)
     if encoder.unit == "counts":
         whole = np.round(values)

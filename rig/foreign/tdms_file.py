@@ -1,7 +1,8 @@
 """TDMS of LabVIEW and NI-DAQmx, by npTDMS (extra ``tdms``): every numeric channel, as ``channel`` or ``group/channel``.
 
-The interval is ``wf_increment`` where all channels agree. TDMS has no checksum: a file that is cut off, whose
-channels differ in length or whose sizes do not fit the file is refused, changed numbers cannot be noticed.
+Clocks are the waveform properties ``wf_increment``, ``wf_start_offset`` and ``wf_start_time``; a channel of time stamps
+becomes seconds after its first. Scales of DAQmx and LabVIEW are applied by npTDMS. TDMS has no checksum: a file that
+is cut off or whose sizes do not fit the file is refused, changed numbers cannot be noticed.
 """
 
 from __future__ import annotations
@@ -10,14 +11,18 @@ import logging
 import struct
 import warnings
 from collections import Counter
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 
 from rig.errors import InputError
-from rig.foreign.channel_table import ChannelTable
+from rig.foreign.channel_table import ChannelTable, Clock
 
-_LEAD_IN = struct.Struct("<4sIIQQ")
+_MARK = struct.Struct("<4sI")
+_SIZES = {False: struct.Struct("<IQQ"), True: struct.Struct(">IQQ")}
+_BIG_ENDIAN = 1 << 6
+"""Bit of the table of contents, which itself is always little-endian."""
 
 
 class _Complaints(logging.Handler):
@@ -73,11 +78,12 @@ def _check_segments(path: Path, size: int) -> None:
     with path.open("rb") as stream:
         while at < size:
             stream.seek(at)
-            lead = stream.read(_LEAD_IN.size)
-            if len(lead) < _LEAD_IN.size or lead[:4] != b"TDSm":
+            lead = stream.read(_MARK.size + _SIZES[False].size)
+            if len(lead) < _MARK.size + _SIZES[False].size or lead[:4] != b"TDSm":
                 raise InputError(f"{path}: not a whole TDMS file (no segment at byte {at})")
-            _, _, version, following, raw = _LEAD_IN.unpack(lead)
-            at += _LEAD_IN.size + following
+            contents = _MARK.unpack_from(lead)[1]
+            version, following, raw = _SIZES[bool(contents & _BIG_ENDIAN)].unpack_from(lead, _MARK.size)
+            at += len(lead) + following
             if at > size or raw > following or version not in (4712, 4713):
                 raise InputError(f"{path}: not a whole TDMS file (its last segment is cut off at byte {size})")
     if not size:
@@ -89,23 +95,37 @@ def _read(path: Path, file: object, size: int, complaints: _Complaints) -> Chann
         channel
         for group in file.groups()  # type: ignore[attr-defined]
         for channel in group.channels()
-        if channel.dtype.kind in "iuf" and len(channel)
+        if channel.dtype.kind in "iufM" and len(channel)
     ]
+    if not channels:
+        raise InputError(f"{path}: no numeric channel")
     if sum(len(channel) * channel.dtype.itemsize for channel in channels) > 16 * size:
         raise InputError(f"{path}: names more samples than its {size} bytes hold; the file is damaged")
-    lengths = {f"{channel.group_name}/{channel.name}": len(channel) for channel in channels}
-    if len(set(lengths.values())) != 1:
-        found = ", ".join(f"{name} ({n})" for name, n in lengths.items()) or "none"
-        raise InputError(f"{path}: numeric channels: {found}; allowed some of one equal length")
     short = Counter(channel.name for channel in channels)
-    columns, units, intervals = {}, {}, set()
+    columns, units, clocks = {}, {}, {}
     for channel in channels:
         name = channel.name if short[channel.name] == 1 else f"{channel.group_name}/{channel.name}"
-        columns[name] = np.asarray(channel[:], dtype=np.float64)
-        units[name] = str(channel.properties.get("unit_string", ""))
-        intervals.add(channel.properties.get("wf_increment"))
-    if complaints.lines or len({values.size for values in columns.values()}) != 1:
-        raise InputError(f"{path}: not a whole TDMS file ({(complaints.lines or ['cut off'])[0][:120]})")
-    interval = intervals.pop() if len(intervals) == 1 else None
-    known = isinstance(interval, float) and np.isfinite(interval) and interval > 0
-    return ChannelTable(str(path), columns, {k: v for k, v in units.items() if v}, interval if known else None)
+        values = channel[:]
+        if len(values) != len(channel):
+            raise InputError(f"{path}: not a whole TDMS file ({name} is cut off)")
+        stamps = channel.dtype.kind == "M"
+        columns[name] = (
+            (values - values[0]) / np.timedelta64(1, "ns") * 1e-9 if stamps else np.asarray(values, dtype=np.float64)
+        )
+        units[name] = "s" if stamps else str(channel.properties.get("unit_string", ""))
+        if (clock := _clock(channel.properties)) is not None:
+            clocks[name] = clock
+    if complaints.lines:
+        raise InputError(f"{path}: not a whole TDMS file ({complaints.lines[0][:120]})")
+    return ChannelTable(str(path), columns, {k: v for k, v in units.items() if v}, clocks)
+
+
+def _clock(properties: Mapping[str, object]) -> Clock | None:
+    """Clock by the waveform properties; None where the increment is not stated."""
+    interval, offset = properties.get("wf_increment"), properties.get("wf_start_offset", 0.0)
+    if not isinstance(interval, float | int) or not (np.isfinite(interval) and interval > 0):
+        return None
+    start = float(offset) if isinstance(offset, float | int) and np.isfinite(offset) else 0.0
+    begun = properties.get("wf_start_time")
+    stamp = begun.astype("datetime64[ns]").astype(np.int64) * 1e-9 if isinstance(begun, np.datetime64) else 0.0
+    return Clock(float(interval), start, float(stamp))

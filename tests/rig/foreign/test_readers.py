@@ -19,6 +19,12 @@ ANGLE = np.array([7.0, 8.0, 9.5, 11.0, -3.0])
 
 def lvm(columns: str = "One", separator: str = "\t", decimal: str = ".", samples: str = "5", rows: int = 5) -> str:
     name = {"\t": "Tab", ",": "Comma"}[separator]
+
+    def field(tag: str, *cells: str) -> str:
+        """A field of the segment: each cell in the column of its channel."""
+        gap = [""] if columns == "Multi" else []
+        return separator.join((tag, cells[0], *gap, *cells[1:]))
+
     head = [
         "LabVIEW Measurement",
         *(
@@ -29,10 +35,10 @@ def lvm(columns: str = "One", separator: str = "\t", decimal: str = ".", samples
         "***End_of_Header***",
         "",
         separator.join(("Channels", "2")),
-        separator.join(("Samples", samples, samples)),
-        separator.join(("Y_Unit_Label", "Newtons", "deg")),
-        separator.join(("X0", "0", "0")),
-        separator.join(("Delta_X", "0.0002".replace(".", decimal), "0.0002".replace(".", decimal))),
+        field("Samples", samples, samples),
+        field("Y_Unit_Label", "Newtons", "deg"),
+        field("X0", "0", "0"),
+        field("Delta_X", "0.0002".replace(".", decimal), "0.0002".replace(".", decimal)),
         "***End_of_Header***",
     ]
     names = {"One": ["X_Value", "Force", "Key"], "No": ["X_Value", "Force", "Key"]}.get(
@@ -48,11 +54,12 @@ def lvm(columns: str = "One", separator: str = "\t", decimal: str = ".", samples
 @pytest.mark.parametrize("columns", ["One", "No", "Multi"])
 @pytest.mark.parametrize(("separator", "decimal"), [("\t", "."), ("\t", ","), (",", ".")])
 def test_lvm_gives_each_channel_its_numbers(columns: str, separator: str, decimal: str) -> None:
-    table = parse_lvm(lvm(columns, separator, decimal), "a.lvm")
+    (table,) = parse_lvm(lvm(columns, separator, decimal), "a.lvm")
     np.testing.assert_allclose(table.channel("Force"), FORCE, atol=1e-9)
     np.testing.assert_allclose(table.channel("Key"), ANGLE, atol=1e-9)
     np.testing.assert_allclose(table.channel("X_Value"), TIME, atol=1e-9)
-    assert table.interval_s == 2e-4 and table.units == {"Force": "Newtons", "Key": "deg"}
+    assert table.interval(["Force", "Key"], None) == 2e-4
+    assert table.units == {"Force": "Newtons", "Key": "deg", "X_Value": "s"}
 
 
 @pytest.mark.parametrize(
@@ -63,11 +70,13 @@ def test_lvm_gives_each_channel_its_numbers(columns: str, separator: str, decima
         (lvm(samples="five"), "Samples ['five', 'five']"),
         (lvm().replace("12.500000", "12,500000"), "allowed a number"),
         (lvm().replace("\t12.500000\t", "\t"), "cells, allowed 3"),
-        (lvm() + lvm().partition("***End_of_Header***")[2], "segments, allowed 1"),
+        (lvm()[: lvm().rindex("***End_of_Header***")], "0 segments"),
+        (lvm().replace("***End_of_Header***", "***Start_Special***", 1), "without"),
+        (lvm().replace("X0\t0", "X_Dimension\tFrequency\r\nX0\t0"), "X_Dimension ['Frequency']"),
         (lvm().replace("X_Columns\tOne", "X_Columns\tTwo"), "X_Columns 'Two'"),
         (lvm().replace("Separator\tTab", "Separator\tPipe", 1), "Separator 'Pipe'"),
-        (lvm("Multi").replace("0.000400\t9.5", "0.000500\t9.5"), "different times"),
-        (lvm().replace("Delta_X\t0.0002\t0.0002", "Delta_X\t0.0002\t0.0004"), "Delta_X"),
+        (lvm("Multi").replace("0.000400\t9.5", "0.000500\t9.5"), "intervals off"),
+        (lvm().replace("Delta_X\t0.0002\t0.0002", "Delta_X\t0.0002\t0.0004"), "Delta_X says 0.0004"),
     ],
 )
 def test_a_damaged_lvm_is_refused(text: str, words: str) -> None:
@@ -87,9 +96,11 @@ def test_csv_with_its_separator_and_decimal_sign() -> None:
     [
         ("", "0 rows"),
         ("a,b\n", "0 rows"),
-        ("a,a\n1,2\n", "unique"),
+        ("a,b,b\n1,2,3\n", "2 columns are named 'b'"),
+        ("a,b\ns,what\n1,2\n", "found 'what'"),
+        ("a,b\n1,10:00\n2,3\n", "row 2: found '3', allowed a time like"),
         ("a,b\n1\n", "row 1: 1 cells, allowed 2"),
-        ("a,b\n1,2\n1,x\n", "row 2: b found 'x'"),
+        ("a,b\n1,2\n1,x\n", "b row 2: found 'x'"),
         ("a,b\n1,nan\n", "found 'nan'"),
         ("a,b\n1,1_000\n", "1_000"),
         ("a,b\n1,1e999\n", "1e999"),
@@ -100,7 +111,7 @@ def test_csv_with_its_separator_and_decimal_sign() -> None:
 )
 def test_a_damaged_csv_is_refused(text: str, words: str) -> None:
     with pytest.raises(InputError, match=r"^a\.csv: ") as caught:
-        parse_csv(text, "a.csv")
+        parse_csv(text, "a.csv").channel("b")
     assert words in str(caught.value) and "\n" not in str(caught.value)
 
 
@@ -122,7 +133,7 @@ def test_tdms_gives_channels_units_and_rate(tmp_path) -> None:
     table = read_channels(path)
     np.testing.assert_array_equal(table.channel("Force"), np.tile(FORCE, 2))
     np.testing.assert_array_equal(table.channel("Key"), np.tile(ANGLE.astype(np.int32), 2))
-    assert table.units == {"Force": "N"} and table.interval(None) == 2e-4
+    assert table.units == {"Force": "N"} and table.interval(["Force", "Key"], None) == 2e-4
     whole = path.read_bytes()
     for cut in (len(whole) - 3, len(whole) - 60, 30, 3):
         path.write_bytes(whole[:cut])
@@ -139,26 +150,42 @@ def test_plain_hdf5_and_a_name_that_is_not_there(tmp_path) -> None:
     with pytest.raises(InputError, match="no channel 'force'; there are f, t"):
         table.channel("force")
     with h5py.File(path, "a") as file:
-        file["g"] = FORCE[:3]
-    with pytest.raises(InputError, match="equal length"):
-        read_channels(path)
+        file["slow/g"] = FORCE[:2]
+    with pytest.raises(InputError, match="f has 5 samples, slow/g 2"):
+        read_channels(path).check_together(["f", "slow/g"])
     path.write_bytes(b"not hdf5")
     with pytest.raises(InputError, match="not a readable HDF5"):
         read_channels(path)
 
 
-def test_times_must_be_even(tmp_path) -> None:
-    even = ChannelTable("a", {"t": np.round(np.arange(40) / 3000, 4), "f": np.arange(40.0)})
-    assert even.interval("t") == pytest.approx(1 / 3000, rel=0.01)  # rounded to 0.1 ms
+def interval_of(time: np.ndarray) -> float:
+    return ChannelTable("a", {"t": time, "f": np.zeros(time.size)}).interval(["f"], "t")
+
+
+@pytest.mark.parametrize("origin_s", [0.0, -3.0, 1.7e9, 3.8e9])
+@pytest.mark.parametrize(("rate_hz", "digits"), [(1000, 3), (5000, 4), (3000, 4), (48_000, 6), (5000, 7), (2048, 9)])
+def test_even_times_are_read_and_one_lost_sample_is_seen(origin_s: float, rate_hz: float, digits: int) -> None:
+    time = np.round(origin_s + np.arange(2000) / rate_hz, digits)
+    assert interval_of(time) == pytest.approx(1 / rate_hz, rel=1e-3)
+    for lost in (1, 17, 999, 1000, 1997):
+        with pytest.raises(InputError, match="samples are missing"):
+            interval_of(np.delete(time, lost))
+
+
+def test_times_must_be_even() -> None:
     time = np.arange(40) / 5000
-    with pytest.raises(InputError, match="samples are missing"):
-        ChannelTable("a", {"t": np.delete(time, 17)}).interval("t")
-    with pytest.raises(InputError, match="does not rise"):
-        ChannelTable("a", {"t": time[::-1]}).interval("t")
+    for wrong, words in (
+        (time[::-1], "does not rise"),
+        (np.concatenate((time[:20], time[18:])), "row 21: .* comes after"),
+        (np.floor(time * 1000) / 1000, "too coarse"),
+        (time**1.01, "off even spacing"),
+    ):
+        with pytest.raises(InputError, match=words):
+            interval_of(wrong)
     with pytest.raises(InputError, match="row 3: found nan"):
-        ChannelTable("a", {"t": np.array([0, 1, np.nan])}).channel("t")
+        interval_of(np.array([0, 1, np.nan]))
     with pytest.raises(InputError, match="no times"):
-        ChannelTable("a", {"f": time}).interval(None)
+        ChannelTable("a", {"f": time}).interval(["f"], None)
 
 
 def test_an_unknown_ending_is_refused() -> None:

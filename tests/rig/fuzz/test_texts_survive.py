@@ -72,11 +72,18 @@ def csv_case() -> tuple[bytes, Any, Any]:
     def right(data: bytes, found: Any) -> None:
         lines = [line for line in data.decode("utf-8-sig").splitlines() if line.strip() and not line.startswith("#")]
         head, *body = csv.reader(io.StringIO("\n".join(lines)))
-        assert [name.strip() for name in head] == list(found.channels)
-        for k, values in enumerate(found.channels.values()):
-            assert [float(row[k]) for row in body] == values.tolist() and np.all(np.isfinite(values))
+        names = [name.strip() for name in head]
+        assert {name for name in names if name} == set(found.channels) | set(found.unreadable)
+        for name, values in found.channels.items():
+            assert [float(row[names.index(name)]) for row in body] == values.tolist() and np.all(np.isfinite(values))
 
-    return whole, lambda data: parse_csv(text(data), "a.csv"), right
+    def read(data: bytes) -> Any:
+        table = parse_csv(text(data), "a.csv")
+        for name in [*table.channels, *table.unreadable]:
+            table.channel(name)
+        return table
+
+    return whole, read, right
 
 
 def lvm_case() -> tuple[bytes, Any, Any]:
@@ -88,14 +95,15 @@ def lvm_case() -> tuple[bytes, Any, Any]:
     rows = "\n".join(f"{k * 2e-4:.4f}\t{np.sin(k):.5f}\t{k * 3}" for k in range(30))
 
     def right(data: bytes, found: Any) -> None:
-        sizes = {values.size for values in found.channels.values()}
-        assert len(sizes) == 1 and all(np.all(np.isfinite(values)) for values in found.channels.values())
-        assert found.interval_s is None or found.interval_s > 0
+        assert all(clock.interval_s > 0 for table in found for clock in table.clocks.values())
+        for table in found:
+            sizes = {values.size for values in table.channels.values()}
+            assert len(sizes) == 1 and all(np.all(np.isfinite(values)) for values in table.channels.values())
         content = data.decode("utf-8-sig", "replace")
         sign = "," if "Decimal_Separator\t," in content else "."
         separator = "," if "Separator,Comma" in content else "\t"
         last = [line for line in content.split("\n") if line.strip()][-1].rstrip("\r").split(separator)
-        for cell, values in zip(last[1:], list(found.channels.values())[1:], strict=False):
+        for cell, values in zip(last[1:], list(found[-1].channels.values()), strict=False):
             assert float(cell.replace(sign, ".")) == values[-1]
 
     return (head + rows + "\n").encode(), lambda data: parse_lvm(data.decode("utf-8-sig", "replace"), "a.lvm"), right
