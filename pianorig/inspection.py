@@ -37,7 +37,8 @@ def session_facts(path: Path) -> dict[str, Any]:
                 "status": trial.status,
                 "rejected": trial.rejected or "no",
                 "samples": data.n_valid,
-                "peak_force_n": round(float(data.force_n.max()), 2),
+                "peak_force_n": round(float(data.force_n.max()), 2) if data.n_valid else "unknown",
+                "not_recorded": ", ".join(data.absent) or "nothing",
                 "film": trial.film.name if trial.film else "none",
             }
         )

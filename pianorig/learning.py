@@ -27,18 +27,33 @@ def load_target(
     time_channel: str | None = "time_s",
     scale: float = 1.0,
     key_bottom_s: float | None = None,
+    separator: str = ",",
+    decimal: str = ".",
 ) -> Target:
     """A recorded force as a target of learning; CSV, LVM, TDMS, HDF5 or a sealed trial.
 
-    A file that states its own sample interval needs no channel of times.
+    A file that states its own sample interval needs no channel of times; one that states another unit than N needs a
+    scale.
     """
     from rig.foreign import read_channels
+    from rig.foreign.channel_table import SECONDS
+    from rig.foreign.units import known
     from rig.learning import make_target
 
-    table = read_channels(source)
+    table = read_channels(source, separator=separator, decimal=decimal)
+    unit = known(table.units.get(force_channel, ""))
+    if unit not in (None, "N") and scale == 1.0:
+        raise InputError(
+            f"{source}: {force_channel} is in {unit!r} by the file itself; give --scale, newtons per {unit}"
+        )
     if time_channel not in table.channels and force_channel in table.clocks:
         time_channel = None
-    interval_s = table.interval([force_channel], time_channel, "--time CHANNEL")
+    time_unit = known(table.units.get(time_channel or "", "")) or "s"
+    if time_unit not in SECONDS:
+        raise InputError(
+            f"{source}: {time_channel} is in {time_unit!r} by the file itself, allowed {', '.join(SECONDS)}"
+        )
+    interval_s = table.interval([force_channel], time_channel, "--time CHANNEL", unit=time_unit)
     return make_target(
         source.stem, table.channel(force_channel), interval_s, sample_rate_hz, scale=scale, key_bottom_s=key_bottom_s
     )

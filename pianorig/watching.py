@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
 def facts(view: View) -> dict[str, Any]:
     """Figures of what is seen."""
+    from rig.session.records import absent_bodies
+
     return {
         "trial": view.trial,
         "trials": view.trials,
@@ -24,25 +26,27 @@ def facts(view: View) -> dict[str, Any]:
         "time_s": float(view.time_s[-1]),
         "force_n": float(view.force_n[-1]),
         "peak_force_n": float(view.force_n.max()),
+        "not_recorded": list(absent_bodies(view.names)),
         **{f"{name}_rad": float(view.angle_rad[-1, k]) for k, name in enumerate(view.names)},
     }
 
 
 def as_text(view: View, width: int = 72) -> str:
-    """Force and hammer angle over time as lines of text."""
+    """Force and the last body's angle, the hammer's, over time as lines of text."""
+    from rig.session.records import absent_bodies
+
     from .terminal_plot import curve
 
     head = f"trial {view.trial} of {view.trials}  {view.state}" + (f"  {view.condition}" if view.condition else "")
-    turned = "  ".join(f"{name} {np.degrees(view.angle_rad[-1, k]):+.2f}" for k, name in enumerate(view.names))
-    lines = [
-        f"{head}  t = {view.time_s[-1]:.2f} s  force {view.force_n[-1]:.2f} N (peak {view.force_n.max():.1f})",
-        f"turned: {turned} deg",
-    ]
-    last = len(view.names) - 1
-    for label, values in (
-        ("force, N", view.force_n),
-        (f"{view.names[last]}, deg", np.degrees(view.angle_rad[:, last])),
-    ):
+    lines = [f"{head}  t = {view.time_s[-1]:.2f} s  force {view.force_n[-1]:.2f} N (peak {view.force_n.max():.1f})"]
+    curves = [("force, N", view.force_n)]
+    if view.names:
+        turned = "  ".join(f"{name} {np.degrees(view.angle_rad[-1, k]):+.2f}" for k, name in enumerate(view.names))
+        lines.append(f"turned: {turned} deg")
+        curves.append((f"{view.names[-1]}, deg", np.degrees(view.angle_rad[:, -1])))
+    if absent := absent_bodies(view.names):
+        lines.append(f"not recorded: {', '.join(absent)}")
+    for label, values in curves:
         lines.append(f"{label}: {values.min():.2f} to {values.max():.2f}")
         lines += curve(values, width, 6)
     return "\n".join(lines)
@@ -54,6 +58,7 @@ def draw(path: Path, view: View) -> None:
     from matplotlib.figure import Figure
 
     from rig.durable import replace_when_complete
+    from rig.session.records import absent_bodies
 
     figure = Figure(figsize=(8.0, 5.0), layout="constrained")
     FigureCanvasAgg(figure)
@@ -62,8 +67,11 @@ def draw(path: Path, view: View) -> None:
     top.set(ylabel="Force (N)", title=f"trial {view.trial} of {view.trials}: {view.state} {view.condition}".strip())
     for k, name in enumerate(view.names):
         bottom.plot(view.time_s, np.degrees(view.angle_rad[:, k]), lw=0.9, label=name)
+    absent = absent_bodies(view.names)
     bottom.set(xlabel="Time (s)", ylabel="Angle from rest (deg)")
-    bottom.legend(fontsize=8)
+    bottom.set_title(f"not recorded: {', '.join(absent)}" if absent else "", fontsize=9)
+    if view.names:
+        bottom.legend(fontsize=8)
     for axes in (top, bottom):
         axes.grid(alpha=0.3)
     with replace_when_complete(path) as part:

@@ -18,11 +18,13 @@ def command(
     scale: Annotated[float, typer.Option("--scale", help="Newtons the motor shall do per unit recorded.")] = 1.0,
     channel: Annotated[str, typer.Option("--channel", help="Name of the force in the file.")] = "force_n",
     time: Annotated[
-        str, typer.Option("--time", help="Name of the times, s; unused where the file has a rate.")
+        str, typer.Option("--time", help="Name of the times; unused where the file has a rate.")
     ] = "time_s",
     key_bottom: Annotated[
         float | None, typer.Option("--key-bottom", help="Time of key bottom in the recording, s; else it is found.")
     ] = None,
+    separator: Annotated[str, typer.Option("--separator", help="Between the cells of CSV.")] = ",",
+    decimal: Annotated[str, typer.Option("--decimal", help="Decimal sign of CSV.")] = ".",
     operator: Annotated[str, typer.Option("--operator", help="Who records.")] = "unknown",
     yes: Annotated[
         bool, typer.Option("--yes", help="On ni*://: do not ask, where safety.allow_yes of the rig file permits.")
@@ -50,9 +52,22 @@ def command(
         raise InputError("two forces have the same name; their folders would be the same")
     if key_bottom is not None and len(forces) > 1:
         raise InputError("--key-bottom: allowed with one force at a time")
+    if len(separator) != 1 or decimal not in (".", ",") or separator == decimal:
+        raise InputError(
+            f"--separator {separator!r}, --decimal {decimal!r}: allowed two different signs, decimal . or ,"
+        )
     rate = load_rig(rig).config.device.sample_rate_hz
     targets = [
-        load_target(path, rate, force_channel=channel, time_channel=time, scale=scale, key_bottom_s=key_bottom)
+        load_target(
+            path,
+            rate,
+            force_channel=channel,
+            time_channel=time,
+            scale=scale,
+            key_bottom_s=key_bottom,
+            separator=separator,
+            decimal=decimal,
+        )
         for path in forces
     ]
     results = []

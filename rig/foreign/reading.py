@@ -82,10 +82,12 @@ def joined(segments: Sequence[ChannelTable], names: Sequence[str]) -> ChannelTab
                     f"{one.interval_s:g} s; such segments cannot be joined"
                 )
             later = other.start_s - one.start_s, other.stamp_s - one.stamp_s
-            silent = later == (0.0, 0.0)  # times begin anew and no stamp tells: the mapping's word counts
-            gaps = [away - n * one.interval_s for away in (later[0], sum(later))]
-            gap = min(gaps, key=abs)
-            if not silent and abs(gap) > 0.5 * one.interval_s:
+            if later == (0.0, 0.0):
+                continue  # times begin anew and no stamp tells: the mapping's word counts
+            # times run on from the first segment's stamp, or begin anew at each segment's own
+            spans = [sum(later)] if later[0] == 0.0 else [later[0], sum(later)]
+            gap = min((span - n * one.interval_s for span in spans), key=abs)
+            if abs(gap) > 0.5 * one.interval_s:
                 raise InputError(
                     f"{after.where}: {name} begins {gap:g} s after the end of the segment before it; samples are "
                     'missing, segments = "trials" keeps them apart'

@@ -74,8 +74,8 @@ class View:
         ``recording``, or the status of a sealed trial.
     condition : str
     time_s, force_n : ndarray, shape (n,)
-    angle_rad : ndarray, shape (n, 3)
-        Key, whippen, hammer from the first sample on.
+    angle_rad : ndarray, shape (n, len(names))
+        Of the bodies ``names`` from the first sample on.
     sealed : int
         Trials sealed so far.
     """

@@ -7,14 +7,23 @@ first sample.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rig.channels import BODIES
+
 if TYPE_CHECKING:
     import pandas as pd
+
+
+def absent_bodies(names: Iterable[str]) -> tuple[str, ...]:
+    """Return the bodies that no encoder of ``names`` reads."""
+    present = set(names)
+    return tuple(body for body in BODIES if body not in present)
 
 
 @dataclass(frozen=True)
@@ -120,8 +129,8 @@ class TrialData:
         Electrical reading of the force channel, in ``force_info.electrical_unit``.
     motor_command_v : ndarray, shape (n,)
         Volts held from each sample to the next, V.
-    encoder_count : ndarray of int64, shape (n, 3)
-        Counts of key, whippen and hammer since arming.
+    encoder_count : ndarray of int64, shape (n, encoders)
+        Counts of key, whippen and hammer since arming; an imported trial may lack some of them.
     condition : str
         Condition of the trial plan; empty without one.
     plan_entry : int
@@ -148,6 +157,11 @@ class TrialData:
     sha256: str = ""
 
     @property
+    def absent(self) -> tuple[str, ...]:
+        """Bodies whose encoder was not recorded, in the usual order."""
+        return absent_bodies(encoder.name for encoder in self.encoders)
+
+    @property
     def n_valid(self) -> int:
         """Number of samples, all of them valid and without a gap."""
         return int(self.time_s.shape[0])
@@ -169,6 +183,6 @@ class TrialData:
         return pd.DataFrame(columns)
 
     def angle_rad(self) -> NDArray[np.float64]:
-        """Return the encoder angles, rad, counter-clockwise, zero at the first sample, shape (n, 3)."""
+        """Return the encoder angles, rad, counter-clockwise, zero at the first sample, shape (n, encoders)."""
         per_count = np.array([encoder.rad_per_count for encoder in self.encoders])
         return (self.encoder_count - self.encoder_count[:1]) * per_count

@@ -10,6 +10,8 @@ from rig.errors import InputError
 from rig.foreign.mapping import parse_mapping
 from rig.foreign.session_import import import_session
 from rig.session import Session
+from validation.errors import TrialError
+from validation.measurement import measure
 
 RATE = 4000.0
 N = 1200
@@ -103,6 +105,69 @@ def test_what_does_not_fit_is_refused_and_leaves_nothing(tmp_path, recording, ol
     assert words in str(caught.value) and "\n" not in str(caught.value) and not (tmp_path / "s").exists()
 
 
+PARTIAL = MAPPING[: MAPPING.index('[[encoders]]\nname = "whippen"')]
+
+
+def test_encoders_that_were_not_there_are_absent_and_named(tmp_path, recording, capsys) -> None:
+    """Missing is missing, not zero: each reader names it in one line."""
+    with pytest.raises(InputError, match=r"encoders: whippen is missing; add it, or say absent_encoders"):
+        parse_mapping(PARTIAL)
+    session = tmp_path / "s"
+    (tmp_path / "m.toml").write_text(PARTIAL.replace("[time]", 'absent_encoders = ["whippen", "hammer"]\n[time]'))
+    for arguments, words in (
+        (["import", recording, "--mapping", tmp_path / "m.toml", "--out", session], "trial 1: run.csv"),
+        (["info", session], "not_recorded whippen, hammer"),
+        (["watch", session, "--once"], "not recorded: whippen, hammer"),
+        (["watch", session, "--once", "--png", tmp_path / "w.png"], "complete"),
+    ):
+        with pytest.raises(SystemExit) as caught:
+            main([str(a) for a in arguments])
+        assert not caught.value.code and words in capsys.readouterr().out
+    data = Session.open(session).trials[0].read()
+    assert data.encoder_count.shape == (N, 1) and data.absent == ("whippen", "hammer")
+    assert list(data.to_table().columns)[-2:] == ["key_count", "key_rad"]
+    with pytest.raises(TrialError, match="encoder 'whippen' is missing; found \\['key'\\]"):
+        measure(data, None, None)
+    assert Session.open(session).info.notes["absent encoders"] == "whippen, hammer"
+
+
+def test_force_alone_makes_a_session(tmp_path, recording, capsys) -> None:
+    text = MAPPING[: MAPPING.index("[[encoders]]")]
+    mapping = parse_mapping(text.replace("[time]", 'absent_encoders = ["key", "whippen", "hammer"]\n[time]'))
+    session = import_session(tmp_path / "s", [recording], mapping)
+    assert session.trials[0].read().angle_rad().shape == (N, 0)
+    for arguments in ([], ["--png", str(tmp_path / "w.png")], ["--json"]):
+        with pytest.raises(SystemExit) as caught:
+            main(["watch", str(tmp_path / "s"), "--once", *arguments])
+        assert not caught.value.code
+    assert "not recorded: key, whippen, hammer" in capsys.readouterr().out
+
+
+def test_segments_become_trials_or_one(tmp_path) -> None:
+    rows = "".join(f"{t:.6f}\t{f:.6f}\t{k:.0f}\r\n" for t, f, k in zip(TIME, 0.4 - FORCE_V, KEY, strict=True))
+    half = rows.splitlines(keepends=True)
+    head = "LabVIEW Measurement\r\nSeparator\tTab\r\nMulti_Headings\tYes\r\nX_Columns\tOne\r\n***End_of_Header***\r\n"
+    segment = (
+        f"Channels\t2\r\nSamples\t{N // 2}\t{N // 2}\r\nX0\t0\t0\r\nDelta_X\t0.00025\t0.00025\r\n"
+        "***End_of_Header***\r\nX_Value\tload\tk\tComment\r\n"
+    )
+    path = tmp_path / "run.lvm"
+    path.write_text(head + segment + "".join(half[: N // 2]) + segment + "".join(half[N // 2 :]))
+    said = 'absent_encoders = ["whippen", "hammer"]\nblow_start_s = 0.05\n'
+    mapping = PARTIAL.replace('[time]\nchannel = "t"', "[time]")
+    with pytest.raises(InputError, match='2 segments; say in the mapping what they are: segments = "trials" or "join"'):
+        import_session(tmp_path / "no", [path], parse_mapping(mapping.replace("[time]", said + "[time]")))
+    assert not (tmp_path / "no").exists()
+    for how, sizes in (("trials", [N // 2, N // 2]), ("join", [N])):
+        text = mapping.replace("[time]", f'{said}segments = "{how}"\n[time]')
+        session = import_session(tmp_path / how, [path], parse_mapping(text))
+        trials = [trial.read() for trial in session.trials]
+        assert [trial.n_valid for trial in trials] == sizes
+        counts = np.concatenate([trial.encoder_count[:, 0] for trial in trials])
+        np.testing.assert_array_equal(counts, KEY)
+    assert "segment 2 of 2 sha256" in Session.open(tmp_path / "trials").info.notes["trial 2"]
+
+
 def test_a_unit_the_file_states_wins_over_a_wrong_mapping(tmp_path) -> None:
     nptdms = pytest.importorskip("nptdms")
     path = tmp_path / "run.tdms"
@@ -118,6 +183,11 @@ def test_a_unit_the_file_states_wins_over_a_wrong_mapping(tmp_path) -> None:
     text = text.replace('unit = "V"\nnewtons_per_unit = -25.0\nzero = 0.2', 'unit = "N"')
     data = import_session(tmp_path / "s", [path], parse_mapping(text)).trials[0].read()
     np.testing.assert_array_equal(data.force_n, FORCE_V)
+    overruled = (
+        text.replace('"N"', '"gf"').replace("[time]", "").replace("[force]", 'overrule_units = ["load"]\n[force]')
+    )
+    grams = import_session(tmp_path / "s3", [path], parse_mapping(overruled)).trials[0].read()
+    np.testing.assert_allclose(grams.force_n, 9.80665e-3 * FORCE_V)
     wrong = text.replace("[force]", "[time]\nsample_rate_hz = 5000.0\n[force]")
     with pytest.raises(InputError, match=r"0\.00025 s by the file itself"):
         import_session(tmp_path / "s2", [path], parse_mapping(wrong))
