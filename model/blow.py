@@ -21,6 +21,7 @@ from .scene import Scene, build_scene
 from .simulation import Simulation, State
 from .solution import EnergyAudit, Solution
 from .statics import RestState, solve_rest
+from .time_table import check_rows, two_columns
 
 if TYPE_CHECKING:
     from .inside import Inside
@@ -32,27 +33,10 @@ def check_force_table(
     time_s: ArrayLike, force_n: ArrayLike, where: str = "force table", column: str = "force_n"
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return times and forces (k,) as float arrays; raise ``InputError`` at the first row that cannot be used."""
-    try:
-        times, forces = np.asarray(time_s, dtype=float), np.asarray(force_n, dtype=float)
-    except (TypeError, ValueError):
-        raise InputError(f"{where}: found something that is not a number; allowed two columns of numbers") from None
-    if times.ndim != 1 or times.shape != forces.shape:
-        raise InputError(f"{where}: found shapes {times.shape} and {forces.shape}, allowed two equal columns")
+    times, forces = two_columns(time_s, force_n, where)
     if len(times) < 2:
         raise InputError(f"{where}: found {len(times)} rows, allowed at least 2")
-    for name, values, limit in (("time_s", times, 1e6), (column, forces, LARGEST_FORCE_N)):
-        bad = ~np.isfinite(values) | (np.abs(values) > limit)
-        if bad.any():
-            row = int(np.argmax(bad))
-            raise InputError(
-                f"{where}: row {row + 1}: {name} found {values[row]:g}, allowed finite numbers up to {limit:g}"
-            )
-    steps = np.diff(times)
-    if (steps <= 0).any():
-        row = int(np.argmax(steps <= 0)) + 1
-        raise InputError(
-            f"{where}: row {row + 1}: time {times[row]:g} s does not follow {times[row - 1]:g} s; times must increase"
-        )
+    check_rows(times, forces, where, column, LARGEST_FORCE_N)
     return times, forces
 
 
