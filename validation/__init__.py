@@ -1,6 +1,6 @@
 """Where measured meets predicted: signals, events, repeatability, scores, report.
 
-Place in the data flow: sessions of `rig` and predictions of `model` → `ValidationResult` → ``report.html``,
+Place in the data flow: sessions of `rig` and predictions of `model` → `ValidationResult`, several of them `SideBySide` → ``report.html``,
 ``results.json``. Names are imported when first used, so that importing `validation` costs nothing.
 """
 
@@ -14,13 +14,17 @@ if TYPE_CHECKING:
     from validation.errors import InputError, PredictionError, TrialError, ValidationError
     from validation.event import EVENTS, Event
     from validation.events import find_events
-    from validation.report import validate_session, write_report
+    from validation.report import validate_session, validate_sessions, write_report
     from validation.result import ValidationResult
+    from validation.side_by_side import SideBySide, compare_sessions
     from validation.signals import correct_force, find_quiet
 
 _HOME = {
     "compare_session": "comparison",
+    "compare_sessions": "side_by_side",
+    "SideBySide": "side_by_side",
     "validate_session": "report",
+    "validate_sessions": "report",
     "write_report": "report",
     "ValidationResult": "result",
     "find_events": "events",
@@ -39,14 +43,17 @@ __all__ = [
     "Event",
     "InputError",
     "PredictionError",
+    "SideBySide",
     "TrialError",
     "ValidationError",
     "ValidationResult",
     "compare_session",
+    "compare_sessions",
     "correct_force",
     "find_events",
     "find_quiet",
     "validate_session",
+    "validate_sessions",
     "write_report",
 ]
 

@@ -14,18 +14,21 @@ import hashlib
 import json
 import os
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import metadata
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
+
+from validation.errors import InputError
 
 NAME = "report.inputs.json"
 SCHEMA = "piano-action-rig report inputs 1"
 PACKAGES = ("model", "rig", "validation")
 LIBRARIES = ("numpy", "scipy", "pandas", "matplotlib", "numba", "h5py", "jinja2")
 SESSION_FILES = ("*.toml", "*.jsonl", "trial_*.h5", "derived/angles/*.h5")
-SOURCES = {".py", ".toml", ".j2", ".css"}
+SOURCES = {".py", ".toml", ".j2", ".css", ".js"}
 
 
 @dataclass(frozen=True)
@@ -37,28 +40,47 @@ class KeptReport:
     made_utc: str
 
 
-def inputs_sha256(session: Path, action: str, options: Mapping[str, object]) -> str:
+def report_folder(sessions: Sequence[Any], out: str | Path | None) -> Path:
+    """Where the report goes: the folder asked for, or that of the only session.
+
+    Raises
+    ------
+    InputError
+        Several sessions and no folder.
+    """
+    if out is not None:
+        return Path(out)
+    if len(sessions) != 1:
+        raise InputError(f"{len(sessions)} sessions: name a folder for their report with --out")
+    return Path(getattr(sessions[0], "path", sessions[0]))
+
+
+def inputs_sha256(sessions: Sequence[Path], actions: Sequence[str], options: Mapping[str, object]) -> str:
     """Hash of everything a report depends on.
 
     Parameters
     ----------
-    session : Path
-        Session folder.
-    action : str
-        Built-in name or path of a TOML file.
+    sessions : sequence of Path
+        Session folders.
+    actions : sequence of str
+        Built-in names or paths of TOML files.
     options : mapping
         Everything else that was asked for; plain values.
     """
     digest = hashlib.sha256()
-    for pattern in SESSION_FILES:
-        for file in sorted(session.glob(pattern)):
-            _feed(digest, file.relative_to(session).as_posix(), file)
-    if Path(action).is_file():
-        _feed(digest, "action", Path(action))
+    for session in sessions:
+        digest.update(f"session {session.name}\0".encode())
+        for pattern in SESSION_FILES:
+            for file in sorted(session.glob(pattern)):
+                _feed(digest, file.relative_to(session).as_posix(), file)
+    for action in actions:
+        digest.update(f"action {action}\0".encode())
+        if Path(action).is_file():
+            _feed(digest, "action", Path(action))
     for package in PACKAGES:
         for file in _sources(package):
             _feed(digest, f"{package}/{file.name}", file)
-    for text in (action, json.dumps(dict(options), sort_keys=True, default=str), sys.version, *_versions()):
+    for text in (json.dumps(dict(options), sort_keys=True, default=str), sys.version, *_versions()):
         digest.update(text.encode() + b"\0")
     return digest.hexdigest()
 

@@ -93,7 +93,7 @@ def scorecard(
     Returns
     -------
     DataFrame
-        channel, score, title, unit, better (lower or higher), model, ceiling, pairs, null, raw_force.
+        channel, score, title, unit, better (lower or higher), value, ceiling, pairs, null, raw_force.
     """
     base = next(iter(traces.values()))["time_s"].to_numpy()
     base = base[window.mask(base)]
@@ -115,7 +115,7 @@ def scorecard(
                             "title": kind.title,
                             "unit": kind.unit,
                             "better": kind.better,
-                            "model": together(score, part[score].to_numpy(dtype=float)),
+                            "value": together(score, part[score].to_numpy(dtype=float)),
                             "ceiling": ceiling[score],
                             "pairs": pairs,
                             "null": together(score, part[f"null_{score}"].to_numpy(dtype=float)),
@@ -133,7 +133,7 @@ def with_scores(channels: pd.DataFrame, scores: pd.DataFrame, card: pd.DataFrame
     out = channels.copy()
     out["rmse_rad"] = out["channel"].map(rms)
     out["null_rmse_rad"] = out["channel"].map(rmse["null"])
-    out["iso_overall"] = out["channel"].map(overall["model"])
+    out["iso_overall"] = out["channel"].map(overall["value"])
     out["iso_ceiling"] = out["channel"].map(overall["ceiling"])
     out["iso_null"] = out["channel"].map(overall["null"])
     out["rmse_over_range"] = out["rmse_rad"] / out["range_rad"]

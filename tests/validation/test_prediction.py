@@ -169,7 +169,7 @@ def test_a_rival_that_fails_is_named_and_takes_nothing_along(small, monkeypatch)
     result = compare_session(session, truth.action, predict=Counting(), budget=False, suspect=False)
     assert "trial 1: null not predicted: does not balance" in result.warnings
     assert result.scorecard["null"].isna().all()
-    assert result.scorecard["model"].notna().any()
+    assert result.scorecard["value"].notna().any()
 
 
 def test_a_trial_the_model_cannot_predict_is_named_and_the_rest_is_compared(small):

@@ -20,6 +20,8 @@ from validation.report.figures import all_figures
 from validation.report.files import write_files
 from validation.report.render import cannot_claim, render_html
 from validation.report.svg import decimate
+from validation.report.view import SessionView
+from validation.side_by_side import alone
 
 
 @pytest.fixture(scope="module")
@@ -80,14 +82,14 @@ def test_text_from_a_session_is_escaped(lonely):
     text = result.files["report.html"].read_text(encoding="utf-8")
     assert text.count("<script") == 1
     assert "&lt;script&gt;alert(" in text
-    assert json.loads(result.files["results.json"].read_text(encoding="utf-8"))["session"] == HOSTILE
+    assert json.loads(result.files["results.json"].read_text(encoding="utf-8"))["results"][0]["session"] == HOSTILE
 
 
 def test_results_json_has_no_nan_and_the_same_numbers(compared, written):
     text = written.files["results.json"].read_text(encoding="utf-8")
     content = json.loads(text, parse_constant=lambda name: pytest.fail(f"{name} in results.json"))
-    assert content["schema"] == "piano-action-rig results 1"
-    assert content["verdict"] == compared.verdict
+    assert (content["schema"], content["schema_version"]) == ("piano-action-rig results", 2)
+    assert content["results"][0]["verdict_lines"] == compared.verdict_lines
     assert set(content["event_definitions"]) == set(EVENTS)
     first = content["tables"]["scores"][0]
     assert first["rmse_rad"] == compared.scores["rmse_rad"].iloc[0]
@@ -96,7 +98,7 @@ def test_results_json_has_no_nan_and_the_same_numbers(compared, written):
     assert jack["state"] == "one trial"
     for name, table in compared.tables.items():
         back = pd.read_csv(io.StringIO(written.files[f"tables/{name}.csv"].read_text(encoding="utf-8")))
-        assert list(back.columns) == list(table.columns)
+        assert list(back.columns) == ["session", "model", *table.columns]
         assert len(back) == len(table)
         assert len(content["tables"][name]) == len(table)
 
@@ -132,7 +134,7 @@ def test_one_trial_and_no_film_are_said(lonely):
     assert result.files["report.html"].parent == session.path
     assert "repeatability is not known" in text
     assert "jack (not filmed)" in text
-    assert any("not filmed: nothing is said" in limit for limit in cannot_claim(result))
+    assert any("not filmed: nothing is said" in limit for limit in cannot_claim(alone(result)))
     assert np.isnan(result.channels["s_r_rad"].astype(float)).all()
     assert "against 1 trial of" in result.verdict
 
@@ -148,7 +150,7 @@ def test_a_blow_too_soft_for_the_string_and_a_film_without_a_frame_are_reported(
     assert channels.loc["jack", "state"] == "no frame tracked"
     assert np.isnan(channels.loc["jack", "rmse_rad"])
     assert np.isfinite(channels.loc["repetition", "rmse_rad"])
-    assert "jack (no frame tracked)" in render_html(result)
+    assert "jack (no frame tracked)" in render_html(alone(result))
 
 
 def test_rejected_and_damaged_trials_are_named_and_the_rest_is_compared(make, tmp_path):
@@ -161,7 +163,7 @@ def test_rejected_and_damaged_trials_are_named_and_the_rest_is_compared(make, tm
     assert result.trials.set_index("trial").loc[2, "reason"] == "rejected: double <b>strike</b>"
     assert "trial_0003.h5" in result.trials.set_index("trial").loc[3, "reason"]
     assert sum("is not used" in text for text in result.warnings) == 2
-    assert "&lt;b&gt;strike" in render_html(result)
+    assert "&lt;b&gt;strike" in render_html(alone(result))
 
 
 def test_a_session_without_trials_and_a_missing_one_are_refused_in_one_line(make, tmp_path):
@@ -238,8 +240,8 @@ def test_overlays_show_bands_and_the_lifts_that_are_left_out(compared):
 
     lift = {"trial": 1, "channel": "key", "start_s": 0.30, "end_s": 0.31}
     marked = pd.DataFrame([lift]).reindex(columns=compared.marked.columns)
-    with_lift = {f.key: f for f in all_figures(replace(compared, marked=marked))["comparison"]}
-    without = {f.key: f for f in all_figures(replace(compared, marked=marked[:0]))["comparison"]}
+    with_lift = {f.key: f for f in all_figures(SessionView((replace(compared, marked=marked),)))["comparison"]}
+    without = {f.key: f for f in all_figures(SessionView((replace(compared, marked=marked[:0]),)))["comparison"]}
     shaded = with_lift["key-model"]
     assert "1 interval, 10.0 ms in all" in shaded.caption
     assert "repeatability limit" in shaded.caption
@@ -253,6 +255,6 @@ def test_overlays_show_bands_and_the_lifts_that_are_left_out(compared):
 
 def test_a_single_trial_has_no_bands(lonely):
     _, result = lonely
-    figures = {f.key: f for group in all_figures(result).values() for f in group}
+    figures = {f.key: f for group in all_figures(SessionView((result,))).values() for f in group}
     assert "FillBetweenPolyCollection" not in figures["key-model"].svg
     assert "Shaded" not in figures["key-model"].caption + figures["key-all"].caption

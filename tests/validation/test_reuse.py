@@ -34,9 +34,9 @@ def kept(folder, inputs):
 
 
 def test_the_same_inputs_give_the_kept_report(session):
-    inputs = inputs_sha256(session, "hirschkorn2004", {"tolerance": 1e-5})
+    inputs = inputs_sha256([session], ["hirschkorn2004"], {"tolerance": 1e-5})
     kept(session, inputs)
-    again = inputs_sha256(session, "hirschkorn2004", {"tolerance": 1e-5})
+    again = inputs_sha256([session], ["hirschkorn2004"], {"tolerance": 1e-5})
     found = kept_report(session, again)
     assert found is not None
     assert found.verdict_lines == ["first", "second"]
@@ -45,25 +45,25 @@ def test_the_same_inputs_give_the_kept_report(session):
 
 @pytest.mark.parametrize("name", ["session.toml", "trial_0001.h5", "derived/angles/trial_0001.h5", "annotations.jsonl"])
 def test_a_changed_input_changes_the_hash(session, name):
-    before = inputs_sha256(session, "hirschkorn2004", {})
+    before = inputs_sha256([session], ["hirschkorn2004"], {})
     (session / name).write_text("changed")
-    assert inputs_sha256(session, "hirschkorn2004", {}) != before
+    assert inputs_sha256([session], ["hirschkorn2004"], {}) != before
 
 
 @pytest.mark.parametrize("name", ["trial_0001.avi", "derived/prediction/trial_0001.h5", "report.html"])
 def test_what_is_no_input_changes_nothing(session, name):
-    before = inputs_sha256(session, "hirschkorn2004", {})
+    before = inputs_sha256([session], ["hirschkorn2004"], {})
     (session / name).write_text("changed")
-    assert inputs_sha256(session, "hirschkorn2004", {}) == before
+    assert inputs_sha256([session], ["hirschkorn2004"], {}) == before
 
 
 def test_options_and_the_action_s_own_file_count(session, tmp_path):
     action = tmp_path / "own.toml"
     action.write_text("x = 1")
-    first = inputs_sha256(session, str(action), {"tolerance": 1e-5})
-    assert inputs_sha256(session, str(action), {"tolerance": 1e-6}) != first
+    first = inputs_sha256([session], [str(action)], {"tolerance": 1e-5})
+    assert inputs_sha256([session], [str(action)], {"tolerance": 1e-6}) != first
     action.write_text("x = 2")
-    assert inputs_sha256(session, str(action), {"tolerance": 1e-5}) != first
+    assert inputs_sha256([session], [str(action)], {"tolerance": 1e-5}) != first
 
 
 def test_a_touched_or_damaged_report_is_made_again(session):

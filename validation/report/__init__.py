@@ -1,82 +1,91 @@
 """The report of a comparison: ``report.html``, ``results.json`` and a CSV per table, written whole or not at
 all.
 
-Place in the data flow: `ValidationResult` → figures, page and tables on disk.
-Conventions: SI and radians in files, degrees and millimetres on the page.
+Place in the data flow: `SideBySide` → figures, page and tables on disk.
+Conventions: SI and radians in files, degrees and millimetres on the page; one report whether one session and model
+are compared or several.
 Failure: a path that cannot be written is an `InputError`, and nothing new is left behind.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 from validation.report.files import check_folder, write_files
 from validation.result import ValidationResult
+from validation.reuse import report_folder
+from validation.side_by_side import SideBySide, alone, compare_sessions
 
-__all__ = ["validate_session", "write_report"]
+__all__ = ["validate_session", "validate_sessions", "write_report"]
 
 
-def validate_session(
-    session_path: str | Path | Any,
-    action: Any = "hirschkorn2004",
+def validate_sessions(
+    sessions: Sequence[str | Path | Any],
+    actions: Sequence[Any] = ("hirschkorn2004",),
     out: str | Path | None = None,
     *,
-    tolerance: float = 1e-5,
-    predict: Callable[..., Any] | None = None,
     progress: Callable[[str], None] | None = None,
     **options: Any,
-) -> ValidationResult:
-    """Compare a session with a model and write the report.
+) -> SideBySide:
+    """Compare every session with every model and write one report.
 
     Parameters
     ----------
-    session_path : path or rig.session.Session
-    action : name, path or model action
+    sessions : sequence of path or rig.session.Session
+    actions : sequence of name, path or model action
     out : path, optional
-        Folder for ``report.html``, ``results.json`` and ``tables/*.csv``; by default the session's own
-        folder.
-    tolerance : float
-        Requested largest error of any predicted angle, rad.
-    predict : callable, optional
-        Stand-in for ``model.simulate``.
+        Folder for ``report.html``, ``results.json`` and ``tables/*.csv``; by default that of the session, if it is one.
     progress : callable, optional
         Called with a line of text per step.
     **options
-        Passed to `validation.comparison.compare_session`.
+        Passed to `validation.side_by_side.compare_sessions` and on to `validation.comparison.compare_session`.
 
     Returns
     -------
-    ValidationResult
+    SideBySide
         With ``files`` naming what was written.
 
     Raises
     ------
     InputError
-        When the session cannot be read, no trial is usable, or the folder cannot be written.
+        No session can be compared, a session or model is given twice, or the folder cannot be written.
     """
-    from validation.comparison import compare_session, open_session
-
-    if out is not None:
-        check_folder(Path(out))  # before any work is done
-    session = open_session(session_path)
-    folder = Path(out) if out is not None else Path(session.path)
-    check_folder(folder)
-    result = compare_session(session, action, tolerance=tolerance, predict=predict, progress=progress, **options)
+    folder = report_folder(sessions, out)
+    check_folder(folder)  # before any work is done
+    side = compare_sessions(sessions, actions, progress=progress, **options)
     if progress is not None:
         progress("writing the report")
-    return write_report(result, folder)
+    return _write(side, folder)
 
 
-def write_report(result: ValidationResult, folder: str | Path) -> ValidationResult:
-    """Write the report of a result into a folder and return the result with its file names."""
+def validate_session(
+    session: str | Path | Any, action: Any = "hirschkorn2004", out: str | Path | None = None, **options: Any
+) -> ValidationResult:
+    """Compare one session with one model and write the report: `validate_sessions` for one of each.
+
+    Returns
+    -------
+    ValidationResult
+        With ``files`` naming what was written.
+    """
+    return validate_sessions([session], [action], out, **options).results[0]
+
+
+def write_report(result: ValidationResult | SideBySide, folder: str | Path) -> ValidationResult | SideBySide:
+    """Write the report of one result, or of several, into a folder and return it with its file names."""
+    if isinstance(result, SideBySide):
+        return _write(result, Path(folder))
+    return _write(alone(result), Path(folder)).results[0]
+
+
+def _write(side: SideBySide, folder: Path) -> SideBySide:
     from validation.report.render import render_html
     from validation.report.results import results_json, table_csv
 
-    target = Path(folder)
-    check_folder(target)
-    texts = {f"tables/{name}.csv": table_csv(table) for name, table in result.tables.items()}
-    texts["results.json"] = results_json(result)
-    texts["report.html"] = render_html(result)  # last: a page never points at tables that are not there yet
-    return result.with_files(write_files(target, texts))
+    check_folder(folder)
+    texts = {f"tables/{name}.csv": table_csv(table) for name, table in side.tables.items()}
+    texts["results.json"] = results_json(side)
+    texts["report.html"] = render_html(side)  # last: a page never points at tables that are not there yet
+    return side.with_files(write_files(folder, texts))

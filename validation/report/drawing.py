@@ -26,6 +26,8 @@ BLACK, ORANGE, SKY, GREEN, BLUE, VERMILION, PURPLE = (
 )
 COLOURS = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, BLACK, SKY)
 DASHES: tuple[tuple[float, ...] | None, ...] = (None, (5, 1.5), (1.5, 1.2), (6, 1.5, 1.5, 1.5), (8, 2))
+MODEL_COLOURS = (VERMILION, BLUE, GREEN, PURPLE, ORANGE)
+MODEL_DASHES = ((5, 1.5), (1.5, 1.2), (6, 1.5, 1.5, 1.5), (8, 2), (3, 1, 1, 1, 1, 1))
 SIGN = {"key": -1.0, "whippen": 1.0, "jack": -1.0, "repetition": -1.0, "hammer": -1.0}
 SYMBOL = {"key": "k", "whippen": "w", "jack": "j", "repetition": "r", "hammer": "h"}
 TITLE = {
@@ -53,6 +55,15 @@ def line_style(i: int) -> dict[str, object]:
     if dash is not None:
         style["dashes"] = dash
     return style
+
+
+def model_style(i: int) -> dict[str, object]:
+    """Colour and dash pattern of the i-th model, none of them the solid black of a trial."""
+    return {
+        "color": MODEL_COLOURS[i % len(MODEL_COLOURS)],
+        "linewidth": 1.3,
+        "dashes": MODEL_DASHES[i % len(MODEL_DASHES)],
+    }
 
 
 def columns_for(curves: int) -> int:

@@ -15,6 +15,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from validation.report.svg import figure_svg
+from validation.report.view import SessionView
 from validation.result import ValidationResult
 
 ZOOM_S = (0.02, 0.03)
@@ -25,10 +26,10 @@ BESIDE_IN, CHARACTER_IN, LINE_IN, EDGE_IN, GAP_IN = 0.34, 0.075, 0.19, 0.1, 0.12
 
 @dataclass(frozen=True)
 class ReportFigure:
-    """One figure: its anchor, the thesis figure it repeats, caption and SVG text."""
+    """One figure: its id, which figure of the thesis it repeats, caption and SVG text."""
 
     key: str
-    number: str
+    anchor: str
     caption: str
     svg: str
 
@@ -81,7 +82,7 @@ def arrange(figure: Figure) -> None:
         left[column] = max(left[column], BESIDE_IN + CHARACTER_IN * longest)
         numbered = bool(axes.xaxis.get_tick_params().get("labelbottom", True))
         below[row] = max(below[row], LINE_IN * (numbered + bool(axes.get_xlabel())))
-        above[row] = max(above[row], LINE_IN * (1.2 if axes.get_title() else 0.0))
+        above[row] = max(above[row], LINE_IN * (1.2 if axes.get_title() or axes.get_title("left") else 0.0))
     width, height = figure.get_size_inches()
     inside = width - left.sum() - EDGE_IN * columns
     between = float(np.mean(left[1:])) + EDGE_IN if columns > 1 else 0.0
@@ -98,12 +99,14 @@ def arrange(figure: Figure) -> None:
 
 
 def finish(
-    result: ValidationResult, figure: Figure, key: str, number: str, caption: str, description: str
+    view: SessionView, figure: Figure, key: str, anchor: str, caption: str, description: str
 ) -> ReportFigure:
     """The drawn figure as a `ReportFigure`; all panels but those around the impact show the evaluation window."""
-    whole = (result.window.start_s, result.window.end_s)
+    window = view.first.window
+    whole = (window.start_s, window.end_s)
     for axes in figure.axes:
         if axes.get_autoscalex_on():
             axes.set_xlim(*whole)
     arrange(figure)
-    return ReportFigure(key, number, caption, figure_svg(figure, key, caption, description, whole))
+    name = f"{view.prefix}{key}"
+    return ReportFigure(name, anchor, caption, figure_svg(figure, name, caption, description, whole))

@@ -111,31 +111,6 @@ def resolution_table(result: ValidationResult) -> PageTable:
     return PageTable("differences", "Differences model − trial by channel (°)", head, rows, notes)
 
 
-def event_page_table(result: ValidationResult) -> PageTable:
-    """Presence, means and paired differences of the events."""
-    rows = []
-    n = len(result.traces)
-    for e in result.event_summary.itertuples():
-        kind = EVENTS[e.event]
-        k = kind.display_factor
-        presence = "both" if e.agree and e.found_trial else "neither" if e.agree else "differs"
-        rows.append(
-            [
-                f"{kind.title} ({kind.display_unit})",
-                f"{e.found_trial} / {e.found_model} of {n}: {presence}"
-                + (f", {e.ambiguous} ambiguous" if e.ambiguous else ""),
-                with_u(k * e.trial_mean, k * e.trial_s),
-                number(k * e.model_mean, 5),
-                with_u(k * e.difference, k * e.u_difference),
-            ]
-        )
-    head = ["event", "found in trials / model", "trials: mean ± s", "model: mean", "model − trial ± u"]
-    notes = [
-        "Differences are paired by trial; u is a standard uncertainty (encoder, levels of rest, scatter over trials)."
-    ]
-    return PageTable("events", "Events: presence first, then timing", head, rows, notes)
-
-
 def event_by_trial_table(result: ValidationResult) -> PageTable:
     """Every event of every trial and its prediction."""
     rows = []

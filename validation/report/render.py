@@ -1,6 +1,6 @@
 """The page: tables, figures and text filled into ``report.html.j2``.
 
-Place in the data flow: `ValidationResult` → HTML text, complete in itself.
+Place in the data flow: `SideBySide` → HTML text, complete in itself.
 Conventions: text that comes from a session is escaped by the template engine; only our own SVG is passed
 through as it is.
 Failure: none of its own.
@@ -17,16 +17,16 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
 from validation.event import EVENTS
-from validation.report import present
-from validation.report.budget_table import area_table, budget_table
-from validation.report.figures import all_figures
-from validation.report.scorecard_table import scorecard_table
+from validation.report.model_tables import matrix, pairs_table
+from validation.report.sections import is_simulated, session_section
+from validation.report.view import SessionView
 from validation.result import ValidationResult
+from validation.side_by_side import SideBySide
 
 HERE = Path(__file__).parent
 
 
-def render_html(result: ValidationResult) -> str:
+def render_html(side: SideBySide) -> str:
     """The report as one HTML page without outside addresses; its only script is the zoom, and no other may run."""
     script = (HERE / "zoom.js").read_text(encoding="utf-8")
     # the text between the tags, with the line end that the template puts on each side
@@ -38,44 +38,29 @@ def render_html(result: ValidationResult) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    environment.filters["drawn"] = Markup  # our own SVG; everything else is escaped
     template = environment.get_template("report.html.j2")
-    figures = {
-        group: [{"figure": f, "svg": Markup(f.svg)} for f in members] for group, members in all_figures(result).items()
-    }
+    several = len(side.sessions) > 1
+    sections = [
+        session_section(SessionView(tuple(results), f"s{i}-" if several else ""))
+        for i, results in enumerate(side.sessions.values(), start=1)
+    ]
     return template.render(
-        result=result,
+        side=side,
+        sections=sections,
         style=Markup((HERE / "report.css").read_text(encoding="utf-8")),
         script=Markup(script),
         script_sha256=base64.b64encode(digest).decode(),
-        impact_s=_impact_s(result),
-        figures=figures,
-        score_matrix=present.score_matrix(result),
-        scorecard=scorecard_table(result),
-        iso=present.iso_table(result),
-        differences=present.resolution_table(result),
-        events=present.event_page_table(result),
-        budget=budget_table(result),
-        area=area_table(result),
-        events_by_trial=present.event_by_trial_table(result),
-        repeatability=present.repeatability_tables(result),
-        trials=present.trial_page_table(result),
+        matrix=matrix(side) if len(side.results) > 1 else None,
+        pairs=pairs_table(side) if len(side.model_pairs) else None,
         definitions=[(kind.title, kind.definition) for kind in EVENTS.values()],
-        limits=cannot_claim(result),
-        provenance=_flat(result.provenance),
-        simulated=bool(result.provenance.get("session", {}).get("simulated", False)),
+        limits=cannot_claim(side),
+        provenance=[(f"{r.session_name}, {r.action_name}", _flat(r.provenance)) for r in side.results],
     )
 
 
-def _impact_s(result: ValidationResult) -> float | None:
-    """String impact of the first trial that has one."""
-    e = result.events
-    times = e[(e["source"] == "trial") & (e["event"] == "string_impact")]["value"].dropna()
-    return float(times.iloc[0]) if len(times) else None
-
-
-def cannot_claim(result: ValidationResult) -> list[str]:
+def cannot_claim(side: SideBySide) -> list[str]:
     """What a reader must not take from this report."""
-    n = len(result.traces)
     limits = [
         "The trials were played in one session on one action: this is repeatability. Other days, remounting, other "
         "actions and other benches are reproducibility, which is not measured here.",
@@ -89,14 +74,33 @@ def cannot_claim(result: ValidationResult) -> list[str]:
         "Hammer height and key dip at rest are taken from the model's rest position; how well the bench agrees with it "
         "is part of the stated uncertainty of events, not measured here.",
     ]
+    for results in side.sessions.values():
+        where = f"{results[0].session_name}: " if len(side.sessions) > 1 else ""
+        limits += [where + text for text in _limits_of(results[0])]
+    if len(side.models) > 1:
+        limits.append(
+            "The model that is closer is closer to these trials of this action. A model may be closer for a wrong "
+            "reason, and parameters fitted to these trials must be judged on others."
+        )
+    if len(side.sessions) > 1:
+        limits.append(
+            "Sessions stand side by side and are not compared with each other: their blows, windows and repeatability "
+            "differ."
+        )
+    return limits
+
+
+def _limits_of(result: ValidationResult) -> list[str]:
+    """What is not known of one session."""
+    limits = []
     filmed = len(result.film_traces)
     if filmed == 0:
         limits.append("Jack and repetition lever were not filmed: nothing is said about them.")
     elif filmed == 1:
         limits.append("Jack and repetition lever were filmed in one trial only: their repeatability is not known.")
-    if n < 2:
+    if len(result.traces) < 2:
         limits.append("With one trial no difference can be judged against repeatability.")
-    if bool(result.provenance.get("session", {}).get("simulated", False)):
+    if is_simulated(result):
         limits.append("The session is simulated: it shows that the method works, not how a real action behaves.")
     return limits
 

@@ -1,18 +1,9 @@
 """``results.json`` and the CSV tables: every number of the report for programs.
 
-Place in the data flow: `ValidationResult` → text.
-
-Schema ``piano-action-rig results 1``; SI units and radians; a value that does not exist is null:
-
-- ``schema``, ``session``, ``action``, ``verdict``: text; ``verdict_lines``, ``warnings``: lists of text
-- ``window``: start_s, end_s, start_rule, end_rule
-- ``tables``: name → list of rows, each a mapping of column → value.  Columns are those of `ValidationResult`:
-  ``trials``, ``scores``, ``channels``, ``events``, ``event_summary``, ``event_repeatability``,
-  ``budget``, ``scorecard``, ``marked``, ``findings``,
-  ``motion_driven``, ``uncertainty``
-- ``event_definitions``: event → title, unit, definition
-- ``provenance``: hashes, versions, tolerance_rad, rules
-
+Place in the data flow: `SideBySide` → text.
+Conventions: SI units and radians.  One result of ``results`` for each session and model; ``tables`` hold the rows of all,
+led by ``session`` and ``model``.  Every field, its meaning and unit: ``results.schema.json`` beside this file (JSON
+Schema 2020-12), as a page ``docs/results.md``.
 Failure: none; NaN and infinities become null, so that every JSON reader accepts the file.
 """
 
@@ -26,32 +17,34 @@ import numpy as np
 import pandas as pd
 
 from validation.event import EVENTS
-from validation.result import ValidationResult
+from validation.side_by_side import SideBySide
 
-SCHEMA = "piano-action-rig results 1"
+SCHEMA = "piano-action-rig results"
+SCHEMA_VERSION = 2
 
 
-def results_json(result: ValidationResult) -> str:
-    """The result as JSON text."""
+def results_json(side: SideBySide) -> str:
+    """The results as JSON text."""
     content = {
         "schema": SCHEMA,
-        "session": result.session_name,
-        "action": result.action_name,
-        "verdict": result.verdict,
-        "verdict_lines": result.verdict_lines,
-        "warnings": result.warnings,
-        "window": {
-            "start_s": result.window.start_s,
-            "end_s": result.window.end_s,
-            "start_rule": result.window.start_rule,
-            "end_rule": result.window.end_rule,
-        },
-        "tables": {name: records(table) for name, table in result.tables.items()},
+        "schema_version": SCHEMA_VERSION,
+        "verdict_lines": side.verdict_lines,
+        "refused": list(side.refused),
+        "results": [
+            {
+                "session": r.session_name,
+                "model": r.action_name,
+                "verdict_lines": r.verdict_lines,
+                "warnings": r.warnings,
+                "provenance": _plain(r.provenance),
+            }
+            for r in side.results
+        ],
+        "tables": {name: records(table) for name, table in side.tables.items()},
         "event_definitions": {
             name: {"title": kind.title, "unit": kind.unit, "definition": kind.definition}
             for name, kind in EVENTS.items()
         },
-        "provenance": _plain(result.provenance),
     }
     return json.dumps(content, indent=1, allow_nan=False, ensure_ascii=False) + "\n"
 

@@ -17,7 +17,7 @@ def scorecard_table(result: ValidationResult) -> PageTable:
     """Every score beside what trials score against each other and what the null model scores."""
     rows = []
     for s in result.scorecard.itertuples():
-        cells = [_cell(s.unit, value) for value in (s.model, s.ceiling, s.null, s.raw_force)]
+        cells = [_cell(s.unit, value) for value in (s.value, s.ceiling, s.null, s.raw_force)]
         better = "smaller is better" if s.better == "lower" else "larger is better"
         unit = "°" if s.unit == "rad" else ""
         rows.append([f"{s.channel}: {s.title}{f' ({unit})' if unit else ''}", *cells, str(s.pairs), better])

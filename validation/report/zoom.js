@@ -1,11 +1,11 @@
-/* One time axis for all overlays: the panels named in each figure's data-panels show the same stretch of time.
-   Curves are moved and stretched as drawn (stroke widths stay); without this script the page shows the whole window. */
+/* One time axis for all overlays of a session: the panels named in each figure's data-panels show the same stretch of
+   time.  Curves are moved and stretched as drawn (stroke widths stay); without this script the page shows the whole
+   window. */
 "use strict";
-(() => {
+for (const home of document.querySelectorAll(".session")) {
+  const bar = home.querySelector("form.zoom");
   const SVG = document.querySelector("svg").namespaceURI;
-  const bar = document.getElementById("zoom");
-  const from = document.getElementById("zoom-from"), to = document.getElementById("zoom-to");
-  const said = document.getElementById("zoom-said");
+  const { from, to } = bar.elements, said = bar.querySelector("output");
   const whole = { a: +from.min, b: +from.max };
   const LEAST = 1e-3;
   let now = { ...whole };
@@ -17,7 +17,7 @@
   };
 
   const panels = [];
-  for (const svg of document.querySelectorAll("svg[data-panels]")) {
+  for (const svg of home.querySelectorAll("svg[data-panels]")) {
     for (const p of JSON.parse(svg.dataset.panels)) {
       const axes = document.getElementById(p.id);
       const name = p.id + "-clip", clip = make("clipPath", { id: name });
@@ -94,7 +94,7 @@
   });
 
   /* with a mouse: draw over a stretch of a panel to see it; a double click shows everything */
-  for (const svg of document.querySelectorAll("svg[data-panels]")) {
+  for (const svg of home.querySelectorAll("svg[data-panels]")) {
     let start = null;
     const place = (event) => {
       const at = new DOMPoint(event.clientX, event.clientY).matrixTransform(svg.getScreenCTM().inverse());
@@ -111,4 +111,4 @@
     svg.addEventListener("dblclick", () => show(whole.a, whole.b));
   }
   bar.hidden = false;
-})();
+}
