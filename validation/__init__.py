@@ -1,7 +1,7 @@
 """Where measured meets predicted: signals, events, repeatability, scores, report.
 
-Place in the data flow: sessions of `rig` and predictions of `model` → `ValidationResult`, several of them `SideBySide` → ``report.html``,
-``results.json``. Names are imported when first used, so that importing `validation` costs nothing.
+Place in the data flow: sessions of `rig` and predictions of `model` → `ValidationResult`, several of them `SideBySide`
+→ ``report.html``, ``results.json``. Names are imported when first used, so that importing `validation` costs nothing.
 """
 
 from __future__ import annotations

@@ -39,8 +39,9 @@ class ValidationResult:
         iso_guards (what makes the ISO-style score doubtful), the same scores of the null model (null_…) and of the
         model driven by the raw force (raw_force_…), u_rms_rad.
     scorecard : DataFrame
-        One row per channel and score: channel, score, title, unit, better (lower or higher), value (of the model, over all trials),
-        ceiling (the same score of trial against trial), pairs (how many of them), null (of the null model), raw_force.
+        One row per channel and score: channel, score, title, unit, better (lower or higher), value (of the model,
+        over all trials), ceiling (the same score of trial against trial), pairs (how many of them), null (of the null
+        model), raw_force.
     marked : DataFrame
         Samples left out of the scores: trial, channel, start_s, end_s, largest_at_s, gap_m, lift_m, rail_pull_n,
         reason.

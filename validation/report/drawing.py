@@ -8,6 +8,8 @@ Failure: none.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
@@ -57,7 +59,7 @@ def line_style(i: int) -> dict[str, object]:
     return style
 
 
-def model_style(i: int) -> dict[str, object]:
+def model_style(i: int) -> dict[str, Any]:
     """Colour and dash pattern of the i-th model, none of them the solid black of a trial."""
     return {
         "color": MODEL_COLOURS[i % len(MODEL_COLOURS)],

@@ -98,9 +98,7 @@ def arrange(figure: Figure) -> None:
     )
 
 
-def finish(
-    view: SessionView, figure: Figure, key: str, anchor: str, caption: str, description: str
-) -> ReportFigure:
+def finish(view: SessionView, figure: Figure, key: str, anchor: str, caption: str, description: str) -> ReportFigure:
     """The drawn figure as a `ReportFigure`; all panels but those around the impact show the evaluation window."""
     window = view.first.window
     whole = (window.start_s, window.end_s)

@@ -1,4 +1,4 @@
-"""Figures of what was measured: force and rotations of all trials with their repeatability; and the list of all figures.
+"""Figures of what was measured, force and rotations of all trials with repeatability; and the list of all figures.
 
 Place in the data flow: traces and spread of a session's first result → SVG text for the page.
 Conventions: the thesis's signs (key, hammer, jack, repetition lever: rest − angle; whippen: angle − rest),

@@ -23,9 +23,7 @@ MATRIX_SCORES = {"rmse_rad": "RMSE (°)", "iso_overall": "ISO-style"}
 def matrix(side: SideBySide) -> PageTable:
     """One row per session and model, and below each session its ceiling and the null model; scores of each channel."""
     channels = [
-        c
-        for c in (*ENCODER_CHANNELS, *FILM_CHANNELS)
-        if any((r.scorecard["channel"] == c).any() for r in side.results)
+        c for c in (*ENCODER_CHANNELS, *FILM_CHANNELS) if any((r.scorecard["channel"] == c).any() for r in side.results)
     ]
     head = ["session", "predicted by", "trials"]
     head += [f"{channel} {title}" for channel in channels for title in MATRIX_SCORES.values()]
@@ -40,9 +38,9 @@ def matrix(side: SideBySide) -> PageTable:
         rows.append([name, "trial by another trial (ceiling)", n, *_cells(first, channels, "ceiling"), DASH])
         rows.append([name, "null model", n, *_cells(first, channels, "null"), DASH])
     notes = [
-        "Over all trials of a session: RMSE by root mean square, the ISO 18571-style score (0 to 1, 1 is best) by mean. "
-        "Ceiling: the same score of one trial against another, the best that can be asked of a model. Sessions are "
-        "never pooled: blows of different conditions or sample rates have no common repeatability."
+        "Over all trials of a session: RMSE by root mean square, the ISO 18571-style score (0 to 1, 1 is best) by "
+        "mean. Ceiling: the same score of one trial against another, the best that can be asked of a model. Sessions "
+        "are never pooled: blows of different conditions or sample rates have no common repeatability."
     ]
     return PageTable("matrix", "Scores of every session, model and channel", head, rows, notes)
 
@@ -92,9 +90,9 @@ def pairs_table(side: SideBySide) -> PageTable:
     ]
     notes = [
         "Every trial is predicted by both models; the difference of their scores is taken trial by trial, so that the "
-        "scatter of the blows cancels. u: standard uncertainty of the mean; interval by Student’s t. p: exact sign-flip "
-        "test, two-sided; least p: the smallest that so many trials allow (five trials: 0.0625); all channels: Holm’s "
-        "correction. Closer to these trials does not mean right."
+        "scatter of the blows cancels. u: standard uncertainty of the mean; interval by Student’s t. p: exact "
+        "sign-flip test, two-sided; least p: the smallest that so many trials allow (five: 0.0625); all channels: "
+        "Holm’s correction. Closer to these trials does not mean right."
     ]
     return PageTable("model-pairs", "Models paired by trial", head, rows, notes)
 

@@ -9,6 +9,8 @@ Failure: a channel without data gets no figure.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -43,7 +45,7 @@ from validation.report.thesis import compared_anchor, measured_anchor
 from validation.report.view import SessionView
 from validation.result import ValidationResult
 
-FROM_ABOVE = {"fontsize": 8, "loc": "lower center", "bbox_to_anchor": (0.5, 1.0), "frameon": False}
+FROM_ABOVE: dict[str, Any] = {"fontsize": 8, "loc": "lower center", "bbox_to_anchor": (0.5, 1.0), "frameon": False}
 
 
 def force_of_one_trial(view: SessionView) -> ReportFigure:
@@ -190,9 +192,7 @@ def film_rotations(view: SessionView) -> list[ReportFigure]:
             f"Rotation of jack and repetition lever relative to the whippen, tracked on the film of "
             f"trial {trial}; below: model minus film, with the film's ± 2u about zero. " + "; ".join(notes) + "."
         )
-        figures.append(
-            finish(view, figure, f"film-{trial}", measured_anchor(view.condition, "film"), caption, caption)
-        )
+        figures.append(finish(view, figure, f"film-{trial}", measured_anchor(view.condition, "film"), caption, caption))
     return figures
 
 

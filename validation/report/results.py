@@ -1,7 +1,7 @@
 """``results.json`` and the CSV tables: every number of the report for programs.
 
 Place in the data flow: `SideBySide` → text.
-Conventions: SI units and radians.  One result of ``results`` for each session and model; ``tables`` hold the rows of all,
+Conventions: SI units and radians.  One of ``results`` for each session and model; ``tables`` hold the rows of all,
 led by ``session`` and ``model``.  Every field, its meaning and unit: ``results.schema.json`` beside this file (JSON
 Schema 2020-12), as a page ``docs/results.md``.
 Failure: none; NaN and infinities become null, so that every JSON reader accepts the file.

@@ -54,9 +54,7 @@ def session_section(view: SessionView) -> SessionSection:
         tables = [_called(make(r), view, "" if i == 0 else f"-m{i + 1}") for i, r in enumerate(view.results)]
         if len(tables) == 1:
             return tables
-        return [
-            replace(t, caption=f"{t.caption}: {r.action_name}") for t, r in zip(tables, view.results, strict=True)
-        ]
+        return [replace(t, caption=f"{t.caption}: {r.action_name}") for t, r in zip(tables, view.results, strict=True)]
 
     return SessionSection(
         prefix=view.prefix,
