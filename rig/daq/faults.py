@@ -91,6 +91,12 @@ def _from_rpc(error: nidaqmx.errors.RpcError, phase: str, what: str) -> Hardware
         )
     if status in (grpc.StatusCode.UNIMPLEMENTED, grpc.StatusCode.UNIMPLEMENTED.value[0]):
         return NotSupported(f"{what}: the server does not know a call that was needed ({phase})", phase=phase)
+    if status in (grpc.StatusCode.ALREADY_EXISTS, grpc.StatusCode.ALREADY_EXISTS.value[0]):
+        return ResourceBusy(
+            f"{what}: the server has a session of that name, of another program or of one that died ({phase}); "
+            "close that program, or reset the server",
+            phase=phase,
+        )
     return HardwareFault(f"{what}: {_first_words(str(error))} ({phase})", phase=phase)
 
 

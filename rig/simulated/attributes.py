@@ -9,11 +9,11 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from rig.simulated import status, waiting
-from rig.simulated.products import channel_names
+from rig.simulated.inventory import channel_names
 from rig.simulated.readings import COUNT_EDGES_TERM, EDGES, FREQ_TERM, FREQUENCY, SHUNT
 from rig.simulated.reservations import ARM_TYPE, NO_TRIGGER
-from rig.simulated.status import DaqStatusError
-from rig.simulated.tasks import FINITE, Channel, SimulatedTask
+from rig.simulated.status import DaqStatusError, NotImplementedByDevice
+from rig.simulated.tasks import FINITE, RETRIGGERABLE, Channel, SimulatedTask
 
 if TYPE_CHECKING:
     from rig.simulated.device import SimulatedDevice
@@ -33,7 +33,7 @@ SETTABLE: dict[str, frozenset[int]] = {
     "Buffer": frozenset({0x186C, 0x186D}),
     "Write": frozenset({0x1453}),
     "Chan": frozenset({*CI_SETTABLE, CO_TERM, SHUNT}),
-    "Trig": frozenset({ARM_TYPE, ARM_EDGE, ARM_SOURCE}),
+    "Trig": frozenset({ARM_TYPE, ARM_EDGE, ARM_SOURCE, RETRIGGERABLE}),
 }
 
 Getter = Callable[["SimulatedDevice", SimulatedTask], Any]
@@ -170,6 +170,8 @@ def put(device: SimulatedDevice, task: SimulatedTask, category: str, channel: st
         raise DaqStatusError(status.ATTRIBUTE_NOT_SUPPORTED, "only DO_NOT_OVERWRITE_UNREAD_SAMPLES is simulated")
     if attribute == ARM_TYPE and value not in (DIGITAL_EDGE, NO_TRIGGER):
         raise DaqStatusError(status.INVALID_VALUE, f"Arm start trigger type {value}")
+    if attribute == RETRIGGERABLE and (task.type not in ("AI", "AO", "DI", "DO") or task.ref_trigger):
+        raise NotImplementedByDevice(f"retriggering a {task.type} task")
     task.attributes[category, channel, attribute] = value
     if attribute in (ARM_TYPE, ARM_SOURCE):
         armed = task.setting("Trig", "", ARM_TYPE, NO_TRIGGER) == DIGITAL_EDGE

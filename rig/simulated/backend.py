@@ -26,7 +26,8 @@ from rig.simulated.clock import Clock, PacedClock, VirtualClock
 from rig.simulated.contract import Plant
 from rig.simulated.device import SimulatedDevice
 from rig.simulated.faults import FaultPlan, parse_faults
-from rig.simulated.products import PRODUCTS, Inventory
+from rig.simulated.inventory import Inventory
+from rig.simulated.products import PRODUCTS
 from rig.simulated.sensors import SensorSet, load_sensors
 from rig.simulated.service import Service
 from rig.simulated.wiring import WIRING_OF_PRODUCT, Wiring, planted_wiring

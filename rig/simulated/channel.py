@@ -14,7 +14,7 @@ import grpc
 
 from rig.simulated.events import EventStream
 from rig.simulated.service import Service
-from rig.simulated.status import DaqStatusError, NotImplementedByDevice, ServerGone
+from rig.simulated.status import DaqStatusError, NotImplementedByDevice, ServerGone, SessionRefused
 
 
 class Metadatum(NamedTuple):
@@ -30,6 +30,20 @@ def trailing_metadata(error: DaqStatusError) -> tuple[Metadatum, ...]:
     if error.samples_read is not None:
         entries.append(Metadatum("ni-samps-per-chan-read", str(error.samples_read)))
     return tuple(entries)
+
+
+REFUSALS = (DaqStatusError, SessionRefused, ServerGone, NotImplementedByDevice)
+
+
+def rpc_status(error: Exception) -> tuple[grpc.StatusCode, str, tuple[Metadatum, ...]]:
+    """Return the gRPC status, text and trailing metadata by which a client sees one of :data:`REFUSALS`."""
+    if isinstance(error, DaqStatusError):
+        return grpc.StatusCode.UNKNOWN, str(error), trailing_metadata(error)
+    if isinstance(error, SessionRefused):
+        return grpc.StatusCode[error.code], str(error), ()
+    if isinstance(error, ServerGone):
+        return grpc.StatusCode.UNAVAILABLE, f"failed to connect: {error}", ()
+    return grpc.StatusCode.UNIMPLEMENTED, f"not simulated: {error}", ()
 
 
 class InProcessError(grpc.RpcError):
@@ -56,12 +70,8 @@ class InProcessError(grpc.RpcError):
 def _as_rpc_errors() -> Iterator[None]:
     try:
         yield
-    except DaqStatusError as error:
-        raise InProcessError(grpc.StatusCode.UNKNOWN, str(error), trailing_metadata(error)) from None
-    except ServerGone as error:
-        raise InProcessError(grpc.StatusCode.UNAVAILABLE, f"failed to connect: {error}") from None
-    except NotImplementedByDevice as error:
-        raise InProcessError(grpc.StatusCode.UNIMPLEMENTED, f"not simulated: {error}") from None
+    except REFUSALS as error:
+        raise InProcessError(*rpc_status(error)) from None
 
 
 class InProcessStream:

@@ -14,24 +14,22 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.simulated import status, waiting
+from rig.simulated import starting, status, waiting
 from rig.simulated.bench_time import BenchTime
 from rig.simulated.clock import Clock
 from rig.simulated.contract import Plant
-from rig.simulated.engines import engine_of, own_clock
 from rig.simulated.faults import FaultPlan
+from rig.simulated.inventory import Inventory, channel_names
+from rig.simulated.messages import ATTACH_TO_EXISTING, INITIALIZE_NEW
 from rig.simulated.passing import latch, put_out
-from rig.simulated.products import Inventory, Kind, channel_names
-from rig.simulated.pulses import edges_until, pulse_train
-from rig.simulated.readings import edge_terminal
+from rig.simulated.products import Kind
+from rig.simulated.pulses import pulse_train
 from rig.simulated.reservations import Reservations
 from rig.simulated.sensors import SensorSet
-from rig.simulated.status import DaqStatusError, NotImplementedByDevice
-from rig.simulated.tasks import FINITE, Buffer, Channel, SampleClock, SimulatedTask, TaskType
+from rig.simulated.status import DaqStatusError, NotImplementedByDevice, SessionRefused
+from rig.simulated.tasks import Channel, SampleClock, SimulatedTask, TaskType
 from rig.simulated.watchdog import Watchdogs
 from rig.simulated.wiring import Wiring
-
-INPUTS = ("AI", "CI", "DI")
 
 
 class SimulatedDevice:
@@ -66,13 +64,22 @@ class SimulatedDevice:
         """Terminals that carry another terminal's signal."""
         self.between: Callable[[], None] = lambda: None
         """Called between stretches of time, so that other clients get a turn."""
-        self._reservations = Reservations(inventory)
+        self.reservations = Reservations(inventory)
 
     def task(self, name: str) -> SimulatedTask:
         """Return a task by name."""
         if name not in self.tasks:
             raise DaqStatusError(status.INVALID_TASK, f"Task: {name!r}")
         return self.tasks[name]
+
+    def attached(self, name: str, behavior: int) -> SimulatedTask | None:
+        """Return the task a client attaches to, or None for a new one, as NI's server decides; may refuse."""
+        if behavior == INITIALIZE_NEW and name in self.tasks:
+            raise SessionRefused("ALREADY_EXISTS", f"Cannot initialize '{name}' when a session already exists.")
+        if behavior == ATTACH_TO_EXISTING and name not in self.tasks:
+            detail = f"Cannot attach to '{name}' because a session has not been initialized."
+            raise SessionRefused("FAILED_PRECONDITION", detail)
+        return self.tasks.get(name)
 
     def create_task(self, name: str) -> SimulatedTask:
         """Make an empty task; an empty name gets a free one."""
@@ -134,61 +141,18 @@ class SimulatedDevice:
         """Take the task's resources; refuses what another task holds."""
         if not task.channels:
             raise DaqStatusError(status.NO_CHANNELS, f"Task: {task.name}")
-        self._reservations.take(task)
+        self.reservations.take(task)
         if task.state == "unreserved":
             task.state = "committed"
 
     def release(self, task: SimulatedTask) -> None:
         """Give the task's resources back."""
-        self._reservations.give_back(task)
+        self.reservations.give_back(task)
         task.state, task.committed = "unreserved", False
 
     def start(self, task: SimulatedTask) -> None:
         """Start a task; the start of one with a clock of its own is the start trigger of those that wait for it."""
-        if task.state == "running":
-            raise DaqStatusError(status.TASK_RUNNING, f"Task: {task.name}")
-        if self.watchdogs.started(task):
-            return
-        if task.type in ("AO", "DO") and task.output is None and task.clock is not None:
-            raise DaqStatusError(status.NO_DATA_WRITTEN, f"Task: {task.name}")
-        self.commit(task)
-        task.state, task.generated, task.finished, task.error = "running", 0, False, 0
-        if task.type in INPUTS:
-            task.buffer = Buffer(task.buffer_size, sum(len(c.settings.get("lines", "1")) for c in task.channels))
-        # a trigger that is waited for must still come; one that has passed never comes again
-        if not (task.start_trigger or task.arm_trigger):
-            self._go_live(task)
-
-    @staticmethod
-    def _times(task: SimulatedTask) -> bool:
-        """Whether a task makes time pass by itself."""
-        return own_clock(task) or task.type == "CO"
-
-    def _go_live(self, task: SimulatedTask) -> None:
-        """Let a task's clock tick from here on, and those that waited for it."""
-        clocked = own_clock(task) or task.type == "CO"
-        if clocked and not any(
-            other.live and (own_clock(other) or other.type == "CO") for other in self.tasks.values()
-        ):
-            rate_hz = task.clock.rate_hz if task.clock is not None else self.bench.rate_hz
-            self.trial += 1
-            delay_s = self.inventory.input_delay_s(task.channels[0].physical.kind, rate_hz)
-            loaded = [t.output for t in self.tasks.values() if t.type == "AO" and t.output is not None]
-            self.bench.begin(self.trial, rate_hz, delay_s, by_hand=bool(loaded) and not any(o.any() for o in loaded))
-        task.live, task.since_s = True, self.bench.edge / self.bench.rate_hz
-        engine = None if own_clock(task) else engine_of(self, task)
-        task.since_tick = engine.passed(self.bench.edge) if engine else 0
-        if task.type == "CO":
-            task.pulse_end_s = pulse_train(task).end_s
-        if task.type == "CI" and "measures" in task.channels[0].settings:
-            terminal = edge_terminal(self, task, task.channels[0])
-            task.counted = int(edges_until(self, terminal, np.array([self.bench.edge]))[0])
-        if own_clock(task):
-            trigger = f"{str(task.type).lower()}/StartTrigger"
-            for other in self.tasks.values():
-                waited = {self.exports.get(t, t) for t in (other.start_trigger, other.arm_trigger)}
-                if other.state == "running" and not other.live and trigger in waited:
-                    self._go_live(other)
+        starting.start(self, task)
 
     def stop(self, task: SimulatedTask) -> None:
         """Stop a task; an output keeps the value it has."""
@@ -241,14 +205,16 @@ class SimulatedDevice:
             return np.concatenate([latch(self, task, *self.bench.present()) for _ in range(max(n, 1))])
         if n < 0:
             waiting.catch_up(self, task)
-            n = task.buffer.available if task.clock.mode != FINITE else task.clock.samples - task.buffer.read
+            n = task.all_there_is
         missing = n - task.buffer.available
-        if missing > task.remaining():
+        if task.ref_trigger and task.to_do > 0:
+            missing = max(missing, 1)
+        if missing > task.remaining() and not task.retriggerable:
             raise DaqStatusError(status.PAST_THE_END, f"Task: {task.name}", samples_read=0)
         if missing > 0:
             waiting.for_samples(self, task, missing, timeout_s)
-        if task.ref_trigger:
-            return np.empty((0, len(task.channels)))  # nothing is connected there that could trigger it
+        if task.ref_trigger and task.to_do > 0:
+            return np.empty((0, len(task.channels)))
         return task.buffer.take(min(n, task.buffer.available))
 
     def write(self, task: SimulatedTask, values: NDArray[np.float64], auto_start: bool) -> None:

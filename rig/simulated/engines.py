@@ -61,7 +61,7 @@ def engine_of(device: SimulatedDevice, task: SimulatedTask) -> Engine | None:
     if own_clock(task):
         if not task.live:
             return None
-        limit = task.clock.samples if task.clock.mode == FINITE else float("inf")
+        limit = task.clock.samples if task.clock.mode == FINITE and not task.ref_trigger else float("inf")
         return Engine(task.clock.rate_hz, task.since_s, device.bench.rate_hz, limit)
     return _behind(device, task.clock.source, {task.name})
 

@@ -1,5 +1,5 @@
-"""The protobuf messages of NI's DAQmx service, found by the name of the call; the only module that touches
-them.
+"""The protobuf messages of NI's DAQmx service and of its session utilities, found by the name of the call; the only
+module that touches them.
 
 They are private parts of ``nidaqmx`` (pinned >= 1.7, < 2); a contract test checks that every call the virtual
 device answers exists.
@@ -9,18 +9,33 @@ from __future__ import annotations
 
 from typing import Any
 
+import session_pb2
 from nidaqmx._stubs import nidaqmx_pb2
-from session_pb2 import Session
 
 SERVICE = "nidaqmx_grpc.NiDAQmx"
 _METHODS = nidaqmx_pb2.DESCRIPTOR.services_by_name["NiDAQmx"].methods_by_name
 CALLS: frozenset[str] = frozenset(_METHODS)
 """Names of all calls of the service."""
+UTILITIES = "nidevice_grpc.SessionUtilities"
+_UTILITY_METHODS = session_pb2.DESCRIPTOR.services_by_name["SessionUtilities"].methods_by_name
+UTILITY_CALLS: frozenset[str] = frozenset(_UTILITY_METHODS)
+INITIALIZE_NEW, ATTACH_TO_EXISTING = 1, 2
+"""Whether a client wants a session of its own, or one that is there; 0 leaves it open."""
 
 
 def request_class(call: str) -> Any:
     """Return the message class of a call's request."""
     return getattr(nidaqmx_pb2, _METHODS[call].input_type.name)
+
+
+def utility_request_class(call: str) -> Any:
+    """Return the message class of the request of a session utility."""
+    return getattr(session_pb2, _UTILITY_METHODS[call].input_type.name)
+
+
+def utility_response(call: str, **fields: Any) -> Any:
+    """Return a response of a session utility with the given fields."""
+    return getattr(session_pb2, _UTILITY_METHODS[call].output_type.name)(**fields)
 
 
 def response(call: str, **fields: Any) -> Any:
@@ -30,7 +45,7 @@ def response(call: str, **fields: Any) -> Any:
 
 def session(name: str) -> Any:
     """Return the handle by which a client refers to a task."""
-    return Session(name=name)
+    return session_pb2.Session(name=name)
 
 
 def enum(request: Any, field: str) -> int:

@@ -15,6 +15,7 @@ from rig.simulated import status
 from rig.simulated.engines import Engine, engine_of
 from rig.simulated.pulses import driver_of, edges_until
 from rig.simulated.readings import FREQUENCY, analog_reading, edge_terminal, encoder_reading
+from rig.simulated.reference import ticks_to_take
 from rig.simulated.status import DaqStatusError
 from rig.simulated.tasks import SimulatedTask
 
@@ -43,6 +44,8 @@ def let_pass(device: SimulatedDevice, n: int) -> None:
         last = min(last, first + int(min(task.remaining(), last - first)))
         rows = engine.edges(first, last) - edge
         rows = np.clip(rows, 0, n - 1)
+        if task.ref_trigger:
+            rows = rows[: ticks_to_take(device, task, edge + rows)]
         if rows.size:
             task.buffer.put(latch(device, task, cell[rows], quarter[rows], edge + rows))
     now_s = bench.edge / bench.rate_hz

@@ -34,6 +34,11 @@ class PulseTrain:
         edges = np.floor((time_s - self.first_s) * self.rate_hz + 1e-9) + 1
         return np.asarray(np.clip(edges, 0, self.count), dtype=np.int64)
 
+    def next_after(self, time_s: float) -> float:
+        """Return when the next rising edge comes; infinite when there is none."""
+        passed = int(self.passed(np.array([time_s]))[0])
+        return self.first_s + passed / self.rate_hz if passed < self.count else float("inf")
+
     def until(self, time_s: float) -> NDArray[np.float64]:
         """Return the times of the rising edges up to ``time_s``."""
         return self.first_s + np.arange(int(self.passed(np.array([time_s]))[0])) / self.rate_hz

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from rig.simulated import status
-from rig.simulated.products import Inventory
+from rig.simulated.inventory import Inventory
 from rig.simulated.readings import A_TERMINAL, B_TERMINAL
 from rig.simulated.status import DaqStatusError
 from rig.simulated.tasks import SimulatedTask

@@ -11,11 +11,11 @@ from typing import Any
 import grpc
 
 from rig.errors import HardwareFault
-from rig.simulated.channel import trailing_metadata
+from rig.simulated.channel import REFUSALS, rpc_status
 from rig.simulated.events import EVENTS
-from rig.simulated.messages import CALLS, SERVICE, request_class
+from rig.simulated.messages import CALLS, SERVICE, UTILITIES, UTILITY_CALLS, request_class, utility_request_class
 from rig.simulated.service import Service
-from rig.simulated.status import DaqStatusError, NotImplementedByDevice, ServerGone
+from rig.simulated.sessions import SessionUtilities
 
 WORKERS = 32
 """Calls and event streams at once; each stream takes one as long as it lasts."""
@@ -24,9 +24,12 @@ WORKERS = 32
 class _Handler(grpc.GenericRpcHandler):
     def __init__(self, service: Service) -> None:
         self._service = service
+        self._utilities = SessionUtilities(service)
 
     def service(self, handler_call_details: Any) -> grpc.RpcMethodHandler | None:
         prefix, _, call = handler_call_details.method.lstrip("/").partition("/")
+        if prefix == UTILITIES and call in UTILITY_CALLS:
+            return self._utility(call)
         if prefix != SERVICE or call not in CALLS:
             return None  # gRPC itself answers UNIMPLEMENTED
 
@@ -45,21 +48,31 @@ class _Handler(grpc.GenericRpcHandler):
         return kind(
             events if call in EVENTS else answer,
             request_deserializer=request_class(call).FromString,
-            response_serializer=lambda message: message.SerializeToString(),
+            response_serializer=_serialised,
         )
+
+    def _utility(self, call: str) -> grpc.RpcMethodHandler:
+        def answer(request: Any, context: grpc.ServicerContext) -> Any:
+            with _aborting(context):
+                return self._utilities.handle(call, request, context.is_active)
+
+        return grpc.unary_unary_rpc_method_handler(
+            answer, request_deserializer=utility_request_class(call).FromString, response_serializer=_serialised
+        )
+
+
+def _serialised(message: Any) -> bytes:
+    return bytes(message.SerializeToString())
 
 
 @contextlib.contextmanager
 def _aborting(context: grpc.ServicerContext) -> Iterator[None]:
     try:
         yield
-    except DaqStatusError as error:
-        context.set_trailing_metadata(tuple((e.key, e.value) for e in trailing_metadata(error)))
-        context.abort(grpc.StatusCode.UNKNOWN, str(error))
-    except ServerGone as error:
-        context.abort(grpc.StatusCode.UNAVAILABLE, f"failed to connect: {error}")
-    except NotImplementedByDevice as error:
-        context.abort(grpc.StatusCode.UNIMPLEMENTED, f"not simulated: {error}")
+    except REFUSALS as error:
+        code, details, metadata = rpc_status(error)
+        context.set_trailing_metadata(metadata)
+        context.abort(code, details)
 
 
 def serve(service: Service, *, host: str = "127.0.0.1", port: int = 0) -> tuple[grpc.Server, int]:

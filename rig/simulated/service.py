@@ -128,8 +128,9 @@ class Service:
         return self.device.task(request.task.name)
 
     def _create_task(self, request: Any) -> Any:
-        task = self.device.create_task(request.session_name)
-        return response("CreateTask", task=session(task.name), new_session_initialized=True)
+        found = self.device.attached(request.session_name, request.initialization_behavior)
+        task = found or self.device.create_task(request.session_name)
+        return response("CreateTask", task=session(task.name), new_session_initialized=found is None)
 
     def _clear_task(self, request: Any) -> Any:
         self.device.clear_task(request.task.name)

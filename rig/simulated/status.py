@@ -85,6 +85,14 @@ class DaqStatusError(Exception):
         self.samples_read = samples_read
 
 
+class SessionRefused(Exception):
+    """A refusal by the server, not by the driver: the client sees the gRPC status of this name."""
+
+    def __init__(self, code: str, detail: str) -> None:
+        super().__init__(detail)
+        self.code = code
+
+
 class ServerGone(Exception):
     """The server is not there any more; the client sees UNAVAILABLE."""
 

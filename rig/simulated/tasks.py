@@ -15,13 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.simulated import status
-from rig.simulated.products import PhysicalChannel
+from rig.simulated.inventory import PhysicalChannel
 from rig.simulated.status import DaqStatusError
 
 TaskType = Literal["AI", "AO", "CI", "CO", "DI", "DO"]
 State = Literal["unreserved", "committed", "running"]
 FINITE, CONTINUOUS = 10178, 10123
 REGENERATION, NO_REGENERATION = 0x1453, 10158
+RETRIGGERABLE = 0x190F
 
 
 @dataclass(eq=False)
@@ -47,8 +48,10 @@ class SampleClock:
 class Buffer:
     """Input buffer of a task: a fixed size, samples acquired, samples read."""
 
-    def __init__(self, size: int, columns: int) -> None:
+    def __init__(self, size: int, columns: int, *, forgets: bool = False) -> None:
         self.size = size
+        self.forgets = forgets
+        """Whether it loses its oldest samples rather than data, as before a reference trigger."""
         self.acquired = 0
         self.read = 0
         self.overwritten = False
@@ -65,7 +68,10 @@ class Buffer:
         self._blocks.append(values)
         self.acquired += values.shape[0]
         if self.available > self.size:
-            self.overwritten = True
+            if self.forgets:
+                self.take(self.available - self.size)
+            else:
+                self.overwritten = True
 
     def take(self, n: int) -> NDArray[np.float64]:
         """Remove and return the oldest n samples, shape (n, columns)."""
@@ -101,7 +107,18 @@ class SimulatedTask:
     """Tick of its clock at which it became live."""
     counted: int = 0
     """Edges that had passed on its terminal when it became live."""
+    trigger_edges: int = 0
+    """Edges that had passed on its trigger's terminal when it began to wait."""
+    before_trigger: int = 0
+    """Samples acquired or generated before the last trigger, by a task that is triggered again and again."""
     ref_trigger: str = ""
+    """Terminal of the reference trigger, relative to the device; "" for none."""
+    pretrigger: int = 0
+    """Samples that are kept from before the reference trigger."""
+    ref_edges: int | None = None
+    """Edges that had passed on its terminal when the pretrigger samples were complete."""
+    ref_end: int | None = None
+    """Samples acquired by the end of the acquisition, once the reference trigger has come."""
     changes: frozenset[str] = frozenset()
     """Lines whose changes are its sample clock."""
     pulses: int | None = 1
@@ -136,11 +153,20 @@ class SimulatedTask:
         asked = int(self.setting("Buffer", "", 0x186C, 0))
         if asked:
             return asked
-        if clock is None or clock.mode == FINITE:
+        if clock is None or (clock.mode == FINITE and not self.retriggerable):
             return clock.samples if clock else 1
         # NI-DAQmx Help, "How is buffer size determined?": at least 1 kS, 10 kS, 100 kS, 1 MS by rate
         floor = 1_000 if clock.rate_hz <= 100 else 10_000 if clock.rate_hz <= 10_000 else 100_000
         return max(clock.samples, floor if clock.rate_hz <= 1e6 else 1_000_000)
+
+    @property
+    def all_there_is(self) -> int:
+        """Samples that reading all of them means: what is there, or all a finite task will have."""
+        if self.clock is None or self.buffer is None:
+            return 1
+        if self.clock.mode != FINITE or self.retriggerable or (self.ref_trigger and self.to_do <= 0):
+            return self.buffer.available
+        return self.clock.samples - (0 if self.ref_trigger else self.buffer.read)
 
     def remaining(self) -> float:
         """Samples a finite input task will still acquire; infinite when it is continuous."""
@@ -152,11 +178,18 @@ class SimulatedTask:
         return self.buffer.acquired if self.buffer is not None else self.generated
 
     @property
+    def ticked(self) -> int:
+        """Samples acquired or generated since its trigger."""
+        return self.so_far - self.before_trigger
+
+    @property
     def to_do(self) -> float:
         """Samples a finite task will still acquire or generate; infinite when it is continuous."""
-        if self.clock is None or self.clock.mode != FINITE:
+        if self.clock is None or self.clock.mode != FINITE or (self.ref_trigger and self.ref_end is None):
             return float("inf")
-        return self.clock.samples - self.so_far
+        if self.ref_end is not None:
+            return self.ref_end - self.so_far
+        return self.clock.samples - self.ticked
 
     def next_output(self, n: int) -> NDArray[np.float64]:
         """Return the next samples of a generation, at most n, shape (m, channels); fewer when it ends.
@@ -167,13 +200,23 @@ class SimulatedTask:
         if self.output is None or self.clock is None:
             return np.empty((0, len(self.channels)))
         total = self.clock.samples if self.clock.mode == FINITE else np.iinfo(np.int64).max
-        m = int(min(n, total - self.generated))
+        m = int(min(n, total - self.ticked))
         if not self.regenerates and self.generated + m > self.output.shape[0]:
             m = self.output.shape[0] - self.generated
             self.error, self.live = status.GENERATION_STOPPED, False
         rows = (self.generated + np.arange(m)) % self.output.shape[0]
         self.generated += m
         return self.output[rows]
+
+    @property
+    def waits_for(self) -> str:
+        """Terminal of the trigger that starts it, relative to the device; "" for none."""
+        return self.start_trigger or self.arm_trigger
+
+    @property
+    def retriggerable(self) -> bool:
+        """Whether a finite task begins again with each edge of its start trigger."""
+        return bool(self.start_trigger and self.setting("Trig", "", RETRIGGERABLE, False))
 
     @property
     def regenerates(self) -> bool:
@@ -185,4 +228,6 @@ class SimulatedTask:
         """Whether a finite task has acquired or generated all its samples, or the task does not run."""
         if self.state != "running":
             return True
+        if self.retriggerable:
+            return False
         return self.finished if self.type == "CO" else self.to_do <= 0

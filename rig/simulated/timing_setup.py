@@ -56,7 +56,10 @@ def _reference_trigger(device: SimulatedDevice, task: SimulatedTask, request: An
         raise DaqStatusError(status.ATTRIBUTE_NOT_SUPPORTED, f"Task: {task.name}: reference trigger")
     if not 2 <= request.pretrigger_samples < task.clock.samples - 1:
         raise DaqStatusError(status.INVALID_VALUE, f"Pretrigger samples {request.pretrigger_samples}")
-    task.ref_trigger = device.inventory.terminal(request.trigger_source)
+    terminal = device.inventory.terminal(request.trigger_source)
+    if terminal in device.inventory.product.internal:
+        raise NotImplementedByDevice(f"reference trigger on {request.trigger_source}")
+    task.ref_trigger, task.pretrigger = terminal, int(request.pretrigger_samples)
 
 
 def _no_reference_trigger(device: SimulatedDevice, task: SimulatedTask, request: Any) -> None:

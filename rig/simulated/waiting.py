@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from rig.simulated import starting
 from rig.simulated.engines import engine_of, own_clock
 from rig.simulated.passing import let_pass
 from rig.simulated.tasks import SimulatedTask
@@ -18,20 +19,24 @@ if TYPE_CHECKING:
     from rig.simulated.device import SimulatedDevice
 
 STEP_S = 0.02
+LOOK_S = 0.01
 FOR_EVER = np.iinfo(np.int64).max
 
 
-def advance(device: SimulatedDevice, n: int) -> None:
-    """Let at most n edges of the bench pass; time stands still when no task has anything left to do."""
+def advance(device: SimulatedDevice, n: int) -> int:
+    """Let at most n edges of the bench pass, return how many did; none do when no task has anything left to do."""
+    wanted = n
     step = max(int(STEP_S * device.bench.rate_hz), 1) if device.bench.clock.paced else n
     while n > 0:
-        now = int(min(n, step, _edges_left(device)))
+        now = int(min(n, step, _edges_left(device), starting.edges_to_trigger(device)))
         if now <= 0:
-            return
+            break
         let_pass(device, now)
+        starting.look_for_triggers(device)
         n -= now
         if n > 0:
             device.between()
+    return wanted - n
 
 
 def _edges_left(device: SimulatedDevice) -> float:
@@ -59,7 +64,7 @@ def until_done(device: SimulatedDevice, task: SimulatedTask, duration_s: float) 
     if task.type == "CO":
         left = _edges_to_pulse_end(device, task) if task.live else 0.0
     elif task.live and np.isfinite(task.to_do) and (engine := engine_of(device, task)) is not None:
-        left = engine.edge_after(task.since_tick + task.so_far + int(task.to_do)) - device.bench.edge
+        left = engine.edge_after(task.since_tick + task.ticked + int(task.to_do)) - device.bench.edge
     elif task.live:
         left = float("inf")
     if np.isfinite(left):
@@ -70,17 +75,43 @@ def until_done(device: SimulatedDevice, task: SimulatedTask, duration_s: float) 
 
 def for_samples(device: SimulatedDevice, task: SimulatedTask, missing: int, timeout_s: float) -> None:
     """Let time pass until a task has ``missing`` more samples, or the timeout has ended."""
-    engine = engine_of(device, task) if task.live else None
-    if engine is not None and task.buffer is not None and not task.ref_trigger:
+    if task.buffer is not None:
         allowed = int(timeout_s * device.bench.rate_hz + 1e-9) if timeout_s >= 0 else FOR_EVER
-        needed = engine.edge_after(task.since_tick + task.buffer.acquired + missing) - device.bench.edge
-        advance(device, min(needed, allowed))
-        return
-    while timeout_s > 0:  # nothing ticks for it
+        wanted = task.buffer.acquired + missing
+        while allowed > 0 and task.state == "running" and _incomplete(task, wanted):
+            passed = advance(device, int(min(_edges_to_sample(device, task, wanted), allowed)))
+            if not passed:
+                break
+            allowed -= passed
+        if not _incomplete(task, wanted):
+            return
+        timeout_s = allowed / device.bench.rate_hz
+    while timeout_s > 0 and task.state == "running":  # nothing ticks for it
         now_s = min(timeout_s, STEP_S) if device.bench.clock.paced else timeout_s
         device.bench.clock.advance(now_s)
         timeout_s -= now_s
         device.between()
+
+
+def _incomplete(task: SimulatedTask, wanted: int) -> bool:
+    if task.ref_trigger:
+        return task.to_do > 0
+    return task.buffer is not None and task.buffer.acquired < wanted
+
+
+def _edges_to_sample(device: SimulatedDevice, task: SimulatedTask, wanted: int) -> float:
+    """Return in how many edges of the bench to look whether a task has acquired ``wanted`` samples."""
+    look_again = max(int(LOOK_S * device.bench.rate_hz), 1)
+    if not task.live:
+        to_trigger = starting.edges_to_trigger(device)
+        return to_trigger if np.isfinite(to_trigger) else look_again
+    engine = engine_of(device, task)
+    if engine is None or task.ref_trigger:
+        return look_again
+    ticks = wanted - task.before_trigger
+    if task.retriggerable and task.clock is not None:
+        ticks = min(ticks, task.clock.samples)
+    return max(engine.edge_after(task.since_tick + ticks) - device.bench.edge, 1)
 
 
 def catch_up(device: SimulatedDevice, task: SimulatedTask) -> None:

@@ -7,8 +7,8 @@ from typing import Any
 
 from rig.simulated import status
 from rig.simulated.device import SimulatedDevice
+from rig.simulated.inventory import channel_names
 from rig.simulated.messages import enum, response, session
-from rig.simulated.products import channel_names
 from rig.simulated.status import DaqStatusError
 
 EXPIRED = 0x21A8
@@ -17,8 +17,9 @@ EXPIRED = 0x21A8
 def _create(device: SimulatedDevice, request: Any) -> Any:
     if request.device_name.lower() != device.inventory.name.lower():
         raise DaqStatusError(status.INVALID_DEVICE, f"Device: {request.device_name}")
-    task = device.watchdogs.create(request.session_name, request.timeout)
-    return response("CreateWatchdogTimerTaskEx", task=session(task.name), new_session_initialized=True)
+    found = device.attached(request.session_name, request.initialization_behavior)
+    task = found or device.watchdogs.create(request.session_name, request.timeout)
+    return response("CreateWatchdogTimerTaskEx", task=session(task.name), new_session_initialized=found is None)
 
 
 def _states(request: Any, *arrays: Any) -> Any:

@@ -195,11 +195,11 @@ def test_what_serve_sim_cannot_do_is_one_line(capsys) -> None:
         assert len(capsys.readouterr().err.splitlines()) == 1
 
 
-def watchdog_task(bench: Any, device: str, timeout_s: float = 0.5) -> Any:
+def watchdog_task(bench: Any, device: str, timeout_s: float = 0.5, name: str = "dog") -> Any:
     from nidaqmx import GrpcSessionOptions
     from nidaqmx.system.watchdog import WatchdogTask
 
-    task = WatchdogTask(device, "dog", timeout_s, grpc_options=GrpcSessionOptions(bench._channel, "dog"))
+    task = WatchdogTask(device, name, timeout_s, grpc_options=GrpcSessionOptions(bench._channel, name))
     bench._tasks.append(task)
     return task
 
@@ -235,7 +235,7 @@ def test_the_watchdog_reaches_what_the_product_lets_it_reach(cdaq, card, refused
         task.clear_expiration()
         assert not task.expired
     with refused(-200668):
-        watchdog_task(cdaq, "cDAQ1", 100.0)
+        watchdog_task(cdaq, "cDAQ1", 100.0, "long")
 
 
 def test_outputs_cannot_be_written_while_an_expired_watchdog_holds_them(cdaq, refused) -> None:

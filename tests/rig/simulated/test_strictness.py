@@ -182,10 +182,25 @@ def test_calls_and_properties_that_are_not_simulated_are_refused_never_invented(
         task.in_stream.overwrite = ni.OverwriteMode.OVERWRITE_UNREAD_SAMPLES
 
 
-def test_names_are_unique_and_a_cleared_task_is_gone(cdaq, refused) -> None:
+def test_a_second_client_attaches_and_a_cleared_task_is_gone(cdaq, refused) -> None:
     task = cdaq.task("a")
-    with refused(-200089):
-        nidaqmx.Task("a", grpc_options=nidaqmx.GrpcSessionOptions(cdaq._channel, "a"))
+    behaviors = nidaqmx.SessionInitializationBehavior
+
+    def session(name: str, behavior: nidaqmx.SessionInitializationBehavior) -> nidaqmx.Task:
+        options = nidaqmx.GrpcSessionOptions(cdaq._channel, name, initialization_behavior=behavior)
+        return nidaqmx.Task(name, grpc_options=options)
+
+    for behavior in (behaviors.AUTO, behaviors.ATTACH_TO_SERVER_SESSION):
+        with session("a", behavior) as shared:
+            assert shared.name == "a"
+        assert "a" in cdaq.device.tasks  # who attached only detaches
+    for name, behavior, code in (
+        ("a", behaviors.INITIALIZE_SERVER_SESSION, grpc.StatusCode.ALREADY_EXISTS),
+        ("b", behaviors.ATTACH_TO_SERVER_SESSION, grpc.StatusCode.FAILED_PRECONDITION),
+    ):
+        with pytest.raises(RpcError) as refusal:
+            session(name, behavior)
+        assert refusal.value.rpc_code == code
     assert cdaq.task().name != cdaq.task().name
     with refused(-200478):
         task.start()
