@@ -133,6 +133,7 @@ def summary(learned: Learned) -> dict[str, Any]:
         "rms_percent_of_peak": round(100 * best.error, 3),
         "goal_percent": 100 * learned.goal,
         "follows": learned.follows,
+        "obstacle": "" if learned.follows else learned.obstacle(),
         "measured_key_bottom_s": None if best.measured.bottom_s is None else round(best.measured.bottom_s, 5),
         "rms_percent_by_blow": [round(100 * blow.error, 3) for blow in learned.blows],
     }

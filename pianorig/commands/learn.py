@@ -36,6 +36,8 @@ def command(
 ) -> None:
     """Learn motor profiles whose measured force follows recorded ones, by a few blows on the bench.
 
+    Compared and corrected is up to key bottom; what the motor does after it is the recorded, held force as it is.
+
     Example:  pianorig learn pianist_forte.csv --out learned/forte
               pianorig record --profile learned/forte/profile.toml
     """
@@ -100,5 +102,5 @@ def command(
     if late:
         raise InputError(
             f"{late[0]['target']}: {late[0]['rms_percent_of_peak']:.2f} % after {len(late[0]['rms_percent_by_blow'])} "
-            f"blows, goal {100 * goal:g} %; the best profile was written, more --blows may help"
+            f"blows, goal {100 * goal:g} %; the best profile was written; {late[0]['obstacle']}"
         )

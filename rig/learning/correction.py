@@ -21,6 +21,7 @@ from rig.session.records import TrialData
 CUTOFF_HZ = 150.0
 FADE_S = 0.01
 HARMONICS = (1, 2, 3)
+LATE_S = 0.0015
 GUARD_S = 0.001
 """Learning stops so long before key bottom: a zero-phase filter spreads what it sees there."""
 
@@ -70,6 +71,14 @@ def relative_rms(target: Target, measured: Measured) -> float:
         return float("inf")
     error = target.force_n[inside] - measured.force_n[inside]
     return float(np.sqrt(np.mean(error**2))) / target.peak_n
+
+
+def late_share(target: Target, measured: Measured) -> float:
+    """Part of the squared error before key bottom that lies in its last `LATE_S`."""
+    inside = window(target, measured)
+    squared = np.where(inside, (target.force_n - measured.force_n) ** 2, 0.0)
+    end_s = target.time_s[inside][-1] if inside.any() else 0.0
+    return float(squared[target.time_s > end_s - LATE_S].sum() / max(squared.sum(), 1e-30))
 
 
 def corrected(

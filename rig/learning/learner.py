@@ -16,7 +16,15 @@ from numpy.typing import NDArray
 from rig import toml_file
 from rig.config import RigConfig
 from rig.errors import InputError
-from rig.learning.correction import Measured, corrected, measured_force, relative_rms, within_limits
+from rig.learning.correction import (
+    LATE_S,
+    Measured,
+    corrected,
+    late_share,
+    measured_force,
+    relative_rms,
+    within_limits,
+)
 from rig.learning.target import Target
 from rig.profile import Profile, parse_profile
 from rig.session.records import TrialData
@@ -31,12 +39,16 @@ POINT_TOLERANCE = 0.002
 
 @dataclass(frozen=True, eq=False)
 class Blow:
-    """One blow of learning: what was played, what was felt, and its relative RMS error before key bottom."""
+    """One blow of learning: what was played, what was felt, and its relative RMS error before key bottom.
+
+    ``limited`` says that the motor's limits of force or slew rate cut the command before key bottom.
+    """
 
     number: int
     profile: Profile
     measured: Measured
     error: float
+    limited: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,6 +64,18 @@ class Learned:
     def follows(self) -> bool:
         """Whether the goal was reached."""
         return self.best.error <= self.goal
+
+    def obstacle(self) -> str:
+        """Say in one clause what keeps the best blow from the goal, as far as it can be told."""
+        if self.best.limited:
+            return "the motor's limits of force or slew rate cut the command; give a smaller scale"
+        share = late_share(self.target, self.best.measured)
+        if share > 0.5:
+            return (
+                f"{100 * share:.0f} % of the squared error lies in the last {1e3 * LATE_S:g} ms before key bottom, "
+                "where the action lets off faster than the arm follows"
+            )
+        return "more blows may help"
 
 
 def learn(
@@ -90,21 +114,19 @@ def learn(
         raise InputError(f"goal = {goal:g}, allowed above 0 and below 1")
     motor, rate = config.motor, config.device.sample_rate_hz
     most_n = min(motor.force_limit_n, motor.voltage_limit_v * motor.force_per_volt_n)
-    if target.peak_n > most_n:
-        raise InputError(
-            f"{target.name}: {target.peak_n:.4g} N before key bottom, allowed {most_n:g} N (motor of the rig file); "
-            "give a smaller scale"
-        )
+    _check_reachable(target, config, most_n)
     command, gain, done = target.command_n, GAIN, list[Blow]()
     for number in range(1, blows + 1):
-        command = within_limits(command, most_n, motor.slew_limit_n_per_s, rate)
+        wanted = command
+        command = within_limits(wanted, most_n, motor.slew_limit_n_per_s, rate)
+        limited = bool(np.any(np.abs(command - wanted)[target.time_s <= target.bottom_s] > goal * target.peak_n))
         profile = profile_of(target.name, command, rate, f"blow {number} of learning {target.name}")
         start_s = motor_command(profile, config).blow_start_s - profile.onset_s
         data = blow(profile, number)
         if data.status not in ("complete", "not at rest"):
             raise InputError(f"{target.name}: blow {number} ended as {data.status!r}; it cannot be learned from")
         measured = measured_force(data, target, start_s)
-        done.append(Blow(number, profile, measured, relative_rms(target, measured)))
+        done.append(Blow(number, profile, measured, relative_rms(target, measured), limited))
         if progress is not None:
             progress(done[-1])
         best = min(done, key=lambda entry: entry.error)
@@ -117,6 +139,29 @@ def learn(
         played[: sampled.size] = sampled
         command = corrected(played, target, best.measured, gain, rate)
     return Learned(target, tuple(done), best, goal)
+
+
+def _check_reachable(target: Target, config: RigConfig, most_n: float) -> None:
+    """Refuse a target that no number of blows can reach on this rig."""
+    peak_n, slew = target.peak_n, config.motor.slew_limit_n_per_s
+    if peak_n > most_n:
+        raise InputError(
+            f"{target.name}: {peak_n:.4g} N before key bottom, allowed {most_n:g} N (motor of the rig file); give a "
+            "smaller scale"
+        )
+    rise = float(np.diff(target.command_n[target.time_s <= target.bottom_s]).max(initial=0.0))
+    rise *= config.device.sample_rate_hz
+    if rise > slew:
+        raise InputError(
+            f"{target.name}: rises by {rise:.4g} N/s before key bottom, allowed {slew:g} N/s "
+            "(motor.slew_limit_n_per_s of the rig file); give a smaller scale"
+        )
+    noise_n = config.force.u_noise_n
+    if noise_n > GOAL * peak_n:
+        raise InputError(
+            f"{target.name}: {peak_n:.3g} N before key bottom, allowed from {noise_n / GOAL:.3g} N: the load cell's "
+            f"noise of {noise_n:g} N hides the error; if the recording is not in N, give a scale"
+        )
 
 
 def profile_of(name: str, command_n: NDArray[np.float64], rate_hz: float, description: str) -> Profile:
