@@ -90,7 +90,11 @@ def event_budget(
         absent (runs in which the event did not happen), reading.
     """
     todo = cases(m, predictor.action, predictor.tolerance)
-    outcomes = list(run(lambda case: _outcome(predictor, m, case), todo))
+    outcomes = predictor.kept.of(
+        "uncertainty budget",
+        (predictor.identity, todo, m.time_s, m.change_rad, m.u_rad, m.quiet.stop),
+        lambda: list(run(lambda case: _outcome(predictor, m, case), todo)),
+    )
     failed = sum(outcome is None for outcome in outcomes)
     rows = []
     for row in summary.itertuples():

@@ -25,9 +25,9 @@ from validation.diagnosis import finding_table, summary_line
 from validation.errors import InputError
 from validation.event import Event
 from validation.event_tables import event_summary, event_table
-from validation.events import find_events
 from validation.examination import NOTHING, compare_by_motion, find_faults
 from validation.geometry import ActionGeometry
+from validation.kept import Kept
 from validation.key_lift import Lift
 from validation.marking import doubtful_events, find_marks, mark_table
 from validation.measurement import U_REST_LEVEL_M, Measurement
@@ -79,8 +79,7 @@ def compare_session(
     by_motion : bool
         Also drive the model by the key's measured motion and compare the force, in the trial of median peak force.
     keep_predictions : bool
-        Keep predictions in the session's ``derived/prediction`` and reuse them when their inputs have not
-        changed.
+        Keep predictions and scores in the session's ``derived`` and reuse them when their inputs have not changed.
     u_rest_level_m : float
         Standard uncertainty of hammer height and key dip at rest on the bench.
     condition : str, optional
@@ -100,6 +99,8 @@ def compare_session(
         When the session or the action cannot be read, or no trial is usable.
     """
     session = open_session(session)
+    # what a stand-in computes is known by its name only
+    own = predict is None and rest_state is None and geometry is None
     predictor = Predictor(
         _load(action),
         tolerance=tolerance,
@@ -108,6 +109,7 @@ def compare_session(
         geometry=geometry,
         rivals=rivals,
         session=session if keep_predictions else None,
+        kept=Kept(Path(session.path) if keep_predictions and own else None),
     )
     measured, refused = measure_all(
         session, lambda preload: predictor.load(preload).geometry, u_rest_level_m, condition
@@ -117,7 +119,7 @@ def compare_session(
     if not measured:
         reasons = "; ".join(f"trial {number}: {reason}" for number, reason in refused.items()) or "it has no trials"
         raise InputError(f"{session.path}: no usable trial ({reasons}); record or accept at least one")
-    trial_events = {m.number: find_events(m.motion, m.quiet.stop) for m in measured}
+    trial_events = {m.number: predictor.events(m.motion, m.quiet.stop) for m in measured}
     window = common_window(measured, trial_events)
     marks = find_marks(predictor, measured, predictions, trial_events)
     trial_events = doubtful_events(trial_events, marks)
@@ -208,8 +210,8 @@ def _assemble(
     findings = find_faults(predictor, measured, predictions, marks, trial_events, base, traces, suspect)
     warnings = [f.text for f in findings] + warnings
     u_encoder = {m.number: m.u_rad for m in measured}
-    scores = score_table(traces, filmed, u_encoder, channels, window, impact)
-    card = scorecard(scores, traces, filmed, window, impact)
+    scores = score_table(traces, filmed, u_encoder, channels, window, impact, predictor.kept)
+    card = scorecard(scores, traces, filmed, window, impact, predictor.kept)
     channels = with_scores(channels, scores, card)
     summary = event_summary(trial_events, model_events)
     by_number = {m.number: m for m in measured}
@@ -220,7 +222,8 @@ def _assemble(
     force_table, force_trace, note = (
         compare_by_motion(predictor, measured, marks, window, findings) if by_motion else NOTHING
     )
-    warnings += [note] if note else []
+    budget_table = _budget(predictor, measured, summary) if budget else pd.DataFrame(columns=COLUMNS)
+    warnings += [text for text in (note, predictor.kept.save()) if text]
     name = getattr(session.info, "name", "") or session.path.name
     action_name = str(getattr(predictor.action, "name", "unknown"))
     verdict = verdict_lines(name, action_name, channels, summary, len(measured))
@@ -242,14 +245,14 @@ def _assemble(
         events=event_table(trial_events, model_events),
         event_summary=summary,
         event_repeatability=event_repeatability(trial_events),
-        budget=_budget(predictor, measured, summary) if budget else pd.DataFrame(columns=COLUMNS),
+        budget=budget_table,
         uncertainty=uncertainty,
         spread=spread,
         traces=traces,
         film_traces=filmed,
         motion_driven=force_table,
         motion_trace=force_trace,
-        provenance=origin(),
+        provenance=origin() | {"reused": predictor.kept.summary()},
     )
 
 

@@ -9,7 +9,7 @@ Failure: a score that cannot be stated is NaN.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from validation.geometry import Array
+from validation.kept import Kept, sha256_of
 from validation.metrics import score_curve, sprague_geers
 
 MOST_PAIRS = 200
@@ -108,9 +109,10 @@ def trial_pairs(n: int, most: int = MOST_PAIRS, seed: int = PAIR_SEED) -> list[t
 def ceiling_scores(
     time: Array,
     curves: Array,
-    early: NDArray[np.bool_] | None = None,
+    early: NDArray[np.bool_],
+    kept: Kept,
     *,
-    run: Callable[..., object] = map,
+    run: Callable[..., Iterable[dict[str, float]]] = map,
 ) -> tuple[dict[str, float], int]:
     """The same scores of one trial against another, put together over pairs: what a perfect model could be asked for.
 
@@ -120,7 +122,9 @@ def ceiling_scores(
     ----------
     time : (n,) array
     curves : (n, n_trials) array
-    early : (n,) array of bool, optional
+    early : (n,) array of bool
+        Samples before the string impact.
+    kept : Kept
     run : callable
         ``map`` or the ``map`` of an executor.
 
@@ -133,7 +137,19 @@ def ceiling_scores(
     pairs = trial_pairs(curves.shape[1])
     if not pairs:
         return dict.fromkeys(SCORES, float("nan")), 0
-    found = list(run(lambda pair: all_scores(time, curves[:, pair[0]], curves[:, pair[1]], early), pairs))  # type: ignore[call-overload]
+    columns = [np.ascontiguousarray(column) for column in curves.T]
+    frame, hashes = sha256_of((time, early)), [sha256_of(column) for column in columns]  # a curve is in many pairs
+
+    def score(pair: tuple[int, int]) -> dict[str, float]:
+        a, b = pair
+        scores: dict[str, float] = kept.of(
+            "pair scores",
+            (frame, hashes[a], hashes[b]),
+            lambda: all_scores(time, columns[a], columns[b], early),
+        )
+        return scores
+
+    found = list(run(score, pairs))
     return {name: together(name, np.array([f[name] for f in found])) for name in SCORES}, len(pairs)
 
 

@@ -27,20 +27,17 @@ class CurveScore:
     largest: float
     largest_at_s: float
     rmse_over_range: float
-    rmse_over_s_r: float
     n: int
     n_lost: int
 
 
-def score_curve(time_s: Array, trial: Array, model: Array, s_r: float = float("nan")) -> CurveScore:
+def score_curve(time_s: Array, trial: Array, model: Array) -> CurveScore:
     """Score a prediction against a measurement on the same time base.
 
     Parameters
     ----------
     time_s, trial, model : (n,) arrays
         The evaluation window only; NaN where lost.
-    s_r : float
-        Pooled repeatability standard deviation of the channel.
 
     Returns
     -------
@@ -53,7 +50,7 @@ def score_curve(time_s: Array, trial: Array, model: Array, s_r: float = float("n
     n = int(both.sum())
     nan = float("nan")
     if n == 0:
-        return CurveScore(nan, nan, nan, nan, nan, nan, nan, 0, int(both.size))
+        return CurveScore(nan, nan, nan, nan, nan, nan, 0, int(both.size))
     difference = model[both] - trial[both]
     worst = int(np.argmax(np.abs(difference)))
     rmse = float(np.sqrt(np.mean(difference**2)))
@@ -65,7 +62,6 @@ def score_curve(time_s: Array, trial: Array, model: Array, s_r: float = float("n
         largest=float(np.abs(difference[worst])),
         largest_at_s=float(time_s[both][worst]),
         rmse_over_range=rmse / extent if extent > 0 else nan,
-        rmse_over_s_r=rmse / s_r if s_r > 0 else nan,
         n=n,
         n_lost=int(both.size) - n,
     )

@@ -52,25 +52,38 @@ def motion_driven(predictor: Predictor, m: Measurement, lifts: list[Lift], windo
     rest = predictor.load(m.force.preload_n).rest.angle_rad
     at = m.time_s[window.mask(m.time_s)]
     # a quantised encoder's own jitter is in the change's uncertainty beyond a count's
-    driven = model.simulate_motion(
-        predictor.action,
-        m.time_s,
-        m.change_rad[:, 0] + rest[0],
-        tolerance=predictor.tolerance,
-        output_time_s=at,
-        resolution_rad=float(m.resolution_rad[0]),
-        members=MEMBERS,
+    resolution = float(m.resolution_rad[0])
+
+    def drive() -> dict[str, object]:
+        driven = model.simulate_motion(
+            predictor.action,
+            m.time_s,
+            m.change_rad[:, 0] + rest[0],
+            tolerance=predictor.tolerance,
+            output_time_s=at,
+            resolution_rad=resolution,
+            members=MEMBERS,
+        )
+        return {
+            "force_n": driven.force_n.tolist(),
+            "u_force_n": driven.u_force_n.tolist(),
+            "lifted": driven.lifted.tolist(),
+            "coverage_factor": driven.coverage_factor,
+        }
+
+    driven = predictor.kept.of(
+        "force from motion", (predictor.identity, MEMBERS, m.time_s, m.change_rad[:, 0], rest, at, resolution), drive
     )
     step = float(np.median(np.diff(m.time_s)))
-    out = _around(np.asarray(driven.lifted, dtype=bool) | marked(at, lifts), round(AROUND_S / step))
+    out = _around(np.asarray(driven["lifted"], dtype=bool) | marked(at, lifts), round(AROUND_S / step))
     return pd.DataFrame(
         {
             "time_s": at,
             "force_n": np.interp(at, m.force.time_s, m.force.force_n, left=np.nan, right=np.nan),
             "u_force_n": np.interp(at, m.force.time_s, m.force.u_force_n),
-            "predicted_force_n": driven.force_n,
-            "u_predicted_n": driven.u_force_n,
-            "factor": float(driven.coverage_factor),
+            "predicted_force_n": driven["force_n"],
+            "u_predicted_n": driven["u_force_n"],
+            "factor": driven["coverage_factor"],
             "left_out": out,
         }
     )

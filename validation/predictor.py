@@ -10,7 +10,7 @@ Failure: a rival that cannot be predicted is left out with a note; the model its
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -20,10 +20,12 @@ from validation.errors import PredictionError
 from validation.event import Event
 from validation.events import find_events
 from validation.geometry import ActionGeometry, geometry_of
+from validation.kept import Kept
 from validation.measurement import ENCODER_CHANNELS, Measurement
-from validation.motion import motion_of
+from validation.motion import Motion, motion_of
 from validation.prediction import Prediction, action_sha256, predict_trial
 from validation.provenance import model_version
+from validation.signals import CorrectedForce
 
 RIVALS = ("null", "raw_force")
 
@@ -62,6 +64,8 @@ class Predictor:
         Some of `RIVALS`.
     session : rig.session.Session, optional
         Where predictions are kept; None keeps none.
+    kept : Kept
+        Where what is computed from predictions and trials is kept.
     """
 
     action: Any
@@ -72,6 +76,7 @@ class Predictor:
     null: Callable[..., Any] | None = None
     rivals: tuple[str, ...] = RIVALS
     session: Any = None
+    kept: Kept = field(default_factory=Kept)
     _loads: dict[float, Load] = field(default_factory=dict, init=False, repr=False)
 
     @cached_property
@@ -103,6 +108,11 @@ class Predictor:
         """Hash of the predictor's source."""
         return model_version(self.simulate)
 
+    @property
+    def identity(self) -> tuple[str, str, float]:
+        """What the outcome of a run depends on beside the trial: action, model and tolerance."""
+        return self.action_hash, self.version, self.tolerance
+
     def load(self, preload_n: float) -> Load:
         """Rest and geometry under a preload, found once."""
         if preload_n not in self._loads:
@@ -127,12 +137,23 @@ class Predictor:
         """
         if self.predict is not None:
             return []
+        from model.inside.rail import Tension
+
+        force = m.force
+        found = self.kept.of(
+            "look inside",
+            (self.identity, force.time_s, force.force_n, force.preload_n),
+            lambda: [asdict(tension) for tension in self._look_inside(force)],
+        )
+        return [Tension(**tension) for tension in found]
+
+    def _look_inside(self, force: CorrectedForce) -> list[Any]:
         run = self.simulate(
             self.action,
-            m.force.time_s,
-            m.force.force_n,
+            force.time_s,
+            force.force_n,
             tolerance=self.tolerance,
-            initial=self.load(m.force.preload_n).rest,
+            initial=self.load(force.preload_n).rest,
             inside=True,
         )
         return list(run.inside.key_tensions())
@@ -151,11 +172,20 @@ class Predictor:
             except (ModelError, PredictionError) as error:
                 note = f"{name.replace('_', ' ')} not predicted: {error}"
             notes.append(note)
-        events = predicted_events(found, load.geometry, m.quiet.stop, self.tolerance)
+        events = self.events(predicted_motion(found, load.geometry, self.tolerance), m.quiet.stop)
         return TrialPrediction(found, rivals, events, [text for text in notes if text])
 
+    def events(self, motion: Motion, quiet_stop: int) -> dict[str, Event]:
+        """Events of a trial or of a prediction, found once."""
+        found = self.kept.of(
+            "events",
+            (motion, quiet_stop),
+            lambda: [asdict(event) for event in find_events(motion, quiet_stop).values()],
+        )
+        return {event["name"]: Event(**event) for event in found}
+
     def _one(self, m: Measurement, load: Load, variant: str) -> tuple[Prediction, str]:
-        return predict_trial(
+        found, note = predict_trial(
             m,
             self.action,
             load.rest,
@@ -166,10 +196,11 @@ class Predictor:
             session=self.session,
             variant=variant,
         )
+        self.kept.count("predictions", reused=found.reused)
+        return found, note
 
 
-def predicted_events(p: Prediction, geometry: ActionGeometry, quiet_stop: int, tolerance: float) -> dict[str, Event]:
-    """Events of a prediction by the same definitions; a sample is as uncertain as the tolerance asked for."""
+def predicted_motion(p: Prediction, geometry: ActionGeometry, tolerance: float) -> Motion:
+    """Motion of a prediction for the same event finders; a sample is as uncertain as the tolerance asked for."""
     change = np.column_stack([p.change_rad(name) for name in ENCODER_CHANNELS])
-    motion = motion_of(geometry, p.time_s, change, np.full(3, tolerance), u_zero_rad=np.full(3, tolerance))
-    return find_events(motion, quiet_stop)
+    return motion_of(geometry, p.time_s, change, np.full(3, tolerance), u_zero_rad=np.full(3, tolerance))

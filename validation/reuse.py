@@ -78,9 +78,9 @@ def inputs_sha256(sessions: Sequence[Path], actions: Sequence[str], options: Map
         if Path(action).is_file():
             _feed(digest, "action", Path(action))
     for package in PACKAGES:
-        for file in _sources(package):
-            _feed(digest, f"{package}/{file.name}", file)
-    for text in (json.dumps(dict(options), sort_keys=True, default=str), sys.version, *_versions()):
+        for name, file in sources(package):
+            _feed(digest, f"{package}/{name}", file)
+    for text in (json.dumps(dict(options), sort_keys=True, default=str), *library_versions()):
         digest.update(text.encode() + b"\0")
     return digest.hexdigest()
 
@@ -123,13 +123,21 @@ def _feed(digest: hashlib._Hash, name: str, file: Path) -> None:
     digest.update(name.encode() + b"\0" + hashlib.sha256(file.read_bytes()).digest())
 
 
-def _sources(package: str) -> list[Path]:
+def sources(package: str) -> list[tuple[str, Path]]:
+    """Every file of a package that shapes what it computes: its place in the package, with slashes, and its path."""
     spec = find_spec(package)
     homes = list(spec.submodule_search_locations or []) if spec is not None else []
-    return sorted(file for home in homes for file in Path(home).rglob("*") if file.suffix in SOURCES and file.is_file())
+    return sorted(
+        (file.relative_to(home).as_posix(), file)
+        for home in homes
+        for file in Path(home).rglob("*")
+        if file.suffix in SOURCES and file.is_file()
+    )
 
 
-def _versions() -> Iterable[str]:
+def library_versions() -> Iterable[str]:
+    """Versions of Python and of the libraries that compute, a line each."""
+    yield sys.version
     for name in LIBRARIES:
         try:
             yield f"{name} {metadata.version(name)}"

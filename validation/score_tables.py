@@ -18,6 +18,7 @@ from validation.channel_tables import GROUPS
 from validation.curve_scores import SCORES, all_scores, ceiling_scores, together
 from validation.curve_tables import INFIX, on_common_base, scored
 from validation.geometry import Array
+from validation.kept import Kept
 from validation.metrics import score_curve
 from validation.window import Window
 
@@ -31,6 +32,7 @@ def score_table(
     channels: pd.DataFrame,
     window: Window,
     impact_s: dict[int, float],
+    kept: Kept,
 ) -> pd.DataFrame:
     """Scores of every trial and channel inside the window, with guards; null model and raw force beside."""
     s_r = dict(zip(channels["channel"], channels.get("s_r_rad", pd.Series(np.nan, channels.index)), strict=True))
@@ -45,11 +47,20 @@ def score_table(
         number, name, i, source, frame = job
         u = float(u_encoder[number][i]) if source == "encoder" else _rms(frame[f"{name}_u_rad"].to_numpy())
         early = frame["time_s"].to_numpy() < impact_s.get(number, np.inf)
+        time, trial, model = frame["time_s"].to_numpy(), scored(frame, name), frame[f"{name}_predicted_rad"].to_numpy()
+        columns = {label: f"{name}_{infix}_rad" for label, infix in INFIX.items()}
+        rivals = {label: frame[column].to_numpy() for label, column in columns.items() if column in frame}
+        scores = kept.of(
+            "curve scores",
+            (time, trial, model, rivals, early),
+            lambda: _scores(time, trial, model, rivals, early),
+        )
         return {
             "trial": number,
             "channel": name,
             "source": source,
-            **_scores(frame, name, early, float(s_r[name])),
+            "rmse_over_s_r": scores["rmse_rad"] / s_r[name] if s_r[name] > 0 else float("nan"),
+            **scores,
             "u_rms_rad": u,
         }
 
@@ -57,14 +68,14 @@ def score_table(
         return pd.DataFrame(list(pool.map(row, jobs)))
 
 
-def _scores(frame: pd.DataFrame, name: str, early: NDArray[np.bool_], s_r: float) -> dict[str, object]:
+def _scores(
+    time: Array, trial: Array, model: Array, rivals: dict[str, Array], early: NDArray[np.bool_]
+) -> dict[str, object]:
     from validation.guards import guard_notes
 
-    time = frame["time_s"].to_numpy()
-    trial, model = scored(frame, name), frame[f"{name}_predicted_rad"].to_numpy()
-    whole = score_curve(time, trial, model, s_r)
+    whole = score_curve(time, trial, model)
     scores = all_scores(time, trial, model, early)
-    out: dict[str, object] = {"rmse_over_s_r": whole.rmse_over_s_r, **scores}
+    out: dict[str, object] = dict(scores)
     out |= {
         "bias_rad": whole.bias,
         "scatter_rad": whole.scatter,
@@ -74,9 +85,8 @@ def _scores(frame: pd.DataFrame, name: str, early: NDArray[np.bool_], s_r: float
         "n_lost": whole.n_lost,
         "iso_guards": "; ".join(guard_notes(time, trial, model, scores)),
     }
-    for label, infix in INFIX.items():
-        column = f"{name}_{infix}_rad"
-        rival = all_scores(time, trial, frame[column].to_numpy(), early) if column in frame else {}
+    for label in INFIX:
+        rival = all_scores(time, trial, rivals[label], early) if label in rivals else {}
         out |= {f"{label}_{score}": rival.get(score, np.nan) for score in SCORES}
     return out
 
@@ -87,6 +97,7 @@ def scorecard(
     film: dict[int, pd.DataFrame],
     window: Window,
     impact_s: dict[int, float],
+    kept: Kept,
 ) -> pd.DataFrame:
     """Every score of every channel beside its repeatability ceiling, the null model, and the raw force.
 
@@ -104,7 +115,7 @@ def scorecard(
             frames = traces if source == "encoder" else film
             for name in names if frames else ():
                 ceiling, pairs = ceiling_scores(
-                    base, on_common_base(base, frames, f"{name}_measured_rad"), early, run=pool.map
+                    base, on_common_base(base, frames, f"{name}_measured_rad"), early, kept, run=pool.map
                 )
                 part = scores[scores["channel"] == name]
                 for score, kind in SCORES.items():

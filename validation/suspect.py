@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -31,7 +32,7 @@ TAKES_AWAY = 0.95  # of the squared difference: with less, several things differ
 def wrong_friction(
     predictor: Predictor, m: Measurement, until_s: float, *, run: Callable[..., Iterable[Any]] = map
 ) -> list[Finding]:
-    """Suspect the one friction coefficient that explains the difference between model and trial.
+    """Suspect the one friction coefficient that explains the difference between model and trial, unless known already.
 
     Parameters
     ----------
@@ -43,6 +44,16 @@ def wrong_friction(
     run : callable
         ``map``, or the ``map`` of an executor.
     """
+    force = m.force
+    found = predictor.kept.of(
+        "friction search",
+        (predictor.identity, m.number, force.time_s, force.force_n, force.preload_n, m.time_s, m.change_rad, until_s),
+        lambda: [asdict(finding) for finding in _search(predictor, m, until_s, run)],
+    )
+    return [Finding(**finding) for finding in found]
+
+
+def _search(predictor: Predictor, m: Measurement, until_s: float, run: Callable[..., Iterable[Any]]) -> list[Finding]:
     from model.errors import ModelError
 
     force = m.force

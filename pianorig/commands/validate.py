@@ -91,6 +91,9 @@ def _validate(
 
 
 def _reused(side: SideBySide) -> str:
-    """How many predictions were not made again."""
-    used = [bool(kept) for r in side.results for kept in r.trials.loc[r.trials["used"], "reused"]]
-    return f"predictions of {sum(used)} of {len(used)} trials"
+    """What was not made again, for every session and model."""
+    texts = []
+    for result in side.results:
+        counts = ", ".join(f"{kind} {count}" for kind, count in result.provenance["reused"].items())
+        texts.append(counts if len(side.results) == 1 else f"{result.session_name}, {result.action_name}: {counts}")
+    return "; ".join(texts)

@@ -12,13 +12,12 @@ def test_score_of_a_known_difference():
     time = np.arange(4.0)
     trial = np.array([0.0, 2.0, 4.0, 0.0])
     model = trial + np.array([1.0, -3.0, 1.0, 1.0])
-    s = score_curve(time, trial, model, s_r=0.5)
+    s = score_curve(time, trial, model)
     assert s.rmse == pytest.approx(np.sqrt(3.0))
     assert s.bias == 0.0
     assert s.scatter == pytest.approx(np.sqrt(3.0))
     assert (s.largest, s.largest_at_s) == (3.0, 1.0)
     assert s.rmse_over_range == pytest.approx(np.sqrt(3.0) / 4)
-    assert s.rmse_over_s_r == pytest.approx(2 * np.sqrt(3.0))
     assert (s.n, s.n_lost) == (4, 0)
 
 
@@ -40,10 +39,9 @@ def test_lost_samples_are_left_out_and_counted():
 
 
 def test_a_flat_trial_has_no_relative_score():
-    s = score_curve(np.arange(3.0), np.zeros(3), np.ones(3), s_r=0.0)
+    s = score_curve(np.arange(3.0), np.zeros(3), np.ones(3))
     assert s.rmse == 1.0
     assert np.isnan(s.rmse_over_range)
-    assert np.isnan(s.rmse_over_s_r)
 
 
 def test_trial_to_trial_rmse_is_root_two_times_the_scatter():

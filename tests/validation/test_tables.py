@@ -13,6 +13,7 @@ from validation.curve_tables import on_common_base
 from validation.errors import InputError
 from validation.event import EVENTS, Event, absent
 from validation.event_tables import event_summary, event_table
+from validation.kept import Kept
 from validation.paired import paired_difference
 from validation.score_tables import score_table, scorecard, with_scores
 from validation.verdict import verdict_lines
@@ -38,8 +39,8 @@ def frames(time, scatter, model_offset=0.01, rate_of_last=None):
 
 def tables(traces, u=1e-4):
     channels, spread = channel_tables(traces, {}, {"key": u, "whippen": u, "hammer": u}, WINDOW)
-    scores = score_table(traces, {}, {n: np.full(3, u) for n in traces}, channels, WINDOW, {1: 0.25})
-    card = scorecard(scores, traces, {}, WINDOW, {1: 0.25})
+    scores = score_table(traces, {}, {n: np.full(3, u) for n in traces}, channels, WINDOW, {1: 0.25}, Kept())
+    card = scorecard(scores, traces, {}, WINDOW, {1: 0.25}, Kept())
     return with_scores(channels, scores, card).set_index("channel"), scores, spread
 
 
