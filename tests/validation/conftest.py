@@ -145,6 +145,15 @@ def compared(recorded):
 
 
 @pytest.fixture(scope="session")
+def planted():
+    """The comparison of the shipped session with planted faults."""
+    from validation import compare_session
+
+    shipped = Path(__file__).parents[2] / "sessions" / "planted_faults"
+    return compare_session(shipped, keep_predictions=False, rivals=(), budget=False)
+
+
+@pytest.fixture(scope="session")
 def written(compared, tmp_path_factory):
     """The report of the comparison, written once."""
     from validation import write_report

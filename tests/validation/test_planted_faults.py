@@ -16,11 +16,6 @@ SHIPPED = Path(__file__).parents[2] / "sessions" / "planted_faults"
 QUICK = {"keep_predictions": False, "rivals": (), "budget": False}
 
 
-@pytest.fixture(scope="module")
-def planted():
-    return compare_session(SHIPPED, **QUICK)
-
-
 def test_every_planted_fault_is_named_and_nothing_else(planted):
     found = {(f.kind, None if math.isnan(f.trial) else int(f.trial)) for f in planted.findings.itertuples()}
     assert found == {(kind, trial) for trial, kind in PLANTED.items()} | {("wrong friction", None)}

@@ -1,0 +1,69 @@
+"""Write `docs/results.md` from the schema of ``results.json``: every field, its meaning and unit.
+
+Run after a change of the schema:  python docs/make_results_page.py
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+SCHEMA = Path(__file__).parents[1] / "validation" / "report" / "results.schema.json"
+PAGE = Path(__file__).with_name("results.md")
+HEAD = """# results.json
+
+Beside every `report.html` stand `results.json` and, one file per table, `tables/*.csv` with the same columns. This page
+is made from the schema (JSON Schema 2020-12, `validation/report/results.schema.json`) by
+`python docs/make_results_page.py`. SI units and radians; angles are changes since rest, counter-clockwise; times are on
+the DAQ clock. A number that does not exist is null in JSON and an empty cell in CSV. "unit of the row": see the row's
+column `unit`.
+
+```python
+import json, pandas
+results = json.load(open("report/results.json", encoding="utf-8"))
+scores = pandas.DataFrame(results["tables"]["scores"])
+print(scores.pivot_table("rmse_rad", ["session", "model"], "channel"))
+```
+"""
+
+
+def page(schema: dict[str, Any]) -> str:
+    """Text of the page."""
+    properties = schema["properties"]
+    parts = [HEAD, "## Top level\n", _table(_flat(properties, most=1))]
+    parts += ["## Each of `results`\n", _table(_flat(properties["results"]["items"]["properties"]))]
+    parts += [
+        "## Each of `event_definitions`\n",
+        _table(_flat(properties["event_definitions"]["additionalProperties"]["properties"])),
+    ]
+    for name, table in properties["tables"]["properties"].items():
+        parts += [f"## `tables.{name}`, `tables/{name}.csv`\n", f"{table['description']}.\n"]
+        parts += [_table(_flat(table["items"]["properties"]))]
+    return "\n".join(parts)
+
+
+def _flat(properties: dict[str, Any], prefix: str = "", most: int = 9) -> Iterator[tuple[str, str, str, str]]:
+    for name, field in properties.items():
+        yield f"{prefix}{name}", _type(field), field.get("unit", ""), field["description"]
+        if most > 1 and "properties" in field:
+            yield from _flat(field["properties"], f"{prefix}{name}.", most - 1)
+
+
+def _type(field: dict[str, Any]) -> str:
+    if "const" in field:
+        return json.dumps(field["const"])
+    kind = field["type"]
+    return " or ".join(kind) if isinstance(kind, list) else kind
+
+
+def _table(rows: Iterator[tuple[str, str, str, str]]) -> str:
+    lines = ["| field | type | unit | meaning |", "| --- | --- | --- | --- |"]
+    for name, kind, unit, meaning in rows:
+        lines.append(f"| `{name}` | {kind} | {unit} | {meaning.replace('|', chr(92) + '|')} |")
+    return "\n".join(lines) + "\n"
+
+
+if __name__ == "__main__":
+    PAGE.write_text(page(json.loads(SCHEMA.read_text(encoding="utf-8"))), encoding="utf-8")
