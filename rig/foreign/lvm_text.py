@@ -144,11 +144,15 @@ def _is_tag(line: str, file: _File) -> bool:
     cell = line.split(file.separator)[0].strip()
     if not cell:
         return not line.strip()
+    return cell != TIME and not _is_number(cell, file.decimal)
+
+
+def _is_number(cell: str, decimal: str) -> bool:
     try:
-        number(cell, file.decimal)
+        number(cell, decimal)
     except ValueError:
-        return cell != TIME
-    return False
+        return False
+    return True
 
 
 def _tables(file: _File, segment: _Segment, where: str) -> list[ChannelTable]:
@@ -187,6 +191,10 @@ def _values(file: _File, rows: list[list[str]], width: int, where: str) -> NDArr
     for i, row in enumerate(rows):
         if len(row) < width or any(cell.strip() for cell in row[width + 1 :]):
             raise InputError(f"{where}: row {i + 1}: {len(row)} cells, allowed {width} and a comment")
+        if len(row) > width and _is_number(row[width], file.decimal):
+            raise InputError(
+                f"{where}: row {i + 1}: comment {shown(row[width])} is a number; the row has a cell too many"
+            )
         values[i, first:] = _numbers(row[first:width], file.decimal, f"row {i + 1}:", where)
     return values
 

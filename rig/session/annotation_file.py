@@ -76,8 +76,11 @@ def _parse(line: str, where: str) -> Annotation:
         raise InputError(
             f"{where}: not an annotation ({str(error).splitlines()[0]}); remove or repair the line"
         ) from error
-    if annotation.kind not in get_args(Kind) or not isinstance(annotation.trial, int):
+    texts = (annotation.reason, annotation.author, annotation.time_utc)
+    if annotation.kind not in get_args(Kind) or type(annotation.trial) is not int or annotation.trial < 0:
         raise InputError(f"{where}: kind {annotation.kind!r}, trial {annotation.trial!r}: not an annotation")
+    if not all(isinstance(text, str) for text in texts) or not annotation.reason.strip():
+        raise InputError(f"{where}: reason, author and time_utc must be text, the reason not empty; repair the line")
     return annotation
 
 

@@ -70,6 +70,7 @@ def test_lvm_gives_each_channel_its_numbers(columns: str, separator: str, decima
         (lvm(samples="five"), "Samples ['five', 'five']"),
         (lvm().replace("12.500000", "12,500000"), "allowed a number"),
         (lvm().replace("\t12.500000\t", "\t"), "cells, allowed 3"),
+        (lvm().replace("0.000400\t", "0.000400\t7\t"), "comment '9.500000' is a number"),
         (lvm()[: lvm().rindex("***End_of_Header***")], "0 segments"),
         (lvm().replace("***End_of_Header***", "***Start_Special***", 1), "without"),
         (lvm().replace("X0\t0", "X_Dimension\tFrequency\r\nX0\t0"), "X_Dimension ['Frequency']"),

@@ -18,6 +18,8 @@ from rig.errors import InputError
 COUNTS = [150, pytest.param(10_000, marks=pytest.mark.slow)]
 
 
+Case = tuple[bytes, Callable[[bytes], Any], Callable[[bytes, Any], None]]
+"""A whole input, how it is read, and a check of what was found."""
 LONGEST_S = 5.0
 TOKENS = [
     b"nan", b"inf", b"-inf", b"1e999", b"-1", b"0", b"1_000", b"0x10", b"99999999999999999999", b"''", b'"', b"[",
@@ -27,8 +29,13 @@ TOKENS = [
 
 
 def damaged(whole: bytes, chance: np.random.Generator) -> bytes:
-    """One to four changes: a byte flipped, a stretch lost, doubled or moved, a token put in, the end cut off."""
+    """A digit changed, or one to four changes: a byte flipped, a stretch lost, doubled or moved, a token put in, the
+    end cut off."""
     data = bytearray(whole)
+    digits = [at for at, byte in enumerate(data) if 48 <= byte < 58]
+    if digits and chance.random() < 0.3:
+        data[digits[int(chance.integers(len(digits)))]] = int(chance.integers(48, 58))
+        return bytes(data)
     for _ in range(int(chance.integers(1, 5))):
         if not data:
             break

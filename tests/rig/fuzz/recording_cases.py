@@ -1,0 +1,79 @@
+"""Recordings as text, each with what "right" means by a second, independent reading."""
+
+from __future__ import annotations
+
+import csv
+import io
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rig.foreign.csv_text import parse_csv
+from rig.foreign.lvm_text import parse_lvm
+from tests.rig.foreign.test_variants import file_of, segment
+from tests.rig.fuzz.damage import Case, text
+
+
+def csv_case(folder: Path) -> Case:
+    rows = "\n".join(f"{k * 2e-4:.4f},{np.sin(k):.5f},{k * 3}" for k in range(30))
+    return f"# made by hand\ntime_s,force_n,count\n{rows}\n".encode(), *_csv_reading(",", ".")
+
+
+def european_csv_case(folder: Path) -> Case:
+    rows = "\n".join(f"{k * 2e-4:.4f};{np.sin(k):.5f};{k * 3};".replace(".", ",") for k in range(30))
+    return f"\ufeffZeit;Kraft (N);Weg;\ns;N;counts;\n{rows}\n".encode(), *_csv_reading(";", ",")
+
+
+def _csv_reading(separator: str, decimal: str) -> tuple[Any, Any]:
+    def read(data: bytes) -> Any:
+        table = parse_csv(text(data), "a.csv", separator, decimal)
+        for name in [*table.channels, *table.unreadable]:
+            table.channel(name)
+        return table
+
+    def right(data: bytes, found: Any) -> None:
+        lines = [line for line in data.decode("utf-8-sig").splitlines() if line.strip() and not line.startswith("#")]
+        head, *body = csv.reader(io.StringIO("\n".join(lines)), delimiter=separator)
+        names = [name.strip() for name in head]
+        assert {name for name in names if name} == set(found.channels) | set(found.unreadable)
+        values = next(iter(found.channels.values()))
+        body = body[len(body) - values.size :]  # a row of units is not one of numbers
+        for name, column in found.channels.items():
+            assert np.all(np.isfinite(column))
+            if found.units.get(name) != "s" or ":" not in "".join(row[names.index(name)] for row in body):
+                assert [float(row[names.index(name)].replace(decimal, ".")) for row in body] == column.tolist()
+
+    return read, right
+
+
+def _lvm_right(data: bytes, found: Any) -> None:
+    assert all(clock.interval_s > 0 for table in found for clock in table.clocks.values())
+    for table in found:
+        sizes = {values.size for values in table.channels.values()}
+        assert len(sizes) == 1 and all(np.all(np.isfinite(values)) for values in table.channels.values())
+    content = data.decode("utf-8-sig", "replace")
+    sign = "," if "Decimal_Separator\t," in content else "."
+    separator = "," if "Separator,Comma" in content else "\t"
+    last = [line for line in content.split("\n") if line.strip()][-1].rstrip("\r").split(separator)
+    for cell, values in zip(last[1:], list(found[-1].channels.values()), strict=False):
+        assert float(cell.replace(sign, ".")) == values[-1]
+
+
+def _lvm(data: bytes) -> Any:
+    return parse_lvm(data.decode("utf-8-sig", "replace"), "a.lvm")
+
+
+def lvm_case(folder: Path) -> Case:
+    head = (
+        "LabVIEW Measurement\nSeparator\tTab\nDecimal_Separator\t.\nX_Columns\tOne\n***End_of_Header***\n"
+        "Channels\t2\nSamples\t30\t30\nY_Unit_Label\tN\tdeg\nX0\t0\t0\nDelta_X\t0.0002\t0.0002\n***End_of_Header***\n"
+        "X_Value\tForce\tKey\tComment\n"
+    )
+    rows = "\n".join(f"{k * 2e-4:.4f}\t{np.sin(k):.5f}\t{k * 3}" for k in range(30))
+    return (head + rows + "\n").encode(), _lvm, _lvm_right
+
+
+def segments_case(folder: Path) -> Case:
+    whole = file_of(segment(2e-4, 0.0, 1, "10:00:00.5"), segment(5e-4, 3.0, 2, "10:00:07")).replace("\tbegun", "")
+    return whole.encode(), _lvm, _lvm_right

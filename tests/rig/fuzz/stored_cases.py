@@ -1,0 +1,147 @@
+"""TDMS, sessions and journals, each with what "right" means.
+
+A checksum guards sealed trials and journals; a TDMS file has none and is read again with npTDMS.
+"""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from rig.backend import Block, Timing
+from rig.config import load_rig
+from rig.foreign.reading import read_channels
+from rig.session import Session
+from rig.session.journal_format import BLOCK, COMMAND, HEAD, block_payload, encode
+from rig.session.journal_format import parse as parse_journal
+from rig.session.trial_head import TrialHead
+from rig.trial_run import _encoders, _force_info
+from tests.rig.foreign import tdms_bytes
+from tests.rig.fuzz.damage import Case, same_values
+
+SHIPPED = Path(__file__).parents[3] / "sessions" / "example_forte"
+
+
+def tdms_case(folder: Path) -> Case:
+    nptdms = pytest.importorskip("nptdms")
+    path = folder / "a.tdms"
+    with nptdms.TdmsWriter(path) as writer:
+        for part in range(2):
+            values = np.sin(np.arange(20.0) + part)
+            writer.write_segment([
+                nptdms.ChannelObject("g", "Force", values, {"wf_increment": 2e-4, "unit_string": "N"}),
+                nptdms.ChannelObject("g", "Key", np.arange(20, dtype=np.int32)),
+            ])  # fmt: skip
+    return path.read_bytes(), *_tdms_reading(path)
+
+
+def big_endian_tdms_case(folder: Path) -> Case:
+    columns = {"Force": np.sin(np.arange(20.0)), "Key": np.arange(20.0)}
+    data = tdms_bytes.doubles(columns, {"wf_increment": 2e-4, "unit_string": "N"}, big=True, interleaved=True)
+    return data + data, *_tdms_reading(folder / "a.tdms")
+
+
+def _tdms_reading(path: Path) -> tuple[Any, Any]:
+    nptdms = pytest.importorskip("nptdms")
+
+    def read(data: bytes) -> Any:
+        path.write_bytes(data)
+        table = read_channels(path)
+        table.check_together(list(table.channels))
+        return table
+
+    def right(data: bytes, found: Any) -> None:
+        assert len({values.size for values in found.channels.values()}) == 1
+        assert sum(values.size for values in found.channels.values()) <= 16 * len(data)
+        if set(found.channels) == {"Force", "Key"} and data == path.read_bytes():
+            with nptdms.TdmsFile.open(path) as file:
+                again = file.groups()[0]["Force"][:]
+            np.testing.assert_array_equal(found.channels["Force"], again.astype(float))
+
+    return read, right
+
+
+def _session(folder: Path) -> dict[str, bytes]:
+    """A session's texts, put into the folder."""
+    notes = [{"trial": k, "kind": "note", "reason": "é", "author": "a", "time_utc": "2026"} for k in range(1, 4)]
+    texts = {
+        "session.toml": (SHIPPED / "session.toml").read_bytes(),
+        "annotations.jsonl": b"".join(json.dumps(note).encode() + b"\n" for note in notes),
+    }
+    for name, whole in texts.items():
+        (folder / name).write_bytes(whole)
+    return texts
+
+
+def session_case(folder: Path) -> Case:
+    whole = _session(folder)["session.toml"]
+
+    def read(data: bytes) -> Any:
+        (folder / "session.toml").write_bytes(data)
+        return Session.open(folder, require_trials=False)
+
+    def right(data: bytes, found: Any) -> None:
+        same_values(tomllib.loads(data.decode()), found.info)
+
+    return whole, read, right
+
+
+def annotations_case(folder: Path) -> Case:
+    whole = _session(folder)["annotations.jsonl"]
+    session = Session.open(folder, require_trials=False)
+
+    def read(data: bytes) -> Any:
+        (folder / "annotations.jsonl").write_bytes(data)
+        return session.annotations
+
+    def right(data: bytes, found: Any) -> None:
+        lines = [json.loads(line) for line in data.decode().splitlines() if line.strip()]
+        assert [(a.trial, a.kind, a.reason) for a in found] == [(x["trial"], x["kind"], x["reason"]) for x in lines]
+        assert all(type(a.trial) is int and isinstance(a.reason, str) and a.reason.strip() for a in found)
+
+    return whole, read, right
+
+
+def trial_case(folder: Path) -> Case:
+    _session(folder)
+    whole, path = (SHIPPED / "trial_0001.h5").read_bytes(), folder / "trial_0001.h5"
+    reference = Session.open(SHIPPED).trials[0].read()
+
+    def read(data: bytes) -> Any:
+        path.write_bytes(data)
+        return Session.open(folder).trial(1).read()
+
+    def right(data: bytes, found: Any) -> None:
+        assert data == whole
+        np.testing.assert_array_equal(found.force_n, reference.force_n)
+
+    return whole, read, right
+
+
+def journal_case(folder: Path) -> Case:
+    """A journal is never refused, only read as far as it is whole."""
+    config = load_rig("virtual").config
+    head = TrialHead(
+        1, "2026", True, 5000.0, 0.1, np.zeros(10), _encoders(config), _force_info(config, Timing(5000.0, 0))
+    )
+    blocks = [
+        Block(5 * k, np.arange(5.0) + k, np.arange(5.0) - k, np.arange(15, dtype=np.int64).reshape(5, 3) * (k + 1))
+        for k in range(8)
+    ]
+    whole = encode(HEAD, 0, 0, 0, json.dumps(head.to_plain()).encode())
+    whole += encode(COMMAND, 1, 0, 10, np.zeros(10).tobytes())
+    for k, block in enumerate(blocks):
+        whole += encode(BLOCK, k + 2, block.first_sample, 5, block_payload(block))
+
+    def right(data: bytes, found: Any) -> None:
+        for got, wanted in zip(found.blocks, blocks, strict=False):
+            np.testing.assert_array_equal(got.force_n, wanted.force_n)
+            np.testing.assert_array_equal(got.encoder_count, wanted.encoder_count)
+        assert len(found.blocks) <= len(blocks)
+
+    return whole, parse_journal, right
