@@ -17,6 +17,7 @@ from validation.crossings import bend_uncertainty_s, first_after, up_crossings, 
 from validation.event import Event, absent
 from validation.flight import DECELERATION_M_PER_S2
 from validation.geometry import Array
+from validation.holds import Hold
 from validation.impact import Strike
 from validation.motion import Motion
 
@@ -35,7 +36,7 @@ def onset(motion: Motion, quiet_stop: int) -> Event:
     def find(level: float) -> float | None:
         return first_after(up_crossings(motion.time_s, dip, level), -np.inf)
 
-    value, u = with_level_uncertainty(find, ONSET_M, motion.u_dip_m)
+    value, u = with_level_uncertainty(find, ONSET_M, motion.own_u_dip_m())
     if value is None:
         return absent("onset", f"key never dips by {1e3 * ONSET_M:g} mm")
     return _at("onset", value, u, motion.time_s, dip)
@@ -69,14 +70,19 @@ def let_off(motion: Motion, strike: Strike | None) -> Event:
     return _at("let_off", value, u, motion.time_s, off)
 
 
-def bounces(motion: Motion, strike: Strike | None, check_s: float) -> Event:
+def bounces(motion: Motion, strike: Strike | None, caught: Event) -> Event:
     """Number of times the hammer turns round by 0.3 mm or more between the impact and the check."""
     if strike is None:
         return absent("check_bounces", "no string impact")
-    if not math.isfinite(check_s):
+    if not math.isfinite(caught.value):
         return absent("check_bounces", "hammer is never held")
-    part = (motion.time_s > strike.time_s + 2e-3) & (motion.time_s < check_s)
-    return Event("check_bounces", float(_turns(motion.hammer_height_m[part], BOUNCE_M)), 0.0, "found")
+    part = (motion.time_s > strike.time_s + 2e-3) & (motion.time_s < caught.value)
+    height, margin = motion.hammer_height_m[part], 3 * motion.u_height_m
+    count, fewest, most = (_turns(height, BOUNCE_M + by) for by in (0.0, margin, -margin))
+    note = caught.note if caught.status == "ambiguous" else ""
+    if fewest != most:
+        note = f"{min(fewest, most)} to {max(fewest, most)} within the uncertainty of a sample"
+    return Event("check_bounces", float(count), 0.0, "ambiguous" if note else "found", note)
 
 
 def _turns(height: Array, least: float) -> int:
@@ -92,17 +98,16 @@ def _turns(height: Array, least: float) -> int:
     return count
 
 
-def drop(motion: Motion, check_s: float, held_m: float, release_s: float) -> Event:
+def drop(motion: Motion, hold: Hold | None, check_s: float, release_s: float) -> Event:
     """Hammer first is 0.5 mm further from the string than the height it was held at, after the key was let go."""
-    if not math.isfinite(check_s) or not math.isfinite(held_m):
+    if hold is None or not math.isfinite(check_s):
         return absent("drop", "hammer is never held")
     height = motion.hammer_height_m
 
     def find(level: float) -> float | None:
         return first_after(up_crossings(motion.time_s, height, level), check_s)
 
-    # the held height is a mean of many samples: only the sample itself is uncertain
-    value, u = with_level_uncertainty(find, held_m + DROP_M, motion.u_height_m)
+    value, u = with_level_uncertainty(find, hold.height_m + DROP_M, math.hypot(motion.u_height_m, hold.u_own_m))
     if value is None:
         return absent("drop", "hammer stays where it was held")
     note = "" if not math.isfinite(release_s) or value > release_s - 0.05 else "long before the key was let go"

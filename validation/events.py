@@ -12,7 +12,7 @@ import math
 from validation.course import bounces, drop, landing, let_off, onset
 from validation.event import Event, absent
 from validation.flight import Flight
-from validation.holds import check, key_bottom, key_release, rest
+from validation.holds import check, find_hold, key_bottom, key_release, rest
 from validation.impact import Strike, find_strikes
 from validation.motion import Motion
 
@@ -35,9 +35,10 @@ def find_events(motion: Motion, quiet_stop: int) -> dict[str, Event]:
     strikes = find_strikes(motion)
     first = strikes[0] if strikes else None
     second = strikes[1] if len(strikes) > 1 else None
-    check_time, check_height = check(motion, first.time_s if first else None, second.time_s if second else float("inf"))
+    hold = find_hold(motion, first.time_s, second.time_s if second else float("inf")) if first else None
+    check_time, check_height = check(motion, hold, struck=first is not None)
     release = key_release(motion)
-    falls = drop(motion, check_time.value, check_height.value, release.value)
+    falls = drop(motion, hold, check_time.value, release.value)
     found = [
         onset(motion, quiet_stop),
         let_off(motion, first),
@@ -47,7 +48,7 @@ def find_events(motion: Motion, quiet_stop: int) -> dict[str, Event]:
         _speed("rebound_speed", first, first.rebound if first else None, motion.u_speed_relative),
         check_time,
         check_height,
-        bounces(motion, first, check_time.value),
+        bounces(motion, first, check_time),
         release,
         falls,
         landing(motion, falls.value),

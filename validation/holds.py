@@ -12,6 +12,7 @@ note.
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -46,72 +47,110 @@ def key_bottom(motion: Motion) -> Event:
     return _timed("key_bottom", value, u)
 
 
-def check(motion: Motion, impact_s: float | None, until_s: float = np.inf) -> tuple[Event, Event]:
-    """Time and height at which the hammer is caught after an impact and before a time.
+@dataclass(frozen=True)
+class Hold:
+    """Height at which the hammer is held after ``after_s``, and where in the samples that was first told.
 
-    Parameters
-    ----------
-    motion : Motion
-    impact_s : float or None
-        No impact, no check.
-    until_s : float
-        A later impact ends the search.
+    ``u_own_m`` is the height's standard uncertainty against other heights of the same record; a hold that is doubtful
+    says why in its ``note``.
     """
-    if impact_s is None:
-        return absent("check_time", "no string impact"), absent("check_height", "no string impact")
-    window = _first_hold(motion, impact_s, until_s, HOLD_S)
-    note = ""
-    if window is None:
-        window = _first_hold(motion, impact_s, until_s, DOUBTFUL_HOLD_S)
-        if window is None:
-            return absent("check_time", "hammer is never held"), absent("check_height", "hammer is never held")
-        note = "held for less than 20 ms"
-    first, last = window
-    time, height = motion.time_s, motion.hammer_height_m
-    centre = float(np.median(height[first:last]))
-    outside = np.flatnonzero(np.abs(height - centre) > HOLD_RANGE_M)
-    later = outside[outside >= last]
-    stop = int(later[0]) if later.size else time.size
-    held = height[first:stop][np.isfinite(height[first:stop])]
-    level = float(np.median(held))
-    u_height = float(np.hypot(motion.level_u_height_m(), np.std(held) / np.sqrt(len(held))))
 
-    def entry(band: float) -> float | None:
-        away = np.abs(height - level)
-        inside_by = float(time[min(first + (last - first) // 2, time.size - 1)])
-        falls = [t for t in down_crossings(time, away, band) if impact_s <= t <= inside_by]
-        return falls[-1] if falls else None
-
-    # the band is around the hammer's own held height, so the zero of the height does not enter
-    value, u = with_level_uncertainty(entry, CHECK_BAND_M, motion.u_height_m)
-    if value is not None:  # the back check brakes the hammer within a few samples
-        u = float(np.hypot(u, bend_uncertainty_s(time, height, value)))
-    status: Status = "ambiguous" if note else "found"
-    when = absent("check_time", "no entry into the held band") if value is None else _timed("check_time", value, u)
-    if note and value is not None:
-        when = Event("check_time", value, u, "ambiguous", note)
-    return when, Event("check_height", level, u_height, status, note)
+    after_s: float
+    height_m: float
+    u_own_m: float
+    first: int
+    last: int
+    note: str
 
 
-def _first_hold(motion: Motion, after_s: float, until_s: float, length_s: float) -> tuple[int, int] | None:
-    """First stretch of given length in which the hammer stays within 0.5 mm between string and rest."""
+def find_hold(motion: Motion, after_s: float, until_s: float = np.inf) -> Hold | None:
+    """First stretch after an impact and before a time in which the hammer is held; None when there is none.
+
+    The height of a hammer that creeps while it is held hangs on where noise lets the hold begin and end: the hold is
+    found again in ranges narrower and wider by three standard uncertainties of a sample, and what the height changes by
+    is part of its uncertainty.
+    """
+    margin = 3 * motion.u_height_m
+    ranges = (HOLD_RANGE_M, HOLD_RANGE_M - margin, HOLD_RANGE_M + margin)
+    for length, note in ((HOLD_S, ""), (DOUBTFUL_HOLD_S, "held for less than 20 ms")):
+        found, *others = _held(motion, after_s, until_s, length, ranges)
+        if found is None:
+            continue
+        level, first, last = found
+        moved = max((abs(other[0] - level) for other in others if other is not None), default=0.0)
+        if None in others or moved > CHECK_BAND_M:
+            note = note or "within the uncertainty of a sample the hammer is held elsewhere, or not"
+        return Hold(after_s, level, math.hypot(motion.u_height_still_m, moved), first, last, note)
+    return None
+
+
+def _held(
+    motion: Motion, after_s: float, until_s: float, length_s: float, ranges_m: tuple[float, ...]
+) -> list[tuple[float, int, int] | None]:
+    """First stretch of given length in which the hammer stays within each range between string and rest.
+
+    Median height over the whole hold, and the stretch.
+    """
     time, height = motion.time_s, motion.hammer_height_m
     step = float(np.median(np.diff(time)))
     n = int(round(length_s / step)) + 1
     begin, end = int(np.searchsorted(time, after_s)), int(np.searchsorted(time, until_s))
     if end - begin < n:
-        return None
+        return [None] * len(ranges_m)
     from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
     part = np.where(np.isfinite(height[begin:end]), height[begin:end], np.inf)
     origin = -(n // 2)  # windows that begin at the sample
     top = maximum_filter1d(part, n, mode="constant", cval=np.inf, origin=origin)
     low = minimum_filter1d(part, n, mode="constant", cval=-np.inf, origin=origin)
+    between = (low > CHECK_HIGHEST_M) & (top < CHECK_LOWEST * motion.rest_height_m)
     with np.errstate(invalid="ignore"):  # a window of lost samples only
-        narrow = top - low < HOLD_RANGE_M
-    held = narrow & (low > CHECK_HIGHEST_M) & (top < CHECK_LOWEST * motion.rest_height_m)
-    hits = np.flatnonzero(held[: part.size - n + 1])
-    return (begin + int(hits[0]), begin + int(hits[0]) + n) if hits.size else None
+        extent = np.where(between, top - low, np.inf)[: part.size - n + 1]
+    found: list[tuple[float, int, int] | None] = []
+    for range_m in ranges_m:
+        hits = np.flatnonzero(extent < range_m)
+        if hits.size == 0:
+            found.append(None)
+            continue
+        first, last = begin + int(hits[0]), begin + int(hits[0]) + n
+        later = np.flatnonzero(np.abs(height[last:] - float(np.median(height[first:last]))) > range_m)
+        held = height[first : last + int(later[0]) if later.size else height.size]
+        found.append((float(np.nanmedian(held)), first, last))
+    return found
+
+
+def check(motion: Motion, hold: Hold | None, *, struck: bool = True) -> tuple[Event, Event]:
+    """Time and height at which the hammer is caught.
+
+    Parameters
+    ----------
+    motion : Motion
+    hold : Hold or None
+        None when the hammer is never held.
+    struck : bool
+        Without an impact there is no check.
+    """
+    if hold is None:
+        why = "hammer is never held" if struck else "no string impact"
+        return absent("check_time", why), absent("check_height", why)
+    time, height = motion.time_s, motion.hammer_height_m
+
+    def entry(band: float) -> float | None:
+        away = np.abs(height - hold.height_m)
+        inside_by = float(time[min((hold.first + hold.last) // 2, time.size - 1)])
+        falls = [t for t in down_crossings(time, away, band) if hold.after_s <= t <= inside_by]
+        return falls[-1] if falls else None
+
+    # the band is around the hammer's own held height, so the zero of the height does not enter
+    value, u = with_level_uncertainty(entry, CHECK_BAND_M, math.hypot(motion.u_height_m, hold.u_own_m))
+    if value is not None:  # the back check brakes the hammer within a few samples
+        u = float(np.hypot(u, bend_uncertainty_s(time, height, value)))
+    status: Status = "ambiguous" if hold.note else "found"
+    when = absent("check_time", "no entry into the held band") if value is None else _timed("check_time", value, u)
+    if hold.note and value is not None:
+        when = Event("check_time", value, u, "ambiguous", hold.note)
+    u_height = math.hypot(motion.u_height_zero_m, hold.u_own_m)
+    return when, Event("check_height", hold.height_m, u_height, status, hold.note)
 
 
 def key_release(motion: Motion) -> Event:
@@ -134,20 +173,23 @@ def rest(motion: Motion, quiet_stop: int) -> Event:
     time = motion.time_s
     height = np.abs(motion.hammer_height_m - float(np.mean(motion.hammer_height_m[:quiet_stop])))
     dip = np.abs(motion.key_dip_m - float(np.mean(motion.key_dip_m[:quiet_stop])))
-    away = np.fmax(height, dip)
+    u_height, u_dip = motion.own_u_height_m(), motion.own_u_dip_m()
+    # both in units of their own uncertainty, so that a band moved by one moves both as they may
+    away = np.fmax((height - REST_BAND_M) / u_height, (dip - REST_BAND_M) / u_dip)
 
-    def find(band: float) -> float | None:
-        out = np.flatnonzero(away > band)
+    def find(level: float) -> float | None:
+        out = np.flatnonzero(away > level)
         if out.size == 0 or out[-1] + 1 >= time.size:
             return None
         i = int(out[-1])
-        share = (away[i] - band) / (away[i] - away[i + 1])
+        share = (away[i] - level) / (away[i] - away[i + 1])
         when = float(time[i] + share * (time[i + 1] - time[i]))
         return when if time[-1] - when >= REST_STAYS_S else None
 
-    value, u = with_level_uncertainty(find, REST_BAND_M, max(motion.u_height_m, motion.u_dip_m))
+    value, u = with_level_uncertainty(find, 0.0, 1.0)
     if value is None:
-        left = 1e3 * float(away[np.isfinite(away)][-1])
+        far = np.fmax(height, dip)
+        left = 1e3 * float(far[np.isfinite(far)][-1])
         return absent("rest", f"not at rest for the last 50 ms of the record; {left:.2f} mm away at its end")
     return _timed("rest", value, u)
 

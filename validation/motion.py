@@ -29,6 +29,9 @@ class Motion:
         Hammer angle from the string times the head's lever there; equals the height close to the string.
     u_dip_m, u_height_m : float
         Standard uncertainty of one sample relative to its neighbours.
+    u_dip_still_m, u_height_still_m : float
+        Standard uncertainty of a mean over samples while nothing moves, as at rest or in check: an encoder that stands
+        still repeats the same rounding error.
     u_dip_zero_m, u_height_zero_m : float
         Standard uncertainty common to all samples of the trial: the level of the rest position, and what the encoder's
         scale makes of the way from rest to the string or the key bottom.
@@ -43,11 +46,21 @@ class Motion:
     hammer_way_m: Array
     u_dip_m: float
     u_height_m: float
+    u_dip_still_m: float
+    u_height_still_m: float
     u_dip_zero_m: float
     u_height_zero_m: float
     u_speed_relative: float
     rest_height_m: float
     key_touch_dip_m: float
+
+    def own_u_height_m(self) -> float:
+        """Standard uncertainty of the height of one sample against where the hammer itself rested, m."""
+        return float(np.hypot(self.u_height_m, self.u_height_still_m))
+
+    def own_u_dip_m(self) -> float:
+        """Standard uncertainty of the dip of one sample against where the key itself rested, m."""
+        return float(np.hypot(self.u_dip_m, self.u_dip_still_m))
 
     def level_u_height_m(self) -> float:
         """Standard uncertainty of the height of one sample against a fixed level, m."""
@@ -99,6 +112,8 @@ def motion_of(
         hammer_way_m=(angle[:, HAMMER] - geometry.string_angle_rad) * geometry.string_lever_m,
         u_dip_m=per_key * float(u_sample_rad[0]),
         u_height_m=per_hammer * float(u_sample_rad[2]),
+        u_dip_still_m=per_key * float(zero[0]),
+        u_height_still_m=per_hammer * float(zero[2]),
         u_dip_zero_m=float(np.hypot(u_dip_zero_m, np.hypot(scale[0] * geometry.key_touch_dip_m, per_key * zero[0]))),
         u_height_zero_m=float(
             np.hypot(u_height_zero_m, np.hypot(scale[2] * geometry.rest_height_m, per_hammer * zero[2]))

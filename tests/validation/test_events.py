@@ -7,7 +7,7 @@ import pytest
 
 from validation.event import EVENTS
 from validation.events import find_events
-from validation.holds import check, key_bottom, key_release, rest
+from validation.holds import check, find_hold, key_bottom, key_release, rest
 from validation.motion import Motion
 
 RATE_HZ = 5000.0
@@ -16,7 +16,8 @@ TOUCH_M = 0.0093
 
 
 def motion(time, dip=None, height=None, **u):
-    values = {"u_dip_m": 2e-6, "u_height_m": 3e-6, "u_dip_zero_m": 0.0, "u_height_zero_m": 0.0} | u
+    values = {"u_dip_m": 2e-6, "u_height_m": 3e-6, "u_dip_still_m": 0.0, "u_height_still_m": 0.0}
+    values |= {"u_dip_zero_m": 0.0, "u_height_zero_m": 0.0} | u
     dip = np.zeros_like(time) if dip is None else dip
     height = np.full_like(time, REST_M) if height is None else height
     return Motion(
@@ -29,6 +30,10 @@ def motion(time, dip=None, height=None, **u):
         key_touch_dip_m=TOUCH_M,
         **values,
     )
+
+
+def caught(stroke, after_s=0.3, until_s=np.inf):
+    return check(stroke, find_hold(stroke, after_s, until_s))
 
 
 def clock(length_s=1.0):
@@ -80,23 +85,23 @@ def caught_m(time, impact_s=0.3, held_m=0.0158, until_s=0.6, hold_starts_s=0.31)
 
 
 def test_check_time_and_height():
-    when, height = check(motion(clock(), height=caught_m(clock()), u_height_zero_m=5e-5), 0.3)
+    when, height = caught(motion(clock(), height=caught_m(clock()), u_height_zero_m=5e-5))
     assert height.status == when.status == "found"
     assert height.value == pytest.approx(0.0158, abs=1e-9)
     assert height.u == pytest.approx(5e-5, rel=0.05)
     # it enters the band of 0.25 mm around 15.8 mm at 1.58 m/s
     assert when.value == pytest.approx(0.31 - 0.25e-3 / 1.58, abs=2e-6)
     # the band is around the hammer's own height: where zero is does not matter for the time
-    assert when.u == check(motion(clock(), height=caught_m(clock())), 0.3)[0].u
+    assert when.u == caught(motion(clock(), height=caught_m(clock())))[0].u
 
 
 def test_a_short_hold_is_ambiguous_and_a_bounce_is_none():
     time = clock()
-    when, height = check(motion(time, height=caught_m(time, until_s=0.325)), 0.3)
+    when, height = caught(motion(time, height=caught_m(time, until_s=0.325)))
     assert height.status == when.status == "ambiguous"
     bounce = np.minimum(REST_M, 2.0 * np.clip(time - 0.3, 0, None))
-    assert check(motion(time, height=bounce), 0.3)[1].status == "absent"
-    assert check(motion(time), None)[0].note == "no string impact"
+    assert caught(motion(time, height=bounce))[1].status == "absent"
+    assert check(motion(time), None, struck=False)[0].note == "no string impact"
 
 
 def test_the_unknown_end_of_a_prediction_hides_no_event():
@@ -105,8 +110,8 @@ def test_the_unknown_end_of_a_prediction_hides_no_event():
     height, dip = caught_m(time, until_s=2.0), pressed_m(time, up_s=2.0)
     height[-400:] = dip[-400:] = np.nan
     lost = motion(time, dip, height)
-    assert check(lost, 0.3)[1].value == pytest.approx(0.0158, abs=1e-9)
-    assert check(lost, 0.95)[1].status == "absent"
+    assert caught(lost)[1].value == pytest.approx(0.0158, abs=1e-9)
+    assert caught(lost, 0.95)[1].status == "absent"
     assert "15.80 mm away" in rest(lost, 1000).note
     assert key_bottom(lost).status == "found"
     assert key_release(lost).status == "absent"
@@ -115,8 +120,8 @@ def test_the_unknown_end_of_a_prediction_hides_no_event():
 def test_a_later_strike_ends_the_search_for_a_check():
     time = clock()
     late = caught_m(time, impact_s=0.3, hold_starts_s=0.45, until_s=0.7)
-    assert check(motion(time, height=late), 0.3, until_s=0.4)[1].status == "absent"
-    assert check(motion(time, height=late), 0.3)[1].status == "found"
+    assert caught(motion(time, height=late), until_s=0.4)[1].status == "absent"
+    assert caught(motion(time, height=late))[1].status == "found"
 
 
 def test_rest_is_the_last_exit_from_the_band():

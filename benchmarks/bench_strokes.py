@@ -1,0 +1,135 @@
+"""Strokes of the virtual bench with known truth, recorded by its sensors: what event and fault benchmarks measure.
+
+Seeds, profiles and specimens here are none of those the project was tuned on.  Each stroke is one plant run on a time base
+ten times finer than the samples; the truth is read from that, the trial from what scales and load cell make of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import model
+import rig.simulated
+from rig.config import load_rig
+from rig.session import EncoderInfo, ForceInfo, TrialData
+from rig.simulated.plant import ActionPlant, PlantTruth, load_plant
+from rig.simulated.sensors import EncoderSignals, ForceSignal, load_sensors
+
+BENCH = Path(rig.simulated.__file__).with_name("bench.toml")
+FINE = 10
+GROUP_DELAY_S = 0.0024
+BEFORE_S = 0.25
+AFTER_S = 0.6
+
+# corners (s after the onset, N of the motor), straight lines between them; none is a shipped profile
+KINDS: dict[str, tuple[tuple[float, ...], tuple[float, ...]]] = {
+    "forte": ((0, 0.02, 0.05, 0.06, 0.27, 0.36), (0, 1.2, 7.0, 11.0, 11.0, 0)),
+    "piano": ((0, 0.15, 0.16, 0.175, 0.215, 0.28, 0.5, 0.57), (0, 1.25, 1.25, 0.72, 0.72, 1.5, 1.5, 0)),
+    "double": ((0, 0.055, 0.06, 0.11, 0.13, 0.19, 0.25, 0.26, 0.42, 0.5), (0, 9, 10, 10, 0, 0, 8, 11, 9, 0)),
+    "staccato": ((0, 0.02, 0.035, 0.05), (0, 9, 9, 0)),
+    "slow": ((0, 0.6, 0.9, 1.1), (0, 2.2, 2.2, 0)),
+    "fortissimo": ((0, 0.02, 0.035, 0.04, 0.2, 0.28), (0, 8, 18, 20, 14, 0)),
+}
+# specimens out of regulation, played forte
+MISREGULATED: dict[str, dict[str, float]] = {
+    "no let-off": {"contact08.second.y": 4e-3},
+    "missed check": {"contact04.second.x": -8e-3},
+}
+
+
+@dataclass(frozen=True)
+class Stroke:
+    """A recorded trial, what really happened (fine time base), and the specimen it happened to."""
+
+    data: TrialData
+    truth: PlantTruth
+    rest_s: float
+
+
+@cache
+def _plant(rate_hz: float, seed: int, effects: tuple[str, ...]) -> ActionPlant:
+    return load_plant(BENCH, seed, rate_hz, effects)
+
+
+def command_n(kind: str, time_s: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, float]:
+    """Motor force over time of one stroke, its strength and pace drawn, and when it ends."""
+    at, newton = KINDS["forte" if kind in MISREGULATED else kind]
+    pace, strength = rng.uniform(0.9, 1.1), rng.uniform(0.85, 1.15)
+    if kind == "piano":
+        pace, strength = rng.uniform(0.97, 1.03), rng.uniform(0.98, 1.1)
+    corners = BEFORE_S + rng.uniform(0, 1e-3) + pace * np.array(at)
+    return strength * np.interp(time_s, corners, newton), float(corners[-1])
+
+
+def play(
+    kind: str,
+    seed: int,
+    *,
+    rate_hz: float = 5000.0,
+    jitter_counts: float = 0.0,
+    changed: Mapping[str, float] | None = None,
+    effects: tuple[str, ...] = (),
+    number: int = 1,
+    force_sensor: Mapping[str, Any] | None = None,
+) -> Stroke:
+    """One stroke of one kind on the bench of one seed; `changed` adds to parameters of the specimen (SI)."""
+    rng = np.random.default_rng([seed, number, 99])
+    plant = _plant(FINE * rate_hz, seed, effects)
+    shipped = plant.action
+    moved = {**MISREGULATED.get(kind, {}), **(changed or {})}
+    try:
+        plant.action = shipped.with_values({path: shipped[path] + by for path, by in moved.items()})
+        plant.start_trial(number)
+        length = BEFORE_S + 1.2 * KINDS["forte" if kind in MISREGULATED else kind][0][-1] + AFTER_S
+        edges = np.arange(int(length * rate_hz)) / rate_hz
+        newton, _ = command_n(kind, edges, rng)
+        plant.advance(np.repeat(newton / 12.0, FINE))
+        truth = plant.truth()
+    finally:
+        plant.action = shipped
+    return Stroke(record(truth, seed, number, rate_hz, jitter_counts, force_sensor or {}), truth, BEFORE_S)
+
+
+def record(
+    truth: PlantTruth, seed: int, number: int, rate_hz: float, jitter_counts: float, force_sensor: Mapping[str, Any]
+) -> TrialData:
+    """What scales and load cell make of a stroke."""
+    sensors, config = load_sensors(BENCH, seed=seed), load_rig("virtual").config
+    rng = np.random.default_rng([seed, number, 98])
+    time = truth.time_s[::FINE]
+    cell = replace_model(sensors.force, force_sensor)
+    lift = truth.column("key_lift")[::FINE] if "key_lift" in truth.coordinates else None
+    count = EncoderSignals(sensors.encoders, seed, number).quarter_counts(truth.angle_rad[::FINE][:, [0, 1, 4]], lift)
+    count = count + np.round(rng.normal(0, jitter_counts, count.shape)).astype(np.int64) * (jitter_counts > 0)
+    delayed = np.interp(time - GROUP_DELAY_S, truth.time_s, truth.force_n, left=truth.force_n[0])
+    raw = ForceSignal(cell, seed, number).millivolts_per_volt(delayed, time)
+    encoders = tuple(
+        EncoderInfo(
+            e.name, e.counts_per_revolution, e.sign, "", e.certificate.u_relative, e.u_interpolation_rad,
+            e.u_eccentricity_rad, e.u_pivot_shift_rad,
+        )
+        for e in config.encoders
+    )  # fmt: skip
+    f = config.force
+    info = ForceInfo(
+        f.sensor, f.calibration, f.electrical, f.physical_n, group_delay_s=GROUP_DELAY_S,
+        u_group_delay_s=f.u_group_delay_s, u_noise_n=f.u_noise_n, u_gain_relative=f.u_gain_relative,
+        preload_n=f.preload_n, u_preload_n=f.u_preload_n, mains_frequency_hz=config.mains_frequency_hz,
+    )  # fmt: skip
+    per_unit = (f.physical_n[1] - f.physical_n[0]) / (f.electrical[1] - f.electrical[0])
+    return TrialData(
+        number=number, status="complete", started_utc="2026-11-21T09:00:00Z", simulated=True, sample_rate_hz=rate_hz,
+        time_s=time, force_n=raw * per_unit, force_raw=raw, motor_command_v=np.zeros(time.size),
+        encoder_count=count - count[0], encoders=encoders, force_info=info, blow_start_s=BEFORE_S,
+    )  # fmt: skip
+
+
+def replace_model(sensor: Any, changed: Mapping[str, Any]) -> Any:
+    """A load cell with some of its errors changed."""
+    return sensor.model_copy(update=dict(changed))
