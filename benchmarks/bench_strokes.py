@@ -1,20 +1,19 @@
 """Strokes of the virtual bench with known truth, recorded by its sensors: what event and fault benchmarks measure.
 
-Seeds, profiles and specimens here are none of those the project was tuned on.  Each stroke is one plant run on a time base
-ten times finer than the samples; the truth is read from that, the trial from what scales and load cell make of it.
+Seeds, profiles and specimens here are none of those the project was tuned on.  Each stroke is one plant run on a time
+base ten times finer than the samples; the truth is read from that, the trial from what scales and load cell make of it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-import model
 import rig.simulated
 from rig.config import load_rig
 from rig.session import EncoderInfo, ForceInfo, TrialData
@@ -103,7 +102,7 @@ def record(
     sensors, config = load_sensors(BENCH, seed=seed), load_rig("virtual").config
     rng = np.random.default_rng([seed, number, 98])
     time = truth.time_s[::FINE]
-    cell = replace_model(sensors.force, force_sensor)
+    cell = sensors.force.model_copy(update=dict(force_sensor))
     lift = truth.column("key_lift")[::FINE] if "key_lift" in truth.coordinates else None
     count = EncoderSignals(sensors.encoders, seed, number).quarter_counts(truth.angle_rad[::FINE][:, [0, 1, 4]], lift)
     count = count + np.round(rng.normal(0, jitter_counts, count.shape)).astype(np.int64) * (jitter_counts > 0)
@@ -128,8 +127,3 @@ def record(
         time_s=time, force_n=raw * per_unit, force_raw=raw, motor_command_v=np.zeros(time.size),
         encoder_count=count - count[0], encoders=encoders, force_info=info, blow_start_s=BEFORE_S,
     )  # fmt: skip
-
-
-def replace_model(sensor: Any, changed: Mapping[str, Any]) -> Any:
-    """A load cell with some of its errors changed."""
-    return sensor.model_copy(update=dict(changed))

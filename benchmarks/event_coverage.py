@@ -3,8 +3,8 @@
     python benchmarks/event_coverage.py [--seeds 200] [--first 1000] [--kinds forte,piano] [--rate 5000] [--jitter 0]
                                         [--levels] [--json FILE]
 
-Per kind of stroke and event: how often trial and truth agree that it happened, how often it is left ambiguous, the share
-of errors within 1 and 2 stated u (0.68 and 0.95 for normal errors), the root mean square of error over u, and the
+Per kind of stroke and event: how often trial and truth agree that it happened, how often it is left ambiguous, the
+share of errors within 1 and 2 stated u (0.68 and 0.95 for normal errors), the root mean square of error over u, and the
 largest error.  ``--levels`` also moves string and key felt by what `u_rest_level_m` allows (±0.1 mm, rectangular).
 Truth: the same definitions on the plant's own motion, ten times finer, without sensors.
 """
@@ -13,14 +13,18 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 from collections import defaultdict
 from collections.abc import Iterator
 from functools import cache
+from pathlib import Path
 
 import numpy as np
-from bench_strokes import BEFORE_S, FINE, KINDS, MISREGULATED, Stroke, play
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import model
+from benchmarks.bench_strokes import BEFORE_S, FINE, KINDS, MISREGULATED, Stroke, play
 from validation.event import EVENTS, Event
 from validation.events import find_events
 from validation.geometry import geometry_of
@@ -100,8 +104,8 @@ def show(rows: list[dict]) -> None:
     for r in rows:
         factor, unit = EVENTS[r["event"]].display_factor, EVENTS[r["event"]].display_unit
         print(
-            f"  {r['event']:15s} {r['compared']:7d} {r['ambiguous']:5d} {r['wrong']:5d}  {r['in_1u']:.2f}  {r['in_2u']:.3f} "
-            f"{r['rms_z']:5.2f} {r['worst_z']:6.1f} {factor * r['median_u']:10.4f} {factor * r['p95_error']:9.4f} "
+            f"  {r['event']:15s} {r['compared']:7d} {r['ambiguous']:5d} {r['wrong']:5d}  {r['in_1u']:.2f}  "
+            f"{r['in_2u']:.3f} {r['rms_z']:5.2f} {r['worst_z']:6.1f} {factor * r['median_u']:10.4f} {factor * r['p95_error']:9.4f} "
             f"{factor * r['worst_error']:10.4f} {unit} {r['wrong_seeds'] or ''}"
         )
 

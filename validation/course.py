@@ -27,6 +27,7 @@ LONGEST_FLIGHT_S = 0.05
 DROP_M = 0.5e-3
 BOUNCE_M = 0.3e-3
 LANDED_M = 0.3e-3
+TURN_S = 0.6e-3
 
 
 def onset(motion: Motion, quiet_stop: int) -> Event:
@@ -46,12 +47,15 @@ def let_off(motion: Motion, strike: Strike | None) -> Event:
     """Last time before the impact at which the hammer is 0.1 mm off the path of its free flight."""
     if strike is None or not math.isfinite(strike.arrival.speed):
         return absent("let_off", "no string impact")
-    speed, contact = strike.arrival.speed, strike.arrival.contact_s
+    contact = strike.arrival.contact_s
     age = contact - motion.time_s
-    path = speed * age + DECELERATION_M_PER_S2 * age**2 / 2
-    off = np.where((age > 0) & (age < LONGEST_FLIGHT_S), np.abs(motion.hammer_way_m - path), np.nan)
+    near = (age > 0) & (age < LONGEST_FLIGHT_S)
 
-    def find(level: float) -> float | None:
+    def off_path(speed: float) -> Array:
+        path = speed * age + DECELERATION_M_PER_S2 * age**2 / 2
+        return np.where(near, np.abs(motion.hammer_way_m - path), np.nan)
+
+    def last_beyond(off: Array, level: float) -> float | None:
         beyond = np.flatnonzero(off > level)
         if beyond.size == 0 or beyond[-1] + 1 >= off.size or not np.isfinite(off[beyond[-1] + 1]):
             return None
@@ -59,15 +63,14 @@ def let_off(motion: Motion, strike: Strike | None) -> Event:
         share = (off[i] - level) / (off[i] - off[i + 1])
         return float(motion.time_s[i] + share * (motion.time_s[i + 1] - motion.time_s[i]))
 
-    value = find(OFF_PATH_M)
+    # the deceleration of the path is part of the definition; the speed is not, and tilts it
+    speed, u_speed = strike.arrival.speed, strike.arrival.u_speed
+    off = off_path(speed)
+    value, u = with_level_uncertainty(lambda level: last_beyond(off, level), OFF_PATH_M, motion.u_height_m)
     if value is None:
         return absent("let_off", "hammer is in free flight for longer than 50 ms, or never")
-    # the deceleration of the path is part of the definition; the speed is not
-    u_path = strike.arrival.u_speed * (contact - value)
-    value, u = with_level_uncertainty(find, OFF_PATH_M, math.hypot(motion.u_height_m, u_path))
-    if value is None:
-        return absent("let_off", "no free flight")
-    return _at("let_off", value, u, motion.time_s, off)
+    _, u_tilt = with_level_uncertainty(lambda v: last_beyond(off_path(v), OFF_PATH_M), speed, u_speed)
+    return _at("let_off", value, math.hypot(u, u_tilt), motion.time_s, off)
 
 
 def bounces(motion: Motion, strike: Strike | None, caught: Event) -> Event:
@@ -110,14 +113,16 @@ def drop(motion: Motion, hold: Hold | None, check_s: float, release_s: float) ->
     value, u = with_level_uncertainty(find, hold.height_m + DROP_M, math.hypot(motion.u_height_m, hold.u_own_m))
     if value is None:
         return absent("drop", "hammer stays where it was held")
-    note = "" if not math.isfinite(release_s) or value > release_s - 0.05 else "long before the key was let go"
+    note = hold.note
+    if math.isfinite(release_s) and value < release_s - 0.05:
+        note = "long before the key was let go"
     event = _at("drop", value, u, motion.time_s, height)
     return event if not note else Event("drop", value, event.u, "ambiguous", note)
 
 
-def landing(motion: Motion, drop_s: float) -> Event:
+def landing(motion: Motion, hold: Hold | None, drop_s: float) -> Event:
     """After the drop the hammer first comes back by 0.3 mm: the time it was furthest from the string before that."""
-    if not math.isfinite(drop_s):
+    if hold is None or not math.isfinite(drop_s):
         return absent("landing", "no drop")
     time, height = motion.time_s, motion.hammer_height_m
     begin = int(np.searchsorted(time, drop_s))
@@ -126,14 +131,17 @@ def landing(motion: Motion, drop_s: float) -> Event:
     if back.size == 0:
         return absent("landing", "hammer does not bounce by 0.3 mm when it lands")
     turn = begin + int(np.nanargmax(height[begin : begin + int(back[0]) + 1]))
-    if turn < 3 or turn + 4 > time.size or not np.isfinite(height[turn - 3 : turn + 4]).all():
+    reach = max(round(TURN_S / float(time[1] - time[0])), 3)
+    near = height[max(turn - reach, 0) : turn + reach + 1]
+    if near.size < 2 * reach + 1 or not np.isfinite(near).all():
         return Event("landing", float(time[turn]), float(time[1] - time[0]), "ambiguous", "lost samples near it")
-    wide, u = _vertex(time, height, turn, 3, motion.u_height_m)
-    narrow, u_narrow = _vertex(time, height, turn, 2, motion.u_height_m)
+    wide, u = _vertex(time, height, turn, reach, motion.u_height_m)
+    narrow, u_narrow = _vertex(time, height, turn, 2 * reach // 3, motion.u_height_m)
     if math.isnan(wide) or math.isnan(narrow):
         return Event("landing", float(time[turn]), float(time[1] - time[0]), "ambiguous", "no clear turning point")
     # felt is no parabola: what the width of the fit makes of the vertex is left in its uncertainty
-    return Event("landing", narrow, math.hypot(max(u, u_narrow), wide - narrow), "found")
+    u = math.hypot(max(u, u_narrow), wide - narrow)
+    return Event("landing", narrow, u, "ambiguous" if hold.note else "found", hold.note)
 
 
 def _vertex(time: Array, height: Array, turn: int, reach: int, sigma: float) -> tuple[float, float]:

@@ -44,14 +44,14 @@ def find_events(motion: Motion, quiet_stop: int) -> dict[str, Event]:
         let_off(motion, first),
         key_bottom(motion),
         _impact("string_impact", first, "hammer never reaches the string"),
-        _speed("hammer_speed", first, first.arrival if first else None, motion.u_speed_relative),
-        _speed("rebound_speed", first, first.rebound if first else None, motion.u_speed_relative),
+        _speed("hammer_speed", motion, first, first.arrival if first else None),
+        _speed("rebound_speed", motion, first, first.rebound if first else None),
         check_time,
         check_height,
         bounces(motion, first, check_time),
         release,
         falls,
-        landing(motion, falls.value),
+        landing(motion, hold, falls.value),
         _impact("second_strike", second, "one string impact only" if first else "no string impact"),
         rest(motion, quiet_stop),
     ]
@@ -64,10 +64,11 @@ def _impact(name: str, strike: Strike | None, why_absent: str) -> Event:
     return Event(name, strike.time_s, strike.u_time_s, strike.status, strike.note if strike.status != "found" else "")
 
 
-def _speed(name: str, strike: Strike | None, speed: Flight | None, u_relative: float) -> Event:
+def _speed(name: str, motion: Motion, strike: Strike | None, speed: Flight | None) -> Event:
     if strike is None or speed is None:
         return absent(name, "no string impact")
     if math.isnan(speed.speed):
         return absent(name, speed.note)
-    u = math.hypot(speed.u_speed, u_relative * speed.speed)
+    elsewhere = speed.slowing * motion.u_height_zero_m / speed.speed  # a string that stands higher is met later
+    u = math.hypot(speed.u_speed, motion.u_speed_relative * speed.speed, elsewhere)
     return Event(name, speed.speed, u, strike.status, speed.note)

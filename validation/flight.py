@@ -33,13 +33,17 @@ MINIMUM_SAMPLES = 4
 
 @dataclass(frozen=True)
 class Flight:
-    """Speed at contact (m/s) and time at which the flight reaches the string, each with its standard uncertainty."""
+    """Speed at contact (m/s) and time at which the flight reaches the string, each with its standard uncertainty.
+
+    ``slowing`` is the deceleration at contact, m/s²: what a string elsewhere makes of the speed.
+    """
 
     speed: float
     u_speed: float
     contact_s: float
     u_contact_s: float
     note: str = ""
+    slowing: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -121,8 +125,9 @@ def flight(time_s: Array, way_m: Array, contact_s: float, side: int, sigma_m: fl
         return Flight(float("nan"), float("nan"), contact_s, float("nan"), "hammer does not move along the string side")
     age_of_contact = -float(path.value[0]) / float(path.value[1])
     u_contact = path.u(0) / float(path.value[1])
+    slowing = float(path.value[2])
     return Flight(
-        speed + float(path.value[2]) * age_of_contact, u_speed, contact_s + side * age_of_contact, u_contact, note
+        speed + slowing * age_of_contact, u_speed, contact_s + side * age_of_contact, u_contact, note, slowing
     )
 
 

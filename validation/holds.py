@@ -40,7 +40,9 @@ def key_bottom(motion: Motion) -> Event:
         return first_after(up_crossings(motion.time_s, motion.key_dip_m, level, DIP_HYSTERESIS_M), -np.inf)
 
     value, u = with_level_uncertainty(find, motion.key_touch_dip_m, motion.level_u_dip_m())
-    if value is None:
+    if value is not None:
+        u = math.hypot(u, bend_uncertainty_s(motion.time_s, np.nan_to_num(motion.key_dip_m), value))
+    else:
         deepest = 1e3 * float(np.nanmax(motion.key_dip_m))
         touch = 1e3 * motion.key_touch_dip_m
         return absent("key_bottom", f"deepest dip {deepest:.2f} mm, touch at {touch:.2f} mm")
@@ -76,8 +78,8 @@ def find_hold(motion: Motion, after_s: float, until_s: float = np.inf) -> Hold |
         found, *others = _held(motion, after_s, until_s, length, ranges)
         if found is None:
             continue
-        level, first, last = found
-        moved = max((abs(other[0] - level) for other in others if other is not None), default=0.0)
+        level, first, last, by_sample = found
+        moved = max([by_sample, *(abs(other[0] - level) for other in others if other is not None)])
         if None in others or moved > CHECK_BAND_M:
             note = note or "within the uncertainty of a sample the hammer is held elsewhere, or not"
         return Hold(after_s, level, math.hypot(motion.u_height_still_m, moved), first, last, note)
@@ -86,10 +88,10 @@ def find_hold(motion: Motion, after_s: float, until_s: float = np.inf) -> Hold |
 
 def _held(
     motion: Motion, after_s: float, until_s: float, length_s: float, ranges_m: tuple[float, ...]
-) -> list[tuple[float, int, int] | None]:
+) -> list[tuple[float, int, int, float] | None]:
     """First stretch of given length in which the hammer stays within each range between string and rest.
 
-    Median height over the whole hold, and the stretch.
+    Median height over the whole hold, the stretch, and what a hold that begins a sample later changes of the height.
     """
     time, height = motion.time_s, motion.hammer_height_m
     step = float(np.median(np.diff(time)))
@@ -106,7 +108,7 @@ def _held(
     between = (low > CHECK_HIGHEST_M) & (top < CHECK_LOWEST * motion.rest_height_m)
     with np.errstate(invalid="ignore"):  # a window of lost samples only
         extent = np.where(between, top - low, np.inf)[: part.size - n + 1]
-    found: list[tuple[float, int, int] | None] = []
+    found: list[tuple[float, int, int, float] | None] = []
     for range_m in ranges_m:
         hits = np.flatnonzero(extent < range_m)
         if hits.size == 0:
@@ -115,7 +117,8 @@ def _held(
         first, last = begin + int(hits[0]), begin + int(hits[0]) + n
         later = np.flatnonzero(np.abs(height[last:] - float(np.median(height[first:last]))) > range_m)
         held = height[first : last + int(later[0]) if later.size else height.size]
-        found.append((float(np.nanmedian(held)), first, last))
+        level = float(np.nanmedian(held))
+        found.append((level, first, last, abs(float(np.nanmedian(held[1:])) - level)))
     return found
 
 

@@ -26,6 +26,7 @@ ONSET_SIGMA = 5.0
 ONSET_SAMPLES = 5
 ONSET_SHARE = 0.01
 MOVED_COUNTS = 3
+MOVED_SIGMA = 5.0
 
 
 @dataclass(frozen=True)
@@ -109,8 +110,8 @@ def find_quiet(
     """Find the quiet baseline before the blow.
 
     The force leaves its baseline when it is 5 σ away for five samples; hum is fitted on a first baseline and
-    taken off before the onset is looked for again.  An encoder that moves by more than three counts also ends
-    the baseline.  A margin of 10 ms is kept.
+    taken off before the onset is looked for again.  An encoder that moves by more than three counts, and
+    5 σ of its jitter, also ends the baseline.  A margin of 10 ms is kept.
 
     Parameters
     ----------
@@ -145,9 +146,10 @@ def find_quiet(
     moved = onset
     if encoder_count is not None:
         counts = np.asarray(encoder_count)
-        away = np.abs(counts - np.median(counts[:first], axis=0)) > MOVED_COUNTS
-        hits = np.flatnonzero(away.any(axis=1))
-        moved = min(onset, int(hits[0])) if hits.size else onset
+        jitter = MOVED_SIGMA * counts[:first].std(axis=0)
+        away = np.abs(counts - np.median(counts[:first], axis=0)) > np.maximum(MOVED_COUNTS, jitter)
+        hit = _first_run(away.any(axis=1), ONSET_SAMPLES)
+        moved = onset if hit is None else min(onset, hit)
     stop = moved - margin
     if stop < need:
         raise TrialError(

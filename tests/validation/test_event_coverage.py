@@ -1,10 +1,15 @@
-"""Stated uncertainty equals actual error: events of quantised trials against the same strokes on a fine time base."""
+"""Stated uncertainty equals actual error: events of quantised trials against the same strokes on a fine time base.
+
+The first part plays one kind of blow through a plain encoder; the second the virtual bench of any seed, with all errors
+of its sensors (`benchmarks/event_coverage.py` prints the tables).
+"""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
+from benchmarks.event_coverage import pairs
 from validation.event import EVENTS
 from validation.events import find_events
 from validation.geometry import geometry_of
@@ -61,3 +66,35 @@ def test_a_single_blow_has_no_second_strike(scatter):
 @pytest.mark.parametrize("name", ["onset", "let_off", "key_bottom", "string_impact"])
 def test_times_are_within_a_fifth_of_a_millisecond_of_the_truth(scatter, name):
     assert np.abs(scatter[1][name]).max() < 2e-4
+
+
+# seed of the bench, rate, jitter in counts, whether string and felt stand elsewhere
+BENCHES = ((77, 2000.0, 0.0, True), (123, 5000.0, 0.7, False))
+
+
+@pytest.mark.parametrize("kind", ["forte", "piano", "double", "staccato", "slow", "no let-off", "missed check"])
+def test_strokes_of_any_bench_are_covered(kind):
+    z = []
+    for first, rate, jitter, levels in BENCHES:
+        for seed, true, trial in pairs(kind, range(first, first + 1), rate, jitter, levels):
+            for name, event in trial.items():
+                if "ambiguous" in (event.status, true[name].status):
+                    continue
+                assert event.status == true[name].status, (seed, rate, name)
+                if event.u > 0:
+                    z.append((event.value - true[name].value) / event.u)
+                    assert abs(z[-1]) < 5, (seed, rate, name, event, true[name])
+    assert np.mean(np.abs(z) < 2) >= 0.8  # two strokes share errors: the benchmark has the rate
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["forte", "piano", "double", "staccato", "slow", "no let-off", "missed check"])
+def test_coverage_of_every_event_over_many_seeds(kind):
+    found = list(pairs(kind, range(9000, 9060), 5000.0, 0.0, True))
+    for name in EVENTS:
+        both = [(t[name], m[name]) for _, t, m in found if t[name].status == m[name].status == "found"]
+        z = np.array([(m.value - t.value) / m.u for t, m in both if m.u > 0])
+        assert {t[name].status for _, t, m in found if m[name].status == "absent"} <= {"absent", "ambiguous"}, name
+        if z.size > 20:
+            assert np.mean(np.abs(z) < 2) >= 0.88, name  # 0.95 less 2.5 standard errors of 60
+            assert np.sqrt(np.mean(z**2)) < 1.3, name

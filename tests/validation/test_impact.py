@@ -40,7 +40,9 @@ def flight_m(time_s, *, impact_s=IMPACT_S, speed=SPEED, rebound=REBOUND, string_
 
 
 def motion(height_m, time_s, u_m=0.0, u_zero_m=0.0):
-    return Motion(time_s, np.zeros_like(time_s), height_m, height_m, 0.0, u_m, 0.0, 0.0, 0.0, u_zero_m, 0.0, REST_M, 0.0093)
+    return Motion(
+        time_s, np.zeros_like(time_s), height_m, height_m, 0.0, u_m, 0.0, 0.0, 0.0, u_zero_m, 0.0, REST_M, 0.0093
+    )
 
 
 def times():
