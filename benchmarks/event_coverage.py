@@ -105,8 +105,8 @@ def show(rows: list[dict]) -> None:
         factor, unit = EVENTS[r["event"]].display_factor, EVENTS[r["event"]].display_unit
         print(
             f"  {r['event']:15s} {r['compared']:7d} {r['ambiguous']:5d} {r['wrong']:5d}  {r['in_1u']:.2f}  "
-            f"{r['in_2u']:.3f} {r['rms_z']:5.2f} {r['worst_z']:6.1f} {factor * r['median_u']:10.4f} {factor * r['p95_error']:9.4f} "
-            f"{factor * r['worst_error']:10.4f} {unit} {r['wrong_seeds'] or ''}"
+            f"{r['in_2u']:.3f} {r['rms_z']:5.2f} {r['worst_z']:6.1f} {factor * r['median_u']:10.4f} "
+            f"{factor * r['p95_error']:9.4f} {factor * r['worst_error']:10.4f} {unit} {r['wrong_seeds'] or ''}"
         )
 
 
