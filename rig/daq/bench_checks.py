@@ -1,7 +1,8 @@
 """What only a self-test asks of the hardware: the bridge's shunt step, edges on a terminal, the watchdog left alone.
 
 Place in the data flow: ``rig.selftest`` → these methods of the backend → ``nidaqmx`` client. Each opens and closes
-tasks of its own, except :meth:`BenchChecks.let_watchdog_expire`, which needs a running trial. Faults are typed.
+tasks of its own, while those of the trials rest, except :meth:`BenchChecks.let_watchdog_expire`, which needs a running
+trial. Faults are typed.
 """
 
 from __future__ import annotations
@@ -14,10 +15,11 @@ from nidaqmx.stream_readers import AnalogSingleChannelReader
 
 from rig.backend import Block
 from rig.config import RigConfig
-from rig.daq import tasks
+from rig.daq import analog_inputs, tasks
 from rig.daq.faults import translated
 
 if TYPE_CHECKING:
+    from rig.daq.safe_outputs import SafeOutputs
     from rig.daq.watchdog import Watchdog
 
 SHUNT_S = 0.4
@@ -28,12 +30,16 @@ class BenchChecks:
     """Mixed into the backend; uses its way of making tasks."""
 
     _watchdog: Watchdog | None
+    _outputs: SafeOutputs
 
     def _new_task(self, name: str) -> nidaqmx.Task:
         raise NotImplementedError
 
     def _read_inputs(self, n_samples: int, timeout_s: float) -> Block:
         raise NotImplementedError
+
+    def _check_task(self, name: str) -> nidaqmx.Task:
+        return self._new_task(f"check_{name}")
 
     def shunt_step(self, config: RigConfig) -> float:
         """Return by how much the bridge's reading changes when the module's shunt resistor is switched in, mV/V."""
@@ -43,7 +49,7 @@ class BenchChecks:
     def _mean_reading(self, config: RigConfig, *, shunt: bool) -> float:
         n = int(SHUNT_S * config.device.sample_rate_hz)
         with translated("read", config.force.channel):
-            task = tasks.force_task(self._new_task, config)
+            task = analog_inputs.force_task(self._check_task, config)
             try:
                 task.ai_channels[0].ai_bridge_shunt_cal_enable = shunt
                 task.start()
@@ -52,7 +58,7 @@ class BenchChecks:
             finally:
                 task.close()
         settled = values[n // 4 :]  # behind the module's filter
-        return float(np.mean(tasks.volts_of_force(config, settled)))
+        return float(np.mean(analog_inputs.volts_of_force(config, settled)))
 
     def count_edges(self, config: RigConfig, counter: str, terminal: str, duration_s: float, pulses: bool) -> int:
         """Return the rising edges on a terminal in ``duration_s``; with ``pulses`` the camera's counter gives them."""
@@ -60,11 +66,11 @@ class BenchChecks:
         made: list[nidaqmx.Task] = []
         with translated("read", counter):
             try:
-                edges = tasks.edge_task(self._new_task, config, counter, terminal)
+                edges = tasks.edge_task(self._check_task, config, counter, terminal)
                 made.append(edges)
                 if pulses and config.camera is not None:
-                    made.append(tasks.camera_task(self._new_task, config, config.camera)[0])
-                made.append(tasks.force_task(self._new_task, config))
+                    made.append(tasks.camera_task(self._check_task, config, config.camera)[0])
+                made.append(analog_inputs.force_task(self._check_task, config))
                 for task in made:
                     task.start()
                 counted = edges.read(n, timeout=READ_TIMEOUT_S)
@@ -79,9 +85,10 @@ class BenchChecks:
         values = np.empty(command_v.size)
         with translated("read", channel):
             try:
-                motor = tasks.motor_task(self._new_task, config, command_v)
+                motor = tasks.motor_task(self._check_task, config)
                 made.append(motor)
-                loop = tasks.voltage_task(self._new_task, config, channel)
+                tasks.load_command(motor, config, command_v)
+                loop = analog_inputs.voltage_task(self._check_task, config, channel)
                 made.append(loop)
                 motor.start()
                 loop.start()
@@ -89,7 +96,7 @@ class BenchChecks:
             finally:
                 for task in made:
                     task.close()
-                tasks.write_zero(self._new_task, config)
+                self._outputs.put_motor_at_zero(config)
         return values
 
     def let_watchdog_expire(self, n_samples: int, blocks: int) -> tuple[list[Block], int | None]:

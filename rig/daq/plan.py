@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from rig.backend import Timing
 from rig.config import RigConfig
 from rig.daq import tasks
+from rig.daq.analog_inputs import MASTER
 from rig.daq.watchdog import ANALOG_REACH
 
 
@@ -41,7 +42,7 @@ def recording_plan(config: RigConfig, timing: Timing, n_command: int) -> list[Ta
     unit = force.electrical_unit
     rows.append(
         TaskPlan(
-            tasks.MASTER,
+            MASTER,
             force.channel,
             f"AI {force.kind}, {force.electrical[0]:g} to {force.electrical[1]:g} {unit} is "
             f"{force.physical_n[0]:g} to {force.physical_n[1]:g} N, delay {timing.force_group_delay_s * 1e3:.4g} ms",

@@ -1,5 +1,4 @@
-"""The tasks of the bench: force, encoders, motor, camera, drive enable; each one function, every argument
-given.
+"""The tasks that follow the analog inputs' clock: encoders, motor, camera; each one function, every argument given.
 
 AI is the clock master. Counters and the motor output take their sample clock from ``ai/SampleClock``;
 counters arm on ``ai/StartTrigger`` and the frame pulses start on it; the motor output needs no trigger, since
@@ -9,121 +8,26 @@ pulses).
 
 from __future__ import annotations
 
-from typing import Protocol
-
 import nidaqmx
 import nidaqmx.constants as ni
 import numpy as np
-from nidaqmx.stream_writers import AnalogSingleChannelWriter, DigitalSingleChannelWriter
+from nidaqmx.stream_writers import AnalogSingleChannelWriter
 from numpy.typing import NDArray
 
 from rig.channels import CameraConfig, EncoderConfig
 from rig.config import RigConfig
+from rig.daq.analog_inputs import buffer_samples
+from rig.daq.task_set import NewTask
 from rig.errors import InputError
 
-BUFFER_S = 20.0
-"""Length of the driver's buffers: how long the program may be late before samples are lost."""
 WRITE_TIMEOUT_S = 5.0
-MASTER, MOTOR, CAMERA, EDGES = "force", "motor", "camera", "exposures"
+MOTOR, CAMERA, EDGES = "motor", "camera", "exposures"
 """Names of the tasks."""
 
 
 def encoder_task_name(encoder: EncoderConfig) -> str:
     """Return the name of an encoder's task."""
     return f"encoder_{encoder.name}"
-
-
-class NewTask(Protocol):
-    """Makes an empty task with the given name on the driver or server in use."""
-
-    def __call__(self, name: str) -> nidaqmx.Task:
-        """Make the task."""
-        ...
-
-
-def buffer_samples(sample_rate_hz: float) -> int:
-    """Return the number of samples per channel the driver is told to keep."""
-    return int(BUFFER_S * sample_rate_hz)
-
-
-def force_task(new_task: NewTask, config: RigConfig) -> nidaqmx.Task:
-    """AI on the load cell, continuous, on its own clock: the master."""
-    task = new_task(MASTER)
-    force, rate = config.force, config.device.sample_rate_hz
-    if force.kind == "bridge":
-        task.ai_channels.add_ai_force_bridge_two_point_lin_chan(
-            force.channel,
-            name_to_assign_to_channel="force",
-            min_val=force.min_n,
-            max_val=force.max_n,
-            units=ni.ForceUnits.NEWTONS,
-            bridge_config=ni.BridgeConfiguration.FULL_BRIDGE,
-            voltage_excit_source=ni.ExcitationSource.INTERNAL,
-            voltage_excit_val=force.excitation_v,
-            nominal_bridge_resistance=force.bridge_resistance_ohm,
-            first_electrical_val=force.electrical[0],
-            second_electrical_val=force.electrical[1],
-            electrical_units=ni.BridgeElectricalUnits.MILLIVOLTS_PER_VOLT,
-            first_physical_val=force.physical_n[0],
-            second_physical_val=force.physical_n[1],
-            physical_units=ni.BridgePhysicalUnits.NEWTONS,
-            custom_scale_name="",
-        )
-    else:
-        ends = sorted(volts_of_force(config, np.array([force.min_n, force.max_n])))
-        task.ai_channels.add_ai_voltage_chan(
-            force.channel,
-            name_to_assign_to_channel="force",
-            terminal_config=ni.TerminalConfiguration.DIFF,
-            min_val=float(ends[0]),
-            max_val=float(ends[1]),
-            units=ni.VoltageUnits.VOLTS,
-            custom_scale_name="",
-        )
-    task.timing.cfg_samp_clk_timing(
-        rate,
-        source="",
-        active_edge=ni.Edge.RISING,
-        sample_mode=ni.AcquisitionType.CONTINUOUS,
-        samps_per_chan=buffer_samples(rate),
-    )
-    task.in_stream.overwrite = ni.OverwriteMode.DO_NOT_OVERWRITE_UNREAD_SAMPLES
-    return task
-
-
-def voltage_task(new_task: NewTask, config: RigConfig, channel: str) -> nidaqmx.Task:
-    """AI on one voltage input, continuous, on its own clock."""
-    task, limit = new_task("voltage"), config.motor.voltage_limit_v
-    task.ai_channels.add_ai_voltage_chan(
-        channel,
-        name_to_assign_to_channel="voltage",
-        terminal_config=ni.TerminalConfiguration.DIFF,
-        min_val=-limit,
-        max_val=limit,
-        units=ni.VoltageUnits.VOLTS,
-        custom_scale_name="",
-    )
-    rate = config.device.sample_rate_hz
-    task.timing.cfg_samp_clk_timing(
-        rate,
-        source="",
-        active_edge=ni.Edge.RISING,
-        sample_mode=ni.AcquisitionType.CONTINUOUS,
-        samps_per_chan=buffer_samples(rate),
-    )
-    return task
-
-
-def volts_of_force(config: RigConfig, force_n: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Electrical reading (mV/V or V) that the calibration line gives for a force."""
-    (e0, e1), (p0, p1) = config.force.electrical, config.force.physical_n
-    return e0 + (force_n - p0) * ((e1 - e0) / (p1 - p0))
-
-
-def force_of_volts(config: RigConfig, electrical: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Force that the calibration line gives for an electrical reading (mV/V or V)."""
-    (e0, e1), (p0, p1) = config.force.electrical, config.force.physical_n
-    return p0 + (electrical - e0) * ((p1 - p0) / (e1 - e0))
 
 
 def encoder_task(new_task: NewTask, config: RigConfig, encoder: EncoderConfig) -> nidaqmx.Task:
@@ -168,8 +72,8 @@ def _latched_on_ai(task: nidaqmx.Task, config: RigConfig) -> None:
     trigger.dig_edge_edge = ni.Edge.RISING
 
 
-def motor_task(new_task: NewTask, config: RigConfig, command_v: NDArray[np.float64]) -> nidaqmx.Task:
-    """AO with the whole command, finite, one sample per AI clock edge; the last sample is 0 V."""
+def motor_task(new_task: NewTask, config: RigConfig) -> nidaqmx.Task:
+    """AO of the motor's command, which :func:`load_command` gives it."""
     task = new_task(MOTOR)
     limit = config.motor.voltage_limit_v
     task.ao_channels.add_ao_voltage_chan(
@@ -180,6 +84,11 @@ def motor_task(new_task: NewTask, config: RigConfig, command_v: NDArray[np.float
         units=ni.VoltageUnits.VOLTS,
         custom_scale_name="",
     )
+    return task
+
+
+def load_command(task: nidaqmx.Task, config: RigConfig, command_v: NDArray[np.float64]) -> None:
+    """Load the whole command, finite, one sample per AI clock edge; the last sample is 0 V."""
     task.timing.cfg_samp_clk_timing(
         config.device.sample_rate_hz,
         source=f"/{config.device.name}/ai/SampleClock",
@@ -187,9 +96,9 @@ def motor_task(new_task: NewTask, config: RigConfig, command_v: NDArray[np.float
         sample_mode=ni.AcquisitionType.FINITE,
         samps_per_chan=command_v.size,
     )
+    task.out_stream.output_buf_size = command_v.size
     writer = AnalogSingleChannelWriter(task.out_stream, auto_start=False)
     writer.write_many_sample(np.ascontiguousarray(command_v, dtype=np.float64), timeout=WRITE_TIMEOUT_S)
-    return task
 
 
 def camera_task(new_task: NewTask, config: RigConfig, camera: CameraConfig) -> tuple[nidaqmx.Task, float, float]:
@@ -225,24 +134,6 @@ def edge_task(new_task: NewTask, config: RigConfig, counter: str, terminal: str)
     channel.ci_count_edges_term = terminal
     _latched_on_ai(task, config)
     return task
-
-
-def write_zero(new_task: NewTask, config: RigConfig) -> None:
-    """Put the motor output at 0 V with a fresh on-demand task: a stopped DAC holds its last value."""
-    with new_task("motor_zero") as task:
-        limit = config.motor.voltage_limit_v
-        task.ao_channels.add_ao_voltage_chan(config.motor.channel, "motor", -limit, limit, ni.VoltageUnits.VOLTS, "")
-        AnalogSingleChannelWriter(task.out_stream, auto_start=True).write_one_sample(0.0, timeout=WRITE_TIMEOUT_S)
-
-
-def write_drive_enable(new_task: NewTask, line: str, enabled: bool) -> None:
-    """Set the drive-enable line; a static digital output keeps its state when the task is gone."""
-    with new_task("drive_enable") as task:
-        task.do_channels.add_do_chan(
-            line, name_to_assign_to_lines="drive_enable", line_grouping=ni.LineGrouping.CHAN_PER_LINE
-        )
-        writer = DigitalSingleChannelWriter(task.out_stream, auto_start=True)
-        writer.write_one_sample_one_line(enabled, timeout=WRITE_TIMEOUT_S)
 
 
 def check_command(config: RigConfig, command_v: NDArray[np.float64]) -> None:

@@ -23,7 +23,7 @@ ANALOG_REACH = ("cDAQ-9185", "cDAQ-9189")
 
 
 class Watchdog:
-    """A running watchdog timer; errors are those of ``nidaqmx``, translated by the caller."""
+    """A watchdog timer, to be started again and again; errors are those of ``nidaqmx``, translated by the caller."""
 
     def __init__(self, channel: object | None, config: RigConfig) -> None:
         timeout_s = config.watchdog.timeout_s if config.watchdog else 0.5
@@ -39,10 +39,17 @@ class Watchdog:
                 )
             if config.drive_enable is not None:
                 self._task.cfg_watchdog_do_expir_states([DOExpirationState(config.drive_enable.line, Level.LOW)])
-            self._task.start()
         except BaseException:
             self.close()
             raise
+
+    def start(self) -> None:
+        """Let the time run from here on."""
+        self._task.start()
+
+    def stop(self) -> None:
+        """Stop the timer and give its hardware back; it stays configured."""
+        self._task.stop()
 
     def kick(self) -> None:
         """Start the time anew; an expired timer refuses."""

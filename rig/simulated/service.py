@@ -155,6 +155,7 @@ class Service:
             task.committed = True
         elif action == UNRESERVE:
             self.device.release(task)
+            task.output = None  # the buffer goes with the reservation
         elif action != VERIFY:
             raise DaqStatusError(status.INVALID_VALUE, f"Task action {action}")
         return response("TaskControl")

@@ -114,7 +114,7 @@ def test_every_task_runs_on_the_clock_and_trigger_of_the_force_input(name, make_
     config = load_rig(name).config
     backend = make_backend(config)
     backend.configure(config, command)
-    tasks = dict(backend.device.tasks)
+    tasks = {name: task for name, task in backend.device.tasks.items() if task.state != "unreserved"}
     assert tasks.pop("watchdog").state == "running"
     assert list(tasks) == ["force", "encoder_key", "encoder_whippen", "encoder_hammer", "motor", "camera"]
     clocks = {task: t.clock.source if t.clock else None for task, t in tasks.items()}

@@ -149,7 +149,7 @@ def test_every_way_out_de_energises_in_the_same_order(way_out, make_backend, ass
     backend = make_backend(config)
     device, steps = backend.device, []
     energised(backend, config, command)
-    write, lines, clear = device.write, device.write_lines, device.clear_task
+    write, lines, stop = device.write, device.write_lines, device.stop
 
     def noted(name: str, call: Any) -> Any:
         def step(first: Any, *rest: Any) -> Any:
@@ -159,14 +159,14 @@ def test_every_way_out_de_energises_in_the_same_order(way_out, make_backend, ass
         return step
 
     device.write, device.write_lines = noted("volts", write), noted("line", lines)
-    device.clear_task = noted("clear", clear)
+    device.stop = noted("stop", stop)
     if way_out in ("end", "limit"):  # after a limit the recorder calls safe_stop, as at the end
         backend.safe_stop()
     elif way_out == "close":
         backend.close()
     elif way_out == "next configure":
         backend.configure(config, command)
-        steps = steps[: steps.index(("clear", "watchdog")) + 1]
+        steps = steps[: steps.index(("stop", "watchdog")) + 1]
         backend.safe_stop()
     else:
         error = DaqStatusError(-200279) if way_out == "fault" else ZeroDivisionError("program")
@@ -178,12 +178,12 @@ def test_every_way_out_de_energises_in_the_same_order(way_out, make_backend, ass
         with pytest.raises(SamplesLost if way_out == "fault" else ZeroDivisionError):
             backend.read_block(100, 1.0)
     wanted = [
-        ("clear", "motor"),
+        ("stop", "motor"),
         ("volts", "motor_zero"),
-        ("clear", "motor_zero"),
+        ("stop", "motor_zero"),
         ("line", "drive_enable"),
-        ("clear", "drive_enable"),
-        ("clear", "force"),
+        ("stop", "drive_enable"),
+        ("stop", "force"),
     ]
-    assert steps[: len(wanted)] == wanted and steps[-1] == ("clear", "watchdog")
+    assert steps[: len(wanted)] == wanted and steps[-1] == ("stop", "watchdog")
     assert_safe(backend)

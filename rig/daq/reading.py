@@ -1,0 +1,58 @@
+"""Reading the next samples of every input task, and what the driver says of how many there were.
+
+Place in the data flow: tasks of the backend → this → a block for the recorder. Force comes calibrated and as measured,
+counts as whole numbers; a count that is none is a fault. Faults are typed, in phase "read".
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from nidaqmx.stream_readers import AnalogSingleChannelReader, CounterReader
+from numpy.typing import NDArray
+
+from rig.backend import Block
+from rig.config import RigConfig
+from rig.daq import analog_inputs, tasks
+from rig.daq.faults import translated
+from rig.daq.task_set import TaskSet
+from rig.errors import HardwareFault
+
+
+def next_block(made: TaskSet, config: RigConfig, first_sample: int, n_samples: int, timeout_s: float) -> Block:
+    """Return the next ``n_samples`` of every input; ``first_sample`` is the number of the first of them."""
+    values = np.empty(n_samples)
+    with translated("read", analog_inputs.MASTER):
+        reader = AnalogSingleChannelReader(made[analog_inputs.MASTER].in_stream)
+        reader.read_many_sample(values, n_samples, timeout_s)
+    if config.force.kind == "bridge":
+        force_n, raw = values, analog_inputs.volts_of_force(config, values)
+    else:
+        force_n, raw = analog_inputs.force_of_volts(config, values), values
+    count = np.empty((n_samples, len(config.encoders)), dtype=np.int64)
+    for column, encoder in enumerate(config.encoders):
+        count[:, column] = _ticks(made, tasks.encoder_task_name(encoder), n_samples, timeout_s)
+    exposures = _ticks(made, tasks.EDGES, n_samples, timeout_s) if tasks.EDGES in made else None
+    return Block(first_sample, force_n, raw, count, exposures)
+
+
+def _ticks(made: TaskSet, name: str, n_samples: int, timeout_s: float) -> NDArray[np.int64]:
+    ticks = np.empty(n_samples)
+    with translated("read", name):
+        reader = CounterReader(made[name].in_stream)
+        reader.verify_array_shape = False  # saves a round trip to the server per read
+        reader.read_many_sample_double(ticks, n_samples, timeout_s)
+    whole = np.rint(ticks)
+    if not np.array_equal(whole, ticks):
+        raise HardwareFault(f"{name}: counts are not whole numbers; the task is not in ticks", phase="read")
+    return whole.astype(np.int64)
+
+
+def positions(made: TaskSet, config: RigConfig) -> dict[str, tuple[int, int]]:
+    """Return by input task the samples per channel handed out and acquired since its start, by the driver."""
+    found = {}
+    for name in (analog_inputs.MASTER, *map(tasks.encoder_task_name, config.encoders), tasks.EDGES):
+        if name in made:
+            with translated("read", name):
+                stream = made[name].in_stream
+                found[name] = (int(stream.curr_read_pos), int(stream.total_samp_per_chan_acquired))
+    return found

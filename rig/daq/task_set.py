@@ -1,0 +1,74 @@
+"""Tasks that are made once and used again: stopped and unreserved between two uses, cleared only at the end.
+
+Place in the data flow: the backend makes the tasks of its first trial here and starts them anew for each further one,
+as the state model of NI-DAQmx has it (verified → committed → running and back). A task at rest keeps its settings and
+holds no hardware: the watchdog of a chassis can start before the others, and other tasks can have the channels.
+Errors are those of ``nidaqmx``, translated by the caller.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Protocol
+
+import nidaqmx
+from nidaqmx.constants import TaskMode
+
+
+class NewTask(Protocol):
+    """Makes an empty task with the given name on the driver or server in use."""
+
+    def __call__(self, name: str) -> nidaqmx.Task:
+        """Make the task."""
+        ...
+
+
+class TaskSet:
+    """Open tasks by name in the order they were made; kept from the moment they exist, so that none is lost."""
+
+    def __init__(self, new_task: NewTask) -> None:
+        self._new_task = new_task
+        self._tasks: dict[str, nidaqmx.Task] = {}
+
+    def __contains__(self, name: str) -> bool:
+        return name in self._tasks
+
+    def __getitem__(self, name: str) -> nidaqmx.Task:
+        return self._tasks[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(tuple(self._tasks))
+
+    def make(self, name: str) -> nidaqmx.Task:
+        """Make an empty task and keep it."""
+        self._tasks[name] = task = self._new_task(name)
+        return task
+
+    def put_to_rest(self, name: str) -> None:
+        """Stop a task and take its hardware from it; one that cannot is cleared; one that is not there rests."""
+        if name not in self._tasks:
+            return
+        task = self._tasks[name]
+        try:
+            with _early_stop_expected():
+                task.stop()
+            task.control(TaskMode.TASK_UNRESERVE)
+        except nidaqmx.errors.Error:
+            self.clear(name)  # e.g. a generation that failed says so when it is stopped
+
+    def clear(self, name: str) -> None:
+        """Clear a task; it is forgotten even when the driver refuses."""
+        task = self._tasks.pop(name, None)
+        if task is not None:
+            with _early_stop_expected():
+                task.close()
+
+
+@contextmanager
+def _early_stop_expected() -> Iterator[None]:
+    """The driver warns (200010) when a finite generation is stopped before its end."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", nidaqmx.errors.DaqWarning)
+        yield
