@@ -17,6 +17,7 @@ would read lift as rotation, and neither force nor uncertainty hold there.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -164,6 +165,7 @@ def simulate_motion(
     seed: int = 0,
     scene: SceneChoice | str | Path = "whole",
     method: str = DEFAULT_METHOD,
+    share: Callable[..., Iterable[Driven]] = map,
 ) -> MotionDriven:
     """Predict the force at the key front, and the other bodies' motion, from the measured motion of the key.
 
@@ -183,6 +185,7 @@ def simulate_motion(
     seed : of the ensemble
     scene : what takes part, by name or file (`model.choice`)
     method : integration method, see `model.integrators`
+    share : ``map``, or the ``map`` of an executor that shares the ensemble among threads
 
     Raises
     ------
@@ -227,8 +230,7 @@ def simulate_motion(
         )
     random = np.random.default_rng(seed)
     force_square, angle_square = np.zeros(len(outputs)), np.zeros(mean.angle_rad.shape)
-    for _ in range(members):
-        member = run(fit.draw(random, u_zero))
+    for member in share(run, [fit.draw(random, u_zero) for _ in range(members)]):
         force_square += (member.force_n - mean.force_n) ** 2
         angle_square += (member.angle_rad - mean.angle_rad) ** 2
     with np.errstate(invalid="ignore"):

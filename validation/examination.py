@@ -44,7 +44,8 @@ def compare_by_motion(
         return NOTHING
     m = representative(sound)
     try:
-        trace = motion_driven(predictor, m, marks[m.number], window)
+        with ThreadPoolExecutor(WORKERS) as pool:
+            trace = motion_driven(predictor, m, marks[m.number], window, run=pool.map)
     except ModelError as error:
         return *NOTHING[:2], f"trial {m.number}: not driven by its motion: {error}"
     return pd.DataFrame([motion_row(m.number, trace, m.force.gain_relative_u)], columns=MOTION_COLUMNS), trace, ""

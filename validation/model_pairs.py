@@ -15,7 +15,7 @@ from itertools import combinations
 
 import numpy as np
 import pandas as pd
-from scipy import stats
+from scipy.special import stdtrit
 
 from validation.curve_scores import SCORES
 from validation.geometry import Array
@@ -100,7 +100,7 @@ def _statistics(first: Array, second: Array, better: str) -> dict[str, object]:
     n = d.size
     mean = float(d.mean())
     u = float(d.std(ddof=1) / np.sqrt(n)) if n > 1 else float("nan")
-    reach = float(stats.t.ppf(0.975, n - 1)) * u if n > 1 else float("nan")
+    reach = float(stdtrit(n - 1, 0.975)) * u if n > 1 else float("nan")
     closer = -d if better == "lower" else d
     return {
         "n_trials": n,

@@ -11,6 +11,7 @@ Failure: a motion the model cannot follow gives no row and a note.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
@@ -39,8 +40,15 @@ COLUMNS = [
 ]
 
 
-def motion_driven(predictor: Predictor, m: Measurement, lifts: list[Lift], window: Window) -> pd.DataFrame:
-    """Measured and predicted force of one trial inside the window.
+def motion_driven(
+    predictor: Predictor,
+    m: Measurement,
+    lifts: list[Lift],
+    window: Window,
+    *,
+    run: Callable[..., Iterable[Any]] = map,
+) -> pd.DataFrame:
+    """Measured and predicted force of one trial inside the window; ``run``: ``map`` or the ``map`` of an executor.
 
     Returns
     -------
@@ -63,6 +71,7 @@ def motion_driven(predictor: Predictor, m: Measurement, lifts: list[Lift], windo
             output_time_s=at,
             resolution_rad=resolution,
             members=MEMBERS,
+            share=run,
         )
         return {
             "force_n": driven.force_n.tolist(),

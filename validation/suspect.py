@@ -87,9 +87,10 @@ def _search(predictor: Predictor, m: Measurement, until_s: float, run: Callable[
         if moved is not None:
             slope = (moved - start) / STEP
             taken[path] = float((slope @ start) ** 2 / ((slope @ slope) * (start @ start))) if slope.any() else 0.0
+    likely = sorted(taken, key=lambda p: -taken[p])[:3]
+    followed = list(run(lambda path: _follow(residual, path, predictor.action[path], start), likely))
     best: tuple[float, str, float] = (0.0, "", 1.0)
-    for path in sorted(taken, key=lambda p: -taken[p])[:3]:
-        factor, share = _follow(residual, path, predictor.action[path], start)
+    for path, (factor, share) in zip(likely, followed, strict=True):
         best = max(best, (share, path, factor))
     share, path, factor = best
     if share < TAKES_AWAY:
