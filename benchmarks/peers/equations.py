@@ -50,13 +50,17 @@ class Emitter:
 
     def place(self, name: str, body: str, x: float, y: float) -> None:
         """World position ``{name}x``, ``{name}y`` of a point given in the frame of ``body``."""
+        pivot_x, pivot_y = ("", "") if body == "ground" else (f"p{axis}{BODIES.index(body)} + " for axis in "xy")
+        along_x, along_y = self.turned(body, x, y)
+        self.add(f"{name}x = {pivot_x}{along_x}")
+        self.add(f"{name}y = {pivot_y}{along_y}")
+
+    def turned(self, body: str, x: float, y: float) -> tuple[str, str]:
+        """World components of (x, y) in the frame of ``body``."""
         if body == "ground":
-            self.add(f"{name}x = {x!r}")
-            self.add(f"{name}y = {y!r}")
-        else:
-            i = BODIES.index(body)
-            self.add(f"{name}x = px{i} + c{i} * ({x!r}) - s{i} * ({y!r})")
-            self.add(f"{name}y = py{i} + s{i} * ({x!r}) + c{i} * ({y!r})")
+            return f"{x!r}", f"{y!r}"
+        i = BODIES.index(body)
+        return f"c{i} * ({x!r}) - s{i} * ({y!r})", f"s{i} * ({x!r}) + c{i} * ({y!r})"
 
     def local(self, path: str) -> tuple[float, float]:
         """A point or direction as given, in its body's frame."""
@@ -164,14 +168,8 @@ class Emitter:
     def direction(self, name: str, body: str, x: float, y: float) -> None:
         """World components of a unit vector along (x, y) in the frame of ``body``."""
         size = math.hypot(x, y)
-        x, y = x / size, y / size
-        if body == "ground":
-            self.add(f"{name}x = {x!r}")
-            self.add(f"{name}y = {y!r}")
-        else:
-            i = BODIES.index(body)
-            self.add(f"{name}x = c{i} * ({x!r}) - s{i} * ({y!r})")
-            self.add(f"{name}y = s{i} * ({x!r}) + c{i} * ({y!r})")
+        for axis, component in zip("xy", self.turned(body, x / size, y / size), strict=True):
+            self.add(f"{name}{axis} = {component}")
 
     def contact(self, path: str) -> None:
         """Add one contact's normal and friction force to ``f{i}``."""
