@@ -9,9 +9,9 @@ import tempfile
 import time
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
+from filmed_blow import REST, blow, smooth_step
 from numpy.typing import NDArray
 
 from rig.simulated.camera import CameraSettings, film_bodies, film_trial
@@ -40,8 +40,7 @@ def bar_scene(texture: str, seed: int) -> Scene:
 
 def bar_pose(n: int, turn_rad: float = 0.3) -> NDArray[np.float64]:
     """Poses (n, 3): rest, then a turn with a drift."""
-    x = np.clip((np.arange(n) - N_STILL - 2) / (n - N_STILL - 10), 0.0, 1.0)
-    s = x**3 * (10 - 15 * x + 6 * x * x)
+    s = smooth_step((np.arange(n) - N_STILL - 2) / (n - N_STILL - 10))
     return np.column_stack([turn_rad * s, PIVOT[0] + 8 * s, PIVOT[1] - 5 * s])
 
 
@@ -139,9 +138,7 @@ def visible_bounds(
     return bound, hidden
 
 
-def many_films(
-    count: int, n: int, blow: Any, rest: NDArray[np.float64], quality: int | None
-) -> tuple[float, float, float, int]:
+def many_films(count: int, n: int, quality: int | None) -> tuple[float, float, float, int]:
     """Whippen and both relative angles of ``count`` films: coverage of the 95 % interval, spread of error over u,
     largest error (mdeg) of a frame without a flag, frames in all."""
     z, largest, total = [], 0.0, 0
@@ -154,7 +151,7 @@ def many_films(
             path: Path = Path(folder) / "film.mraw"
             times = 62.5e-6 + np.arange(n) / settings.frame_rate_hz
             truth = film_trial(
-                path, times, lambda t, a=shift, b=size: rest + b * (blow(t - a) - rest), settings=settings, seed=seed
+                path, times, lambda t, a=shift, b=size: REST + b * (blow(t - a) - REST), settings=settings, seed=seed
             )
             if quality is not None:
                 avi = Path(folder) / "film.avi"
