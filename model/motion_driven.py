@@ -34,7 +34,7 @@ from .kernels.load import load_along
 from .motion import KeyMotion
 from .motion_fit import KeyFit, fit_key_motion
 from .parameters import BODIES, Action
-from .scene import build_scene
+from .scene import build_scene, check_prescribed_key
 from .simulation import Simulation, State
 from .statics import solve_rest
 
@@ -207,6 +207,7 @@ def simulate_motion(
     if not 0.0 <= u_zero_rad <= 0.1:
         raise InputError(f"uncertainty of the zero: found {u_zero_rad:g} rad, allowed 0 to 0.1")
     choice = load_scene(scene)
+    check_prescribed_key(choice)  # before the rest angle, for which the scene's kernels may have to be compiled
     rest = rest_angle(action, choice)
     if from_rest:
         key_rad = np.asarray(key_rad, dtype=float) + rest

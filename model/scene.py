@@ -60,6 +60,15 @@ class Scene:
         return len(solved_contacts(self.tables))
 
 
+def check_prescribed_key(choice: SceneChoice) -> None:
+    """Refuse a choice whose key cannot be made to follow a given motion."""
+    for effect in ("motor_arm", RAIL):
+        if effect in choice.effects:
+            raise InputError(f"scene: found a prescribed key and the effect {effect}, allowed one of them")
+    if len(choice.bodies) == 1:
+        raise InputError("scene: found nothing but the prescribed key, allowed scenes with another body")
+
+
 def _coordinates(choice: SceneChoice, key_motion: KeyMotion | None) -> list[str]:
     """Names of the coordinates in order: bodies, then what effects add; a prescribed key comes last."""
     out = [*choice.bodies]
@@ -68,11 +77,7 @@ def _coordinates(choice: SceneChoice, key_motion: KeyMotion | None) -> list[str]
             out.append(coordinate)
     if key_motion is None:
         return out
-    for effect in ("motor_arm", RAIL):
-        if effect in choice.effects:
-            raise InputError(f"scene: found a prescribed key and the effect {effect}, allowed one of them")
-    if len(choice.bodies) == 1:
-        raise InputError("scene: found nothing but the prescribed key, allowed scenes with another body")
+    check_prescribed_key(choice)
     return [b for b in out if b != "key"] + ["key"]  # carries no other body, so it may come last
 
 
