@@ -112,7 +112,7 @@ class _Test:
         self.rate = config.device.sample_rate_hz
         self.findings: list[Finding] = []
         self.unloaded_n: float | None = None
-        self._hand_felt = False
+        self._hand_felt = self._reversed = False
 
     def add(self, check: str, passed: bool, found: str, allowed: str, advice: str = "") -> None:
         finding = Finding(check=check, passed=passed, found=found, allowed=allowed, advice="" if passed else advice)
@@ -156,19 +156,23 @@ class _Test:
     def _force_by_hand(self, block: Block) -> None:
         n = int(LOOK_S * self.rate)
         mean = np.convolve(block.force_n, np.full(n, 1 / n), "valid")
-        self.unloaded_n = round(float(mean.min()), 5)
         resting = float(np.median(mean[: max(n // 4, 1)]))
-        self._hand_felt = float(block.force_n.max()) - self.unloaded_n > 0.5
+        up, down = float(block.force_n.max()) - resting, resting - float(block.force_n.min())
+        felt = up if up >= down else -down
+        self._hand_felt, self._reversed = felt > 0.5, felt < -0.5
+        self.unloaded_n = round(float(mean.max() if self._reversed else mean.min()), 5)
         channel = self.config.force.channel
         limit = self.expected.offset_limit_n
         self.add("unloaded reading", abs(self.unloaded_n) <= limit, f"{self.unloaded_n:.4f} N", f"within {limit:g} N",
                  f"null the bridge on {channel}; look at its wiring")  # fmt: skip
         least = self.config.limits.least_preload_n or 0.0
-        least, preload = max(least, 1e-4), resting - self.unloaded_n
+        least, preload = max(least, 1e-4), abs(resting - self.unloaded_n)
         advice = "lift the arm when asked; it must rest on the key by itself"
         self.add("preload", preload >= least, f"{preload:.4f} N", f"from {least:g} N", advice)
-        self.add("load cell by hand", self._hand_felt, f"{float(block.force_n.max()) - self.unloaded_n:.3f} N",
-                 "above 0.5 N", f"{channel} does not feel the hand: swapped or open analog inputs")  # fmt: skip
+        advice = f"{channel} does not feel the hand: swapped or open analog inputs"
+        if self._reversed:
+            advice = f"{channel} reads a push as a pull: exchange its signal wires, or the signs of force.physical_n"
+        self.add("load cell by hand", self._hand_felt, f"{felt:+.3f} N", "above 0.5 N", advice)
 
     def _pushes(self) -> NDArray[np.float64]:
         volts = self.expected.push_n / self.config.motor.force_per_volt_n
@@ -211,6 +215,8 @@ class _Test:
             )
             if not self._hand_felt:
                 advice = f"no force: {self.config.force.channel} is not the load cell; look for swapped analog inputs"
+        elif force < 0 and self._reversed:
+            advice = "the load cell reads a push as a pull: mend that first, and leave the motor as it is"
         elif force < 0:
             advice = "the motor pulls: exchange its command's polarity"
         else:
@@ -249,8 +255,12 @@ class _Test:
         self.add("watchdog trips", not late, "never" if after_s is None else f"after {after_s:.3f} s",
                  f"{0.5 * timeout:g} to {timeout + 0.25:g} s", "the device's watchdog does not run")  # fmt: skip
         cut = pushed > 0.3 * self.expected.push_n and abs(left) < 0.3 * self.expected.push_n
-        self.add("watchdog cuts the force", cut, f"{pushed:+.3f} N before, {left:+.3f} N after", "force, then none",
-                 "the watchdog's line does not reach the drive's enable input")  # fmt: skip
+        advice = "the watchdog's line does not reach the drive's enable input"
+        if pushed <= 0.3 * self.expected.push_n:
+            advice = "no force was there to cut: mend what is said under motor and force first"
+        self.add(
+            "watchdog cuts the force", cut, f"{pushed:+.3f} N before, {left:+.3f} N after", "force, then none", advice
+        )
 
     def shunt(self) -> None:
         """The bridge's reading must change by what its shunt resistor makes of it."""

@@ -32,6 +32,8 @@ def encoder_advice(config: RigConfig, body: int, turned_rad: float) -> str:
         if other != body and (like(theirs) or like(-theirs)):
             return f"reads like the {BODIES[other]}: its cable or terminals are swapped with the {BODIES[other]}'s"
     ratio = abs(counts / expected[body])
+    if min(abs(ratio / 4 - 1), abs(4 * ratio - 1)) <= tolerance:
+        return f"wrong scale by {ratio:.3g}: counts_per_revolution must count all four edges, four for each line"
     return f"wrong scale by {ratio:.3g}: look at counts_per_revolution and the decoding"
 
 

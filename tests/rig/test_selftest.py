@@ -84,6 +84,14 @@ def test_a_sound_bench_passes_every_check_and_is_left_safe(run, assert_safe) -> 
         pytest.param(
             (("force_per_volt_n = 12.0", "force_per_volt_n = 24.0"),),
             {"motor and force"}, "force_per_volt_n", marks=pytest.mark.slow),
+        (
+            (("physical_n = [0.0, 111.2]", "physical_n = [0.0, -111.2]"),),
+            {"load cell by hand", "motor and force", "output to force delay", "watchdog cuts the force"},
+            "reads a push as a pull",
+        ),
+        pytest.param(
+            (("counts_per_revolution = 163840", "counts_per_revolution = 40960"),), {"hammer encoder"},
+            "all four edges", marks=pytest.mark.slow),
         ((("u_group_delay_s = 2.0e-5", "u_group_delay_s = 2.0e-5\ngroup_delay_s = 0.0"),), {"output to force delay"},
          "group_delay_s"),
         ((('mode = "pulses"', 'mode = "counted"'), ("Mod4/PFI4", "Mod4/PFI5")), {"camera count"}, "Mod4/PFI5"),
