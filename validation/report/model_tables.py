@@ -9,6 +9,8 @@ from __future__ import annotations
 
 import math
 
+import pandas as pd
+
 from validation.curve_scores import SCORES
 from validation.event import EVENTS
 from validation.measurement import ENCODER_CHANNELS, FILM_CHANNELS
@@ -26,7 +28,7 @@ def matrix(side: SideBySide) -> PageTable:
         c for c in (*ENCODER_CHANNELS, *FILM_CHANNELS) if any((r.scorecard["channel"] == c).any() for r in side.results)
     ]
     head = ["session", "predicted by", "trials"]
-    head += [f"{channel} {title}" for channel in channels for title in MATRIX_SCORES.values()]
+    head += [f"{channel} {title}" for title in MATRIX_SCORES.values() for channel in channels]
     head += ["events that agree"]
     rows = []
     for name, results in side.sessions.items():
@@ -48,17 +50,25 @@ def matrix(side: SideBySide) -> PageTable:
 def _cells(result: ValidationResult, channels: list[str], column: str) -> list[str]:
     card = result.scorecard.set_index(["channel", "score"])[column]
     cells = []
-    for channel in channels:
-        for score in MATRIX_SCORES:
+    for score in MATRIX_SCORES:
+        for channel in channels:
             value = float(card.get((channel, score), math.nan))
             cells.append(degrees(value) if SCORES[score].unit == "rad" else number(value, 3))
     return cells
 
 
-def pairs_table(side: SideBySide) -> PageTable:
-    """Which model is closer, trial by trial, and whether so few trials can show it."""
+def pair_tables(side: SideBySide) -> tuple[PageTable, PageTable]:
+    """Which model is closer by RMSE, and whether so few trials can show it; the same by other scores."""
+    by_rmse = side.model_pairs["score"] == "rmse_rad"
+    return (
+        _pairs(side.model_pairs[by_rmse], "model-pairs", "Models paired by trial"),
+        _pairs(side.model_pairs[~by_rmse], "model-pairs-other", "Models paired by trial, other scores"),
+    )
+
+
+def _pairs(pairs: pd.DataFrame, key: str, caption: str) -> PageTable:
     rows = []
-    for p in side.model_pairs.itertuples():
+    for p in pairs.itertuples():
         angle = p.unit == "rad"
         k = math.degrees(1.0) if angle else 1.0
         n = p.n_trials
@@ -94,7 +104,7 @@ def pairs_table(side: SideBySide) -> PageTable:
         "sign-flip test, two-sided; least p: the smallest that so many trials allow (five: 0.0625); all channels: "
         "Holm’s correction. Closer to these trials does not mean right."
     ]
-    return PageTable("model-pairs", "Models paired by trial", head, rows, notes)
+    return PageTable(key, caption, head, rows, notes)
 
 
 def event_table(view: SessionView) -> PageTable:

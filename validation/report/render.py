@@ -17,7 +17,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
 from validation.event import EVENTS
-from validation.report.model_tables import matrix, pairs_table
+from validation.report.model_tables import matrix, pair_tables
 from validation.report.sections import is_simulated, session_section
 from validation.report.view import SessionView
 from validation.result import ValidationResult
@@ -52,7 +52,7 @@ def render_html(side: SideBySide) -> str:
         script=Markup(script),
         script_sha256=base64.b64encode(digest).decode(),
         matrix=matrix(side) if len(side.results) > 1 else None,
-        pairs=pairs_table(side) if len(side.model_pairs) else None,
+        pairs=pair_tables(side) if len(side.model_pairs) else None,
         definitions=[(kind.title, kind.definition) for kind in EVENTS.values()],
         limits=cannot_claim(side),
         provenance=[(f"{r.session_name}, {r.action_name}", _flat(r.provenance)) for r in side.results],
