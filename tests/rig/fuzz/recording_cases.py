@@ -56,8 +56,8 @@ def _lvm_right(data: bytes, found: Any) -> None:
     sign = "," if "Decimal_Separator\t," in content else "."
     separator = "," if "Separator,Comma" in content else "\t"
     last = [line for line in content.split("\n") if line.strip()][-1].rstrip("\r").split(separator)
-    for cell, values in zip(last[1:], list(found[-1].channels.values()), strict=False):
-        assert float(cell.replace(sign, ".")) == values[-1]
+    columns = [values for name, values in found[-1].channels.items() if name != "X_Value"]
+    assert [float(cell.replace(sign, ".")) for cell in last[1 : len(columns) + 1]] == [v[-1] for v in columns]
 
 
 def _lvm(data: bytes) -> Any:
