@@ -14,9 +14,6 @@ from .errors import InputError
 if TYPE_CHECKING:
     from model import Action
 
-SCALE_HELP = (
-    "Parameter, law, pattern or group (damping, friction, joint_friction) to multiply, name=factor; repeatable."
-)
 _EXAMPLES = {
     "--set": "path=value, for example contact04.friction.A=0.3",
     "--scale": "name=factor, for example damping=0.1",

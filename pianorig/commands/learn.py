@@ -7,12 +7,14 @@ from typing import Annotated
 
 import typer
 
+from ..options import Backend, Rig, Selftests, Yes
+
 
 def command(
     forces: Annotated[list[Path], typer.Argument(help="Recorded forces: CSV, LVM, TDMS, HDF5 or a sealed trial.")],
     out: Annotated[Path, typer.Option("--out", help="Folder to create; one folder per force inside it.")],
-    rig: Annotated[str, typer.Option("--rig", help="Built-in rig or a TOML file.")] = "virtual",
-    backend: Annotated[str, typer.Option("--backend", help="sim://, ni://local or ni-grpc://host:31763.")] = "sim://",
+    rig: Rig = "virtual",
+    backend: Backend = "sim://",
     blows: Annotated[int, typer.Option("--blows", help="Blows at most, for each force.")] = 8,
     goal: Annotated[float, typer.Option("--goal", help="RMS error before key bottom, of the peak there.")] = 0.03,
     scale: Annotated[float, typer.Option("--scale", help="Newtons the motor shall do per unit recorded.")] = 1.0,
@@ -26,12 +28,8 @@ def command(
     separator: Annotated[str, typer.Option("--separator", help="Between the cells of CSV.")] = ",",
     decimal: Annotated[str, typer.Option("--decimal", help="Decimal sign of CSV.")] = ".",
     operator: Annotated[str, typer.Option("--operator", help="Who records.")] = "unknown",
-    yes: Annotated[
-        bool, typer.Option("--yes", help="On ni*://: do not ask, where safety.allow_yes of the rig file permits.")
-    ] = False,
-    selftest: Annotated[
-        Path, typer.Option("--selftest", help="On ni*://: record of a self-test, or the folder of them.")
-    ] = Path("selftests"),
+    yes: Yes = False,
+    selftest: Selftests = Path("selftests"),
     as_json: Annotated[bool, typer.Option("--json", help="Print a JSON summary.")] = False,
 ) -> None:
     """Learn motor profiles whose measured force follows recorded ones, by a few blows on the bench.

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ..errors import InputError
+from ..options import Backend, Rig, Selftests, Yes
 
 if TYPE_CHECKING:
     from rig.session.info import RoomInfo
@@ -19,8 +20,8 @@ def command(
         Path | None, typer.Option("--out", help="Session folder to create; default: sessions/<date>_<profile>.")
     ] = None,
     trials: Annotated[int, typer.Option("--trials", help="Number of trials.")] = 5,
-    backend: Annotated[str, typer.Option("--backend", help="sim://, ni://local or ni-grpc://host:31763.")] = "sim://",
-    rig: Annotated[str, typer.Option("--rig", help="Built-in rig or a TOML file.")] = "virtual",
+    backend: Backend = "sim://",
+    rig: Rig = "virtual",
     film: Annotated[
         list[int] | None, typer.Option("--film", help="Film this trial (virtual bench); may be repeated.")
     ] = None,
@@ -37,12 +38,8 @@ def command(
     dry_run: Annotated[
         bool, typer.Option("--dry-run", help="Reserve and print every task, predict the blow, move nothing.")
     ] = False,
-    yes: Annotated[
-        bool, typer.Option("--yes", help="On ni*://: do not ask, where safety.allow_yes of the rig file permits.")
-    ] = False,
-    selftest: Annotated[
-        Path, typer.Option("--selftest", help="On ni*://: record of a self-test, or the folder of them.")
-    ] = Path("selftests"),
+    yes: Yes = False,
+    selftest: Selftests = Path("selftests"),
     as_json: Annotated[bool, typer.Option("--json", help="Print a JSON summary.")] = False,
 ) -> None:
     """Play a motor profile, record force, angles and frame clock; on the virtual bench by default.

@@ -7,17 +7,15 @@ from typing import Annotated
 
 import typer
 
+from ..options import Backend, Rig, Yes
+
 
 def command(
-    backend: Annotated[
-        str, typer.Option("--backend", help="sim://, ni://local or ni-grpc://host:31763.")
-    ] = "sim://?hand=yes",
-    rig: Annotated[str, typer.Option("--rig", help="Built-in rig or a TOML file.")] = "virtual",
+    backend: Backend = "sim://?hand=yes",
+    rig: Rig = "virtual",
     out: Annotated[Path, typer.Option("--out", help="Folder for the record.")] = Path("selftests"),
     operator: Annotated[str, typer.Option("--operator", help="Who tests.")] = "unknown",
-    yes: Annotated[
-        bool, typer.Option("--yes", help="On ni*://: do not ask, where safety.allow_yes of the rig file permits.")
-    ] = False,
+    yes: Yes = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the findings as JSON.")] = False,
 ) -> None:
     """Test wiring, signs, scales, delay, bridge, camera, drive-enable and watchdog; gentle pushes, no blow.

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from ..settings import SCALE_HELP
+from ..options import Scale
 
 
 def command(
@@ -26,7 +26,7 @@ def command(
     set_: Annotated[
         list[str] | None, typer.Option("--set", help="Parameter to change, path=value; may be repeated.")
     ] = None,
-    scale: Annotated[list[str] | None, typer.Option("--scale", help=SCALE_HELP)] = None,
+    scale: Scale = None,
     tolerance: Annotated[float, typer.Option("--tolerance", help="Largest error of any angle wanted, rad.")] = 1e-5,
     output_rate: Annotated[
         float | None, typer.Option("--output-rate", help="Rows per second, Hz; default: the force table's times.")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from ..settings import SCALE_HELP
+from ..options import Scale
 
 if TYPE_CHECKING:
     from model import Action
@@ -39,7 +39,7 @@ def command(
     set_: Annotated[
         list[str] | None, typer.Option("--set", help="Parameter to change in all, path=value; may be repeated.")
     ] = None,
-    scale: Annotated[list[str] | None, typer.Option("--scale", help=SCALE_HELP)] = None,
+    scale: Scale = None,
     of: Annotated[
         str | None,
         typer.Option("--of", help="With thesis or friction-limit: the action to study; default hirschkorn2004."),

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from ..settings import SCALE_HELP
+from ..options import Scale
 
 
 def command(
@@ -15,7 +15,7 @@ def command(
     set_: Annotated[
         list[str] | None, typer.Option("--set", help="Parameter to change in all of them, path=value; may be repeated.")
     ] = None,
-    scale: Annotated[list[str] | None, typer.Option("--scale", help=SCALE_HELP)] = None,
+    scale: Scale = None,
     figure: Annotated[Path | None, typer.Option("--figure", help="Draw all in one sheet: .svg, .pdf or .png.")] = None,
     curve: Annotated[
         Path | None, typer.Option("--curve", help="Write the force-dip curves: .csv with action, way, dip_m, force_n.")
