@@ -9,11 +9,11 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from rig.simulated import status, waiting
-from rig.simulated.inventory import channel_names
-from rig.simulated.readings import COUNT_EDGES_TERM, EDGES, FREQ_TERM, FREQUENCY, SHUNT
+from rig.simulated.channel_properties import CHANNEL_GETTABLE, LIMIT_NAMES, find_channel, set_limit
+from rig.simulated.readings import COUNT_EDGES_TERM, FREQ_TERM, SHUNT
 from rig.simulated.reservations import ARM_TYPE, NO_TRIGGER
 from rig.simulated.status import DaqStatusError, NotImplementedByDevice
-from rig.simulated.tasks import FINITE, RETRIGGERABLE, Channel, SimulatedTask
+from rig.simulated.tasks import FINITE, RETRIGGERABLE, SimulatedTask
 
 if TYPE_CHECKING:
     from rig.simulated.device import SimulatedDevice
@@ -32,7 +32,7 @@ SETTABLE: dict[str, frozenset[int]] = {
     "Read": frozenset({0x1211}),
     "Buffer": frozenset({0x186C, 0x186D}),
     "Write": frozenset({0x1453}),
-    "Chan": frozenset({*CI_SETTABLE, CO_TERM, SHUNT}),
+    "Chan": frozenset({*CI_SETTABLE, *LIMIT_NAMES, CO_TERM, SHUNT}),
     "Trig": frozenset({ARM_TYPE, ARM_EDGE, ARM_SOURCE, RETRIGGERABLE}),
 }
 
@@ -119,31 +119,14 @@ GETTABLE: dict[tuple[str, int], Getter] = {
 }
 
 
-CHANNEL_TYPE = {"AI": 10100, "AO": 10102, "DI": 10151, "DO": 10153, "CI": 10131, "CO": 10132}
-CI_TYPE = {EDGES: 10125, FREQUENCY: 10179}
-VOLTAGE, FORCE_BRIDGE, ANGULAR_ENCODER = 10322, 15899, 10360
-MEASUREMENT_TYPE = {"bridge": FORCE_BRIDGE, "voltage_in": VOLTAGE, "voltage_out": VOLTAGE, "counter": ANGULAR_ENCODER}
-CHANNEL_GETTABLE: dict[int, Callable[[SimulatedTask, Channel], Any]] = {
-    0x187F: lambda task, channel: CHANNEL_TYPE[task.type or ""],
-    0x18F5: lambda task, channel: channel.physical.name,
-    0x0695: lambda task, channel: MEASUREMENT_TYPE[channel.physical.kind] if task.type == "AI" else None,
-    0x18A0: lambda task, channel: (
-        CI_TYPE.get(channel.settings.get("measures", ""), ANGULAR_ENCODER) if task.type == "CI" else None
-    ),
-    0x2178: lambda task, channel: len(channel.settings["lines"]) if task.type == "DI" else None,
-    0x2179: lambda task, channel: len(channel.settings["lines"]) if task.type == "DO" else None,
-}
-"""Properties of a channel; None means that this type of channel does not have it."""
-
-
 def get(device: SimulatedDevice, task: SimulatedTask, category: str, channel: str, attribute: int) -> Any:
     """Return a property of a task or of one of its channels."""
     if (category, attribute) in GETTABLE:
         return GETTABLE[category, attribute](device, task)
     if category == "Chan":
-        found = _channel(task, channel)
+        found = find_channel(task, channel)
         channel = found.name
-        if attribute in CHANNEL_GETTABLE and (value := CHANNEL_GETTABLE[attribute](task, found)) is not None:
+        if attribute in CHANNEL_GETTABLE and (value := CHANNEL_GETTABLE[attribute](device, task, found)) is not None:
             return value
     if (category, channel, attribute) in task.attributes:
         return task.attributes[category, channel, attribute]
@@ -156,10 +139,13 @@ def put(device: SimulatedDevice, task: SimulatedTask, category: str, channel: st
         raise DaqStatusError(status.ATTRIBUTE_NOT_SUPPORTED, f"Property: 0x{attribute:04X} ({category}) of {task.name}")
     if task.state == "running":
         raise DaqStatusError(status.TASK_RUNNING, f"Task: {task.name}")
+    if category == "Chan" and attribute in LIMIT_NAMES:
+        set_limit(device, task, find_channel(task, channel), attribute, value)
+        return
     if category == "Chan":
-        channel = _channel(task, channel).name
+        channel = find_channel(task, channel).name
         wanted = "CO" if attribute == CO_TERM else "AI" if attribute == SHUNT else "CI"
-        bridge = attribute != SHUNT or _channel(task, channel).physical.kind == "bridge"
+        bridge = attribute != SHUNT or find_channel(task, channel).physical.kind == "bridge"
         if task.type != wanted or not bridge:
             raise DaqStatusError(status.ATTRIBUTE_NOT_SUPPORTED, f"Property: 0x{attribute:04X} of {channel}")
     if attribute in (*ENCODER_TERMINALS, *EDGE_TERMINALS, ARM_SOURCE):
@@ -177,17 +163,3 @@ def put(device: SimulatedDevice, task: SimulatedTask, category: str, channel: st
         armed = task.setting("Trig", "", ARM_TYPE, NO_TRIGGER) == DIGITAL_EDGE
         source = task.setting("Trig", "", ARM_SOURCE, "")
         task.arm_trigger = device.inventory.terminal(source) if armed and source else ""
-
-
-def _channel(task: SimulatedTask, name: str) -> Channel:
-    """Return the channel of that name; of several names, or of none, the first (they are of one type).
-
-    Digital channels are also found by their lines or their port.
-    """
-    names = channel_names(name) if name.strip() else [""]
-    for channel in task.channels:
-        lines = channel.settings.get("lines", [])
-        own = {"", channel.name, *lines, *(line.rsplit("/", 1)[0] for line in lines)}
-        if names[0] in own:
-            return channel
-    raise DaqStatusError(status.NO_SUCH_CHANNEL, f"Channel: {name!r} in task {task.name}")

@@ -33,7 +33,8 @@ SECONDS = 10364
 RISING, FALLING = 10280, 10171
 COUNT_UP, COUNT_DOWN = 10128, 10124
 CHAN_FOR_ALL_LINES = 1
-CO_HIGH_TIME, CO_LOW_TIME = 0x18BA, 0x18BB
+PULSE_FREQUENCY, PULSE_TIME, PULSE_TICKS = 10119, 10269, 10268
+LOW = 10214
 VOLTS, HERTZ = 10348, 10373
 BRIDGE_CONFIGURATIONS = (10182, 10187, 10270)
 
@@ -68,7 +69,8 @@ def force_bridge_two_point(device: SimulatedDevice, task: SimulatedTask, request
         raise DaqStatusError(status.INVALID_VALUE, "Minimum not below maximum")
     device.add_channels(
         task, "AI", "bridge", request.physical_channel, request.name_to_assign_to_channel,
-        units=units, physical_units=physical, electrical_units=electrical,
+        units=units, physical_units=physical, electrical_units=electrical, min_val=request.min_val,
+        max_val=request.max_val,
         first_electrical_val=e0, second_electrical_val=e1, first_physical_val=p0, second_physical_val=p1,
     )  # fmt: skip
 
@@ -80,7 +82,7 @@ def ai_voltage(device: SimulatedDevice, task: SimulatedTask, request: Any) -> No
         device.inventory.voltage_range(request.min_val, request.max_val)
     device.add_channels(
         task, "AI", "voltage_in", request.physical_channel, request.name_to_assign_to_channel,
-        min_val=request.min_val, max_val=request.max_val,
+        min_val=request.min_val, max_val=request.max_val, terminal_config=enum(request, "terminal_config"),
     )  # fmt: skip
 
 
@@ -126,11 +128,20 @@ def co_pulse_frequency(device: SimulatedDevice, task: SimulatedTask, request: An
             status.INVALID_VALUE,
             f"Frequency {request.freq:g}, duty cycle {request.duty_cycle:g}, initial delay {request.initial_delay:g}",
         )
-    device.add_channels(task, "CO", "counter", request.counter, request.name_to_assign_to_channel)
+    _refuse_high_idle(request)
+    device.add_channels(
+        task, "CO", "counter", request.counter, request.name_to_assign_to_channel,
+        output_type=PULSE_FREQUENCY, idle_state=LOW,
+    )  # fmt: skip
     name = task.channels[-1].name
     task.attributes["Chan", name, CO_FREQ] = timebase / round(timebase / request.freq)
     task.attributes["Chan", name, CO_DUTY] = request.duty_cycle
     task.attributes["Chan", name, CO_DELAY] = max(round(request.initial_delay * timebase), 2) / timebase
+
+
+def _refuse_high_idle(request: Any) -> None:
+    if enum(request, "idle_state") != LOW:
+        raise NotImplementedByDevice("pulses from a high idle state")
 
 
 def co_pulse_time(device: SimulatedDevice, task: SimulatedTask, request: Any) -> None:
@@ -138,7 +149,7 @@ def co_pulse_time(device: SimulatedDevice, task: SimulatedTask, request: Any) ->
     _one_of(enum(request, "units"), (SECONDS,), "Units")
     if not (request.high_time > 0 and request.low_time > 0 and request.initial_delay >= 0):
         raise DaqStatusError(status.INVALID_VALUE, f"High {request.high_time:g} s, low {request.low_time:g} s")
-    _add_pulses(device, task, request, request.initial_delay, request.high_time, request.low_time)
+    _add_pulses(device, task, request, request.initial_delay, request.high_time, request.low_time, PULSE_TIME)
 
 
 def co_pulse_ticks(device: SimulatedDevice, task: SimulatedTask, request: Any) -> None:
@@ -151,20 +162,29 @@ def co_pulse_ticks(device: SimulatedDevice, task: SimulatedTask, request: Any) -
     if request.high_ticks < 2 or request.low_ticks < 2 or request.initial_delay < 0:
         raise DaqStatusError(status.INVALID_VALUE, f"High {request.high_ticks}, low {request.low_ticks} ticks")
     delay, high, low = request.initial_delay * tick_s, request.high_ticks * tick_s, request.low_ticks * tick_s
-    _add_pulses(device, task, request, delay, high, low)
+    _add_pulses(device, task, request, delay, high, low, PULSE_TICKS)
 
 
 def _add_pulses(
-    device: SimulatedDevice, task: SimulatedTask, request: Any, delay_s: float, high_s: float, low_s: float
+    device: SimulatedDevice,
+    task: SimulatedTask,
+    request: Any,
+    delay_s: float,
+    high_s: float,
+    low_s: float,
+    output_type: int,
 ) -> None:
     timebase = device.inventory.product.counter_timebase_hz
-    device.add_channels(task, "CO", "counter", request.counter, request.name_to_assign_to_channel)
+    _refuse_high_idle(request)
+    device.add_channels(
+        task, "CO", "counter", request.counter, request.name_to_assign_to_channel,
+        output_type=output_type, idle_state=LOW,
+    )  # fmt: skip
     name = task.channels[-1].name
     high, low = (max(round(part * timebase), 2) / timebase for part in (high_s, low_s))
     task.attributes["Chan", name, CO_FREQ] = 1 / (high + low)
     task.attributes["Chan", name, CO_DUTY] = high / (high + low)
     task.attributes["Chan", name, CO_DELAY] = max(round(delay_s * timebase), 2) / timebase
-    task.attributes["Chan", name, CO_HIGH_TIME], task.attributes["Chan", name, CO_LOW_TIME] = high, low
 
 
 def ci_count_edges(device: SimulatedDevice, task: SimulatedTask, request: Any) -> None:
@@ -174,7 +194,8 @@ def ci_count_edges(device: SimulatedDevice, task: SimulatedTask, request: Any) -
     step = 1 if enum(request, "count_direction") == COUNT_UP else -1
     device.add_channels(
         task, "CI", "counter", request.counter, request.name_to_assign_to_channel,
-        measures=EDGES, initial_count=int(request.initial_count), step=step,
+        measures=EDGES, initial_count=int(request.initial_count), step=step, edge=enum(request, "edge"),
+        count_direction=enum(request, "count_direction"),
     )  # fmt: skip
 
 

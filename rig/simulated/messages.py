@@ -12,6 +12,9 @@ from typing import Any
 import session_pb2
 from nidaqmx._stubs import nidaqmx_pb2
 
+from rig.simulated import status
+from rig.simulated.status import DaqStatusError
+
 SERVICE = "nidaqmx_grpc.NiDAQmx"
 _METHODS = nidaqmx_pb2.DESCRIPTOR.services_by_name["NiDAQmx"].methods_by_name
 CALLS: frozenset[str] = frozenset(_METHODS)
@@ -41,6 +44,20 @@ def utility_response(call: str, **fields: Any) -> Any:
 def response(call: str, **fields: Any) -> Any:
     """Return a response of a call with the given fields."""
     return getattr(nidaqmx_pb2, _METHODS[call].output_type.name)(**fields)
+
+
+_KINDS: dict[str, type | tuple[type, ...]] = {
+    "String": str, "Bool": bool, "Int32": int, "UInt32": int, "UInt64": int, "Double": float, "Array": list,
+}  # fmt: skip
+
+
+def attribute_response(call: str, value: Any) -> Any:
+    """Return the response of a Get…Attribute call; a property of another type than the call asks for is refused."""
+    kind = next(kind for kind in ("Array", "UInt32", "UInt64", *_KINDS) if call.endswith(kind))
+    if not isinstance(value, _KINDS[kind]) or (kind != "Bool" and isinstance(value, bool)):
+        raise DaqStatusError(status.ATTRIBUTE_NOT_SUPPORTED, f"{call}: the property is of another type")
+    numbered = "value_raw" in _METHODS[call].output_type.fields_by_name
+    return response(call, value=value, value_raw=value) if numbered else response(call, value=value)
 
 
 def session(name: str) -> Any:

@@ -21,7 +21,7 @@ from rig.simulated.data_calls import DATA_CALLS
 from rig.simulated.device import SimulatedDevice
 from rig.simulated.device_calls import DEVICE_CALLS
 from rig.simulated.events import EVENTS, UNREGISTER, EventStream
-from rig.simulated.messages import CALLS, attribute_value, enum, response, session
+from rig.simulated.messages import CALLS, attribute_response, attribute_value, enum, response, session
 from rig.simulated.status import DaqStatusError, NotImplementedByDevice
 from rig.simulated.tasks import SimulatedTask
 from rig.simulated.timing_setup import TIMING_CALLS
@@ -186,9 +186,7 @@ class Service:
         if action == "Set":
             attributes.put(self.device, task, category, channel, number, attribute_value(request))
             return response(call)
-        value = attributes.get(self.device, task, category, channel, number)
-        field = "value_raw" if call.endswith("Int32") and not call.endswith("UInt32") else "value"
-        return response(call, **{field: value})
+        return attribute_response(call, attributes.get(self.device, task, category, channel, number))
 
     def _error_string(self, request: Any) -> Any:
         return response("GetErrorString", error_string=status.TEXTS.get(request.error_code, "Unknown status code."))
