@@ -9,7 +9,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from rig.simulated import status, waiting
-from rig.simulated.channel_properties import CHANNEL_GETTABLE, LIMIT_NAMES, find_channel, set_limit
+from rig.simulated.channel_properties import CHANNEL_GETTABLE, LIMIT_NAMES, find_channels, set_limit
 from rig.simulated.readings import COUNT_EDGES_TERM, FREQ_TERM, SHUNT
 from rig.simulated.reservations import ARM_TYPE, NO_TRIGGER
 from rig.simulated.status import DaqStatusError, NotImplementedByDevice
@@ -22,7 +22,7 @@ DRIVER_VERSION = {0x1272: 26, 0x1923: 0, 0x2F22: 0}
 """Major, minor and update number of NI-DAQmx that the virtual device behaves like."""
 DIGITAL_EDGE = 10150
 DO_NOT_OVERWRITE = 10159
-CO_TERM = 0x18E1
+CO_TERM, RAW_SAMPLE_SIZE = 0x18E1, 0x22DA
 ARM_EDGE, ARM_SOURCE = 0x1415, 0x1417
 ENCODER_TERMINALS = (0x219D, 0x219E)
 EDGE_TERMINALS = (COUNT_EDGES_TERM, FREQ_TERM)
@@ -73,6 +73,13 @@ def _terminal(device: SimulatedDevice, relative: str) -> str:
     return "/" + device.inventory.full_name(relative) if relative else ""
 
 
+def _start_terminal(device: SimulatedDevice, task: SimulatedTask) -> str:
+    """Where the task's own start trigger can be taken from."""
+    if task.type not in ("AI", "AO", "DI", "DO"):
+        raise DaqStatusError(status.ATTRIBUTE_NOT_SUPPORTED, f"Task: {task.name}: start trigger terminal")
+    return _terminal(device, f"{task.type.lower()}/StartTrigger")
+
+
 def _lines_per_channel(task: SimulatedTask) -> list[int]:
     return [len(channel.settings.get("lines", "1")) for channel in task.channels] or [0]
 
@@ -86,6 +93,14 @@ def _timing_type(device: SimulatedDevice, task: SimulatedTask) -> int:
     if task.type == "CO":
         return 10451  # implicit
     return 12504 if task.changes else 10388 if task.clock is not None else 10390
+
+
+def _raw_width(device: SimulatedDevice, task: SimulatedTask) -> int:
+    """Bytes of one raw sample of all channels."""
+    sizes = [CHANNEL_GETTABLE[RAW_SAMPLE_SIZE](device, task, channel) for channel in task.channels]
+    if not sizes or None in sizes:
+        raise DaqStatusError(status.ATTRIBUTE_NOT_SUPPORTED, f"Task: {task.name}: raw samples")
+    return sum(sizes) // 8
 
 
 GETTABLE: dict[tuple[str, int], Getter] = {
@@ -104,9 +119,12 @@ GETTABLE: dict[tuple[str, int], Getter] = {
     ("Write", 0x1453): lambda device, task: task.setting("Write", "", 0x1453, 10097),
     ("Write", 0x1460): _space_available,
     ("Write", 0x1458): lambda device, task: task.generated,
+    ("Trig", 0x190F): lambda device, task: task.retriggerable,
+    ("Trig", 0x2F1E): _start_terminal,
     ("Trig", 0x1407): lambda device, task: _terminal(device, task.start_trigger),
     ("Trig", 0x1393): lambda device, task: DIGITAL_EDGE if task.start_trigger else NO_TRIGGER,
     ("Timing", 0x1347): _timing_type,
+    ("Read", 0x217A): _raw_width,
     ("Read", 0x217B): lambda device, task: len(task.channels),
     ("Read", 0x1223): _samples("available"),
     ("Read", 0x192A): _samples("acquired"),
@@ -124,7 +142,7 @@ def get(device: SimulatedDevice, task: SimulatedTask, category: str, channel: st
     if (category, attribute) in GETTABLE:
         return GETTABLE[category, attribute](device, task)
     if category == "Chan":
-        found = find_channel(task, channel)
+        found = find_channels(task, channel)[0]
         channel = found.name
         if attribute in CHANNEL_GETTABLE and (value := CHANNEL_GETTABLE[attribute](device, task, found)) is not None:
             return value
@@ -139,13 +157,16 @@ def put(device: SimulatedDevice, task: SimulatedTask, category: str, channel: st
         raise DaqStatusError(status.ATTRIBUTE_NOT_SUPPORTED, f"Property: 0x{attribute:04X} ({category}) of {task.name}")
     if task.state == "running":
         raise DaqStatusError(status.TASK_RUNNING, f"Task: {task.name}")
-    if category == "Chan" and attribute in LIMIT_NAMES:
-        set_limit(device, task, find_channel(task, channel), attribute, value)
-        return
+    names = [""]
     if category == "Chan":
-        channel = find_channel(task, channel).name
+        channels = find_channels(task, channel)
+        names = [found.name for found in channels]
+        if attribute in LIMIT_NAMES:
+            for found in channels:
+                set_limit(device, task, found, attribute, value)
+            return
         wanted = "CO" if attribute == CO_TERM else "AI" if attribute == SHUNT else "CI"
-        bridge = attribute != SHUNT or find_channel(task, channel).physical.kind == "bridge"
+        bridge = attribute != SHUNT or all(found.physical.kind == "bridge" for found in channels)
         if task.type != wanted or not bridge:
             raise DaqStatusError(status.ATTRIBUTE_NOT_SUPPORTED, f"Property: 0x{attribute:04X} of {channel}")
     if attribute in (*ENCODER_TERMINALS, *EDGE_TERMINALS, ARM_SOURCE):
@@ -158,7 +179,8 @@ def put(device: SimulatedDevice, task: SimulatedTask, category: str, channel: st
         raise DaqStatusError(status.INVALID_VALUE, f"Arm start trigger type {value}")
     if attribute == RETRIGGERABLE and (task.type not in ("AI", "AO", "DI", "DO") or task.ref_trigger):
         raise NotImplementedByDevice(f"retriggering a {task.type} task")
-    task.attributes[category, channel, attribute] = value
+    for name in names:
+        task.attributes[category, name, attribute] = value
     if attribute in (ARM_TYPE, ARM_SOURCE):
         armed = task.setting("Trig", "", ARM_TYPE, NO_TRIGGER) == DIGITAL_EDGE
         source = task.setting("Trig", "", ARM_SOURCE, "")

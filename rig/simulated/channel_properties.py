@@ -161,15 +161,17 @@ def set_limit(device: SimulatedDevice, task: SimulatedTask, channel: Channel, at
     channel.settings.update(limits)
 
 
-def find_channel(task: SimulatedTask, name: str) -> Channel:
-    """Return the channel of that name; of several names, or of none, the first (they are of one type).
+def find_channels(task: SimulatedTask, name: str) -> list[Channel]:
+    """Return the channels of a list of names, all of them for an empty one; at least one.
 
     Digital channels are also found by their lines or their port.
     """
-    names = channel_names(name) if name.strip() else [""]
+    wanted = set(channel_names(name)) if name.strip() else {""}
+    found = []
     for channel in task.channels:
         lines = channel.settings.get("lines", [])
-        own = {"", channel.name, *lines, *(line.rsplit("/", 1)[0] for line in lines)}
-        if names[0] in own:
-            return channel
-    raise DaqStatusError(status.NO_SUCH_CHANNEL, f"Channel: {name!r} in task {task.name}")
+        if wanted & {"", channel.name, *lines, *(line.rsplit("/", 1)[0] for line in lines)}:
+            found.append(channel)
+    if not found:
+        raise DaqStatusError(status.NO_SUCH_CHANNEL, f"Channel: {name!r} in task {task.name}")
+    return found

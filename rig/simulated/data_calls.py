@@ -19,12 +19,12 @@ from rig.simulated.status import DaqStatusError
 from rig.simulated.tasks import SimulatedTask
 
 _BY_SCAN = 1
-_WRONG_SIZE = -200524
 Converter = Callable[[SimulatedTask, NDArray[np.float64]], NDArray[Any]]
 Handler = Callable[[SimulatedDevice, SimulatedTask, Any], Any]
 
 
-def _refuse_other_type(task: SimulatedTask, type_: str) -> None:
+def refuse_other_type(task: SimulatedTask, type_: str) -> None:
+    """Refuse to read or write a task of another type than the call moves."""
     if task.type != type_:
         code = status.WRONG_OUTPUT_TYPE if type_ in ("AO", "DO") else status.WRONG_MEASUREMENT_TYPE
         raise DaqStatusError(code, f"Task: {task.name} is {task.type}")
@@ -63,7 +63,7 @@ def _counts(values: NDArray[np.float64]) -> NDArray[np.uint32]:
 
 def _read(call: str, type_: str, convert: Converter) -> Handler:
     def read(device: SimulatedDevice, task: SimulatedTask, request: Any) -> Any:
-        _refuse_other_type(task, type_)
+        refuse_other_type(task, type_)
         wanted = _wanted(request)
         values = convert(task, device.read(task, wanted, request.timeout))
         came = values.shape[0]
@@ -84,7 +84,7 @@ def _read_scalar(
     call: str, type_: str, convert: Callable[[SimulatedTask, NDArray[np.float64]], NDArray[Any]]
 ) -> Handler:
     def read(device: SimulatedDevice, task: SimulatedTask, request: Any) -> Any:
-        _refuse_other_type(task, type_)
+        refuse_other_type(task, type_)
         if len(task.channels) != 1:
             raise DaqStatusError(status.TASK_MIXES_TYPES, f"Task: {task.name}: a scalar read needs one channel")
         values = device.read(task, 1, request.timeout)
@@ -99,7 +99,7 @@ def _as_is(task: SimulatedTask, values: NDArray[np.float64]) -> NDArray[np.float
     return values
 
 
-def _lines(task: SimulatedTask, levels: NDArray[np.float64]) -> NDArray[np.float64]:
+def lines_by_channel(task: SimulatedTask, levels: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return (n, channels, lines of the largest channel); a smaller channel is filled up with low."""
     out = np.zeros((levels.shape[0], len(task.channels), _most_lines(task)))
     column = 0
@@ -115,7 +115,7 @@ def _register(task: SimulatedTask, values: NDArray[np.float64]) -> NDArray[np.ui
 
 
 def _write_analog(device: SimulatedDevice, task: SimulatedTask, request: Any) -> Any:
-    _refuse_other_type(task, "AO")
+    refuse_other_type(task, "AO")
     values = _table(request, np.array(request.write_array, dtype=np.float64), len(task.channels))
     device.write(task, values, request.auto_start)
     return response("WriteAnalogF64", samps_per_chan_written=values.shape[0])
@@ -124,30 +124,31 @@ def _write_analog(device: SimulatedDevice, task: SimulatedTask, request: Any) ->
 def _table(request: Any, values: NDArray[Any], columns: int) -> NDArray[Any]:
     n = _wanted(request)
     if n < 1 or n * columns != values.size:
-        raise DaqStatusError(_WRONG_SIZE, f"{values.size} values for {columns} channels and {n} samples")
+        raise DaqStatusError(status.WRONG_SIZE, f"{values.size} values for {columns} channels and {n} samples")
     return values.reshape(n, columns) if _by_scan(request, "data_layout") else values.reshape(columns, n).T
 
 
 def _write_analog_scalar(device: SimulatedDevice, task: SimulatedTask, request: Any) -> Any:
-    _refuse_other_type(task, "AO")
+    refuse_other_type(task, "AO")
     device.write(task, np.array([[request.value]]), request.auto_start)
     return response("WriteAnalogScalarF64")
 
 
 def _write_lines(device: SimulatedDevice, task: SimulatedTask, request: Any) -> Any:
-    _refuse_other_type(task, "DO")
+    refuse_other_type(task, "DO")
     states = np.array([bool(value) for value in request.write_array], dtype=np.float64)
     n, most, channels = _wanted(request), _most_lines(task), len(task.channels)
     if n < 1 or n * most * channels != states.size:
-        raise DaqStatusError(_WRONG_SIZE, f"{states.size} levels for {channels} channels of {most} lines")
+        raise DaqStatusError(status.WRONG_SIZE, f"{states.size} levels for {channels} channels of {most} lines")
     by_scan = _by_scan(request, "data_layout")
     grid = states.reshape(n, channels, most) if by_scan else states.reshape(channels, n, most).swapaxes(0, 1)
     columns = [grid[:, i, : len(c.settings["lines"])] for i, c in enumerate(task.channels)]
-    _put_levels(device, task, np.concatenate(columns, axis=1), request.auto_start)
+    put_levels(device, task, np.concatenate(columns, axis=1), request.auto_start)
     return response("WriteDigitalLines", samps_per_chan_written=n)
 
 
-def _put_levels(device: SimulatedDevice, task: SimulatedTask, levels: NDArray[np.float64], auto_start: bool) -> None:
+def put_levels(device: SimulatedDevice, task: SimulatedTask, levels: NDArray[np.float64], auto_start: bool) -> None:
+    """Take levels, (n, lines): put out at once without a clock, else buffered."""
     if task.clock is None:
         device.write_lines(task, [bool(level) for level in levels[-1]], auto_start)
     else:
@@ -165,19 +166,19 @@ def _levels(task: SimulatedTask, words: NDArray[np.int64]) -> NDArray[np.float64
 
 def _write_words(call: str) -> Handler:
     def write(device: SimulatedDevice, task: SimulatedTask, request: Any) -> Any:
-        _refuse_other_type(task, "DO")
+        refuse_other_type(task, "DO")
         array = request.write_array
         words = np.array(list(array), dtype=np.int64)
         table = _table(request, words, len(task.channels))
-        _put_levels(device, task, _levels(task, table), request.auto_start)
+        put_levels(device, task, _levels(task, table), request.auto_start)
         return response(call, samps_per_chan_written=table.shape[0])
 
     return write
 
 
 def _write_word(device: SimulatedDevice, task: SimulatedTask, request: Any) -> Any:
-    _refuse_other_type(task, "DO")
-    _put_levels(device, task, _levels(task, np.array([[request.value]], dtype=np.int64)), request.auto_start)
+    refuse_other_type(task, "DO")
+    put_levels(device, task, _levels(task, np.array([[request.value]], dtype=np.int64)), request.auto_start)
     return response("WriteDigitalScalarU32")
 
 
@@ -188,7 +189,9 @@ _READS: dict[str, tuple[str, Converter]] = {
     "ReadCounterU32": ("CI", _register),
     "ReadCounterU32Ex": ("CI", _register),
     "ReadDigitalU32": ("DI", _words),
-    "ReadDigitalLines": ("DI", _lines),
+    "ReadDigitalU16": ("DI", _words),
+    "ReadDigitalU8": ("DI", _words),
+    "ReadDigitalLines": ("DI", lines_by_channel),
 }
 _SCALARS: dict[str, tuple[str, Converter]] = {
     "ReadAnalogScalarF64": ("AI", _as_is),

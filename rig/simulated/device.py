@@ -32,6 +32,9 @@ from rig.simulated.watchdog import Watchdogs
 from rig.simulated.wiring import Wiring
 
 
+MOST_ON_DEMAND = 100_000
+
+
 class SimulatedDevice:
     """One device with its sensors, motor and plant.
 
@@ -105,7 +108,7 @@ class SimulatedDevice:
         for index, part in enumerate(names):
             channel = self.inventory.channel(part, kind)
             given = name if len(names) == 1 else f"{name}{index}"
-            task.add_channel(type_, Channel(given if name else channel.name, channel, settings))
+            task.add_channel(type_, Channel(given if name else channel.name, channel, dict(settings)))
 
     def add_lines(self, task: SimulatedTask, type_: TaskType, lines: str, name: str, *, one_channel: bool) -> None:
         """Add digital lines or whole ports to a task, as one channel or one per line."""
@@ -199,9 +202,17 @@ class SimulatedDevice:
 
         Fewer come when the timeout ends first. Raises DaqStatusError when samples were overwritten or will never come.
         """
+        if task.clock is None and task.state != "running":  # started for this read alone
+            self.start(task)
+            try:
+                return self.read(task, n, timeout_s)
+            finally:
+                self.stop(task)
         if task.state != "running":
             self.start(task)
         if task.clock is None or task.buffer is None:
+            if n > MOST_ON_DEMAND:
+                raise NotImplementedByDevice(f"{n} readings on demand at once")
             return np.concatenate([latch(self, task, *self.bench.present()) for _ in range(max(n, 1))])
         if n < 0:
             waiting.catch_up(self, task)

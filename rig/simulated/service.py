@@ -26,6 +26,7 @@ from rig.simulated.status import DaqStatusError, NotImplementedByDevice
 from rig.simulated.tasks import SimulatedTask
 from rig.simulated.timing_setup import TIMING_CALLS
 from rig.simulated.watchdog_calls import WATCHDOG_CALLS
+from rig.simulated.waveform_calls import WAVEFORM_CALLS
 
 _ATTRIBUTE_CALL = re.compile(r"(Get|Set)(Task|Timing|Read|Write|Buffer|Chan|Trig)Attribute(\w+)")
 POLL_S = 1e-3
@@ -86,6 +87,8 @@ class Service:
                 return self._handlers[call](request)
             if call in DATA_CALLS:
                 return DATA_CALLS[call](self.device, self._task(request), request)
+            if call in WAVEFORM_CALLS:
+                return WAVEFORM_CALLS[call](self.device, self._task(request), request)
             if call in UNREGISTER:
                 return self._unregister(call, request)
             if call in DEVICE_CALLS:

@@ -25,6 +25,8 @@ PAST_THE_END = -200278
 DUPLICATE_TASK = -200089
 INVALID_TASK = -200088
 NO_CHANNELS = -200478
+WRONG_SIZE = -200524
+MIN_NOT_LESS_THAN_MAX = -200082
 ATTRIBUTE_NOT_SUPPORTED = -200452
 RATE_TOO_HIGH = -200332
 TASK_MIXES_TYPES = -200559
@@ -59,6 +61,8 @@ TEXTS = {
     PAST_THE_END: "The read is past the last sample of a finite acquisition.",
     DUPLICATE_TASK: "A task of that name exists already.",
     INVALID_TASK: "Task is invalid or does not exist.",
+    WRONG_SIZE: "The number of values does not fit channels and samples of the task.",
+    MIN_NOT_LESS_THAN_MAX: "The minimum must be less than the maximum.",
     NO_CHANNELS: "The task has no channels.",
     ATTRIBUTE_NOT_SUPPORTED: "The property is not supported by the virtual device for this task.",
     RATE_TOO_HIGH: "The sample clock rate exceeds what the device supports.",
