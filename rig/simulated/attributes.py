@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from rig.simulated import status, waiting
 from rig.simulated.channel_properties import CHANNEL_GETTABLE, LIMIT_NAMES, find_channels, set_limit
-from rig.simulated.readings import COUNT_EDGES_TERM, FREQ_TERM, SHUNT
+from rig.simulated.readings import MEASURED_ON, SHUNT
 from rig.simulated.reservations import ARM_TYPE, NO_TRIGGER
 from rig.simulated.status import DaqStatusError, NotImplementedByDevice
 from rig.simulated.tasks import FINITE, RETRIGGERABLE, SimulatedTask
@@ -25,7 +25,7 @@ DO_NOT_OVERWRITE = 10159
 CO_TERM, RAW_SAMPLE_SIZE = 0x18E1, 0x22DA
 ARM_EDGE, ARM_SOURCE = 0x1415, 0x1417
 ENCODER_TERMINALS = (0x219D, 0x219E)
-EDGE_TERMINALS = (COUNT_EDGES_TERM, FREQ_TERM)
+EDGE_TERMINALS = tuple(MEASURED_ON.values())
 CI_SETTABLE = (*ENCODER_TERMINALS, *EDGE_TERMINALS, 0x21FB, 0x21FC, 0x2200, 0x2201)
 
 SETTABLE: dict[str, frozenset[int]] = {
@@ -41,7 +41,7 @@ Getter = Callable[["SimulatedDevice", SimulatedTask], Any]
 
 def _clock(field: str) -> Getter:
     def get(device: SimulatedDevice, task: SimulatedTask) -> Any:
-        if task.clock is None:
+        if task.clock is None or (task.implicit and field in ("rate_hz", "source")):
             raise DaqStatusError(status.ATTRIBUTE_NOT_SUPPORTED, f"Task: {task.name} has no sample clock")
         return getattr(task.clock, field)
 
@@ -90,7 +90,7 @@ def _space_available(device: SimulatedDevice, task: SimulatedTask) -> int:
 
 
 def _timing_type(device: SimulatedDevice, task: SimulatedTask) -> int:
-    if task.type == "CO":
+    if task.type == "CO" or task.implicit:
         return 10451  # implicit
     return 12504 if task.changes else 10388 if task.clock is not None else 10390
 

@@ -15,7 +15,7 @@ from rig.simulated import status
 from rig.simulated.inventory import channel_names
 from rig.simulated.passing import latch
 from rig.simulated.pulses import CO_DELAY, CO_DUTY, CO_FREQ
-from rig.simulated.readings import EDGES, FREQUENCY
+from rig.simulated.readings import EDGES, FREQUENCY, PERIOD, PULSE_FREQUENCY, PULSE_TICKS, PULSE_TIME, WIDTH
 from rig.simulated.status import DaqStatusError
 from rig.simulated.tasks import Channel, SimulatedTask
 
@@ -23,7 +23,10 @@ if TYPE_CHECKING:
     from rig.simulated.device import SimulatedDevice
 
 CHANNEL_TYPE = {"AI": 10100, "AO": 10102, "DI": 10151, "DO": 10153, "CI": 10131, "CO": 10132}
-CI_TYPE = {EDGES: 10125, FREQUENCY: 10179}
+CI_TYPE = {
+    EDGES: 10125, FREQUENCY: 10179, PERIOD: 10256, WIDTH: 10359, PULSE_FREQUENCY: 15864, PULSE_TIME: 15865,
+    PULSE_TICKS: 15866,
+}  # fmt: skip
 VOLTAGE, FORCE_BRIDGE, ANGULAR_ENCODER = 10322, 15899, 10360
 MEASUREMENT_TYPE = {"bridge": FORCE_BRIDGE, "voltage_in": VOLTAGE, "voltage_out": VOLTAGE, "counter": ANGULAR_ENCODER}
 VOLTS, BITS, RIGHT_JUSTIFIED = 10348, 10109, 10279
@@ -35,6 +38,12 @@ Property = Callable[["SimulatedDevice", SimulatedTask, Channel], Any]
 
 def _setting(name: str, *types: str) -> Property:
     return lambda device, task, channel: channel.settings.get(name) if task.type in types else None
+
+
+def _unit(measures: str) -> Property:
+    return lambda device, task, channel: (
+        channel.settings["units"] if channel.settings.get("measures") == measures else None
+    )
 
 
 def _fixed(value: int | float, kind: str) -> Property:
@@ -137,6 +146,15 @@ CHANNEL_GETTABLE: dict[int, Property] = {
     0x21E6: _setting("decoding_type", "CI"),
     0x18A6: _setting("units", "CI"),
     0x0881: _setting("initial_angle", "CI"),
+    0x18A1: _unit(FREQUENCY),
+    0x18A3: _unit(PERIOD),
+    0x0823: _unit(WIDTH),
+    0x2F0B: _unit(PULSE_FREQUENCY),
+    0x2F13: _unit(PULSE_TIME),
+    0x189C: _setting("max_val", "CI"),
+    0x189D: _setting("min_val", "CI"),
+    0x0911: _setting("dist_per_pulse", "CI"),
+    0x0915: _setting("initial_pos", "CI"),
     CO_OUTPUT_TYPE: _setting("output_type", "CO"),
     CO_HIGH_TIME: _high_time,
     CO_LOW_TIME: _low_time,

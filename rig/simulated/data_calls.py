@@ -13,8 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.simulated import status
+from rig.simulated.counter_outputs import PULSE_WRITES
 from rig.simulated.device import SimulatedDevice
 from rig.simulated.messages import enum, response
+from rig.simulated.readings import PULSE_FREQUENCY, PULSE_TICKS, PULSE_TIME
 from rig.simulated.status import DaqStatusError
 from rig.simulated.tasks import SimulatedTask
 
@@ -182,6 +184,31 @@ def _write_word(device: SimulatedDevice, task: SimulatedTask, request: Any) -> A
     return response("WriteDigitalScalarU32")
 
 
+def _read_pairs(call: str, first: str, second: str, measures: str) -> Handler:
+    """Return the reader of pulses: two arrays, or two scalars."""
+
+    def read(device: SimulatedDevice, task: SimulatedTask, request: Any) -> Any:
+        refuse_other_type(task, "CI")
+        if task.channels[0].settings.get("measures") != measures:
+            raise DaqStatusError(status.WRONG_MEASUREMENT_TYPE, f"Task: {task.name} does not measure {measures}")
+        scalar = call.endswith("Scalar")
+        wanted = 1 if scalar else _wanted(request)
+        values = device.read(task, wanted, request.timeout)
+        came = values.shape[0]
+        if measures == PULSE_TICKS:
+            values = values.astype(np.uint32)
+        if scalar:
+            if not came:
+                raise DaqStatusError(status.SAMPLES_NOT_YET_AVAILABLE, f"Task: {task.name}", samples_read=0)
+            return response(call, **{first: values[0, 0], second: values[0, 1]})
+        code = 0 if came >= wanted else status.SAMPLES_NOT_YET_AVAILABLE
+        filled = _laid_out(values, wanted, True).reshape(-1, 2)
+        arrays = {f"read_array_{first}": filled[:, 0], f"read_array_{second}": filled[:, 1]}
+        return response(call, status=code, samps_per_chan_read=came, **arrays)
+
+    return read
+
+
 _READS: dict[str, tuple[str, Converter]] = {
     "ReadAnalogF64": ("AI", _as_is),
     "ReadCounterF64Ex": ("CI", _as_is),
@@ -199,7 +226,14 @@ _SCALARS: dict[str, tuple[str, Converter]] = {
     "ReadCounterScalarU32": ("CI", _register),
     "ReadDigitalScalarU32": ("DI", _words),
 }
+_PAIRS: dict[str, tuple[str, str, str]] = {
+    "ReadCtrFreq": ("frequency", "duty_cycle", PULSE_FREQUENCY),
+    "ReadCtrTime": ("high_time", "low_time", PULSE_TIME),
+    "ReadCtrTicks": ("high_ticks", "low_ticks", PULSE_TICKS),
+}
 DATA_CALLS: dict[str, Handler] = {
+    **{call + end: _read_pairs(call + end, *how) for call, how in _PAIRS.items() for end in ("", "Scalar")},
+    **PULSE_WRITES,
     **{call: _read(call, *how) for call, how in _READS.items()},
     **{call: _read_scalar(call, *how) for call, how in _SCALARS.items()},
     "WriteAnalogF64": _write_analog,

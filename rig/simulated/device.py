@@ -31,7 +31,6 @@ from rig.simulated.tasks import Channel, SampleClock, SimulatedTask, TaskType
 from rig.simulated.watchdog import Watchdogs
 from rig.simulated.wiring import Wiring
 
-
 MOST_ON_DEMAND = 100_000
 
 
@@ -138,7 +137,7 @@ class SimulatedDevice:
         if static or (task.type in ("DI", "DO") and not self.inventory.product.clocked_lines):
             raise DaqStatusError(status.ATTRIBUTE_NOT_SUPPORTED, f"Task: {task.name}: these lines are static")
         rate_hz = self.inventory.coerced_rate(rate_hz, task.channels[0].physical.kind, len(task.channels))
-        task.clock, task.changes = SampleClock(rate_hz, terminal, mode, samples), frozenset()
+        task.clock, task.changes, task.implicit = SampleClock(rate_hz, terminal, mode, samples), frozenset(), False
 
     def commit(self, task: SimulatedTask) -> None:
         """Take the task's resources; refuses what another task holds."""

@@ -15,7 +15,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.simulated.pulses import pulse_train
+from rig.simulated.pulses import driver_of, pulse_train
+from rig.simulated.readings import edge_terminal
 from rig.simulated.tasks import FINITE, SimulatedTask
 
 if TYPE_CHECKING:
@@ -51,19 +52,32 @@ class Engine:
 
 def own_clock(task: SimulatedTask) -> bool:
     """Whether a task has a sample clock of its own."""
-    return task.clock is not None and not task.clock.source and not task.changes
+    return task.clock is not None and not task.clock.source and not task.changes and not task.implicit
 
 
 def engine_of(device: SimulatedDevice, task: SimulatedTask) -> Engine | None:
     """Return the engine that clocks a task; None when nothing ticks for it."""
     if task.clock is None or task.changes:
         return None
+    if task.implicit:
+        return _behind_pulses(device, task)
     if own_clock(task):
         if not task.live:
             return None
         limit = task.clock.samples if task.clock.mode == FINITE and not task.ref_trigger else float("inf")
         return Engine(task.clock.rate_hz, task.since_s, device.bench.rate_hz, limit)
     return _behind(device, task.clock.source, {task.name})
+
+
+def _behind_pulses(device: SimulatedDevice, task: SimulatedTask) -> Engine | None:
+    """Return the engine of a counter that takes one sample from each pulse: with the edge that ends it."""
+    train = driver_of(device, edge_terminal(device, task, task.channels[0]))
+    if train is None or not task.live or task.clock is None:
+        return None
+    first_s = train.next_after(task.since_s) + 1 / train.rate_hz
+    pulses = train.count - train.passed(np.array([task.since_s]))[0] - 1
+    limit = min(pulses, task.clock.samples) if task.clock.mode == FINITE else pulses
+    return Engine(train.rate_hz, first_s, device.bench.rate_hz, limit) if limit > 0 else None
 
 
 def _behind(device: SimulatedDevice, terminal: str, seen: set[str]) -> Engine | None:

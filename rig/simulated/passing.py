@@ -11,12 +11,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.simulated import status
 from rig.simulated.engines import Engine, engine_of
-from rig.simulated.pulses import driver_of, edges_until
-from rig.simulated.readings import FREQUENCY, analog_reading, edge_terminal, encoder_reading
+from rig.simulated.pulse_reading import pulse_reading
+from rig.simulated.pulses import edges_until
+from rig.simulated.readings import EDGES, analog_reading, edge_terminal, encoder_reading
 from rig.simulated.reference import ticks_to_take
-from rig.simulated.status import DaqStatusError
 from rig.simulated.tasks import SimulatedTask
 
 if TYPE_CHECKING:
@@ -106,13 +105,10 @@ def latch(
         names = [line for channel in task.channels for line in channel.settings["lines"]]
         return np.tile([float(device.lines.get(name, False)) for name in names], (cell.size, 1))
     channel = task.channels[0]
-    if "pulses_per_rev" in channel.settings:
+    if "decoding_type" in channel.settings:
         return encoder_reading(device, task, channel, quarter)[:, None]
     terminal = edge_terminal(device, task, channel)
-    if channel.settings["measures"] == FREQUENCY:
-        train = driver_of(device, terminal)
-        if train is None:
-            raise DaqStatusError(status.SAMPLES_NOT_YET_AVAILABLE, f"Task: {task.name}: no edges", samples_read=0)
-        return np.full((cell.size, 1), train.rate_hz)
+    if channel.settings["measures"] != EDGES:
+        return pulse_reading(device, task, channel, terminal, edge)
     passed = edges_until(device, terminal, edge) - task.counted
     return (channel.settings["initial_count"] + channel.settings["step"] * passed)[:, None].astype(np.float64)

@@ -9,10 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Any, Literal
-
-from rig.simulated import status
-from rig.simulated.status import DaqStatusError
+from typing import Literal
 
 Kind = Literal["bridge", "voltage_in", "voltage_out", "counter", "line", "static_line"]
 
@@ -42,6 +39,8 @@ class Product:
     """A and B terminals each counter has unless told otherwise; empty: they must be told."""
     edge_terminals: tuple[str, ...] = ()
     """Terminal on which each counter counts edges unless told otherwise; empty: it must be told."""
+    gate_terminals: tuple[str, ...] = ()
+    """Terminal on which each counter measures frequency, period and width unless told otherwise."""
     pulse_terminals: tuple[str, ...] = ()
     """Terminal on which each counter puts out pulses unless told otherwise."""
     clocked_lines: bool = False
@@ -63,13 +62,6 @@ class Product:
     )
     timebases: str = r"(?!)"
     """Terminals that carry clocks of the device itself, by pattern."""
-
-    def count_terminal(self, channel: Any) -> str:
-        """Return the terminal on which a counter counts edges unless told otherwise."""
-        number = int(channel.physical.resource.removeprefix("ctr"))
-        if not self.edge_terminals:
-            raise DaqStatusError(status.NO_SUCH_TERMINAL, f"Channel: {channel.name}: its input terminal must be told")
-        return self.edge_terminals[number]
 
     def pulse_terminal(self, resource: str) -> str:
         """Return the terminal on which a counter puts out pulses unless told otherwise; "" for none."""
@@ -132,6 +124,7 @@ PCIE_6363 = Product(
     ai_ranges_v=(0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0),
     encoder_terminals=(("PFI8", "PFI10"), ("PFI3", "PFI11"), ("PFI0", "PFI2"), ("PFI5", "PFI7")),
     edge_terminals=("PFI8", "PFI3", "PFI0", "PFI5"),
+    gate_terminals=("PFI9", "PFI4", "PFI1", "PFI6"),
     pulse_terminals=("PFI12", "PFI13", "PFI14", "PFI15"),
     clocked_lines=True,
     change_detection=True,

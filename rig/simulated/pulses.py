@@ -28,16 +28,18 @@ class PulseTrain:
     first_s: float
     count: float
     high_s: float
+    before: int = 0
+    """Edges that had passed before ``first_s``."""
 
     def passed(self, time_s: NDArray[np.float64]) -> NDArray[np.int64]:
         """Return how many rising edges have passed by each time."""
         edges = np.floor((time_s - self.first_s) * self.rate_hz + 1e-9) + 1
-        return np.asarray(np.clip(edges, 0, self.count), dtype=np.int64)
+        return np.asarray(np.clip(self.before + np.maximum(edges, 0), 0, self.count), dtype=np.int64)
 
     def next_after(self, time_s: float) -> float:
         """Return when the next rising edge comes; infinite when there is none."""
         passed = int(self.passed(np.array([time_s]))[0])
-        return self.first_s + passed / self.rate_hz if passed < self.count else float("inf")
+        return self.first_s + (passed - self.before) / self.rate_hz if passed < self.count else float("inf")
 
     def until(self, time_s: float) -> NDArray[np.float64]:
         """Return the times of the rising edges up to ``time_s``."""
@@ -46,29 +48,45 @@ class PulseTrain:
     @property
     def end_s(self) -> float:
         """When the last pulse has ended."""
-        return self.first_s + (self.count - 1) / self.rate_hz + self.high_s if np.isfinite(self.count) else float("inf")
+        last = self.count - 1 - self.before
+        return self.first_s + last / self.rate_hz + self.high_s if np.isfinite(self.count) else float("inf")
 
 
 def pulse_train(task: SimulatedTask) -> PulseTrain:
     """Return the pulses a counter output puts out from the moment it became live."""
     name = task.channels[0].name
     rate = task.setting("Chan", name, CO_FREQ, 1.0)
-    first = task.since_s + task.setting("Chan", name, CO_DELAY, 0.0)
+    first = task.since_s + task.setting("Chan", name, CO_DELAY, 0.0) if task.next_pulse_s is None else task.next_pulse_s
     count = float("inf") if task.pulses is None else float(task.pulses)
-    return PulseTrain(rate, first, count, task.setting("Chan", name, CO_DUTY, 0.5) / rate)
+    return PulseTrain(rate, first, count, task.setting("Chan", name, CO_DUTY, 0.5) / rate, task.pulses_before)
 
 
-def driver_of(device: SimulatedDevice, terminal: str) -> PulseTrain | None:
-    """Return the pulses on a terminal, relative to the device; None when nothing pulses there."""
+def _output_on(device: SimulatedDevice, terminal: str) -> SimulatedTask | None:
     from rig.simulated.engines import output_terminals
 
     terminal = device.exports.get(terminal, terminal)
     for task in device.tasks.values():
         if task.type == "CO" and task.live and terminal in output_terminals(device, task):
-            return pulse_train(task)
-    if terminal == device.wiring.exposure:
-        return device.bench.exposures
+            return task
     return None
+
+
+def driver_of(device: SimulatedDevice, terminal: str) -> PulseTrain | None:
+    """Return the pulses on a terminal, relative to the device; None when nothing pulses there."""
+    task = _output_on(device, terminal)
+    if task is not None:
+        return pulse_train(task)
+    return device.bench.exposures if terminal == device.wiring.exposure else None
+
+
+def highs_of(
+    device: SimulatedDevice, terminal: str, train: PulseTrain, number: NDArray[np.int64]
+) -> NDArray[np.float64]:
+    """Return how long each of these pulses (n,) on a terminal is high, s."""
+    task = _output_on(device, terminal)
+    if task is None or task.pulse_highs_s is None:
+        return np.full(number.size, train.high_s)
+    return task.pulse_highs_s[number % task.pulse_highs_s.size]
 
 
 def edges_until(device: SimulatedDevice, terminal: str, edge: NDArray[np.int64]) -> NDArray[np.int64]:

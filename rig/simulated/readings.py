@@ -12,7 +12,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from rig.simulated import status
 from rig.simulated.converters import quantise
+from rig.simulated.status import DaqStatusError
 from rig.simulated.tasks import Channel, SimulatedTask
 
 if TYPE_CHECKING:
@@ -20,7 +22,16 @@ if TYPE_CHECKING:
 
 A_TERMINAL, B_TERMINAL = 0x219D, 0x219E
 COUNT_EDGES_TERM, FREQ_TERM = 0x18C7, 0x18A2
-EDGES, FREQUENCY = "edges", "frequency"
+EDGES, FREQUENCY, PERIOD, WIDTH = "edges", "frequency", "period", "width"
+PULSE_FREQUENCY, PULSE_TIME, PULSE_TICKS = "pulse frequency", "pulse time", "pulse ticks"
+PAIRS = (PULSE_FREQUENCY, PULSE_TIME, PULSE_TICKS)
+"""Measurements that give two values a sample."""
+MEASURED_ON = {
+    EDGES: COUNT_EDGES_TERM, FREQUENCY: FREQ_TERM, PERIOD: 0x18A4, WIDTH: 0x18AA, PULSE_FREQUENCY: 0x2F04,
+    PULSE_TIME: 0x2F0C, PULSE_TICKS: 0x2F14,
+}  # fmt: skip
+"""Property that names the terminal of each measurement."""
+FALLING = 10171
 SHUNT = 0x94
 SHUNT_OHM = 100e3
 """Shunt resistor inside the NI 9237."""
@@ -77,14 +88,18 @@ def encoder_reading(
     settings = channel.settings
     edges = {X1: 1, X2: 2, X4: 4}[settings["decoding_type"]]
     ticks = (counts * edges) // 4
+    initial = settings["initial_angle"] if "pulses_per_rev" in settings else settings["initial_pos"]
     if settings["units"] == TICKS:
-        return ticks + settings["initial_angle"]
-    turn = 360.0 if settings["units"] == DEGREES else 2 * np.pi
-    return ticks * (turn / (edges * settings["pulses_per_rev"])) + settings["initial_angle"]
+        return ticks + initial
+    if "pulses_per_rev" in settings:
+        turn = 360.0 if settings["units"] == DEGREES else 2 * np.pi
+        return ticks * (turn / (edges * settings["pulses_per_rev"])) + initial
+    return ticks * (settings["dist_per_pulse"] / edges) + initial
 
 
 def edge_terminal(device: SimulatedDevice, task: SimulatedTask, channel: Channel) -> str:
-    """Return the terminal, relative to the device, whose edges a counter counts or measures; its own by default."""
-    attribute = FREQ_TERM if channel.settings["measures"] == FREQUENCY else COUNT_EDGES_TERM
-    named = task.setting("Chan", channel.name, attribute, "")
-    return device.inventory.terminal(named) if named else device.inventory.product.count_terminal(channel)
+    """Return the terminal, relative to the device, whose edges a counter counts or measures."""
+    named = task.setting("Chan", channel.name, MEASURED_ON[channel.settings["measures"]], "")
+    if not named:
+        raise DaqStatusError(status.NO_SUCH_TERMINAL, f"Channel: {channel.name}: its input terminal must be told")
+    return device.inventory.terminal(named)

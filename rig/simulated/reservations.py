@@ -31,7 +31,10 @@ class Reservations:
         if task.setting("Trig", "", ARM_TYPE, NO_TRIGGER) != NO_TRIGGER and not task.arm_trigger:
             raise DaqStatusError(status.NO_SUCH_TERMINAL, f"Task: {task.name}: arm start trigger without a source")
         for channel in task.channels:
-            if task.type == "CI" and "pulses_per_rev" in channel.settings:
+            if channel.settings.get("two_counters"):
+                number = int(channel.physical.resource.removeprefix("ctr"))
+                needed.append(f"ctr{number ^ 1}")  # the paired counter makes the time base
+            if task.type == "CI" and "decoding_type" in channel.settings:
                 for attribute in (A_TERMINAL, B_TERMINAL):
                     self._inventory.terminal(task.setting("Chan", channel.name, attribute, ""))
             if task.type == "CO" and (terminal := task.setting("Chan", channel.name, CO_TERMINAL, "")):

@@ -14,7 +14,7 @@ import numpy as np
 from rig.simulated import status
 from rig.simulated.engines import engine_of, own_clock
 from rig.simulated.pulses import driver_of, edges_until, pulse_train
-from rig.simulated.readings import edge_terminal
+from rig.simulated.readings import EDGES, PAIRS, edge_terminal
 from rig.simulated.status import DaqStatusError
 from rig.simulated.tasks import Buffer, SimulatedTask
 
@@ -36,6 +36,8 @@ def start(device: SimulatedDevice, task: SimulatedTask) -> None:
     task.state, task.generated, task.finished, task.error, task.before_trigger = "running", 0, False, 0, 0
     if task.type in INPUTS:
         columns = sum(len(channel.settings.get("lines", "1")) for channel in task.channels)
+        if task.type == "CI":
+            columns = 2 if task.channels[0].settings.get("measures") in PAIRS else 1
         task.ref_edges = task.ref_end = None
         task.buffer = Buffer(task.buffer_size, columns, forgets=bool(task.ref_trigger))
     # a trigger that is waited for must still come; one that has passed never comes again
@@ -68,8 +70,9 @@ def go_live(device: SimulatedDevice, task: SimulatedTask) -> None:
     engine = None if own_clock(task) else engine_of(device, task)
     task.since_tick = engine.passed(device.bench.edge) if engine else 0
     if task.type == "CO":
+        task.pulses_before, task.next_pulse_s = 0, None
         task.pulse_end_s = pulse_train(task).end_s
-    if task.type == "CI" and "measures" in task.channels[0].settings:
+    if task.type == "CI" and task.channels[0].settings.get("measures") == EDGES:
         task.counted = _edges_now(device, edge_terminal(device, task, task.channels[0]))
     if own_clock(task):
         trigger = f"{str(task.type).lower()}/StartTrigger"

@@ -103,3 +103,9 @@ class ServerGone(Exception):
 
 class NotImplementedByDevice(Exception):
     """A call the virtual device does not have; the client sees UNIMPLEMENTED, never a made-up value."""
+
+
+def one_of(value: int | float, allowed: tuple[int | float, ...], what: str) -> None:
+    """Refuse a value that a setting does not have."""
+    if value not in allowed:
+        raise DaqStatusError(INVALID_VALUE, f"{what}: {value}, allowed {', '.join(map(str, allowed))}")

@@ -123,6 +123,13 @@ class SimulatedTask:
     """Lines whose changes are its sample clock."""
     pulses: int | None = 1
     """Pulses a counter output puts out; None: without end."""
+    implicit: bool = False
+    """The pulses a counter measures are its sample clock."""
+    pulses_before: int = 0
+    next_pulse_s: float | None = None
+    """Pulses put out, and when the next one came, as pulses were written to the running output; None before."""
+    pulse_highs_s: NDArray[np.float64] | None = None
+    """High times of the pulses written, one a pulse, repeated; None for all like the channel's."""
     pulse_end_s: float = float("inf")
     finished: bool = False
     """A counter output has put out its last pulse."""

@@ -8,9 +8,12 @@ from typing import Any
 from rig.simulated import status
 from rig.simulated.device import SimulatedDevice
 from rig.simulated.messages import enum
+from rig.simulated.readings import EDGES
 from rig.simulated.status import DaqStatusError, NotImplementedByDevice
 from rig.simulated.tasks import CONTINUOUS, FINITE, SampleClock, SimulatedTask
 
+UNKNOWN_RATE_HZ = 1000.0
+"""A clock of unknown rate gets the buffer of 10 kS that the driver gives it."""
 SIGNALS = {12487: "SampleClock", 12491: "StartTrigger"}
 
 
@@ -22,12 +25,19 @@ def _sample_clock(device: SimulatedDevice, task: SimulatedTask, request: Any) ->
 
 
 def _implicit(device: SimulatedDevice, task: SimulatedTask, request: Any) -> None:
-    if task.type != "CO":
-        raise NotImplementedByDevice(f"implicit timing of a {task.type} task")
-    samples = int(request.samps_per_chan)
-    if samples < 1:
-        raise DaqStatusError(status.INVALID_VALUE, f"Samples per channel {samples}")
-    task.pulses = samples if enum(request, "sample_mode") == FINITE else None
+    samples, mode = int(request.samps_per_chan), enum(request, "sample_mode")
+    if task.type not in ("CI", "CO") or (task.type == "CI" and "decoding_type" in task.channels[0].settings):
+        raise DaqStatusError(status.ATTRIBUTE_NOT_SUPPORTED, f"Task: {task.name}: implicit timing")
+    if task.state == "running":
+        raise DaqStatusError(status.TASK_RUNNING, f"Task: {task.name}")
+    if samples < 1 or mode not in (FINITE, CONTINUOUS):
+        raise DaqStatusError(status.INVALID_VALUE, f"Samples per channel {samples}, sample mode {mode}")
+    if task.type == "CO":
+        task.pulses = samples if mode == FINITE else None
+        return
+    if task.channels[0].settings["measures"] == EDGES:
+        raise DaqStatusError(status.ATTRIBUTE_NOT_SUPPORTED, f"Task: {task.name}: edges are counted by a sample clock")
+    task.implicit, task.clock = True, SampleClock(UNKNOWN_RATE_HZ, "", mode, samples)
 
 
 def _change_detection(device: SimulatedDevice, task: SimulatedTask, request: Any) -> None:
