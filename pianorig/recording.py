@@ -99,7 +99,7 @@ def record(
     film_progress: Callable[[int, int], None] | None = None,
     settings: CameraSettings | None = None,
     yes: bool = False,
-    ask: Callable[[str], str | None] = lambda question: None,
+    ask: Callable[[str], str | None] | None = None,
     selftests: Path = SELFTESTS,
     plan: Path | None = None,
     room: RoomInfo | None = None,

@@ -16,7 +16,7 @@ def resume(
     backend: str = "sim://",
     progress: Callable[[Any], None] | None = None,
     yes: bool = False,
-    ask: Callable[[str], str | None] = lambda question: None,
+    ask: Callable[[str], str | None] | None = None,
     selftests: Path = Path("selftests"),
 ) -> tuple[Session, list[int]]:
     """Record what is left of a session's plan; return the session and the numbers of the new trials.

@@ -42,7 +42,7 @@ class Permission:
         return config.model_copy(update={"force": force})
 
 
-def confirm(rig: Rig, address: str, *, yes: bool, ask: Callable[[str], str | None]) -> str:
+def confirm(rig: Rig, address: str, *, yes: bool, ask: Callable[[str], str | None] | None) -> str:
     """Have the operator confirm that the motor may move; return how.
 
     Parameters
@@ -50,7 +50,7 @@ def confirm(rig: Rig, address: str, *, yes: bool, ask: Callable[[str], str | Non
     yes : bool
         ``--yes`` was given; counts only where ``safety.allow_yes`` of the rig file is true.
     ask : callable
-        Shows a question and returns what was typed, None when nobody can be asked.
+        Shows a question and returns what was typed; None, or one that returns None, when nobody can be asked.
 
     Raises
     ------
@@ -64,7 +64,8 @@ def confirm(rig: Rig, address: str, *, yes: bool, ask: Callable[[str], str | Non
                 f"{rig.source}: --yes is not permitted (safety.allow_yes = false); confirm by typing the rig's name"
             )
         return "--yes"
-    typed = ask(f"The motor at {address} will move. Nobody near the arm? Type the rig's name, {name}, to go on: ")
+    question = f"The motor at {address} will move. Nobody near the arm? Type the rig's name, {name}, to go on: "
+    typed = None if ask is None else ask(question)
     if typed is None:
         raise NotPermitted(f"{address}: nobody to confirm that the motor may move; run it in a terminal, or see --yes")
     if typed.strip() != name:
@@ -78,7 +79,7 @@ def permit(
     selftests: Path,
     *,
     yes: bool,
-    ask: Callable[[str], str | None],
+    ask: Callable[[str], str | None] | None,
     now: datetime | None = None,
 ) -> Permission:
     """Ask for everything that recording on hardware needs: a valid self-test first, then the confirmation."""

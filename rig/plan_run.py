@@ -16,7 +16,7 @@ from rig.config import RigConfig
 from rig.errors import NotPermitted
 from rig.feed import BlockFeed
 from rig.interrupts import deferred, termination_as_interrupt
-from rig.session import Session, Trial
+from rig.session import Session, Trial, annotation_file
 from rig.session.journal import JournalWriter
 from rig.trial_plan import WARM_UP_REASON, Entry
 from rig.trial_run import OpenJournal, Progress, motor_command, run_trial
@@ -68,6 +68,9 @@ def play(
     KeyboardInterrupt
         The operator stopped.
     """
+    prompts = [entry for entry in entries if entry.prompt]
+    if prompts and attendance.ask is None:
+        raise _nobody(prompts[0])  # before the first blow, not in the middle of the plan
     wait: Callable[[float], None] = getattr(backend, "wait", time.sleep)
     commands = {entry.condition: motor_command(entry.profile, config) for entry in entries}
     last = first_number + len(entries) - 1
@@ -89,9 +92,9 @@ def play(
             )  # fmt: skip
             if outcome.data is not None:
                 with deferred():
+                    if entry.warm_up:  # before it is sealed: a warm-up blow never counts, whenever the program ends
+                        annotation_file.append(session.path, number, "reject", WARM_UP_REASON, "plan")
                     trial = session.add_trial(outcome.data)
-                    if entry.warm_up:
-                        session.annotate(number, "reject", WARM_UP_REASON, author="plan")
                     if outcome.journal is not None:
                         outcome.journal.remove()
                 if outcome.error is None and attendance.after_trial is not None:
@@ -106,10 +109,14 @@ def _prompt(entry: Entry, number: int, attendance: Attendance) -> None:
         return
     question = f"Trial {number}, condition {entry.condition}: {entry.prompt}  Press Enter when done: "
     if attendance.ask is None or attendance.ask(question) is None:
-        raise NotPermitted(
-            f"condition {entry.condition} asks the operator: {entry.prompt!r}, and nobody can be asked; record it at a "
-            "terminal, or take the prompt out of the plan"
-        )
+        raise _nobody(entry)
+
+
+def _nobody(entry: Entry) -> NotPermitted:
+    return NotPermitted(
+        f"condition {entry.condition} asks the operator: {entry.prompt!r}, and nobody can be asked; record it at a "
+        "terminal, or take the prompt out of the plan"
+    )
 
 
 def _with_time_left(attendance: Attendance, clock: _TimeLeft) -> Callable[[Progress], None] | None:

@@ -56,12 +56,15 @@ def check(model: type[Model], data: Mapping[str, Any], where: str) -> Model:
 
 def _one_line(error: ValidationError) -> str:
     complaints = error.errors(include_url=False)
-    first = complaints[0]
+    # a misspelt key is unknown and missing at once: the unknown one says where to look
+    first = next((c for c in complaints if c["type"] == "extra_forbidden"), complaints[0])
     key = _key(first["loc"])
     if first["type"] == "missing":
         line = f"{key} is missing; add it"
     elif first["type"] == "extra_forbidden":
-        line = f"unknown key {key} = {_shown(first['input'])}; correct its spelling or remove it"
+        lacking = [_key(c["loc"]) for c in complaints if c["type"] == "missing" and c["loc"][:-1] == first["loc"][:-1]]
+        meant = f"; {lacking[0]} is missing" if lacking else ""
+        line = f"unknown key {key} = {_shown(first['input'])}; correct its spelling or remove it{meant}"
     elif first["type"] == "value_error":
         line = f"{key}: {first['ctx']['error']}" if key else str(first["ctx"]["error"])
     else:

@@ -137,12 +137,7 @@ def load_plan(path: str | Path) -> Plan:
 def parse_plan(text: str, where: str = "plan", folder: Path = Path()) -> Plan:
     """Check TOML text as a plan; ``where`` names it in errors, profiles are looked for from ``folder``."""
     config = toml_file.check(PlanConfig, toml_file.parse_toml(text, where), where)
-    profiles = {
-        condition.name: load_profile(
-            condition.profile if condition.profile in built_in_profiles() else folder / condition.profile
-        )
-        for condition in config.conditions
-    }
+    profiles = {c.name: _profile(c, f"{where}: condition {c.name}", folder) for c in config.conditions}
     by_name = {condition.name: condition for condition in config.conditions}
     order = draw_order(config)
     order = [order[0]] * config.warm_up + order
@@ -158,6 +153,14 @@ def parse_plan(text: str, where: str = "plan", folder: Path = Path()) -> Plan:
         room=config.room,
         copies={name: f"profile_{name}.toml" for name in profiles},
     )
+
+
+def _profile(condition: ConditionConfig, where: str, folder: Path) -> Profile:
+    built_in = condition.profile in built_in_profiles()
+    try:
+        return load_profile(condition.profile if built_in else folder / condition.profile)
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from None
 
 
 def draw_order(config: PlanConfig) -> list[str]:

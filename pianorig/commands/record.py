@@ -56,7 +56,7 @@ def command(
             raise InputError("--resume: rig, profiles and plan are the session's own; not with --plan, --out or --film")
         _resume(resume, backend, yes, selftest, as_json)
         return
-    from ..asking import type_answer
+    from ..asking import operator as asked
     from ..output import print_json
     from ..progress import bar, recording_line
     from ..recording import record
@@ -76,7 +76,7 @@ def command(
             progress=progress,
             film_progress=film_progress,
             yes=yes,
-            ask=type_answer,
+            ask=asked(),
             selftests=selftest,
             plan=plan,
             room=None if temperature is None and humidity is None else _room(temperature, humidity),
@@ -108,13 +108,13 @@ def _room(temperature_c: float | None, humidity_percent: float | None) -> RoomIn
 
 
 def _resume(session: Path, backend: str, yes: bool, selftest: Path, as_json: bool) -> None:
-    from ..asking import type_answer
+    from ..asking import operator as asked
     from ..output import print_json
     from ..progress import recording_line
     from ..resuming import resume
 
     with recording_line(quiet=as_json) as progress:
-        opened, new = resume(session, backend=backend, progress=progress, yes=yes, ask=type_answer, selftests=selftest)
+        opened, new = resume(session, backend=backend, progress=progress, yes=yes, ask=asked(), selftests=selftest)
     rows = [{"trial": n, "status": (t := opened.trial(n)).status, "condition": t.read().condition} for n in new]
     if as_json:
         print_json({"session": session, "trials": rows})
