@@ -31,6 +31,8 @@ from rig.daq.task_set import TaskSet
 from rig.daq.watchdog import Watchdog
 from rig.errors import HardwareFault, InputError
 
+CLIENT_VERSION = version("nidaqmx")
+
 
 class NidaqmxBackend(BenchChecks):
     """Acquisition on NI-DAQmx; what only a self-test does is in :mod:`rig.daq.bench_checks`.
@@ -61,7 +63,7 @@ class NidaqmxBackend(BenchChecks):
     @property
     def capabilities(self) -> Capabilities:
         """What this is."""
-        description = {"client": f"nidaqmx {version('nidaqmx')}", "product": self._product}
+        description = {"client": f"nidaqmx {CLIENT_VERSION}", "product": self._product}
         return Capabilities(self._name, self._simulated, description, watchdog=True, hardware=True)
 
     def identify(self, config: RigConfig) -> None:

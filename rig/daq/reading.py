@@ -23,6 +23,7 @@ def next_block(made: TaskSet, config: RigConfig, first_sample: int, n_samples: i
     values = np.empty(n_samples)
     with translated("read", analog_inputs.MASTER):
         reader = AnalogSingleChannelReader(made[analog_inputs.MASTER].in_stream)
+        reader.verify_array_shape = False  # saves a round trip to the server per read
         reader.read_many_sample(values, n_samples, timeout_s)
     if config.force.kind == "bridge":
         force_n, raw = values, analog_inputs.volts_of_force(config, values)
@@ -39,7 +40,7 @@ def _ticks(made: TaskSet, name: str, n_samples: int, timeout_s: float) -> NDArra
     ticks = np.empty(n_samples)
     with translated("read", name):
         reader = CounterReader(made[name].in_stream)
-        reader.verify_array_shape = False  # saves a round trip to the server per read
+        reader.verify_array_shape = False
         reader.read_many_sample_double(ticks, n_samples, timeout_s)
     whole = np.rint(ticks)
     if not np.array_equal(whole, ticks):

@@ -8,6 +8,7 @@ where nothing is connected nothing ticks.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -37,7 +38,7 @@ class Engine:
 
     def passed(self, edge: int) -> int:
         """Return the number of ticks before the bench's edge number ``edge``."""
-        ticks = np.ceil((edge - self.first_s * self.bench_hz - _LITTLE) * (self.rate_hz / self.bench_hz))
+        ticks = math.ceil((edge - self.first_s * self.bench_hz - _LITTLE) * (self.rate_hz / self.bench_hz))
         return int(min(max(ticks, 0), self.limit))
 
     def edges(self, first: int, last: int) -> NDArray[np.int64]:

@@ -49,6 +49,8 @@ class Inventory:
             self.full_name(relative).lower(): PhysicalChannel(self.full_name(relative), kind, resource)
             for relative, kind, resource in product.channels
         }
+        self._terminals: dict[tuple[str, bool], str] = {}
+        """Terminals that were looked up: every read asks for those of its scale."""
 
     def full_name(self, relative: str) -> str:
         """Name of a channel or terminal in the system: a module's name follows its chassis's, no slash."""
@@ -99,6 +101,11 @@ class Inventory:
 
         A name that does not begin with a slash, such as ``ai/SampleClock``, is one of this device.
         """
+        if (name, output) not in self._terminals:
+            self._terminals[name, output] = self._checked_terminal(name, output)
+        return self._terminals[name, output]
+
+    def _checked_terminal(self, name: str, output: bool) -> str:
         given, name = name, name if name.startswith("/") else f"/{self.name}/{name}"
         if not name.startswith("/" + self.name):
             raise DaqStatusError(status.NO_SUCH_TERMINAL, f"Terminal: {name!r}")
