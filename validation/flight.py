@@ -6,9 +6,10 @@ below it, free of the circle's curvature.  *Age* is the time from the contact, p
 serves arrival and departure; speeds are magnitudes.
 Source: samples of the last 2 to 5 ms, as far as they lie on the path of a free hammer.  A symmetric differentiator
 mixes both sides of a velocity that jumps within a millisecond.  In free flight gravity and joint friction slow the head
-by about 10.5 m/s² (a mass at the end of a light lever: g and a little more), known beforehand to 1.5 m/s²: over 2 ms
-that is a straight line carried to contact, over longer flights the deceleration is measured.  A flight that is not
-undisturbed for 3 ms is fitted together with one vibration (`validation.shank`), or with a parabola while still pushed.
+by about 10.5 m/s², and it falls back with 9 (a mass at the end of a light lever: about g), known beforehand to
+1.5 m/s²: over 2 ms that is a straight line carried to contact, over longer flights the deceleration is measured.  A
+flight that is not undisturbed for 3 ms is fitted together with one vibration (`validation.shank`), or with a parabola
+while still pushed.
 Failure: fewer than four samples give a NaN speed with a note.
 """
 
@@ -19,16 +20,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from validation.geometry import Array
-from validation.shank import Stretch, fit_vibration
+from validation.shank import Stretch, fit_vibration, is_seen
 
 WINDOW_S = 2e-3
 LONGEST_FLIGHT_S = 6e-3
 STEP_S = 1e-3
 CLEAN_FLIGHT_S = 3e-3
 DECELERATION_M_PER_S2 = 10.5
+FALL_M_PER_S2 = 9.0  # on the way back friction holds against gravity
 U_DECELERATION_M_PER_S2 = 1.5
 SIGMA_FLOOR_M = 1e-6
 MINIMUM_SAMPLES = 4
+SHANK_HZ = 250.0
 
 
 @dataclass(frozen=True)
@@ -54,17 +57,20 @@ class _Path:
     covariance: Array
     good: bool
 
+    def left(self, age: Array, way: Array) -> Array:
+        return way - (self.value[0] + self.value[1] * age + self.value[2] * age**2 / 2)
+
     def u(self, i: int) -> float:
         return float(np.sqrt(self.covariance[i, i]))
 
 
-def _path(age: Array, way: Array, sigma: float, *, free: bool = True) -> _Path:
+def _path(age: Array, way: Array, sigma: float, slowing: float | None = None) -> _Path:
     """Parabola through samples; of a free hammer (the deceleration known beforehand), or of any."""
     design = np.column_stack([np.ones(age.size), age, age**2 / 2]) / sigma
     target = way / sigma
-    if free:
+    if slowing is not None:
         design = np.vstack([design, [0.0, 0.0, 1.0 / U_DECELERATION_M_PER_S2]])
-        target = np.append(target, DECELERATION_M_PER_S2 / U_DECELERATION_M_PER_S2)
+        target = np.append(target, slowing / U_DECELERATION_M_PER_S2)
     scale = np.linalg.norm(design, axis=0)
     inverse = np.linalg.pinv(design / scale)
     value = (inverse @ target) / scale
@@ -105,41 +111,56 @@ def flight(time_s: Array, way_m: Array, contact_s: float, side: int, sigma_m: fl
     if samples < MINIMUM_SAMPLES:
         nan = float("nan")
         return Flight(nan, nan, contact_s, nan, f"only {samples} samples within 2 ms of contact; 4 are needed")
-    length, clean = _undisturbed(stretch, sigma)
-    path = _path(*stretch(0.0, length), sigma)
+    expected = DECELERATION_M_PER_S2 if side < 0 else FALL_M_PER_S2
+    length, clean = _undisturbed(stretch, sigma, expected)
+    path = _path(*stretch(0.0, length), sigma, expected)
     speed, u_speed, note = float(path.value[1]), path.u(1), f"free flight over {1e3 * length:.0f} ms"
+    gap, u_gap, slowing = float(path.value[0]), path.u(0), float(path.value[2])
     if not clean:
-        shaken = fit_vibration(stretch, sigma, DECELERATION_M_PER_S2, U_DECELERATION_M_PER_S2)
-        curve = _path(*stretch(0.0, WINDOW_S), sigma, free=False)
+        shaken = fit_vibration(stretch, sigma, expected, U_DECELERATION_M_PER_S2, side)
+        curve = _path(*stretch(0.0, WINDOW_S), sigma)
         earlier = stretch(WINDOW_S, 2 * WINDOW_S)
-        before = _path(*earlier, sigma, free=False) if earlier[0].size >= MINIMUM_SAMPLES else curve
-        if shaken is not None:
-            speed, u_speed, note = shaken.speed, shaken.u_speed, shaken.note
-        elif side < 0 and _is_pushed(curve) and _is_pushed(before):
-            speed, u_speed, note = float(curve.value[1]), curve.u(1), "not in free flight: parabola over 2 ms"
+        before = _path(*earlier, sigma) if earlier[0].size >= MINIMUM_SAMPLES else curve
+        if shaken is not None:  # the head, which touches, keeps to the rigid path
+            speed, u_speed, gap, u_gap = shaken.speed, shaken.u_speed, shaken.way, shaken.u_way
+            slowing, note = shaken.slowing, shaken.note
         else:
-            u_speed = float(np.hypot(u_speed, float(curve.value[1]) - speed))
-            note = "line over 2 ms; path is bent (late let-off?)"
-        path = curve  # the head touches where it is, vibration and push included
-    if not (speed > 0 and path.value[1] > 0):
+            speed, u_speed, slowing = float(curve.value[1]), curve.u(1), float(curve.value[2])
+            gap, u_gap, note = float(curve.value[0]), curve.u(0), "not in free flight: parabola over 2 ms"
+            if not (side < 0 and curve.good and _is_pushed(curve) and _is_pushed(before)):
+                swing = _swing(*stretch(0.0, LONGEST_FLIGHT_S))
+                u_gap = float(np.hypot(u_gap, swing))
+                line, u_line = float(path.value[1]), path.u(1)
+                u_speed = float(np.hypot(u_line, max(abs(speed - line), 2 * np.pi * SHANK_HZ * swing)))
+                speed, note = line, "line over 2 ms; path is bent (late let-off? shank?)"
+    if not (speed > 0):
         return Flight(float("nan"), float("nan"), contact_s, float("nan"), "hammer does not move along the string side")
-    age_of_contact = -float(path.value[0]) / float(path.value[1])
-    u_contact = path.u(0) / float(path.value[1])
-    slowing = float(path.value[2])
+    age_of_contact = -gap / speed
     return Flight(
-        speed + slowing * age_of_contact, u_speed, contact_s + side * age_of_contact, u_contact, note, slowing
+        speed + slowing * age_of_contact, u_speed, contact_s + side * age_of_contact, u_gap / speed, note, slowing
     )
 
 
-def _undisturbed(stretch: Stretch, sigma: float) -> tuple[float, bool]:
+def _swing(age: Array, way: Array) -> float:
+    """How far a bent path swings about a straight line, root mean square, m."""
+    line = np.polyfit(age, way, 1)
+    return float(np.std(way - np.polyval(line, age)))
+
+
+def _undisturbed(stretch: Stretch, sigma: float, slowing: float) -> tuple[float, bool]:
     """Length of free flight to use, and whether at least 3 ms are one.
 
     The last millisecond of the longest stretch that passes is left out: a disturbance may have begun in it unseen.
     """
-    longest = 0.0
+    longest, last = 0.0, None
     for length in np.arange(WINDOW_S, LONGEST_FLIGHT_S + 1e-9, STEP_S):
         age, way = stretch(0.0, float(length))
-        if age.size < MINIMUM_SAMPLES or not _path(age, way, sigma).good:
+        if age.size < MINIMUM_SAMPLES:
             break
-        longest = float(length)
+        path = _path(age, way, sigma, slowing)
+        if not path.good:
+            break
+        longest, last = float(length), (age, path.left(age, way))
+    if last is not None and longest >= CLEAN_FLIGHT_S - 1e-9 and is_seen(*last, sigma):
+        return WINDOW_S, False
     return max(longest - STEP_S, WINDOW_S), longest >= CLEAN_FLIGHT_S - 1e-9

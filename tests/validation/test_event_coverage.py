@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from benchmarks.event_coverage import pairs
+from benchmarks.shank_speed import speeds
 from validation.event import EVENTS
 from validation.events import find_events
 from validation.geometry import geometry_of
@@ -98,3 +99,17 @@ def test_coverage_of_every_event_over_many_seeds(kind):
         if z.size > 20:
             assert np.mean(np.abs(z) < 2) >= 0.88, name  # 0.95 less 2.5 standard errors of 60
             assert np.sqrt(np.mean(z**2)) < 1.3, name
+
+
+@pytest.mark.slow  # a specimen with a bending shank compiles its own kernel
+@pytest.mark.parametrize(
+    ("kind", "largest"), [("forte", 0.005), ("piano", 0.005), ("slow", 0.007), ("fortissimo", 1.0)]
+)
+def test_hammer_speed_of_a_bending_shank_is_covered(kind, largest):
+    z, error = [], []
+    for seed in range(3101, 3113):
+        for event, true in speeds(kind, seed):
+            z.append((event.value - true) / event.u)
+            error.append(event.value / true - 1)
+    assert np.mean(np.abs(z) < 2) >= 0.9
+    assert np.sqrt(np.mean(np.square(error))) < largest
