@@ -11,8 +11,10 @@ time.
 from __future__ import annotations
 
 import hashlib
+import shutil
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -24,7 +26,8 @@ from validation.measurement import Measurement
 
 BODIES = ("key", "whippen", "jack", "repetition", "hammer")
 STEP = "prediction"
-# what drives and what predicts, and the derived step each is kept in
+MOST_ACTIONS = 4  # whose predictions a session keeps, so that models side by side do not drive each other out
+# what drives and what predicts, and how the derived step of each begins
 VARIANTS = {"model": STEP, "raw_force": f"{STEP}_raw_force", "null": f"{STEP}_null"}
 
 
@@ -117,7 +120,7 @@ def predict_trial(
     action_hash, model_version : str
         Part of the cache key.
     session : rig.session.Session, optional
-        Where predictions are kept (``derived/prediction``…); None keeps none.
+        Where predictions are kept (``derived/prediction_<action>``…); None keeps none.
     variant : {"model", "raw_force", "null"}
         Which force drives, and under which name the prediction is kept; ``predict`` must be the null model's for the
         last.
@@ -130,7 +133,8 @@ def predict_trial(
     """
     rest_angle = np.asarray(rest.angle_rad, dtype=float)
     key = input_sha256(measurement, action_hash, tolerance, model_version, rest_angle, variant)
-    kept = _read(session, measurement, key, rest_angle, VARIANTS[variant])
+    step = f"{VARIANTS[variant]}_{action_hash[:12]}"
+    kept = _read(session, measurement, key, rest_angle, step)
     if kept is not None:
         return kept, ""
     time = measurement.time_s
@@ -147,7 +151,7 @@ def predict_trial(
     speed[inside] = np.asarray(solution.speed_rad_per_s, dtype=float)
     counters = {name: float(value) for name, value in dict(getattr(solution, "counters", {})).items()}
     prediction = Prediction(time, angle, speed, rest_angle, key, False, counters)
-    return prediction, _write(session, measurement, prediction, VARIANTS[variant])
+    return prediction, _write(session, measurement, prediction, step)
 
 
 def _read(session: Any, measurement: Measurement, key: str, rest: Array, step: str) -> Prediction | None:
@@ -179,8 +183,20 @@ def _write(session: Any, measurement: Measurement, prediction: Prediction, step:
     columns |= {f"{body}_rad_per_s": prediction.speed_rad_per_s[:, i] for i, body in enumerate(BODIES)}
     attrs = {"input_sha256": prediction.input_sha256, "counters": dict(prediction.counters)}
     parents = {f"trial_{measurement.number:04d}.h5": measurement.seal}
+    path = session.derived_path(step, measurement.number)
+    begun = path.parent.is_dir()
     try:
         session.write_derived(step, measurement.number, pd.DataFrame(columns), attrs, parents)
+        if not begun:
+            _forget(path.parent)
     except (RigInputError, OSError) as error:
         return f"prediction not kept for the next run: {error}"
     return ""
+
+
+def _forget(new: Path) -> None:
+    """Remove the predictions of the actions looked at longest ago, of the same variant as a new one."""
+    variant = new.name.rpartition("_")[0]
+    same = [folder for folder in new.parent.iterdir() if folder.name.rpartition("_")[0] == variant and folder != new]
+    for folder in sorted(same, key=lambda folder: folder.stat().st_mtime, reverse=True)[MOST_ACTIONS - 1 :]:
+        shutil.rmtree(folder, ignore_errors=True)

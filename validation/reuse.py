@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 import sys
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -101,8 +100,11 @@ def kept_report(folder: Path, inputs: str) -> KeptReport | None:
 
 def keep_report(
     folder: Path, inputs: str, files: Mapping[str, Path], verdict_lines: Iterable[str], made_utc: str
-) -> None:
-    """Write beside a report what it was made from."""
+) -> str:
+    """Write beside a report what it was made from; why it could not be written, or an empty string."""
+    from rig.durable import write_text
+    from rig.errors import InputError as RigInputError
+
     content = {
         "schema": SCHEMA,
         "made_utc": made_utc,
@@ -110,9 +112,11 @@ def keep_report(
         "files_sha256": {name: _sha256(path) for name, path in files.items()},
         "verdict_lines": list(verdict_lines),
     }
-    part = folder / f".{NAME}.{os.getpid()}.part"
-    part.write_text(json.dumps(content, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
-    os.replace(part, folder / NAME)
+    try:
+        write_text(folder / NAME, json.dumps(content, indent=1, ensure_ascii=False) + "\n")
+    except RigInputError as error:
+        return f"report not kept for the next run: {error}"
+    return ""
 
 
 def _sha256(file: Path) -> str:

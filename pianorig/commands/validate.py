@@ -63,8 +63,10 @@ def command(
             tolerance=tolerance, by_motion=by_motion, condition=condition,
         )  # fmt: skip
         verdict, files, refused, reused = side.verdict_lines, side.files, side.refused, _reused(side)
-        if not refused:  # what could not be read is to be named again
-            keep_report(folder, inputs, files, verdict, side.results[0].provenance["created_utc"])
+        # what could not be read is to be named again, and what changed meanwhile to be read again
+        if not refused and inputs_sha256(sessions, actions, options) == inputs:
+            note = keep_report(folder, inputs, files, verdict, side.results[0].provenance["created_utc"])
+            reused += f"; {note}" if note else ""
     if as_json:
         names = {k: str(v) for k, v in files.items()}
         print_json({"verdict": " ".join(verdict), "files": names, "reused": reused, "refused": list(refused)})

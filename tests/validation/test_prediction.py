@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from validation import PredictionError, compare_session
-from validation.prediction import Prediction, action_sha256
+from validation.prediction import MOST_ACTIONS, Prediction, action_sha256
 
 
 class Counting:
@@ -85,11 +85,29 @@ def test_what_a_prediction_depends_on_makes_it_anew(small):
     assert len(predict.calls) == 8
 
 
+def test_models_side_by_side_do_not_drive_each_other_out_and_old_ones_go(small):
+    session, truth = small
+    predict = Counting()
+    actions = [truth.action.with_values({"hammer.mass": 0.0118 + 1e-5 * i}) for i in range(MOST_ACTIONS + 1)]
+    options = {"predict": predict, "rivals": (), "budget": False, "suspect": False}
+    for action in actions[:2]:
+        compare_session(session, action, **options)
+    assert len(predict.calls) == 4
+    for action in actions[:2]:
+        assert compare_session(session, action, **options).trials["reused"].all()
+    for action in actions[2:]:
+        compare_session(session, action, **options)
+    assert len(list((session.path / "derived").glob("prediction_*"))) == MOST_ACTIONS
+    assert compare_session(session, actions[-1], **options).trials["reused"].all()
+    assert not compare_session(session, actions[0], **options).trials["reused"].any()
+
+
 def test_a_damaged_prediction_is_made_again(small):
     session, truth = small
     predict = Counting()
     compare_session(session, truth.action, predict=predict, rivals=(), budget=False, suspect=False)
-    session.derived_path("prediction", 1).write_bytes(b"not a file")
+    kept = next((session.path / "derived").glob("prediction_*"))
+    (kept / "trial_0001.h5").write_bytes(b"not a file")
     result = compare_session(session, truth.action, predict=predict, rivals=(), budget=False, suspect=False)
     assert len(predict.calls) == 3
     assert list(result.trials["reused"]) == [False, True]
