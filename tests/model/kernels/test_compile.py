@@ -12,15 +12,12 @@ import model
 
 CODE = """
 import numpy as np, model
-from model.kernels import dynamics
+from model.kernels.output import penetrations  # compiled in a moment; what it calls lies in another file
 s = model.build_scene(model.load_action())
-from model.kernels import layout as L
-n = s.size
-pose = np.zeros((n, L.POSE_SIZE)); f, a, d, u = (np.zeros(n) for _ in range(4))
-counters = np.zeros(len(L.COUNTERS), dtype=np.int64)
+depth = np.zeros(len(s.contacts))
 q = np.array([0.0286, 0.0251, 0.3198, 0.3523, 0.2951])
-dynamics.acceleration(q, np.full(n, 0.1), 1.0, s.vector, s.tables, pose, d, u, f, a, counters)
-print(repr(a.tolist()), dynamics.acceleration.stats.cache_hits and sum(dynamics.acceleration.stats.cache_hits.values()))
+penetrations(q, np.full(s.size, 0.1), s.vector, s.tables, depth)
+print(repr(depth.tolist()), penetrations.stats.cache_hits and sum(penetrations.stats.cache_hits.values()))
 """
 
 
@@ -41,9 +38,9 @@ def test_editing_a_callee_changes_the_answer_in_a_new_process(tmp_path: Path) ->
     assert hits == 0
     again, hits = run(tmp_path, cache)
     assert again == first and hits == 1  # nothing changed: loaded, not compiled
-    laws = package / "kernels" / "laws.py"
-    text = laws.read_text(encoding="utf-8")
-    assert "return a * value, a * slope / scale" in text
-    laws.write_text(text.replace("return a * value,", "return 2.0 * a * value,"), encoding="utf-8")
+    callee = package / "kernels" / "kinematics.py"
+    text = callee.read_text(encoding="utf-8")
+    assert text.count("return r + rho - distance,") == 1
+    callee.write_text(text.replace("return r + rho - distance,", "return 2.0 * r + rho - distance,"), encoding="utf-8")
     edited, _ = run(tmp_path, cache)
     assert edited != first
