@@ -179,7 +179,7 @@ def check_energy(runner: Runner, tolerance: float) -> Audit:
     )  # fmt: skip
 
 
-def check_finer(runner: Runner, case: Case, result: Result) -> None:
+def check_finer(runner: Runner, result: Result) -> None:
     """Compare with a hundredth of the tolerance; sets difference, growth and, if need be, the outcome."""
     at = np.linspace(0.0, END_S, 401)
     fine = TOLERANCE / 100.0
@@ -228,7 +228,7 @@ def run_case(case: Case, finer: bool = False) -> Result:
                     f"{result.residual:.2g} of {balance.turnover_j:.2g} J, integration {result.quadrature:.1g}"
                 )
             elif finer:
-                check_finer(runner, case, result)
+                check_finer(runner, result)
     except model.ModelError as problem:
         result.seconds = time.perf_counter() - begin
         result.outcome, result.detail = f"refused: {type(problem).__name__}", str(problem)

@@ -8,7 +8,6 @@ its place in the reference.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -67,9 +66,6 @@ class Fitter(Protocol):
     def carry(self, arrays: dict[str, NDArray[Any]]) -> None:
         """Go on from what `carried` gave."""
         ...
-
-
-FitterFactory = Callable[[Template], Fitter]
 
 
 def region_of(

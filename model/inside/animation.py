@@ -121,7 +121,7 @@ def _svg(action: Action, seen: Inside, force: Array, rows: NDArray[np.int64]) ->
         "</g>",
         *(_bar(action, seen, c, rows, clock, bars_x) for c in range(len(seen.contacts))),
         _legend(seen, bars_x),
-        _plot(action, seen, force, rows, clock, plot_y),
+        _plot(seen, force, rows, clock, plot_y),
         "</svg>",
     ]
     return "\n".join(parts)
@@ -221,7 +221,7 @@ def _legend(seen: Inside, x: float) -> str:
     )
 
 
-def _plot(action: Action, seen: Inside, force: Array, rows: NDArray[np.int64], clock: _Clock, top: float) -> str:
+def _plot(seen: Inside, force: Array, rows: NDArray[np.int64], clock: _Clock, top: float) -> str:
     """Force on the key and angles over real time, with a cursor at the frame's time."""
     time = seen.time_s
     span = float(time[-1] - time[0]) or 1.0
