@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable
@@ -170,3 +171,23 @@ def test_simulate_a_smaller_scene(short_force: Path, tmp_path: Path, capsys: pyt
     assert out.read_text().splitlines()[0] == "time_s,key_rad,key_rad_per_s"
     assert run("simulate", "--force", str(short_force), "--scene", "upright", "--out", str(out)) == 2
     assert "scene 'upright': not found; built in: whole" in capsys.readouterr().err
+
+
+def test_validate_names_what_it_cannot_read_and_reports_the_rest(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    example = tmp_path / "example"
+    shutil.copytree(Path(__file__).parents[2] / "sessions" / "example_forte", example)
+    for number in (2, 3):
+        (example / f"trial_000{number}.h5").unlink()
+    out = tmp_path / "report"
+    both = [str(example), str(tmp_path / "gone"), "--no-by-motion", "--out", str(out), "--json"]
+    assert run("validate", *both) == 2
+    said = json.loads(capsys.readouterr().out)
+    assert said["refused"] == [f"{tmp_path / 'gone'}: no such session folder"]
+    assert "Not compared:" in said["verdict"] and (out / "report.html").is_file()
+    assert not (out / "report.inputs.json").exists()  # not kept as it is: what is missing is to be named again
+    assert run("validate", str(example), str(example), "--out", str(out)) == 2
+    assert "session given 2 times" in capsys.readouterr().err
+    assert run("validate", str(example), "sessions/other") == 2
+    assert "name a folder for their report with --out" in capsys.readouterr().err

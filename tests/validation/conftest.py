@@ -3,7 +3,7 @@ film angles."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -159,6 +159,36 @@ def written(compared, tmp_path_factory):
     from validation import write_report
 
     return write_report(compared, tmp_path_factory.mktemp("report"))
+
+
+HOSTILE = 'recalibrated $\\frac{ <b> & "quoted" ' + "x" * 120
+
+
+@pytest.fixture(scope="session")
+def side(compared):
+    """Three sessions and two models, of one comparison: other names, the second model's errors half as large again."""
+    from validation.model_pairs import paired_models
+    from validation.side_by_side import SideBySide
+
+    def other(session, model, factor):
+        columns = [c for c in compared.scores.columns if c.endswith("rmse_rad")]
+        scores = compared.scores.assign(**{c: compared.scores[c] * factor for c in columns})
+        return replace(compared, session_name=session, action_name=model, scores=scores)
+
+    results = tuple(
+        other(session, model, factor)
+        for session in ("blow forte", "blow piano", "double </script><img src=x onerror=alert(1)>")
+        for model, factor in (("calibrated", 1.0), (HOSTILE, 1.5))
+    )
+    return SideBySide(results, ("nowhere: no such session folder",), paired_models(results))
+
+
+@pytest.fixture(scope="session")
+def side_written(side, tmp_path_factory):
+    """The report of three sessions and two models, written once."""
+    from validation import write_report
+
+    return write_report(side, tmp_path_factory.mktemp("side"))
 
 
 @pytest.fixture(scope="session")

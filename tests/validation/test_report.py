@@ -249,6 +249,9 @@ def test_overlays_show_bands_and_the_lifts_that_are_left_out(compared):
     assert "left out: key may lift" in shaded.svg
     assert "left out" not in without["key-model"].svg
     assert with_lift["hammer-model"].svg == without["hammer-model"].svg
+    # a lift of another trial alone is hatched in the residuals, and said in the legend
+    elsewhere = all_figures(SessionView((replace(compared, marked=marked.assign(trial=2)),)))
+    assert "left out: key may lift" in elsewhere["comparison"][1].svg
     # of each panel: the band as a filled shape
     assert shaded.svg.count("FillBetweenPolyCollection") == 4
 

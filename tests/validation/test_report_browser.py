@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -27,19 +28,31 @@ def browser():
         browser.close()
 
 
-@pytest.fixture
-def opened(browser, written):
-    """The page at reading width; on leaving, it must have kept silent and to itself."""
+@contextmanager
+def quietly(browser, file, **options):
+    """A page at reading width; on leaving, it must have kept silent and to itself."""
     problems, requests = [], []
-    page = browser.new_page(viewport={"width": 1200, "height": 900})
+    page = browser.new_page(viewport={"width": 1200, "height": 900}, **options)
     page.on("console", lambda message: problems.append(message.text))
     page.on("pageerror", lambda error: problems.append(str(error)))
     page.on("request", lambda request: requests.append(request.url))
-    page.goto(written.files["report.html"].as_uri())
+    page.goto(file.as_uri())
     yield page
     page.close()
     assert problems == []
     assert [url for url in requests if not url.startswith(("file:", "data:"))] == []
+
+
+@pytest.fixture
+def opened(browser, written):
+    with quietly(browser, written.files["report.html"]) as page:
+        yield page
+
+
+@pytest.fixture
+def opened_side(browser, side_written):
+    with quietly(browser, side_written.files["report.html"], color_scheme="dark") as page:
+        yield page
 
 
 def test_the_report_opens_and_is_no_wider_than_the_page(opened):
@@ -53,7 +66,7 @@ def test_the_report_opens_and_is_no_wider_than_the_page(opened):
     page.locator("#events details summary").first.focus()
     page.keyboard.press("Enter")
     assert page.locator("#table-area").is_visible()
-    for width in (1200, 480):
+    for width in (1600, 600, 400):  # 600: what is left of 1200 at 200 %
         page.set_viewport_size({"width": width, "height": 900})
         assert page.evaluate("document.documentElement.scrollWidth") <= width
 
@@ -174,3 +187,36 @@ def test_every_control_is_reached_by_tab_and_shows_its_focus(opened):
         reached[number] = text
         assert visible, text
     assert len(reached) == expected
+
+
+def test_sessions_side_by_side_zoom_on_their_own_and_no_name_breaks_the_page(opened_side):
+    page = opened_side
+    assert page.locator("form.zoom").count() == page.locator("section.session").count() == 3
+    assert all(page.locator("form.zoom").nth(i).is_visible() for i in range(3))
+    page.locator("#s2-zoom-from").fill("0.45")
+    page.locator("#s2-zoom-to").fill("0.50")
+    page.keyboard.press("Enter")
+    assert page.locator("#s2-zoom-said").inner_text() == "0.4500 s to 0.5000 s."
+    assert page.locator("#s1-zoom-said").inner_text() == "Whole evaluation window."
+    stretched = "s => document.querySelectorAll(`#${s} svg g[transform*=scale]`).length"
+    assert page.evaluate(stretched, "s2-session") > 10
+    assert page.evaluate(stretched, "s1-session") == page.evaluate(stretched, "s3-session") == 0
+    for width in (1600, 400):
+        page.set_viewport_size({"width": width, "height": 900})
+        assert page.evaluate("document.documentElement.scrollWidth") <= width
+
+
+def test_no_serious_accessibility_fault_side_by_side_in_the_dark(opened_side):
+    assert opened_side.evaluate("getComputedStyle(document.body).backgroundColor") == "rgb(22, 22, 22)"
+    opened_side.evaluate("document.querySelectorAll('details').forEach(e => { e.open = true; })")
+    found = opened_side.evaluate(AUDIT)
+    assert found["checked"] > 2000
+    assert found["faults"] == []
+
+
+def test_a_printed_page_is_white_and_cuts_nothing_off(opened_side):
+    opened_side.emulate_media(media="print")
+    opened_side.set_viewport_size({"width": 703, "height": 900})  # A4 less its margins
+    assert opened_side.evaluate("getComputedStyle(document.body).backgroundColor") == "rgb(255, 255, 255)"
+    assert opened_side.evaluate("document.documentElement.scrollWidth") <= 703
+    assert not opened_side.locator("form.zoom").first.is_visible()

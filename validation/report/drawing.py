@@ -8,11 +8,14 @@ Failure: none.
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from validation.geometry import Array
 from validation.report.svg import COLUMNS, decimate
@@ -40,6 +43,7 @@ TITLE = {
     "hammer": "hammer",
 }
 MOST_IN_LEGEND = 8
+LEGEND_CHARACTERS = 140  # in a line above the panels
 FULL_CURVES = 8
 FEWEST_COLUMNS = 60
 
@@ -50,9 +54,9 @@ def rotation_label(channel: str) -> str:
     return f"${s} - {s}(0)$ (°)" if SIGN[channel] > 0 else f"${s}(0) - {s}$ (°)"
 
 
-def line_style(i: int) -> dict[str, object]:
+def line_style(i: int) -> dict[str, Any]:
     """Colour and dash pattern of the i-th curve."""
-    style: dict[str, object] = {"color": COLOURS[i % len(COLOURS)], "linewidth": 1.1}
+    style: dict[str, Any] = {"color": COLOURS[i % len(COLOURS)], "linewidth": 1.1}
     dash = DASHES[i % len(DASHES)]
     if dash is not None:
         style["dashes"] = dash
@@ -96,6 +100,25 @@ def legend(axes: Axes, n: int) -> None:
     """A legend, unless there are too many curves for one."""
     if n <= MOST_IN_LEGEND:
         axes.legend(fontsize=8, ncols=2, framealpha=0.9, loc="best")
+
+
+def shared_legend(figure: Figure, panels: Sequence[Axes]) -> int:
+    """One legend above all panels, of everything labelled in some of them; returns how many lines it takes."""
+    known: dict[str, Any] = {}
+    for axes in panels:
+        for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
+            known.setdefault(label, handle)
+    lines = math.ceil(sum(len(label) + 9 for label in known) / LEGEND_CHARACTERS)
+    columns = math.ceil(len(known) / lines)
+    figure.legend(
+        known.values(), known.keys(), loc="upper center", ncols=columns, fontsize=8, frameon=False, borderaxespad=0.2
+    )
+    return lines
+
+
+def plot_text(text: str) -> str:
+    """Text from a session or model as matplotlib shows it letter by letter: no formulas, nothing unprintable."""
+    return "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in text).replace("$", r"\$")
 
 
 def degrees(channel: str, rad: pd.Series | Array) -> Array:

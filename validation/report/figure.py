@@ -66,8 +66,8 @@ def zoom_on_impact(result: ValidationResult, trial: int, axes: Axes) -> None:
         axes.set_title("around the string impact", fontsize=9)
 
 
-def arrange(figure: Figure) -> None:
-    """Place the panels of one grid by the length of their labels.
+def arrange(figure: Figure, legend_lines: int = 0) -> None:
+    """Place the panels of one grid by the length of their labels, below so many lines of a legend of them all.
 
     A layout engine would draw the figure once to measure it and once more to keep it, three times the work.
     """
@@ -83,6 +83,7 @@ def arrange(figure: Figure) -> None:
         numbered = bool(axes.xaxis.get_tick_params().get("labelbottom", True))
         below[row] = max(below[row], LINE_IN * (numbered + bool(axes.get_xlabel())))
         above[row] = max(above[row], LINE_IN * (1.2 if axes.get_title() or axes.get_title("left") else 0.0))
+    above[0] += LINE_IN * legend_lines
     width, height = figure.get_size_inches()
     inside = width - left.sum() - EDGE_IN * columns
     between = float(np.mean(left[1:])) + EDGE_IN if columns > 1 else 0.0
@@ -98,13 +99,21 @@ def arrange(figure: Figure) -> None:
     )
 
 
-def finish(view: SessionView, figure: Figure, key: str, anchor: str, caption: str, description: str) -> ReportFigure:
+def finish(
+    view: SessionView,
+    figure: Figure,
+    key: str,
+    anchor: str,
+    caption: str,
+    description: str,
+    legend_lines: int = 0,
+) -> ReportFigure:
     """The drawn figure as a `ReportFigure`; all panels but those around the impact show the evaluation window."""
     window = view.first.window
     whole = (window.start_s, window.end_s)
     for axes in figure.axes:
         if axes.get_autoscalex_on():
             axes.set_xlim(*whole)
-    arrange(figure)
+    arrange(figure, legend_lines)
     name = f"{view.prefix}{key}"
     return ReportFigure(name, anchor, caption, figure_svg(figure, name, caption, description, whole))

@@ -111,8 +111,7 @@ def event_table(view: SessionView) -> PageTable:
     """Presence, means and paired differences of the events, the models beside each other."""
     n = len(view.first.traces)
     head = ["event", "found in trials", "trials: mean ± s"]
-    for r in view.results:
-        called = view.called(r)
+    for called in view.names:
         head += [f"{called}: found", f"{called}: mean", f"{called} − trial ± u"]
     models = [r.event_summary.set_index("event") for r in view.results]
     rows = []
@@ -136,7 +135,7 @@ def event_table(view: SessionView) -> PageTable:
     if _moved(view):
         notes.append(
             "Events of the trials are found with the geometry and rest of each model; the trials’ column is that of "
-            f"{view.called(view.first)}, the differences are each model’s own."
+            f"{view.names[0]}, the differences are each model’s own."
         )
     return PageTable("events", "Events: presence first, then timing", head, rows, notes)
 

@@ -9,8 +9,6 @@ Failure: a channel without data gets no figure.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -29,8 +27,10 @@ from validation.report.drawing import (
     finish_axes,
     line_style,
     model_style,
+    plot_text,
     rotation_label,
     shade_lifts,
+    shared_legend,
 )
 from validation.report.figure import (
     WIDTH_IN,
@@ -44,8 +44,6 @@ from validation.report.figure import (
 from validation.report.thesis import compared_anchor, measured_anchor
 from validation.report.view import SessionView
 from validation.result import ValidationResult
-
-FROM_ABOVE: dict[str, Any] = {"fontsize": 8, "loc": "lower center", "bbox_to_anchor": (0.5, 1.0), "frameon": False}
 
 
 def force_of_one_trial(view: SessionView) -> ReportFigure:
@@ -82,27 +80,27 @@ def model_against_trial(view: SessionView, channel: str) -> ReportFigure:
         band(top, time, measured - limit, measured + limit, "repeatability limit", fits=False)
         shade_lifts(top, lifts, [trial])
         draw(top, time, measured, f"trial {trial}", color=BLACK, linewidth=1.2)
-        for i, other in enumerate(view.results):
+        for i, (name, other) in enumerate(zip(view.names, view.results, strict=True)):
             own = window(other, other.traces[trial])
             predicted = degrees(channel, own[f"{channel}_predicted_rad"])
-            draw(top, own["time_s"].to_numpy(), predicted, view.called(other), **model_style(i))
+            draw(top, own["time_s"].to_numpy(), predicted, plot_text(name), **model_style(i))
         finish_axes(top, rotation_label(channel), bottom=False)
     reached = []
-    for i, (row, other) in enumerate(zip(grid[1:], view.results, strict=True)):
+    for i, (row, name, other) in enumerate(zip(grid[1:], view.names, view.results, strict=True)):
         reached.append(_residuals(row, other, channel, last=i == n - 1))
         if n > 1:
-            row[0].set_title(f"{view.called(other)} − trial", fontsize=9, loc="left")
+            row[0].set_title(plot_text(f"{name} − trial"), fontsize=9, loc="left")
     _same_scale([axes for row in grid[1:] for axes in row])
-    grid[0, 0].set_title(" ")  # the line in which the legend stands
-    grid[0, 0].legend(ncols=3 + n, **FROM_ABOVE)
+    lines = shared_legend(figure, list(grid[:, 0]))
     zoom_on_impact(result, trial, grid[0, 1])
-    caption = f"Rotation of the {TITLE[channel]}, trial {trial} and model; below: model minus trial for all trials."
+    caption = f"Rotation of the {TITLE[channel]}, trial {trial} and model{'s' if n > 1 else ''}; "
+    caption += "below: model minus trial for all trials."
     texts = []
-    for other in view.results:
+    for name, other in zip(view.names, view.results, strict=True):
         own = other.scores[(other.scores["trial"] == trial) & (other.scores["channel"] == channel)].iloc[0]
-        caption += f" RMSE of trial {trial}, {view.called(other)}: {np.degrees(own['rmse_rad']):.4f}°."
+        caption += f" RMSE of trial {trial}, {name}: {np.degrees(own['rmse_rad']):.4f}°."
         largest = f"{np.degrees(own['largest_rad']):.4f}° at {own['largest_at_s']:.4f} s"
-        texts.append(f"The largest difference of trial {trial}, {view.called(other)}, is {largest}.")
+        texts.append(f"The largest difference of trial {trial}, {name}, is {largest}.")
     if np.isfinite(limit).any():
         caption += (
             " Shaded above: repeatability limit about this trial, which two trials differ by less than in 95 % "
@@ -115,7 +113,7 @@ def model_against_trial(view: SessionView, channel: str) -> ReportFigure:
         )
     caption += lift_text(lifts)
     anchor = compared_anchor(view.condition, channel, n)
-    return finish(view, figure, f"{channel}-model", anchor, caption, " ".join(texts))
+    return finish(view, figure, f"{channel}-model", anchor, caption, " ".join(texts), lines)
 
 
 def _limit(result: ValidationResult, channel: str, time: np.ndarray) -> np.ndarray:
@@ -133,18 +131,17 @@ def _residuals(panels: np.ndarray, result: ValidationResult, channel: str, *, la
     reach = np.degrees(result.spread[f"{channel}_difference_band95_rad"].to_numpy())
     lifts = marked_intervals(result, channel)
     for low in panels:
-        for i, (trial, frame) in enumerate(result.traces.items()):
+        for i, frame in enumerate(result.traces.values()):
             part = window(result, frame)
             difference = part[f"{channel}_predicted_rad"].to_numpy() - part[f"{channel}_measured_rad"].to_numpy()
             draw(
                 low,
                 part["time_s"].to_numpy(),
                 SIGN[channel] * np.degrees(difference),
-                f"trial {trial}",
                 columns=columns_for(len(result.traces)),
                 **line_style(i),
             )
-        band(low, base, mean - reach, mean + reach, "mean, 95 % band", alpha=0.5, fits=False)
+        band(low, base, mean - reach, mean + reach, "mean difference, 95 % band", alpha=0.5, fits=False)
         shade_lifts(low, lifts, list(result.traces))
         low.axhline(0.0, color="#777777", linewidth=0.7)
         finish_axes(low, "model − trial (°)", bottom=last)
@@ -174,25 +171,29 @@ def film_rotations(view: SessionView) -> list[ReportFigure]:
             band(top, time, measured - reach, measured + reach, "film ± 2u")
             draw(top, time, measured, "film", color=BLACK, linewidth=0.9)
             band(low, time, -reach, reach)
-            for i, result in enumerate(r for r in view.results if trial in r.film_traces):
+            for i, (name, result) in enumerate(zip(view.names, view.results, strict=True)):
+                if trial not in result.film_traces:
+                    continue
                 own = window(result, result.film_traces[trial])
                 model = degrees(channel, own[f"{channel}_predicted_rad"])
                 style = model_style(i)
-                draw(top, own["time_s"].to_numpy(), model, view.called(result), **style)
+                draw(top, own["time_s"].to_numpy(), model, plot_text(name), **style)
                 difference = model - degrees(channel, own[f"{channel}_measured_rad"])
                 draw(low, own["time_s"].to_numpy(), difference, **{**style, "linewidth": 0.9})
             top.set_title(TITLE[channel], fontsize=9)
             finish_axes(top, rotation_label(channel), bottom=False)
-            top.legend(fontsize=8)
             finish_axes(low, "model − film (°)")
             lost = int(np.isnan(measured).sum())
             median = float(np.nanmedian(reach)) / 2 if np.isfinite(reach).any() else float("nan")
             notes.append(f"{TITLE[channel]}: u = {median:.3f}° (median), {lost} of {measured.size} frames lost")
+        lines = shared_legend(figure, [grid[0, 0]])
         caption = (
             f"Rotation of jack and repetition lever relative to the whippen, tracked on the film of "
             f"trial {trial}; below: model minus film, with the film's ± 2u about zero. " + "; ".join(notes) + "."
         )
-        figures.append(finish(view, figure, f"film-{trial}", measured_anchor(view.condition, "film"), caption, caption))
+        figures.append(
+            finish(view, figure, f"film-{trial}", measured_anchor(view.condition, "film"), caption, caption, lines)
+        )
     return figures
 
 
@@ -215,7 +216,7 @@ def force_from_motion(view: SessionView, i: int) -> ReportFigure:
     finish_axes(grid[1], "difference (N)")
     grid[0].legend(fontsize=8)
     caption = (
-        f"Force at the key front that {view.called(result)} needs for the measured motion of the key, "
+        f"Force at the key front that {view.names[i]} needs for the measured motion of the key, "
         f"trial {int(row['trial'])}. "
         f"RMSE {row['rmse_n']:.2f} N, {100 * row['rmse_over_peak']:.1f} % of the peak; "
         f"{100 * row['left_out_share']:.1f} % of the window left out (key may lift)."

@@ -16,10 +16,12 @@ from validation.event import EVENTS
 from validation.report.numbers import DASH, PageTable, between, degrees, number, percent, rms, with_u
 from validation.result import ValidationResult
 
+MOST_TRIALS = 12  # more columns than that nobody reads side by side
+
 
 def score_matrix(result: ValidationResult) -> PageTable:
     """RMSE of every trial and channel, and of all trials together against range and repeatability."""
-    trials = list(result.traces)
+    trials = list(result.traces) if len(result.traces) <= MOST_TRIALS else []
     head = [
         "channel",
         *(f"trial {t}" for t in trials),
@@ -52,7 +54,9 @@ def score_matrix(result: ValidationResult) -> PageTable:
         "sᵣ: repeatability standard deviation; limit: 95 % of differences between two trials are smaller (ISO 5725, "
         "factor for few trials); trial–trial: the same RMSE between trials, the best a model could be asked for.",
     ]
-    return PageTable("scores", "RMSE of every trial and channel (°)", head, rows, notes)
+    if not trials:
+        notes.append(f"The RMSE of each of the {len(result.traces)} trials stands in tables/scores.csv.")
+    return PageTable("scores", "RMSE of every trial and channel (°)" if trials else "RMSE (°)", head, rows, notes)
 
 
 def iso_table(result: ValidationResult) -> PageTable:

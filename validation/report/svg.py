@@ -12,6 +12,7 @@ import html
 import io
 import json
 import re
+import warnings
 from typing import Any
 
 import numpy as np
@@ -98,7 +99,10 @@ def figure_svg(figure: Figure, key: str, title: str, description: str, window_s:
     with rc_context(STYLE):
         FigureCanvasSVG(figure)
         buffer = io.StringIO()
-        figure.savefig(buffer, format="svg", metadata={"Date": None}, transparent=True)
+        with warnings.catch_warnings():
+            # letters are drawn with the reader's fonts; what ours lacks matters for widths only
+            warnings.filterwarnings("ignore", r"Glyph \d+ .*missing from")
+            figure.savefig(buffer, format="svg", metadata={"Date": None}, transparent=True)
     text = buffer.getvalue()
     text = text[text.index("<svg") :]
     text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.S)

@@ -12,6 +12,14 @@ from dataclasses import dataclass
 from validation.report.thesis import condition_of
 from validation.result import ValidationResult
 
+MOST_CHARACTERS = 30
+
+
+def shortened(name: str) -> str:
+    """A name with its middle left out when it is too long for a legend."""
+    half = MOST_CHARACTERS // 2
+    return name if len(name) <= MOST_CHARACTERS else f"{name[:half]}…{name[-half + 1 :]}"
+
 
 @dataclass(frozen=True)
 class SessionView:
@@ -35,9 +43,14 @@ class SessionView:
         """Forte, piano, double, or an empty text."""
         return condition_of(self.name, str(self.first.provenance.get("session", {}).get("profile", "")))
 
-    def called(self, result: ValidationResult) -> str:
-        """How a model is named in legends and captions: ``model`` when there is no other."""
-        return "model" if len(self.results) == 1 else result.action_name
+    @property
+    def names(self) -> list[str]:
+        """How the models are named in figures and heads: ``model`` when there is no other; long names are cut."""
+        if len(self.results) == 1:
+            return ["model"]
+        short = [shortened(r.action_name) for r in self.results]
+        alike = len(set(short)) < len(short)
+        return [f"{i}: {name}" if alike else name for i, name in enumerate(short, start=1)]
 
     def shown_trial(self) -> int:
         """The trial that is drawn with its predictions: the first that every model could predict."""
