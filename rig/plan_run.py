@@ -7,18 +7,20 @@ ends a trial early ends the session: earlier trials and the marked one are kept,
 
 from __future__ import annotations
 
+import contextlib
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 from rig.backend import Backend
 from rig.config import RigConfig
-from rig.errors import NotPermitted
+from rig.errors import InputError, NotPermitted, RecordingFault
 from rig.feed import BlockFeed
 from rig.interrupts import deferred, termination_as_interrupt
-from rig.session import Session, Trial, annotation_file
+from rig.session import Session, Trial
 from rig.session.journal import JournalWriter
-from rig.trial_plan import WARM_UP_REASON, Entry
+from rig.session.records import TrialData
+from rig.trial_plan import Entry, reject_warm_up
 from rig.trial_run import OpenJournal, Progress, motor_command, run_trial
 
 
@@ -92,16 +94,27 @@ def play(
             )  # fmt: skip
             if outcome.data is not None:
                 with deferred():
-                    if entry.warm_up:  # before it is sealed: a warm-up blow never counts, whenever the program ends
-                        annotation_file.append(session.path, number, "reject", WARM_UP_REASON, "plan")
-                    trial = session.add_trial(outcome.data)
+                    trial = _seal(session, outcome.data)
                     if outcome.journal is not None:
                         outcome.journal.remove()
                 if outcome.error is None and attendance.after_trial is not None:
                     attendance.after_trial(trial)
+            elif session.trials:
+                with contextlib.suppress(InputError):  # the fault itself is raised in any case
+                    session.annotate(0, "note", f"trial {number} did not begin: {outcome.reason}", author="recorder")
             if outcome.error is not None:
                 raise outcome.error
             clock.end()
+
+
+def _seal(session: Session, data: TrialData) -> Trial:
+    """Seal a trial; what keeps it from being sealed is told together with what had ended it."""
+    try:
+        reject_warm_up(session, data)  # first: a warm-up blow never counts, whenever the program ends
+        return session.add_trial(data)
+    except InputError as failure:
+        kept = f"{failure}; its journal is kept: free some space, then run  pianorig recover {session.path}"
+        raise RecordingFault("; ".join(filter(None, (data.reason, kept))), phase="write") from failure
 
 
 def _prompt(entry: Entry, number: int, attendance: Attendance) -> None:

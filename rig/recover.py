@@ -2,7 +2,8 @@
 
 Place in the data flow: session folder with ``trial_NNNN.journal`` → the same folder with sealed trials, marked
 ``incomplete`` unless the journal has its closing record. Nothing is deleted before what it holds is sealed and read
-back; a journal with damage in its middle is kept as ``.journal.damaged``. Running it twice changes nothing more.
+back; a journal with damage in its middle is kept as ``.journal.damaged``, a sealed file that was damaged while its
+journal was still there as ``.h5.damaged``. Running it twice changes nothing more.
 """
 
 from __future__ import annotations
@@ -17,6 +18,8 @@ from rig import platform_calls
 from rig.errors import InputError
 from rig.session import Session
 from rig.session.journal_format import Journal, read_journal
+from rig.session.records import TrialData
+from rig.trial_plan import reject_warm_up
 
 
 @dataclass(frozen=True)
@@ -45,7 +48,8 @@ def recover_session(path: str | Path) -> list[Recovered]:
     Raises
     ------
     InputError
-        When the folder is no session, is still being recorded, or cannot be written.
+        When the folder is no session, is still being recorded, or cannot be written, or a journal does not belong
+        there; the other trials are recovered first.
     """
     session = Session.open(path, require_trials=False)
     journals = session.journals
@@ -53,7 +57,15 @@ def recover_session(path: str | Path) -> list[Recovered]:
         _refuse_if_in_use(file)
     for part in session.path.glob(".trial_*.h5.*.part"):
         part.unlink(missing_ok=True)  # half of a trial whose journal is still there
-    return [_recover_trial(session, number, file) for number, file in journals.items()]
+    found, refused = [], []
+    for number, file in journals.items():
+        try:
+            found.append(_recover_trial(session, number, file))
+        except InputError as error:
+            refused.append(str(error))
+    if refused:
+        raise InputError("; ".join(refused))
+    return found
 
 
 def _refuse_if_in_use(file: Path) -> None:
@@ -70,8 +82,8 @@ def _refuse_if_in_use(file: Path) -> None:
 
 def _recover_trial(session: Session, number: int, file: Path) -> Recovered:
     journal = read_journal(file)
-    if session.trial_path(number).exists():
-        return _already_sealed(session, number, file, journal)
+    if (sealed := _sealed(session, number)) is not None:
+        return _already_sealed(session, sealed, file, journal)
     if journal.head is None or not journal.blocks:
         if journal.left_over:
             return Recovered(number, "unreadable", 0, f"{file.name} begins with damage and was left as it is")
@@ -88,25 +100,37 @@ def _recover_trial(session: Session, number: int, file: Path) -> Recovered:
         note = f"recovered from the journal up to sample {journal.n_samples}"
         note += "; damage behind it" if damaged else "; the recording was cut off"
         reason = note
-    sealed = session.add_trial(journal.head.assemble(journal.blocks, status, reason)).read()
+    if session.trial_path(number).exists():
+        note += f"; the sealed file was damaged and is kept as {_put_aside(session.trial_path(number)).name}"
+    data = journal.head.assemble(journal.blocks, status, reason)
+    reject_warm_up(session, data)
+    sealed = session.add_trial(data).read()
     if sealed.n_valid != journal.n_samples:
         raise InputError(f"{file}: {journal.n_samples} samples, but {sealed.n_valid} were sealed; the journal is kept")
-    _put_away(file, damaged)
+    if damaged:
+        _put_aside(file)
+    else:
+        file.unlink()
     return Recovered(number, status, journal.n_samples, note)
 
 
-def _already_sealed(session: Session, number: int, file: Path, journal: Journal) -> Recovered:
+def _sealed(session: Session, number: int) -> TrialData | None:
+    """Return the sealed trial; None when there is none, or it cannot be read."""
+    try:
+        return session.trial(number).read()
+    except InputError:
+        return None
+
+
+def _already_sealed(session: Session, sealed: TrialData, file: Path, journal: Journal) -> Recovered:
     """The program ended between sealing a trial and removing its journal, unless the two differ."""
-    sealed = session.trial(number).read()
     force_n = np.concatenate([np.empty(0), *(block.force_n for block in journal.blocks)])
     if not np.array_equal(sealed.force_n[: force_n.size], force_n):
-        raise InputError(f"{file}: is not the journal of {session.trial_path(number).name}; move it elsewhere")
+        raise InputError(f"{file}: is not the journal of {session.trial_path(sealed.number).name}; move it elsewhere")
     file.unlink()
-    return Recovered(number, sealed.status, sealed.n_valid, "was sealed already; the journal was removed")
+    return Recovered(sealed.number, sealed.status, sealed.n_valid, "was sealed already; the journal was removed")
 
 
-def _put_away(file: Path, damaged: bool) -> None:
-    if damaged:
-        os.replace(file, file.with_name(file.name + ".damaged"))
-    else:
-        file.unlink()
+def _put_aside(file: Path) -> Path:
+    """Keep a damaged file under another name."""
+    return file.replace(file.with_name(file.name + ".damaged"))

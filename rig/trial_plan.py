@@ -12,7 +12,7 @@ import random
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import Field, model_validator
 
@@ -21,7 +21,12 @@ from rig.channels import Number, Table, Text
 from rig.durable import sha256_of_bytes
 from rig.errors import InputError
 from rig.profile import Profile, built_in_profiles, load_profile
+from rig.session import annotation_file
 from rig.session.info import ActionInfo, FileInfo, PlanCondition, PlanInfo, RoomInfo
+
+if TYPE_CHECKING:
+    from rig.session import Session
+    from rig.session.records import TrialData
 
 MAX_TRIALS = 9999
 WARM_UP_REASON = "warm-up blow of the plan"
@@ -113,6 +118,13 @@ class Plan:
         prompt = next(entry.prompt for entry in self.entries if entry.condition == name)
         copy = FileInfo(name=profile.name, copy_name=self.copies[name], sha256=profile.sha256)
         return PlanCondition(name=name, prompt=prompt, profile=copy)
+
+
+def reject_warm_up(session: Session, trial: TrialData) -> None:
+    """Reject a trial about to be sealed that its session's plan has as a warm-up blow, unless that is done."""
+    warm_up = 1 <= trial.plan_entry <= session.info.plan.warm_up
+    if warm_up and trial.number not in annotation_file.rejections(session.annotations):
+        annotation_file.append(session.path, trial.number, "reject", WARM_UP_REASON, "plan")
 
 
 def plain_plan(profile: Profile, trials: int) -> Plan:

@@ -27,8 +27,8 @@ from rig.session.journal import JournalWriter
 from rig.session.records import EncoderInfo, ForceInfo, TrialData
 from rig.session.trial_head import FrameClock, TrialHead
 
-READ_TIMEOUT_S = 2.0
-"""How long a block may be late before the motor is stopped; a block takes 20 ms."""
+LATE_S = 0.2
+"""How long a block may be late before the motor is stopped, which holds its volts when the clock stands still."""
 
 
 @dataclass(frozen=True)
@@ -58,11 +58,12 @@ class OpenJournal(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class TrialOutcome:
-    """Data of a trial (None when not one sample came), its journal, and what ended it early."""
+    """Data of a trial (None when not one sample came), its journal, and what ended it early, with its one line."""
 
     data: TrialData | None
     error: BaseException | None
     journal: JournalWriter | None = None
+    reason: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,8 +171,8 @@ def run_trial(
     if not blocks or head is None:
         if journal is not None:
             journal.remove()
-        return TrialOutcome(None, error)
-    return TrialOutcome(head.assemble(blocks, status, reason), error, journal)
+        return TrialOutcome(None, error, reason=reason)
+    return TrialOutcome(head.assemble(blocks, status, reason), error, journal, reason)
 
 
 def _prove_whole(backend: Backend, stored: int) -> None:
@@ -212,7 +213,7 @@ def _read_until_rest(
     )
     read = 0
     while True:
-        block = backend.read_block(size, READ_TIMEOUT_S)
+        block = backend.read_block(size, size / rate + LATE_S)
         keep(block)
         read += size
         if detector.add(block.force_n, block.encoder_count):

@@ -58,6 +58,8 @@ class NidaqmxBackend(BenchChecks):
         """What the tasks that are there give; None where they are not all made."""
         self._live = False
         """Configured, and not stopped since."""
+        self._safe = True
+        """Both outputs took their safe state when that was last written."""
         self._next_sample = 0
 
     @property
@@ -97,7 +99,7 @@ class NidaqmxBackend(BenchChecks):
     def configure(self, config: RigConfig, command_v: NDArray[np.float64]) -> Timing:
         """Put the outputs in their safe state, reserve every channel, load the motor command."""
         tasks.check_command(config, command_v)
-        if self._live:
+        if self._live or not self._safe:
             self.safe_stop()
         if config != self._config or self._timing is None:
             self._clear()
@@ -201,7 +203,8 @@ class NidaqmxBackend(BenchChecks):
     def safe_stop(self) -> None:
         """Stop all, motor at 0 V, drive disabled; each step is tried, then the first failure raised.
 
-        The tasks stay for the next trial, holding nothing, unless a step has failed.
+        The tasks stay for the next trial, holding nothing, unless a step has failed. Where an output could not be
+        written the watchdog is left to run out: the device then makes it safe.
         """
         failures: list[BaseException] = []
         self._live = False
@@ -211,7 +214,7 @@ class NidaqmxBackend(BenchChecks):
         self._outputs_safe("stop", failures)
         for name in self._tasks:
             self._put_to_rest(name, failures)
-        if self._watchdog is not None:
+        if self._watchdog is not None and self._safe:
             _attempt(self._watchdog.stop, [])  # last: until here it watches over the steps above
         if failures:
             self._clear()
@@ -238,7 +241,7 @@ class NidaqmxBackend(BenchChecks):
         for name in self._tasks:
             _attempt(partial(self._tasks.clear, name), [])
         _attempt(self._outputs.clear, [])
-        if self._watchdog is not None:
+        if self._watchdog is not None and self._safe:
             _attempt(self._watchdog.close, [])
             self._watchdog = None
 
@@ -257,8 +260,8 @@ class NidaqmxBackend(BenchChecks):
                 with translated(phase, f"{line} not disabled, use the emergency stop"):
                     self._outputs.enable_drive(line, False)
 
-        _attempt(zero, failures)
-        _attempt(disable, failures)
+        written = [_attempt(step, failures) for step in (zero, disable)]
+        self._safe = all(written)
 
     def _put_to_rest(self, name: str, failures: list[BaseException]) -> None:
         def rest() -> None:

@@ -32,6 +32,7 @@ class Watchdog:
             behavior = SessionInitializationBehavior.INITIALIZE_SERVER_SESSION
             options = GrpcSessionOptions(channel, NAME, initialization_behavior=behavior)  # type: ignore[arg-type]
         self._task = WatchdogTask(config.device.name, NAME, timeout=timeout_s, grpc_options=options)
+        self._task._close_on_exit = False  # one that is left to run out is no mistake that the client should tell
         try:
             if config.device.product in ANALOG_REACH:
                 self._task.cfg_watchdog_ao_expir_states(
@@ -67,7 +68,6 @@ class Watchdog:
 
     def close(self) -> None:
         """Stop the timer and forget it."""
-        self._task._close_on_exit = False  # the client would complain a second time when this object goes
         with contextlib.suppress(nidaqmx.errors.Error):
             self._task.stop()  # closing is what counts
         self._task.close()

@@ -6,6 +6,7 @@ A rejected trial stays on disk; rejecting and accepting only add lines, the last
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 from dataclasses import asdict, dataclass
@@ -48,7 +49,10 @@ def append(folder: Path, trial: int, kind: Kind, reason: str, author: str = "") 
     try:
         descriptor = platform_calls.open_raw(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT)
         try:
-            os.write(descriptor, line)
+            before = os.fstat(descriptor).st_size
+            if os.write(descriptor, line) < len(line):  # half a line would make the session unreadable
+                os.ftruncate(descriptor, before)
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
         finally:
             os.close(descriptor)
     except OSError as error:

@@ -23,14 +23,16 @@ _TAIL = len(MARK) + 64 + 1
 
 @contextlib.contextmanager
 def write_sealed(path: Path) -> Iterator[h5py.File]:
-    """Give an empty HDF5 file to fill; seal it and put it at ``path`` when the block ends without an exception."""
+    """Give an empty HDF5 file to fill; seal it and put it at ``path`` when the block ends without an exception.
+
+    It is filled in memory: on a full disk the library would leave objects behind that it cannot close.
+    """
     with replace_when_complete(path) as temporary:
-        with h5py.File(temporary, "w", track_order=True) as file:
+        with h5py.File(temporary, "w", track_order=True, driver="core", backing_store=False) as file:
             yield file
-        with temporary.open("rb+") as stream:
-            digest = hashlib.file_digest(stream, "sha256").hexdigest()
-            stream.seek(0, 2)
-            stream.write(MARK + digest.encode() + b"\n")
+            file.flush()
+            image = file.id.get_file_image()
+        temporary.write_bytes(image + MARK + hashlib.sha256(image).hexdigest().encode() + b"\n")
 
 
 @contextlib.contextmanager

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -46,7 +46,7 @@ _FORM = re.compile(r"([a-z-]+)(?::([a-z]+))?@(?:(\d+)/(\d+(?:\.\d+)?)|([A-Za-z0-
 
 @dataclass(frozen=True)
 class Fault:
-    """One fault: from ``at_s`` of trial ``trial`` on, or at the ``number``-th call named ``call``."""
+    """One fault: from ``at_s`` of trial ``trial`` on, or from the ``number``-th call named ``call`` on."""
 
     kind: str
     body: str = ""
@@ -67,8 +67,6 @@ def parse_faults(text: str) -> tuple[Fault, ...]:
                 f"fault {part!r}: write KIND@TRIAL/SECONDS or KIND@CALL#NUMBER with a kind of {', '.join(KINDS)}, "
                 f"and :BODY ({', '.join(ENCODED_BODIES)}) behind {' and '.join(SCALE)}"
             )
-        if call and kind in SENSORS:
-            raise InputError(f"fault {part!r}: a sensor fails at a time, write {kind}@TRIAL/SECONDS")
         faults.append(Fault(kind, body or "", int(trial or 0), float(at_s or 0), call or "", int(number or 0)))
     return tuple(faults)
 
@@ -82,17 +80,24 @@ class FaultPlan:
         self._struck: set[Fault] = set()
         self._held: dict[Fault, float] = {}
 
-    def before_call(self, call: str, device: SimulatedDevice) -> None:
-        """Raise what is due before a call is answered."""
+    def before_call(self, call: str, device: SimulatedDevice, timeout_s: float = 0.0) -> None:
+        """Raise what is due before a call is answered that would wait ``timeout_s``."""
         self._calls[call] += 1
-        for fault in self.faults:
+        for index, fault in enumerate(self.faults):
             if fault in self._struck:
                 if fault.kind in LASTING:
                     self._fail(fault, call)
+            elif fault.kind in SENSORS and fault.call and self._due(fault, call, device):
+                now_s = device.bench.edge / device.bench.rate_hz
+                faults = list(self.faults)
+                faults[index] = replace(fault, call="", number=0, trial=device.trial, at_s=now_s)
+                self.faults = tuple(faults)
             elif fault.kind not in SENSORS and self._due(fault, call, device):
                 if fault.kind == "underrun":
                     for task in device.tasks.values():
                         task.live = task.live and task.type != "AO"  # the output keeps the volts it has
+                elif fault.kind == "timeout":
+                    device.bench.clock.advance(max(timeout_s, 0.0))  # nothing ticks: the outputs hold what they have
                 self._struck.add(fault)
                 self._fail(fault, call)
 

@@ -79,7 +79,7 @@ class Service:
         """
         with self._lock:
             self.device.watchdogs.look()
-            self.device.faults.before_call(call, self.device)
+            self.device.faults.before_call(call, self.device, getattr(request, "timeout", 0.0))
             self.trace.append(sys.intern(call))
             if len(self.trace) > TRACE_LENGTH:
                 del self.trace[: TRACE_LENGTH // 2]

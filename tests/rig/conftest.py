@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import json
+import re
+import shutil
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,6 +14,9 @@ import pytest
 
 from rig.config import Rig, RigConfig, load_rig, parse_rig
 from rig.profile import Profile, parse_profile
+from rig.session import Session
+from rig.session.journal import JournalWriter
+from rig.session.journal_format import END, encode, records
 from rig.simulated.backend import SimulatedBackend, build_device
 from rig.simulated.contract import PlantBlock
 from rig.simulated.sensors import EncoderSensor, ForceSensor, SensorSet
@@ -134,3 +141,55 @@ def assert_safe() -> Any:
         assert {name: task.state for name, task in device.tasks.items() if task.state != "unreserved"} == {}
 
     return check
+
+
+@pytest.fixture(scope="session")
+def stated_s() -> dict[str, float]:
+    """Within how long each fault must have the outputs safe, from the table of the safety page."""
+    page = (Path(__file__).parents[2] / "docs" / "safety.md").read_text(encoding="utf-8")
+    return {name: float(within) for name, within in re.findall(r"^\| (.+?) \| .+ \| ([\d.]+) s \|$", page, re.M)}
+
+
+@pytest.fixture(scope="session")
+def kept_journal() -> type[JournalWriter]:
+    """A journal that stays beside its sealed trial, as a program that died in between leaves it."""
+
+    class Kept(JournalWriter):
+        def remove(self) -> None:
+            pass
+
+    return Kept
+
+
+@pytest.fixture
+def died_then(tmp_path: Path) -> Any:
+    """A session as it is when the program dies with the fault: no closing record, nothing sealed."""
+
+    def cut_off(folder: Path, number: int) -> Path:
+        target = tmp_path / "died"
+        shutil.copytree(folder, target)
+        journal = target / f"trial_{number:04d}.journal"
+        kept = [r for r in records(journal.read_bytes()) if r.kind != END]
+        journal.write_bytes(b"".join(encode(r.kind, r.sequence, r.first_sample, r.n, r.payload) for r in kept))
+        (target / f"trial_{number:04d}.h5").unlink()
+        return target
+
+    return cut_off
+
+
+@pytest.fixture
+def recover(capsys: Any) -> Any:
+    """The command, run twice: what it found; the second time there must be nothing to do, and `info` must read it."""
+
+    from tests.command_line import run
+
+    def twice(folder: Path) -> list[dict[str, Any]]:
+        found = []
+        for command in ("recover", "recover", "info"):
+            code, said = run(command, folder, "--json"), capsys.readouterr()
+            assert code == 0, said.err
+            found.append(json.loads(said.out)["trials"])
+        assert found[1] == [] and not Session.open(folder).journals
+        return found[0]
+
+    return twice

@@ -2,30 +2,25 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from pianorig.cli import main
-from rig.errors import InputError, RecordingFault
+from rig.errors import InputError
 from rig.recorder import record_session
 from rig.recover import recover_session
 from rig.session import Session
-from rig.session.journal import JournalWriter
-
-
-class Kept(JournalWriter):
-    """A journal that stays, as when the program is killed while it seals the trial."""
-
-    def remove(self) -> None:
-        pass
+from rig.trial_plan import parse_plan
 
 
 @pytest.fixture
-def cut_off(tmp_path, make_backend, rig, step_profile):
+def cut_off(tmp_path, make_backend, rig, step_profile, kept_journal):
     """A session of two trials whose journals are still there: (folder, session as sealed)."""
     backend = make_backend(rig.config, noise_n=0.02)
     session = record_session(
-        tmp_path / "s", profile=step_profile, rig_config=rig, backend=backend, trials=2, open_journal=Kept
+        tmp_path / "s", profile=step_profile, rig_config=rig, backend=backend, trials=2, open_journal=kept_journal
     )
     return tmp_path / "s", session
 
@@ -123,35 +118,58 @@ def test_a_folder_that_is_no_session_and_a_journal_of_another_trial_are_refused(
         recover_session(tmp_path / "none")
     folder, session = cut_off
     session.trial_path(2).unlink()
+    session.trial_path(1).unlink()
     session.journal_path(2).rename(session.journal_path(7))
+    session.journal_path(1).rename(session.journal_path(8))
+    with pytest.raises(InputError, match="holds trial 2, not 7.*holds trial 1, not 8"):
+        recover_session(folder)
+    session.journal_path(8).rename(session.journal_path(1))
     with pytest.raises(InputError, match="holds trial 2, not 7"):
         recover_session(folder)
+    assert [trial.status for trial in session.trials] == ["complete"]  # the other one is recovered all the same
 
 
-def test_a_disk_that_fills_up_stops_the_motor_and_keeps_what_was_committed(
-    tmp_path, make_backend, rig, step_profile, assert_safe
+def test_a_sealed_file_that_was_damaged_is_made_again_from_its_journal(cut_off, recover) -> None:
+    folder, session = cut_off
+    seals = [trial.sha256 for trial in session.trials]
+    damaged = bytearray(session.trial_path(1).read_bytes())
+    damaged[len(damaged) // 2] ^= 1
+    session.trial_path(1).write_bytes(damaged)
+    session.trial_path(2).write_bytes(session.trial_path(2).read_bytes()[:3000])
+    first, second = recover(folder)
+    assert (first["status"], second["status"]) == ("complete", "complete")
+    assert "the sealed file was damaged and is kept as trial_0001.h5.damaged" in first["note"]
+    assert [trial.sha256 for trial in session.trials] == seals
+    assert (folder / "trial_0001.h5.damaged").read_bytes() == damaged
+
+
+def test_a_session_in_which_everything_went_wrong_is_recovered_at_once(
+    tmp_path, make_backend, rig, step_profile, kept_journal, recover
 ) -> None:
-    backend = make_backend(rig.config, noise_n=0.02)
-
-    def open_journal(path, head, *room) -> JournalWriter:
-        written = 0
-
-        def write(file: int, data) -> int:
-            nonlocal written
-            written += len(data)
-            if written > 90_000:
-                raise OSError(28, "No space left on device")
-            return os_write(file, data)
-
-        return JournalWriter(path, head, *room, write=write)
-
-    from os import write as os_write
-
-    with pytest.raises(RecordingFault, match="No space left"):
-        record_session(
-            tmp_path / "s", profile=step_profile, rig_config=rig, backend=backend, trials=2, open_journal=open_journal
-        )
-    assert_safe(backend)
-    (trial,) = Session.open(tmp_path / "s").trials
-    data = trial.read()
-    assert trial.status == "fault" and "No space left" in data.reason and data.n_valid >= 1000
+    plan = parse_plan(
+        'schema = "piano-action-rig plan 1"\nname = "p"\nwarm_up = 2\n[[conditions]]\nname = "a"\n'
+        'profile = "forte"\nrepeats = 3\n'
+    )
+    plan = replace(plan, entries=tuple(replace(entry, profile=step_profile) for entry in plan.entries))
+    folder, backend = tmp_path / "s", make_backend(rig.config, noise_n=0.02)
+    session = record_session(folder, plan=plan, rig_config=rig, backend=backend, open_journal=kept_journal)
+    said = folder / "annotations.jsonl"
+    said.write_text(said.read_text().splitlines(keepends=True)[0])  # killed within the second warm-up blow
+    whole = [trial.read() for trial in session.trials]
+    session.trial_path(2).unlink()
+    cut(folder, 2, 0.15)  # torn in a warm-up blow
+    session.trial_path(3).write_bytes(b"")
+    session.trial_path(4).write_bytes(session.trial_path(4).read_bytes()[:-1])
+    cut(folder, 4, 0.1)
+    session.trial_path(5).unlink()
+    session.journal_path(5).write_bytes(bytes(9000))
+    found = recover(folder)
+    statuses = ["complete", "incomplete", "complete", "incomplete", "empty"]
+    assert [entry["status"] for entry in found] == statuses
+    trials = session.trials
+    assert [(trial.number, trial.status) for trial in trials] == list(zip((1, 2, 3, 4), statuses, strict=False))
+    assert [trial.rejected for trial in trials] == ["warm-up blow of the plan"] * 2 + [None] * 2
+    for trial, wanted in zip(trials, whole, strict=False):
+        data = trial.read()
+        assert data.n_valid > 0
+        np.testing.assert_array_equal(data.encoder_count, wanted.encoder_count[: data.n_valid])

@@ -119,10 +119,7 @@ def test_when_zero_volts_cannot_be_written_the_drive_is_still_disabled_and_the_f
     make_backend, config, command
 ) -> None:
     backend = make_backend(config)
-    backend.configure(config, command)
-    backend.arm()
-    backend.start()
-    backend.read_block(100, 1.0)
+    energised(backend, config, command)
     write = backend.device.write
 
     def refuse(*args: Any) -> None:
@@ -132,8 +129,13 @@ def test_when_zero_volts_cannot_be_written_the_drive_is_still_disabled_and_the_f
     with pytest.raises(DeviceNotFound) as fault:
         backend.safe_stop()
     assert fault.value.phase == "stop"
-    assert not backend.device.drive_enabled() and backend.device.tasks == {}
-    backend.device.write = write
+    device = backend.device
+    assert not device.drive_enabled() and list(device.tasks) == ["watchdog"]  # left to make it safe
+    assert device.output_v["cDAQ1Mod2/ao0"] != 0.0
+    device.bench.clock.advance(0.51)
+    device.watchdogs.look()
+    assert device.output_v["cDAQ1Mod2/ao0"] == 0.0
+    device.write = write
 
 
 def energised(backend: Any, config: Any, command: np.ndarray) -> None:

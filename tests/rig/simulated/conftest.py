@@ -1,8 +1,17 @@
-"""The real client on a virtual device, and channels with every argument given."""
+"""The real client on a virtual device, channels with every argument given, and commands in other processes."""
 
 from __future__ import annotations
 
+import json
+import queue
+import signal
+import subprocess
+import sys
+import threading
+import time
 from collections.abc import Callable, Iterator
+from datetime import UTC, datetime
+from pathlib import Path
 from typing import Any
 
 import nidaqmx
@@ -11,6 +20,47 @@ from nidaqmx import constants as ni
 from nidaqmx.errors import DaqError
 
 from rig.config import load_rig
+from rig.selftest_record import Finding, SelftestRecord
+
+DEADLINE_S = 60.0
+
+
+class Program:
+    """A command of this tool in another process, and its lines as they come."""
+
+    def __init__(self, *arguments: str) -> None:
+        code = "from pianorig.cli import main; main()"
+        self.process = subprocess.Popen(
+            [sys.executable, "-c", code, *arguments],
+            stdout=subprocess.PIPE,
+            text=True,
+            creationflags=getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0),
+        )
+        self._lines: queue.Queue[str] = queue.Queue()
+        self._pump = threading.Thread(target=self._take, daemon=True)
+        self._pump.start()
+
+    def _take(self) -> None:
+        assert self.process.stdout is not None
+        for line in self.process.stdout:
+            self._lines.put(line)
+
+    def wait_for(self, wanted: Callable[[dict[str, Any]], bool]) -> dict[str, Any]:
+        """Return the first JSON line that is wanted."""
+        end = time.monotonic() + DEADLINE_S
+        while True:
+            found = json.loads(self._lines.get(timeout=max(end - time.monotonic(), 0.0)))
+            if wanted(found):
+                return found
+
+    def end(self, number: int = signal.SIGTERM) -> int:
+        if self.process.poll() is None:
+            self.process.send_signal(number)
+        code = self.process.wait(DEADLINE_S)
+        self._pump.join(DEADLINE_S)
+        assert self.process.stdout is not None
+        self.process.stdout.close()
+        return code
 
 
 class Bench:
@@ -98,3 +148,41 @@ def encoder() -> Callable[..., Any]:
         return channel
 
     return add
+
+
+@pytest.fixture
+def start() -> Iterator[Callable[..., Program]]:
+    """Start a command in another process; it is ended with the test."""
+    running = []
+
+    def begin(*arguments: str | Path) -> Program:
+        running.append(Program(*map(str, arguments)))
+        return running[-1]
+
+    yield begin
+    for program in running:
+        program.end()
+
+
+@pytest.fixture
+def serve(start) -> Callable[..., tuple[Program, str]]:
+    """Start ``serve-sim``; returns (program, backend address)."""
+
+    def begin(*arguments: str) -> tuple[Program, str]:
+        program = start("serve-sim", "--port", "0", "--log", "--json", *arguments)
+        return program, "ni-grpc://" + program.wait_for(lambda line: "address" in line)["address"]
+
+    return begin
+
+
+@pytest.fixture
+def permitted(tmp_path) -> list[str]:
+    """Options of ``record`` that let the motor of a virtual bench behind TCP move."""
+    rig_file = tmp_path / "rig.toml"
+    rig_file.write_text(load_rig("virtual").text.replace("allow_yes = false", "allow_yes = true"))
+    rig = load_rig(rig_file)
+    record = SelftestRecord(
+        created_utc=datetime.now(UTC), rig="virtual", rig_sha256=rig.sha256, product="cDAQ-9189", device="cDAQ1",
+        backend="test", simulated=True, findings=(Finding(check="all", passed=True, found="", allowed=""),),
+    )  # fmt: skip
+    return ["--rig", str(rig_file), "--yes", "--selftest", str(record.write(tmp_path))]
