@@ -70,7 +70,8 @@ class Timing:
 class Block:
     """Successive samples: ``force_n`` (n,), ``force_raw`` (n,) in mV/V or V, ``encoder_count`` (n, 3).
 
-    ``exposure_count`` (n,) is there when the camera runs by itself and its exposures are counted.
+    ``exposure_count`` (n,) is there when the camera runs by itself and its exposures are counted, ``channel_values``
+    (n, channels) when the rig file has further channels, each in its unit.
     """
 
     first_sample: int
@@ -78,6 +79,7 @@ class Block:
     force_raw: NDArray[np.float64]
     encoder_count: NDArray[np.int64]
     exposure_count: NDArray[np.int64] | None = None
+    channel_values: NDArray[np.float64] | None = None
 
 
 class Backend(Protocol):

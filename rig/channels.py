@@ -92,6 +92,44 @@ class ForceConfig(Table):
         return (40 + 5 / 512) / sample_rate_hz + 4.5e-6 if "9237" in self.module else 0.0
 
 
+RESERVED_NAMES = ("time", "force", "force_raw", "motor_command", "encoder", "encoder_count")
+"""Names of the datasets every trial has."""
+
+
+class ChannelConfig(Table):
+    """A further voltage input, recorded beside the force on the same clock; what it measures is the lab's affair.
+
+    ``physical``, ``least`` and ``most`` are in ``unit``, the calibration's points ``electrical`` in V; noise likewise.
+    """
+
+    name: Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]{0,63}$")]
+    channel: Text
+    quantity: Text
+    unit: Text
+    sensor: Text
+    calibration: Text
+    electrical: tuple[Number, Number]
+    physical: tuple[Number, Number]
+    least: Number
+    most: Number
+    group_delay_s: Number = Field(default=0.0, ge=0, le=0.1)
+    u_noise: Number = Field(default=0.0, ge=0)
+    u_gain_relative: Number = Field(default=0.0, ge=0, le=0.2)
+    certificate: CertificateConfig | None = None
+
+    @model_validator(mode="after")
+    def _line(self) -> ChannelConfig:
+        if self.electrical[0] == self.electrical[1] or self.physical[0] == self.physical[1]:
+            raise ValueError(
+                f"{self.name}: the two calibration points {self.electrical} and {self.physical} must differ"
+            )
+        if not self.least < self.most:
+            raise ValueError(f"{self.name}: least = {self.least:g}, allowed below most = {self.most:g}")
+        if self.name in RESERVED_NAMES:
+            raise ValueError(f"channel name {self.name!r} is taken by every trial ({', '.join(RESERVED_NAMES)})")
+        return self
+
+
 class EncoderConfig(Table):
     """One angular encoder on one counter; ``counts_per_revolution`` counts all four edges (X4).
 

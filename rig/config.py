@@ -19,6 +19,7 @@ from rig.channels import (
     BODIES,
     ArmConfig,
     CameraConfig,
+    ChannelConfig,
     Count,
     DeviceConfig,
     DriveEnableConfig,
@@ -107,6 +108,7 @@ class RigConfig(Table):
     device: DeviceConfig
     force: ForceConfig
     encoders: tuple[EncoderConfig, EncoderConfig, EncoderConfig]
+    channels: tuple[ChannelConfig, ...] = ()
     motor: MotorConfig
     arm: ArmConfig | None = None
     camera: CameraConfig | None = None
@@ -131,6 +133,7 @@ class RigConfig(Table):
             raise ValueError(
                 f"encoders and camera use the counters {counters}, allowed one task per counter; give each its own"
             )
+        self._check_channels()
         camera, rate = self.camera, self.device.sample_rate_hz
         if camera is not None and camera.mode == "counted" and camera.frame_rate_hz > rate / 2:
             raise ValueError(
@@ -146,6 +149,18 @@ class RigConfig(Table):
         if len(set(terminals)) != len(terminals):
             raise ValueError(f"encoder terminals {terminals} repeat; each signal needs its own terminal")
         return self
+
+    def _check_channels(self) -> None:
+        if self.channels and self.force.kind != "voltage":
+            raise ValueError(
+                f"channels: {len(self.channels)} voltage inputs, allowed 0 where force.kind = {self.force.kind!r}: "
+                "they share the force's task, and a bridge module has no voltage inputs"
+            )
+        names = [channel.name for channel in self.channels]
+        inputs = [self.force.channel.lower(), *(channel.channel.lower() for channel in self.channels)]
+        for what, listed in (("names", names), ("inputs", inputs)):
+            if len(set(listed)) != len(listed):
+                raise ValueError(f"{what} of force and channels {listed} repeat, allowed each once")
 
 
 @dataclass(frozen=True)

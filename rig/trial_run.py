@@ -22,10 +22,10 @@ from rig.interlocks import Interlocks, rms_force_n
 from rig.interrupts import deferred
 from rig.profile import Profile
 from rig.rest import RestDetector
-from rig.session.annotation_file import utc_now
 from rig.session.journal import JournalWriter
-from rig.session.records import EncoderInfo, ForceInfo, TrialData
-from rig.session.trial_head import FrameClock, TrialHead
+from rig.session.records import TrialData
+from rig.session.trial_head import TrialHead
+from rig.trial_description import trial_head
 
 LATE_S = 0.2
 """How long a block may be late before the motor is stopped, which holds its volts when the clock stands still."""
@@ -126,7 +126,7 @@ def run_trial(
     journal: JournalWriter | None = None
     try:
         timing = backend.configure(config, command.volts)
-        head = _head(config, command, timing, number, backend.capabilities.simulated)
+        head = trial_head(config, timing, command.volts, command.blow_start_s, backend.capabilities.simulated, number)
         head = replace(head, condition=condition, plan_entry=entry)
         size, longest = _lengths(config, command, timing)
         interlocks = Interlocks(config, timing, command.volts, command.blow_start_s)
@@ -225,65 +225,3 @@ def _read_until_rest(
 def _one_line(error: BaseException) -> str:
     text = f"{type(error).__name__}: {error}".replace("\0", " ")  # HDF5 text cannot hold a null
     return " ".join(text.split())
-
-
-def _head(config: RigConfig, command: MotorCommand, timing: Timing, number: int, simulated: bool) -> TrialHead:
-    return TrialHead(
-        number=number,
-        started_utc=utc_now(),
-        simulated=simulated,
-        sample_rate_hz=timing.sample_rate_hz,
-        blow_start_s=command.blow_start_s,
-        command_v=command.volts,
-        encoders=_encoders(config),
-        force_info=_force_info(config, timing),
-        frame_clock=_frame_clock(config, timing),
-    )
-
-
-def _encoders(config: RigConfig) -> tuple[EncoderInfo, ...]:
-    return tuple(
-        EncoderInfo(
-            name=e.name,
-            counts_per_revolution=e.counts_per_revolution,
-            sign=e.sign,
-            channel=e.counter,
-            u_scale_relative=e.u_scale_relative,
-            u_interpolation_rad=e.u_interpolation_rad,
-            u_eccentricity_rad=e.u_eccentricity_rad,
-            u_pivot_shift_rad=e.u_pivot_shift_rad,
-            calibration=str(e.certificate or ""),
-        )
-        for e in config.encoders
-    )
-
-
-def _force_info(config: RigConfig, timing: Timing) -> ForceInfo:
-    force = config.force
-    return ForceInfo(
-        sensor=force.sensor,
-        calibration="; ".join(filter(None, (force.calibration, str(force.certificate or "")))),
-        electrical=force.electrical,
-        physical_n=force.physical_n,
-        electrical_unit=force.electrical_unit,
-        channel=force.channel,
-        excitation_v=force.excitation_v,
-        group_delay_s=timing.force_group_delay_s,
-        u_group_delay_s=force.u_group_delay_s,
-        u_noise_n=force.u_noise_n,
-        u_gain_relative=force.u_gain_relative,
-        preload_n=force.preload_n,
-        u_preload_n=force.u_preload_n,
-        mains_frequency_hz=config.mains_frequency_hz,
-    )
-
-
-def _frame_clock(config: RigConfig, timing: Timing) -> FrameClock | None:
-    if config.camera is None:
-        return None
-    if config.camera.mode == "counted":
-        camera = config.camera
-        return FrameClock(camera.frame_rate_hz, 0.0, camera.exposure_s, camera.u_time_s, counted=True)
-    if timing.frame_rate_hz is None or timing.first_pulse_s is None:
-        return None
-    return FrameClock(timing.frame_rate_hz, timing.first_pulse_s, config.camera.exposure_s, config.camera.u_time_s)

@@ -1,4 +1,4 @@
-"""AI tasks: the load cell, whose task is the master of clock and trigger, and a voltage input of a self-test.
+"""AI tasks: load cell and further channels, the master of clock and trigger; and one voltage input of a self-test.
 
 NI-DAQmx's defaults are never relied on (pounds, 2.5 V): every argument is given.
 """
@@ -10,6 +10,7 @@ import nidaqmx.constants as ni
 import numpy as np
 from numpy.typing import NDArray
 
+from rig.channels import ChannelConfig
 from rig.config import RigConfig
 from rig.daq.task_set import NewTask
 
@@ -24,8 +25,16 @@ def buffer_samples(sample_rate_hz: float) -> int:
     return int(BUFFER_S * sample_rate_hz)
 
 
+def inputs_task(new_task: NewTask, config: RigConfig) -> nidaqmx.Task:
+    """AI on the load cell and the further channels, in this order, continuous, on its own clock: the master."""
+    task = force_task(new_task, config)
+    for further in config.channels:
+        _add_voltage(task, further.channel, further.name, _electrical_ends(further))
+    return task
+
+
 def force_task(new_task: NewTask, config: RigConfig) -> nidaqmx.Task:
-    """AI on the load cell, continuous, on its own clock: the master."""
+    """AI on the load cell alone, continuous, on its own clock."""
     task = new_task(MASTER)
     force = config.force
     if force.kind == "bridge":
@@ -48,35 +57,31 @@ def force_task(new_task: NewTask, config: RigConfig) -> nidaqmx.Task:
             custom_scale_name="",
         )
     else:
-        ends = sorted(volts_of_force(config, np.array([force.min_n, force.max_n])))
-        task.ai_channels.add_ai_voltage_chan(
-            force.channel,
-            name_to_assign_to_channel="force",
-            terminal_config=ni.TerminalConfiguration.DIFF,
-            min_val=float(ends[0]),
-            max_val=float(ends[1]),
-            units=ni.VoltageUnits.VOLTS,
-            custom_scale_name="",
-        )
+        ends = volts_of_force(config, np.array([force.min_n, force.max_n]))
+        _add_voltage(task, force.channel, "force", ends)
     _own_clock(task, config)
     task.in_stream.overwrite = ni.OverwriteMode.DO_NOT_OVERWRITE_UNREAD_SAMPLES
     return task
 
 
 def voltage_task(new_task: NewTask, config: RigConfig, channel: str) -> nidaqmx.Task:
-    """AI on one voltage input, continuous, on its own clock."""
+    """AI on one voltage input within the motor's range, continuous, on its own clock."""
     task, limit = new_task("voltage"), config.motor.voltage_limit_v
+    _add_voltage(task, channel, "voltage", np.array([-limit, limit]))
+    _own_clock(task, config)
+    return task
+
+
+def _add_voltage(task: nidaqmx.Task, channel: str, name: str, ends_v: NDArray[np.float64]) -> None:
     task.ai_channels.add_ai_voltage_chan(
         channel,
-        name_to_assign_to_channel="voltage",
+        name_to_assign_to_channel=name,
         terminal_config=ni.TerminalConfiguration.DIFF,
-        min_val=-limit,
-        max_val=limit,
+        min_val=float(ends_v.min()),
+        max_val=float(ends_v.max()),
         units=ni.VoltageUnits.VOLTS,
         custom_scale_name="",
     )
-    _own_clock(task, config)
-    return task
 
 
 def _own_clock(task: nidaqmx.Task, config: RigConfig) -> None:
@@ -90,13 +95,28 @@ def _own_clock(task: nidaqmx.Task, config: RigConfig) -> None:
     )
 
 
+Points = tuple[float, float]
+
+
+def _on_line(value: NDArray[np.float64], x: Points, y: Points) -> NDArray[np.float64]:
+    """Return where ``value`` lies on the straight line through the points (x[0], y[0]) and (x[1], y[1])."""
+    return y[0] + (value - x[0]) * ((y[1] - y[0]) / (x[1] - x[0]))
+
+
 def volts_of_force(config: RigConfig, force_n: NDArray[np.float64]) -> NDArray[np.float64]:
     """Electrical reading (mV/V or V) that the calibration line gives for a force."""
-    (e0, e1), (p0, p1) = config.force.electrical, config.force.physical_n
-    return e0 + (force_n - p0) * ((e1 - e0) / (p1 - p0))
+    return _on_line(force_n, config.force.physical_n, config.force.electrical)
 
 
 def force_of_volts(config: RigConfig, electrical: NDArray[np.float64]) -> NDArray[np.float64]:
     """Force that the calibration line gives for an electrical reading (mV/V or V)."""
-    (e0, e1), (p0, p1) = config.force.electrical, config.force.physical_n
-    return p0 + (electrical - e0) * ((p1 - p0) / (e1 - e0))
+    return _on_line(electrical, config.force.electrical, config.force.physical_n)
+
+
+def channel_of_volts(channel: ChannelConfig, volts: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Value in the channel's unit that its calibration line gives for a voltage."""
+    return _on_line(volts, channel.electrical, channel.physical)
+
+
+def _electrical_ends(channel: ChannelConfig) -> NDArray[np.float64]:
+    return _on_line(np.array([channel.least, channel.most]), channel.physical, channel.electrical)

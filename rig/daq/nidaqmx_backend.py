@@ -130,7 +130,7 @@ class NidaqmxBackend(BenchChecks):
         """Make every task of the rig file; nothing is reserved yet."""
         frame_rate_hz = first_pulse_s = None
         with translated("configure", config.force.channel):
-            rate = float(analog_inputs.force_task(self._tasks.make, config).timing.samp_clk_rate)
+            rate = float(analog_inputs.inputs_task(self._tasks.make, config).timing.samp_clk_rate)
         if abs(rate - config.device.sample_rate_hz) > 1e-6 * rate:
             raise InputError(
                 f"device.sample_rate_hz = {config.device.sample_rate_hz:g} Hz: "

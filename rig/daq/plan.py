@@ -51,6 +51,10 @@ def recording_plan(config: RigConfig, timing: Timing, n_command: int) -> list[Ta
             (f"{ai_clock} -> counters, motor", f"{ai_trigger} -> counters, camera"),
         )
     )
+    for further in config.channels:
+        line = f"{further.electrical[0]:g} to {further.electrical[1]:g} V is {further.physical[0]:g} to "
+        purpose = f"AI voltage, {line}{further.physical[1]:g} {further.unit}, {further.quantity}"
+        rows.append(TaskPlan(MASTER, further.channel, purpose, "with the force", "with the force"))
     for encoder in config.encoders:
         rows.append(
             TaskPlan(

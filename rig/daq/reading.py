@@ -7,7 +7,7 @@ counts as whole numbers; a count that is none is a fault. Faults are typed, in p
 from __future__ import annotations
 
 import numpy as np
-from nidaqmx.stream_readers import AnalogSingleChannelReader, CounterReader
+from nidaqmx.stream_readers import AnalogMultiChannelReader, CounterReader
 from numpy.typing import NDArray
 
 from rig.backend import Block
@@ -20,20 +20,21 @@ from rig.errors import HardwareFault
 
 def next_block(made: TaskSet, config: RigConfig, first_sample: int, n_samples: int, timeout_s: float) -> Block:
     """Return the next ``n_samples`` of every input; ``first_sample`` is the number of the first of them."""
-    values = np.empty(n_samples)
+    values = np.empty((1 + len(config.channels), n_samples))
     with translated("read", analog_inputs.MASTER):
-        reader = AnalogSingleChannelReader(made[analog_inputs.MASTER].in_stream)
+        reader = AnalogMultiChannelReader(made[analog_inputs.MASTER].in_stream)
         reader.verify_array_shape = False  # saves a round trip to the server per read
         reader.read_many_sample(values, n_samples, timeout_s)
     if config.force.kind == "bridge":
-        force_n, raw = values, analog_inputs.volts_of_force(config, values)
+        force_n, raw = values[0], analog_inputs.volts_of_force(config, values[0])
     else:
-        force_n, raw = analog_inputs.force_of_volts(config, values), values
+        force_n, raw = analog_inputs.force_of_volts(config, values[0]), values[0]
+    further = [analog_inputs.channel_of_volts(channel, values[k]) for k, channel in enumerate(config.channels, 1)]
     count = np.empty((n_samples, len(config.encoders)), dtype=np.int64)
     for column, encoder in enumerate(config.encoders):
         count[:, column] = _ticks(made, tasks.encoder_task_name(encoder), n_samples, timeout_s)
     exposures = _ticks(made, tasks.EDGES, n_samples, timeout_s) if tasks.EDGES in made else None
-    return Block(first_sample, force_n, raw, count, exposures)
+    return Block(first_sample, force_n, raw, count, exposures, np.column_stack(further) if further else None)
 
 
 def _ticks(made: TaskSet, name: str, n_samples: int, timeout_s: float) -> NDArray[np.int64]:

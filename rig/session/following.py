@@ -47,7 +47,7 @@ class JournalFollower:
             self._at += OVERHEAD + len(record.payload)
             self._sequence += 1
             if record.kind == BLOCK:
-                self.blocks.append(block_of(record))
+                self.blocks.append(block_of(record, self.head))
         return True
 
     def _begin(self, data: bytes) -> None:

@@ -28,12 +28,12 @@ from rig.backend import Block
 from rig.errors import InputError, RecordingFault
 from rig.session.journal_format import (
     BLOCK,
-    BYTES_PER_SAMPLE,
     COMMAND,
     END,
     HEAD,
     OVERHEAD,
     block_payload,
+    bytes_per_sample,
     encode,
 )
 from rig.session.trial_head import TrialHead
@@ -86,7 +86,7 @@ class JournalWriter:
         first = self._record(HEAD, 0, json.dumps(head.to_plain()).encode())
         command = np.ascontiguousarray(head.command_v, dtype="<f8").tobytes()
         beginning = first + self._record(COMMAND, head.command_v.size, command)
-        room = len(beginning) + most_samples * BYTES_PER_SAMPLE + (most_blocks + 1) * OVERHEAD + 4096
+        room = len(beginning) + most_samples * bytes_per_sample(head) + (most_blocks + 1) * OVERHEAD + 4096
         try:
             self._file = platform_calls.open_raw(path, os.O_RDWR | os.O_CREAT | os.O_EXCL)
         except OSError as error:

@@ -3,7 +3,7 @@
 A journal is a row of records: magic ``PAJ1``, kind, sequence number, first sample, number of samples, payload length,
 CRC-32 of all that and of the payload, payload; little-endian. Kinds in this order: the trial's head (JSON), the motor
 command (float64, V), blocks (force N, force raw, counts of three encoders and, where the camera is counted, of its
-exposures, as int64), the end (JSON: status, reason).
+exposures, as int64, then the further channels that the head names, as float64), the end (JSON: status, reason).
 Room set aside for later records is zero. Reading stops at the first record that is not whole and next in sequence:
 what comes out is always the beginning of what was written, whatever happened to the file.
 """
@@ -27,8 +27,6 @@ from rig.session.trial_head import TrialHead
 MAGIC = b"PAJ1"
 HEAD, COMMAND, BLOCK, END = 1, 2, 3, 4
 ENCODERS = 3
-BYTES_PER_SAMPLE = 8 * (2 + ENCODERS + 1)
-"""At most: without a camera that is counted there are 8 bytes less."""
 _FIXED = struct.Struct("<4sIQQII")
 _CRC = struct.Struct("<I")
 OVERHEAD = _FIXED.size + _CRC.size
@@ -66,6 +64,11 @@ class Journal:
         return sum(block.force_n.size for block in self.blocks)
 
 
+def bytes_per_sample(head: TrialHead) -> int:
+    """Bytes of one sample of every channel, at most: without a camera that is counted there are 8 less."""
+    return 8 * (2 + ENCODERS + 1 + len(head.channels))
+
+
 def encode(kind: int, sequence: int, first_sample: int, n: int, payload: bytes) -> bytes:
     """Return the bytes of a record."""
     fixed = _FIXED.pack(MAGIC, kind, sequence, first_sample, n, len(payload))
@@ -79,6 +82,8 @@ def block_payload(block: Block) -> bytes:
     counts = np.ascontiguousarray(block.encoder_count, dtype="<i8").tobytes()
     if block.exposure_count is not None:
         counts += np.ascontiguousarray(block.exposure_count, dtype="<i8").tobytes()
+    if block.channel_values is not None:
+        counts += np.ascontiguousarray(block.channel_values, dtype="<f8").tobytes()
     return floats + counts
 
 
@@ -112,7 +117,7 @@ def parse(data: bytes) -> Journal:
             elif record.kind == COMMAND and record.sequence == 1 and head_json is not None:
                 head = TrialHead.from_plain(json.loads(head_json), np.frombuffer(record.payload, dtype="<f8"))
             elif record.kind == BLOCK and head is not None and ending is None and record.first_sample == samples:
-                blocks.append(block_of(record))
+                blocks.append(block_of(record, head))
                 samples += record.n
             elif record.kind == END and head is not None and record.first_sample == samples:
                 plain = json.loads(record.payload)
@@ -134,13 +139,19 @@ def read_journal(path: Path) -> Journal:
         raise InputError(f"{path}: cannot be read ({error.strerror or error})") from error
 
 
-def block_of(record: Record) -> Block:
-    """Return the block a record holds; ValueError when its length is wrong."""
-    n = record.n
-    plain = n * (BYTES_PER_SAMPLE - 8)
-    if len(record.payload) not in (plain, n * BYTES_PER_SAMPLE):
+def block_of(record: Record, head: TrialHead) -> Block:
+    """Return the block a record holds; ValueError when its length is not what the head's channels take."""
+    n, further = record.n, len(head.channels)
+    most = n * bytes_per_sample(head)
+    if len(record.payload) not in (most - 8 * n, most):
         raise ValueError("length of a block")
-    exposures = np.frombuffer(record.payload, dtype="<i8", offset=plain) if len(record.payload) > plain else None
+    counted = len(record.payload) == most and n > 0
     force_n, force_raw = np.frombuffer(record.payload, dtype="<f8", count=2 * n).reshape(2, n)
     count = np.frombuffer(record.payload, dtype="<i8", count=ENCODERS * n, offset=16 * n).reshape(n, ENCODERS)
-    return Block(record.first_sample, force_n, force_raw, count, exposures)
+    behind = 8 * n * (2 + ENCODERS)
+    exposures = np.frombuffer(record.payload, dtype="<i8", count=n, offset=behind) if counted else None
+    values = None
+    if further:
+        behind += 8 * n * counted
+        values = np.frombuffer(record.payload, dtype="<f8", count=n * further, offset=behind).reshape(n, further)
+    return Block(record.first_sample, force_n, force_raw, count, exposures, values)

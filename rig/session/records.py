@@ -90,6 +90,33 @@ class ForceInfo:
 
 
 @dataclass(frozen=True)
+class ChannelInfo:
+    """A further analog channel: what it measures in which unit, its calibration, delay and standard uncertainties.
+
+    The value recorded lies on the straight line through ``electrical`` (V) and ``physical`` (``unit``); that of sample
+    k was there ``group_delay_s`` before the time of sample k. ``u_noise`` is in ``unit``.
+    """
+
+    name: str
+    quantity: str
+    unit: str
+    sensor: str
+    calibration: str
+    electrical: tuple[float, float]
+    physical: tuple[float, float]
+    channel: str = ""
+    group_delay_s: float = 0.0
+    u_noise: float = 0.0
+    u_gain_relative: float = 0.0
+
+    @classmethod
+    def from_plain(cls, plain: dict[str, Any]) -> ChannelInfo:
+        """Return it from what JSON keeps of it, lists for pairs."""
+        pairs = {key: tuple(plain[key]) for key in ("electrical", "physical")}
+        return cls(**{**plain, **pairs})
+
+
+@dataclass(frozen=True)
 class CameraInfo:
     """Frame clock of the camera on the DAQ's time axis.
 
@@ -135,6 +162,10 @@ class TrialData:
         Condition of the trial plan; empty without one.
     plan_entry : int
         Number of the plan's entry that was played; 0 without a plan.
+    channels : tuple of ChannelInfo
+        Further channels of the rig file, as many as there are.
+    channel_values : ndarray, shape (n, channels), or None
+        Their values, each in its unit; None without such channels.
     """
 
     number: int
@@ -155,6 +186,8 @@ class TrialData:
     condition: str = ""
     plan_entry: int = 0
     sha256: str = ""
+    channels: tuple[ChannelInfo, ...] = ()
+    channel_values: NDArray[np.float64] | None = None
 
     @property
     def absent(self) -> tuple[str, ...]:
@@ -167,7 +200,7 @@ class TrialData:
         return int(self.time_s.shape[0])
 
     def to_table(self) -> pd.DataFrame:
-        """Return the trial as a table: time, force, command, and of each encoder the counts and the angle."""
+        """Return the trial as a table: time, force, command, counts and angle of each encoder, further channels."""
         import pandas as pd  # here, so that reading a session does not load pandas
 
         columns: dict[str, NDArray[Any]] = {
@@ -180,6 +213,8 @@ class TrialData:
         for index, encoder in enumerate(self.encoders):
             columns[f"{encoder.name}_count"] = self.encoder_count[:, index]
             columns[f"{encoder.name}_rad"] = angle_rad[:, index]
+        if self.channel_values is not None:
+            columns |= {channel.name: self.channel_values[:, k] for k, channel in enumerate(self.channels)}
         return pd.DataFrame(columns)
 
     def angle_rad(self) -> NDArray[np.float64]:

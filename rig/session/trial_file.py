@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.errors import InputError
-from rig.session.records import CameraInfo, EncoderInfo, ForceInfo, TrialData
+from rig.session.records import CameraInfo, ChannelInfo, EncoderInfo, ForceInfo, TrialData
 from rig.session.sealed_hdf5 import open_sealed, write_sealed
 
 SCHEMA = "piano-action-rig trial 1"
@@ -69,6 +69,8 @@ def _check_shapes(path: Path, data: TrialData) -> None:
         "motor_command_v": (data.motor_command_v.shape, (n,)),
         "encoder_count": (data.encoder_count.shape, (n, len(data.encoders))),
     }
+    values = data.channel_values
+    shapes["channel_values"] = (values.shape if values is not None else (n, 0), (n, len(data.channels)))
     for name, (found, wanted) in shapes.items():
         if found != wanted:
             raise InputError(f"{path}: {name} has shape {found}, expected {wanted}")
@@ -144,12 +146,25 @@ def _write_daq(group: h5py.Group, data: TrialData) -> None:
         counts_per_revolution=np.array([e.counts_per_revolution for e in data.encoders], dtype=np.int64),
         sign=np.array([e.sign for e in data.encoders], dtype=np.int64),
     )
-    for dataset in (force, raw, motor, count):
+    further = _write_channels(group, data)
+    for dataset in (force, raw, motor, count, *further):
         dataset.dims[0].attach_scale(time)
     count.dims[1].attach_scale(encoder_axis)
 
 
-def _attributes(info: ForceInfo) -> dict[str, Any]:
+def _write_channels(group: h5py.Group, data: TrialData) -> list[h5py.Dataset]:
+    """Write the further channels, one dataset each; a trial without them has no trace of them."""
+    if data.channel_values is None:
+        return []
+    group.attrs["channels_json"] = json.dumps([asdict(channel) for channel in data.channels])
+    made = []
+    for channel, values in zip(data.channels, data.channel_values.T, strict=True):
+        rest = _attributes(channel)
+        made.append(_dataset(group, rest.pop("name"), values, rest.pop("unit"), rest.pop("quantity"), **rest))
+    return made
+
+
+def _attributes(info: ForceInfo | ChannelInfo) -> dict[str, Any]:
     return {key: np.array(value) if isinstance(value, tuple) else value for key, value in asdict(info).items()}
 
 
@@ -220,6 +235,7 @@ def _read(file: h5py.File, sha256: str) -> TrialData:
     force = daq["force"]
     info = ForceInfo(**{field: _plain(force.attrs[field]) for field in ForceInfo.__dataclass_fields__})
     encoders = tuple(EncoderInfo(**entry) for entry in json.loads(daq["encoder_count"].attrs["encoders_json"]))
+    channels = tuple(ChannelInfo.from_plain(entry) for entry in json.loads(daq.attrs.get("channels_json", "[]")))
     camera = None
     if "camera" in file:
         attributes = file["camera"].attrs
@@ -243,4 +259,6 @@ def _read(file: h5py.File, sha256: str) -> TrialData:
         force_info=info,
         camera=camera,
         sha256=sha256,
+        channels=channels,
+        channel_values=np.column_stack([daq[channel.name][()] for channel in channels]) if channels else None,
     )

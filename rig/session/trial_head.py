@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from rig.backend import Block
 from rig.errors import HardwareFault
-from rig.session.records import CameraInfo, EncoderInfo, ForceInfo, TrialData
+from rig.session.records import CameraInfo, ChannelInfo, EncoderInfo, ForceInfo, TrialData
 
 
 @dataclass(frozen=True)
@@ -91,6 +91,7 @@ class TrialHead:
     frame_clock: FrameClock | None = None
     condition: str = ""
     plan_entry: int = 0
+    channels: tuple[ChannelInfo, ...] = ()
 
     def to_plain(self) -> dict[str, Any]:
         """Return all but the command as numbers, text and lists."""
@@ -105,6 +106,7 @@ class TrialHead:
             "frame_clock": asdict(self.frame_clock) if self.frame_clock else None,
             "condition": self.condition,
             "plan_entry": self.plan_entry,
+            "channels": [asdict(channel) for channel in self.channels],
         }
 
     @classmethod
@@ -126,6 +128,7 @@ class TrialHead:
             frame_clock=FrameClock(**clock) if clock else None,
             condition=str(plain.get("condition", "")),
             plan_entry=int(plain.get("plan_entry", 0)),
+            channels=tuple(ChannelInfo.from_plain(channel) for channel in plain.get("channels", [])),
         )
 
     def assemble(self, blocks: Sequence[Block], status: str, reason: str) -> TrialData:
@@ -165,6 +168,8 @@ class TrialHead:
             blow_start_s=self.blow_start_s,
             condition=self.condition,
             plan_entry=self.plan_entry,
+            channels=self.channels,
+            channel_values=np.concatenate([block.channel_values for block in blocks]) if self.channels else None,
         )
 
     def _camera(self, blocks: Sequence[Block], wanted: int) -> CameraInfo | None:
