@@ -14,7 +14,7 @@ from .errors import InputError
 from .sessions import SESSIONS
 
 if TYPE_CHECKING:
-    from rig.session import CameraInfo, Trial
+    from rig.session import CameraInfo, Session, Trial
     from rig.session.film_record import FilmRecord
 
 RATE_TOLERANCE = 1e-3
@@ -84,6 +84,7 @@ def attach_film(
     digest = sha256_of_file(data)
     if sha256 is not None and digest != sha256.strip().lower():
         raise InputError(f"{data}: SHA-256 {digest}, expected {sha256.strip().lower()}; copy it again from the camera")
+    _check_unused(session, trial, data, digest)
     target = trial.path.with_suffix(data.suffix.lower())
     copies = [(data, target)]
     copies += [
@@ -111,6 +112,21 @@ def attach_film(
         raise
     session.annotate(number, "note", f"film {data.name} attached as {target.name}, SHA-256 {digest}", author=author)
     return record
+
+
+def _check_unused(session: Session, trial: Trial, data: Path, digest: str) -> None:
+    """Refuse a film that lies beside another trial already."""
+    from rig.durable import sha256_of_file
+
+    for other in session.trials:
+        film = other.film
+        if film is None or other.number == trial.number or film.stat().st_size != data.stat().st_size:
+            continue
+        if sha256_of_file(film) == digest:
+            raise InputError(
+                f"{data}: is the film of trial {other.number} already ({film.name}), allowed one trial a film; "
+                f"name the film of trial {trial.number}"
+            )
 
 
 def _first_frame(film: Path, said: int | None, given: int | None) -> int:

@@ -7,7 +7,6 @@ was made from.
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -215,8 +214,17 @@ def store_angles(
     owner: tuple[Session, Trial], film: Path, bodies_file: Path, table: pd.DataFrame, attributes: dict[str, Any]
 ) -> None:
     """Put a table of angles into its session, with the hashes of what it was made from."""
+    from rig.durable import sha256_of_file
+    from rig.session.film_record import read_record
+
     session, trial = owner
-    made_from = {film.name: file_sha256(film), bodies_file.name: file_sha256(bodies_file)}
+    made_from = {film.name: sha256_of_file(film), bodies_file.name: sha256_of_file(bodies_file)}
+    attached = read_record(film)
+    if attached is not None and attached.sha256 != made_from[film.name]:
+        raise InputError(
+            f"{film}: SHA-256 {made_from[film.name]}, attached with {attached.sha256}; it was altered since: take it "
+            "away, with its .film.toml, and attach the original again"
+        )
     session.write_derived(STEP, trial.number, table, attributes, {**made_from, trial.path.name: trial.sha256})
 
 
@@ -230,15 +238,6 @@ def _attributes(result: TrackResult, every: int) -> dict[str, Any]:
         for body, terms in result.budget.typical(relative).items():
             attributes |= {f"{body}{tail}_u_{name}_rad": value for name, value in terms.items()}
     return attributes
-
-
-def file_sha256(path: Path) -> str:
-    """SHA-256 of a file's bytes, read in pieces."""
-    digest = hashlib.sha256()
-    with open(path, "rb") as file:
-        while piece := file.read(1 << 20):
-            digest.update(piece)
-    return digest.hexdigest()
 
 
 def summary(result: TrackResult) -> dict[str, Any]:

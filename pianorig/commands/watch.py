@@ -13,7 +13,9 @@ if TYPE_CHECKING:
 
 def command(
     session: Annotated[Path, typer.Argument(help="Session folder that is being recorded, or a finished one.")],
-    png: Annotated[Path | None, typer.Option("--png", help="Refresh this picture instead of drawing text.")] = None,
+    png: Annotated[
+        Path | None, typer.Option("--out", "--png", help="Refresh this picture instead of drawing text.")
+    ] = None,
     every: Annotated[float, typer.Option("--every", help="Time between looks, s.")] = 0.5,
     once: Annotated[bool, typer.Option("--once", help="Look once and end.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object per look.")] = False,

@@ -10,7 +10,7 @@ import pytest
 
 from pianorig.attaching import attach_film, session_folder
 from pianorig.errors import InputError
-from pianorig.tracking import frame_times_of
+from pianorig.tracking import frame_times_of, store_angles
 from rig.profile import load_profile
 from rig.recorder import record_session
 from rig.session import Session
@@ -64,6 +64,25 @@ def test_the_film_of_a_trial_is_copied_with_its_header_and_recorded(session, tmp
     np.testing.assert_array_equal(times, trial.read().camera.frame_time_s[100:140])
     with pytest.raises(InputError, match="has a film already"):
         attach_film(path, session.path, 2)
+    with pytest.raises(InputError, match="is the film of trial 2 already"):
+        attach_film(path, session.path, 1)
+
+
+def test_angles_of_a_film_altered_since_it_was_attached_are_not_kept(session, tmp_path) -> None:
+    import pandas as pd
+
+    attach_film(film(tmp_path), session.path, 2)
+    trial = session.trial(2)
+    outlines = session.path / "bodies.toml"
+    outlines.write_text("# any")
+    table = pd.DataFrame({"time_s": [0.0, 1.0]})
+    store_angles((session, trial), trial.film, outlines, table, {})
+    assert session.read_derived("angles", 2) is not None
+    with trial.film.open("r+b") as stream:
+        stream.seek(7)
+        stream.write(b"\x01\x02")
+    with pytest.raises(InputError, match=r"trial_0002\.mraw: SHA-256 .* altered since"):
+        store_angles((session, trial), trial.film, outlines, table, {})
 
 
 @pytest.mark.parametrize(

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pianorig.cli import main
 from rig.errors import InputError
 from rig.foreign.mapping import parse_mapping
 from rig.foreign.session_import import import_session
 from rig.session import Session
+from tests.command_line import run
 from validation.errors import TrialError
 from validation.measurement import measure
 
@@ -120,9 +120,7 @@ def test_encoders_that_were_not_there_are_absent_and_named(tmp_path, recording, 
         (["watch", session, "--once"], "not recorded: whippen, hammer"),
         (["watch", session, "--once", "--png", tmp_path / "w.png"], "complete"),
     ):
-        with pytest.raises(SystemExit) as caught:
-            main([str(a) for a in arguments])
-        assert not caught.value.code and words in capsys.readouterr().out
+        assert run(*arguments) == 0 and words in capsys.readouterr().out
     data = Session.open(session).trials[0].read()
     assert data.encoder_count.shape == (N, 1) and data.absent == ("whippen", "hammer")
     assert list(data.to_table().columns)[-2:] == ["key_count", "key_rad"]
@@ -137,9 +135,7 @@ def test_force_alone_makes_a_session(tmp_path, recording, capsys) -> None:
     session = import_session(tmp_path / "s", [recording], mapping)
     assert session.trials[0].read().angle_rad().shape == (N, 0)
     for arguments in ([], ["--png", str(tmp_path / "w.png")], ["--json"]):
-        with pytest.raises(SystemExit) as caught:
-            main(["watch", str(tmp_path / "s"), "--once", *arguments])
-        assert not caught.value.code
+        assert run("watch", tmp_path / "s", "--once", *arguments) == 0
     assert "not recorded: key, whippen, hammer" in capsys.readouterr().out
 
 
@@ -195,6 +191,5 @@ def test_a_unit_the_file_states_wins_over_a_wrong_mapping(tmp_path) -> None:
 
 def test_the_command_imports_and_says_what(tmp_path, recording, capsys) -> None:
     (tmp_path / "m.toml").write_text(MAPPING)
-    with pytest.raises(SystemExit) as caught:
-        main(["import", str(recording), "--mapping", str(tmp_path / "m.toml"), "--out", str(tmp_path / "s")])
-    assert not caught.value.code and "1200 samples at 4000 Hz" in capsys.readouterr().out
+    assert run("import", recording, "--mapping", tmp_path / "m.toml", "--out", tmp_path / "s") == 0
+    assert "1200 samples at 4000 Hz" in capsys.readouterr().out
