@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,8 +20,8 @@ from rig.foreign.reading import read_channels
 from rig.session import Session
 from rig.session.journal_format import BLOCK, COMMAND, HEAD, block_payload, encode
 from rig.session.journal_format import parse as parse_journal
-from rig.session.trial_head import TrialHead
-from rig.trial_run import _encoders, _force_info
+from rig.session.records import ChannelInfo
+from rig.trial_description import trial_head
 from tests.rig.foreign import tdms_bytes
 from tests.rig.fuzz.damage import Case, same_values
 
@@ -127,11 +128,11 @@ def trial_case(folder: Path) -> Case:
 def journal_case(folder: Path) -> Case:
     """A journal is never refused, only read as far as it is whole."""
     config = load_rig("virtual").config
-    head = TrialHead(
-        1, "2026", True, 5000.0, 0.1, np.zeros(10), _encoders(config), _force_info(config, Timing(5000.0, 0))
-    )
+    further = ChannelInfo("current", "current of the motor", "A", "drive", "data sheet", (0.0, 1.0), (0.0, 3.0))
+    head = replace(trial_head(config, Timing(5000.0, 0), np.zeros(10), 0.1, True, 1), channels=(further,))
+    counts = np.arange(15, dtype=np.int64).reshape(5, 3)
     blocks = [
-        Block(5 * k, np.arange(5.0) + k, np.arange(5.0) - k, np.arange(15, dtype=np.int64).reshape(5, 3) * (k + 1))
+        Block(5 * k, np.arange(5.0) + k, np.arange(5.0) - k, counts * (k + 1), None, 0.1 * k + counts[:, :1])
         for k in range(8)
     ]
     whole = encode(HEAD, 0, 0, 0, json.dumps(head.to_plain()).encode())
@@ -143,6 +144,7 @@ def journal_case(folder: Path) -> Case:
         for got, wanted in zip(found.blocks, blocks, strict=False):
             np.testing.assert_array_equal(got.force_n, wanted.force_n)
             np.testing.assert_array_equal(got.encoder_count, wanted.encoder_count)
+            np.testing.assert_array_equal(got.channel_values, wanted.channel_values)
         assert len(found.blocks) <= len(blocks)
 
     return whole, parse_journal, right

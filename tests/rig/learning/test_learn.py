@@ -15,7 +15,8 @@ from rig.learning.learner import key_points, profile_of
 from rig.learning.target import key_bottom
 from rig.profile import Profile, parse_profile
 from rig.session.records import TrialData
-from rig.trial_run import _encoders, _force_info, motor_command
+from rig.trial_description import trial_head
+from rig.trial_run import motor_command
 
 RATE = 5000.0
 BOTTOM_S = 0.12
@@ -50,9 +51,10 @@ def bench(config, *, gain: float = 0.8, lag_s: float = 0.0015, drift: float = 0.
         force += (
             0.15 + 0.03 * np.sin(2 * np.pi * 60 * time + number) + 0.01 * np.random.default_rng(number).normal(size=n)
         )
+        head = trial_head(config, timing, command.volts, command.blow_start_s, True, 1)
         return TrialData(
             1, "complete", "", True, RATE, time, force, force, volts, np.zeros((n, 3), dtype=np.int64),
-            _encoders(config), _force_info(config, timing), blow_start_s=command.blow_start_s,
+            head.encoders, head.force_info, blow_start_s=command.blow_start_s,
         )  # fmt: skip
 
     return blow
