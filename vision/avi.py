@@ -24,7 +24,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.errors import FilmError
-from vision.writers import check_frame, remove, temporary_name
+from vision.whole_file import whole_file
+from vision.writers import check_frame
 
 MAX_BYTES = 2**31 - 2**20
 HEADER_BYTES = 12 + 8 + 4 + (8 + 56) + (8 + 4 + (8 + 56) + (8 + 40)) + 12
@@ -64,32 +65,22 @@ def write_avi(
         raise FilmError(f"{path}: frame rate {frame_rate_hz} Hz; needs a positive number below 1e6")
     if quality is not None and not 1 <= quality <= 100:
         raise FilmError(f"{path}: JPEG quality {quality}; allowed 1..100, or None for no loss")
-    temporary = temporary_name(path)
     shape: tuple[int, ...] | None = None
     sizes: list[int] = []
-    try:
-        try:
-            with temporary.open("wb") as file:
-                file.write(b"\0" * HEADER_BYTES)
-                for frame in frames:
-                    shape = check_frame(path, frame, shape, 8, len(sizes), colour=True)
-                    data = _encode(path, frame, quality)
-                    if file.tell() + len(data) > MAX_BYTES:
-                        raise FilmError(
-                            f"{path}: larger than 2 GB after {len(sizes)} frames; write MRAW, or fewer frames"
-                        )
-                    file.write(b"00dc" + struct.pack("<I", len(data)) + data + b"\0" * (len(data) % 2))
-                    sizes.append(len(data))
-                    if progress is not None:
-                        progress(len(sizes))
-                if shape is None:
-                    raise FilmError(f"{path}: no frames to write")
-                _finish(file, shape, sizes, frame_rate_hz, quality)
-            os.replace(temporary, path)
-        except OSError as error:
-            raise FilmError(f"{path}: cannot be written ({error.strerror or error}); check folder and disk") from None
-    finally:
-        remove(temporary)
+    with whole_file(path, FilmError, "check folder and disk") as temporary, temporary.open("wb") as file:
+        file.write(b"\0" * HEADER_BYTES)
+        for frame in frames:
+            shape = check_frame(path, frame, shape, 8, len(sizes), colour=True)
+            data = _encode(path, frame, quality)
+            if file.tell() + len(data) > MAX_BYTES:
+                raise FilmError(f"{path}: larger than 2 GB after {len(sizes)} frames; write MRAW, or fewer frames")
+            file.write(b"00dc" + struct.pack("<I", len(data)) + data + b"\0" * (len(data) % 2))
+            sizes.append(len(data))
+            if progress is not None:
+                progress(len(sizes))
+        if shape is None:
+            raise FilmError(f"{path}: no frames to write")
+        _finish(file, shape, sizes, frame_rate_hz, quality)
     return len(sizes)
 
 

@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.errors import BodyError
+from vision.whole_file import whole_file
 
 EROSION_PX = 4.0
 """Width of the rim that is not used: edge pixels mix the body with what lies behind it."""
@@ -171,14 +172,8 @@ def save_bodies(toml_path: str | os.PathLike[str], bodies: Sequence[Body]) -> No
         if body.parent is not None:
             lines.append(f"parent = {_toml_text(body.parent)}")
         lines += [f"layer = {body.layer}", f"polygon_px = [{points}]"]
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
+    with whole_file(path, BodyError, "choose a writable folder") as temporary:
         temporary.write_text("\n".join(lines) + "\n", encoding="utf-8", newline="\n")
-        os.replace(temporary, path)
-    except OSError as error:
-        raise BodyError(f"{path}: cannot be written ({error.strerror}); choose a writable folder") from None
-    finally:
-        temporary.unlink(missing_ok=True)
 
 
 def _toml_text(text: str) -> str:

@@ -15,7 +15,7 @@ from typing import Any
 
 from vision.camera_model import CalibratedCamera
 from vision.errors import InputError
-from vision.writers import remove, temporary_name
+from vision.whole_file import whole_file
 
 
 def save_calibration(path: str | os.PathLike[str], camera: CalibratedCamera, notes: Mapping[str, Any]) -> None:
@@ -40,14 +40,8 @@ def save_calibration(path: str | os.PathLike[str], camera: CalibratedCamera, not
         lines.append(
             f"{name} = {value if isinstance(value, int) else float(value)!r}" if number else f'{name} = "{text}"'
         )
-    temporary = temporary_name(path)
-    try:
+    with whole_file(path, InputError, "choose a writable folder") as temporary:
         temporary.write_text("\n".join(lines) + "\n", encoding="utf-8", newline="\n")
-        os.replace(temporary, path)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written ({error.strerror}); choose a writable folder") from None
-    finally:
-        remove(temporary)
 
 
 def load_calibration(path: str | os.PathLike[str]) -> CalibratedCamera:

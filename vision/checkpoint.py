@@ -30,7 +30,7 @@ from vision.follower import Follower
 from vision.frames import FrameSource
 from vision.pose_table import PoseTable
 from vision.run import Run
-from vision.writers import remove, temporary_name
+from vision.whole_file import remove, whole_file
 
 EVERY_ROWS = 500
 
@@ -68,15 +68,8 @@ class Checkpoint:
         arrays |= {f"table_{field.name}": getattr(table, field.name)[:rows] for field in fields(table)[1:]}
         for i, follower in enumerate(run.followers):
             arrays |= {f"body{i}_{name}": value for name, value in _state(follower).items()}
-        temporary = temporary_name(self.path)
-        try:
-            with temporary.open("wb") as file:
-                np.savez(file, allow_pickle=False, **arrays)
-            os.replace(temporary, self.path)
-        except OSError as error:
-            raise InputError(f"{self.path}: cannot be written ({error.strerror or error}); check the disk") from None
-        finally:
-            remove(temporary)
+        with whole_file(self.path, InputError, "check the disk") as temporary, temporary.open("wb") as file:
+            np.savez(file, allow_pickle=False, **arrays)
 
     def load(self, table: PoseTable, run: Run) -> int:
         """Fill in what was done of this job; returns the number of rows, 0 when there is nothing to go on from."""

@@ -24,6 +24,7 @@ from vision.bodies import Body, build_masks
 from vision.errors import FilmError, InputError
 from vision.frames import FrameSource
 from vision.results import TrackResult
+from vision.whole_file import whole_file
 
 COLOURS = ((0, 220, 255), (120, 255, 60), (255, 180, 40), (255, 80, 255), (200, 200, 200))
 LOST = (60, 60, 255)
@@ -96,15 +97,8 @@ def write_contact_sheet(
     ok, data = cv2.imencode(".png", sheet)
     if not ok:
         raise FilmError(f"{path}: the contact sheet cannot be encoded as PNG")
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
+    with whole_file(path, FilmError, "check the folder") as temporary:
         temporary.write_bytes(data.tobytes())
-        os.replace(temporary, path)
-    except OSError as error:
-        raise FilmError(f"{path}: cannot be written ({error.strerror}); check the folder") from None
-    finally:
-        if temporary.exists():
-            temporary.unlink()
     return [int(result.frame[row]) for row in rows]
 
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from vision.errors import FilmError
 from vision.results import TrackResult
-from vision.writers import remove, temporary_name
+from vision.whole_file import whole_file
 
 
 def write_plot(path: str | os.PathLike[str], result: TrackResult) -> None:
@@ -59,11 +59,5 @@ def write_plot(path: str | os.PathLike[str], result: TrackResult) -> None:
     angle_axes.set_title(f"{Path(result.film).name}   (ticks: lost frames)", fontsize="medium", loc="left")
     for axes in (angle_axes, u_axes, noise_axes, share_axes):
         axes.grid(alpha=0.3)
-    temporary = temporary_name(path)
-    try:
+    with whole_file(path, FilmError, "check the folder") as temporary:
         figure.savefig(temporary, format=path.suffix[1:].lower(), dpi=120)
-        os.replace(temporary, path)
-    except OSError as error:
-        raise FilmError(f"{path}: cannot be written ({error.strerror or error}); check the folder") from None
-    finally:
-        remove(temporary)

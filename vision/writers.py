@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from vision.cih import FilmHeader, cihx_bytes
 from vision.errors import FilmError
+from vision.whole_file import remove, temporary_name
 
 
 def write_mraw(
@@ -155,17 +156,3 @@ def _swap(path: Path, new_data: Path, header_path: Path, new_header: Path) -> No
         raise
     os.replace(new_header, header_path)
     remove(old_header)
-
-
-def temporary_name(path: Path) -> Path:
-    """Name in the same folder under which a file is written before it is whole."""
-    return path.with_name(f".{path.name}.{os.getpid()}.part")
-
-
-def remove(path: Path) -> None:
-    """Remove what is left of a file that did not become whole."""
-    try:
-        path.unlink(missing_ok=True)
-    except OSError:
-        # the folder itself may be missing or read-only, then nothing was written
-        return

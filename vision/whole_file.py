@@ -1,0 +1,46 @@
+"""Files that appear under their name only when they are complete.
+
+They are written under a temporary name in the same folder, which is put in place at the end; whatever goes wrong
+before leaves what stood there as it was, and nothing else behind.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from vision.errors import VisionError
+
+
+def temporary_name(path: Path) -> Path:
+    """Name in the same folder under which a file is written before it is whole."""
+    return path.with_name(f".{path.name}.{os.getpid()}.part")
+
+
+def remove(path: Path) -> None:
+    """Remove what is left of a file that did not become whole."""
+    try:
+        path.unlink(missing_ok=True)
+    except OSError:
+        # the folder itself may be missing or read-only, then nothing was written
+        return
+
+
+@contextmanager
+def whole_file(path: Path, error: type[VisionError], advice: str) -> Iterator[Path]:
+    """Give a name to write to; the file takes the name ``path`` when the block ends without an exception.
+
+    Raises
+    ------
+    VisionError : of the kind ``error``, ending in ``advice``, where the block or the last step raised an ``OSError``
+    """
+    temporary = temporary_name(path)
+    try:
+        yield temporary
+        os.replace(temporary, path)
+    except OSError as problem:
+        raise error(f"{path}: cannot be written ({problem.strerror or problem}); {advice}") from None
+    finally:
+        remove(temporary)
