@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from .errors import InputError
-from .output import print_json, write_columns
+from .output import print_json, run_attributes, write_columns
 
 if TYPE_CHECKING:
     from model import Action
@@ -56,12 +56,8 @@ def drive_by_motion(
     write_columns(
         out,
         driven.columns(),
-        {
-            "action": action.name,
-            "changed": ", ".join(f"{k}={v!r}" for k, v in action.changed.items()),
-            "tolerance_rad": tolerance,
-            "method": method,
-            "scene": scene,
+        run_attributes(action, tolerance, method, scene)
+        | {
             "key_motion": str(table),
             "coverage_factor_95": driven.coverage_factor,
             "resolution_rad": driven.fit.resolution_rad,

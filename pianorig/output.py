@@ -18,6 +18,8 @@ from .errors import InputError
 if TYPE_CHECKING:
     import pandas as pd
 
+    from model import Action
+
 
 def check_writable(path: Path) -> None:
     """Refuse, before any work is done, a file that could not be written in the end."""
@@ -95,6 +97,17 @@ def _whole(path: Path) -> Iterator[Path]:
         raise InputError(f"{path}: cannot be written ({problem})") from None
     finally:
         part.unlink(missing_ok=True)
+
+
+def run_attributes(action: Action, tolerance: float, method: str, scene: str) -> dict[str, Any]:
+    """What a file of columns says about the run that it came from."""
+    return {
+        "action": action.name,
+        "changed": ", ".join(f"{k}={v!r}" for k, v in action.changed.items()),
+        "tolerance_rad": tolerance,
+        "method": method,
+        "scene": scene,
+    }
 
 
 def write_columns(

@@ -69,7 +69,7 @@ def command(
     from ..errors import InputError
     from ..inside_view import check_drawings, described, draw_inside, inside_facts, lift_attributes, print_inside
     from ..motion_driving import drive_by_motion
-    from ..output import check_writable, print_json, write_columns
+    from ..output import check_writable, print_json, run_attributes, write_columns
     from ..settings import load_changed
 
     if out.suffix in (".csv", ".h5"):
@@ -115,12 +115,8 @@ def command(
     write_columns(
         out,
         solution.columns(),
-        {
-            "action": chosen.name,
-            "changed": ", ".join(f"{k}={v!r}" for k, v in chosen.changed.items()),
-            "tolerance_rad": tolerance,
-            "method": method,
-            "scene": scene,
+        run_attributes(chosen, tolerance, method, scene)
+        | {
             "effects": ", ".join([*choice.effects, *(f"{k}={v!r}" for k, v in choice.values)]),
             "force_table": str(force),
         }
