@@ -102,6 +102,7 @@ def attach_film(
             raise InputError(f"{target}: differs from {data} after copying; look at the disk, then try again")
         record = FilmRecord(
             film=target.name, source=str(data), sha256=digest, n_frames=n_frames, first_frame=first,
+            frames_after=camera.n_frames - first - n_frames,
             frame_rate_hz=rate if rate is not None else "unknown", attached_utc=utc_now(), author=author,
         )  # fmt: skip
         done.append(record_path(target))

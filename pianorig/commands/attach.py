@@ -47,4 +47,9 @@ def command(
         print_json(record.model_dump(mode="json", by_alias=True))
         return
     last = record.first_frame + record.n_frames - 1
+    if record.frames_after:
+        print(
+            f"trial {trial}: the frame clock ran on for {record.frames_after} frames; if the film was not cut there, "
+            "frames were dropped and its times are wrong from there on: reject the trial with  pianorig annotate"
+        )
     print(f"trial {trial}: {record.film}, frames {record.first_frame} to {last}, SHA-256 {record.sha256[:16]}…")

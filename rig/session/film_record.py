@@ -19,7 +19,11 @@ SCHEMA: Literal["piano-action-rig film 1"] = "piano-action-rig film 1"
 
 
 class FilmRecord(BaseModel):
-    """One attached film; ``first_frame`` is the number of its first frame on the trial's frame clock, from 0."""
+    """One attached film; ``first_frame`` is the number of its first frame on the trial's frame clock, from 0.
+
+    ``frames_after`` is by how many frames the clock ran on behind its last one: the film was cut there, or frames were
+    dropped within it. With frame pulses nothing else tells which.
+    """
 
     model_config = ConfigDict(frozen=True, extra="forbid", populate_by_name=True)
 
@@ -29,6 +33,7 @@ class FilmRecord(BaseModel):
     sha256: Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
     n_frames: Annotated[int, Field(strict=True, ge=1)]
     first_frame: Annotated[int, Field(strict=True, ge=0)]
+    frames_after: Annotated[int, Field(strict=True, ge=0)] = 0
     frame_rate_hz: Annotated[float, Field(gt=0, allow_inf_nan=False)] | Literal["unknown"] = "unknown"
     attached_utc: str
     author: str = "unknown"

@@ -51,12 +51,15 @@ def test_the_film_of_a_trial_is_copied_with_its_header_and_recorded(session, tmp
     path = film(tmp_path)
     digest = hashlib.sha256(path.read_bytes()).hexdigest()
     assert run("attach", path, session.path, "--trial", "2", "--sha256", digest.upper()) == 0
-    assert "trial 2: trial_0002.mraw, frames 100 to 139" in capsys.readouterr().out
+    said, after = capsys.readouterr().out, session.trial(2).read().camera.n_frames - 140
+    assert "trial 2: trial_0002.mraw, frames 100 to 139" in said
+    assert f"ran on for {after} frames; if the film was not cut there, frames were dropped" in said
     assert beside(session) == ["trial_0002.cihx", "trial_0002.film.toml", "trial_0002.h5", "trial_0002.mraw"]
     trial = session.trial(2)
     assert trial.film.read_bytes() == path.read_bytes() and path.exists()
     record = read_record(trial.film)
     assert (record.sha256, record.n_frames, record.first_frame, record.frame_rate_hz) == (digest, 40, 100, 2000.0)
+    assert record.frames_after == after > 0
     (note,) = session.annotations
     assert (note.trial, note.kind) == (2, "note") and digest in note.reason
     with open_film(trial.film) as source:

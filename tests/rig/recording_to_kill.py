@@ -1,34 +1,62 @@
 """A program to be killed: records the session named on each line of standard input in a process of its own.
 
 Prints ``pid N``, then ``block TRIAL ACQUIRED COMMITTED`` after each block is acknowledged, ``end`` when the process is
-gone. Where the system cannot fork, it records one session itself. Run by test_killed.py.
+gone. Behind a tab a line may name a step of sealing a trial, one of STEPS, at which the process kills itself. Where the
+system cannot fork, it records one session itself. Run by test_killed.py.
 """
 
 from __future__ import annotations
 
 import os
+import signal
 import sys
 from pathlib import Path
+from typing import NoReturn
 
 sys.path.insert(0, str(Path(__file__).parent))
 from conftest import AlgebraicPlant, sensors
 
+from rig import platform_calls
 from rig.config import load_rig, parse_rig
 from rig.profile import load_profile
 from rig.recorder import record_session
+from rig.session.journal import JournalWriter
 from rig.simulated.backend import SimulatedBackend, build_device
 from rig.simulated.clock import PacedClock
 from rig.trial_run import Progress
 
 TRIALS = 3
 SPEED = 8.0
+step = ""
 
 
 def say(text: str) -> None:
     os.write(1, f"{text}\n".encode())
 
 
+def killed(*arguments: object, **options: object) -> NoReturn:
+    os.kill(os.getpid(), signal.SIGKILL)
+    raise AssertionError("still there")
+
+
+def half_written(path: Path, data: bytes) -> NoReturn:
+    with path.open("wb") as stream:
+        stream.write(data[: len(data) // 2])
+    killed()
+
+
+STEPS = {
+    "before the closing record": (JournalWriter, "close", killed),
+    "half the sealed file": (Path, "write_bytes", half_written),
+    "before it is on the disk": (platform_calls, "synchronise_whole", killed),
+    "before it has its name": (os, "replace", killed),
+    "before the journal goes": (platform_calls, "remove", killed),
+}
+
+
 def acknowledge(progress: Progress) -> None:
+    if step and progress.trial == 2:
+        setattr(*STEPS[step])
     say(f"block {progress.trial} {round(progress.time_s * 5000)} {round(progress.committed_s * 5000)}")
 
 
@@ -47,17 +75,19 @@ def record(folder: str) -> None:
 
 
 def main() -> None:
+    global step
     for line in sys.stdin:
+        line, _, step = line.strip().partition("\t")
         if not hasattr(os, "fork"):
             say(f"pid {os.getpid()}")
-            record(line.strip())
+            record(line)
             continue
         if child := os.fork():
             say(f"pid {child}")
             os.waitpid(child, 0)
             say("end")
         else:
-            record(line.strip())
+            record(line)
             os._exit(0)
 
 

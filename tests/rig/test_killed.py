@@ -49,10 +49,13 @@ class Program:
             self.lines.put(line)
         self.lines.put("end\n")
 
-    def record_and_kill(self, folder: Path, after_s: float) -> list[tuple[int, int, int]]:
-        """Kill the recording ``after_s`` after its first block; return what it had acknowledged by then."""
+    def record_and_kill(self, folder: Path, after_s: float, step: str = "") -> list[tuple[int, int, int]]:
+        """Kill the recording ``after_s`` after its first block; return what it had acknowledged by then.
+
+        With a step of recording_to_kill.STEPS it kills itself there.
+        """
         assert self.process.stdin is not None
-        self.process.stdin.write(f"{folder}\n")
+        self.process.stdin.write(f"{folder}\t{step}\n")
         self.process.stdin.flush()
         pid, seen, kill_at = 0, [], time.monotonic() + DEADLINE_S
         while True:
@@ -124,11 +127,33 @@ def check(folder: Path, seen: list[tuple[int, int, int]], whole: Session) -> str
 
 def kill_often(program: Program, folder: Path, whole: Session, times: int, seed: int) -> list[str]:
     chance = random.Random(seed)
-    statuses = []
+    statuses, late_ms = [], []
     for turn in range(times):
         target = folder / str(turn)
-        statuses.append(check(target, program.record_and_kill(target, chance.uniform(0, 0.25)), whole))
+        seen = program.record_and_kill(target, chance.uniform(0, 0.25))
+        statuses.append(check(target, seen, whole))
+        late_ms.append(max(acquired - committed for _, acquired, committed in seen) / 5)
+    print(
+        f"{times} kills, {statuses.count('incomplete')} within a trial; acquired and not committed: {max(late_ms)} ms"
+    )
     return statuses
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork to be quick")
+def test_a_recording_killed_at_each_step_of_sealing_a_trial_loses_nothing(program, tmp_path, whole) -> None:
+    for step, status in {
+        "before the closing record": "incomplete",
+        "half the sealed file": "complete",
+        "before it is on the disk": "complete",
+        "before it has its name": "complete",
+        "before the journal goes": "complete",
+    }.items():
+        folder = tmp_path / step.replace(" ", "_")
+        seen = program.record_and_kill(folder, DEADLINE_S, step)
+        assert max(trial for trial, *_ in seen) == 2 and (folder / "trial_0002.journal").exists()
+        assert (folder / "trial_0002.h5").exists() == (step == "before the journal goes")
+        assert check(folder, seen, whole) == status
+        assert [trial.number for trial in Session.open(folder).trials] == [1, 2]
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork to be quick")
@@ -141,7 +166,6 @@ def test_twenty_recordings_killed_at_random_moments_lose_nothing_acknowledged(pr
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork to be quick")
 def test_two_hundred_recordings_killed_at_random_moments_lose_nothing_acknowledged(program, tmp_path, whole) -> None:
     statuses = kill_often(program, tmp_path, whole, 200, seed=6)
-    print(f"{statuses.count('incomplete')} of 200 were killed within a trial")
     assert statuses.count("incomplete") >= 40
 
 
