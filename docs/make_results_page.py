@@ -21,7 +21,9 @@ the DAQ clock. A number that does not exist is null in JSON and an empty cell in
 column `unit`.
 
 ```python
-import json, pandas
+import json
+import pandas
+
 results = json.load(open("report/results.json", encoding="utf-8"))
 scores = pandas.DataFrame(results["tables"]["scores"])
 print(scores.pivot_table("rmse_rad", ["session", "model"], "channel"))

@@ -21,7 +21,7 @@ import pandas as pd
 from validation.budget import COLUMNS, event_budget, representative
 from validation.channel_tables import channel_tables
 from validation.curve_tables import film_trace_table, trace_table
-from validation.diagnosis import finding_table, summary_line
+from validation.diagnosis import finding_table
 from validation.errors import InputError
 from validation.event import Event
 from validation.event_tables import event_summary, event_table
@@ -226,14 +226,10 @@ def _assemble(
     warnings += [text for text in (note, predictor.kept.save()) if text]
     name = getattr(session.info, "name", "") or session.path.name
     action_name = str(getattr(predictor.action, "name", "unknown"))
-    verdict = verdict_lines(name, action_name, channels, summary, len(measured))
-    faults = summary_line(findings)
-    if faults:
-        verdict.insert(1, faults)
     return ValidationResult(
         session_name=name,
         action_name=action_name,
-        verdict_lines=verdict,
+        verdict_lines=verdict_lines(name, action_name, channels, summary, len(measured), findings),
         warnings=warnings,
         window=window,
         trials=pd.DataFrame(rows),

@@ -10,6 +10,7 @@ Failure: none; what cannot be judged is not reported.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from itertools import permutations, product
 
@@ -21,6 +22,7 @@ from validation.key_lift import Lift
 from validation.measurement import ENCODER_CHANNELS, Measurement
 from validation.predictor import TrialPrediction
 
+DISTORTING = ("sign flip", "swapped channels", "camera offset", "outlying trial")
 COLUMNS = ["kind", "trial", "channel", "value", "limit", "text"]
 BETTER_WIRED = 0.25  # the other wiring must leave a quarter of the error
 WRONG_WIRED = 0.3  # of the predicted motion: below this error the wiring is right
@@ -177,12 +179,17 @@ def lifts(marks: dict[int, list[Lift]]) -> list[Finding]:
     return out
 
 
+def distorted_trials(findings: Sequence[Finding]) -> list[int]:
+    """Trials whose curves are not what happened, or not the others' blow: they widen what is called repeatability."""
+    return sorted({int(f.trial) for f in findings if f.kind in DISTORTING and np.isfinite(f.trial)})
+
+
 def finding_table(findings: list[Finding]) -> pd.DataFrame:
     """Every finding as a row."""
     return pd.DataFrame([asdict(f) for f in findings], columns=COLUMNS)
 
 
-def summary_line(findings: list[Finding]) -> str:
+def summary_line(findings: Sequence[Finding]) -> str:
     """All kinds of finding with their trials in one sentence; empty when there is none."""
     kinds: dict[str, list[int]] = {}
     for f in findings:

@@ -70,7 +70,7 @@ class SideBySide:
     @property
     def verdict_lines(self) -> list[str]:
         """One line per session and model; all lines of the verdict when there is one result only."""
-        lines = self.results[0].verdict_lines if len(self.results) == 1 else [r.verdict_lines[0] for r in self.results]
+        lines = self.results[0].verdict_lines if len(self.results) == 1 else [headline(r) for r in self.results]
         return [*lines, *pair_lines(self.model_pairs), *(f"Not compared: {text}" for text in self.refused), *self.notes]
 
     @property
@@ -95,6 +95,12 @@ def _below(parts: list[pd.DataFrame]) -> pd.DataFrame:
     """Tables below each other; those without rows only lend their columns."""
     filled = [part for part in parts if len(part)]
     return pd.concat(filled, ignore_index=True) if filled else parts[0]
+
+
+def headline(result: ValidationResult) -> str:
+    """The first line of a verdict, and the kinds of fault that were found in the session."""
+    kinds = ", ".join(dict.fromkeys(result.findings["kind"]))
+    return result.verdict_lines[0] + (f" Faults found: {kinds}; see its warnings." if kinds else "")
 
 
 def alone(result: ValidationResult) -> SideBySide:

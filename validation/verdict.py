@@ -9,14 +9,23 @@ Failure: none; what is not known is left out or said to be unknown.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import pandas as pd
 
+from validation.diagnosis import Finding, distorted_trials, summary_line
 from validation.event import EVENTS
 
 
-def verdict_lines(session: str, action: str, channels: pd.DataFrame, events: pd.DataFrame, n_trials: int) -> list[str]:
+def verdict_lines(
+    session: str,
+    action: str,
+    channels: pd.DataFrame,
+    events: pd.DataFrame,
+    n_trials: int,
+    findings: Sequence[Finding] = (),
+) -> list[str]:
     """The verdict as sentences, the most important first.
 
     Parameters
@@ -26,6 +35,8 @@ def verdict_lines(session: str, action: str, channels: pd.DataFrame, events: pd.
         `ValidationResult.channels` and `ValidationResult.event_summary`.
     n_trials : int
         Trials used.
+    findings : sequence of Finding
+        Faults of the session.
     """
     scored = channels[channels["rmse_rad"].notna()]
     trials = "1 trial" if n_trials == 1 else f"{n_trials} trials"
@@ -40,10 +51,10 @@ def verdict_lines(session: str, action: str, channels: pd.DataFrame, events: pd.
         if differing == 0
         else f"{differing} kind{'s' if differing > 1 else ''} of event happen in one but not in the other."
     )
-    lines = [head]
+    lines = [text for text in (head, summary_line(findings)) if text]
     if len(scored):
         lines.append("RMSE: " + ", ".join(f"{row['channel']} {_score(row)}" for _, row in scored.iterrows()) + ".")
-    lines += _against_repeatability(scored)
+    lines += _against_repeatability(scored, distorted_trials(findings))
     return lines + _events(events)
 
 
@@ -55,7 +66,13 @@ def _score(row: Any) -> str:
     return text
 
 
-def _against_repeatability(scored: pd.DataFrame) -> list[str]:
+def _against_repeatability(scored: pd.DataFrame, distorted: list[int]) -> list[str]:
+    if distorted:
+        return [
+            "Not judged against repeatability: sᵣ, limits and bands hold faulty trials "
+            f"({', '.join(map(str, distorted))}) and are too wide, which flatters the model; mend or reject them "
+            "(pianorig annotate) and validate again."
+        ]
     judged = scored[scored["resolved_share"].notna()]
     if not len(judged):
         return []

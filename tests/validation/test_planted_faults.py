@@ -20,6 +20,8 @@ def test_every_planted_fault_is_named_and_nothing_else(planted):
     found = {(f.kind, None if math.isnan(f.trial) else int(f.trial)) for f in planted.findings.itertuples()}
     assert found == {(kind, trial) for trial, kind in PLANTED.items()} | {("wrong friction", None)}
     assert planted.verdict_lines[1].startswith("Faults found: sample rate (trials 8, 9), key lift (trial 6), sign flip")
+    assert "sᵣ, limits and bands hold faulty trials (2, 3, 4, 7)" in planted.verdict
+    assert "repeatability limit, by which" not in planted.verdict
     text = "\n".join(planted.warnings)
     for words in (
         "trial 2: encoder hammer: it turns the wrong way round (sign flip)",

@@ -94,7 +94,7 @@ def model_against_trial(view: SessionView, channel: str) -> ReportFigure:
     lines = shared_legend(figure, list(grid[:, 0]))
     zoom_on_impact(result, trial, grid[0, 1])
     caption = f"Rotation of the {TITLE[channel]}, trial {trial} and model{'s' if n > 1 else ''}; "
-    caption += "below: model minus trial for all trials."
+    caption += "below: model minus trial, a line for each trial as in the figures of all trials."
     texts = []
     for name, other in zip(view.names, view.results, strict=True):
         own = other.scores[(other.scores["trial"] == trial) & (other.scores["channel"] == channel)].iloc[0]
