@@ -5,11 +5,11 @@ matplotlib is imported when a sheet is begun, never before.
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from .errors import InputError
+from .whole_file import whole_file
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -36,11 +36,5 @@ def new_sheet(width_inch: float, height_inch: float) -> Figure:
 def save_sheet(figure: Figure, path: Path) -> None:
     """Write a sheet to ``path`` (.svg, .pdf or .png); ``InputError`` where that is not possible."""
     check_ending(path)
-    part = path.with_name(f".{path.stem}.{os.getpid()}.part{path.suffix}")
-    try:
-        figure.savefig(part)
-        os.replace(part, path)
-    except OSError as problem:
-        raise InputError(f"{path}: cannot be written ({problem.strerror}); choose another file") from None
-    finally:
-        part.unlink(missing_ok=True)
+    with whole_file(path) as part:
+        figure.savefig(part, format=path.suffix[1:])

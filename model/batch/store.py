@@ -8,7 +8,6 @@ what failed by accident (a lost worker) is not. The format is NumPy's .npz with 
 from __future__ import annotations
 
 import json
-import os
 import tempfile
 import zipfile
 from dataclasses import asdict
@@ -20,6 +19,7 @@ import numpy as np
 from .. import errors
 from ..errors import InputError, ModelError
 from ..solution import EnergyAudit, Solution
+from ..whole_file import whole_file
 from .job import Member
 
 _ARRAYS = ("time_s", "angle_rad", "speed_rad_per_s", "contact_normal_n", "contact_friction_n")
@@ -89,12 +89,5 @@ class Store:
             about["energy"] = None if s.energy is None else asdict(s.energy)
             arrays = {name: getattr(s, name) for name in _ARRAYS if getattr(s, name) is not None}
         path = self.path(member.sha256)
-        part = path.with_name(f".{path.name}.{os.getpid()}.part")
-        try:
-            with open(part, "wb") as file:
-                np.savez(file, about=np.array(json.dumps(about)), **arrays)
-            os.replace(part, path)
-        except OSError as problem:
-            raise InputError(f"{path}: cannot be written ({problem.strerror}); free space, then go on") from None
-        finally:
-            part.unlink(missing_ok=True)
+        with whole_file(path, "free space, then go on") as part, open(part, "wb") as file:
+            np.savez(file, about=np.array(json.dumps(about)), **arrays)

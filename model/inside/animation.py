@@ -9,7 +9,6 @@ key that can lift is off it. The file names no other file or address. Lengths in
 from __future__ import annotations
 
 import html
-import os
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +18,7 @@ from ..effects import RAIL
 from ..errors import InputError
 from ..parameters import Action
 from ..solution import Solution
+from ..whole_file import whole_file
 from .figure import close_up, contact_words, input_words
 from .observe import Inside
 from .page import page
@@ -70,14 +70,8 @@ def write_animation(action: Action, solution: Solution, force_n: Array, path: st
     rows = frame_rows(seen)
     svg = _svg(action, seen, force_n, rows)
     text = svg if target.suffix == ".svg" else page(action.name, seen.time_s[rows], FRAME_S, svg)
-    part = target.with_name(f".{target.name}.{os.getpid()}.part")
-    try:
+    with whole_file(target) as part:
         part.write_text(text, encoding="utf-8")
-        os.replace(part, target)
-    except OSError as problem:
-        raise InputError(f"{target}: cannot be written ({problem.strerror}); choose another file") from None
-    finally:
-        part.unlink(missing_ok=True)
 
 
 def _values(values: Array, digits: int = 2) -> str:

@@ -5,13 +5,13 @@ Whole or absent: written under a temporary name, then renamed. Raises ``InputErr
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from pathlib import Path
 
 from ..effects import effect_defaults
 from ..errors import InputError
 from ..parameters import Action
+from ..whole_file import whole_file
 
 
 def _text(value: str) -> str:
@@ -50,11 +50,5 @@ def write_action(action: Action, path: str | Path, comment: Sequence[str] = ()) 
     target = Path(path)
     if target.suffix != ".toml":
         raise InputError(f"{target}: ending found {target.suffix!r}, allowed .toml")
-    part = target.with_name(f".{target.name}.{os.getpid()}.part")
-    try:
+    with whole_file(target) as part:
         part.write_text(action_text(action, comment), encoding="utf-8", newline="\n")
-        os.replace(part, target)
-    except OSError as problem:
-        raise InputError(f"{target}: cannot be written ({problem.strerror}); choose another file") from None
-    finally:
-        part.unlink(missing_ok=True)
