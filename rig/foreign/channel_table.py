@@ -27,11 +27,17 @@ class Clock(NamedTuple):
     """Times of a channel by the file's own statement: sample k at ``start_s + k * interval_s`` after ``stamp_s``.
 
     ``stamp_s`` is the time of day or date it states beside, s from an origin of the file's; 0 where it states none.
+    ``resolution_s`` is the decimal place the interval is written with; 0 where it is stated in binary.
     """
 
     interval_s: float
     start_s: float = 0.0
     stamp_s: float = 0.0
+    resolution_s: float = 0.0
+
+    def agrees(self, interval_s: float) -> bool:
+        """Whether the stated interval is this one, as far as its digits go: 0.000021 s may be 1/48000 s."""
+        return abs(self.interval_s - interval_s) <= max(0.51 * self.resolution_s, 1e-5 * interval_s)
 
 
 def number(cell: str, decimal: str = ".") -> float:
@@ -121,15 +127,14 @@ class ChannelTable:
         self.check_together([*names, *([] if time_channel is None else [time_channel])], same_start)
         if time_channel is not None:
             return even_interval(self.channel(time_channel) * SECONDS[unit], f"{self.where}: {time_channel}")
-        stated = self.stated_interval(names)
+        stated = self.stated_clock(names)
         if stated is None:
             raise InputError(f"{self.where}: no times; name the time channel or give {where_else}")
-        return stated
+        return stated.interval_s
 
-    def stated_interval(self, names: Sequence[str]) -> float | None:
-        """Return the interval the file states for these channels, s; None where it states none."""
-        stated = [self.clocks[name].interval_s for name in names if name in self.clocks]
-        return stated[0] if stated else None
+    def stated_clock(self, names: Sequence[str]) -> Clock | None:
+        """Return the clock the file states for these channels; None where it states none."""
+        return next((self.clocks[name] for name in names if name in self.clocks), None)
 
     def check_together(self, names: Sequence[str], same_start: bool = False) -> None:
         """Refuse channels of several lengths or clocks: sample k of one would not belong to sample k of another."""
@@ -196,11 +201,6 @@ def even_interval(time_s: NDArray[np.float64], what: str) -> float:
             "spacing; samples are missing, or the times are not the sample clock's"
         )
     return step
-
-
-def written_as(value: float, stated: float) -> bool:
-    """Whether a stated number is a value as text may write it, with few digits: 0.000021 is 1/48000."""
-    return abs(stated - value) <= max(0.51 * _rounding(np.array([stated])), 1e-5 * abs(value))
 
 
 def _rounding(time_s: NDArray[np.float64]) -> float:

@@ -19,13 +19,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.errors import InputError
-from rig.foreign.channel_table import JITTER, SECONDS, ChannelTable, Clock, even_interval, number, shown, written_as
+from rig.foreign.channel_table import JITTER, SECONDS, ChannelTable, Clock, even_interval, number, shown
 from rig.foreign.units import known
 
 END = "***End_of_Header***"
 SPECIAL, END_SPECIAL = "***Start_Special***", "***End_Special***"
 SEPARATORS = {"Tab": "\t", "Comma": ","}
 TIME = "X_Value"
+DELTA_RESOLUTION = 1e-6
+"""LabVIEW writes six decimals: less of ``Delta_X`` is not known."""
 
 
 @dataclass(frozen=True)
@@ -244,6 +246,7 @@ def _table(
             clock.interval_s * SECONDS[unit],
             clock.start_s * SECONDS[unit],
             _stamp(dates.get(name, ""), hours.get(name, ""), file.decimal, where),
+            DELTA_RESOLUTION * SECONDS[unit],
         )
         for name, clock in stated.items()
     }
@@ -256,11 +259,11 @@ def _table(
 def _clock(time: NDArray[np.float64], stated: float | None, what: str) -> Clock:
     """Clock of a column of times, which ``Delta_X`` must agree with as far as the digits of both go."""
     found = even_interval(time, what)
-    if stated is None or written_as(found, stated):
-        return Clock(
-            found if stated is None or abs(stated / found - 1) * len(time) > JITTER else stated, float(time[0])
-        )
-    raise InputError(f"{what} rises by {found:g}, but Delta_X says {stated:g}; one of them is wrong")
+    if stated is None:
+        return Clock(found, float(time[0]))
+    if not Clock(stated, resolution_s=DELTA_RESOLUTION).agrees(found):
+        raise InputError(f"{what} rises by {found:g}, but Delta_X says {stated:g}; one of them is wrong")
+    return Clock(stated if abs(stated / found - 1) * len(time) <= JITTER else found, float(time[0]))
 
 
 def _stamp(date: str, time: str, decimal: str, where: str) -> float:

@@ -7,6 +7,7 @@ was not recorded is NaN. Where the mapping does not say when the blow starts, it
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
@@ -16,9 +17,10 @@ from numpy.typing import NDArray
 
 from rig.durable import sha256_of_bytes, sha256_of_file
 from rig.errors import InputError
-from rig.foreign.channel_table import ChannelTable, written_as
+from rig.foreign.channel_table import SECONDS, ChannelTable, even_interval
 from rig.foreign.mapping import EncoderMapping, Mapping, MappingFile, check_unit
 from rig.foreign.reading import joined, read_segments
+from rig.foreign.units import known
 from rig.session import Session, SessionInfo
 from rig.session.annotation_file import utc_now
 from rig.session.info import FileInfo, PlanInfo
@@ -27,6 +29,11 @@ from rig.session.records import EncoderInfo, ForceInfo, TrialData
 QUIET_S = 0.02
 ONSET = 0.01
 LARGEST_COUNT = 2.0**53
+RATES_HZ = (100.0, 1e6)
+"""Sample rates a blow can have been recorded at; others come of a wrong unit of time."""
+TIME_NAMES = re.compile(r"(t|time|zeit|temps|x_value)(_s)?", re.IGNORECASE)
+LARGEST_TURN_RAD = np.pi
+"""No part of an action turns so far; an angle beyond comes of a wrong unit or scale."""
 
 
 def import_session(out: str | Path, files: Sequence[Path], mapping: MappingFile) -> Session:
@@ -122,12 +129,21 @@ def make_trial(table: ChannelTable, mapping: Mapping, number: int, started_utc: 
     else:
         table.check_together(mapping.channels, time.same_start)
         interval_s = 1.0 / time.sample_rate_hz
-        stated = table.stated_interval(mapping.channels)
-        if stated is not None and not written_as(interval_s, stated):
+        stated = table.stated_clock(mapping.channels)
+        if stated is not None and not stated.agrees(interval_s):
             raise InputError(
-                f"{table.where}: sample interval {stated:g} s by the file itself, the mapping says {interval_s:g} s"
+                f"{table.where}: sample interval {stated.interval_s:g} s by the file itself, the mapping says "
+                f"{interval_s:g} s"
             )
+        _check_unmapped_times(table, raw.size, interval_s)
+    rate_hz = 1.0 / interval_s
+    if not RATES_HZ[0] <= rate_hz <= RATES_HZ[1]:
+        raise InputError(
+            f"{table.where}: sampled at {rate_hz:g} Hz, allowed {RATES_HZ[0]:g} to {RATES_HZ[1]:g} Hz; look at the "
+            "unit of the times (time.unit in the mapping)"
+        )
     force = (raw - wanted.zero) * wanted.scale
+    _check_pushes(force, interval_s, f"{table.where}: {wanted.channel}")
     counts = np.empty((raw.size, len(mapping.encoders)), dtype=np.int64)
     for k, encoder in enumerate(mapping.encoders):
         counts[:, k] = _counts(table, encoder, mapping.overrule_units)
@@ -162,7 +178,7 @@ def make_trial(table: ChannelTable, mapping: Mapping, number: int, started_utc: 
         status="complete",
         started_utc=started_utc,
         simulated=mapping.simulated,
-        sample_rate_hz=1.0 / interval_s,
+        sample_rate_hz=rate_hz,
         time_s=np.arange(raw.size, dtype=np.float64) * interval_s,
         force_n=force,
         force_raw=raw,
@@ -172,6 +188,35 @@ def make_trial(table: ChannelTable, mapping: Mapping, number: int, started_utc: 
         force_info=info,
         blow_start_s=start_s,
     )
+
+
+def _check_unmapped_times(table: ChannelTable, size: int, interval_s: float) -> None:
+    """Refuse a rate of the mapping that an even column of times in the file, though not mapped, contradicts."""
+    for name, values in table.channels.items():
+        unit = known(table.units.get(name, "")) or ("s" if TIME_NAMES.fullmatch(name) else "")
+        if unit not in SECONDS or values.size != size:
+            continue
+        try:
+            found = even_interval(values * SECONDS[unit], name)
+        except InputError:
+            continue
+        if abs(found - interval_s) * size > interval_s:
+            raise InputError(
+                f"{table.where}: {name} rises by {found:g} s, the mapping says {interval_s:g} s; name it as "
+                "time.channel, or correct time.sample_rate_hz"
+            )
+
+
+def _check_pushes(force_n: NDArray[np.float64], interval_s: float, what: str) -> None:
+    """Refuse a force that goes from rest to the wrong side; a recording that begins within a push says nothing."""
+    rest = force_n[: max(int(round(QUIET_S / interval_s)), 1)]
+    level = float(rest.mean())
+    pull, push = level - float(force_n.min()), float(force_n.max()) - level
+    if np.ptp(rest) < 0.1 * pull and pull > 2 * push and level < 0.5 * pull:
+        raise InputError(
+            f"{what} pulls by {pull:.3g} N and pushes by {push:.3g} N; a push must be positive: change the sign of "
+            "force.newtons_per_unit"
+        )
 
 
 def _counts(table: ChannelTable, encoder: EncoderMapping, overruled: tuple[str, ...]) -> NDArray[np.int64]:
@@ -187,7 +232,14 @@ def _counts(table: ChannelTable, encoder: EncoderMapping, overruled: tuple[str, 
         whole = np.round(values * (encoder.counts_per_revolution / turn))
     if np.abs(whole).max(initial=0.0) >= LARGEST_COUNT:
         raise InputError(f"{table.where}: {encoder.channel} reaches {np.abs(whole).max():.3g} counts, allowed 2^53")
-    return whole.astype(np.int64)
+    counts = whole.astype(np.int64)
+    turned = 2 * np.pi * float(np.ptp(counts)) / encoder.counts_per_revolution
+    if turned > LARGEST_TURN_RAD:
+        raise InputError(
+            f"{table.where}: {encoder.channel} turns by {turned:.3g} rad, allowed {LARGEST_TURN_RAD:.3g}; look at the "
+            f"unit {encoder.unit!r} and counts_per_revolution = {encoder.counts_per_revolution} in the mapping"
+        )
+    return counts
 
 
 def find_start(force_n: NDArray[np.float64], interval_s: float, where: str) -> float:

@@ -9,6 +9,7 @@ import pytest
 
 from rig.errors import InputError
 from rig.foreign import read_channels
+from rig.foreign.channel_table import Clock
 from rig.foreign.csv_text import parse_csv
 from rig.foreign.lvm_text import parse_lvm
 from rig.foreign.reading import joined
@@ -98,6 +99,12 @@ def test_each_lvm_channel_may_have_times_of_its_own() -> None:
     assert "X_Value" not in table.channels and table.interval(["Key"], None) == 4e-4
     with pytest.raises(InputError, match="Force has a sample every 0.0002 s, Key every 0.0004 s"):
         table.interval(["Force", "Key"], None)
+
+
+def test_a_rate_of_the_mapping_must_be_the_files_as_far_as_its_digits_go() -> None:
+    text, binary = Clock(0.000333, resolution_s=1e-6), Clock(2e-4)
+    assert text.agrees(1 / 3000) and not text.agrees(1 / 2990) and binary.agrees(1 / 5000)
+    assert not binary.agrees(1 / 4000) and not binary.agrees(1 / 4990)
 
 
 def test_delta_x_with_few_digits_yields_to_the_times() -> None:
