@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import brentq
 
 from validation.errors import InputError
 
@@ -57,14 +58,13 @@ class ActionGeometry:
                 f"action: hammer height is {1e3 * height[0]:.2f} mm at rest and stays above 0 for 0.8 rad; "
                 "check the string contact and the rest state"
             )
-        low, high = turn[above[0] - 1], turn[above[0]]
-        for _ in range(60):
-            middle = 0.5 * (low + high)
-            if self.hammer_height_m(self.absolute({HAMMER: np.array([middle])}))[0] > 0:
-                low = middle
-            else:
-                high = middle
-        return float(self.rest_angle_rad[HAMMER] + 0.5 * (low + high))
+        touch = brentq(
+            lambda x: float(self.hammer_height_m(self.absolute({HAMMER: np.array([x])}))[0]),
+            turn[above[0] - 1],
+            turn[above[0]],
+            xtol=1e-15,
+        )
+        return float(self.rest_angle_rad[HAMMER] + touch)
 
     @cached_property
     def string_lever_m(self) -> float:
