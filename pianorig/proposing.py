@@ -15,9 +15,8 @@ def propose(film: Path, out: Path, *, allow_truncated: bool = False) -> dict[str
     -------
     dict : ``out``, ``picture``, ``bodies`` (names)
     """
-    import cv2
-
     import vision
+    from vision.overlay import write_picture
     from vision.proposal import draw_bodies, propose_bodies
 
     if out.suffix != ".toml":
@@ -28,12 +27,6 @@ def propose(film: Path, out: Path, *, allow_truncated: bool = False) -> dict[str
         bodies = propose_bodies(source)
         picture = draw_bodies(source.read(0), bodies, source.bit_depth)
     drawing = out.with_suffix(".png")
-    ok, data = cv2.imencode(".png", picture)
-    if not ok:
-        raise InputError(f"{drawing}: the picture cannot be encoded")
-    try:
-        drawing.write_bytes(data.tobytes())
-    except OSError as problem:
-        raise InputError(f"{drawing}: cannot be written ({problem.strerror})") from None
+    write_picture(drawing, picture)
     vision.save_bodies(out, bodies)
     return {"out": out, "picture": drawing, "bodies": [body.name for body in bodies]}

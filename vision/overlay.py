@@ -94,12 +94,17 @@ def write_contact_sheet(
     blank = np.zeros_like(tiles[0])
     tiles += [blank] * (-len(tiles) % columns)
     sheet = np.vstack([np.hstack(tiles[i : i + columns]) for i in range(0, len(tiles), columns)])
-    ok, data = cv2.imencode(".png", sheet)
+    write_picture(path, sheet)
+    return [int(result.frame[row]) for row in rows]
+
+
+def write_picture(path: Path, picture: NDArray[np.uint8]) -> None:
+    """Write a picture, grey or colour (h, w, 3) in the order of OpenCV, as PNG: whole or not at all."""
+    ok, data = cv2.imencode(".png", picture)
     if not ok:
-        raise FilmError(f"{path}: the contact sheet cannot be encoded as PNG")
+        raise FilmError(f"{path}: the picture cannot be encoded as PNG")
     with whole_file(path, FilmError, "check the folder") as temporary:
         temporary.write_bytes(data.tobytes())
-    return [int(result.frame[row]) for row in rows]
 
 
 def worst_rows(result: TrackResult, count: int) -> list[int]:
