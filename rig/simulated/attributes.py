@@ -86,7 +86,8 @@ def _lines_per_channel(task: SimulatedTask) -> list[int]:
 
 def _space_available(device: SimulatedDevice, task: SimulatedTask) -> int:
     written = task.output.shape[0] if task.output is not None else 0
-    return max(int(task.setting("Buffer", "", 0x186D, written)) - max(written - task.generated, 0), 0)
+    size = task.capacity if task.state == "running" else int(task.setting("Buffer", "", 0x186D, written))
+    return max(size - max(written - task.generated, 0), 0)
 
 
 def _timing_type(device: SimulatedDevice, task: SimulatedTask) -> int:

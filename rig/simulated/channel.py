@@ -29,6 +29,8 @@ def trailing_metadata(error: DaqStatusError) -> tuple[Metadatum, ...]:
     entries = [Metadatum("ni-error", str(error.code))]
     if error.samples_read is not None:
         entries.append(Metadatum("ni-samps-per-chan-read", str(error.samples_read)))
+    if error.samples_written is not None:
+        entries.append(Metadatum("ni-samps-per-chan-written", str(error.samples_written)))
     return tuple(entries)
 
 

@@ -119,7 +119,7 @@ def _register(task: SimulatedTask, values: NDArray[np.float64]) -> NDArray[np.ui
 def _write_analog(device: SimulatedDevice, task: SimulatedTask, request: Any) -> Any:
     refuse_other_type(task, "AO")
     values = _table(request, np.array(request.write_array, dtype=np.float64), len(task.channels))
-    device.write(task, values, request.auto_start)
+    device.write(task, values, request.auto_start, request.timeout)
     return response("WriteAnalogF64", samps_per_chan_written=values.shape[0])
 
 
@@ -132,7 +132,7 @@ def _table(request: Any, values: NDArray[Any], columns: int) -> NDArray[Any]:
 
 def _write_analog_scalar(device: SimulatedDevice, task: SimulatedTask, request: Any) -> Any:
     refuse_other_type(task, "AO")
-    device.write(task, np.array([[request.value]]), request.auto_start)
+    device.write(task, np.array([[request.value]]), request.auto_start, request.timeout)
     return response("WriteAnalogScalarF64")
 
 
@@ -145,16 +145,16 @@ def _write_lines(device: SimulatedDevice, task: SimulatedTask, request: Any) -> 
     by_scan = _by_scan(request, "data_layout")
     grid = states.reshape(n, channels, most) if by_scan else states.reshape(channels, n, most).swapaxes(0, 1)
     columns = [grid[:, i, : len(c.settings["lines"])] for i, c in enumerate(task.channels)]
-    put_levels(device, task, np.concatenate(columns, axis=1), request.auto_start)
+    put_levels(device, task, np.concatenate(columns, axis=1), request)
     return response("WriteDigitalLines", samps_per_chan_written=n)
 
 
-def put_levels(device: SimulatedDevice, task: SimulatedTask, levels: NDArray[np.float64], auto_start: bool) -> None:
+def put_levels(device: SimulatedDevice, task: SimulatedTask, levels: NDArray[np.float64], request: Any) -> None:
     """Take levels, (n, lines): put out at once without a clock, else buffered."""
     if task.clock is None:
-        device.write_lines(task, [bool(level) for level in levels[-1]], auto_start)
+        device.write_lines(task, [bool(level) for level in levels[-1]], request.auto_start)
     else:
-        device.accept(task, levels, auto_start)
+        device.accept(task, levels, request.auto_start, request.timeout)
 
 
 def _levels(task: SimulatedTask, words: NDArray[np.int64]) -> NDArray[np.float64]:
@@ -172,7 +172,7 @@ def _write_words(call: str) -> Handler:
         array = request.write_array
         words = np.array(list(array), dtype=np.int64)
         table = _table(request, words, len(task.channels))
-        put_levels(device, task, _levels(task, table), request.auto_start)
+        put_levels(device, task, _levels(task, table), request)
         return response(call, samps_per_chan_written=table.shape[0])
 
     return write
@@ -180,7 +180,7 @@ def _write_words(call: str) -> Handler:
 
 def _write_word(device: SimulatedDevice, task: SimulatedTask, request: Any) -> Any:
     refuse_other_type(task, "DO")
-    put_levels(device, task, _levels(task, np.array([[request.value]], dtype=np.int64)), request.auto_start)
+    put_levels(device, task, _levels(task, np.array([[request.value]], dtype=np.int64)), request)
     return response("WriteDigitalScalarU32")
 
 

@@ -32,6 +32,7 @@ from rig.simulated.watchdog import Watchdogs
 from rig.simulated.wiring import Wiring
 
 MOST_ON_DEMAND = 100_000
+WRITE_TIMEOUT_S = 10.0
 
 
 class SimulatedDevice:
@@ -227,7 +228,9 @@ class SimulatedDevice:
             return np.empty((0, len(task.channels)))
         return task.buffer.take(min(n, task.buffer.available))
 
-    def write(self, task: SimulatedTask, values: NDArray[np.float64], auto_start: bool) -> None:
+    def write(
+        self, task: SimulatedTask, values: NDArray[np.float64], auto_start: bool, timeout_s: float = WRITE_TIMEOUT_S
+    ) -> None:
         """Take samples for an analog output, V, shape (n, channels)."""
         if task.type != "AO":
             raise DaqStatusError(status.WRONG_OUTPUT_TYPE, f"Task: {task.name} is {task.type}")
@@ -237,9 +240,11 @@ class SimulatedDevice:
             if not np.all(inside):
                 detail = f"Channel: {channel.name}, limits {low:g} to {high:g} V"
                 raise DaqStatusError(status.INVALID_AO_DATA, detail)
-        self.accept(task, values, auto_start)
+        self.accept(task, values, auto_start, timeout_s)
 
-    def accept(self, task: SimulatedTask, values: NDArray[np.float64], auto_start: bool) -> None:
+    def accept(
+        self, task: SimulatedTask, values: NDArray[np.float64], auto_start: bool, timeout_s: float = WRITE_TIMEOUT_S
+    ) -> None:
         """Take samples for an output, shape (n, channels or lines): buffered, or put out at once without a clock."""
         self.watchdogs.refuse_if_held(task)
         if task.clock is None:
@@ -254,7 +259,7 @@ class SimulatedDevice:
         elif task.regenerates or task.output is None:
             task.output = values.copy()
         else:
-            task.output = np.concatenate((task.output, values))
+            waiting.for_room(self, task, values, timeout_s)
 
     def write_lines(self, task: SimulatedTask, states: list[bool], auto_start: bool) -> None:
         """Set digital lines at once."""

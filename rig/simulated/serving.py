@@ -1,8 +1,8 @@
 """The virtual bench as a server that runs until it is told to stop, with its own time and its own watchdog.
 
 Place in the data flow: ``pianorig serve-sim`` → this → :mod:`rig.simulated.server`. Every 10 ms it looks at the
-watchdog, whether or not a client calls, so that outputs become safe when the client is dead; and it can tell an
-observer, one line per change, whether the motor's output is live.
+watchdog, whether or not a client calls, so that outputs become safe when the client is dead, and lets generations go
+on while no client waits; and it can tell an observer, one line per change, whether the motor's output is live.
 """
 
 from __future__ import annotations
@@ -20,6 +20,8 @@ from rig.simulated.device import SimulatedDevice
 from rig.simulated.server import serve
 
 LOOK_EVERY_S = 0.01
+BEHIND_S = 0.05
+"""Time a client may leave to pass before the bench goes on without it."""
 
 
 def output_state(device: SimulatedDevice) -> dict[str, object]:
@@ -31,6 +33,14 @@ def output_state(device: SimulatedDevice) -> dict[str, object]:
         "drive": "enabled" if device.drive_enabled() else "disabled",
         "watchdog": "tripped" if device.watchdogs.expired else "quiet",
     }
+
+
+def _keep_up(device: SimulatedDevice) -> None:
+    """Let outputs go on while nobody waits; an acquisition waits for its reader, so that its samples can be counted."""
+    clock = device.bench.clock
+    acquiring = any(task.live and task.buffer is not None for task in device.tasks.values())
+    if clock.paced and clock.due_s > BEHIND_S and not acquiring:
+        device.advance(int(clock.due_s * device.bench.rate_hz))
 
 
 def serve_until_interrupted(
@@ -76,6 +86,7 @@ def serve_until_interrupted(
             while not stop.wait(LOOK_EVERY_S):
                 with backend.service.alone():
                     device.watchdogs.look()
+                    _keep_up(device)
                     state, edge = output_state(device), device.edge
                 if tell is not None and state != last:
                     tell({**state, "samples": edge, "time_s": round(device.bench.clock.elapsed_s, 4)})

@@ -21,6 +21,7 @@ from rig.simulated.tasks import Buffer, SimulatedTask
 if TYPE_CHECKING:
     from rig.simulated.device import SimulatedDevice
 
+OUTPUT_BUFFER = 0x186D
 INPUTS = ("AI", "CI", "DI")
 
 
@@ -33,6 +34,8 @@ def start(device: SimulatedDevice, task: SimulatedTask) -> None:
     if task.type in ("AO", "DO") and task.output is None and task.clock is not None:
         raise DaqStatusError(status.NO_DATA_WRITTEN, f"Task: {task.name}")
     device.commit(task)
+    if task.output is not None:
+        task.capacity = max(int(task.setting("Buffer", "", OUTPUT_BUFFER, 0)), task.output.shape[0])
     task.state, task.generated, task.finished, task.error, task.before_trigger = "running", 0, False, 0, 0
     if task.type in INPUTS:
         columns = sum(len(channel.settings.get("lines", "1")) for channel in task.channels)

@@ -9,6 +9,7 @@ SAMPLES_NOT_YET_AVAILABLE = -200284
 SAMPLES_NO_LONGER_AVAILABLE = -200279
 GENERATION_STOPPED = -200290
 RESOURCE_RESERVED = -50103
+NOT_YET_WRITTEN = -200292
 INVALID_DEVICE = -200220
 NO_SUCH_CHANNEL = -200170
 WRONG_MEASUREMENT_TYPE = -200431
@@ -46,6 +47,7 @@ TEXTS = {
     SAMPLES_NO_LONGER_AVAILABLE: "The samples requested were overwritten before they were read.",
     GENERATION_STOPPED: "The generation stopped because no new samples were written in time.",
     RESOURCE_RESERVED: "The specified resource is reserved by another task.",
+    NOT_YET_WRITTEN: "Some or all of the samples could not yet be written: the output buffer is full.",
     INVALID_DEVICE: "Device identifier is invalid.",
     NO_SUCH_CHANNEL: "Physical channel specified does not exist on this device.",
     WRONG_MEASUREMENT_TYPE: "The physical channel does not support the requested measurement type.",
@@ -81,12 +83,15 @@ TEXTS = {
 
 
 class DaqStatusError(Exception):
-    """A driver status below zero; ``samples_read`` is given when part of a read succeeded."""
+    """A driver status below zero; ``samples_read`` and ``samples_written`` are given when part of a call succeeded."""
 
-    def __init__(self, code: int, detail: str = "", *, samples_read: int | None = None) -> None:
+    def __init__(
+        self, code: int, detail: str = "", *, samples_read: int | None = None, samples_written: int | None = None
+    ) -> None:
         super().__init__(" ".join(part for part in (TEXTS.get(code, ""), detail) if part))
         self.code = code
         self.samples_read = samples_read
+        self.samples_written = samples_written
 
 
 class SessionRefused(Exception):

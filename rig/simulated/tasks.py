@@ -101,6 +101,8 @@ class SimulatedTask:
     buffer: Buffer | None = None
     output: NDArray[np.float64] | None = None
     generated: int = 0
+    capacity: int = 0
+    """Samples per channel the output buffer holds."""
     since_s: float = 0.0
     """Bench time at which it became live, s."""
     since_tick: int = 0

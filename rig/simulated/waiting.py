@@ -9,10 +9,12 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
-from rig.simulated import starting
+from rig.simulated import starting, status
 from rig.simulated.engines import engine_of, own_clock
 from rig.simulated.passing import let_pass
+from rig.simulated.status import DaqStatusError
 from rig.simulated.tasks import SimulatedTask
 
 if TYPE_CHECKING:
@@ -59,7 +61,7 @@ def _edges_to_pulse_end(device: SimulatedDevice, task: SimulatedTask) -> float:
 
 def until_done(device: SimulatedDevice, task: SimulatedTask, duration_s: float) -> None:
     """Let time pass until a task is done, at most ``duration_s``; a negative one waits for ever."""
-    allowed = FOR_EVER if duration_s < 0 else duration_s * device.bench.rate_hz
+    allowed = _edges_of(device, duration_s)
     left = 0.0
     if task.type == "CO":
         left = _edges_to_pulse_end(device, task) if task.live else 0.0
@@ -76,7 +78,7 @@ def until_done(device: SimulatedDevice, task: SimulatedTask, duration_s: float) 
 def for_samples(device: SimulatedDevice, task: SimulatedTask, missing: int, timeout_s: float) -> None:
     """Let time pass until a task has ``missing`` more samples, or the timeout has ended."""
     if task.buffer is not None:
-        allowed = int(timeout_s * device.bench.rate_hz + 1e-9) if timeout_s >= 0 else FOR_EVER
+        allowed = _edges_of(device, timeout_s)
         wanted = task.buffer.acquired + missing
         while allowed > 0 and task.state == "running" and _incomplete(task, wanted):
             passed = advance(device, int(min(_edges_to_sample(device, task, wanted), allowed)))
@@ -112,6 +114,37 @@ def _edges_to_sample(device: SimulatedDevice, task: SimulatedTask, wanted: int) 
     if task.retriggerable and task.clock is not None:
         ticks = min(ticks, task.clock.samples)
     return max(engine.edge_after(task.since_tick + ticks) - device.bench.edge, 1)
+
+
+def for_room(device: SimulatedDevice, task: SimulatedTask, values: NDArray[np.float64], timeout_s: float) -> None:
+    """Give samples, (n, columns), to a running generation that puts each out once, as its buffer has room for them.
+
+    Raises DaqStatusError when the timeout ends first, or the generation has.
+    """
+    allowed = _edges_of(device, timeout_s)
+    written = 0
+    while written < values.shape[0] and task.output is not None:
+        if task.error:
+            raise DaqStatusError(task.error, f"Task: {task.name}", samples_written=written)
+        room = task.capacity - (task.output.shape[0] - task.generated)
+        if room > 0:
+            task.output = np.concatenate((task.output, values[written : written + room]))
+            written = min(written + room, values.shape[0])
+        elif allowed <= 0 or task.state != "running":
+            raise DaqStatusError(status.NOT_YET_WRITTEN, f"Task: {task.name}", samples_written=written)
+        else:
+            step = min(max(int(LOOK_S * device.bench.rate_hz), 1), allowed)
+            if not advance(device, step):
+                device.bench.clock.advance(step / device.bench.rate_hz)
+                device.between()
+            allowed -= step
+
+
+def _edges_of(device: SimulatedDevice, timeout_s: float) -> int:
+    """Return a timeout in edges of the bench; a negative one has no end, one that is no number has ended."""
+    if timeout_s < 0 or timeout_s * device.bench.rate_hz > FOR_EVER:
+        return int(FOR_EVER)
+    return int(timeout_s * device.bench.rate_hz + 1e-9) if timeout_s > 0 else 0
 
 
 def catch_up(device: SimulatedDevice, task: SimulatedTask) -> None:

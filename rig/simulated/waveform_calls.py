@@ -89,7 +89,7 @@ def _columns(task: SimulatedTask, waveforms: list[NDArray[np.float64]]) -> NDArr
 def _write_analog(device: SimulatedDevice, task: SimulatedTask, request: Any) -> Any:
     refuse_other_type(task, "AO")
     values = _columns(task, [np.array(w.y_data, dtype=np.float64)[:, None] for w in request.waveforms])
-    device.write(task, values, request.auto_start)
+    device.write(task, values, request.auto_start, request.timeout)
     return response("WriteAnalogWaveforms", samps_per_chan_written=values.shape[0])
 
 
@@ -108,7 +108,7 @@ def _write_digital(device: SimulatedDevice, task: SimulatedTask, request: Any) -
     if len(request.waveforms) != len(task.channels):
         tables = []
     values = _columns(task, tables)
-    put_levels(device, task, values, request.auto_start)
+    put_levels(device, task, values, request)
     return response("WriteDigitalWaveforms", samps_per_chan_written=values.shape[0])
 
 
