@@ -21,6 +21,8 @@ from rig.simulated.status import DaqStatusError
 from rig.simulated.tasks import SimulatedTask
 
 _BY_SCAN = 1
+MOST_VALUES = 2**26
+"""Values one call may move."""
 Converter = Callable[[SimulatedTask, NDArray[np.float64]], NDArray[Any]]
 Handler = Callable[[SimulatedDevice, SimulatedTask, Any], Any]
 
@@ -38,6 +40,20 @@ def _by_scan(request: Any, field: str) -> bool:
 
 def _wanted(request: Any) -> int:
     return int(request.num_samps_per_chan)
+
+
+def samples_to_read(task: SimulatedTask, request: Any, values_per_sample: int | None = None) -> int:
+    """Return the samples per channel to read; refuses more than the client has room for.
+
+    ``values_per_sample`` is for all channels of the task, one each unless told.
+    """
+    wanted, fields = _wanted(request), request.DESCRIPTOR.fields_by_name
+    needed = max(wanted, 0) * (values_per_sample or len(task.channels))
+    sizes = [name for name in ("array_size_in_samps", "array_size_in_bytes") if name in fields]
+    room = min([MOST_VALUES, *(getattr(request, name) for name in sizes)])
+    if needed > room:
+        raise DaqStatusError(status.READ_BUFFER_TOO_SMALL, f"Task: {task.name}: {needed} values, room for {room}")
+    return wanted
 
 
 def _laid_out(values: NDArray[Any], rows: int, by_scan: bool) -> NDArray[Any]:
@@ -66,12 +82,13 @@ def _counts(values: NDArray[np.float64]) -> NDArray[np.uint32]:
 def _read(call: str, type_: str, convert: Converter) -> Handler:
     def read(device: SimulatedDevice, task: SimulatedTask, request: Any) -> Any:
         refuse_other_type(task, type_)
-        wanted = _wanted(request)
+        per_sample = _most_lines(task) * len(task.channels) if call == "ReadDigitalLines" else None
+        wanted = samples_to_read(task, request, per_sample)
         values = convert(task, device.read(task, wanted, request.timeout))
         came = values.shape[0]
         code = 0 if came >= wanted else status.SAMPLES_NOT_YET_AVAILABLE
         flat = _laid_out(values, wanted, _by_scan(request, "fill_mode"))
-        packed = bytes(flat.astype(np.uint8)) if call == "ReadDigitalLines" else flat
+        packed = bytes(flat.astype(np.uint8)) if call in ("ReadDigitalLines", "ReadDigitalU8") else flat
         extra = {"num_bytes_per_samp": _most_lines(task)} if call == "ReadDigitalLines" else {}
         return response(call, status=code, read_array=packed, samps_per_chan_read=came, **extra)
 
@@ -192,7 +209,7 @@ def _read_pairs(call: str, first: str, second: str, measures: str) -> Handler:
         if task.channels[0].settings.get("measures") != measures:
             raise DaqStatusError(status.WRONG_MEASUREMENT_TYPE, f"Task: {task.name} does not measure {measures}")
         scalar = call.endswith("Scalar")
-        wanted = 1 if scalar else _wanted(request)
+        wanted = 1 if scalar else samples_to_read(task, request)
         values = device.read(task, wanted, request.timeout)
         came = values.shape[0]
         if measures == PULSE_TICKS:

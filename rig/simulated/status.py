@@ -27,6 +27,7 @@ DUPLICATE_TASK = -200089
 INVALID_TASK = -200088
 NO_CHANNELS = -200478
 WRONG_SIZE = -200524
+READ_BUFFER_TOO_SMALL = -200229
 MIN_NOT_LESS_THAN_MAX = -200082
 ATTRIBUTE_NOT_SUPPORTED = -200452
 RATE_TOO_HIGH = -200332
@@ -64,6 +65,7 @@ TEXTS = {
     DUPLICATE_TASK: "A task of that name exists already.",
     INVALID_TASK: "Task is invalid or does not exist.",
     WRONG_SIZE: "The number of values does not fit channels and samples of the task.",
+    READ_BUFFER_TOO_SMALL: "The array to read into is too small for the samples asked for.",
     MIN_NOT_LESS_THAN_MAX: "The minimum must be less than the maximum.",
     NO_CHANNELS: "The task has no channels.",
     ATTRIBUTE_NOT_SUPPORTED: "The property is not supported by the virtual device for this task.",

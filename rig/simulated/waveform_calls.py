@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from rig.simulated import status
 from rig.simulated.channel_properties import CHANNEL_GETTABLE
-from rig.simulated.data_calls import Handler, lines_by_channel, put_levels, refuse_other_type
+from rig.simulated.data_calls import Handler, lines_by_channel, put_levels, refuse_other_type, samples_to_read
 from rig.simulated.device import SimulatedDevice
 from rig.simulated.messages import enum, response
 from rig.simulated.status import DaqStatusError, NotImplementedByDevice
@@ -47,7 +47,7 @@ def _named(name: str, unit: str = "") -> dict[str, Any]:
 
 def _read(device: SimulatedDevice, task: SimulatedTask, request: Any, type_: str) -> tuple[NDArray[Any], int, Any]:
     refuse_other_type(task, type_)
-    wanted = int(request.num_samps_per_chan)
+    wanted = samples_to_read(task, request)
     values = device.read(task, wanted, request.timeout)
     code = 0 if values.shape[0] >= wanted else status.SAMPLES_NOT_YET_AVAILABLE
     mode = enum(request, "waveform_attribute_mode")
@@ -112,7 +112,9 @@ def _write_digital(device: SimulatedDevice, task: SimulatedTask, request: Any) -
     return response("WriteDigitalWaveforms", samps_per_chan_written=values.shape[0])
 
 
-def _codes(device: SimulatedDevice, task: SimulatedTask, request: Any) -> tuple[NDArray[np.int64], int]:
+def _codes(
+    device: SimulatedDevice, task: SimulatedTask, request: Any, values_per_sample: int | None = None
+) -> tuple[NDArray[np.int64], int]:
     """Return converter codes, (n, channels); channels of 24 bits or with a bridge's scaling are not there."""
     refuse_other_type(task, "AI")
     steps = []
@@ -121,14 +123,14 @@ def _codes(device: SimulatedDevice, task: SimulatedTask, request: Any) -> tuple[
         if found is None:
             raise NotImplementedByDevice(f"raw samples of {channel.physical.name}")
         steps.append(found[1])
-    wanted = int(request.num_samps_per_chan)
+    wanted = samples_to_read(task, request, values_per_sample)
     values = device.read(task, wanted, request.timeout)
     code = 0 if values.shape[0] >= wanted else status.SAMPLES_NOT_YET_AVAILABLE
     return np.rint(values / np.array(steps)).astype(np.int64), code
 
 
 def _read_raw(device: SimulatedDevice, task: SimulatedTask, request: Any) -> Any:
-    codes, code = _codes(device, task, request)
+    codes, code = _codes(device, task, request, 2 * len(task.channels))
     data = codes.astype("<i2").tobytes()  # interleaved, as the converter gives them
     return response("ReadRaw", status=code, read_array=data, samps_read=codes.shape[0], num_bytes_per_samp=2)
 
