@@ -104,7 +104,8 @@ def _write(
         raise DaqStatusError(status.WRONG_SIZE, f"{high_s.size} high and {low_s.size} low parts")
     timebase = device.inventory.product.counter_timebase_hz
     high, low = np.rint(high_s * timebase), np.rint(low_s * timebase)
-    if not (np.isfinite(high + low).all() and min(high.min(), low.min()) >= 2 and max(high.max(), low.max()) < 2**32):
+    parts = np.concatenate((high, low))
+    if not (np.isfinite(parts).all() and parts.min() >= 2 and parts.max() < 2**32):
         raise DaqStatusError(status.INVALID_VALUE, f"Pulses of {high_s[0]:g} s high, {low_s[0]:g} s low")
     if np.ptp(high + low) > 0:
         raise NotImplementedByDevice("pulses of several frequencies in one buffer")

@@ -96,10 +96,10 @@ def test_an_empty_request_of_every_call_is_answered_or_refused(make_backend) -> 
     assert sum(answer == "UNIMPLEMENTED" for answer in answers.values()) < 330
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("seed", [1, 2])
 def test_random_requests_of_every_call_are_answered_or_refused(seed, make_backend) -> None:
     draw, seen = random.Random(seed), set()
-    for _ in range(10):
+    for _ in range(4):
         service = with_tasks(make_backend)
         calls = [call for call in sorted(CALLS) if call not in ("ResetDevice", "ClearTask")]
         draw.shuffle(calls)
