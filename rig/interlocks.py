@@ -175,10 +175,12 @@ class Interlocks:
                 f" about {(first + old) / self._rate:.3f} s, allowed shorter; the input is saturated or stuck"
             )
         span = self._samples(STUCK_OVER_S)
-        for end in range(max(old, span), self._force.size + 1, max(span // 2, 1)):
-            window = self._count[end - span : end]
-            moved = np.ptp(window, axis=0) * np.abs(self._rad)
-            still = np.ptp(window, axis=0) == 0
+        ends = np.arange(max(old, span), self._force.size + 1, max(span // 2, 1))
+        if not ends.size:
+            return
+        windows = np.lib.stride_tricks.sliding_window_view(self._count, span, axis=0)[ends - span]
+        turned = np.ptp(windows, axis=-1)  # of each window and body
+        for end, still, moved in zip(ends, turned == 0, turned * np.abs(self._rad), strict=True):
             # key and whippen always move together, and neither far without the hammer's shank
             for body, witness in ((0, 1), (1, 0), (2, 1)):
                 if still[body] and moved[witness] > STUCK_WHILE_RAD * (1 if body < 2 else 3):

@@ -68,18 +68,10 @@ def record_session(
         Number of trials, 1 to 9999.
     plan : Plan, optional
         A trial plan (:mod:`rig.trial_plan`) in place of ``profile`` and ``trials``.
-    ask : callable, optional
-        Shows an operator prompt of the plan and returns what was typed, None when nobody can be asked.
     operator, action_name, action, room, notes
         What goes into ``session.toml``; ``action`` replaces ``action_name``.
-    progress : callable, optional
-        Called after each block with a :class:`rig.trial_run.Progress`; an exception in it stops the trial safely.
-    after_trial : callable, optional
-        Called with each sealed trial while the backend is still open, e.g. to save a film.
-    feed : BlockFeed, optional
-        Bounded feed for a live view.
-    open_journal : callable, optional
-        Creates each trial's journal; tests put a bad disk here.
+    progress, after_trial, feed, ask, open_journal : optional
+        Who watches, and what is done around the blows: see :class:`rig.plan_run.Attendance`.
     predict : callable, optional
         Predicts the profile's blow for the dry run (:mod:`rig.dry_run`); needed on hardware.
     permission : Permission, optional
