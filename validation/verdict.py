@@ -44,7 +44,7 @@ def verdict_lines(
     ranked = scored[scored["rmse_over_range"].notna()]
     if len(ranked):
         worst = ranked.loc[ranked["rmse_over_range"].astype(float).idxmax()]
-        head += f"worst channel {worst['channel']}, RMSE {_score(worst)}; "
+        head += f"largest RMSE for its range: {worst['channel']} {_score(worst)}; "
     differing = int((~events["agree"].astype(bool)).sum())
     head += (
         "every event happens in the model as often as in the trials."
@@ -53,7 +53,8 @@ def verdict_lines(
     )
     lines = [text for text in (head, summary_line(findings)) if text]
     if len(scored):
-        lines.append("RMSE: " + ", ".join(f"{row['channel']} {_score(row)}" for _, row in scored.iterrows()) + ".")
+        lines.append("RMSE: " + "; ".join(f"{row['channel']} {_score(row)}" for _, row in scored.iterrows()) + ".")
+    lines += _beside_ceiling(scored)
     lines += _against_repeatability(scored, distorted_trials(findings))
     return lines + _events(events)
 
@@ -62,8 +63,20 @@ def _score(row: Any) -> str:
     text = f"{math.degrees(row['rmse_rad']):.2g}°"
     if math.isfinite(row["rmse_over_range"]):
         text += f" ({100 * row['rmse_over_range']:.2g} % of its range"
-        text += f", {row['rmse_over_s_r']:.1f} × sᵣ)" if math.isfinite(row["rmse_over_s_r"]) else ")"
+        ceiling = math.degrees(row["trial_to_trial_rmse_rad"])
+        text += f"; one trial against another {ceiling:.2g}°)" if math.isfinite(ceiling) else ")"
     return text
+
+
+def _beside_ceiling(scored: pd.DataFrame) -> list[str]:
+    """The ISO-style score of each channel beside what trials score among themselves."""
+    shown = [
+        f"{row.channel} {row.iso_overall:.2f}" + (f" ({row.iso_ceiling:.2f})" if math.isfinite(row.iso_ceiling) else "")
+        for row in scored.itertuples()
+        if math.isfinite(row.iso_overall)
+    ]
+    text = "ISO 18571-style score, 1 at best, in brackets that of one trial against another: "
+    return [text + ", ".join(shown) + "."] if shown else []
 
 
 def _against_repeatability(scored: pd.DataFrame, distorted: list[int]) -> list[str]:

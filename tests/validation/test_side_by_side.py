@@ -63,6 +63,21 @@ def test_verdict_matrix_and_files_name_session_and_model(side, side_written, pag
     assert rows[2][3] == degrees(key["ceiling"])
 
 
+def test_numbers_of_captions_and_verdicts_are_those_of_the_file(side_written, page):
+    content = json.loads(side_written.files["results.json"].read_text(encoding="utf-8"))
+    scores = pd.DataFrame(content["tables"]["scores"])
+    said = re.findall(r"Rotation of the (\w+), trial (\d+) and models; .*?calibrated: ([\d.]+)°", page)
+    assert len(said) == 18  # caption and title of nine figures
+    for channel, trial, value in said:
+        row = scores.query(f"model == 'calibrated' and channel == '{channel}' and trial == {trial}").iloc[0]
+        assert value == degrees(row["rmse_rad"])
+    channels = pd.DataFrame(content["tables"]["channels"]).query("model == 'calibrated'").set_index("channel")
+    line = next(text for text in content["results"][0]["verdict_lines"] if text.startswith("ISO 18571-style"))
+    for channel in ("key", "whippen", "hammer"):
+        row = channels.loc[channel].iloc[0]
+        assert f"{channel} {row['iso_overall']:.2f} ({row['iso_ceiling']:.2f})" in line
+
+
 def test_hostile_names_are_text_everywhere(side, page):
     assert page.count("<script") == page.count("</script") == 1
     assert "<img" not in page

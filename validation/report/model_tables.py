@@ -41,8 +41,10 @@ def matrix(side: SideBySide) -> PageTable:
         rows.append([name, "null model", n, *_cells(first, channels, "null"), DASH])
     notes = [
         "Over all trials of a session: RMSE by root mean square, the ISO 18571-style score (0 to 1, 1 is best) by "
-        "mean. Ceiling: the same score of one trial against another, the best that can be asked of a model. Sessions "
-        "are never pooled: blows of different conditions or sample rates have no common repeatability."
+        "mean. Ceiling: the same score of one trial against another, the best that can be asked of a model; a dash "
+        "with fewer than two trials. Null model: the key’s turn alone, all else balanced along it, no fit to trials; a "
+        "model of many bodies should do better. Sessions are never pooled: blows of different conditions or sample "
+        "rates have no common repeatability."
     ]
     return PageTable("matrix", "Scores of every session, model and channel", head, rows, notes)
 

@@ -24,7 +24,8 @@ def scorecard_table(result: ValidationResult) -> PageTable:
     head = ["score", "model", "trial–trial", "null model", "raw force", "pairs", ""]
     notes = [
         "trial–trial (the ceiling): the same score of one trial against another, over the pairs counted; no model can "
-        "be asked for better. null model: one degree of freedom, no fit to trials. raw force: the model driven by the "
+        "be asked for better. null model: the key's turn alone, all else balanced "
+        "along it, no fit to trials; a model of many bodies should do better. raw force: the model driven by the "
         "force as recorded, without correction for offset, hum and delay."
     ]
     guards = [
