@@ -11,10 +11,12 @@ import json
 import math
 import tomllib
 from collections.abc import Mapping, Sequence
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
+from pydantic_core import ErrorDetails
 
 from rig.errors import InputError
 
@@ -63,15 +65,29 @@ def _one_line(error: ValidationError) -> str:
         line = f"{key} is missing; add it"
     elif first["type"] == "extra_forbidden":
         lacking = [_key(c["loc"]) for c in complaints if c["type"] == "missing" and c["loc"][:-1] == first["loc"][:-1]]
-        meant = f"; {lacking[0]} is missing" if lacking else ""
+        meant = "".join(f"; {near} is missing" for near in get_close_matches(key, lacking, 1))
         line = f"unknown key {key} = {_shown(first['input'])}; correct its spelling or remove it{meant}"
     elif first["type"] == "value_error":
         line = f"{key}: {first['ctx']['error']}" if key else str(first["ctx"]["error"])
+    elif branches := _branches(complaints, first):
+        line = f"{_key(first['loc'][:-1])} = {_shown(first['input'])}: {' or '.join(map(_said, branches))}"
+        complaints = [c for c in complaints if c not in branches[1:]]
     else:
-        line = f"{key} = {_shown(first['input'])}: {first['msg'][:1].lower()}{first['msg'][1:]}"
+        line = f"{key} = {_shown(first['input'])}: {_said(first)}"
     if len(complaints) > 1:
         line += f" (and {len(complaints) - 1} more)"
     return " ".join(line.split())
+
+
+def _branches(complaints: Sequence[ErrorDetails], first: ErrorDetails) -> list[ErrorDetails]:
+    """Complaints about one value that may be of several kinds; none where it may be of one."""
+    same = [c for c in complaints if c["loc"][:-1] == first["loc"][:-1] and c["input"] is first["input"]]
+    kinds = [c["loc"][-1] for c in same]
+    return same if any(str(kind).startswith("literal[") for kind in kinds) else []
+
+
+def _said(complaint: ErrorDetails) -> str:
+    return complaint["msg"][:1].lower() + complaint["msg"][1:]
 
 
 def _key(location: Sequence[int | str]) -> str:

@@ -91,20 +91,11 @@ def command(
 
 
 def _room(temperature_c: float | None, humidity_percent: float | None) -> RoomInfo:
-    from math import isfinite
-
     from rig.session.info import RoomInfo
+    from rig.toml_file import check
 
-    for option, value, low, high in (
-        ("--temperature", temperature_c, -40.0, 60.0),
-        ("--humidity", humidity_percent, 0.0, 100.0),
-    ):
-        if value is not None and not (isfinite(value) and low <= value <= high):
-            raise InputError(f"{option} {value:g}: allowed {low:g} to {high:g}")
-    return RoomInfo(
-        temperature_c="unknown" if temperature_c is None else temperature_c,
-        relative_humidity_percent="unknown" if humidity_percent is None else humidity_percent,
-    )
+    named = {"temperature_c": temperature_c, "relative_humidity_percent": humidity_percent}
+    return check(RoomInfo, {key: v for key, v in named.items() if v is not None}, "--temperature, --humidity")
 
 
 def _resume(session: Path, backend: str, yes: bool, selftest: Path, as_json: bool) -> None:

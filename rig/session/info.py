@@ -11,7 +11,9 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
 SCHEMA: Literal["piano-action-rig session 1"] = "piano-action-rig session 1"
-Measured = Annotated[float, Field(strict=True, allow_inf_nan=False)] | Literal["unknown"]
+Unknown = Literal["unknown"]
+Level = Annotated[float, Field(strict=True, ge=-0.2, le=0.2)] | Unknown
+Mass = Annotated[float, Field(strict=True, ge=0, le=1)] | Unknown
 Digest = Annotated[str, Field(pattern=r"^([0-9a-f]{64})?$")]
 
 
@@ -22,23 +24,23 @@ class _Table(BaseModel):
 class RegulationInfo(_Table):
     """The action's regulation as measured on the bench, m (the quantities of ``pianorig regulate``), or ``unknown``."""
 
-    dip_m: Measured = "unknown"
-    hammer_height_m: Measured = "unknown"
-    jack_m: Measured = "unknown"
-    repetition_m: Measured = "unknown"
-    let_off_m: Measured = "unknown"
-    drop_m: Measured = "unknown"
-    check_m: Measured = "unknown"
+    dip_m: Level = "unknown"
+    hammer_height_m: Level = "unknown"
+    jack_m: Level = "unknown"
+    repetition_m: Level = "unknown"
+    let_off_m: Level = "unknown"
+    drop_m: Level = "unknown"
+    check_m: Level = "unknown"
     note: str = ""
 
 
 class AddedMassInfo(_Table):
     """What the sensors add to the bodies, kg: load cell at the key front, encoder scales; or ``unknown``."""
 
-    load_cell_kg: Measured = "unknown"
-    key_scale_kg: Measured = "unknown"
-    whippen_scale_kg: Measured = "unknown"
-    hammer_scale_kg: Measured = "unknown"
+    load_cell_kg: Mass = "unknown"
+    key_scale_kg: Mass = "unknown"
+    whippen_scale_kg: Mass = "unknown"
+    hammer_scale_kg: Mass = "unknown"
     note: str = ""
 
 
@@ -89,8 +91,8 @@ class PlanInfo(_Table):
 class RoomInfo(_Table):
     """The room: each value in SI-derived units, or ``unknown``."""
 
-    temperature_c: Measured = "unknown"
-    relative_humidity_percent: Measured = "unknown"
+    temperature_c: Annotated[float, Field(strict=True, ge=-40, le=60)] | Unknown = "unknown"
+    relative_humidity_percent: Annotated[float, Field(strict=True, ge=0, le=100)] | Unknown = "unknown"
 
 
 class SessionInfo(_Table):
