@@ -19,14 +19,6 @@ from tests.command_line import run
 DATA = Path(__file__).parents[1] / "model" / "data"
 
 
-@pytest.fixture
-def short_force(tmp_path: Path) -> Path:
-    rows = np.loadtxt(DATA / "forte_force.csv", delimiter=",", skiprows=1)[400:600]
-    path = tmp_path / "force.csv"
-    np.savetxt(path, rows, "%.4f", ",", header="time_s,force_n", comments="")
-    return path
-
-
 def test_simulate_writes_the_columns_in_their_order(
     short_force: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -133,7 +125,7 @@ def test_start_up_imports_only_what_a_command_needs(short_force: Path, tmp_path:
     out = str(tmp_path / "o.csv")
     loaded = modules_after("simulate", "--force", str(short_force), "--out", out)
     assert "numba" in loaded
-    assert not loaded & {"pandas", "matplotlib", "cv2", "nidaqmx", "h5py"}
+    assert not loaded & {"pandas", "matplotlib", "cv2", "nidaqmx", "h5py", "model.inside"}
     # numba itself loads scipy.linalg for BLAS (docs/decisions/start-up-imports.md); we load nothing of SciPy
     assert not loaded & {"scipy.integrate", "scipy.optimize", "scipy.sparse", "scipy.special", "scipy.stats"}
 

@@ -73,11 +73,11 @@ def test_nothing_is_looked_at_unless_asked(monkeypatch: pytest.MonkeyPatch) -> N
         model.simulate(model.load_action(), [0.0, 0.01], [0.0, 1.0], inside=True)
 
 
-def test_sheet_and_animation(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_sheet_and_animation(short_force: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     drawings = {"--figures": tmp_path / "sheet.pdf", "--animation": tmp_path / "blow.html"}
     arguments = [str(part) for pair in drawings.items() for part in pair]
     out = tmp_path / "o.csv"
-    assert run("simulate", "--force", FORTE, *arguments, "--output-rate", "100", "--out", str(out), "--json") == 0
+    assert run("simulate", "--force", short_force, *arguments, "--output-rate", "100", "--out", out, "--json") == 0
     facts = json.loads(capsys.readouterr().out)
     assert facts["figures"] == str(drawings["--figures"]) and "contacts" not in facts
     assert drawings["--figures"].read_bytes()[:5] == b"%PDF-"
@@ -99,9 +99,8 @@ def test_drawings_that_cannot_be_are_refused_first(
     refused(words, "simulate", "--force", FORTE, option, name, "--out", "o.csv")
 
 
-def test_only_the_sheet_needs_matplotlib(tmp_path: Path) -> None:
+def test_only_the_sheet_needs_matplotlib(short_force: Path, tmp_path: Path) -> None:
     out, moving = str(tmp_path / "o.csv"), str(tmp_path / "a.svg")
-    loaded = modules_after("simulate", "--force", FORTE, "--inside", "--animation", moving, "--out", out)
+    loaded = modules_after("simulate", "--force", str(short_force), "--inside", "--animation", moving, "--out", out)
     assert "model.inside.animation" in loaded
     assert not loaded & {"pandas", "matplotlib", "scipy.integrate", "scipy.optimize", "scipy.sparse"}
-    assert "model.inside" not in modules_after("simulate", "--force", FORTE, "--out", out)
