@@ -186,7 +186,7 @@ def test_a_bad_step_name_or_column_is_refused_and_a_damaged_table_too(session) -
 
 
 words = st.text(st.characters(exclude_categories=("Cs",)), max_size=20)
-measured = st.one_of(st.just("unknown"), st.floats(-50, 150))
+measured = st.one_of(st.just("unknown"), st.floats(-40, 60))
 
 
 @settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
