@@ -223,7 +223,7 @@ def _assemble(
         compare_by_motion(predictor, measured, marks, window, findings) if by_motion else NOTHING
     )
     budget_table = _budget(predictor, measured, summary) if budget else pd.DataFrame(columns=COLUMNS)
-    warnings += [text for text in (note, predictor.kept.save()) if text]
+    warnings += [*([note] if note else []), *predictor.kept.save()]
     name = getattr(session.info, "name", "") or session.path.name
     action_name = str(getattr(predictor.action, "name", "unknown"))
     return ValidationResult(

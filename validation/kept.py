@@ -44,6 +44,7 @@ class Kept:
         self._before = {} if self._file is None else _read(self._file)
         self._used: dict[str, str] = {}
         self._counts: Counter[tuple[str, bool]] = Counter()
+        self._failures: dict[str, list[str]] = {}
         self._lock = Lock()
 
     def of(self, kind: str, inputs: object, make: Callable[[], Any]) -> Any:
@@ -67,9 +68,11 @@ class Kept:
             self._counts[kind, key in self._before] += 1
         return json.loads(text)
 
-    def count(self, kind: str, *, reused: bool) -> None:
-        """Note a result that is kept elsewhere."""
+    def count(self, kind: str, *, reused: bool, failure: str = "") -> None:
+        """Note a result that is kept elsewhere, or why it could not be."""
         self._counts[kind, reused] += 1
+        if failure:
+            self._failures.setdefault(kind, []).append(failure)
 
     def summary(self) -> dict[str, str]:
         """How many results of each kind were reused, ``4 of 5``."""
@@ -79,8 +82,13 @@ class Kept:
             for kind in kinds
         }
 
-    def save(self) -> str:
-        """Write what this run has used beside what others left; why it could not be kept, or an empty string."""
+    def save(self) -> list[str]:
+        """Write what this run has used beside what others left; what could not be kept, and why."""
+        lost = [f"{len(why)} {kind} not kept for the next run: {why[0]}" for kind, why in self._failures.items()]
+        failure = self._write()
+        return [*lost, f"scores not kept for the next run: {failure}"] if failure else lost
+
+    def _write(self) -> str:
         from rig.durable import write_text
         from rig.errors import InputError as RigInputError
 
@@ -101,7 +109,7 @@ class Kept:
             self._file.parent.mkdir(parents=True, exist_ok=True)
             write_text(self._file, _head(body) + body)
         except (RigInputError, OSError) as error:
-            return f"scores not kept for the next run: {error}"
+            return str(error)
         return ""
 
 

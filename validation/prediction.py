@@ -128,7 +128,7 @@ def predict_trial(
     Returns
     -------
     prediction : Prediction
-    note : str
+    failure : str
         Why the prediction could not be kept, or empty.
     """
     rest_angle = np.asarray(rest.angle_rad, dtype=float)
@@ -190,7 +190,7 @@ def _write(session: Any, measurement: Measurement, prediction: Prediction, step:
         if not begun:
             _forget(path.parent)
     except (RigInputError, OSError) as error:
-        return f"prediction not kept for the next run: {error}"
+        return str(error)
     return ""
 
 

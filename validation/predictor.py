@@ -163,17 +163,16 @@ class Predictor:
         from model.errors import ModelError
 
         load = self.load(m.force.preload_n)
-        found, note = self._one(m, load, "model")
-        notes = [note]
+        found = self._one(m, load, "model")
+        notes = []
         rivals = {}
         for name in self.rivals:
             try:
-                rivals[name], note = self._one(m, load, name)
+                rivals[name] = self._one(m, load, name)
             except (ModelError, PredictionError) as error:
-                note = f"{name.replace('_', ' ')} not predicted: {error}"
-            notes.append(note)
+                notes.append(f"{name.replace('_', ' ')} not predicted: {error}")
         events = self.events(predicted_motion(found, load.geometry, self.tolerance), m.quiet.stop)
-        return TrialPrediction(found, rivals, events, [text for text in notes if text])
+        return TrialPrediction(found, rivals, events, notes)
 
     def events(self, motion: Motion, quiet_stop: int) -> dict[str, Event]:
         """Events of a trial or of a prediction, found once."""
@@ -184,8 +183,8 @@ class Predictor:
         )
         return {event["name"]: Event(**event) for event in found}
 
-    def _one(self, m: Measurement, load: Load, variant: str) -> tuple[Prediction, str]:
-        found, note = predict_trial(
+    def _one(self, m: Measurement, load: Load, variant: str) -> Prediction:
+        found, failure = predict_trial(
             m,
             self.action,
             load.rest,
@@ -196,8 +195,8 @@ class Predictor:
             session=self.session,
             variant=variant,
         )
-        self.kept.count("predictions", reused=found.reused)
-        return found, note
+        self.kept.count("predictions", reused=found.reused, failure=failure)
+        return found
 
 
 def predicted_motion(p: Prediction, geometry: ActionGeometry, tolerance: float) -> Motion:

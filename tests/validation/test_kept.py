@@ -30,7 +30,7 @@ def test_a_result_is_computed_once_and_given_as_it_is_read_back(tmp_path):
     first = Kept(tmp_path)
     given = first.of("scores", (1.0, np.arange(3)), made)
     again = first.of("scores", (1.0, np.arange(3)), made)
-    assert first.save() == ""
+    assert first.save() == []
     later = Kept(tmp_path)
     read = later.of("scores", (1.0, np.arange(3)), made)
     assert made.times == 1
@@ -102,8 +102,8 @@ def test_a_damaged_file_counts_as_none_and_is_replaced(tmp_path, damage):
     second = Kept(tmp_path)
     assert second.of("scores", 1, made) == "right"
     assert made.times == 2
-    note = second.save()
-    assert ("not kept" in note) == (damage == "folder")
+    notes = second.save()
+    assert ["not kept" in note for note in notes] == [True] * (damage == "folder")
     if damage != "folder":
         assert file.read_text() == text
 
@@ -124,7 +124,7 @@ def test_the_file_stays_small_and_what_was_used_last_stays(tmp_path, monkeypatch
         kept = Kept(tmp_path)
         kept.of("scores", "used always", Made("x" * 100))
         kept.of("scores", i, Made("y" * 100))
-        assert kept.save() == ""
+        assert kept.save() == []
     file = tmp_path.joinpath(*PLACE)
     assert file.stat().st_size < 1200
     last = Kept(tmp_path)
@@ -143,7 +143,11 @@ def test_what_cannot_be_written_is_said_and_nothing_half_written_stays(tmp_path,
     kept = Kept(tmp_path)
     kept.of("scores", 1, Made(1))
     monkeypatch.setattr("pathlib.Path.write_bytes", full)
-    assert "No space left" in kept.save()
+    kept.count("predictions", reused=False, failure="no room")
+    kept.count("predictions", reused=False, failure="no room either")
+    first, second = kept.save()
+    assert first == "2 predictions not kept for the next run: no room"
+    assert second.startswith("scores not kept") and "No space left" in second
     assert list(tmp_path.joinpath(*PLACE).parent.iterdir()) == []
 
 

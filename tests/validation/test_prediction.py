@@ -118,7 +118,7 @@ def test_a_prediction_that_cannot_be_kept_is_said_and_used(small):
     (session.path / "derived").rename(session.path / "elsewhere")
     (session.path / "derived").write_text("a file where a folder is needed")
     result = compare_session(session, truth.action, predict=Counting(), rivals=(), budget=False, suspect=False)
-    assert any("prediction not kept" in text for text in result.warnings)
+    assert any("2 predictions not kept" in text for text in result.warnings)
     assert np.isfinite(result.channels.set_index("channel").loc["key", "rmse_rad"])
 
 
