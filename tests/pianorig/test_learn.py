@@ -22,10 +22,14 @@ def test_a_recorded_forte_is_learned_and_played(tmp_path: Path, capsys: pytest.C
     assert {"profile.toml", "learning.json", "pianist_and_motor.png", "recorded_forces.png", "blow_01"} <= {
         path.name for path in out.iterdir()
     }
-    # independent of the learning: play the file, compare with the recorded table
-    assert run("record", "--profile", str(out / "profile.toml"), "--trials", "1", "--out", str(again)) == 0
+    # each command passed the dry run on the model before it was played
     from rig.session import Session
 
+    blows = [Session.open(out / f"blow_{k:02d}").info for k in range(1, len(found["rms_percent_by_blow"]) + 1)]
+    assert [blow.dry_run["profile_sha256"] for blow in blows] == [blow.profile.sha256 for blow in blows]
+    assert len({blow.profile.sha256 for blow in blows}) == len(blows)
+    # independent of the learning: play the file, compare with the recorded table
+    assert run("record", "--profile", str(out / "profile.toml"), "--trials", "1", "--out", str(again)) == 0
     data = Session.open(again).trials[0].read()
     wanted = np.loadtxt(FORTE, delimiter=",", skiprows=1)
     force = data.force_n - data.force_n[data.time_s < data.blow_start_s].mean()

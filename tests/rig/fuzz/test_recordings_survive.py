@@ -25,5 +25,6 @@ LEAST_REFUSED = {"tdms": 1 / 3, "big-endian tdms": 1 / 3, "trial": 0.9}
 @pytest.mark.parametrize("name", CASES)
 def test_a_recording_is_read_right_or_refused(name: str, inputs: int, tmp_path: Path) -> None:
     whole, read, check = CASES[name](tmp_path)
+    inputs = inputs // 10 if name == "trial" else inputs  # each is hashed as a whole
     refused = survive(whole, read, check, inputs)
     assert refused == 0 if name == "journal" else refused > LEAST_REFUSED.get(name, 0) * inputs
