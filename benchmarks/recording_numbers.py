@@ -200,6 +200,18 @@ class Timed(JournalWriter):
         Timed.log.append((block.first_sample, block.force_n.size, before, time.monotonic()))
         return committed
 
+    @staticmethod
+    def ages_s() -> np.ndarray:
+        """From sample to journal, s, of every sample in the log."""
+        ages: list[np.ndarray] = []
+        start = [k for k, entry in enumerate(Timed.log) if entry[0] == 0] + [len(Timed.log)]
+        for first, end in zip(start, start[1:], strict=False):
+            part = Timed.log[first:end]
+            # the sample clock began when the block that came soonest after its last sample says it did
+            zero = min(came - (at + n) / 5000.0 for at, n, came, _ in part)
+            ages += [done - zero - (at + np.arange(n)) / 5000.0 for at, n, _, done in part]
+        return np.concatenate(ages)
+
 
 class Answering:
     """Processor time that a virtual bench in the same process spends on its answers."""
@@ -236,14 +248,7 @@ def real_time(trials: int) -> None:
         backend.close()
         stored = sum(trial.read().n_valid for trial in Session.open(session.path).trials)
     assert stored == sum(n for _, n, _, _ in Timed.log)
-    ages: list[np.ndarray] = []
-    start = [k for k, entry in enumerate(Timed.log) if entry[0] == 0] + [len(Timed.log)]
-    for first, end in zip(start, start[1:], strict=False):
-        part = Timed.log[first:end]
-        # the sample clock began when the block that came soonest after its last sample says it did
-        zero = min(came - (at + n) / 5000.0 for at, n, came, _ in part)
-        ages += [done - zero - (at + np.arange(n)) / 5000.0 for at, n, _, done in part]
-    age_ms = 1e3 * np.concatenate(ages)
+    age_ms = 1e3 * Timed.ages_s()
     share = 100 * answering.cpu_s / wall
     print(
         f"real time            : recording {100 * cpu / wall - share:.1f} % of one core, virtual bench {share:.1f} %, "

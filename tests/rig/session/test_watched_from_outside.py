@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from benchmarks.recording_numbers import Timed
 from rig.recorder import record_session
 from rig.session import Session
-from rig.session.journal import JournalWriter
 from rig.simulated.clock import PacedClock
 
 TRIALS = 2
@@ -32,31 +32,13 @@ main(sys.argv[1:])
 ROOT = Path(__file__).parents[3]
 
 
-class Timed(JournalWriter):
-    """Notes when each block came and when it was committed."""
-
-    log: list[tuple[int, int, float, float]] = []
-
-    def append(self, block: Any) -> int:
-        before = time.monotonic()
-        committed = super().append(block)
-        Timed.log.append((block.first_sample, block.force_n.size, before, time.monotonic()))
-        return committed
-
-
 def record(folder: Path, backend: Any, rig: Any, profile: Any) -> tuple[Session, float]:
     """Record in real time; the session and the 99th percentile of sample to journal, s."""
     Timed.log = []
     session = record_session(
         folder, profile=profile, rig_config=rig, backend=backend, trials=TRIALS, open_journal=Timed
     )
-    ages: list[np.ndarray] = []
-    start = [k for k, entry in enumerate(Timed.log) if entry[0] == 0] + [len(Timed.log)]
-    for first, end in zip(start, start[1:], strict=False):
-        part = Timed.log[first:end]
-        zero = min(came - (at + n) / 5000.0 for at, n, came, _ in part)
-        ages += [done - zero - (at + np.arange(n)) / 5000.0 for at, n, _, done in part]
-    return session, float(np.percentile(np.concatenate(ages), 99))
+    return session, float(np.percentile(Timed.ages_s(), 99))
 
 
 @pytest.mark.slow
