@@ -102,7 +102,7 @@ def compare_session(
     # what a stand-in computes is known by its name only
     own = predict is None and rest_state is None and geometry is None
     predictor = Predictor(
-        _load(action),
+        load_model(action),
         tolerance=tolerance,
         predict=predict,
         rest_state=rest_state,
@@ -258,7 +258,8 @@ def _budget(predictor: Predictor, measured: list[Measurement], summary: pd.DataF
         return event_budget(predictor, representative(measured), summary, run=pool.map)
 
 
-def _load(action: Any) -> Any:
+def load_model(action: Any) -> Any:
+    """The action itself, or the one of a name or path."""
     if not isinstance(action, str | Path):
         return action
     import model

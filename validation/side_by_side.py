@@ -19,7 +19,7 @@ from typing import Any
 
 import pandas as pd
 
-from validation.comparison import compare_session
+from validation.comparison import compare_session, load_model
 from validation.errors import InputError, ValidationError
 from validation.model_pairs import paired_models
 from validation.prediction import action_sha256
@@ -135,7 +135,7 @@ def compare_sessions(
     InputError
         A session or a model is given twice, a model cannot be read, or no session can be compared.
     """
-    models = distinct_models([_load(action) for action in actions])
+    models = distinct_models([load_model(action) for action in actions])
     opened, refused = open_all(sessions)
     results: list[ValidationResult] = []
     failures: list[Exception] = [error for _, error in refused]
@@ -204,7 +204,9 @@ def distinct_models(actions: Sequence[Any]) -> list[Any]:
         seen[digest] = str(action.origin)
     files = [Path(str(getattr(action, "origin", ""))) for action in actions]
     names = [str(getattr(action, "name", "unknown")) for action in actions]
-    called = distinct(names, [f.name for f in files], files)
+    changes = [", ".join(f"{path}={v:g}" for path, v in getattr(a, "changed", {}).items()) for a in actions]
+    numbers = [f"model {i}" for i in range(1, len(actions) + 1)]
+    called = distinct(names, [f.name for f in files], files, [text or "unchanged" for text in changes], numbers)
     return [
         action if name == new else replace(action, name=new)
         for action, name, new in zip(actions, names, called, strict=True)
@@ -255,11 +257,3 @@ def _user_errors() -> tuple[type[Exception], ...]:
     from rig.errors import RigError
 
     return (RigError, ValidationError, ModelError)
-
-
-def _load(action: Any) -> Any:
-    if not isinstance(action, str | Path):
-        return action
-    import model
-
-    return model.load_action(action)

@@ -14,7 +14,7 @@ from rig.session import Session
 from validation import InputError, compare_sessions, validate_sessions
 from validation.report.numbers import degrees
 from validation.report.thesis import compared_anchor, condition_of, measured_anchor
-from validation.side_by_side import distinct, same_recordings
+from validation.side_by_side import distinct, distinct_models, same_recordings
 
 QUICK = {"keep_predictions": False, "rivals": (), "budget": False, "suspect": False}
 
@@ -142,6 +142,12 @@ def test_models_of_one_name_are_told_apart_and_one_given_twice_is_refused(stroke
     found = compare_sessions([folder / "b"], ["hirschkorn2004", str(text)], **QUICK)
     assert found.models == ["hirschkorn2004 (hirschkorn2004.toml)", "hirschkorn2004 (mine.toml)"]
     assert found.results[0].scores["rmse_rad"].iloc[0] != found.results[1].scores["rmse_rad"].iloc[0]
+    loose = truth.action.with_values({"contact04.friction": 0})
+    names = [
+        a.name for a in distinct_models([truth.action, loose, replace(loose, structure={**loose.structure, "x": ""})])
+    ]
+    assert names[0] == "hirschkorn2004 (unchanged)"
+    assert names[1:] == ["hirschkorn2004 (model 2)", "hirschkorn2004 (model 3)"]
     with pytest.raises(InputError, match="has the same values as .*hirschkorn2004.toml; name each model once"):
         compare_sessions([folder / "b"], [truth.action, model.load_action("hirschkorn2004")], **QUICK)
 
