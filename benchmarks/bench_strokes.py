@@ -10,7 +10,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -48,7 +47,6 @@ class Stroke:
 
     data: TrialData
     truth: PlantTruth
-    rest_s: float
 
 
 @cache
@@ -56,14 +54,14 @@ def _plant(rate_hz: float, seed: int, effects: tuple[str, ...]) -> ActionPlant:
     return load_plant(BENCH, seed, rate_hz, effects)
 
 
-def command_n(kind: str, time_s: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, float]:
-    """Motor force over time of one stroke, its strength and pace drawn, and when it ends."""
+def command_n(kind: str, time_s: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Motor force over time of one stroke, its strength and pace drawn."""
     at, newton = KINDS["forte" if kind in MISREGULATED else kind]
     pace, strength = rng.uniform(0.9, 1.1), rng.uniform(0.85, 1.15)
     if kind == "piano":
         pace, strength = rng.uniform(0.97, 1.03), rng.uniform(0.98, 1.1)
     corners = BEFORE_S + rng.uniform(0, 1e-3) + pace * np.array(at)
-    return strength * np.interp(time_s, corners, newton), float(corners[-1])
+    return strength * np.interp(time_s, corners, newton)
 
 
 def play(
@@ -75,10 +73,15 @@ def play(
     changed: Mapping[str, float] | None = None,
     effects: tuple[str, ...] = (),
     number: int = 1,
-    force_sensor: Mapping[str, Any] | None = None,
+    alike: bool = False,
+    strength: float = 1.0,
+    late_s: float = 0.0,
 ) -> Stroke:
-    """One stroke of one kind on the bench of one seed; `changed` adds to parameters of the specimen (SI)."""
-    rng = np.random.default_rng([seed, number, 99])
+    """One stroke of one kind on the bench of one seed; `changed` adds to parameters of the specimen (SI).
+
+    Trials that are ``alike`` differ by what the bench scatters only, but for the strength and delay given.
+    """
+    rng = np.random.default_rng([seed, 0 if alike else number, 99])
     plant = _plant(FINE * rate_hz, seed, effects)
     shipped = plant.action
     moved = {**MISREGULATED.get(kind, {}), **(changed or {})}
@@ -87,27 +90,24 @@ def play(
         plant.start_trial(number)
         length = BEFORE_S + 1.2 * KINDS["forte" if kind in MISREGULATED else kind][0][-1] + AFTER_S
         edges = np.arange(int(length * rate_hz)) / rate_hz
-        newton, _ = command_n(kind, edges, rng)
+        newton = strength * command_n(kind, edges - late_s, rng)
         plant.advance(np.repeat(newton / 12.0, FINE))
         truth = plant.truth()
     finally:
         plant.action = shipped
-    return Stroke(record(truth, seed, number, rate_hz, jitter_counts, force_sensor or {}), truth, BEFORE_S)
+    return Stroke(record(truth, seed, number, rate_hz, jitter_counts), truth)
 
 
-def record(
-    truth: PlantTruth, seed: int, number: int, rate_hz: float, jitter_counts: float, force_sensor: Mapping[str, Any]
-) -> TrialData:
+def record(truth: PlantTruth, seed: int, number: int, rate_hz: float, jitter_counts: float) -> TrialData:
     """What scales and load cell make of a stroke."""
     sensors, config = load_sensors(BENCH, seed=seed), load_rig("virtual").config
     rng = np.random.default_rng([seed, number, 98])
     time = truth.time_s[::FINE]
-    cell = sensors.force.model_copy(update=dict(force_sensor))
     lift = truth.column("key_lift")[::FINE] if "key_lift" in truth.coordinates else None
     count = EncoderSignals(sensors.encoders, seed, number).quarter_counts(truth.angle_rad[::FINE][:, [0, 1, 4]], lift)
     count = count + np.round(rng.normal(0, jitter_counts, count.shape)).astype(np.int64) * (jitter_counts > 0)
     delayed = np.interp(time - GROUP_DELAY_S, truth.time_s, truth.force_n, left=truth.force_n[0])
-    raw = ForceSignal(cell, seed, number).millivolts_per_volt(delayed, time)
+    raw = ForceSignal(sensors.force, seed, number).millivolts_per_volt(delayed, time)
     encoders = tuple(
         EncoderInfo(
             e.name, e.counts_per_revolution, e.sign, "", e.certificate.u_relative, e.u_interpolation_rad,
