@@ -22,13 +22,17 @@ from validation.key_lift import Lift
 from validation.measurement import ENCODER_CHANNELS, Measurement
 from validation.predictor import TrialPrediction
 
-DISTORTING = ("sign flip", "swapped channels", "camera offset", "outlying trial")
+WIRING = ("sign flip", "swapped channels", "dead channel")  # the channel is no measurement of what it is named after
+DISTORTING = (*WIRING, "camera offset", "outlying trial")
 COLUMNS = ["kind", "trial", "channel", "value", "limit", "text"]
 BETTER_WIRED = 0.25  # the other wiring must leave a quarter of the error
 WRONG_WIRED = 0.3  # of the predicted motion: below this error the wiring is right
 HUM_N = 0.1
 CLOCK_S = 1e-4
 RATE_RELATIVE = 1e-4
+SHORT_S = 0.02
+SHORT_SHARE = 0.1
+STANDS_STILL = 0.01  # of the predicted range
 
 
 @dataclass(frozen=True)
@@ -85,6 +89,23 @@ def wiring(m: Measurement, p: TrialPrediction) -> list[Finding]:
                 f"{action}",
             )
         )
+    return out
+
+
+def dead(m: Measurement, p: TrialPrediction) -> list[Finding]:
+    """Encoders that stand still while their body should move."""
+    out = []
+    for i, name in enumerate(ENCODER_CHANNELS):
+        moved, expected = (
+            np.ptp(m.change_rad[:, i]),
+            np.ptp(p.model.change_rad(name)[np.isfinite(p.model.angle_rad[:, 0])]),
+        )
+        if moved < STANDS_STILL * expected:
+            text = (
+                f"trial {m.number}: encoder {name}: it moves by {1e3 * moved:.2f} mrad where {1e3 * expected:.0f} mrad "
+                "are predicted (dead channel); check scale, cable and counter"
+            )
+            out.append(Finding("dead channel", m.number, name, float(moved), float(STANDS_STILL * expected), text))
     return out
 
 
@@ -160,6 +181,25 @@ def rates(measured: list[Measurement]) -> list[Finding]:
         )
         for number, value in rate.items()
         if abs(value / usual - 1) > RATE_RELATIVE
+    ]
+
+
+def short_records(measured: list[Measurement]) -> list[Finding]:
+    """Trials whose record ends well before the others': every curve is scored up to there only."""
+    end = {m.number: float(m.time_s[-1]) for m in measured}
+    usual = float(np.median(list(end.values())))
+    return [
+        Finding(
+            "short record",
+            number,
+            "",
+            value,
+            usual,
+            f"trial {number}: its record ends at {value:.3f} s, most end at {usual:.3f} s; no score looks further than "
+            "the shortest record, annotate this trial to leave it out",
+        )
+        for number, value in end.items()
+        if value < usual - max(SHORT_S, SHORT_SHARE * usual)
     ]
 
 

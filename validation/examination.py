@@ -13,7 +13,7 @@ from concurrent.futures import ThreadPoolExecutor
 import pandas as pd
 
 from validation.budget import representative
-from validation.diagnosis import Finding, camera_clock, hum, lifts, rates, wiring
+from validation.diagnosis import WIRING, Finding, camera_clock, dead, hum, lifts, rates, short_records, wiring
 from validation.event import Event
 from validation.geometry import Array
 from validation.key_lift import Lift
@@ -53,7 +53,7 @@ def compare_by_motion(
 
 def _sound(measured: list[Measurement], findings: list[Finding]) -> list[Measurement]:
     """Trials without a fault that spoils the comparison of one trial with the model."""
-    broken = {f.trial for f in findings if f.kind in ("sign flip", "swapped channels", "outlying trial")}
+    broken = {f.trial for f in findings if f.kind in (*WIRING, "outlying trial")}
     return [m for m in measured if m.number not in broken]
 
 
@@ -68,9 +68,9 @@ def find_faults(
     suspect: bool,
 ) -> list[Finding]:
     """Faults of the session, wiring first; the model is suspected on a trial without any."""
-    found = rates(measured) + lifts(marks)
+    found = rates(measured) + short_records(measured) + lifts(marks)
     for m in measured:
-        found += wiring(m, predictions[m.number]) + hum(m) + camera_clock(m)
+        found += wiring(m, predictions[m.number]) + dead(m, predictions[m.number]) + hum(m) + camera_clock(m)
     found += outlying(base, traces, measured, events, {(int(f.trial), f.channel) for f in found})
     sound = _sound(measured, found)
     if sound and suspect:

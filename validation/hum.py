@@ -129,7 +129,8 @@ def fit_hum(time_s: Array, force_n: Array, mains_hz: float | None = None) -> Hum
     time_s, force_n : (n,) arrays
         The quiet baseline only, in s and N.
     mains_hz : float or None
-        Nominal mains frequency; None tries 50 and 60 Hz and keeps the better one.
+        Nominal mains frequency.  50 and 60 Hz are tried beside it, and the best one kept: hum may come from elsewhere
+        than the mains the rig file declares.
 
     Returns
     -------
@@ -142,7 +143,7 @@ def fit_hum(time_s: Array, force_n: Array, mains_hz: float | None = None) -> Hum
     n = time.size
     step = (time[-1] - time[0]) / (n - 1)
     length = n * step
-    nominal = (mains_hz,) if mains_hz is not None else MAINS_HZ
+    nominal = MAINS_HZ if mains_hz is None else tuple(sorted({mains_hz, *MAINS_HZ}))
     offset = float(force.mean())
     before = float(force.std(ddof=1))
     u_mean = before * np.sqrt(correlation_inflation(force) / n)
@@ -164,9 +165,11 @@ def fit_hum(time_s: Array, force_n: Array, mains_hz: float | None = None) -> Hum
             np.zeros((0, 0)),
         )
 
-    if length < 2.0 / min(nominal):
-        reason = f"{TOO_SHORT} {1e3 * length:.0f} ms is shorter than two periods of {min(nominal):g} Hz"
-        return refused(reason, nominal[0], None, before, False)
+    declared = min(nominal) if mains_hz is None else mains_hz
+    if length < 2.0 / declared:
+        reason = f"{TOO_SHORT} {1e3 * length:.0f} ms is shorter than two periods of {declared:g} Hz"
+        return refused(reason, declared, None, before, False)
+    nominal = tuple(f for f in nominal if length >= 2.0 / f)
 
     searched = length >= SEARCH_BASELINE_S * (1 - 1e-9)
     middle = time.mean()  # fitting about the middle keeps frequency and phase uncorrelated

@@ -24,6 +24,7 @@ ODD = 5.0  # times the usual departure from the median
 FAR = 0.01  # of the channel's range, root mean square
 SMALL_FORCE = 0.02  # of the peak, below which a difference explains nothing
 SMALL_TIME_S = 0.5e-3
+SCALE_EXPLAINS = 0.9  # of the squared distance
 
 
 def outlying(
@@ -45,19 +46,22 @@ def outlying(
         (trial, channel) of faults that are named already.
     """
     ratios: dict[int, dict[str, float]] = {}
+    scales: dict[tuple[int, str], float] = {}
     for channel in ENCODER_CHANNELS:
         curves = on_common_base(base, traces, f"{channel}_measured_rad")
         away = _away(curves)
-        for number, ratio, far in zip(traces, distance_ratios(curves), away, strict=True):
+        for j, (number, ratio, far) in enumerate(zip(traces, distance_ratios(curves), away, strict=True)):
             if ratio > STANDS_OUT and far > FAR and (number, channel) not in explained:
                 ratios.setdefault(number, {})[channel] = float(ratio)
+                scales[number, channel] = _scale(curves, j)
     out = []
     for number, by_channel in ratios.items():
         worst = max(by_channel, key=lambda name: by_channel[name])
         others = f" (also {', '.join(c for c in by_channel if c != worst)})" if len(by_channel) > 1 else ""
+        why = _reason(number, measured, events, scales[number, worst])
         text = (
             f"trial {number} stands out in {worst}{others}: {by_channel[worst]:.1f} times as far from the others as is "
-            f"usual; {_reason(number, measured, events)}; it is kept, annotate it to leave it out"
+            f"usual; {why}; it is kept, annotate it to leave it out"
         )
         out.append(Finding("outlying trial", number, worst, by_channel[worst], STANDS_OUT, text))
     return out
@@ -74,9 +78,20 @@ def _away(curves: Array) -> Array:
     return np.asarray(distance / extent if extent > 0 else np.full(distance.shape, np.nan))
 
 
-def _reason(number: int, measured: list[Measurement], events: dict[int, dict[str, Event]]) -> str:
-    """What is odd about a trial's blow or its events."""
+def _scale(curves: Array, j: int) -> float:
+    """Factor by which a trial's readings are the others', when that explains nearly all of the distance; NaN else."""
+    known = curves[np.isfinite(curves).all(axis=1)]
+    middle, mine = np.median(np.delete(known, j, axis=1), axis=1), known[:, j]
+    factor = float(middle @ mine) / float(middle @ middle)
+    left = float(np.sum((mine - factor * middle) ** 2)) / float(np.sum((mine - middle) ** 2))
+    return factor if left < 1 - SCALE_EXPLAINS else float("nan")
+
+
+def _reason(number: int, measured: list[Measurement], events: dict[int, dict[str, Event]], scale: float) -> str:
+    """What is odd about a trial's readings, its blow or its events."""
     reasons = []
+    if np.isfinite(scale):
+        reasons.append(f"its readings are {scale:.3f} times the usual ones all the way: look for a wrong scale")
     for name, kind in EVENTS.items():
         there = {n: e[name].status != "absent" for n, e in events.items()}
         same = sum(v == there[number] for v in there.values())

@@ -3,7 +3,8 @@
 Place in the data flow: one trial without other faults, run again with changed friction → here → findings.
 Conventions: differences of key, whippen and hammer angles in units of each channel's range, before the release only.
 Source: Gauss–Newton on one parameter at a time, in its logarithm; the change is then checked by a run.
-Failure: no finding when the difference is small, or no single coefficient takes nearly all of it away.  A finding is a
+Failure: no finding when the difference is small, when the uncertainty of the force may make it (a soft blow amplifies a
+load cell's gain), or when no single coefficient takes nearly all of it away.  A finding is a
 suspicion: other errors of the model can look like friction.
 """
 
@@ -26,6 +27,8 @@ STEP = 0.1  # of the logarithm
 LARGEST_FACTOR = 4.0
 ROUNDS = 4
 SMALLEST_DIFFERENCE = 4e-3  # of the range, root mean square
+FORCE_MAY = 2.0  # standard uncertainties of the force's gain and level that a difference may come from
+FORCE_LEAVES = 0.25  # of the squared difference
 TAKES_AWAY = 0.95  # of the squared difference: with less, several things differ, and naming one would mislead
 
 
@@ -65,12 +68,17 @@ def _search(predictor: Predictor, m: Measurement, until_s: float, run: Callable[
         return []
     order = [BODIES.index(name) for name in ENCODER_CHANNELS]
 
-    def residual(changed: dict[str, float]) -> Array | None:
+    def residual(changed: dict[str, float], gain: float = 1.0, level_n: float = 0.0) -> Array | None:
         try:
             action = predictor.action.with_values(changed) if changed else predictor.action
-            rest = predictor.load_of(action, force.preload_n).rest
+            rest = predictor.load_of(action, gain * force.preload_n + level_n).rest
             found = predictor.simulate(
-                action, force.time_s, force.force_n, tolerance=predictor.tolerance, output_time_s=time, initial=rest
+                action,
+                force.time_s,
+                gain * force.force_n + level_n,
+                tolerance=predictor.tolerance,
+                output_time_s=time,
+                initial=rest,
             )
         except ModelError:
             return None
@@ -79,6 +87,10 @@ def _search(predictor: Predictor, m: Measurement, until_s: float, run: Callable[
 
     start = residual({})
     if start is None or math.sqrt(float(np.mean(start**2))) < SMALLEST_DIFFERENCE:
+        return []
+    u_level_n = math.hypot(force.u_preload_n, force.hum.u_offset_n)
+    by_force = (residual({}, gain=1 + force.gain_relative_u), residual({}, level_n=u_level_n))
+    if _explained_by_force(start, [moved - start for moved in by_force if moved is not None]):
         return []
     paths = [p for p, q in sorted(predictor.action.quantities.items()) if p.endswith("friction.A") and q.value > 0]
     stepped = list(run(residual, [{p: predictor.action[p] * math.exp(STEP)} for p in paths]))
@@ -100,6 +112,17 @@ def _search(predictor: Predictor, m: Measurement, until_s: float, run: Callable[
         f"{100 * share:.0f} % of the squared difference from trial {m.number} until the release; measure this friction"
     )
     return [Finding("wrong friction", float("nan"), path, factor, 1.0, text)]
+
+
+def _explained_by_force(start: Array, moved: list[Array]) -> bool:
+    """Whether gain and level of the force, within their uncertainty, may make most of the squared difference."""
+    known = [x for x in moved if x.any()]
+    if not known:
+        return False
+    columns = np.column_stack(known)
+    least = np.linalg.lstsq(columns, -start, rcond=None)[0]
+    left = start + columns @ np.clip(least, -FORCE_MAY, FORCE_MAY)
+    return bool(left @ left < FORCE_LEAVES * (start @ start))
 
 
 def _follow(
