@@ -106,7 +106,7 @@ def whole(tmp_path, make_backend, rig) -> Session:
 def check(folder: Path, seen: list[tuple[int, int, int]], whole: Session) -> str:
     """Compare a recovered session with what was acknowledged and with the whole one."""
     recover_session(folder)
-    session = Session.open(folder)
+    session = Session.open(folder, require_trials=False)
     assert not session.journals and not list(folder.glob(".*")) and recover_session(folder) == []
     stored = {}
     for trial, wanted in zip(session.trials, whole.trials, strict=False):
@@ -121,8 +121,8 @@ def check(folder: Path, seen: list[tuple[int, int, int]], whole: Session) -> str
     assert list(stored) == list(range(1, len(stored) + 1))
     for trial_number, acquired, committed in seen:
         assert acquired - committed <= MOST_UNCOMMITTED
-        assert stored[trial_number] >= committed
-    return session.trials[-1].status
+        assert stored.get(trial_number, 0) >= committed
+    return session.trials[-1].status if stored else "nothing was committed"
 
 
 def kill_often(program: Program, folder: Path, whole: Session, times: int, seed: int) -> list[str]:
