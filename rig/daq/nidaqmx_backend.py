@@ -214,8 +214,8 @@ class NidaqmxBackend(BenchChecks):
         self._outputs_safe("stop", failures)
         for name in self._tasks:
             self._put_to_rest(name, failures)
-        if self._watchdog is not None and self._safe:
-            _attempt(self._watchdog.stop, [])  # last: until here it watches over the steps above
+        if self._watchdog is not None and self._safe and not _attempt(self._watchdog.stop, []):
+            self._close_watchdog()  # last: until here it watches over the steps above
         if failures:
             self._clear()
             raise failures[0]
@@ -241,6 +241,10 @@ class NidaqmxBackend(BenchChecks):
         for name in self._tasks:
             _attempt(partial(self._tasks.clear, name), [])
         _attempt(self._outputs.clear, [])
+        self._close_watchdog()
+
+    def _close_watchdog(self) -> None:
+        """Give the timer up, unless it has to make the outputs safe."""
         if self._watchdog is not None and self._safe:
             _attempt(self._watchdog.close, [])
             self._watchdog = None
