@@ -7,7 +7,6 @@ derived results. A truncated or altered file is refused with :class:`rig.errors.
 
 from __future__ import annotations
 
-import hashlib
 import json
 from dataclasses import asdict
 from pathlib import Path
@@ -15,9 +14,9 @@ from typing import Any
 
 import h5py
 import numpy as np
-from numpy.typing import NDArray
 
 from rig.errors import InputError
+from rig.session.content import Content
 from rig.session.records import CameraInfo, ChannelInfo, EncoderInfo, ForceInfo, TrialData
 from rig.session.sealed_hdf5 import open_sealed, write_sealed
 
@@ -30,12 +29,13 @@ def write_trial(path: Path, data: TrialData) -> str:
     if path.exists():
         raise InputError(f"{path}: exists already; a sealed trial is never replaced")
     _check_shapes(path, data)
+    content = Content()
     with write_sealed(path) as file:
-        _write_root(file, data)
-        _write_daq(file.create_group("daq", track_order=True), data)
+        _write_root(content, file, data)
+        _write_daq(content, file.create_group("daq", track_order=True), data)
         if data.camera is not None:
-            _write_camera(file.create_group("camera", track_order=True), data.camera)
-        digest = _content_sha256(file)
+            _write_camera(content, file.create_group("camera", track_order=True), data.camera)
+        digest = content.sha256()
         file.attrs["sha256"] = digest
     return digest
 
@@ -80,44 +80,31 @@ def _check_shapes(path: Path, data: TrialData) -> None:
         raise InputError(f"{path}: status {data.status!r}, allowed {', '.join(STATUSES)}")
 
 
-def _write_root(file: h5py.File, data: TrialData) -> None:
-    file.attrs["schema"] = SCHEMA
-    file.attrs["Conventions"] = "SI units; time zero is the AI start trigger"
-    file.attrs["trial"] = data.number
-    file.attrs["started_utc"] = data.started_utc
-    file.attrs["simulated"] = int(data.simulated)
-    file.attrs["blow_start_s"] = data.blow_start_s
-    file.attrs["condition"] = data.condition
-    file.attrs["plan_entry"] = data.plan_entry
+def _write_root(content: Content, file: h5py.File, data: TrialData) -> None:
+    content.describe(
+        file,
+        schema=SCHEMA,
+        Conventions="SI units; time zero is the AI start trigger",
+        trial=data.number,
+        started_utc=data.started_utc,
+        simulated=int(data.simulated),
+        blow_start_s=data.blow_start_s,
+        condition=data.condition,
+        plan_entry=data.plan_entry,
+    )
 
 
-def _dataset(
-    group: h5py.Group, name: str, values: NDArray[Any], units: str, long_name: str, **attributes: Any
-) -> h5py.Dataset:
-    dataset = group.create_dataset(name, data=values)
-    dataset.attrs["units"] = units
-    dataset.attrs["long_name"] = long_name
-    for key, value in attributes.items():
-        dataset.attrs[key] = value
-    dataset.attrs["sha256"] = array_sha256(values)
-    return dataset
-
-
-def _write_daq(group: h5py.Group, data: TrialData) -> None:
-    group.attrs["sample_rate_hz"] = data.sample_rate_hz
-    group.attrs["n_valid"] = data.n_valid
-    group.attrs["status"] = data.status
-    group.attrs["reason"] = data.reason
-    time = _dataset(
+def _write_daq(content: Content, group: h5py.Group, data: TrialData) -> None:
+    rate, info = data.sample_rate_hz, data.force_info
+    content.describe(group, sample_rate_hz=rate, n_valid=data.n_valid, status=data.status, reason=data.reason)
+    time = content.quantity(
         group, "time", data.time_s, "s", "time since the AI start trigger", sample_rate_hz=data.sample_rate_hz
     )
     time.make_scale("time")
     names = np.array([encoder.name for encoder in data.encoders], dtype=h5py.string_dtype("utf-8"))
-    encoder_axis = group.create_dataset("encoder", data=names)
-    encoder_axis.attrs["long_name"] = "body the encoder reads"
+    encoder_axis = content.dataset(group, "encoder", names, long_name="body the encoder reads")
     encoder_axis.make_scale("encoder")
-    info = data.force_info
-    force = _dataset(
+    force = content.quantity(
         group,
         "force",
         data.force_n,
@@ -125,7 +112,7 @@ def _write_daq(group: h5py.Group, data: TrialData) -> None:
         "force on the key, positive downwards, calibrated, not corrected for offset, delay or hum",
         **_attributes(info),
     )
-    raw = _dataset(
+    raw = content.quantity(
         group,
         "force_raw",
         data.force_raw,
@@ -133,10 +120,10 @@ def _write_daq(group: h5py.Group, data: TrialData) -> None:
         "electrical reading of the force channel",
         channel=info.channel,
     )
-    motor = _dataset(
+    motor = content.quantity(
         group, "motor_command", data.motor_command_v, "V", "motor command held from each sample to the next"
     )
-    count = _dataset(
+    count = content.quantity(
         group,
         "encoder_count",
         data.encoder_count.astype(np.int64),
@@ -146,21 +133,21 @@ def _write_daq(group: h5py.Group, data: TrialData) -> None:
         counts_per_revolution=np.array([e.counts_per_revolution for e in data.encoders], dtype=np.int64),
         sign=np.array([e.sign for e in data.encoders], dtype=np.int64),
     )
-    further = _write_channels(group, data)
+    further = _write_channels(content, group, data)
     for dataset in (force, raw, motor, count, *further):
         dataset.dims[0].attach_scale(time)
     count.dims[1].attach_scale(encoder_axis)
 
 
-def _write_channels(group: h5py.Group, data: TrialData) -> list[h5py.Dataset]:
+def _write_channels(content: Content, group: h5py.Group, data: TrialData) -> list[h5py.Dataset]:
     """Write the further channels, one dataset each; a trial without them has no trace of them."""
     if data.channel_values is None:
         return []
-    group.attrs["channels_json"] = json.dumps([asdict(channel) for channel in data.channels])
+    content.describe(group, channels_json=json.dumps([asdict(channel) for channel in data.channels]))
     made = []
     for channel, values in zip(data.channels, data.channel_values.T, strict=True):
         rest = _attributes(channel)
-        made.append(_dataset(group, rest.pop("name"), values, rest.pop("unit"), rest.pop("quantity"), **rest))
+        made.append(content.quantity(group, rest.pop("name"), values, rest.pop("unit"), rest.pop("quantity"), **rest))
     return made
 
 
@@ -168,46 +155,15 @@ def _attributes(info: ForceInfo | ChannelInfo) -> dict[str, Any]:
     return {key: np.array(value) if isinstance(value, tuple) else value for key, value in asdict(info).items()}
 
 
-def _write_camera(group: h5py.Group, camera: CameraInfo) -> None:
-    for key, value in asdict(camera).items():
-        group.attrs[key] = value
-    time = _dataset(group, "time", camera.frame_time_s, "s", "middle of each exposure since the AI start trigger")
-    time.make_scale("time")
-    index = _dataset(
-        group, "frame", np.arange(camera.n_frames, dtype=np.int64), "1", "frame number in the film, from 0"
+def _write_camera(content: Content, group: h5py.Group, camera: CameraInfo) -> None:
+    content.describe(group, **asdict(camera))
+    time = content.quantity(
+        group, "time", camera.frame_time_s, "s", "middle of each exposure since the AI start trigger"
     )
+    time.make_scale("time")
+    number = np.arange(camera.n_frames, dtype=np.int64)
+    index = content.quantity(group, "frame", number, "1", "frame number in the film, from 0")
     index.dims[0].attach_scale(time)
-
-
-def array_sha256(values: NDArray[Any]) -> str:
-    """Return the SHA-256 of an array's little-endian bytes in C order; text as UTF-8, one item a line."""
-    array = np.ascontiguousarray(values)
-    if array.dtype.kind in "OUS":
-        text = "\n".join(item.decode() if isinstance(item, bytes) else str(item) for item in array.ravel())
-        return hashlib.sha256(text.encode("utf-8")).hexdigest()
-    return hashlib.sha256(array.astype(array.dtype.newbyteorder("<")).tobytes()).hexdigest()
-
-
-def _content_sha256(file: h5py.File) -> str:
-    """Hash every array and attribute that carries meaning, not HDF5's own bookkeeping."""
-    digest = hashlib.sha256()
-
-    def add(name: str, node: h5py.Group | h5py.Dataset) -> None:
-        digest.update(name.encode() + b"\0")
-        for key in sorted(node.attrs):
-            if key.isupper() or key.startswith("_") or (name == "/" and key == "sha256"):
-                continue
-            value = node.attrs[key]
-            digest.update(f"{key}={array_sha256(np.asarray(value))}\0".encode())
-        if isinstance(node, h5py.Dataset):
-            digest.update(array_sha256(node[()]).encode())
-
-    add("/", file)
-    names: list[str] = []
-    file.visit(names.append)
-    for name in sorted(names):
-        add(name, file[name])
-    return digest.hexdigest()
 
 
 def _plain(value: Any) -> Any:

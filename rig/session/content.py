@@ -1,0 +1,68 @@
+"""Writing arrays and attributes to an HDF5 file, and the digest over all of them that names a trial.
+
+Place in the data flow: :mod:`rig.session.trial_file` writes through this; derived results carry the digest. HDF5's
+own bookkeeping, such as the attributes of dimension scales, does not pass here and is not in it: it is over what was
+meant, in the order of names, whatever the order of writing.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from typing import Any
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+
+class Content:
+    """What has been written to one file."""
+
+    def __init__(self) -> None:
+        self._attributes: dict[str, dict[str, str]] = {}
+        self._arrays: dict[str, str] = {}
+
+    def describe(self, node: h5py.Group | h5py.Dataset, **attributes: Any) -> None:
+        """Give a group, a dataset or the file attributes."""
+        target, hashed = node.attrs, self._attributes.setdefault(_name(node), {})
+        for key, value in attributes.items():
+            target[key] = value
+            hashed[key] = array_sha256(np.asarray(value))
+
+    def dataset(self, group: h5py.Group, name: str, values: NDArray[Any], /, **attributes: Any) -> h5py.Dataset:
+        """Write an array with its attributes."""
+        dataset = group.create_dataset(name, data=values)
+        self._arrays[_name(dataset)] = array_sha256(values)
+        self.describe(dataset, **attributes)
+        return dataset
+
+    def quantity(
+        self, group: h5py.Group, name: str, values: NDArray[Any], units: str, long_name: str, /, **attributes: Any
+    ) -> h5py.Dataset:
+        """Write an array with its unit, what it is, and the SHA-256 of its bytes."""
+        dataset = self.dataset(group, name, values, units=units, long_name=long_name, **attributes)
+        self.describe(dataset, sha256=self._arrays[_name(dataset)])
+        return dataset
+
+    def sha256(self) -> str:
+        """Return the digest over all that was written so far."""
+        digest = hashlib.sha256()
+        for name in sorted(self._attributes):  # the file itself, "/", comes first
+            digest.update(name.encode() + b"\0")
+            for key, hashed in sorted(self._attributes[name].items()):
+                digest.update(f"{key}={hashed}\0".encode())
+            digest.update(self._arrays.get(name, "").encode())
+        return digest.hexdigest()
+
+
+def _name(node: h5py.Group | h5py.Dataset) -> str:
+    return node.name.lstrip("/") or "/"
+
+
+def array_sha256(values: NDArray[Any]) -> str:
+    """Return the SHA-256 of an array's little-endian bytes in C order; text as UTF-8, one item a line."""
+    array = np.ascontiguousarray(values)
+    if array.dtype.kind in "OUS":
+        text = "\n".join(item.decode() if isinstance(item, bytes) else str(item) for item in array.ravel())
+        return hashlib.sha256(text.encode("utf-8")).hexdigest()
+    return hashlib.sha256(array.astype(array.dtype.newbyteorder("<")).tobytes()).hexdigest()
