@@ -18,6 +18,7 @@ from rig.simulated.tasks import SimulatedTask
 INTERNAL_EXCITATION = 10200
 CHAN_FOR_ALL_LINES = 1
 VOLTS = 10348
+DEFAULT, RSE, NRSE, DIFFERENTIAL = -1, 10083, 10078, 10106
 BRIDGE_CONFIGURATIONS = (10182, 10187, 10270)
 
 
@@ -42,8 +43,7 @@ def force_bridge_two_point(device: SimulatedDevice, task: SimulatedTask, request
         reading = (e0 + (limit * scale - p0) * (e1 - e0) / (p1 - p0)) / per_mv
         if product.bridge_range_mv_per_v and abs(reading) > product.bridge_range_mv_per_v * (1 + 1e-9):
             raise DaqStatusError(status.INVALID_VALUE, f"Limit {limit:g} needs {reading:.4g} mV/V of the input")
-    if not request.min_val < request.max_val:
-        raise DaqStatusError(status.INVALID_VALUE, "Minimum not below maximum")
+    _increasing(request)
     device.add_channels(
         task, "AI", "bridge", request.physical_channel, request.name_to_assign_to_channel,
         units=units, physical_units=physical, electrical_units=electrical, min_val=request.min_val,
@@ -52,20 +52,35 @@ def force_bridge_two_point(device: SimulatedDevice, task: SimulatedTask, request
     )  # fmt: skip
 
 
+def _increasing(request: Any) -> None:
+    if request.min_val >= request.max_val:
+        raise DaqStatusError(status.MIN_NOT_LESS_THAN_MAX, f"{request.min_val:g} to {request.max_val:g}")
+
+
 def ai_voltage(device: SimulatedDevice, task: SimulatedTask, request: Any) -> None:
     """AI voltage within one of the device's ranges."""
     one_of(enum(request, "units"), (VOLTS,), "Units")
     if device.inventory.product.ai_ranges_v:
         device.inventory.voltage_range(request.min_val, request.max_val)
+    _increasing(request)
+    before = len(task.channels)
     device.add_channels(
         task, "AI", "voltage_in", request.physical_channel, request.name_to_assign_to_channel,
-        min_val=request.min_val, max_val=request.max_val, terminal_config=enum(request, "terminal_config"),
+        min_val=request.min_val, max_val=request.max_val,
     )  # fmt: skip
+    wanted = enum(request, "terminal_config") or DEFAULT
+    one_of(wanted, (DEFAULT, RSE, NRSE, DIFFERENTIAL), "Terminal configuration")
+    for channel in task.channels[before:]:
+        paired = int(channel.physical.resource.removeprefix("ai")) in device.inventory.product.differential
+        if wanted == DIFFERENTIAL and not paired:
+            raise DaqStatusError(status.INVALID_VALUE, f"{channel.physical.name} has no differential input")
+        channel.settings["terminal_config"] = (DIFFERENTIAL if paired else RSE) if wanted == DEFAULT else wanted
 
 
 def ao_voltage(device: SimulatedDevice, task: SimulatedTask, request: Any) -> None:
     """AO voltage within the device's range."""
     one_of(enum(request, "units"), (VOLTS,), "Units")
+    _increasing(request)
     reach = device.inventory.product.ao_range_v
     if not -reach <= request.min_val < request.max_val <= reach:
         raise DaqStatusError(status.INVALID_VALUE, f"Output limits {request.min_val:g} to {request.max_val:g} V")

@@ -97,6 +97,8 @@ class SimulatedDevice:
         task = self.task(name)
         self.stop(task)
         self.release(task)
+        for terminal in task.exported:
+            self.exports.pop(terminal, None)
         del self.tasks[name]
         self.watchdogs.forget(name)
 

@@ -129,7 +129,7 @@ class Inventory:
         Raises DaqStatusError above what the product can do with so many channels.
         """
         product = self.product
-        if not rate_hz > 0:
+        if not rate_hz > 0 or (kind != "counter" and rate_hz < product.timebase_hz / 2**32):
             raise DaqStatusError(status.INVALID_VALUE, f"Sample clock rate: {rate_hz:g}")
         most = DIGITAL_RATE_HZ
         if kind in ("bridge", "voltage_in"):

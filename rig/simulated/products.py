@@ -8,6 +8,7 @@ fixed slots: 9237, 9263, 9411, 9401 in 1 to 4.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -29,6 +30,10 @@ class Product:
     counter_timebase_hz: float
     modules: tuple[tuple[str, str], ...] = ()
     """Modules of a chassis: name behind the chassis's, product type."""
+    lines_in_group: Mapping[str, int] = field(default_factory=dict)
+    """Lines that have one direction together, by the stem of their pins; others have one each."""
+    differential: tuple[int, ...] = ()
+    """Numbers of the voltage inputs that can be the positive one of a pair."""
     unsimulated: str = r"(?!)"
     """Terminals that the product has and the virtual device does not, by pattern."""
     bridge_range_mv_per_v: float = 0.0
@@ -81,6 +86,7 @@ def _numbered(prefix: str, count: int, kind: Kind, resource: str) -> tuple[tuple
 
 CDAQ_9189 = Product(
     name="cDAQ-9189",
+    lines_in_group={"pin4": 4},  # NI 9401 data sheet: direction by nibble
     modules=(("Mod1", "NI 9237"), ("Mod2", "NI 9263"), ("Mod3", "NI 9411"), ("Mod4", "NI 9401")),
     unsimulated=UNSIMULATED,
     channels=(
@@ -107,6 +113,7 @@ CDAQ_9189 = Product(
 
 PCIE_6363 = Product(
     name="PCIe-6363",
+    differential=(*range(8), *range(16, 24)),
     unsimulated=UNSIMULATED,
     channels=(
         *_numbered("ai", 32, "voltage_in", "ai"),

@@ -19,6 +19,8 @@ INVALID_AO_DATA = -200561
 ONE_COUNTER_PER_TASK = -200147
 NO_SUCH_TERMINAL = -89120
 NO_ROUTE = -89136
+ROUTE_IN_USE = -89137
+LINE_DIRECTION_CONFLICT = -201133
 NO_DATA_WRITTEN = -200462
 TASK_RUNNING = -200479
 NOT_STARTED = -200846
@@ -58,6 +60,8 @@ TEXTS = {
     ONE_COUNTER_PER_TASK: "A task can contain only one counter input channel.",
     NO_SUCH_TERMINAL: "Source terminal to be routed could not be found on the device.",
     NO_ROUTE: "The route between these terminals is not supported by the device.",
+    ROUTE_IN_USE: "The terminal carries another signal already.",
+    LINE_DIRECTION_CONFLICT: "Lines of one group of the module are inputs or outputs together, not mixed.",
     NO_DATA_WRITTEN: "Generation cannot be started: no samples have been written.",
     TASK_RUNNING: "The operation cannot be performed while the task is running.",
     NOT_STARTED: "Cannot write to a task that is not started when auto start is false and it is on demand.",

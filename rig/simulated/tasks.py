@@ -113,6 +113,8 @@ class SimulatedTask:
     """Edges that had passed on its trigger's terminal when it began to wait."""
     before_trigger: int = 0
     """Samples acquired or generated before the last trigger, by a task that is triggered again and again."""
+    exported: set[str] = field(default_factory=set)
+    """Terminals it has sent its signals to, relative to the device."""
     ref_trigger: str = ""
     """Terminal of the reference trigger, relative to the device; "" for none."""
     pretrigger: int = 0

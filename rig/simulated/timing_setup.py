@@ -88,7 +88,11 @@ def _export(device: SimulatedDevice, task: SimulatedTask, request: Any) -> None:
     if signal is None or task.type not in ("AI", "AO", "DI", "DO"):
         raise NotImplementedByDevice(f"export of signal {enum(request, 'signal_id')}")
     target = device.inventory.terminal(request.output_terminal, output=True)
-    device.exports[target] = f"{str(task.type).lower()}/{signal}"
+    source = f"{str(task.type).lower()}/{signal}"
+    if device.exports.get(target, source) != source or device.reservations.is_held(f"PFI {target}"):
+        raise DaqStatusError(status.ROUTE_IN_USE, f"Terminal: {request.output_terminal!r}")
+    device.exports[target] = source
+    task.exported.add(target)
 
 
 TIMING_CALLS: dict[str, Callable[[SimulatedDevice, SimulatedTask, Any], None]] = {

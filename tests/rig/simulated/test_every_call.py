@@ -17,6 +17,7 @@ TEXTS = ("", "x", "Dev9/ai0", "Dev1/ai0:999", "a,b", "\0", ",", ":", "OnboardClo
 TEXTS = (*TEXTS, "Dev1/ctr0", "Dev1/port0/line3", "/Dev1/PFI0", "ai/SampleClock", "ai", "co", "do")
 WHOLE = (0, 1, 2, -1, 3, 10, 100, 1000, 10**6, 2**31 - 1, -(2**31), 10178, 10123, 10280, 10348, 10373)
 REAL = (0.0, 1.0, -1.0, 1e-3, 1000.0, 5.0, float("nan"), float("inf"), float("-inf"), 1e300, 1e-300)
+VOLTS = {"min_val": -1.0, "max_val": 1.0, "units_raw": 10348}
 KINDS = {
     "AI": (
         "CreateAIVoltageChan",

@@ -31,13 +31,67 @@ def test_channels_that_do_not_exist_or_cannot_measure_this(cdaq, card, bridge, r
         {"voltage_excit_val": 4.0},
         {"max_val": 1500.0},  # 27 mV/V
         {"second_physical_val": 0.0},
-        {"min_val": 111.2},
         {"units": ni.ForceUnits.FROM_CUSTOM_SCALE},
     ],
 )
 def test_bridge_settings_the_9237_does_not_have(changes, cdaq, bridge, refused) -> None:
     with refused(-200077):
         bridge(cdaq.task(), **changes)
+
+
+def test_limits_increase_and_terminal_configurations_exist(cdaq, card, bridge, refused) -> None:
+    with refused(-200082):
+        bridge(cdaq.task(), min_val=111.2)
+    inputs = card.task().ai_channels
+    with refused(-200082):
+        inputs.add_ai_voltage_chan("Dev1/ai0", min_val=1.0, max_val=1.0)
+    with refused(-200077):
+        inputs.add_ai_voltage_chan("Dev1/ai8", terminal_config=ni.TerminalConfiguration.DIFF)
+    with refused(-200077):
+        inputs.add_ai_voltage_chan("Dev1/ai1", terminal_config=ni.TerminalConfiguration.PSEUDO_DIFF)
+    pair, single = card.task().ai_channels, card.task().ai_channels
+    assert pair.add_ai_voltage_chan("Dev1/ai17").ai_term_cfg == ni.TerminalConfiguration.DIFF
+    assert single.add_ai_voltage_chan("Dev1/ai9").ai_term_cfg == ni.TerminalConfiguration.RSE
+
+
+def test_one_converter_serves_one_task_at_a_time(card, refused) -> None:
+    clocked, on_demand = card.task(), card.task()
+    clocked.ai_channels.add_ai_voltage_chan("Dev1/ai2")
+    clocked.timing.cfg_samp_clk_timing(1000.0, sample_mode=ni.AcquisitionType.CONTINUOUS)
+    on_demand.ai_channels.add_ai_voltage_chan("Dev1/ai3")
+    assert on_demand.read() == 0.0
+    clocked.start()
+    with refused(-50103):
+        on_demand.read()
+
+
+def test_lines_of_a_nibble_of_the_9401_have_one_direction(cdaq, refused) -> None:
+    output, inputs = cdaq.task(), [cdaq.task() for _ in range(3)]
+    output.do_channels.add_do_chan("cDAQ1Mod4/port0/line7")
+    output.start()
+    for task, line in zip(inputs, ("line4", "line3"), strict=False):
+        task.di_channels.add_di_chan(f"cDAQ1Mod4/port0/{line}")
+    with refused(-201133):
+        inputs[0].start()
+    inputs[1].start()
+    output.stop()
+    inputs[0].start()
+    inputs[2].co_channels.add_co_pulse_chan_freq("cDAQ1Mod4/ctr0").co_pulse_term = "/cDAQ1Mod4/PFI5"
+    with refused(-201133):
+        inputs[2].start()
+
+
+def test_a_terminal_carries_one_signal(card, refused) -> None:
+    inputs, outputs, pulses = card.task(), card.task(), card.task()
+    inputs.ai_channels.add_ai_voltage_chan("Dev1/ai2")
+    outputs.ao_channels.add_ao_voltage_chan("Dev1/ao1")
+    inputs.export_signals.export_signal(ni.Signal.SAMPLE_CLOCK, "/Dev1/PFI4")
+    with refused(-89137):
+        outputs.export_signals.export_signal(ni.Signal.SAMPLE_CLOCK, "/Dev1/PFI4")
+    pulses.co_channels.add_co_pulse_chan_freq("Dev1/ctr0").co_pulse_term = "/Dev1/PFI5"
+    pulses.control(ni.TaskMode.TASK_COMMIT)
+    with refused(-89137):
+        outputs.export_signals.export_signal(ni.Signal.SAMPLE_CLOCK, "/Dev1/PFI5")
 
 
 @pytest.mark.parametrize(
@@ -59,8 +113,9 @@ def test_rates_above_the_product_are_refused(cdaq, card, bridge, refused) -> Non
     voltage.ai_channels.add_ai_voltage_chan("Dev1/ai0")
     with refused(-200332):
         voltage.timing.cfg_samp_clk_timing(2_000_001)
-    with refused(-200077):
-        voltage.timing.cfg_samp_clk_timing(0)
+    for slow in (0, 0.02):  # 100 MHz over 2**32 is the slowest clock
+        with refused(-200077):
+            voltage.timing.cfg_samp_clk_timing(slow)
 
 
 def test_one_counter_per_task_and_no_mixture_of_types(cdaq, bridge, encoder, refused) -> None:
