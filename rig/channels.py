@@ -92,8 +92,12 @@ class ForceConfig(Table):
         return (40 + 5 / 512) / sample_rate_hz + 4.5e-6 if "9237" in self.module else 0.0
 
 
-RESERVED_NAMES = ("time", "force", "force_raw", "motor_command", "encoder", "encoder_count")
-"""Names of the datasets every trial has."""
+RESERVED_NAMES = (
+    *("time", "force", "force_raw", "motor_command", "encoder", "encoder_count"),
+    *("time_s", "force_n", "motor_command_v"),
+    *(f"{body}_{column}" for body in BODIES for column in ("count", "rad")),
+)
+"""Datasets every trial has, and columns of its table."""
 
 
 class ChannelConfig(Table):

@@ -122,6 +122,7 @@ def test_a_trial_whose_values_do_not_fit_its_channels_is_not_written(rig, make_b
     ("table", "said"),
     [
         (READBACK.replace("motor_readback", "force"), "channel name 'force' is taken"),
+        (READBACK.replace("motor_readback", "hammer_rad"), "channel name 'hammer_rad' is taken"),
         (READBACK.replace("motor_readback", "Motor"), "name"),
         (READBACK.replace("Dev1/ai1", "dev1/AI0"), "inputs of force and channels .* repeat"),
         (READBACK + READBACK.replace("ai1", "ai5"), "names of force and channels .* repeat"),
