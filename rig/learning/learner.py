@@ -32,6 +32,8 @@ from rig.trial_run import motor_command
 
 GAIN = 0.8
 GOAL = 0.03
+MARGIN = 0.75
+"""Learning goes on to this part of the goal while blows get better: the profile shall follow when played again."""
 MOST_BLOWS = 50
 POINT_TOLERANCE = 0.002
 """Key points leave out what changes the command by less than this part of its peak."""
@@ -130,7 +132,7 @@ def learn(
         if progress is not None:
             progress(done[-1])
         best = min(done, key=lambda entry: entry.error)
-        if best.error <= goal:
+        if best.error <= MARGIN * goal or (best.error <= goal and best is not done[-1]):
             break
         if done[-1].error > 1.2 * best.error:  # it grew: back to the best one, in smaller steps
             gain *= 0.5
