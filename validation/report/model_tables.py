@@ -44,7 +44,7 @@ def matrix(side: SideBySide) -> PageTable:
         "mean. Ceiling: the same score of one trial against another, the best that can be asked of a model; a dash "
         "with fewer than two trials. Null model: the key’s turn alone, all else balanced along it, no fit to trials; a "
         "model of many bodies should do better. Sessions are never pooled: blows of different conditions or sample "
-        "rates have no common repeatability."
+        "rates have no common repeatability. Jack and repetition lever: filmed trials only."
     ]
     return PageTable("matrix", "Scores of every session, model and channel", head, rows, notes)
 
@@ -78,6 +78,7 @@ def _pairs(pairs: pd.DataFrame, key: str, caption: str) -> PageTable:
             [
                 f"{p.session}: {p.channel}",
                 SCORES[p.score].title + (" (°)" if angle else ""),
+                p.claim,
                 f"{p.second} − {p.first}",
                 with_u(k * p.difference, k * p.u_difference),
                 f"{number(k * p.low, 3)} to {number(k * p.high, 3)}" if n > 1 else DASH,
@@ -85,12 +86,12 @@ def _pairs(pairs: pd.DataFrame, key: str, caption: str) -> PageTable:
                 number(p.p, 3) if n > 1 else DASH,
                 number(p.p_least, 3) if n > 1 else DASH,
                 number(p.p_holm, 3) if n > 1 else DASH,
-                p.claim,
             ]
         )
     head = [
         "session: channel",
         "score",
+        "what can be said",
         "difference",
         "mean ± u",
         "95 % interval",
@@ -98,7 +99,6 @@ def _pairs(pairs: pd.DataFrame, key: str, caption: str) -> PageTable:
         "p",
         "least p",
         "p, all channels",
-        "what can be said",
     ]
     notes = [
         "Every trial is predicted by both models; the difference of their scores is taken trial by trial, so that the "
