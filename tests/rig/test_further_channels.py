@@ -19,20 +19,8 @@ from rig.session.following import SessionFollower
 from rig.session.journal import JournalWriter
 from rig.session.journal_format import read_journal
 from rig.session.trial_file import read_trial, write_trial
+from tests.rig.lab_channels import READBACK
 
-READBACK = """
-[[channels]]
-name = "motor_readback"
-channel = "Dev1/ai1"
-quantity = "what the motor is told, as read back"
-unit = "N"
-sensor = "wire from ao0"
-calibration = "12 N per V, shifted by 3 N"
-electrical = [0.0, 2.0]
-physical = [3.0, 27.0]
-least = -60.0
-most = 60.0
-"""
 OPEN = READBACK.replace("motor_readback", "drive_current").replace("ai1", "ai2").replace('unit = "N"', 'unit = "A"')
 OPEN = OPEN.replace("[3.0, 27.0]", "[-1.5, 4.5]").replace("60.0", "20.0")
 

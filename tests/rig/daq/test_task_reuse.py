@@ -12,10 +12,14 @@ from rig.errors import SamplesLost
 from rig.simulated.status import DaqStatusError
 
 
-def blow(backend: Any, config: Any, command: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def energise(backend: Any, config: Any, command: np.ndarray) -> None:
     backend.configure(config, command)
     backend.arm()
     backend.start()
+
+
+def blow(backend: Any, config: Any, command: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    energise(backend, config, command)
     blocks = [backend.read_block(100, 1.0) for _ in range(10)]
     backend.safe_stop()
     return np.concatenate([b.force_n for b in blocks]), np.concatenate([b.encoder_count for b in blocks])
@@ -62,9 +66,7 @@ def test_trials_leave_nothing_for_the_garbage_collector(make_backend, config, co
 def test_after_a_fault_all_tasks_are_made_afresh(make_backend, config, command) -> None:
     backend = make_backend(config)
     blow(backend, config, command)
-    backend.configure(config, command)
-    backend.arm()
-    backend.start()
+    energise(backend, config, command)
     read = backend.device.read
 
     def fail(*arguments: Any) -> None:
@@ -95,9 +97,7 @@ def test_the_motor_is_put_at_zero_even_when_the_kept_task_is_gone(make_backend, 
     """As after a restart of the server: what it was told before, it does not know any more."""
     backend = make_backend(config)
     blow(backend, config, command)
-    backend.configure(config, command)
-    backend.arm()
-    backend.start()
+    energise(backend, config, command)
     backend.read_block(250, 1.0)
     for task in ("motor_zero", "drive_enable"):
         backend.device.clear_task(task)

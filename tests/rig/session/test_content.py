@@ -12,21 +12,9 @@ import pytest
 
 from rig.config import load_rig, parse_rig
 from rig.recorder import record_session
+from tests.rig.lab_channels import READBACK
 
 SHIPPED = Path(__file__).parents[3] / "sessions" / "example_forte"
-CHANNEL = """
-[[channels]]
-name = "readback"
-channel = "Dev1/ai1"
-quantity = "Rücklesung"
-unit = "V"
-sensor = "wire"
-calibration = "zwei Punkte"
-electrical = [0.0, 1.0]
-physical = [0.0, 1.0]
-least = -10.0
-most = 10.0
-"""
 
 
 def bytes_sha256(value: Any) -> str:
@@ -59,14 +47,14 @@ def assert_digest(path: Path) -> None:
 
 @pytest.mark.parametrize("name", ["virtual", "pcie6363"])
 def test_the_digest_is_that_of_what_is_read_back(name, make_backend, step_profile, tmp_path) -> None:
-    further = CHANNEL if name == "pcie6363" else ""
+    further = READBACK.replace("wire", "Drähtchen") if name == "pcie6363" else ""
     rig = parse_rig(load_rig(name).text + further, "lab.toml")
     session = record_session(
         tmp_path / "s", profile=step_profile, rig_config=rig, backend=make_backend(rig.config, noise_n=0.02), trials=1
     )
     assert_digest(session.trials[0].path)
     with h5py.File(session.trials[0].path) as file:
-        assert ("readback" in file["daq"]) == (name == "pcie6363") and "camera" in file
+        assert ("motor_readback" in file["daq"]) == (name == "pcie6363") and "camera" in file
 
 
 def test_a_trial_written_by_an_earlier_version_has_the_same_kind_of_digest() -> None:
