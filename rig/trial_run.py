@@ -154,20 +154,23 @@ def run_trial(
     except BaseException as fault:
         status, reason, error = "fault", _one_line(fault), fault
     finally:
-        with deferred():
-            try:
-                backend.safe_stop()
-            except HardwareFault as fault:
-                reason = "; ".join(filter(None, (reason, _one_line(fault))))
-                status, error = "fault", error or fault
-            if status == "not at rest":
-                reason = f"not at rest {config.recording.longest_s:g} s after the blow"
-            if journal is not None:
+        try:
+            with deferred():
                 try:
-                    journal.close(status, reason)
+                    backend.safe_stop()
                 except HardwareFault as fault:
-                    if error is None:
-                        status, reason, error = "fault", _one_line(fault), fault
+                    reason = "; ".join(filter(None, (reason, _one_line(fault))))
+                    status, error = "fault", error or fault
+                if status == "not at rest":
+                    reason = f"not at rest {config.recording.longest_s:g} s after the blow"
+                if journal is not None:
+                    try:
+                        journal.close(status, reason)
+                    except HardwareFault as fault:
+                        if error is None:
+                            status, reason, error = "fault", _one_line(fault), fault
+        except KeyboardInterrupt as late:  # it came while the bench was made safe: the trial is kept as it is
+            error = error or late
     if not blocks or head is None:
         if journal is not None:
             journal.remove()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import shutil
+import signal
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -141,6 +142,14 @@ def assert_safe() -> Any:
         assert {name: task.state for name, task in device.tasks.items() if task.state != "unreserved"} == {}
 
     return check
+
+
+@pytest.fixture
+def keyboard() -> Iterator[None]:
+    """Python's own handler of Ctrl-C: a test run started in the background inherits SIGINT ignored."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
 
 
 @pytest.fixture(scope="session")

@@ -1,4 +1,4 @@
-"""Faults at any call of a session, alone and several at once: configure, arm, blow, stop, between trials, the end.
+"""Faults and Ctrl-C at any call of a session, alone and several at once: configure, arm, blow, stop, the next trial.
 
 Whatever happens when: half a second later the motor is at 0 V and the drive disabled, what was committed is readable,
 a fault that ended a trial is named in it, and recovery leaves nothing to recover.
@@ -7,7 +7,9 @@ a fault that ended a trial is named in it, and recovery leaves nothing to recove
 from __future__ import annotations
 
 import contextlib
+import os
 import random
+import signal
 from pathlib import Path
 from typing import Any
 
@@ -20,9 +22,10 @@ from rig.session import Session
 from rig.simulated.faults import FaultPlan
 from rig.simulated.status import DaqStatusError, ServerGone
 
-FIRST = (-200279, -200284, -50103, -201003, None)
+KEYBOARD = 0
+FIRST = (-200279, -200284, -50103, -201003, None, KEYBOARD, KEYBOARD)
 """Status codes; None is a server that does not answer."""
-LATER = (-50103, -201003, None)
+LATER = (-50103, -201003, None, KEYBOARD)
 MOST_BETWEEN = 12
 """Calls between two faults: within one way out of a trial."""
 
@@ -42,12 +45,15 @@ class FaultsByCount(FaultPlan):
             self.strike(self.stays[0])
         if self.calls in self.planted:
             code, lasting = self.planted[self.calls]
-            if lasting:
+            if lasting and code != KEYBOARD:
                 self.stays.append(code)
             self.strike(code)
 
     def strike(self, code: int | None) -> None:
         self.struck.add(code)
+        if code == KEYBOARD:
+            signal.raise_signal(signal.SIGINT)  # arrives at once, or after what may not be interrupted
+            return
         if code is None:
             raise ServerGone("planted")
         raise DaqStatusError(code, "planted")
@@ -65,13 +71,13 @@ def planted(chance: random.Random, calls: int) -> dict[int, tuple[int | None, bo
 def run_into(faults: FaultsByCount, backend: Any, rig: Any, profile: Any, folder: Path) -> None:
     device, committed = backend.device, {}
     device.faults = faults
-    fault: HardwareFault | None = None
+    fault: BaseException | None = None
     try:
         record_session(
             folder, profile=profile, rig_config=rig, backend=backend, trials=2,
             progress=lambda p: committed.update({p.trial: round(p.committed_s * 5000)}),
         )  # fmt: skip
-    except HardwareFault as raised:
+    except (HardwareFault, KeyboardInterrupt) as raised:
         fault = raised
         assert "\n" not in str(fault)
     device.bench.clock.advance(rig.config.watchdog.timeout_s + 0.01)
@@ -86,14 +92,18 @@ def run_into(faults: FaultsByCount, backend: Any, rig: Any, profile: Any, folder
         return
     session = Session.open(folder)
     trials = session.trials
-    assert (fault is None) == ([trial.status for trial in trials] == ["complete"] * 2)
     assert all(trials[number - 1].read().n_valid >= samples for number, samples in committed.items())
-    words = [str(code or "does not answer") for code in faults.struck]
-    told = [t.read().reason for t in trials if t.status == "fault"] + [note.reason for note in session.annotations]
-    assert len(told) == (fault is not None) and all(any(word in reason for word in words) for reason in told)
+    words = [{None: "does not answer", KEYBOARD: "stopped by"}.get(code, str(code)) for code in faults.struck]
+    told = [t.read().reason for t in trials if t.status != "complete"] + [note.reason for note in session.annotations]
+    assert all(any(word in reason for word in words) for reason in told)
+    if not isinstance(fault, KeyboardInterrupt):  # which may come when a trial has ended, and leaves no mark then
+        assert (fault is None) == ([trial.status for trial in trials] == ["complete"] * 2)
+        assert len(told) == (fault is not None)
     assert recover_session(folder) == []
 
 
+@pytest.mark.usefixtures("keyboard")
+@pytest.mark.skipif(os.name == "nt", reason="signal.raise_signal(SIGINT) ends the test run on Windows")
 @pytest.mark.parametrize("times", [16, pytest.param(400, marks=pytest.mark.slow)])
 @pytest.mark.filterwarnings("ignore:Task of name:Warning")
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")

@@ -5,19 +5,10 @@ from __future__ import annotations
 import os
 import signal
 import threading
-from collections.abc import Iterator
 
 import pytest
 
 from rig.interrupts import deferred
-
-
-@pytest.fixture
-def keyboard() -> Iterator[None]:
-    """Python's own handler of Ctrl-C: a test run started in the background inherits SIGINT ignored."""
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    yield
-    signal.signal(signal.SIGINT, before)
 
 
 @pytest.mark.usefixtures("keyboard")
