@@ -16,14 +16,13 @@ import json
 from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import fields, is_dataclass
-from functools import cache
 from pathlib import Path
 from threading import Lock
 from typing import Any
 
 import numpy as np
 
-from validation.reuse import library_versions, sources
+from validation.reuse import code_sha256
 
 PLACE = ("derived", "scores", "kept.txt")
 SCHEMA = "piano-action-rig kept results 1"
@@ -59,7 +58,7 @@ class Kept:
         make : callable
             Gives plain data: numbers, text, lists, dicts with names as keys.
         """
-        key = f"{kind}\t{sha256_of((kind, code_sha256(), inputs))}"
+        key = f"{kind}\t{sha256_of((kind, code_sha256('validation', 'report'), inputs))}"
         text = self._used.get(key) or self._before.get(key)
         if text is None:
             text = json.dumps(make())
@@ -127,17 +126,6 @@ def _read(file: Path) -> dict[str, str]:
         return {}
     lines = (line.split("\t") for line in body.splitlines())
     return {f"{kind}\t{key}": text for kind, key, text in lines}
-
-
-@cache
-def code_sha256() -> str:
-    """Hash of the code that computes: `validation` without its report, and the versions of the libraries."""
-    digest = hashlib.sha256()
-    for name, file in sources("validation"):
-        if not name.startswith("report/"):
-            digest.update(name.encode() + b"\0" + file.read_bytes() + b"\0")
-    digest.update("\n".join(library_versions()).encode())
-    return digest.hexdigest()
 
 
 def sha256_of(value: object) -> str:

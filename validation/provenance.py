@@ -8,7 +8,6 @@ Failure: an unknown version is the word ``unknown``.
 
 from __future__ import annotations
 
-import hashlib
 import platform
 from collections.abc import Callable
 from importlib import metadata
@@ -16,22 +15,16 @@ from pathlib import Path
 from typing import Any
 
 from validation.event import EVENTS
+from validation.reuse import code_sha256
 from validation.window import Window
 
 SOFTWARE = ("piano-action-rig", "numpy", "scipy", "pandas", "matplotlib", "numba", "h5py")
 
 
 def model_version(predict: Callable[..., Any]) -> str:
-    """Hash of the predictor's source, so that a changed model never meets an old prediction."""
-    package = predict.__module__.split(".")[0]
-    if package == "model":
-        import model
-
-        home = Path(str(model.__file__)).parent
-        digest = hashlib.sha256()
-        for file in sorted(home.rglob("*.py")):
-            digest.update(file.relative_to(home).as_posix().encode() + b"\0" + file.read_bytes() + b"\0")
-        return f"model {digest.hexdigest()}"
+    """Hash of the predictor's source and libraries, so that a changed model never meets an old prediction."""
+    if predict.__module__.split(".")[0] == "model":
+        return f"model {code_sha256('model')}"
     return f"{predict.__module__}.{getattr(predict, '__qualname__', type(predict).__name__)}"
 
 

@@ -15,6 +15,7 @@ import json
 import sys
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from importlib import metadata
 from importlib.util import find_spec
 from pathlib import Path
@@ -76,10 +77,7 @@ def inputs_sha256(sessions: Sequence[Path], actions: Sequence[str], options: Map
         digest.update(f"action {action}\0".encode())
         if Path(action).is_file():
             _feed(digest, "action", Path(action))
-    for package in PACKAGES:
-        for name, file in sources(package):
-            _feed(digest, f"{package}/{name}", file)
-    for text in (json.dumps(dict(options), sort_keys=True, default=str), *library_versions()):
+    for text in (json.dumps(dict(options), sort_keys=True, default=str), *map(code_sha256, PACKAGES)):
         digest.update(text.encode() + b"\0")
     return digest.hexdigest()
 
@@ -125,6 +123,17 @@ def _sha256(file: Path) -> str:
 
 def _feed(digest: hashlib._Hash, name: str, file: Path) -> None:
     digest.update(name.encode() + b"\0" + hashlib.sha256(file.read_bytes()).digest())
+
+
+@cache
+def code_sha256(package: str, without: str = "") -> str:
+    """Hash of the code that computes: a package's source, but for one of its folders, and the libraries' versions."""
+    digest = hashlib.sha256()
+    for name, file in sources(package):
+        if not without or not name.startswith(f"{without}/"):
+            _feed(digest, name, file)
+    digest.update("\n".join(library_versions()).encode())
+    return digest.hexdigest()
 
 
 def sources(package: str) -> list[tuple[str, Path]]:

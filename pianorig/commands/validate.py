@@ -34,7 +34,12 @@ def command(
         str | None,
         typer.Option("--condition", help="Condition of the trial plan to keep to; default: each stands for itself."),
     ] = None,
-    again: Annotated[bool, typer.Option("--again", help="Make the report again though nothing has changed.")] = False,
+    again: Annotated[
+        bool,
+        typer.Option(
+            "--again", help="Make the report again though nothing has changed; known predictions and scores are used."
+        ),
+    ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print a JSON summary.")] = False,
 ) -> None:
     """Drive every model with each trial's own force and report how well it predicts the angles.

@@ -6,7 +6,7 @@ import json
 
 import pytest
 
-from validation.reuse import NAME, inputs_sha256, keep_report, kept_report
+from validation.reuse import NAME, code_sha256, inputs_sha256, keep_report, kept_report
 
 
 @pytest.fixture
@@ -78,3 +78,31 @@ def test_a_touched_or_damaged_report_is_made_again(session):
     for text in ("", "[]", "{}", json.dumps({"schema": 1, "inputs_sha256": "abc", "files_sha256": 3})):
         (session / NAME).write_text(text)
         assert kept_report(session, "abc") is None
+
+
+def test_every_source_file_counts_but_those_left_out(tmp_path, monkeypatch):
+    home = tmp_path / "somewhere"
+    (home / "report").mkdir(parents=True)
+    for name in ("__init__.py", "scores.py", "values.toml", "report/page.j2", "notes.txt"):
+        (home / name).write_text("1")
+    monkeypatch.syspath_prepend(tmp_path)
+
+    def found():
+        code_sha256.cache_clear()
+        return code_sha256("somewhere"), code_sha256("somewhere", "report")
+
+    before = found()
+    assert before[0] != before[1]
+    for name, changes in (
+        ("scores.py", (True, True)),
+        ("values.toml", (True, True)),
+        ("report/page.j2", (True, False)),
+        ("notes.txt", (False, False)),
+    ):
+        (home / name).write_text("2")
+        now = found()
+        assert (now[0] != before[0], now[1] != before[1]) == changes
+        before = now
+    monkeypatch.setattr("validation.reuse.LIBRARIES", ("numpy", "no such library"))
+    assert all(a != b for a, b in zip(found(), before, strict=True))
+    code_sha256.cache_clear()

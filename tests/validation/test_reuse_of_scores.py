@@ -197,7 +197,7 @@ def test_another_action_tolerance_or_level_makes_again_what_depends_on_it(bench)
 def test_other_code_makes_scores_again_and_another_model_everything(bench, monkeypatch):
     folder, action = bench
     with monkeypatch.context() as patch:
-        patch.setattr(kept, "code_sha256", lambda: "changed")
+        patch.setattr(kept, "code_sha256", lambda *package: "changed")
         found = again(folder, action)
     assert found == {name: count.replace(count.split()[0], "0", 1) for name, count in all_of(3).items()} | {
         "predictions": "3 of 3"
