@@ -69,7 +69,9 @@ def draw_learned(folder: Path, learned: Learned) -> None:
 
 def _draw_errors(axes: Any, learned: Learned) -> None:
     numbers = [blow.number for blow in learned.blows]
-    axes.semilogy(numbers, [100 * blow.error for blow in learned.blows], "o-", ms=4)
-    axes.axhline(100 * learned.goal, color="C2", lw=1.0)
+    axes.plot(numbers, [100 * blow.error for blow in learned.blows], "o-", ms=4)
+    axes.axhline(100 * learned.goal, color="C2", lw=1.0, label=f"goal, {100 * learned.goal:g} %")
     axes.set(xlabel="Blow", ylabel="RMS error (% of peak)", xticks=numbers)
-    axes.grid(alpha=0.3, which="both")
+    axes.set_ylim(bottom=0)
+    axes.legend(fontsize=8)
+    axes.grid(alpha=0.3)

@@ -34,7 +34,8 @@ def command(
 ) -> None:
     """Learn motor profiles whose measured force follows recorded ones, by a few blows on the bench.
 
-    Compared and corrected is up to key bottom; what the motor does after it is the recorded, held force as it is.
+    Compared and corrected is up to the first key bottom; what the motor does after it, a second stroke too, is the
+    recorded force without its spike, as it is.
 
     Example:  pianorig learn pianist_forte.csv --out learned/forte
               pianorig record --profile learned/forte/profile.toml
