@@ -16,6 +16,7 @@ from validation.geometry import Array
 from validation.measurement import ENCODER_CHANNELS, FILM_CHANNELS
 from validation.metrics import pair_rmse
 from validation.paired import paired_difference
+from validation.pooling import LeftOut, pooled, state_of
 from validation.repeatability import curve_repeatability, s_interval_factors
 from validation.window import Window
 
@@ -41,23 +42,27 @@ def channel_tables(
     film: dict[int, pd.DataFrame],
     u_sample: dict[str, float],
     window: Window,
+    without: LeftOut = (),
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Channel summary without scores; mean, s_r, bands and paired difference over time, per channel.
 
-    ``u_sample`` is the standard uncertainty of one sample by channel.
+    ``u_sample`` is the standard uncertainty of one sample by channel; ``without`` the trials and channels not pooled.
     """
     base = next(iter(traces.values()))["time_s"].to_numpy()
     base = base[window.mask(base)]
     rows: list[dict[str, object]] = []
     spread: dict[str, Array] = {"time_s": base}
     for names, source in GROUPS:
-        frames = traces if source == "encoder" else film
+        every = traces if source == "encoder" else film
         for name in names:
+            frames, state = pooled(every, name, without), state_of(every, name, without)
             if not frames:
                 nothing = dict.fromkeys(COLUMNS, np.nan)
-                rows.append({"channel": name, "source": source, "n_trials": 0, **nothing, "state": "not filmed"})
+                state = state or "not filmed"
+                rows.append({"channel": name, "source": source, "n_trials": 0, **nothing, "state": state})
                 continue
             row, columns = _channel(name, source, base, frames, u_sample.get(name, 0.0))
+            row["state"] = "; ".join(text for text in (str(row["state"]), state) if text)
             rows.append(row)
             spread |= columns
     return pd.DataFrame(rows), pd.DataFrame(spread)

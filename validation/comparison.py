@@ -31,6 +31,7 @@ from validation.kept import Kept
 from validation.key_lift import Lift
 from validation.marking import doubtful_events, find_marks, mark_table
 from validation.measurement import U_REST_LEVEL_M, Measurement
+from validation.pooling import counting_events, left_out, with_and_without
 from validation.predictor import RIVALS, Predictor, TrialPrediction
 from validation.provenance import provenance
 from validation.repeatability import event_repeatability, few_trials_warning
@@ -200,20 +201,21 @@ def _assemble(
     filmed = {number: frame for number, frame in film.items() if frame is not None}
     uncertainty = uncertainty_table(measured, filmed)
     u_sample = uncertainty.groupby("channel")["u_rad"].mean().to_dict()
-    channels, spread = channel_tables(traces, filmed, u_sample, window)
     impact = {
         number: events["string_impact"].value
         for number, events in trial_events.items()
         if events["string_impact"].status != "absent"
     }
-    base = spread["time_s"].to_numpy()
+    base = measured[0].time_s[window.mask(measured[0].time_s)]
     findings = find_faults(predictor, measured, predictions, marks, trial_events, base, traces, suspect)
-    warnings = [f.text for f in findings] + warnings
+    without = left_out(findings)
+    warnings = [f.text for f in findings] + with_and_without(base, traces, findings, without) + warnings
+    channels, spread = channel_tables(traces, filmed, u_sample, window, without)
     u_encoder = {m.number: m.u_rad for m in measured}
     scores = score_table(traces, filmed, u_encoder, channels, window, impact, predictor.kept)
-    card = scorecard(scores, traces, filmed, window, impact, predictor.kept)
-    channels = with_scores(channels, scores, card)
-    summary = event_summary(trial_events, model_events)
+    card = scorecard(scores, traces, filmed, window, impact, predictor.kept, without)
+    channels = with_scores(channels, scores, card, without)
+    summary = event_summary(counting_events(trial_events, without), model_events)
     by_number = {m.number: m for m in measured}
     rows = [
         trial_row(n, by_number.get(n), refused.get(n, ""), predictions[n].model if n in predictions else None)
@@ -240,7 +242,7 @@ def _assemble(
         channels=channels,
         events=event_table(trial_events, model_events),
         event_summary=summary,
-        event_repeatability=event_repeatability(trial_events),
+        event_repeatability=event_repeatability(counting_events(trial_events, without)),
         budget=budget_table,
         uncertainty=uncertainty,
         spread=spread,

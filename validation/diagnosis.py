@@ -23,7 +23,7 @@ from validation.measurement import ENCODER_CHANNELS, Measurement
 from validation.predictor import TrialPrediction
 
 WIRING = ("sign flip", "swapped channels", "dead channel")  # the channel is no measurement of what it is named after
-DISTORTING = (*WIRING, "camera offset", "outlying trial")
+DISTORTING = ("camera offset", "outlying trial")
 COLUMNS = ["kind", "trial", "channel", "value", "limit", "text"]
 BETTER_WIRED = 0.25  # the other wiring must leave a quarter of the error
 WRONG_WIRED = 0.3  # of the predicted motion: below this error the wiring is right
@@ -77,7 +77,7 @@ def wiring(m: Measurement, p: TrialPrediction) -> list[Finding]:
             text += f"what is recorded as {ENCODER_CHANNELS[i]} moves as the {name} should; channels are swapped"
         if s:
             text += ("" if i == j else ", and ") + "it turns the wrong way round (sign flip)"
-        action = "correct the rig file's channels or signs and record again"
+        action = "it counts in no pooled figure; correct the rig file's channels or signs and record again"
         out.append(
             Finding(
                 "swapped channels" if i != j else "sign flip",

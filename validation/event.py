@@ -32,7 +32,7 @@ class Event:
 
 @dataclass(frozen=True)
 class EventKind:
-    """How an event is called and shown: value × ``display_factor`` in ``display_unit``."""
+    """How an event is called and shown: value × ``display_factor`` in ``display_unit``; the encoders it needs."""
 
     title: str
     unit: str
@@ -40,10 +40,11 @@ class EventKind:
     display_factor: float
     definition: str
     expected: bool = True
+    bodies: tuple[str, ...] = ("hammer",)
 
 
 EVENTS: dict[str, EventKind] = {
-    "onset": EventKind("Onset", "s", "ms", 1e3, "key dip first rises through 0.1 mm above its rest"),
+    "onset": EventKind("Onset", "s", "ms", 1e3, "key dip first rises through 0.1 mm above its rest", bodies=("key",)),
     "let_off": EventKind(
         "Let-off",
         "s",
@@ -57,6 +58,7 @@ EVENTS: dict[str, EventKind] = {
         "ms",
         1e3,
         "key dip first rises through the dip at which the key front touches its felt",
+        bodies=("key",),
     ),
     "string_impact": EventKind(
         "String impact",
@@ -93,7 +95,7 @@ EVENTS: dict[str, EventKind] = {
         "number of times the hammer turns round by at least 0.3 mm between impact and check",
     ),
     "key_release": EventKind(
-        "Key release", "s", "ms", 1e3, "key dip falls for the last time through half the touching dip"
+        "Key release", "s", "ms", 1e3, "key dip falls for the last time through half the touching dip", bodies=("key",)
     ),
     "drop": EventKind(
         "Drop",
@@ -123,6 +125,7 @@ EVENTS: dict[str, EventKind] = {
         "ms",
         1e3,
         "hammer height and key dip stay within 0.1 mm of where they began, at least 50 ms",
+        bodies=("key", "hammer"),
     ),
 }
 

@@ -35,11 +35,14 @@ def event_table(trial: dict[int, dict[str, Event]], model: dict[int, dict[str, E
 
 
 def event_summary(trial: dict[int, dict[str, Event]], model: dict[int, dict[str, Event]]) -> pd.DataFrame:
-    """Presence first, then means and paired differences (model − trial) where both found the event."""
+    """Presence first, then means and paired differences (model − trial) where both found the event.
+
+    An event that a trial leaves out does not count in it.
+    """
     rows = []
     for name, kind in EVENTS.items():
-        t = [events[name] for events in trial.values()]
-        m = [model[number][name] for number in trial]
+        t = [events[name] for events in trial.values() if name in events]
+        m = [model[number][name] for number, events in trial.items() if name in events]
         there = np.array([e.status != "absent" for e in t])
         predicted = np.array([e.status != "absent" for e in m])
         both = there & predicted

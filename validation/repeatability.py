@@ -137,7 +137,7 @@ def event_repeatability(events: dict[int, dict[str, Event]]) -> pd.DataFrame:
     Parameters
     ----------
     events : dict
-        Trial number → events of that trial.
+        Trial number → events of that trial; one that is left out does not count.
 
     Returns
     -------
@@ -146,8 +146,9 @@ def event_repeatability(events: dict[int, dict[str, Event]]) -> pd.DataFrame:
     """
     rows = []
     for name, kind in EVENTS.items():
-        status = [trial[name].status for trial in events.values()]
-        value = np.array([trial[name].value for trial in events.values() if trial[name].status == "found"])
+        counting = [trial[name] for trial in events.values() if name in trial]
+        status = [event.status for event in counting]
+        value = np.array([event.value for event in counting if event.status == "found"])
         n = value.size
         s = float(value.std(ddof=1)) if n > 1 else float("nan")
         low, high = s_interval_factors(n)

@@ -20,6 +20,7 @@ from validation.curve_tables import INFIX, on_common_base, scored
 from validation.geometry import Array
 from validation.kept import Kept
 from validation.metrics import score_curve
+from validation.pooling import LeftOut, pooled
 from validation.window import Window
 
 WORKERS = 2  # the warping runs without the interpreter's lock
@@ -98,6 +99,7 @@ def scorecard(
     window: Window,
     impact_s: dict[int, float],
     kept: Kept,
+    without: LeftOut = (),
 ) -> pd.DataFrame:
     """Every score of every channel beside its repeatability ceiling, the null model, and the raw force.
 
@@ -112,12 +114,13 @@ def scorecard(
     rows = []
     with ThreadPoolExecutor(WORKERS) as pool:
         for names, source in GROUPS:
-            frames = traces if source == "encoder" else film
-            for name in names if frames else ():
+            every = traces if source == "encoder" else film
+            for name in names if every else ():
+                frames = pooled(every, name, without)
                 ceiling, pairs = ceiling_scores(
                     base, on_common_base(base, frames, f"{name}_measured_rad"), early, kept, run=pool.map
                 )
-                part = scores[scores["channel"] == name]
+                part = scores[(scores["channel"] == name) & scores["trial"].isin(frames)]
                 for score, kind in SCORES.items():
                     rows.append(
                         {
@@ -136,9 +139,12 @@ def scorecard(
     return pd.DataFrame(rows)
 
 
-def with_scores(channels: pd.DataFrame, scores: pd.DataFrame, card: pd.DataFrame) -> pd.DataFrame:
+def with_scores(
+    channels: pd.DataFrame, scores: pd.DataFrame, card: pd.DataFrame, without: LeftOut = ()
+) -> pd.DataFrame:
     """Channel summary with the root mean square of its trials' RMSE, the ISO-style score and its ceiling."""
-    rms = scores.groupby("channel")["rmse_rad"].agg(lambda v: float(np.sqrt(np.mean(np.square(v)))))
+    counts = [pair not in without for pair in zip(scores["trial"], scores["channel"], strict=True)]
+    rms = scores[counts].groupby("channel")["rmse_rad"].agg(lambda v: float(np.sqrt(np.mean(np.square(v)))))
     overall = card[card["score"] == "iso_overall"].set_index("channel")
     rmse = card[card["score"] == "rmse_rad"].set_index("channel")
     out = channels.copy()

@@ -20,7 +20,7 @@ def test_every_planted_fault_is_named_and_nothing_else(planted):
     found = {(f.kind, None if math.isnan(f.trial) else int(f.trial)) for f in planted.findings.itertuples()}
     assert found == {(kind, trial) for trial, kind in PLANTED.items()} | {("wrong friction", None)}
     assert planted.verdict_lines[1].startswith("Faults found: sample rate (trials 8, 9), key lift (trial 6), sign flip")
-    assert "sᵣ, limits and bands hold faulty trials (2, 3, 4, 7)" in planted.verdict
+    assert "sᵣ, limits and bands hold faulty trials (4, 7)" in planted.verdict
     assert "repeatability limit, by which" not in planted.verdict
     text = "\n".join(planted.warnings)
     for words in (
@@ -49,6 +49,21 @@ def test_what_is_named_has_the_size_that_was_planted(planted):
     assert lift["trial"] == 6
     assert lift["start_s"] < LIFT_AT_S + LIFT_S / 2 < lift["end_s"]
     assert lift["end_s"] - lift["start_s"] < 2 * LIFT_S
+
+
+def test_a_channel_that_is_wired_wrong_is_shown_but_not_pooled(planted):
+    channels = planted.channels.set_index("channel")
+    assert channels.loc["hammer", "state"] == "8 of 9: trial 2 left out, wired wrong"
+    assert channels.loc["key", "state"] == channels.loc["whippen", "state"] == "8 of 9: trial 3 left out, wired wrong"
+    assert list(channels.loc[["key", "whippen", "hammer"], "n_trials"]) == [8, 8, 8]
+    scores = planted.scores.set_index(["channel", "trial"])["rmse_rad"]
+    assert scores["hammer"][2] > 10 * scores["hammer"][1]  # its own score says what it is
+    assert channels.loc["hammer", "rmse_rad"] == pytest.approx(np.sqrt(np.mean(scores["hammer"].drop(2) ** 2)))
+    summary = planted.event_summary.set_index("event")
+    assert summary.loc[["key_bottom", "hammer_speed", "rest"], "n_trials"].tolist() == [8, 8, 7]
+    assert summary.loc["hammer_speed", "found_trial"] == 8
+    (beside,) = [line for line in planted.warnings if line.startswith("without trial 7")]
+    assert "which stands out (kept), sᵣ would be: key" in beside
 
 
 def test_trials_with_faults_are_kept_and_counted(planted):
