@@ -1,0 +1,123 @@
+"""A virtual bench of eight channels at 5 kHz: force, three encoders, four further voltage inputs (:func:`eight`).
+
+The plant is in closed form (force and angles follow the volts): every sample can be checked. In this process, or
+in one of its own:
+
+    python benchmarks/eight_channels.py serve      # prints its port, serves until standard input ends
+"""
+
+from __future__ import annotations
+
+import contextlib
+import subprocess
+import sys
+from collections.abc import Iterator
+from dataclasses import replace
+
+import grpc
+import numpy as np
+
+from rig.backend import Capabilities
+from rig.config import Rig, load_rig, parse_rig
+from rig.daq import NidaqmxBackend
+from rig.simulated.backend import DEFAULT_BENCH, SimulatedBackend, build_device
+from rig.simulated.clock import Clock, PacedClock
+from rig.simulated.contract import PlantBlock
+from rig.simulated.sensors import load_sensors
+from rig.simulated.server import serve
+
+RAD_PER_VOLT = np.array([-0.05, 0.09, -0.4])
+FORCE_PER_VOLT_N = 12.0
+
+
+class FollowingPlant:
+    """Force and angles follow the volts held before each edge; counts the edges it was asked for."""
+
+    sample_rate_hz = 5000.0
+
+    def start_trial(self, trial: int) -> None:
+        """Begin at edge 0."""
+        self.edge, self.held = 0, 0.0
+
+    def advance(self, command_v: np.ndarray) -> PlantBlock:
+        """State at the n edges."""
+        felt = np.concatenate(([self.held], command_v[:-1]))
+        self.held = float(command_v[-1])
+        time_s = (self.edge + np.arange(felt.size)) / self.sample_rate_hz
+        self.edge += felt.size
+        return PlantBlock(time_s, 0.05 + FORCE_PER_VOLT_N * felt, felt[:, None] * RAD_PER_VOLT, 0.01 * felt)
+
+    def truth(self) -> None:
+        """Nothing beside what was read."""
+
+
+FURTHER = (
+    ("motor_readback", "ai1", "motor command as read back", "V", (0.0, 1.0), (0.0, 1.0), 10.0),
+    ("drive_current", "ai2", "current of the motor", "A", (0.0, 1.0), (0.0, 3.0), 20.0),
+    ("key_acceleration", "ai3", "acceleration of the key front", "m/s^2", (0.0, 1.0), (0.0, 98.0665), 400.0),
+    ("case_temperature", "ai4", "temperature of the motor's case", "degC", (0.0, 10.0), (-20.0, 80.0), 80.0),
+)
+
+
+def eight() -> Rig:
+    """The PCIe-6363 example with four further voltage inputs: eight channels with force and encoders."""
+    tables = [
+        f'''
+[[channels]]
+name = "{name}"
+channel = "Dev1/{channel}"
+quantity = "{quantity}"
+unit = "{unit}"
+sensor = "benchmark"
+calibration = "two points"
+electrical = {list(electrical)}
+physical = {list(physical)}
+least = {-most}
+most = {most}
+'''
+        for name, channel, quantity, unit, electrical, physical, most in FURTHER
+    ]
+    patient = load_rig("pcie6363").text.replace("timeout_s = 0.5", "timeout_s = 5.0")  # other programs run here, too
+    return parse_rig(patient + "".join(tables), "eight channels")
+
+
+def bench(clock: Clock) -> SimulatedBackend:
+    """A virtual bench of eight channels with the plant in closed form."""
+    config = eight().config
+    return SimulatedBackend(build_device(config, FollowingPlant(), load_sensors(DEFAULT_BENCH), clock=clock))
+
+
+class Remote(NidaqmxBackend):
+    """A bench in another process, known to be a virtual one: no permission is needed."""
+
+    @property
+    def capabilities(self) -> Capabilities:
+        """What it is, without hardware."""
+        return replace(super().capabilities, simulated=True, hardware=False)
+
+
+@contextlib.contextmanager
+def bench_elsewhere() -> Iterator[Remote]:
+    """The bench in a process of its own at the speed of the wall clock, over TCP on the loopback."""
+    with subprocess.Popen([sys.executable, __file__, "serve"], stdin=subprocess.PIPE, stdout=subprocess.PIPE) as server:
+        assert server.stdin is not None and server.stdout is not None
+        port = int(server.stdout.readline())
+        backend = Remote(grpc.insecure_channel(f"127.0.0.1:{port}"), name="virtual bench elsewhere")
+        backend.identify(eight().config)
+        try:
+            yield backend
+        finally:
+            backend.close()
+            server.stdin.close()
+
+
+def serve_bench() -> None:
+    """Serve the bench until standard input ends; print the port."""
+    server, port = serve(bench(PacedClock(1.0)).service)
+    print(port, flush=True)
+    sys.stdin.read()
+    server.stop(None).wait()
+
+
+if __name__ == "__main__" and sys.argv[1:] == ["serve"]:
+    serve_bench()
