@@ -42,9 +42,10 @@ def command(
     if as_json:
         print_json({"session": session.path, "trials": rows})
         return
-    for row, file in zip(rows, files, strict=True):
+    for row in rows:
+        source = session.info.notes[f"trial {row['trial']}"].partition(" sha256 ")[0]
         print(
-            f"trial {row['trial']}: {file.name}, {row['samples']} samples at {row['sample_rate_hz']:g} Hz, "
+            f"trial {row['trial']}: {source}, {row['samples']} samples at {row['sample_rate_hz']:g} Hz, "
             f"peak {row['peak_force_n']:.2f} N, blow from {row['blow_start_s']:.3f} s"
         )
     print(f"session: {session.path}")

@@ -245,7 +245,7 @@ def _table(
         name: Clock(
             clock.interval_s * SECONDS[unit],
             clock.start_s * SECONDS[unit],
-            _stamp(dates.get(name, ""), hours.get(name, ""), file.decimal, where),
+            _stamp(dates.get(name, ""), hours.get(name, ""), where),
             DELTA_RESOLUTION * SECONDS[unit],
         )
         for name, clock in stated.items()
@@ -266,11 +266,14 @@ def _clock(time: NDArray[np.float64], stated: float | None, what: str) -> Clock:
     return Clock(stated if abs(stated / found - 1) * len(time) <= JITTER else found, float(time[0]))
 
 
-def _stamp(date: str, time: str, decimal: str, where: str) -> float:
-    """Seconds of ``Date`` (YYYY/MM/DD) and ``Time`` (HH:MM:SS.XXX) after the beginning of 1904; 0 where not stated."""
+def _stamp(date: str, time: str, where: str) -> float:
+    """Seconds of ``Date`` (YYYY/MM/DD) and ``Time`` (HH:MM:SS.XXX) after the beginning of 1904; 0 where not stated.
+
+    The fraction has either decimal sign, whatever the file's numbers have.
+    """
     try:
         day = (datetime.strptime(date, "%Y/%m/%d") - datetime(1904, 1, 1)).days if date else 0
-        parts = [number(part, decimal) for part in time.split(":")] if time else [0.0, 0.0, 0.0]
+        parts = [number(part.replace(",", ".")) for part in time.split(":")] if time else [0.0, 0.0, 0.0]
         hour, minute, second = parts
     except ValueError:
         raise InputError(f"{where}: Date {date!r}, Time {time!r}, allowed YYYY/MM/DD and HH:MM:SS.XXX") from None

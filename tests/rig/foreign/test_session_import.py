@@ -147,7 +147,7 @@ def test_force_alone_makes_a_session(tmp_path, recording, capsys) -> None:
     assert "not recorded: key, whippen, hammer" in capsys.readouterr().out
 
 
-def test_segments_become_trials_or_one(tmp_path) -> None:
+def test_segments_become_trials_or_one(tmp_path, capsys) -> None:
     rows = "".join(f"{t:.6f}\t{f:.6f}\t{k:.0f}\r\n" for t, f, k in zip(TIME, 0.4 - FORCE_V, KEY, strict=True))
     half = rows.splitlines(keepends=True)
     head = "LabVIEW Measurement\r\nSeparator\tTab\r\nMulti_Headings\tYes\r\nX_Columns\tOne\r\n***End_of_Header***\r\n"
@@ -169,6 +169,9 @@ def test_segments_become_trials_or_one(tmp_path) -> None:
         assert [trial.n_valid for trial in trials] == sizes
         counts = np.concatenate([trial.encoder_count[:, 0] for trial in trials])
         np.testing.assert_array_equal(counts, KEY)
+    (tmp_path / "m.toml").write_text(mapping.replace("[time]", f'{said}segments = "trials"\n[time]'))
+    assert run("import", path, "--mapping", tmp_path / "m.toml", "--out", tmp_path / "by_command") == 0
+    assert "trial 2: run.lvm segment 2 of 2, 600 samples at 4000 Hz" in capsys.readouterr().out
     assert "segment 2 of 2 sha256" in Session.open(tmp_path / "trials").info.notes["trial 2"]
 
 

@@ -70,6 +70,7 @@ def test_one_heading_stands_for_all_packets_that_follow() -> None:
     [
         ((0.0, 1e-3), ("", ""), None),  # the times go on
         ((0.0, 0.0), ("10:00:00", "10:00:00.001"), None),  # the stamps do
+        ((0.0, 0.0), ("09:59:59,9990000", "10:00:00"), None),  # in another country
         ((0.0, 0.0), ("", ""), None),  # nothing tells: the mapping's word
         ((0.0, 1.2e-3), ("", ""), "begins 0.0002 s after the end"),
         ((0.0, 0.0), ("10:00:00", "10:00:01"), "begins 0.999 s after the end"),
