@@ -180,12 +180,13 @@ def by_condition(opened: Sequence[Any], condition: str | None) -> list[tuple[Any
     for session in opened:
         found = [c.name for c in session.info.plan.conditions]
         own = session.info.name or session.path.name
-        if condition is not None or len(found) < 2:
+        if len(found) < 2:
             parts.append((copy.copy(session), condition))
             names.append(own)
         else:
-            parts += [(copy.copy(session), name) for name in found]
-            names += [f"{own}, {name}" for name in found]
+            chosen = found if condition is None else [condition]
+            parts += [(copy.copy(session), name) for name in chosen]
+            names += [f"{own}, {name}" for name in chosen]
     folders = [s.path for s, _ in parts]
     for (session, _), name in zip(parts, distinct(names, [f.name for f in folders], folders), strict=True):
         session.info = session.info.model_copy(update={"name": name})

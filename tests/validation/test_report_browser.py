@@ -191,8 +191,8 @@ def test_every_control_is_reached_by_tab_and_shows_its_focus(opened):
 
 def test_sessions_side_by_side_zoom_on_their_own_and_no_name_breaks_the_page(opened_side):
     page = opened_side
-    assert page.locator("form.zoom").count() == page.locator("section.session").count() == 3
-    assert all(page.locator("form.zoom").nth(i).is_visible() for i in range(3))
+    assert page.locator("form.zoom").count() == page.locator("section.session").count() == 2
+    assert all(page.locator("form.zoom").nth(i).is_visible() for i in range(2))
     page.locator("#s2-zoom-from").fill("0.45")
     page.locator("#s2-zoom-to").fill("0.50")
     page.keyboard.press("Enter")
@@ -200,7 +200,7 @@ def test_sessions_side_by_side_zoom_on_their_own_and_no_name_breaks_the_page(ope
     assert page.locator("#s1-zoom-said").inner_text() == "Whole evaluation window."
     stretched = "s => document.querySelectorAll(`#${s} svg g[transform*=scale]`).length"
     assert page.evaluate(stretched, "s2-session") > 10
-    assert page.evaluate(stretched, "s1-session") == page.evaluate(stretched, "s3-session") == 0
+    assert page.evaluate(stretched, "s1-session") == 0
     for width in (1600, 400):
         page.set_viewport_size({"width": width, "height": 900})
         assert page.evaluate("document.documentElement.scrollWidth") <= width
@@ -210,7 +210,7 @@ def test_no_serious_accessibility_fault_side_by_side_in_the_dark(opened_side):
     assert opened_side.evaluate("getComputedStyle(document.body).backgroundColor") == "rgb(22, 22, 22)"
     opened_side.evaluate("document.querySelectorAll('details').forEach(e => { e.open = true; })")
     found = opened_side.evaluate(AUDIT)
-    assert found["checked"] > 2000
+    assert found["checked"] > 1500
     assert found["faults"] == []
 
 
