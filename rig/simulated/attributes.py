@@ -109,6 +109,7 @@ GETTABLE: dict[tuple[str, int], Getter] = {
     ("Task", 0x1273): lambda device, task: ", ".join(channel.name for channel in task.channels),
     ("Task", 0x2181): lambda device, task: len(task.channels),
     ("Task", 0x1274): lambda device, task: task.done,
+    ("Task", 0x29BA): lambda device, task: 1 if task.channels else 0,
     ("Task", 0x230E): lambda device, task: device.inventory.name,
     ("Timing", 0x1344): _clock("rate_hz"),
     ("Timing", 0x1852): _clock_source,

@@ -60,6 +60,8 @@ class SimulatedDevice:
         self.output_v: dict[str, float] = {}
         """Volts each analog output holds, by full channel name; a stopped output holds its last value."""
         self.lines: dict[str, bool] = {}
+        self.line_history: dict[str, NDArray[np.float64]] = {}
+        """Levels before the edges that passed last, and after the last one, of lines that a clock moves."""
         self.trial = 0
         self.watchdogs = Watchdogs(self)
         self.faults = FaultPlan()
@@ -215,7 +217,12 @@ class SimulatedDevice:
         if task.clock is None or task.buffer is None:
             if n > MOST_ON_DEMAND:
                 raise NotImplementedByDevice(f"{n} readings on demand at once")
-            return np.concatenate([latch(self, task, *self.bench.present()) for _ in range(max(n, 1))])
+            try:
+                return np.concatenate([latch(self, task, *self.bench.present()) for _ in range(max(n, 1))])
+            except DaqStatusError as error:
+                if error.code == status.SAMPLES_NOT_YET_AVAILABLE:
+                    waiting.in_vain(self, task, timeout_s)
+                raise
         if n < 0:
             waiting.catch_up(self, task)
             n = task.all_there_is

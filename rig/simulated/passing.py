@@ -29,6 +29,7 @@ def let_pass(device: SimulatedDevice, n: int) -> None:
     clocked = [(task, engine_of(device, task)) for task in device.tasks.values() if task.live and task.type != "CO"]
     motor = device.inventory.full_name(device.wiring.motor)
     command = np.full(n, device.output_v.get(motor, 0.0))
+    device.line_history.clear()
     for task, engine in clocked:
         if engine is not None and task.type in ("AO", "DO"):
             _put_out(device, task, engine, motor, command)
@@ -65,14 +66,32 @@ def _put_out(
     rows = task.next_output(last - first)
     if not rows.shape[0]:
         return
+    at = engine.edges(first, first + rows.shape[0]) - edge
+    if task.type == "DO":
+        _remember_lines(device, task, rows, at, n)
+        return
     put_out(device, task, rows[-1])
     if task.type == "AO":
         for column, channel in enumerate(task.channels):
             if channel.physical.name == motor:
-                at = engine.edges(first, first + rows.shape[0]) - edge
                 held = np.searchsorted(at, np.arange(n), side="right") - 1
                 reached = held >= 0
                 command[reached] = rows[held[reached], column]
+
+
+def _remember_lines(
+    device: SimulatedDevice, task: SimulatedTask, rows: NDArray[np.float64], at: NDArray[np.int64], n: int
+) -> None:
+    """Put out levels, (m, lines), at edges ``at`` (m,) of the n that pass; an input sees what stood before its edge."""
+    names = [line for channel in task.channels for line in channel.settings["lines"]]
+    held = np.searchsorted(at, np.arange(n), side="right") - 1
+    for column, name in enumerate(names):
+        before = float(device.lines.get(name, False))
+        after = np.where(held >= 0, rows[np.maximum(held, 0), column], before)
+        device.line_history[name] = np.concatenate(([before], after))
+    watched = any(other.live and other.changes & set(names) for other in device.tasks.values())
+    for row in rows if watched else rows[-1:]:
+        put_out(device, task, row)
 
 
 def put_out(device: SimulatedDevice, task: SimulatedTask, row: NDArray[np.float64]) -> None:
@@ -97,13 +116,16 @@ def latch(
     edge: NDArray[np.int64] | None = None,
 ) -> NDArray[np.float64]:
     """Return what an input task reads, (n, channels or lines), for cell output (n,) and counts (n, 3) at edges (n,)."""
+    on_demand = edge is None
     if edge is None:
         edge = np.full(cell.size, device.bench.edge)
     if task.type == "AI":
         return np.column_stack([analog_reading(device, task, channel, cell, edge) for channel in task.channels])
     if task.type == "DI":
         names = [line for channel in task.channels for line in channel.settings["lines"]]
-        return np.tile([float(device.lines.get(name, False)) for name in names], (cell.size, 1))
+        if on_demand:
+            return np.tile([float(device.lines.get(name, False)) for name in names], (cell.size, 1))
+        return np.column_stack([_level_before(device, name, edge) for name in names])
     channel = task.channels[0]
     if "decoding_type" in channel.settings:
         return encoder_reading(device, task, channel, quarter)[:, None]
@@ -112,3 +134,12 @@ def latch(
         return pulse_reading(device, task, channel, terminal, edge)
     passed = edges_until(device, terminal, edge) - task.counted
     return (channel.settings["initial_count"] + channel.settings["step"] * passed)[:, None].astype(np.float64)
+
+
+def _level_before(device: SimulatedDevice, line: str, edge: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Return the level of a line just before each of the last edges (n,) of the bench."""
+    history = device.line_history.get(line)
+    if history is None:
+        return np.full(edge.size, float(device.lines.get(line, False)))
+    first = device.bench.edge - (history.size - 1)
+    return history[np.clip(edge - first, 0, history.size - 1)]

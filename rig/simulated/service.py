@@ -55,6 +55,11 @@ class Service:
             "IsTaskDone": self._is_task_done,
             "WaitUntilTaskDone": self._wait_until_task_done,
             "GetErrorString": self._error_string,
+            "GetNthTaskChannel": self._nth("GetNthTaskChannel", lambda task: [c.name for c in task.channels]),
+            "GetNthTaskReadChannel": self._nth("GetNthTaskReadChannel", lambda task: [c.name for c in task.channels]),
+            "GetNthTaskDevice": self._nth(
+                "GetNthTaskDevice", lambda task: [device.inventory.name][: len(task.channels)]
+            ),
         }
 
     def alone(self) -> AbstractContextManager[bool]:
@@ -190,6 +195,15 @@ class Service:
             attributes.put(self.device, task, category, channel, number, attribute_value(request))
             return response(call)
         return attribute_response(call, attributes.get(self.device, task, category, channel, number))
+
+    def _nth(self, call: str, names: Callable[[SimulatedTask], list[str]]) -> Callable[[Any], Any]:
+        def get(request: Any) -> Any:
+            found = names(self._task(request))
+            if not 1 <= request.index <= len(found):
+                raise DaqStatusError(status.INVALID_VALUE, f"Index {request.index} of {len(found)}, counted from 1")
+            return response(call, buffer=found[request.index - 1])
+
+        return get
 
     def _error_string(self, request: Any) -> Any:
         return response("GetErrorString", error_string=status.TEXTS.get(request.error_code, "Unknown status code."))

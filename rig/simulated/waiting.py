@@ -88,7 +88,14 @@ def for_samples(device: SimulatedDevice, task: SimulatedTask, missing: int, time
         if not _incomplete(task, wanted):
             return
         timeout_s = allowed / device.bench.rate_hz
-    while timeout_s > 0 and task.state == "running":  # nothing ticks for it
+    in_vain(device, task, timeout_s)
+
+
+def in_vain(device: SimulatedDevice, task: SimulatedTask, timeout_s: float) -> None:
+    """Let a timeout pass for a task for which nothing ticks; other clients get a turn, and may end it."""
+    if timeout_s < 0:
+        timeout_s = float(FOR_EVER) / device.bench.rate_hz
+    while timeout_s > 0 and task.state == "running":
         now_s = min(timeout_s, STEP_S) if device.bench.clock.paced else timeout_s
         device.bench.clock.advance(now_s)
         timeout_s -= now_s
