@@ -37,6 +37,7 @@ from validation.provenance import provenance
 from validation.repeatability import event_repeatability, few_trials_warning
 from validation.result import ValidationResult
 from validation.score_tables import WORKERS, score_table, scorecard, with_scores
+from validation.speeds import keep_speeds, speed_table
 from validation.trial_tables import trial_row, uncertainty_table
 from validation.trials import measure_all, open_session
 from validation.verdict import verdict_lines
@@ -197,6 +198,11 @@ def _assemble(
         m.number: trace_table(m, predictions[m.number].model, predictions[m.number].rivals, marks[m.number])
         for m in measured
     }
+    speeds = {m.number: speed_table(m, trial_events[m.number]) for m in measured}
+    traces = {number: frame.join(speeds[number].drop(columns="time_s")) for number, frame in traces.items()}
+    if predictor.session is not None:
+        unkept = {keep_speeds(predictor.session, m, speeds[m.number]) for m in measured}
+        warnings += sorted(unkept - {""})[:1]
     film = {m.number: film_trace_table(m, predictions[m.number].model, predictions[m.number].rivals) for m in measured}
     filmed = {number: frame for number, frame in film.items() if frame is not None}
     uncertainty = uncertainty_table(measured, filmed)

@@ -72,7 +72,8 @@ class ValidationResult:
         (pointwise) and _difference_band95_rad (simultaneous).
     traces : dict
         Trial → DataFrame of time_s, raw_force_n, force_time_s, force_n, u_force_n, <channel>_measured_rad, key_marked,
-        <body>_predicted_rad, <channel>_null_rad (null model), <channel>_raw_rad (driven by the raw force).
+        <body>_predicted_rad, <channel>_null_rad (null model), <channel>_raw_rad (driven by the raw force),
+        <channel>_rad_per_s and <channel>_u_rad_per_s (measured speed, split at contacts, see `validation.speeds`).
     film_traces : dict
         Trial → DataFrame of time_s, <channel>_measured_rad, <channel>_u_rad, <channel>_predicted_rad.
     motion_driven : DataFrame
