@@ -43,6 +43,9 @@ from validation.trials import measure_all, open_session
 from validation.verdict import verdict_lines
 from validation.window import Window, common_window
 
+MOST_NAMED = 4
+"""Trials named of those that share a reason."""
+
 
 def compare_session(
     session: Any,
@@ -119,8 +122,7 @@ def compare_session(
     predictions = _predict_all(predictor, measured, refused, progress)
     measured = [m for m in measured if m.number in predictions]
     if not measured:
-        reasons = "; ".join(f"trial {number}: {reason}" for number, reason in refused.items()) or "it has no trials"
-        raise InputError(f"{session.path}: no usable trial ({reasons}); record or accept at least one")
+        raise InputError(f"{session.path}: no usable trial ({_reasons(refused)}); record or accept at least one")
     trial_events = {m.number: predictor.events(m.motion, m.quiet.stop) for m in measured}
     window = common_window(measured, trial_events)
     marks = find_marks(predictor, measured, predictions, trial_events)
@@ -155,6 +157,19 @@ def compare_session(
             now().strftime("%Y-%m-%dT%H:%M:%SZ"),
         ),
     )
+
+
+def _reasons(refused: dict[int, str]) -> str:
+    """Why trials are not used, in one line however many they are."""
+    numbers: dict[str, list[int]] = {}
+    for number, reason in refused.items():
+        numbers.setdefault(reason, []).append(number)
+    lines = []
+    for reason, found in numbers.items():
+        named = ", ".join(map(str, found[:MOST_NAMED]))
+        more = f" and {len(found) - MOST_NAMED} more" if len(found) > MOST_NAMED else ""
+        lines.append(f"trial{'s' if found[1:] else ''} {named}{more}: {reason}")
+    return "; ".join(lines) or "it has no trials"
 
 
 def _predict_all(

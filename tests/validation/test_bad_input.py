@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rig.session import Session, trial_file
+from rig.session import Session
+from rig.session.content import Content
 from validation import compare_session
 from validation.errors import InputError
 
@@ -38,10 +39,10 @@ def reasons(session):
 def test_wrong_or_missing_units_are_named(make, strokes, tmp_path, monkeypatch, units, words):
     session = Session.create(tmp_path / "s", make.info())
     session.add_trial(make.trial(1, *strokes))
-    write = trial_file._dataset
+    write = Content.quantity
 
-    def other(group, name, *args, **kwargs):
-        dataset = write(group, name, *args, **kwargs)
+    def other(content, group, name, *args, **kwargs):
+        dataset = write(content, group, name, *args, **kwargs)
         if name == "force":
             if units is None:
                 del dataset.attrs["units"]
@@ -49,7 +50,7 @@ def test_wrong_or_missing_units_are_named(make, strokes, tmp_path, monkeypatch, 
                 dataset.attrs["units"] = units
         return dataset
 
-    monkeypatch.setattr(trial_file, "_dataset", other)
+    monkeypatch.setattr(Content, "quantity", other)
     session.add_trial(make.trial(2, *strokes))
     result, reason = reasons(Session.open(tmp_path / "s"))
     assert list(result.traces) == [1]
@@ -86,3 +87,12 @@ def test_trials_of_several_conditions_are_not_pooled(make, strokes, tmp_path):
     assert "condition 'soft'" in trials.loc[2, "reason"]
     with pytest.raises(InputError, match="no usable trial of the condition 'silent'"):
         compare_session(session, condition="silent", **QUICK)
+
+
+def test_trials_that_lack_the_same_encoder_are_named_together(make, strokes, tmp_path):
+    session = Session.create(tmp_path / "s", make.info())
+    for number in range(1, 7):
+        session.add_trial(make.trial(number, *strokes, names=("key", "whippen", "motor")))
+    with pytest.raises(InputError, match=r"trials 1, 2, 3, 4 and 2 more: encoder 'hammer' is missing") as caught:
+        compare_session(session, **QUICK)
+    assert "\n" not in str(caught.value)
