@@ -37,15 +37,21 @@ SECONDS, HERTZ, METERS, INCHES = 10364, 10373, 10219, 10379
 RISING, FALLING = 10280, 10171
 COUNT_UP, COUNT_DOWN = 10128, 10124
 LOW_FREQUENCY, HIGH_FREQUENCY, LARGE_RANGE, DYNAMIC = 10105, 10157, 10205, 16065
+LINEAR_ENCODER = 10361
 TWO_COUNTERS = (HIGH_FREQUENCY, LARGE_RANGE)
+
+
+def _decoding(request: Any) -> int:
+    if request.zidx_enable:
+        raise NotImplementedByDevice("Z index of an encoder")
+    decoding = enum(request, "decoding_type")
+    one_of(decoding, (X1, X2, X4), "Decoding type")
+    return decoding
 
 
 def ci_angular_encoder(device: SimulatedDevice, task: SimulatedTask, request: Any) -> None:
     """CI on a quadrature encoder."""
-    if request.zidx_enable:
-        raise NotImplementedByDevice("Z index of an encoder")
-    decoding, units = enum(request, "decoding_type"), enum(request, "units")
-    one_of(decoding, (X1, X2, X4), "Decoding type")
+    decoding, units = _decoding(request), enum(request, "units")
     one_of(units, (DEGREES, RADIANS, TICKS), "Units")
     if request.pulses_per_rev < 1:
         raise DaqStatusError(status.INVALID_VALUE, f"Pulses per revolution: {request.pulses_per_rev}")
@@ -59,10 +65,7 @@ def ci_angular_encoder(device: SimulatedDevice, task: SimulatedTask, request: An
 
 def ci_linear_encoder(device: SimulatedDevice, task: SimulatedTask, request: Any) -> None:
     """CI on a quadrature encoder of a length."""
-    if request.zidx_enable:
-        raise NotImplementedByDevice("Z index of an encoder")
-    decoding, units = enum(request, "decoding_type"), enum(request, "units")
-    one_of(decoding, (X1, X2, X4), "Decoding type")
+    decoding, units = _decoding(request), enum(request, "units")
     one_of(units, (METERS, INCHES, TICKS), "Units")
     if not 0 < request.dist_per_pulse < float("inf"):
         raise DaqStatusError(status.INVALID_VALUE, f"Distance per pulse: {request.dist_per_pulse:g}")
@@ -72,9 +75,6 @@ def ci_linear_encoder(device: SimulatedDevice, task: SimulatedTask, request: Any
         type=LINEAR_ENCODER,
     )  # fmt: skip
     _tell_encoder_terminals(device, task)
-
-
-LINEAR_ENCODER = 10361
 
 
 def _tell_encoder_terminals(device: SimulatedDevice, task: SimulatedTask) -> None:

@@ -26,28 +26,18 @@ LOW = 10214
 
 
 def co_pulse_frequency(device: SimulatedDevice, task: SimulatedTask, request: Any) -> None:
-    """CO pulse train: frequency and delay are coerced to whole ticks of the counter's timebase."""
+    """CO pulse train by its frequency and duty cycle."""
     one_of(enum(request, "units"), (HERTZ,), "Units")
     timebase = device.inventory.product.counter_timebase_hz
-    if not (0 < request.freq <= timebase / 4 and 0 < request.duty_cycle < 1 and request.initial_delay >= 0):
+    if not (
+        timebase / 2**33 <= request.freq <= timebase / 4 and 0 < request.duty_cycle < 1 and request.initial_delay >= 0
+    ):
         raise DaqStatusError(
             status.INVALID_VALUE,
             f"Frequency {request.freq:g}, duty cycle {request.duty_cycle:g}, initial delay {request.initial_delay:g}",
         )
-    _refuse_high_idle(request)
-    device.add_channels(
-        task, "CO", "counter", request.counter, request.name_to_assign_to_channel,
-        output_type=BY_FREQUENCY, idle_state=LOW,
-    )  # fmt: skip
-    name = task.channels[-1].name
-    task.attributes["Chan", name, CO_FREQ] = timebase / round(timebase / request.freq)
-    task.attributes["Chan", name, CO_DUTY] = request.duty_cycle
-    task.attributes["Chan", name, CO_DELAY] = max(round(request.initial_delay * timebase), 2) / timebase
-
-
-def _refuse_high_idle(request: Any) -> None:
-    if enum(request, "idle_state") != LOW:
-        raise NotImplementedByDevice("pulses from a high idle state")
+    rate_hz = timebase / round(timebase / request.freq)
+    _add_output(device, task, request, BY_FREQUENCY, rate_hz, request.duty_cycle, request.initial_delay)
 
 
 def co_pulse_time(device: SimulatedDevice, task: SimulatedTask, request: Any) -> None:
@@ -55,7 +45,7 @@ def co_pulse_time(device: SimulatedDevice, task: SimulatedTask, request: Any) ->
     one_of(enum(request, "units"), (SECONDS,), "Units")
     if not (request.high_time > 0 and request.low_time > 0 and request.initial_delay >= 0):
         raise DaqStatusError(status.INVALID_VALUE, f"High {request.high_time:g} s, low {request.low_time:g} s")
-    _add_pulses(device, task, request, request.initial_delay, request.high_time, request.low_time, BY_TIME)
+    _add_parts(device, task, request, BY_TIME, request.high_time, request.low_time, request.initial_delay)
 
 
 def co_pulse_ticks(device: SimulatedDevice, task: SimulatedTask, request: Any) -> None:
@@ -67,30 +57,47 @@ def co_pulse_ticks(device: SimulatedDevice, task: SimulatedTask, request: Any) -
     tick_s = 1 / (float(match[1]) * {"M": 1e6, "k": 1e3}[match[2]])
     if request.high_ticks < 2 or request.low_ticks < 2 or request.initial_delay < 0:
         raise DaqStatusError(status.INVALID_VALUE, f"High {request.high_ticks}, low {request.low_ticks} ticks")
-    delay, high, low = request.initial_delay * tick_s, request.high_ticks * tick_s, request.low_ticks * tick_s
-    _add_pulses(device, task, request, delay, high, low, BY_TICKS)
+    high_s, low_s, delay_s = (n * tick_s for n in (request.high_ticks, request.low_ticks, request.initial_delay))
+    _add_parts(device, task, request, BY_TICKS, high_s, low_s, delay_s)
     task.channels[-1].settings["tick_s"] = tick_s
 
 
-def _add_pulses(
+def _add_parts(
     device: SimulatedDevice,
     task: SimulatedTask,
     request: Any,
-    delay_s: float,
+    output_type: int,
     high_s: float,
     low_s: float,
-    output_type: int,
+    delay_s: float,
 ) -> None:
     timebase = device.inventory.product.counter_timebase_hz
-    _refuse_high_idle(request)
+    if not max(high_s, low_s, delay_s) * timebase < 2**32:
+        raise DaqStatusError(status.INVALID_VALUE, f"High {high_s:g} s, low {low_s:g} s, delay {delay_s:g} s")
+    high, low = (max(round(part * timebase), 2) / timebase for part in (high_s, low_s))
+    _add_output(device, task, request, output_type, 1 / (high + low), high / (high + low), delay_s)
+
+
+def _add_output(
+    device: SimulatedDevice,
+    task: SimulatedTask,
+    request: Any,
+    output_type: int,
+    rate_hz: float,
+    duty: float,
+    delay_s: float,
+) -> None:
+    if enum(request, "idle_state") != LOW:
+        raise NotImplementedByDevice("pulses from a high idle state")
+    timebase = device.inventory.product.counter_timebase_hz
+    if not delay_s * timebase < 2**32:
+        raise DaqStatusError(status.INVALID_VALUE, f"Initial delay {delay_s:g} s")
     device.add_channels(
         task, "CO", "counter", request.counter, request.name_to_assign_to_channel,
         output_type=output_type, idle_state=LOW,
     )  # fmt: skip
     name = task.channels[-1].name
-    high, low = (max(round(part * timebase), 2) / timebase for part in (high_s, low_s))
-    task.attributes["Chan", name, CO_FREQ] = 1 / (high + low)
-    task.attributes["Chan", name, CO_DUTY] = high / (high + low)
+    task.attributes["Chan", name, CO_FREQ], task.attributes["Chan", name, CO_DUTY] = rate_hz, duty
     task.attributes["Chan", name, CO_DELAY] = max(round(delay_s * timebase), 2) / timebase
 
 
