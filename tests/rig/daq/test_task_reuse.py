@@ -104,3 +104,14 @@ def test_the_motor_is_put_at_zero_even_when_the_kept_task_is_gone(make_backend, 
     assert backend.device.output_v["cDAQ1Mod2/ao0"] > 1.0 and backend.device.drive_enabled()
     backend.safe_stop()
     assert backend.device.output_v["cDAQ1Mod2/ao0"] == 0.0 and not backend.device.drive_enabled()
+
+
+def test_after_a_watchdog_that_expired_unseen_the_next_trial_is_sound(make_backend, config, command) -> None:
+    backend = make_backend(config)
+    energise(backend, config, command)
+    backend.read_block(250, 1.0)
+    backend.device.bench.clock.advance(10 * config.watchdog.timeout_s)
+    backend.safe_stop()
+    assert backend.device.output_v["cDAQ1Mod2/ao0"] == 0.0 and not backend.device.drive_enabled()
+    backend.continue_after(0)
+    np.testing.assert_array_equal(blow(backend, config, command)[1], blow(make_backend(config), config, command)[1])
