@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 from eight_channels import RAD_PER_VOLT, bench, bench_elsewhere, eight
+from journal_delay import Timed
 
 from rig.profile import load_profile
 from rig.recorder import record_session
@@ -83,31 +84,6 @@ def long_recording(hours: float) -> None:
     )
     print(f"memory               : {later[0]:.0f} MB after the first minute, then {later.min() - later[0]:+.1f} to "
           f"{later.max() - later[0]:+.1f} MB")  # fmt: skip
-
-
-class Timed(JournalWriter):
-    """A journal that notes when each block came and when it was committed."""
-
-    log: list[tuple[int, int, float, float]] = []
-
-    def append(self, block: Any) -> int:
-        """Hand on, with the times before and after."""
-        before = time.monotonic()
-        committed = super().append(block)
-        Timed.log.append((block.first_sample, block.force_n.size, before, time.monotonic()))
-        return committed
-
-    @staticmethod
-    def ages_s() -> np.ndarray:
-        """From sample to journal, s, of every sample in the log."""
-        ages: list[np.ndarray] = []
-        start = [k for k, entry in enumerate(Timed.log) if entry[0] == 0] + [len(Timed.log)]
-        for first, end in zip(start, start[1:], strict=False):
-            part = Timed.log[first:end]
-            # the sample clock began when the block that came soonest after its last sample says it did
-            zero = min(came - (at + n) / 5000.0 for at, n, came, _ in part)
-            ages += [done - zero - (at + np.arange(n)) / 5000.0 for at, n, _, done in part]
-        return np.concatenate(ages)
 
 
 class Answering:

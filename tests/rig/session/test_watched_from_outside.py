@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchmarks.recording_numbers import Timed
+from benchmarks.journal_delay import Timed
 from rig.recorder import record_session
 from rig.session import Session
 from rig.simulated.clock import PacedClock
