@@ -7,6 +7,9 @@ Failure: what cannot be stated is NaN, and the column ``state`` says why.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from types import MappingProxyType
+
 import numpy as np
 import pandas as pd
 
@@ -43,10 +46,12 @@ def channel_tables(
     u_sample: dict[str, float],
     window: Window,
     without: LeftOut = (),
+    u_scale: Mapping[str, float] = MappingProxyType({}),
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Channel summary without scores; mean, s_r, bands and paired difference over time, per channel.
 
-    ``u_sample`` is the standard uncertainty of one sample by channel; ``without`` the trials and channels not pooled.
+    ``u_sample`` is the standard uncertainty of one sample by channel; ``without`` the trials and channels not
+    pooled; ``u_scale`` the relative standard uncertainty of each scale.
     """
     base = next(iter(traces.values()))["time_s"].to_numpy()
     base = base[window.mask(base)]
@@ -61,7 +66,7 @@ def channel_tables(
                 state = state or "not filmed"
                 rows.append({"channel": name, "source": source, "n_trials": 0, **nothing, "state": state})
                 continue
-            row, columns = _channel(name, source, base, frames, u_sample.get(name, 0.0))
+            row, columns = _channel(name, source, base, frames, u_sample.get(name, 0.0), u_scale.get(name, 0.0))
             row["state"] = "; ".join(text for text in (str(row["state"]), state) if text)
             rows.append(row)
             spread |= columns
@@ -69,10 +74,10 @@ def channel_tables(
 
 
 def _channel(
-    name: str, source: str, base: Array, frames: dict[int, pd.DataFrame], u: float
+    name: str, source: str, base: Array, frames: dict[int, pd.DataFrame], u: float, u_scale: float
 ) -> tuple[dict[str, object], dict[str, Array]]:
     curves = on_common_base(base, frames, f"{name}_measured_rad")
-    paired = paired_difference(on_common_base(base, frames, f"{name}_predicted_rad"), curves, u)
+    paired = paired_difference(on_common_base(base, frames, f"{name}_predicted_rad"), curves, u, u_scale)
     r = curve_repeatability(curves)
     band = simultaneous_band(curves, u_sample=u)
     low, high = s_interval_factors(r.n_trials)

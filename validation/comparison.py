@@ -231,7 +231,8 @@ def _assemble(
     findings = find_faults(predictor, measured, predictions, marks, trial_events, base, traces, suspect)
     without = left_out(findings)
     warnings = [f.text for f in findings] + with_and_without(base, traces, findings, without) + warnings
-    channels, spread = channel_tables(traces, filmed, u_sample, window, without)
+    u_scale = uncertainty.groupby("channel")["scale_relative_u"].mean().fillna(0.0).to_dict()
+    channels, spread = channel_tables(traces, filmed, u_sample, window, without, u_scale)
     u_encoder = {m.number: m.u_rad for m in measured}
     scores = score_table(traces, filmed, u_encoder, channels, window, impact, predictor.kept)
     card = scorecard(scores, traces, filmed, window, impact, predictor.kept, without)

@@ -35,7 +35,7 @@ class PairedDifference:
     pointwise_share: float
 
 
-def paired_difference(model: Array, trial: Array, u_sample: float) -> PairedDifference:
+def paired_difference(model: Array, trial: Array, u_sample: float, u_scale_relative: float = 0.0) -> PairedDifference:
     """Mean paired difference at each instant.
 
     Parameters
@@ -43,6 +43,8 @@ def paired_difference(model: Array, trial: Array, u_sample: float) -> PairedDiff
     model, trial : (n_samples, n_trials) arrays
     u_sample : float
         Standard uncertainty of one measured sample.
+    u_scale_relative : float
+        Of the sensor's scale, the same in all trials: it grows with the angle.
 
     Returns
     -------
@@ -57,7 +59,7 @@ def paired_difference(model: Array, trial: Array, u_sample: float) -> PairedDiff
         return PairedDifference(difference[:, 0] if n else nothing, nothing, nothing, nan, nan, nan)
     mean = difference.mean(axis=1)
     scatter = difference.std(axis=1, ddof=1) / np.sqrt(n)
-    sensor = 1.96 * u_sample
+    sensor = 1.96 * np.hypot(u_sample, u_scale_relative * np.abs(np.asarray(trial, dtype=float)).mean(axis=1))
     u95 = np.hypot(stdtrit(n - 1, 0.975) * scatter, sensor)
     band95 = np.hypot(simultaneous_band(difference, u_sample=u_sample).half_width, sensor)
     known = np.isfinite(mean)
