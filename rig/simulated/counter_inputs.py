@@ -1,13 +1,13 @@
 """Calls that create counter inputs: encoders, counts of edges, and what can be measured of the pulses on a terminal.
 
-Each measurement has a default terminal per counter (X Series manual, default counter pins; A, Z and B of an encoder are
-source, gate and auxiliary); where the product has no defaults here the terminal must be told.
+Each measurement has a default terminal per counter (:class:`rig.simulated.products.CounterPins`); where the product has
+none here the terminal must be told.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Literal
 
 from rig.simulated import status
 from rig.simulated.device import SimulatedDevice
@@ -78,19 +78,16 @@ def ci_linear_encoder(device: SimulatedDevice, task: SimulatedTask, request: Any
 
 
 def _tell_encoder_terminals(device: SimulatedDevice, task: SimulatedTask) -> None:
-    pairs = device.inventory.product.encoder_terminals
-    if pairs:
-        channel = task.channels[-1]
-        pair = pairs[int(channel.physical.resource.removeprefix("ctr"))]
-        for attribute, terminal in zip((A_TERMINAL, B_TERMINAL), pair, strict=True):
-            task.attributes["Chan", channel.name, attribute] = "/" + device.inventory.full_name(terminal)
+    _tell(device, task, A_TERMINAL, "source")
+    _tell(device, task, B_TERMINAL, "auxiliary")
 
 
-def _tell_terminal(device: SimulatedDevice, task: SimulatedTask, defaults: tuple[str, ...]) -> None:
+def _tell(
+    device: SimulatedDevice, task: SimulatedTask, attribute: int, pin: Literal["source", "gate", "auxiliary"]
+) -> None:
+    """Give the last channel of a task its default terminal, where it has one."""
     channel = task.channels[-1]
-    if defaults:
-        terminal = defaults[int(channel.physical.resource.removeprefix("ctr"))]
-        attribute = MEASURED_ON[channel.settings["measures"]]
+    if terminal := device.inventory.counter_terminal(channel.physical, pin):
         task.attributes["Chan", channel.name, attribute] = "/" + device.inventory.full_name(terminal)
 
 
@@ -104,7 +101,7 @@ def ci_count_edges(device: SimulatedDevice, task: SimulatedTask, request: Any) -
         measures=EDGES, initial_count=int(request.initial_count), step=step, edge=enum(request, "edge"),
         count_direction=enum(request, "count_direction"),
     )  # fmt: skip
-    _tell_terminal(device, task, device.inventory.product.edge_terminals)
+    _tell(device, task, MEASURED_ON[EDGES], "source")
 
 
 def _of_pulses(measures: str, *units: int) -> Callable[[SimulatedDevice, SimulatedTask, Any], None]:
@@ -122,16 +119,16 @@ def _of_pulses(measures: str, *units: int) -> Callable[[SimulatedDevice, Simulat
             if edge in names:
                 one_of(enum(request, edge), (RISING, FALLING), "Edge")
                 settings["edge"] = enum(request, edge)
-        product, defaults = device.inventory.product, device.inventory.product.gate_terminals
+        pin: Literal["source", "gate"] = "gate"
         if "meas_method" in names:
             method = enum(request, "meas_method")
             one_of(method, (LOW_FREQUENCY, *TWO_COUNTERS, DYNAMIC), "Measurement method")
             if method in TWO_COUNTERS:
-                settings["two_counters"], defaults = True, product.edge_terminals
+                settings["two_counters"], pin = True, "source"
         device.add_channels(
             task, "CI", "counter", request.counter, request.name_to_assign_to_channel, measures=measures, **settings
         )
-        _tell_terminal(device, task, defaults)
+        _tell(device, task, MEASURED_ON[measures], pin)
 
     return create
 

@@ -108,6 +108,6 @@ def output_terminals(device: SimulatedDevice, task: SimulatedTask) -> set[str]:
     found = {f"Ctr{channel.physical.resource.removeprefix('ctr')}InternalOutput"}
     if named := task.setting("Chan", channel.name, CO_TERM, ""):
         found.add(device.inventory.terminal(named))
-    elif default := device.inventory.product.pulse_terminal(channel.physical.resource):
+    elif default := device.inventory.counter_terminal(channel.physical, "out"):
         found.add(default)
     return found

@@ -7,6 +7,7 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import dataclass
+from typing import Literal
 
 from rig.simulated import status
 from rig.simulated.products import Kind, Product
@@ -91,6 +92,13 @@ class Inventory:
                 except DaqStatusError:
                     found.append(self.channel(name, "static_line"))
         return found
+
+    def counter_terminal(self, channel: PhysicalChannel, pin: Literal["source", "gate", "auxiliary", "out"]) -> str:
+        """Return a counter's default terminal, relative to the device; "" where it has none."""
+        module = channel.name.split("/", 1)[0].removeprefix(self.name)
+        pins = self.product.counter_pins.get(module)
+        found = getattr(pins, pin)[int(channel.resource.removeprefix("ctr"))] if pins and getattr(pins, pin) else ""
+        return f"{module}/{found}" if module and found else found
 
     def line(self, name: str) -> PhysicalChannel:
         """Return one digital line by its full name."""

@@ -16,6 +16,20 @@ Kind = Literal["bridge", "voltage_in", "voltage_out", "counter", "line", "static
 
 
 @dataclass(frozen=True)
+class CounterPins:
+    """Default terminals of counters 0 to 3; A, Z and B of an encoder are source, gate and auxiliary.
+
+    X Series manual, default counter pins; NI-DAQmx Help, "CompactDAQ counter signal connections" (NI 9401). Counters
+    named by the NI 9411 must be told theirs.
+    """
+
+    source: tuple[str, ...] = ()
+    gate: tuple[str, ...] = ()
+    auxiliary: tuple[str, ...] = ()
+    out: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
 class Product:
     """Table of one product (a chassis with its modules counts as one)."""
 
@@ -40,14 +54,8 @@ class Product:
     bridge_bits: int = 24
     bridge_excitation_v: tuple[float, ...] = ()
     ai_ranges_v: tuple[float, ...] = ()
-    encoder_terminals: tuple[tuple[str, str], ...] = ()
-    """A and B terminals each counter has unless told otherwise; empty: they must be told."""
-    edge_terminals: tuple[str, ...] = ()
-    """Terminal on which each counter counts edges unless told otherwise; empty: it must be told."""
-    gate_terminals: tuple[str, ...] = ()
-    """Terminal on which each counter measures frequency, period and width unless told otherwise."""
-    pulse_terminals: tuple[str, ...] = ()
-    """Terminal on which each counter puts out pulses unless told otherwise."""
+    counter_pins: Mapping[str, CounterPins] = field(default_factory=dict)
+    """Default terminals of the counters, by the module that names the counter ("" on a card); without: to be told."""
     clocked_lines: bool = False
     """Whether digital lines can have a sample clock."""
     change_detection: bool = False
@@ -68,10 +76,6 @@ class Product:
     timebases: str = r"(?!)"
     """Terminals that carry clocks of the device itself, by pattern."""
 
-    def pulse_terminal(self, resource: str) -> str:
-        """Return the terminal on which a counter puts out pulses unless told otherwise; "" for none."""
-        return self.pulse_terminals[int(resource.removeprefix("ctr"))] if self.pulse_terminals else ""
-
 
 UNSIMULATED = (
     r"(ai|di|ao|do)/(ReferenceTrigger|PauseTrigger|SampleClockTimebase|ConvertClock|ConvertClockTimebase|HoldCompleteEvent)|"
@@ -86,6 +90,13 @@ def _numbered(prefix: str, count: int, kind: Kind, resource: str) -> tuple[tuple
 
 CDAQ_9189 = Product(
     name="cDAQ-9189",
+    counter_pins={
+        "Mod4": CounterPins(
+            source=("PFI0", "PFI4", "PFI3", "PFI7"),
+            gate=("PFI1", "PFI5", "PFI2", "PFI6"),
+            auxiliary=("PFI2", "PFI6", "PFI0", "PFI4"),
+        )
+    },
     lines_in_group={"pin4": 4},  # NI 9401 data sheet: direction by nibble
     modules=(("Mod1", "NI 9237"), ("Mod2", "NI 9263"), ("Mod3", "NI 9411"), ("Mod4", "NI 9401")),
     unsimulated=UNSIMULATED,
@@ -129,10 +140,14 @@ PCIE_6363 = Product(
     ai_max_rate_hz=2e6,
     counter_timebase_hz=100e6,
     ai_ranges_v=(0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0),
-    encoder_terminals=(("PFI8", "PFI10"), ("PFI3", "PFI11"), ("PFI0", "PFI2"), ("PFI5", "PFI7")),
-    edge_terminals=("PFI8", "PFI3", "PFI0", "PFI5"),
-    gate_terminals=("PFI9", "PFI4", "PFI1", "PFI6"),
-    pulse_terminals=("PFI12", "PFI13", "PFI14", "PFI15"),
+    counter_pins={
+        "": CounterPins(
+            source=("PFI8", "PFI3", "PFI0", "PFI5"),
+            gate=("PFI9", "PFI4", "PFI1", "PFI6"),
+            auxiliary=("PFI10", "PFI11", "PFI2", "PFI7"),
+            out=("PFI12", "PFI13", "PFI14", "PFI15"),
+        )
+    },
     clocked_lines=True,
     change_detection=True,
     ai_aggregate_rate_hz=1e6,

@@ -110,3 +110,10 @@ def test_encoders_have_the_default_terminals_of_the_card_and_may_measure_a_lengt
     channel.ci_encoder_b_input_term = "/Dev1/PFI1"  # where the hammer's scale is wired
     still = task.read()
     assert still == pytest.approx(0.5 + 1e-3 * round((still - 0.5) / 2.5e-4) / 4, rel=1e-12)
+
+
+def test_counters_named_by_the_9401_have_its_default_terminals(cdaq) -> None:
+    task = cdaq.task()
+    channel = task.ci_channels.add_ci_count_edges_chan("cDAQ1Mod4/ctr1")
+    assert channel.ci_count_edges_term == "/cDAQ1Mod4/PFI4"
+    assert task.read() == 0
