@@ -105,7 +105,7 @@ def test_an_exception_of_the_program_half_way_ends_at_zero_volts(make_backend, a
 
 
 def test_a_stopped_output_would_hold_its_last_value(make_backend, config, command) -> None:
-    """The hazard that the fresh 0 V task is there for: without it the virtual DAC stays where it was."""
+    """The hazard that the 0 V task is there for: without it the virtual DAC stays where it was."""
     backend = make_backend(config)
     backend.configure(config, command)
     backend.arm()
