@@ -28,7 +28,7 @@ LARGEST_FACTOR = 4.0
 ROUNDS = 4
 SMALLEST_DIFFERENCE = 4e-3  # of the range, root mean square
 FORCE_MAY = 2.0  # standard uncertainties of the force's gain and level that a difference may come from
-FORCE_LEAVES = 0.25  # of the squared difference
+FORCE_LEAVES = 0.33  # of the squared difference
 TAKES_AWAY = 0.95  # of the squared difference: with less, several things differ, and naming one would mislead
 
 
