@@ -68,8 +68,35 @@ def lower(rows: list[list[float]], size: int) -> NDArray[np.float64]:
     return out
 
 
+def _third_row(first: float, second: float) -> NDArray[np.float64]:
+    out = np.zeros((MAX_STAGES, MAX_STAGES))
+    out[2, :2] = first, second
+    return out.ravel()
+
+
+class StagesInSlots:
+    """Stages that the step loop itself forms in the slots of the stage kernel, not from rows of a tableau."""
+
+    c: NDArray[np.float64]
+
+    @property
+    def flat_a(self) -> NDArray[np.float64]:
+        """Rows for the stage kernel: the argument of F is y + slot 0."""
+        return _third_row(1.0, 0.0)
+
+    @property
+    def d(self) -> NDArray[np.float64]:
+        """No time derivative is used."""
+        return np.zeros(len(self.c))
+
+    @property
+    def stages(self) -> int:
+        """Number of stages."""
+        return len(self.c)
+
+
 @dataclass(frozen=True)
-class DiagonalTableau:
+class DiagonalTableau(StagesInSlots):
     """Coefficients (s stages) and properties of one ESDIRK method; stiffly accurate, the last row of a is b."""
 
     name: str
@@ -91,34 +118,13 @@ class DiagonalTableau:
         return np.ascontiguousarray(np.vstack([self.a, self.b - self.b_embedded]))
 
     @property
-    def flat_a(self) -> NDArray[np.float64]:
-        """Rows for the stage kernel: the argument of F is y + slot 0."""
-        return _third_row(1.0, 0.0)
-
-    @property
     def flat_c(self) -> NDArray[np.float64]:
         """Rows for the stage kernel: (slot 1 - slot 0) / gamma."""
         return _third_row(-1.0 / self.gamma, 1.0 / self.gamma)
 
-    @property
-    def d(self) -> NDArray[np.float64]:
-        """No time derivative is used."""
-        return np.zeros(len(self.b))
-
-    @property
-    def stages(self) -> int:
-        """Number of stages."""
-        return len(self.b)
-
-
-def _third_row(first: float, second: float) -> NDArray[np.float64]:
-    out = np.zeros((MAX_STAGES, MAX_STAGES))
-    out[2, :2] = first, second
-    return out.ravel()
-
 
 @dataclass(frozen=True)
-class CoupledTableau:
+class CoupledTableau(StagesInSlots):
     """Coefficients (three stages) and properties of one collocation method; stiffly accurate, last row of a is b.
 
     With T^-1 a^-1 T = diag(gamma, [[alpha, -beta], [beta, alpha]]) the stage equations fall into a real and a complex
@@ -166,21 +172,6 @@ class CoupledTableau:
         )
 
     @property
-    def flat_a(self) -> NDArray[np.float64]:
-        """Rows for the stage kernel: the argument of F is y + slot 0."""
-        return _third_row(1.0, 0.0)
-
-    @property
     def flat_c(self) -> NDArray[np.float64]:
         """Rows for the stage kernel: F alone."""
         return _third_row(0.0, 0.0)
-
-    @property
-    def d(self) -> NDArray[np.float64]:
-        """No time derivative is used."""
-        return np.zeros(len(self.c))
-
-    @property
-    def stages(self) -> int:
-        """Number of stages."""
-        return len(self.c)

@@ -181,10 +181,10 @@ def emit_with_pieces(tables: L.Tables) -> tuple[str, list[Piece]]:
     )
     used = sorted(pieces)
     head = "".join(f"from {piece.name} import {piece.name}\n" for piece in used)
-    return module(s, *functions, head=head), used
+    return module(*functions, head=head), used
 
 
-def module(s: Structure, *functions: tuple[str, str, list[str]], head: str = "") -> str:
+def module(*functions: tuple[str, str, list[str]], head: str = "") -> str:
     """Source of a module with these functions: name, arguments, lines."""
     parts = [_HEAD, head]
     for name, arguments, body in functions:

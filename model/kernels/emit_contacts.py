@@ -28,7 +28,7 @@ def _along(body: int, x: str, y: str) -> tuple[str, str]:
     return (x, y) if body < 0 else (f"c{body} * {x} - s{body} * {y}", f"s{body} * {x} + c{body} * {y}")
 
 
-def _pivot(s: Structure | Alone, body: int) -> tuple[str, str]:
+def _pivot(body: int) -> tuple[str, str]:
     return f"x{body}", f"y{body}"
 
 
@@ -73,7 +73,7 @@ def _rates(s: Structure | Alone, c: int) -> list[str]:
         if b in s.guided:
             out += [f"gn{k} = {sign}ny", f"gt{k} = {sign}nx"]
             continue
-        x, y = _pivot(s, b)
+        x, y = _pivot(b)
         out += [f"lx{k} = px - {x}", f"ly{k} = py - {y}"]
         out += [f"gn{k} = {sign}(lx{k} * ny - ly{k} * nx)", f"gt{k} = {sign}(lx{k} * nx + ly{k} * ny)"]
     out.append("rate = -(" + " + ".join(f"gn{k} * v{b}" for k, (b, _) in enumerate(s.chain[c])) + ")")
@@ -120,7 +120,7 @@ def contact_linearised(s: Alone, c: int) -> list[str]:
     ]
     away = _surface(s, c, True)
     for k, (b, side) in enumerate(chain):
-        x, y = _pivot(s, b)
+        x, y = _pivot(b)
         way = "ny" if b in s.guided else f"((ax - {x}) * ny - (ay - {y}) * nx)"
         away.append(f"turns{k}_{c} = {'' if side > 0 else '-'}{way}")
     rate = " + ".join(f"turns{k}_{c} * v{b}" for k, (b, _) in enumerate(chain))
@@ -160,7 +160,7 @@ def _derivatives(s: Alone, c: int) -> list[str]:
     chain = s.chain[c]
     out = [f"along{k} = gn{k} - mu * gt{k}" for k in range(len(chain))]
     for j, (cj, side) in enumerate(chain):
-        qx, qy = _pivot(s, cj)
+        qx, qy = _pivot(cj)
         what, centre = ("first", "a") if side > 0 else ("second", "b")
         if cj in s.guided:
             out.append(f"kappa, xx, xy = lift_of_{what}(nx, ny, distance, r, -gn{j})")
@@ -170,7 +170,7 @@ def _derivatives(s: Alone, c: int) -> list[str]:
             if b in s.guided:
                 out += [f"dn{k} = {float(sk)} * kappa * nx", f"dt{k} = {float(-sk)} * kappa * ny"]
                 continue
-            bx, by = _pivot(s, b)
+            bx, by = _pivot(b)
             mx, my = (f"xx + ({by} - {qy})", f"xy - ({bx} - {qx})") if s.parent[b] == cj else ("xx", "xy")
             if s.parent[b] == cj and cj in s.guided:
                 mx, my = "xx", "xy - 1.0"

@@ -62,4 +62,4 @@ def emit_energy(tables: L.Tables) -> str:
             f"p[{s.offset[5] + L.DAMPER_SIZE * k}] * v{i} * v{i}" for k, i in enumerate(s.damper)
         )
     out += [f"w[{at}] = {name}" for at, name in names.items()]
-    return module(s, ("energy", "w, p, u", [*out, f"w[{W.POWER_JOINTS}] = joints", "return 0"]))
+    return module(("energy", "w, p, u", [*out, f"w[{W.POWER_JOINTS}] = joints", "return 0"]))
