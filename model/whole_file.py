@@ -23,6 +23,6 @@ def whole_file(path: Path, advice: str = "choose another file") -> Iterator[Path
         yield part
         os.replace(part, path)
     except OSError as problem:
-        raise InputError(f"{path}: cannot be written ({problem.strerror}); {advice}") from None
+        raise InputError(f"{path}: cannot be written ({problem.strerror or problem}); {advice}") from None
     finally:
         part.unlink(missing_ok=True)

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import json
-import os
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from model.whole_file import whole_file
 
 from .errors import InputError
 
@@ -86,19 +86,6 @@ _UNITS = (
 )
 
 
-@contextmanager
-def _whole(path: Path) -> Iterator[Path]:
-    """A file beside ``path`` to write to; takes its name when the block ends well, else nothing is left."""
-    part = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        yield part
-        os.replace(part, path)
-    except OSError as problem:
-        raise InputError(f"{path}: cannot be written ({problem})") from None
-    finally:
-        part.unlink(missing_ok=True)
-
-
 def run_attributes(action: Action, tolerance: float, method: str, scene: str) -> dict[str, Any]:
     """What a file of columns says about the run that it came from."""
     return {
@@ -127,7 +114,7 @@ def write_columns(
     if path.suffix not in (".csv", ".h5"):
         raise InputError(f"{path}: ending found {path.suffix!r}, allowed .csv or .h5")
     check_writable(path)
-    with _whole(path) as part:
+    with whole_file(path, "choose another --out") as part:
         if path.suffix == ".csv":
             _write_csv(part, columns)
         else:
@@ -158,5 +145,5 @@ def print_verdict(lines: Sequence[str]) -> None:
 def write_table(path: Path, table: pd.DataFrame) -> None:
     """Write a pandas table as CSV, whole or not at all."""
     check_writable(path)
-    with _whole(path) as part:
+    with whole_file(path, "choose another --out") as part:
         table.to_csv(part, index=False)

@@ -89,7 +89,7 @@ class Interlocks:
         self._check_stuck(first, old)
         end = block.first_sample + block.force_n.size
         if self._baseline_n is None and end + block.force_n.size > self._blow:
-            self._check_before_blow(end)
+            self._check_before_blow()
         elif self._baseline_n is not None:
             self._check_pushes(first, self._baseline_n)
         self._force, self._count = self._force[-self._keep :], self._count[-self._keep :]
@@ -189,7 +189,7 @@ class Interlocks:
                         f"{moved[witness]:.3f} rad before {(first + end) / self._rate:.4f} s; it is stuck or unplugged"
                     )
 
-    def _check_before_blow(self, end: int) -> None:
+    def _check_before_blow(self) -> None:
         self._baseline_n = float(self._force.mean())
         # a cell that had noise before the blow has noise during it
         self._noisy = longest_run(np.diff(self._force) == 0) < self._samples(self._limits.stuck_s)

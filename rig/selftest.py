@@ -29,7 +29,6 @@ LOOK_S = 0.3
 PUSHES, PUSH_S, PAUSE_S, LEAD_S = 4, 0.15, 0.15, 0.3
 CAMERA_S = 0.5
 READ_TIMEOUT_S = 5.0
-GONE_N = 0.1
 INSTRUCTION = (
     "drive disabled: lift the arm off the key for a second, put it back, then press the key slowly to its bottom and "
     f"let it come up again, all within {HAND_S:g} s"

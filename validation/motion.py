@@ -62,10 +62,6 @@ class Motion:
         """Standard uncertainty of the dip of one sample against where the key itself rested, m."""
         return float(np.hypot(self.u_dip_m, self.u_dip_still_m))
 
-    def level_u_height_m(self) -> float:
-        """Standard uncertainty of the height of one sample against a fixed level, m."""
-        return float(np.hypot(self.u_height_m, self.u_height_zero_m))
-
     def level_u_dip_m(self) -> float:
         """Standard uncertainty of the dip of one sample against a fixed level, m."""
         return float(np.hypot(self.u_dip_m, self.u_dip_zero_m))

@@ -115,7 +115,7 @@ def _fit(age: Array, way: Array, sigma: float, prior: tuple[float, float], side:
     grid = np.arange(max(LOWEST_HZ, 1.0 / float(age.max())), HIGHEST_HZ, STEP_HZ)
     frequencies, dampings = (x.ravel() for x in np.meshgrid(grid, DAMPINGS))
     best = int(np.argmin(solve(frequencies, dampings)[1]))
-    refined = _refine(solve, age, frequencies[best], dampings[best], side, sigma)
+    refined = _refine(solve, age, frequencies[best], dampings[best], side)
     frequency, damping, coefficient, cost, design = refined
     amplitude = float(np.hypot(coefficient[3], coefficient[4]))
     freedom = age.size + 2 - 7
@@ -143,7 +143,6 @@ def _refine(
     frequency: float,
     damping: float,
     side: int,
-    sigma: float,
 ) -> tuple[float, float, Array, float, Array]:
     """Frequency, damping, coefficients, cost, and the design with both as columns of their own, at the least cost."""
     steps = np.array([STEP_HZ, 0.02])
