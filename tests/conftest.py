@@ -2,12 +2,26 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from tests.command_line import run
+
+ROOT = Path(__file__).parents[1]
+WHOLE_SUITE = 1000
+"""Tests from which on it is worth compiling ahead."""
+
+
+def pytest_collection_finish(session: pytest.Session) -> None:
+    """Compile on the other processor what later tests use."""
+    if len(session.items) >= WHOLE_SUITE and not session.config.option.collectonly:
+        quiet = subprocess.DEVNULL
+        ahead = subprocess.Popen([sys.executable, "-m", "tests.compile_ahead"], cwd=ROOT, stdout=quiet, stderr=quiet)
+        session.config.add_cleanup(lambda: (ahead.kill(), ahead.wait()))
 
 
 def contents(folder: Path) -> dict[Path, bytes]:
