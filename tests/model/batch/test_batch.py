@@ -162,7 +162,7 @@ def test_hash_covers_what_decides_and_no_more(action: model.Action, monkeypatch:
         jobs(parameter_sets={"x": {"contact13": 0.0}}),
         jobs(tolerance=1e-5),
         jobs(output_time_s=OUT[:-1]),
-        jobs(choice=model.SceneChoice(without=("contact12",))),
+        jobs(choice=model.SceneChoice(effects=("motor_arm",))),
         jobs(choice=model.SceneChoice(outputs=("energy",))),
         jobs(method="rodas5p"),
         replace(jobs(), start_rad=np.nextafter(jobs().start_rad, 1.0)),

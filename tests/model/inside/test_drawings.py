@@ -96,7 +96,8 @@ def test_the_page_needs_nothing_else(action: model.Action, blow: tuple, tmp_path
     assert 'type="range"' in text
 
 
-@pytest.mark.parametrize("scene", [pytest.param("lifting-key-flexible-shank", marks=pytest.mark.slow), "key-whippen"])
+@pytest.mark.slow  # compiles scenes of their own
+@pytest.mark.parametrize("scene", ["lifting-key-flexible-shank", "key-whippen"])
 def test_other_scenes_are_drawn_as_well(action: model.Action, scene: str, tmp_path: Path) -> None:
     time, force = force_table("forte")
     rows = model.output_times(0.0, 0.15, 5000.0)

@@ -38,6 +38,7 @@ def test_only_the_seven_screws_are_turned(action: model.Action, done: Regulation
         assert q.value - action[s.path] == pytest.approx(done.turned_m[s.target], abs=1e-12)
 
 
+@pytest.mark.slow  # regulates once more
 def test_another_start_ends_at_the_same_place(action: model.Action, done: Regulation) -> None:
     off = dict(zip([s.path for s in SCREWS], (-0.4, 0.5, -0.3, 0.6, -0.8, 0.7, -1.5), strict=True))
     start = action.with_values({path: action[path] + 1e-3 * x for path, x in off.items()})
