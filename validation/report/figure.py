@@ -11,8 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
+from matplotlib import rcParams
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.font_manager import FontProperties
+from matplotlib.textpath import text_to_path
 
 from validation.report.svg import figure_svg
 from validation.report.view import SessionView
@@ -20,8 +23,9 @@ from validation.result import ValidationResult
 
 ZOOM_S = (0.02, 0.03)
 WIDTH_IN = 9.2
-# inches: what ticks and an axis label take beside the ticks' numbers, a character of those, a line of text, the edges
-BESIDE_IN, CHARACTER_IN, LINE_IN, EDGE_IN, GAP_IN = 0.34, 0.075, 0.19, 0.1, 0.12
+# inches: what ticks and an axis label take beside the ticks' numbers, a line of text, the edges
+BESIDE_IN, LINE_IN, EDGE_IN, GAP_IN = 0.36, 0.19, 0.1, 0.12
+POINTS_PER_IN = 72.0
 
 
 @dataclass(frozen=True)
@@ -78,8 +82,8 @@ def arrange(figure: Figure, legend_lines: int = 0) -> None:
     for axes, place in panels:
         row, column = place.rowspan.start, place.colspan.start
         ticks = axes.yaxis.get_major_formatter().format_ticks(list(axes.get_yticks()))
-        longest = max((len(text.replace("$\\mathdefault{", "").rstrip("}$")) for text in ticks), default=0)
-        left[column] = max(left[column], BESIDE_IN + CHARACTER_IN * longest)
+        longest = max((_width_in(text) for text in ticks), default=0.0)
+        left[column] = max(left[column], BESIDE_IN + longest)
         numbered = bool(axes.xaxis.get_tick_params().get("labelbottom", True))
         below[row] = max(below[row], LINE_IN * (numbered + bool(axes.get_xlabel())))
         above[row] = max(above[row], LINE_IN * (1.2 if axes.get_title() or axes.get_title("left") else 0.0))
@@ -97,6 +101,13 @@ def arrange(figure: Figure, legend_lines: int = 0) -> None:
         wspace=between * columns / inside,
         hspace=under * rows / tall,
     )
+
+
+def _width_in(tick: str) -> float:
+    """Width of a tick's number, inches."""
+    text = tick.replace("$\\mathdefault{", "").rstrip("}$")
+    font = FontProperties(size=rcParams["ytick.labelsize"])
+    return float(text_to_path.get_text_width_height_descent(text, font, False)[0]) / POINTS_PER_IN
 
 
 def finish(
