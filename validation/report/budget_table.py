@@ -11,6 +11,8 @@ from validation.event import EVENTS
 from validation.report.numbers import DASH, PageTable, number, percent, with_u
 from validation.result import ValidationResult
 
+LEAST_PART = 0.01  # of the whole: adds 5e-5 of it
+
 
 def budget_table(result: ValidationResult) -> PageTable:
     """E, its uncertainties and what can be said, event by event."""
@@ -23,15 +25,17 @@ def budget_table(result: ValidationResult) -> PageTable:
             [
                 f"{kind.title} ({kind.display_unit})",
                 with_u(k * b.difference, k * b.u_val),
-                *(number(k * u, 2) for u in parts),
-                percent(b.assumed_share),
                 number(b.ratio, 2),
                 f"{number(k * b.low, 3)} to {number(k * b.high, 3)}" if b.resolved else "not resolved",
+                *(_part(k * u, k * b.u_val) for u in parts),
+                percent(b.assumed_share),
             ]
         )
     head = [
         "event",
         "model − trial ± u",
+        "|E| / u",
+        "error of the model",
         "u_num",
         "u force",
         "u parameters",
@@ -39,13 +43,12 @@ def budget_table(result: ValidationResult) -> PageTable:
         "u_D",
         "u scatter",
         "assumed share",
-        "|E| / u",
-        "error of the model",
     ]
     notes = [
         "After ASME V&V 20: u is the root of the sum of squares of its parts; an error of the model is resolved when "
         "|E| exceeds 2 u. “Not resolved” does not mean that the model is right. assumed share: part of the input "
-        "uncertainty (force and parameters, squared) that rests on values this project had to assume."
+        "uncertainty (force and parameters, squared) that rests on values this project had to assume. Parts below a "
+        "hundredth of u stand as less than that; all digits are in tables/budget.csv."
     ]
     if len(result.budget):
         first = result.budget.iloc[0]
@@ -56,6 +59,12 @@ def budget_table(result: ValidationResult) -> PageTable:
     else:
         notes.append("No budget was asked for.")
     return PageTable("budget", "Uncertainty budget of the events", head, rows, notes)
+
+
+def _part(u: float, whole: float) -> str:
+    """One part of an uncertainty; one that is nothing beside the whole by its bound."""
+    bound = LEAST_PART * whole
+    return f"< {number(bound, 1)}" if u < bound else number(u, 2)
 
 
 def area_table(result: ValidationResult) -> PageTable:
