@@ -181,6 +181,7 @@ def test_another_track_of_a_film_scores_the_film_again(bench):
     assert again(folder, action) == all_of(3) | {"curve scores": "10 of 11"}
 
 
+@pytest.mark.slow  # four comparisons
 def test_another_action_tolerance_or_level_makes_again_what_depends_on_it(bench):
     folder, action = bench
     lighter = action.with_values({"hammer.mass": 0.0118})

@@ -263,6 +263,7 @@ def test_the_key_lifts_when_it_hits_the_bottom(forte: model.Solution) -> None:
     assert found[-1].start_s > 0.39
 
 
+@pytest.mark.slow  # compiles a scene of its own
 def test_a_smaller_scene_and_one_that_never_moves(action: model.Action) -> None:
     still = model.simulate(action, [0.0, 0.01], [0.0, 0.0], inside=True, scene="key").inside
     assert still is not None and still.bodies == ("key",)
