@@ -21,14 +21,14 @@ import numpy as np
 from recording_numbers import long_recording, real_time, real_time_elsewhere, stalled_disk
 
 from rig.backend import open_backend
-from rig.config import load_rig
+from rig.configuration.rig_file import load_rig
 from rig.daq import open_backend as open_remote
-from rig.recorder import record_session
+from rig.recording.recorder import record_session
 from rig.session import Session
 from rig.simulated.backend import DEFAULT_BENCH, SimulatedBackend, build_device
-from rig.simulated.contract import PlantBlock
-from rig.simulated.sensors import load_sensors
-from rig.simulated.server import serve
+from rig.simulated.bench.plant_protocol import PlantBlock
+from rig.simulated.bench.sensors import load_sensors
+from rig.simulated.rpc.tcp_server import serve
 
 BLOCK, BLOCKS = 100, 500
 

@@ -17,7 +17,7 @@ import time
 import numpy as np
 from scipy import stats
 
-from validation.band import simultaneous_band
+from validation.statistics.simultaneous_band import simultaneous_band
 
 SEED = 18571
 ALLOWED = (0.925, 0.97)

@@ -26,7 +26,8 @@ import numpy as np  # noqa: E402
 from peers.forces import force_table  # noqa: E402
 
 import model  # noqa: E402
-from model import batch, simulation  # noqa: E402
+from model import batch  # noqa: E402
+from model.simulation import run as simulation  # noqa: E402
 
 TOLERANCE = 1e-4
 TARGET_EFFICIENCY, TARGET_RATE = 0.90, 300.0

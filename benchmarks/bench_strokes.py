@@ -14,10 +14,10 @@ from pathlib import Path
 import numpy as np
 
 import rig.simulated
-from rig.config import load_rig
+from rig.configuration.rig_file import load_rig
 from rig.session import EncoderInfo, ForceInfo, TrialData
-from rig.simulated.plant import ActionPlant, PlantTruth, load_plant
-from rig.simulated.sensors import EncoderSignals, ForceSignal, load_sensors
+from rig.simulated.bench.plant import ActionPlant, PlantTruth, load_plant
+from rig.simulated.bench.sensors import EncoderSignals, ForceSignal, load_sensors
 
 BENCH = Path(rig.simulated.__file__).with_name("bench.toml")
 FINE = 10

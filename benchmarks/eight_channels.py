@@ -18,13 +18,13 @@ import grpc
 import numpy as np
 
 from rig.backend import Capabilities
-from rig.config import Rig, load_rig, parse_rig
+from rig.configuration.rig_file import Rig, load_rig, parse_rig
 from rig.daq import NidaqmxBackend
 from rig.simulated.backend import DEFAULT_BENCH, SimulatedBackend, build_device
-from rig.simulated.clock import Clock, PacedClock
-from rig.simulated.contract import PlantBlock
-from rig.simulated.sensors import load_sensors
-from rig.simulated.server import serve
+from rig.simulated.bench.clock import Clock, PacedClock
+from rig.simulated.bench.plant_protocol import PlantBlock
+from rig.simulated.bench.sensors import load_sensors
+from rig.simulated.rpc.tcp_server import serve
 
 RAD_PER_VOLT = np.array([-0.05, 0.09, -0.4])
 FORCE_PER_VOLT_N = 12.0

@@ -25,11 +25,11 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import model
 from benchmarks.bench_strokes import BEFORE_S, FINE, KINDS, MISREGULATED, Stroke, play
-from validation.event import EVENTS, Event
-from validation.events import find_events
-from validation.geometry import geometry_of
-from validation.measurement import U_REST_LEVEL_M, measure
-from validation.motion import motion_of
+from validation.events.definitions import EVENTS, Event
+from validation.events.detect import find_events
+from validation.measurement.geometry import geometry_of
+from validation.measurement.stroke import motion_of
+from validation.measurement.trial import U_REST_LEVEL_M, measure
 
 PRELOAD_N = 0.05
 LEVEL_M = 0.1e-3

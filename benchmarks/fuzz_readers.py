@@ -30,10 +30,10 @@ from numpy.typing import NDArray
 # decoders report damage on standard error themselves; here every film is damaged
 os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
 
-from vision.avi import write_avi
 from vision.errors import FilmError, VisionWarning
-from vision.frames import open_film
-from vision.writers import write_mraw
+from vision.film.avi_writer import write_avi
+from vision.film.mraw_writer import write_mraw
+from vision.film.source import open_film
 
 CIH_LINES = """#Camera Information Header
 Record Rate(fps) : 2000
@@ -157,7 +157,7 @@ def fuzz(folder: Path, count: int, seed: int) -> dict[str, Tally]:
     for path in (mraw, raw, jpeg):
         # what is imported at first use is not the film's doing
         open_film(path).close()
-    importlib.import_module("vision.video")
+    importlib.import_module("vision.film.opencv_video")
     tracemalloc.start()
     try:
         for number in range(count):

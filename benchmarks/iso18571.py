@@ -17,7 +17,7 @@ from collections.abc import Callable
 import numpy as np
 from objective_rating_metrics.rating import ISO18571
 
-from validation.iso18571 import iso_score
+from validation.scores.iso18571 import iso_score
 
 STEP = 1e-4
 LIMIT_S, FASTER = 0.020, 100.0

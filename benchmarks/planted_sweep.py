@@ -26,7 +26,7 @@ import model
 from benchmarks.bench_strokes import BENCH, Stroke, play
 from rig.session import CameraInfo, Session, SessionInfo, TrialData
 from rig.session.info import FileInfo
-from rig.simulated.plant import load_plant
+from rig.simulated.bench.plant import load_plant
 from validation import compare_session
 
 TRIALS = 6

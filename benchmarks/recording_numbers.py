@@ -19,13 +19,13 @@ import numpy as np
 from eight_channels import RAD_PER_VOLT, bench, bench_elsewhere, eight
 from journal_delay import Timed
 
-from rig.profile import load_profile
-from rig.recorder import record_session
+from rig.configuration.profile import load_profile
+from rig.recording.recorder import record_session
+from rig.recording.trial_run import Progress
 from rig.session import Session, Trial
 from rig.session.journal import JournalWriter
 from rig.simulated.backend import SimulatedBackend
-from rig.simulated.clock import PacedClock, VirtualClock
-from rig.trial_run import Progress
+from rig.simulated.bench.clock import PacedClock, VirtualClock
 
 LEAST_TRIAL_S = 0.95
 """A forte blow of this plant takes a little longer, to its end at rest."""

@@ -19,9 +19,9 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 import model
 from benchmarks.bench_strokes import Stroke, play
 from benchmarks.event_coverage import nominal
-from validation.event import Event
-from validation.events import find_events
-from validation.measurement import measure
+from validation.events.definitions import Event
+from validation.events.detect import find_events
+from validation.measurement.trial import measure
 
 KINDS = ("forte", "piano", "double", "staccato", "slow", "fortissimo")
 

@@ -3,7 +3,7 @@
 Run:  python benchmarks/tolerance.py [--method NAME ...]
 Per blow and method a line: error / request at each request from 1e-3 to 1e-9, then the largest ratio of the errors of
 neighbouring decades (0.5 or less: every decade at least halves the error). Blows marked ``tuned`` served to choose the
-shares in `model.simulation`, the ``held out`` ones did not. The error is the largest difference of any angle, every
+shares in `model.simulation.run`, the ``held out`` ones did not. The error is the largest difference of any angle, every
 1 ms, from an explicit method of order 8 at 1e-13 that shares neither the equations' code nor the algorithm.
 Exits with 1 when an error exceeds ten times its request.
 """

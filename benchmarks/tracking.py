@@ -34,12 +34,12 @@ from filmed_blow import blow
 from numpy.typing import NDArray
 from tracking_peers import by_lucas_kanade, by_pyidi, by_templates
 
-from rig.simulated.camera import CameraSettings, FilmTruth, film_bodies, film_trial
+from rig.simulated.bench.camera import CameraSettings, FilmTruth, film_bodies, film_trial
 from vision.angles import picture_to_ccw
-from vision.frames import Film, open_film
-from vision.preparation import prepare
-from vision.template import Template
-from vision.track import track_film
+from vision.film.source import Film, open_film
+from vision.fitting.template import Template
+from vision.tracking.prepare import prepare
+from vision.tracking.track_film import track_film
 
 N_STILL = 64
 Row = tuple[str, NDArray[np.float64], float, NDArray[np.int64]]

@@ -14,17 +14,17 @@ import numpy as np
 from filmed_blow import REST, blow, smooth_step
 from numpy.typing import NDArray
 
-from rig.simulated.camera import CameraSettings, film_bodies, film_trial
+from rig.simulated.bench.camera import CameraSettings, film_bodies, film_trial
 from vision.angles import ccw_to_picture
-from vision.avi import write_avi
-from vision.bodies import Body, build_masks
-from vision.file_window import FileWindow
-from vision.flags import FrameFlag
-from vision.frames import ArrayFilm, open_film
+from vision.bodies.outlines import Body, build_masks
+from vision.film.avi_writer import write_avi
+from vision.film.mmap_window import FileWindow
+from vision.film.mraw_writer import write_mraw
+from vision.film.source import ArrayFilm, open_film
+from vision.fitting.template import design_columns
 from vision.synthetic import Scene, Sensor, SyntheticBody, background, box, speckle, total_noise, wood_grain
-from vision.template import design_columns
-from vision.track import track_film
-from vision.writers import write_mraw
+from vision.tracking.flags import FrameFlag
+from vision.tracking.track_film import track_film
 
 HEIGHT, WIDTH, N_STILL, NOISE = 220, 260, 40, 2.0
 PIVOT = (105.0, 110.0)

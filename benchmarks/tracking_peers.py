@@ -13,8 +13,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.frames import Film
-from vision.template import Template
+from vision.film.source import Film
+from vision.fitting.template import Template
 
 
 def by_lucas_kanade(film: Film, templates: list[Template], picture: NDArray[np.uint8]) -> NDArray[np.float64]:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rig.recorder import record_session
+from rig.recording.recorder import record_session
 from rig.session import Session
 
 folder = Path(sys.argv[1]) if len(sys.argv) > 1 else Path(tempfile.mkdtemp()) / "session"

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import model
 import validation
-from rig.recorder import record_session
+from rig.recording.recorder import record_session
 
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else tempfile.mkdtemp())
 sessions = [

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import model
 import validation
-from rig.recorder import record_session
+from rig.recording.recorder import record_session
 
 folder = Path(tempfile.mkdtemp()) / "session"
 session = record_session(folder, profile="forte", trials=3, backend="sim://", operator="example")

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .parameters import BODIES, Action
+from model.parameters.action import BODIES, Action
 
 CAPSTAN, KEY_FRONT, STRING = "contact01", "contact02", "contact12"
 

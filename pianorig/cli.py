@@ -15,7 +15,7 @@ import sys
 
 import typer
 
-from . import commands
+from pianorig import commands
 
 app = typer.Typer(
     name="pianorig",
@@ -35,7 +35,7 @@ def _options(
         os.environ["PIANORIG_DEBUG"] = "1"
 
 
-for _name in commands.NAMES:
+for _name in commands.HOME:
     app.command(_name)(commands.load(_name))
 
 

@@ -32,7 +32,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.config import RigConfig
+from rig.configuration.rig_file import RigConfig
 from rig.errors import InputError
 
 GROUP = "pianorig.backends"

@@ -13,9 +13,9 @@ from importlib import import_module
 import numpy as np
 
 import model
-from model.kernels.scenes import energy_of, kernels_of
-from model.motion import KeyMotion
-from model.scene import build_scene
+from model.kernels.codegen.load import energy_of, kernels_of
+from model.scene.build import build_scene
+from model.scene.key_motion import KeyMotion
 
 
 def main() -> None:

@@ -26,8 +26,8 @@ def test_a_wrong_import_is_noticed(tmp_path: Path) -> None:
     shutil.copy(ROOT / "pyproject.toml", tmp_path)
     for package in ("model", "vision", "rig", "validation", "pianorig"):
         shutil.copytree(ROOT / package, tmp_path / package, ignore=shutil.ignore_patterns("__pycache__"))
-    (tmp_path / "vision" / "wrong.py").write_text("import model.parameters\n")
-    (tmp_path / "rig" / "wrong.py").write_text("import model.parameters\n")
+    (tmp_path / "vision" / "wrong.py").write_text("import model.parameters.action\n")
+    (tmp_path / "rig" / "wrong.py").write_text("import model.parameters.action\n")
     done = lint(tmp_path)
     assert done.returncode != 0
     assert "vision.wrong" in done.stdout and "rig.wrong" in done.stdout, done.stdout

@@ -10,28 +10,28 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from validation.comparison import compare_session
     from validation.errors import InputError, PredictionError, TrialError, ValidationError
-    from validation.event import EVENTS, Event
-    from validation.events import find_events
+    from validation.events.definitions import EVENTS, Event
+    from validation.events.detect import find_events
+    from validation.measurement.force_correction import correct_force, find_quiet
+    from validation.pipeline.compare_session import compare_session
+    from validation.pipeline.compare_sessions import SideBySide, compare_sessions
     from validation.report import validate_session, validate_sessions, write_report
     from validation.result import ValidationResult
-    from validation.side_by_side import SideBySide, compare_sessions
-    from validation.signals import correct_force, find_quiet
 
 _HOME = {
-    "compare_session": "comparison",
-    "compare_sessions": "side_by_side",
-    "SideBySide": "side_by_side",
+    "compare_session": "pipeline.compare_session",
+    "compare_sessions": "pipeline.compare_sessions",
+    "SideBySide": "pipeline.compare_sessions",
     "validate_session": "report",
     "validate_sessions": "report",
     "write_report": "report",
     "ValidationResult": "result",
-    "find_events": "events",
-    "Event": "event",
-    "EVENTS": "event",
-    "correct_force": "signals",
-    "find_quiet": "signals",
+    "find_events": "events.detect",
+    "Event": "events.definitions",
+    "EVENTS": "events.definitions",
+    "correct_force": "measurement.force_correction",
+    "find_quiet": "measurement.force_correction",
     "ValidationError": "errors",
     "InputError": "errors",
     "TrialError": "errors",

@@ -1,6 +1,6 @@
 """`ValidationResult`: everything the report shows, as data frames.
 
-Place in the data flow: made by `validation.comparison`, shown by `validation.report`, used directly in a
+Place in the data flow: made by `validation.pipeline.compare_session`, shown by `validation.report`, used directly in a
 notebook.
 Conventions: SI and rad; degrees and millimetres appear only in the report.
 Failure: none; a plain record.
@@ -14,7 +14,7 @@ from typing import Any
 
 import pandas as pd
 
-from validation.window import Window
+from validation.events.evaluation_window import Window
 
 
 @dataclass(frozen=True, repr=False)
@@ -35,9 +35,9 @@ class ValidationResult:
         hum_3_n, hum_accepted, noise_n, preload_n, group_delay_s, peak_force_n, filmed, reused, notes.
     scores : DataFrame
         One row per trial and channel: trial, channel, source, rmse_over_s_r, the scores of
-        `validation.curve_scores.SCORES`, iso_shift_s, bias_rad, scatter_rad, largest_rad, largest_at_s, n, n_lost,
-        iso_guards (what makes the ISO-style score doubtful), the same scores of the null model (null_…) and of the
-        model driven by the raw force (raw_force_…), u_rms_rad.
+        `validation.scores.curve_scores.SCORES`, iso_shift_s, bias_rad, scatter_rad, largest_rad, largest_at_s, n,
+        n_lost, iso_guards (what makes the ISO-style score doubtful), the same scores of the null model (null_…) and
+        of the model driven by the raw force (raw_force_…), u_rms_rad.
     scorecard : DataFrame
         One row per channel and score: channel, score, title, unit, better (lower or higher), value (of the model,
         over all trials), ceiling (the same score of trial against trial), pairs (how many of them), null (of the null
@@ -61,9 +61,9 @@ class ValidationResult:
         model_mean, difference, difference_s, u_difference, n_both, u_trial (stated, of one trial), area (area metric),
         area_floor and area_floor_95 (its mean and 95th percentile for a perfect model and so many trials).
     event_repeatability : DataFrame
-        See `validation.repeatability.event_repeatability`.
+        See `validation.statistics.repeatability.event_repeatability`.
     budget : DataFrame
-        See `validation.budget.event_budget`; empty when it was not asked for.
+        See `validation.statistics.event_budget.event_budget`; empty when it was not asked for.
     uncertainty : DataFrame
         One row per trial and channel: trial, channel, source, quantisation_rad, u_rad (one sample), scale_relative_u.
     spread : DataFrame
@@ -73,14 +73,15 @@ class ValidationResult:
     traces : dict
         Trial → DataFrame of time_s, raw_force_n, force_time_s, force_n, u_force_n, <channel>_measured_rad, key_marked,
         <body>_predicted_rad, <channel>_null_rad (null model), <channel>_raw_rad (driven by the raw force),
-        <channel>_rad_per_s and <channel>_u_rad_per_s (measured speed, split at contacts, see `validation.speeds`).
+        <channel>_rad_per_s and <channel>_u_rad_per_s (measured speed, split at contacts, see
+        `validation.events.angular_speed`).
     film_traces : dict
         Trial → DataFrame of time_s, <channel>_measured_rad, <channel>_u_rad, <channel>_predicted_rad.
     motion_driven : DataFrame
-        Force predicted from the key's measured motion: see `validation.motion_driven.COLUMNS`; empty when not asked
-        for.
+        Force predicted from the key's measured motion: see `validation.prediction.motion_driven.COLUMNS`; empty when
+        not asked for.
     motion_trace : DataFrame or None
-        See `validation.motion_driven.motion_driven`.
+        See `validation.prediction.motion_driven.motion_driven`.
     provenance : dict
         Hashes, versions, tolerance and rules.
     files : dict

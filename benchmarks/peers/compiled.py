@@ -17,9 +17,8 @@ from numba import types
 from numpy.typing import NDArray
 from scipy.integrate import DOP853
 
+from benchmarks.peers.equations import N, accelerations
 from model import Action
-
-from .equations import N, accelerations
 
 Array = NDArray[np.float64]
 READ = types.Array(types.float64, 1, "C", readonly=True)

@@ -10,7 +10,7 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
-from .race import Row
+from benchmarks.peers.race import Row
 
 OURS = ("#0072B2", "#D55E00", "#009E73", "#000000", "#CC79A7")
 OUR_MARKS = "osDP*"

@@ -1,11 +1,12 @@
-"""Force tables of the benchmark: those of ``model.forces`` and a noisy one; time (s), force on the key (N)."""
+"""Force tables of the benchmark: those of ``model.files.force_library`` and a noisy one; time (s), force on the key
+(N)."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
-from model import forces
+from model.files import force_library as forces
 
 RATE_HZ, DURATION_S = forces.RATE_HZ, forces.DURATION_S
 NOISE_N = 0.05

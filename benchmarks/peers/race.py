@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .solvers import Answer, Solver
+from benchmarks.peers.solvers import Answer, Solver
 
 ENOUGH_S = 1.5  # a run that has cost so much in all is not repeated
 

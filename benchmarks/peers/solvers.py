@@ -15,12 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import BDF, LSODA, Radau, odeint, solve_ivp
 
+from benchmarks.peers.compiled import CompiledEquations
+from benchmarks.peers.cvode_from_c import Unavailable, cvode_in_c
+from benchmarks.peers.equations import N
 from model import Action
-from model.twin import Twin
-
-from .compiled import CompiledEquations
-from .cvode_from_c import Unavailable, cvode_in_c
-from .equations import N
+from model.verification.reference_equations import Twin
 
 Array = NDArray[np.float64]
 

@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .cvode_from_c import Unavailable
-from .equations import N, accelerations
-from .solvers import Answer, Solver, Task
+from benchmarks.peers.cvode_from_c import Unavailable
+from benchmarks.peers.equations import N, accelerations
+from benchmarks.peers.solvers import Answer, Solver, Task
 
 Array = NDArray[np.float64]
 # one set of equations serves all its blows; CasADi itself compiles their derivatives anew when they fell out of use

@@ -18,14 +18,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..blow import check_force_table, check_output_times, follow
-from ..choice import SceneChoice
-from ..errors import ModelError
-from ..parameters import Action
-from ..scene import Scene, build_scene
-from ..simulation import State
-from ..solution import Solution
-from ..statics import RestState, solve_rest
+from model.errors import ModelError
+from model.force_driven import check_force_table, check_output_times, follow
+from model.parameters.action import Action
+from model.scene.build import Scene, build_scene
+from model.scene.selection import SceneChoice
+from model.simulation.run import State
+from model.simulation.solution import Solution
+from model.simulation.statics import RestState, solve_rest
 
 Array = NDArray[np.float64]
 _LABELS = ("trial", "parameters", "failure")

@@ -16,14 +16,14 @@ from pathlib import Path
 
 from numpy.typing import ArrayLike
 
-from ..choice import SceneChoice, load_scene
-from ..errors import InputError
-from ..integrators import DEFAULT_METHOD
-from ..kernels.scenes import energy_of, kernels_of
-from ..parameters import Action
-from ..statics import RestState
-from .job import Job, Member, make_jobs, run_job
-from .store import Store
+from model.batch.job import Job, Member, make_jobs, run_job
+from model.batch.store import Store
+from model.errors import InputError
+from model.integrators import DEFAULT_METHOD
+from model.kernels.codegen.load import energy_of, kernels_of
+from model.parameters.action import Action
+from model.scene.selection import SceneChoice, load_scene
+from model.simulation.statics import RestState
 
 AHEAD = 4  # jobs handed over per worker
 AHEAD_ELSEWHERE = 256  # to an executor that does not tell how many workers it has

@@ -16,11 +16,11 @@ from typing import Any
 
 import numpy as np
 
-from .. import errors
-from ..errors import InputError, ModelError
-from ..solution import EnergyAudit, Solution
-from ..whole_file import whole_file
-from .job import Member
+from model import errors
+from model.batch.job import Member
+from model.errors import InputError, ModelError
+from model.files.atomic_write import whole_file
+from model.simulation.solution import EnergyAudit, Solution
 
 _ARRAYS = ("time_s", "angle_rad", "speed_rad_per_s", "contact_normal_n", "contact_friction_n")
 

@@ -6,14 +6,14 @@ Each file answers one measurement of the thesis (Section 2.2.3, Appendix A): ``c
 standard uncertainties out; ``figure`` draws Figs 2.5 and 2.6.
 """
 
-from .calibrated import with_calibrated
-from .curve import LoadingCurve, read_curve
-from .damping import Damping, damping_factor
-from .felt import FeltFit, fit_felt
-from .friction import FrictionFit, fit_friction
-from .pendulum import Inertia, inertia_from_pendulum
-from .rebound import damping_from_rebound
-from .speeds import MeanSpeeds, mean_normal_speeds, read_motion
+from model.calibration.calibrated import with_calibrated
+from model.calibration.curve import LoadingCurve, read_curve
+from model.calibration.damping import Damping, damping_factor
+from model.calibration.felt import FeltFit, fit_felt
+from model.calibration.friction import FrictionFit, fit_friction
+from model.calibration.pendulum import Inertia, inertia_from_pendulum
+from model.calibration.rebound import damping_from_rebound
+from model.calibration.speeds import MeanSpeeds, mean_normal_speeds, read_motion
 
 __all__ = [
     "Damping",

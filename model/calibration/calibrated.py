@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
-from ..parameters import Action
+from model.parameters.action import Action
 
 
 def with_calibrated(action: Action, values: Mapping[str, tuple[float, float]], source: str) -> Action:

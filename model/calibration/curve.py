@@ -14,8 +14,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..column_file import read_columns
-from ..errors import InputError
+from model.errors import InputError
+from model.files.csv_columns import read_columns
 
 FEWEST_POINTS = 8  # of each phase: a cubic and a noise estimate need some to spare
 BACKWARDS_SHARE = 0.02  # of the largest displacement: jitter of the encoder that is not a change of direction

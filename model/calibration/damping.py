@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..errors import InputError
-from .felt import FeltFit
+from model.calibration.felt import FeltFit
+from model.errors import InputError
 
 
 @dataclass(frozen=True)

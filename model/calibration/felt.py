@@ -18,8 +18,8 @@ import numpy as np
 from numpy.polynomial import chebyshev
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import InputError
-from .curve import LoadingCurve
+from model.calibration.curve import LoadingCurve
+from model.errors import InputError
 
 GRID = 201  # points of the mid-line
 DEGREES = range(3, 10)

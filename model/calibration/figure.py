@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
-from ..sheet import new_sheet, save_sheet
-from .curve import LoadingCurve
-from .damping import Damping
-from .felt import FeltFit
+from model.calibration.curve import LoadingCurve
+from model.calibration.damping import Damping
+from model.calibration.felt import FeltFit
+from model.files.figure_sheet import new_sheet, save_sheet
 
 
 def draw(curve: LoadingCurve, fit: FeltFit, dampings: dict[str, Damping], title: str, path: str | Path) -> None:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..errors import InputError
+from model.errors import InputError
 
 B2 = 1.0
 LARGEST_B1 = 100.0  # the parameter file's bound

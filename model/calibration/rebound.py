@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 
-from ..errors import InputError
+from model.errors import InputError
 
 SMALLEST_LOSS = 1e-9  # of the speed: below this no damping can be told from rounding
 

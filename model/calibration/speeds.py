@@ -14,12 +14,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..column_file import read_columns
-from ..errors import InputError
-from ..inside import Observer
-from ..kernels import output
-from ..parameters import BODIES, Action
-from ..scene import build_scene
+from model.errors import InputError
+from model.files.csv_columns import read_columns
+from model.inside import Observer
+from model.kernels.tables import output
+from model.parameters.action import BODIES, Action
+from model.scene.build import build_scene
 
 REST_SHARE = 0.02
 SMOOTHING_S = 2e-3  # window of the derivative of measured angles

@@ -4,8 +4,8 @@
 name when something is drawn.
 """
 
-from .look import Observer
-from .observe import Inside, observe
-from .rail import Lift, Tension, lifts, tensions
+from model.inside.look import Observer
+from model.inside.observe import Inside, observe
+from model.inside.rail import Lift, Tension, lifts, tensions
 
 __all__ = ["Inside", "Lift", "Observer", "Tension", "lifts", "observe", "tensions"]

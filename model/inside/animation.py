@@ -14,15 +14,15 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ..effects import RAIL
-from ..errors import InputError
-from ..parameters import Action
-from ..solution import Solution
-from ..whole_file import whole_file
-from .figure import close_up, contact_words, input_words
-from .observe import Inside
-from .page import page
-from .side_view import GROUND, SideView, side_view
+from model.errors import InputError
+from model.files.atomic_write import whole_file
+from model.inside.figure import close_up, contact_words, input_words
+from model.inside.observe import Inside
+from model.inside.page import page
+from model.inside.side_view import GROUND, SideView, side_view
+from model.parameters.action import Action
+from model.parameters.effects import RAIL
+from model.simulation.solution import Solution
 
 Array = NDArray[np.float64]
 

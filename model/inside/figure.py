@@ -13,14 +13,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..effects import RAIL
-from ..errors import InputError
-from ..kernels import layout as L
-from ..observables import STRING, hammer_height_m, key_dip_m
-from ..parameters import BODIES, Action
-from ..sheet import check_ending, new_sheet, save_sheet
-from ..solution import Solution
-from .observe import Inside
+from model.errors import InputError
+from model.files.figure_sheet import check_ending, new_sheet, save_sheet
+from model.inside.observe import Inside
+from model.kernels import layout as L
+from model.observables import STRING, hammer_height_m, key_dip_m
+from model.parameters.action import BODIES, Action
+from model.parameters.effects import RAIL
+from model.simulation.solution import Solution
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

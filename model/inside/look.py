@@ -9,9 +9,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ..kernels import layout as L
-from ..kernels import output as O
-from ..scene import Scene
+from model.kernels import layout as L
+from model.kernels.tables import output as O
+from model.scene.build import Scene
 
 Array = NDArray[np.float64]
 

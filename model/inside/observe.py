@@ -2,7 +2,7 @@
 
 A finished run goes in (scene, a way to get its states at any time, force table), an `Inside` comes out. Single states
 are looked at by `look`; what adds up (sliding, dissipation) is integrated on panels that are split until its error is a
-millionth of all losses. World frame: x right, y up. Signs and reasons: docs/decisions/model-inside.md.
+millionth of all losses. World frame: x right, y up. Signs and reasons: docs/decisions/0035-model-inside.md.
 """
 
 from __future__ import annotations
@@ -13,13 +13,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..effects import RAIL
-from ..kernels import layout as L
-from ..kernels import output as O
-from ..panels import integrate_panels, panel_edges
-from ..scene import Scene
-from .look import Look, Observer
-from .rail import Lift, Tension, lifts, tensions
+from model.inside.look import Look, Observer
+from model.inside.rail import Lift, Tension, lifts, tensions
+from model.kernels import layout as L
+from model.kernels.tables import output as O
+from model.parameters.effects import RAIL
+from model.scene.build import Scene
+from model.verification.adaptive_quadrature import integrate_panels, panel_edges
 
 Array = NDArray[np.float64]
 States = Callable[[Array], tuple[Array, Array]]

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..kernels import layout as L
-from ..scene import Scene
-from .observe import Inside
+from model.inside.observe import Inside
+from model.kernels import layout as L
+from model.scene.build import Scene
 
 Array = NDArray[np.float64]
 

@@ -4,11 +4,11 @@
 ``get_method(name)`` gives one; ``METHODS`` lists them; ``DEFAULT_METHOD`` is the one the benchmark favours.
 """
 
-from .esdirk4 import ESDIRK4
-from .radau5 import RADAU5
-from .rodas4p import RODAS4P
-from .rodas5p import RODAS5P
-from .tableau import CoupledTableau, DiagonalTableau, RosenbrockTableau
+from model.integrators.esdirk4 import ESDIRK4
+from model.integrators.radau5 import RADAU5
+from model.integrators.rodas4p import RODAS4P
+from model.integrators.rodas5p import RODAS5P
+from model.integrators.tableau import CoupledTableau, DiagonalTableau, RosenbrockTableau
 
 Tableau = RosenbrockTableau | DiagonalTableau | CoupledTableau
 

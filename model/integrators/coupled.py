@@ -4,20 +4,14 @@ Z_i = h sum_j a_ij F(y + Z_j) is solved by Newton's method with the Jacobian of 
 real and one complex system, each n x n after dq/dt = v is eliminated (Hairer and Wanner II, IV.8). The scene's
 ``stage`` kernel gives M F_v alone: its factors are set to one, its gamma h to zero; ``prepare`` is not called.
 Iterations start from the last step's polynomial. Events and input as in ``rosenbrock``; no energy audit, and rest is
-stepped. Compiled when such a method is used first (docs/decisions/model-methods.md).
+stepped. Compiled when such a method is used first (docs/decisions/0032-model-methods.md).
 """
 
 from math import isfinite
 
 import numpy as np
 
-from model.kernels.compile import kernel, step_loop
-from model.kernels.inputs import input_at
-from model.kernels.layout import N_CONTACT, N_JACOBIAN, N_REJECTED, N_RHS, N_STEPS
-from model.kernels.signatures import INTEGRATE
-from model.kernels.workspace import ACC, DAMP, LU, M_DIAG, M_UP, SIZE, STIFF, WIDTH, Q, U, V
-
-from .stepping import (
+from model.integrators.stepping import (
     DONE,
     NOT_FINITE,
     SMALLEST_STEP,
@@ -29,6 +23,11 @@ from .stepping import (
     plan,
     shortened,
 )
+from model.kernels.compile import kernel, step_loop
+from model.kernels.layout import N_CONTACT, N_JACOBIAN, N_REJECTED, N_RHS, N_STEPS
+from model.kernels.signatures import INTEGRATE
+from model.kernels.stepping.inputs import input_at
+from model.kernels.workspace import ACC, DAMP, LU, M_DIAG, M_UP, SIZE, STIFF, WIDTH, Q, U, V
 
 PAIR = 2 * WIDTH
 MOST_ITERATIONS = 10

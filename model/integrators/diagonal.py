@@ -4,20 +4,14 @@ Stage i solves Y = y + h sum_j<i a_ij k_j + h gamma F(Y) by Newton's method with
 The scene's ``stage`` kernel does one iteration: with Z = Y - y in slot 0 and S = h sum a_ij k_j in slot 1 it solves
 (1/(gamma h) - J) D = F(y + Z) + (S - Z) / (gamma h). Events and input as in ``rosenbrock``; no energy audit, and
 rest is stepped.
-Compiled when such a method is used first; the default never waits for it (docs/decisions/model-methods.md).
+Compiled when such a method is used first; the default never waits for it (docs/decisions/0032-model-methods.md).
 """
 
 from math import isfinite
 
 import numpy as np
 
-from model.kernels.compile import step_loop
-from model.kernels.inputs import input_at
-from model.kernels.layout import N_CONTACT, N_JACOBIAN, N_REJECTED, N_RHS, N_STEPS
-from model.kernels.signatures import INTEGRATE
-from model.kernels.workspace import ACC, Q1, SIZE, WIDTH, Q, U, V
-
-from .stepping import (
+from model.integrators.stepping import (
     DONE,
     NOT_FINITE,
     SMALLEST_STEP,
@@ -29,6 +23,11 @@ from .stepping import (
     plan,
     shortened,
 )
+from model.kernels.compile import step_loop
+from model.kernels.layout import N_CONTACT, N_JACOBIAN, N_REJECTED, N_RHS, N_STEPS
+from model.kernels.signatures import INTEGRATE
+from model.kernels.stepping.inputs import input_at
+from model.kernels.workspace import ACC, Q1, SIZE, WIDTH, Q, U, V
 
 PAIR = 2 * WIDTH
 MOST_ITERATIONS = 8

@@ -10,7 +10,7 @@ from fractions import Fraction as F
 
 import numpy as np
 
-from .tableau import DiagonalTableau, lower
+from model.integrators.tableau import DiagonalTableau, lower
 
 _LAST = [F(82889, 524892), F(0), F(15625, 83664), F(69875, 102672), F(-2260, 8211)]
 _ROWS = [

@@ -10,7 +10,7 @@ from math import sqrt
 
 import numpy as np
 
-from .tableau import CoupledTableau
+from model.integrators.tableau import CoupledTableau
 
 _R = sqrt(6.0)
 

@@ -8,7 +8,7 @@ OrdinaryDiffEq.jl (Rodas4PTableau), checked here against the order conditions (t
 
 import numpy as np
 
-from .tableau import RosenbrockTableau, lower
+from model.integrators.tableau import RosenbrockTableau, lower
 
 _LAST = [-7.170454962423024, -4.741636671481785, -16.31002631330971, -1.062004044111401]
 

@@ -8,7 +8,7 @@ against the order conditions (tests/model/integrators).
 
 import numpy as np
 
-from .tableau import RosenbrockTableau, lower
+from model.integrators.tableau import RosenbrockTableau, lower
 
 _LAST = [-7.502846399306121, 2.561846144803919, -11.627539656261098, -0.18268767659942256, 0.030198172008377946]
 

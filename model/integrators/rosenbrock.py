@@ -2,7 +2,7 @@
 
 State y = (q, v) with dq/dt = v. Eliminating the q part of each stage leaves, with W = 1/(gamma h),
 (W M - D - K/W) U_v = M r_v + K r_q / W and U_q = (r_q + U_v) / W: one n x n factorisation a step. The loop calls the
-four kernels of the scene (see ``model.kernels.emit``) and keeps all numbers of a step in one array.
+four kernels of the scene (see ``model.kernels.codegen.step_kernels``) and keeps all numbers of a step in one array.
 On failure the loop stops and says why with a status; the state is the last accepted one.
 """
 
@@ -10,22 +10,7 @@ from math import isfinite
 
 import numpy as np
 
-from model.kernels.compile import kernel, step_loop
-from model.kernels.events import at_rest
-from model.kernels.inputs import constant_until, input_at
-from model.kernels.layout import (
-    N_CONTACT,
-    N_JACOBIAN,
-    N_REJECTED,
-    N_RESTS,
-    N_RHS,
-    N_SKIPPED,
-    N_STEPS,
-)
-from model.kernels.signatures import INTEGRATE
-from model.kernels.workspace import AUDIT_Q, AUDIT_V, POWER_IN, Q1, SIZE, V1, WIDTH, Q, U, V
-
-from .stepping import (
+from model.integrators.stepping import (
     DONE,
     NOT_FINITE,
     SMALLEST_STEP,
@@ -37,6 +22,12 @@ from .stepping import (
     plan,
     shortened,
 )
+from model.kernels.compile import kernel, step_loop
+from model.kernels.layout import N_CONTACT, N_JACOBIAN, N_REJECTED, N_RESTS, N_RHS, N_SKIPPED, N_STEPS
+from model.kernels.signatures import INTEGRATE
+from model.kernels.stepping.events import at_rest
+from model.kernels.stepping.inputs import constant_until, input_at
+from model.kernels.workspace import AUDIT_Q, AUDIT_V, POWER_IN, Q1, SIZE, V1, WIDTH, Q, U, V
 
 WAKING_STEP = 1e-5
 STAGE = 2 * WIDTH

@@ -1,12 +1,13 @@
 """What every step loop does around its stages: begin, plan a step, judge it, choose the next one.
 
 Called by the compiled loops of ``rosenbrock``, ``diagonal`` and ``coupled``, inlined into each. A step ends where the
-input jumps, just past events (``model.kernels.events``) and where the input's kinks would cost more than the tolerance.
+input jumps, just past events (``model.kernels.stepping.events``) and where the input's kinks would cost more than the
+tolerance.
 """
 
 from model.kernels.compile import inlined
-from model.kernels.events import fit_to_events
-from model.kernels.inputs import fit_to_input
+from model.kernels.stepping.events import fit_to_events
+from model.kernels.stepping.inputs import fit_to_input
 from model.kernels.workspace import ACC, ALLOWANCE, WIDTH, Q, V
 
 DONE, STEP_TOO_SMALL, NOT_FINITE, TOO_MANY_STEPS = 0, 1, 2, 3

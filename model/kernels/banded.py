@@ -6,7 +6,7 @@ i <= j <= i + b, lies at ``[b + i - j, j]``. Rows of a design have ``b + 1`` nei
 
 import numpy as np
 
-from .compile import kernel
+from model.kernels.compile import kernel
 
 
 @kernel

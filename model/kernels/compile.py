@@ -28,7 +28,7 @@ _PACKAGE = Path(__file__).resolve().parents[1]
 
 def kernel_sources() -> list[Path]:
     """Files whose text decides what the kernels compute."""
-    return sorted([*_PACKAGE.glob("kernels/*.py"), *_PACKAGE.glob("integrators/*.py")])
+    return sorted([*_PACKAGE.glob("kernels/**/*.py"), *_PACKAGE.glob("integrators/**/*.py")])
 
 
 def cache_key() -> str:
@@ -45,7 +45,7 @@ def cache_key() -> str:
     ):
         digest.update(part.encode())
     for path in kernel_sources():
-        digest.update(path.name.encode())
+        digest.update(path.relative_to(_PACKAGE).as_posix().encode())
         digest.update(path.read_bytes())
     return digest.hexdigest()[:16]
 

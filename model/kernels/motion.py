@@ -6,7 +6,7 @@ increasing breaks (s), then m rows of `ORDER` coefficients, highest power first,
 Outside the breaks the first or last polynomial goes on.
 """
 
-from .compile import inlined, kernel
+from model.kernels.compile import inlined, kernel
 
 ORDER = 6  # coefficients of a piece: a quintic
 

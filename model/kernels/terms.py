@@ -6,8 +6,8 @@ physics as loops over tables; the tests compare both with each other and with th
 
 from math import cos, sin, sqrt
 
-from .compile import inlined
-from .laws import felt, friction
+from model.kernels.compile import inlined
+from model.kernels.laws import felt, friction
 
 _QUARTER_TURN = 0.7853981633974483
 
@@ -120,7 +120,7 @@ def contact_laws(x, rate, slide, a, b, c, damping, v_t, mu_a, mu_b1, mu_b2):
 def felt_energy(x, rate, fn, a, b, c):
     """Elastic energy (J) of felt pressed in by ``x`` and the power (W) it takes beyond that.
 
-    Where a x^2 + b x + c dips below zero the felt does not press, and stores nothing (model-felt-pocket.md).
+    Where a x^2 + b x + c dips below zero the felt does not press, and stores nothing (0022-model-felt-pocket.md).
     """
     stored = x * x * (0.5 * c + x * (b / 3.0 + 0.25 * a * x))
     spread = b * b - 4.0 * a * c

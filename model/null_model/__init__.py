@@ -6,8 +6,8 @@ flies (`march`). The idea that one reflected mass passes a force-driven test: Th
 Acustica 100 (2014).
 """
 
-from .march import restitution
-from .path import Reduced, reduce_action
-from .run import simulate
+from model.null_model.march import restitution
+from model.null_model.path import Reduced, reduce_action
+from model.null_model.run import simulate
 
 __all__ = ["Reduced", "reduce_action", "restitution", "simulate"]

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..kernels.compile import inlined, kernel
+from model.kernels.compile import inlined, kernel
 
 Array = NDArray[np.float64]
 

@@ -23,12 +23,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..hand_set import hand_set_rest
-from ..kernels.output import forces_along, penetrations
-from ..observables import hammer_height_from_angle
-from ..parameters import BODIES, Action
-from ..scene import Scene, build_scene
-from ..statics import balance, solve_rest
+from model.kernels.tables.output import forces_along, penetrations
+from model.observables import hammer_height_from_angle
+from model.parameters.action import BODIES, Action
+from model.scene.build import Scene, build_scene
+from model.simulation.hand_set_rest import hand_set_rest
+from model.simulation.statics import balance, solve_rest
 
 Array = NDArray[np.float64]
 

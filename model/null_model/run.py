@@ -17,13 +17,13 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..blow import check_force_table, check_output_times
-from ..errors import InputError
-from ..parameters import BODIES, Action
-from ..solution import Solution
-from ..statics import RestState
-from .march import Numbers, march
-from .path import HAMMER, KEY, Path, Reduced, reduce_action
+from model.errors import InputError
+from model.force_driven import check_force_table, check_output_times
+from model.null_model.march import Numbers, march
+from model.null_model.path import HAMMER, KEY, Path, Reduced, reduce_action
+from model.parameters.action import BODIES, Action
+from model.simulation.solution import Solution
+from model.simulation.statics import RestState
 
 Array = NDArray[np.float64]
 

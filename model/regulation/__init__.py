@@ -2,13 +2,13 @@
 
 ``measures`` looks at an action, ``screws`` names the adjustments, ``regulate`` turns them, ``action_file`` writes
 the result.
-Source: thesis Section 2.3; decisions in docs/decisions/model-regulation.md.
+Source: thesis Section 2.3; decisions in docs/decisions/0025-model-regulation.md.
 """
 
-from .action_file import write_action
-from .measures import TARGETS, Measurement, Target, measure
-from .regulate import Regulation, RegulationError, regulate
-from .screws import SCREWS, Screw
+from model.parameters.write_toml import write_action
+from model.regulation.measures import TARGETS, Measurement, Target, measure
+from model.regulation.regulate import Regulation, RegulationError, regulate
+from model.regulation.screws import SCREWS, Screw
 
 __all__ = [
     "SCREWS",

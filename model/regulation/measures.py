@@ -1,7 +1,7 @@
 """The seven quantities a technician regulates, measured on the model: at rest, in a slow press, in a medium blow.
 
 An action in, lengths in metres out, each as thesis Section 2.3 describes it and as decided in
-docs/decisions/model-regulation.md. Rest is the static balance with the hammer let down on the jack; the slow press and
+docs/decisions/0025-model-regulation.md. Rest is the static balance with the hammer let down on the jack; the slow press and
 the blow are simulated with all friction. What cannot be seen (the jack never lets go, the hammer is not caught) is
 NaN and says so in ``remarks``.
 """
@@ -15,14 +15,14 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from ..blow import simulate
-from ..errors import InputError
-from ..hand_set import JACK_KNUCKLE, hand_set_rest, slip_angle
-from ..observables import hammer_height_m, key_dip_m
-from ..parameters import BODIES, Action
-from ..press import Press, slow_press
-from ..simulation import State
-from ..twin import Twin
+from model.errors import InputError
+from model.force_driven import simulate
+from model.motion_driven.slow_press import Press, slow_press
+from model.observables import hammer_height_m, key_dip_m
+from model.parameters.action import BODIES, Action
+from model.simulation.hand_set_rest import JACK_KNUCKLE, hand_set_rest, slip_angle
+from model.simulation.run import State
+from model.verification.reference_equations import Twin
 
 Array = NDArray[np.float64]
 

@@ -14,13 +14,13 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ..errors import InputError, ModelError
-from ..hand_set import hand_set_rest
-from ..parameters import BODIES, Action
-from ..quantities import allowed_range
-from ..twin import Twin
-from .measures import TARGETS, Measurement, Target, at_rest, in_blow, in_press, measure
-from .screws import SCREWS, Screw
+from model.errors import InputError, ModelError
+from model.parameters.action import BODIES, Action
+from model.parameters.quantity import allowed_range
+from model.regulation.measures import TARGETS, Measurement, Target, at_rest, in_blow, in_press, measure
+from model.regulation.screws import SCREWS, Screw
+from model.simulation.hand_set_rest import hand_set_rest
+from model.verification.reference_equations import Twin
 
 TOLERANCE = 20e-6  # m, within which a target counts as met
 AIM = {"rest": 0.1e-6, "press": 4e-6, "blow": 4e-6}  # m, where a screw is left alone; level and height share 0.1 um

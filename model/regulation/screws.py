@@ -1,7 +1,7 @@
 """The seven adjustments of an action, each one geometric parameter, and how far each can be turned.
 
 A screw's travel is counted from where the given action has it, as on a bench: what is inside the travel is reachable
-without another part. Decisions: docs/decisions/model-regulation.md.
+without another part. Decisions: docs/decisions/0025-model-regulation.md.
 """
 
 from __future__ import annotations

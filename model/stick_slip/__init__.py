@@ -4,7 +4,7 @@
 threshold speeds, ``figure`` draws that.
 """
 
-from .limit import THRESHOLDS, Limit, compare
-from .march import Marched, simulate
+from model.stick_slip.limit import THRESHOLDS, Limit, compare
+from model.stick_slip.march import Marched, simulate
 
 __all__ = ["THRESHOLDS", "Limit", "Marched", "compare", "simulate"]

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ..observables import hammer_height_m
-from ..sheet import new_sheet, save_sheet
-from .limit import Limit
+from model.files.figure_sheet import new_sheet, save_sheet
+from model.observables import hammer_height_m
+from model.stick_slip.limit import Limit
 
 
 def draw(limit: Limit, path: str | Path) -> None:

@@ -11,13 +11,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..blow import check_force_table
-from ..blow import simulate as simulate_smoothed
-from ..observables import hammer_height_m
-from ..parameters import Action
-from ..solution import Solution
-from ..study import BlowMeasures, measure_blow
-from .march import Marched, simulate
+from model.force_driven import check_force_table
+from model.force_driven import simulate as simulate_smoothed
+from model.observables import hammer_height_m
+from model.parameters.action import Action
+from model.simulation.solution import Solution
+from model.stick_slip.march import Marched, simulate
+from model.study import BlowMeasures, measure_blow
 
 THRESHOLDS = (1e-2, 1e-3, 1e-4, 1e-5)
 TOLERANCE = 1e-7

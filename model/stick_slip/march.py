@@ -12,15 +12,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..blow import check_force_table
-from ..errors import InputError, IntegrationError
-from ..kernels import layout as L
-from ..kernels.output import forces_along
-from ..kernels.stick_slip import SWEEPS, step_along
-from ..parameters import Action
-from ..scene import Scene, build_scene
-from ..solution import Solution
-from ..statics import solve_rest
+from model.errors import InputError, IntegrationError
+from model.force_driven import check_force_table
+from model.kernels import layout as L
+from model.kernels.tables.output import forces_along
+from model.kernels.tables.stick_slip import SWEEPS, step_along
+from model.parameters.action import Action
+from model.scene.build import Scene, build_scene
+from model.simulation.solution import Solution
+from model.simulation.statics import solve_rest
 
 LARGEST_STEP_S = 5e-5
 
@@ -111,6 +111,6 @@ def _without_friction(scene: Scene) -> Array:
 
 def _static_ratio(action: Action, scene: Scene) -> Array:
     """Static over kinetic coefficient (c,): the peak of eq. 2.10, which stays when its width goes to zero."""
-    from ..calibration.friction import peak_ratio
+    from model.calibration.friction import peak_ratio
 
     return np.array([peak_ratio(action[f"{c}.friction.B1"], action[f"{c}.friction.B2"]) for c in scene.contacts])

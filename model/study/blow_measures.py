@@ -14,10 +14,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..observables import STRING, hammer_height_m
-from ..parameters import BODIES, Action
-from ..solution import Solution
-from ..touch.hammer_speed import approach_speed, touches
+from model.observables import STRING, hammer_height_m
+from model.parameters.action import BODIES, Action
+from model.simulation.solution import Solution
+from model.touch.hammer_speed import approach_speed, touches
 
 Array = NDArray[np.float64]
 

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..parameters import BODIES
-from ..sheet import check_ending, new_sheet, save_sheet
-from .thesis import FIGURES, ThesisStudy
-from .variants import AS_GIVEN, Study
+from model.files.figure_sheet import check_ending, new_sheet, save_sheet
+from model.parameters.action import BODIES
+from model.study.thesis import FIGURES, ThesisStudy
+from model.study.variants import AS_GIVEN, Study
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -1,9 +1,9 @@
 """The sensitivity studies of the thesis (Figs 4.9-4.11, 4.16-4.19) repeated, each of its observations a computed check.
 
 The thesis's words are qualitative; every check says by which number it judges and where it draws the line
-(docs/decisions/model-study.md). "Range" is the widest turn of that body in the action as given. The measured forces are
-not printed, so the blows are made after their description (``model.forces``); another forte may be given. What the
-thesis compares with its experiment cannot be checked here and is left out.
+(docs/decisions/0036-model-study.md). "Range" is the widest turn of that body in the action as given. The measured forces are
+not printed, so the blows are made after their description (``model.files.force_library``); another forte may be
+given. What the thesis compares with its experiment cannot be checked here and is left out.
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..blow import simulate
-from ..errors import InputError
-from ..forces import force_table
-from ..observables import STRING
-from ..parameters import Action
-from .variants import AS_GIVEN, Study, Variant, compare
+from model.errors import InputError
+from model.files.force_library import force_table
+from model.force_driven import simulate
+from model.observables import STRING
+from model.parameters.action import Action
+from model.study.variants import AS_GIVEN, Study, Variant, compare
 
 Array = NDArray[np.float64]
 

@@ -12,13 +12,13 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..batch import simulate_many
-from ..blow import check_force_table, output_times
-from ..changes import scaled
-from ..errors import InputError, ModelError
-from ..parameters import BODIES, Action
-from ..solution import Solution
-from .blow_measures import BlowMeasures, measure_blow
+from model.batch import simulate_many
+from model.errors import InputError, ModelError
+from model.force_driven import check_force_table, output_times
+from model.parameters.action import BODIES, Action
+from model.parameters.scaling import scaled
+from model.simulation.solution import Solution
+from model.study.blow_measures import BlowMeasures, measure_blow
 
 Array = NDArray[np.float64]
 

@@ -4,9 +4,9 @@
 ``figure`` draws several actions in one sheet.
 """
 
-from .feel import Feel, feel
-from .hammer_speed import FORCES, hammer_speeds
-from .repetition import fastest_repetition
-from .weights import Weights, weigh
+from model.touch.feel import Feel, feel
+from model.touch.hammer_speed import FORCES, hammer_speeds
+from model.touch.repetition import fastest_repetition
+from model.touch.weights import Weights, weigh
 
 __all__ = ["FORCES", "Feel", "Weights", "fastest_repetition", "feel", "hammer_speeds", "weigh"]

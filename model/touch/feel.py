@@ -11,10 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..parameters import Action
-from .hammer_speed import FORCES, hammer_speeds
-from .repetition import fastest_repetition
-from .weights import Weights, weigh
+from model.parameters.action import Action
+from model.touch.hammer_speed import FORCES, hammer_speeds
+from model.touch.repetition import fastest_repetition
+from model.touch.weights import Weights, weigh
 
 
 @dataclass(frozen=True)

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ..sheet import check_ending, new_sheet, save_sheet
-from .feel import Feel
+from model.files.figure_sheet import check_ending, new_sheet, save_sheet
+from model.touch.feel import Feel
 
 
 def draw(feels: Sequence[Feel], path: str | Path) -> None:

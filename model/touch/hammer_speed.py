@@ -2,7 +2,7 @@
 
 A blow is a force on the key that rises linearly in `RISE` and stays. Out comes the speed of the hammer's
 striking point towards the string (m/s) when it first touches; NaN where it never does. Decisions:
-docs/decisions/model-touch.md.
+docs/decisions/0026-model-touch.md.
 """
 
 from __future__ import annotations
@@ -13,11 +13,11 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ..blow import simulate
-from ..hand_set import hand_set_rest
-from ..observables import hammer_height_from_angle
-from ..parameters import BODIES, Action
-from ..simulation import State
+from model.force_driven import simulate
+from model.observables import hammer_height_from_angle
+from model.parameters.action import BODIES, Action
+from model.simulation.hand_set_rest import hand_set_rest
+from model.simulation.run import State
 
 Array = NDArray[np.float64]
 

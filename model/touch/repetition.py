@@ -3,7 +3,7 @@
 Blows are pulses F sin^2(pi f t) of the force on the key, so that the finger is off the key for an instant between
 two. A rate counts as followed when it is with one of the strengths `PEAKS`, as a player finds the right one. Out
 comes the highest rate f (blows per second) such that it and every slower rate tried is followed.
-Decisions: docs/decisions/model-touch.md.
+Decisions: docs/decisions/0026-model-touch.md.
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ..blow import simulate
-from ..hand_set import hand_set_rest
-from ..observables import hammer_height_from_angle
-from ..parameters import BODIES, Action
-from ..simulation import State
-from .hammer_speed import touches
+from model.force_driven import simulate
+from model.observables import hammer_height_from_angle
+from model.parameters.action import BODIES, Action
+from model.simulation.hand_set_rest import hand_set_rest
+from model.simulation.run import State
+from model.touch.hammer_speed import touches
 
 PEAKS = (3.0, 4.0, 5.0)  # N
 SLOWEST, FASTEST, COARSE, FINE = 3.0, 30.0, 1.0, 0.1  # blows/s

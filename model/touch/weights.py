@@ -3,7 +3,7 @@
 An action in; forces in N at the key front, dips in m. The key goes down to first touch of its felt and comes back at a
 steady speed, with all friction. Weights are medians over a middle part of the dip, where a technician's weights move
 the key.
-Decisions: docs/decisions/model-touch.md.
+Decisions: docs/decisions/0026-model-touch.md.
 """
 
 from __future__ import annotations
@@ -14,11 +14,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import InputError
-from ..hand_set import hand_set_rest
-from ..parameters import Action
-from ..press import Press, slow_press
-from ..regulation.measures import at_rest
+from model.errors import InputError
+from model.motion_driven.slow_press import Press, slow_press
+from model.parameters.action import Action
+from model.regulation.measures import at_rest
+from model.simulation.hand_set_rest import hand_set_rest
 
 Array = NDArray[np.float64]
 

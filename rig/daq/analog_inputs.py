@@ -10,8 +10,8 @@ import nidaqmx.constants as ni
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.channels import ChannelConfig
-from rig.config import RigConfig
+from rig.configuration.channels import ChannelConfig
+from rig.configuration.rig_file import RigConfig
 from rig.daq.task_set import NewTask
 
 BUFFER_S = 20.0

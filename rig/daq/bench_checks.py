@@ -1,6 +1,6 @@
 """What only a self-test asks of the hardware: the bridge's shunt step, edges on a terminal, the watchdog left alone.
 
-Place in the data flow: ``rig.selftest`` → these methods of the backend → ``nidaqmx`` client. Each opens and closes
+Place in the data flow: ``rig.selftest.run`` → these methods of the backend → ``nidaqmx`` client. Each opens and closes
 tasks of its own, while those of the trials rest, except :meth:`BenchChecks.let_watchdog_expire`, which needs a running
 trial. Faults are typed.
 """
@@ -14,7 +14,7 @@ import numpy as np
 from nidaqmx.stream_readers import AnalogSingleChannelReader
 
 from rig.backend import Block
-from rig.config import RigConfig
+from rig.configuration.rig_file import RigConfig
 from rig.daq import analog_inputs, tasks
 from rig.daq.faults import translated
 

@@ -22,7 +22,7 @@ from nidaqmx.system import Device
 from numpy.typing import NDArray
 
 from rig.backend import Block, Capabilities, Timing
-from rig.config import RigConfig
+from rig.configuration.rig_file import RigConfig
 from rig.daq import analog_inputs, reading, tasks
 from rig.daq.bench_checks import BenchChecks
 from rig.daq.faults import translated

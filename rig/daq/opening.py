@@ -7,7 +7,7 @@ from urllib.parse import urlsplit
 
 import grpc
 
-from rig.config import RigConfig
+from rig.configuration.rig_file import RigConfig
 from rig.daq.nidaqmx_backend import NidaqmxBackend
 from rig.errors import InputError
 

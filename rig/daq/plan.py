@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from rig.backend import Timing
-from rig.config import RigConfig
+from rig.configuration.rig_file import RigConfig
 from rig.daq import tasks
 from rig.daq.analog_inputs import MASTER
 from rig.daq.watchdog import ANALOG_REACH

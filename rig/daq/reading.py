@@ -11,7 +11,7 @@ from nidaqmx.stream_readers import AnalogMultiChannelReader, CounterReader
 from numpy.typing import NDArray
 
 from rig.backend import Block
-from rig.config import RigConfig
+from rig.configuration.rig_file import RigConfig
 from rig.daq import analog_inputs, tasks
 from rig.daq.faults import translated
 from rig.daq.task_set import TaskSet

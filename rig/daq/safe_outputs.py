@@ -15,7 +15,7 @@ import nidaqmx
 import nidaqmx.constants as ni
 from nidaqmx.stream_writers import AnalogSingleChannelWriter, DigitalSingleChannelWriter
 
-from rig.config import RigConfig
+from rig.configuration.rig_file import RigConfig
 from rig.daq.task_set import NewTask, TaskSet
 
 ZERO, DRIVE = "motor_zero", "drive_enable"

@@ -14,8 +14,8 @@ import numpy as np
 from nidaqmx.stream_writers import AnalogSingleChannelWriter
 from numpy.typing import NDArray
 
-from rig.channels import CameraConfig, EncoderConfig
-from rig.config import RigConfig
+from rig.configuration.channels import CameraConfig, EncoderConfig
+from rig.configuration.rig_file import RigConfig
 from rig.daq.analog_inputs import buffer_samples
 from rig.daq.task_set import NewTask
 from rig.errors import InputError

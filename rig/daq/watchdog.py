@@ -15,7 +15,7 @@ from nidaqmx.constants import Level, WatchdogAOExpirState
 from nidaqmx.grpc_session_options import SessionInitializationBehavior
 from nidaqmx.system.watchdog import AOExpirationState, DOExpirationState, WatchdogTask
 
-from rig.config import RigConfig
+from rig.configuration.rig_file import RigConfig
 
 NAME = "watchdog"
 ANALOG_REACH = ("cDAQ-9185", "cDAQ-9189")

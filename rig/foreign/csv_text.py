@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from rig import toml_file
+from rig.configuration import toml_file
 from rig.errors import InputError
 from rig.foreign import units
 from rig.foreign.channel_table import ChannelTable, number, shown

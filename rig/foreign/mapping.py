@@ -13,8 +13,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from rig import toml_file
-from rig.channels import BODIES, Number, Table, Text
+from rig.configuration import toml_file
+from rig.configuration.channels import BODIES, Number, Table, Text
 from rig.errors import InputError
 from rig.foreign.channel_table import ChannelTable
 from rig.foreign.units import known

@@ -15,7 +15,6 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.durable import sha256_of_bytes, sha256_of_file
 from rig.errors import InputError
 from rig.foreign.channel_table import SECONDS, ChannelTable, even_interval
 from rig.foreign.mapping import EncoderMapping, Mapping, MappingFile, check_unit
@@ -25,6 +24,7 @@ from rig.session import Session, SessionInfo
 from rig.session.annotation_file import utc_now
 from rig.session.info import FileInfo, PlanInfo
 from rig.session.records import EncoderInfo, ForceInfo, TrialData
+from rig.storage.atomic_write import sha256_of_bytes, sha256_of_file
 
 QUIET_S = 0.02
 ONSET = 0.01

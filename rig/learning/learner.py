@@ -13,22 +13,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rig import toml_file
-from rig.config import RigConfig
+from rig.configuration import toml_file
+from rig.configuration.profile import Profile, parse_profile
+from rig.configuration.rig_file import RigConfig
 from rig.errors import InputError
-from rig.learning.correction import (
-    LATE_S,
-    Measured,
-    corrected,
-    late_share,
-    measured_force,
-    relative_rms,
-    within_limits,
-)
+from rig.learning.correction import LATE_S, Measured, corrected, late_share, measured_force, relative_rms, within_limits
 from rig.learning.target import Target
-from rig.profile import Profile, parse_profile
+from rig.recording.trial_run import motor_command
 from rig.session.records import TrialData
-from rig.trial_run import motor_command
 
 GAIN = 0.8
 GOAL = 0.03

@@ -14,8 +14,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Literal, get_args
 
-from rig import platform_calls
 from rig.errors import InputError
+from rig.storage import platform_calls
 
 FILE_NAME = "annotations.jsonl"
 Kind = Literal["reject", "accept", "note"]

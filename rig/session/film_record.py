@@ -12,8 +12,8 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from rig import toml_file
-from rig.durable import write_text
+from rig.configuration import toml_file
+from rig.storage.atomic_write import write_text
 
 SCHEMA: Literal["piano-action-rig film 1"] = "piano-action-rig film 1"
 

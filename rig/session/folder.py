@@ -14,13 +14,13 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rig import toml_file
-from rig.durable import write_text
+from rig.configuration import toml_file
 from rig.errors import InputError
 from rig.session import annotation_file, derived
 from rig.session.info import SessionInfo
 from rig.session.records import TrialData
 from rig.session.trial_file import read_status, read_trial, write_trial
+from rig.storage.atomic_write import write_text
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -23,20 +23,11 @@ from pathlib import Path
 
 import numpy as np
 
-from rig import platform_calls
 from rig.backend import Block
 from rig.errors import InputError, RecordingFault
-from rig.session.journal_format import (
-    BLOCK,
-    COMMAND,
-    END,
-    HEAD,
-    OVERHEAD,
-    block_payload,
-    bytes_per_sample,
-    encode,
-)
+from rig.session.journal_format import BLOCK, COMMAND, END, HEAD, OVERHEAD, block_payload, bytes_per_sample, encode
 from rig.session.trial_head import TrialHead
+from rig.storage import platform_calls
 
 PATIENCE_S = 0.05
 STALL_LIMIT_S = 5.0

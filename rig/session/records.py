@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.channels import BODIES
+from rig.configuration.channels import BODIES
 
 if TYPE_CHECKING:
     import pandas as pd

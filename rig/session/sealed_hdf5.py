@@ -14,8 +14,8 @@ from pathlib import Path
 
 import h5py
 
-from rig.durable import replace_when_complete
 from rig.errors import InputError
+from rig.storage.atomic_write import replace_when_complete
 
 MARK = b"\npiano-action-rig sha256 "
 _TAIL = len(MARK) + 64 + 1

@@ -4,9 +4,9 @@ channel, real client.
 ``sim://?bench=PATH&seed=3&clock=real`` : ``bench`` is a bench file (default: the built-in one), ``seed``
 overrides its seed, ``clock`` is
 ``virtual`` (default), ``real``, or a speed such as ``10``; ``fault`` plants faults
-(:mod:`rig.simulated.faults`); ``effects=balance_rail,shank`` lets the specimen's key lift and its shank bend
-(`model.effects`); ``hand=yes`` lets the operator's hand act when a self-test asks for it. The device takes product and
-name from the rig file.
+(:mod:`rig.simulated.device.fault_injection`); ``effects=balance_rail,shank`` lets the specimen's key lift and its
+shank bend (`model.parameters.effects`); ``hand=yes`` lets the operator's hand act when a self-test asks for it. The
+device takes product and name from the rig file.
 """
 
 from __future__ import annotations
@@ -15,22 +15,22 @@ from dataclasses import replace
 from pathlib import Path
 from urllib.parse import parse_qsl, urlsplit
 
-from rig import toml_file
 from rig.backend import Capabilities
-from rig.config import RigConfig
+from rig.configuration import toml_file
+from rig.configuration.rig_file import RigConfig
 from rig.daq import NidaqmxBackend
-from rig.durable import sha256_of_file
 from rig.errors import InputError
-from rig.simulated.channel import InProcessChannel
-from rig.simulated.clock import Clock, PacedClock, VirtualClock
-from rig.simulated.contract import Plant
-from rig.simulated.device import SimulatedDevice
-from rig.simulated.faults import FaultPlan, parse_faults
-from rig.simulated.inventory import Inventory
-from rig.simulated.products import PRODUCTS
-from rig.simulated.sensors import SensorSet, load_sensors
-from rig.simulated.service import Service
-from rig.simulated.wiring import WIRING_OF_PRODUCT, Wiring, planted_wiring
+from rig.simulated.bench.clock import Clock, PacedClock, VirtualClock
+from rig.simulated.bench.plant_protocol import Plant
+from rig.simulated.bench.sensors import SensorSet, load_sensors
+from rig.simulated.bench.wiring import WIRING_OF_PRODUCT, Wiring, planted_wiring
+from rig.simulated.device.device import SimulatedDevice
+from rig.simulated.device.fault_injection import FaultPlan, parse_faults
+from rig.simulated.product.capabilities import PRODUCTS
+from rig.simulated.product.inventory import Inventory
+from rig.simulated.rpc.in_process_channel import InProcessChannel
+from rig.simulated.rpc.service import Service
+from rig.storage.atomic_write import sha256_of_file
 
 DEFAULT_BENCH = Path(__file__).parent / "bench.toml"
 OPTIONS = ("bench", "seed", "clock", "fault", "effects", "hand")
@@ -91,7 +91,7 @@ def open_backend(url: str, config: RigConfig) -> SimulatedBackend:
     seed, clock = _seed(url, options.get("seed")), _clock(url, options.get("clock", "virtual"))
     faults = parse_faults(options.get("fault", ""))
     sensors = load_sensors(bench, seed=seed)
-    from rig.simulated.plant import load_plant  # here: only this path needs the model and its kernels
+    from rig.simulated.bench.plant import load_plant  # here: only this path needs the model and its kernels
 
     effects = [name for name in options.get("effects", "").split(",") if name]
     plant = load_plant(bench, seed=seed, sample_rate_hz=config.device.sample_rate_hz, effects=effects)

@@ -101,7 +101,7 @@ def test_track_refuses_a_film_without_outlines(tmp_path: Path, refused: Callable
 
 
 def test_every_command_has_an_example_and_json(capsys: pytest.CaptureFixture[str]) -> None:
-    for name in commands.NAMES:
+    for name in commands.HOME:
         assert run(name, "--help") == 0
         text = capsys.readouterr().out
         assert f"pianorig {name}" in text and "Example:" in text and "--json" in text, name
@@ -126,7 +126,7 @@ def test_start_up_imports_only_what_a_command_needs(short_force: Path, tmp_path:
     loaded = modules_after("simulate", "--force", str(short_force), "--out", out)
     assert "numba" in loaded
     assert not loaded & {"pandas", "matplotlib", "cv2", "nidaqmx", "h5py", "model.inside"}
-    # numba itself loads scipy.linalg for BLAS (docs/decisions/start-up-imports.md); we load nothing of SciPy
+    # numba itself loads scipy.linalg for BLAS (docs/decisions/0005-start-up-imports.md); we load nothing of SciPy
     assert not loaded & {"scipy.integrate", "scipy.optimize", "scipy.sparse", "scipy.special", "scipy.stats"}
 
 

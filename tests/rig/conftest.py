@@ -13,14 +13,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rig.config import Rig, RigConfig, load_rig, parse_rig
-from rig.profile import Profile, parse_profile
+from rig.configuration.profile import Profile, parse_profile
+from rig.configuration.rig_file import Rig, RigConfig, load_rig, parse_rig
 from rig.session import Session
 from rig.session.journal import JournalWriter
 from rig.session.journal_format import END, encode, records
 from rig.simulated.backend import SimulatedBackend, build_device
-from rig.simulated.contract import PlantBlock
-from rig.simulated.sensors import EncoderSensor, ForceSensor, SensorSet
+from rig.simulated.bench.plant_protocol import PlantBlock
+from rig.simulated.bench.sensors import EncoderSensor, ForceSensor, SensorSet
 
 FORCE_PER_VOLT_N = 12.0
 RAD_PER_VOLT = np.array([-0.05, 0.02, 0.3])  # key, whippen, hammer

@@ -16,14 +16,14 @@ from typing import NoReturn
 sys.path.insert(0, str(Path(__file__).parent))
 from conftest import AlgebraicPlant, sensors
 
-from rig import platform_calls
-from rig.config import load_rig, parse_rig
-from rig.profile import load_profile
-from rig.recorder import record_session
+from rig.configuration.profile import load_profile
+from rig.configuration.rig_file import load_rig, parse_rig
+from rig.recording.recorder import record_session
+from rig.recording.trial_run import Progress
 from rig.session.journal import JournalWriter
 from rig.simulated.backend import SimulatedBackend, build_device
-from rig.simulated.clock import PacedClock
-from rig.trial_run import Progress
+from rig.simulated.bench.clock import PacedClock
+from rig.storage import platform_calls
 
 TRIALS = 3
 SPEED = 5.0

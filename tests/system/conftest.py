@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import model
-from pianorig.demonstration import Demo, run_demo
-from rig.simulated.plant import PlantTruth, load_plant
+from pianorig.workflows.demo import Demo, run_demo
+from rig.simulated.bench.plant import PlantTruth, load_plant
 
 BENCH = Path(__file__).parents[2] / "rig" / "simulated" / "bench.toml"
 

@@ -9,10 +9,10 @@ import pytest
 
 import validation
 from rig.backend import open_backend
-from rig.config import load_rig
-from rig.recorder import record_session
+from rig.configuration.rig_file import load_rig
+from rig.recording.recorder import record_session
 from rig.session import Session
-from rig.simulated.plant import PlantTruth
+from rig.simulated.bench.plant import PlantTruth
 
 
 @pytest.mark.slow  # compiles its own structure

@@ -167,8 +167,8 @@ HOSTILE = 'recalibrated $\\frac{ <b> & "quoted" ' + "x" * 120
 @pytest.fixture(scope="session")
 def side(compared):
     """Two sessions and two models, of one comparison: other names, the second model's errors half as large again."""
-    from validation.model_pairs import paired_models
-    from validation.side_by_side import SideBySide
+    from validation.pipeline.compare_sessions import SideBySide
+    from validation.statistics.model_comparison import paired_models
 
     def other(session, model, factor):
         columns = [c for c in compared.scores.columns if c.endswith("rmse_rad")]

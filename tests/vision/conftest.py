@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from vision.bodies import Body
-from vision.frames import ArrayFilm
+from vision.bodies.outlines import Body
+from vision.film.source import ArrayFilm
 from vision.synthetic import Scene, Sensor, SyntheticBody, background, box, speckle, wood_grain
 
 HEIGHT, WIDTH = 150, 210

@@ -15,7 +15,7 @@ import pytest
         ("import vision.errors", ["numpy", "numba", "cv2"]),
         ("from vision import load_bodies, Body, FilmError", ["numba", "cv2", "pandas", "scipy"]),
         ("from vision import open_film, TrackResult, write_mraw", ["numba", "cv2", "pandas", "scipy"]),
-        ("import vision.mraw, vision.cih, vision.writers", ["numba", "cv2", "pandas", "scipy"]),
+        ("import vision.film.mraw, vision.film.cih, vision.film.mraw_writer", ["numba", "cv2", "pandas", "scipy"]),
         ("from vision import track_film", ["numba", "pandas", "scipy", "matplotlib"]),
     ],
 )

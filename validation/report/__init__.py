@@ -13,10 +13,10 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+from validation.cache.report_cache import report_folder
+from validation.pipeline.compare_sessions import SideBySide, alone, compare_sessions
 from validation.report.files import check_folder, write_files
 from validation.result import ValidationResult
-from validation.reuse import report_folder
-from validation.side_by_side import SideBySide, alone, compare_sessions
 
 __all__ = ["validate_session", "validate_sessions", "write_report"]
 
@@ -40,7 +40,8 @@ def validate_sessions(
     progress : callable, optional
         Called with a line of text per step.
     **options
-        Passed to `validation.side_by_side.compare_sessions` and on to `validation.comparison.compare_session`.
+        Passed to `validation.pipeline.compare_sessions.compare_sessions` and on to
+        `validation.pipeline.compare_session.compare_session`.
 
     Returns
     -------

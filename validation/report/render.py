@@ -16,12 +16,12 @@ from pathlib import Path
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
-from validation.event import EVENTS
-from validation.report.model_tables import matrix, pair_tables
+from validation.events.definitions import EVENTS
+from validation.pipeline.compare_sessions import SideBySide
 from validation.report.sections import is_simulated, session_section
+from validation.report.tables.models import matrix, pair_tables
 from validation.report.view import SessionView
 from validation.result import ValidationResult
-from validation.side_by_side import SideBySide
 
 HERE = Path(__file__).parent
 

@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from validation.event import EVENTS
-from validation.side_by_side import SideBySide
+from validation.events.definitions import EVENTS
+from validation.pipeline.compare_sessions import SideBySide
 
 SCHEMA = "piano-action-rig results"
 SCHEMA_VERSION = 2

@@ -11,13 +11,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-from validation.report import present
-from validation.report.budget_table import area_table, budget_table
-from validation.report.figure import ReportFigure
-from validation.report.figures import all_figures
-from validation.report.model_tables import event_table
-from validation.report.numbers import PageTable
-from validation.report.scorecard_table import scorecard_table
+from validation.report.figures.layout import ReportFigure
+from validation.report.figures.measured import all_figures
+from validation.report.tables import scores as present
+from validation.report.tables.budget import area_table, budget_table
+from validation.report.tables.formatting import PageTable
+from validation.report.tables.models import event_table
+from validation.report.tables.scorecard import scorecard_table
 from validation.report.view import SessionView
 from validation.result import ValidationResult
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from validation.report.thesis import condition_of
+from validation.report.figures.thesis import condition_of
 from validation.result import ValidationResult
 
 MOST_CHARACTERS = 30

@@ -5,7 +5,7 @@ Public: used by the tests, by the benchmarks and by the virtual camera. Nothing 
 
 from __future__ import annotations
 
-from vision.projection import Projection, tilted
+from vision.camera.projection import Projection, tilted
 from vision.synthetic.scene import Scene, Sensor, SyntheticBody, background, total_noise
 from vision.synthetic.shapes import box, thick_line, turned
 from vision.synthetic.textures import BlobTexture, speckle, wood_grain

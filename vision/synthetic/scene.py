@@ -24,10 +24,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.angles import ccw_to_picture
-from vision.bodies import signed_distance
-from vision.bspline import coefficients
+from vision.bodies.outlines import signed_distance
+from vision.camera.projection import Projection
 from vision.errors import InputError
-from vision.projection import Projection
+from vision.fitting.bspline import coefficients
 from vision.synthetic.shapes import turned
 from vision.synthetic.textures import BlobTexture
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.projection import Projection
+from vision.camera.projection import Projection
 
 SUBPIXELS = 4
 

@@ -16,8 +16,8 @@ import numpy as np
 from scipy.integrate import DOP853
 
 import model
-from model.kernels import dynamics
 from model.kernels import layout as L
+from model.kernels.tables import dynamics
 
 HERE = Path(__file__).parent
 

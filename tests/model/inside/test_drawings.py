@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import model
-from model.forces import force_table
+from model.files.force_library import force_table
 from model.inside.animation import FAR_STEP_S, NEAR_STEP_S, frame_rows, write_animation
 from model.inside.figure import close_up, draw_sheet
 from model.inside.side_view import side_view

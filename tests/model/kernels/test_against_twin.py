@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 import model
-from model.choice import SceneChoice
-from model.kernels import dynamics, jacobian
 from model.kernels import layout as L
-from model.scene import build_scene
-from model.twin import Twin
+from model.kernels.tables import dynamics, jacobian
+from model.scene.build import build_scene
+from model.scene.selection import SceneChoice
+from model.verification.reference_equations import Twin
 from tests.model.conftest import random_states
 
 

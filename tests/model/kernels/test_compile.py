@@ -12,7 +12,7 @@ import model
 
 CODE = """
 import numpy as np, model
-from model.kernels.output import penetrations  # compiled in a moment; what it calls lies in another file
+from model.kernels.tables.output import penetrations  # compiled in a moment; what it calls lies in another file
 s = model.build_scene(model.load_action())
 depth = np.zeros(len(s.contacts))
 q = np.array([0.0286, 0.0251, 0.3198, 0.3523, 0.2951])

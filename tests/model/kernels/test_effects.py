@@ -8,14 +8,15 @@ import numpy as np
 import pytest
 
 import model
-from model.choice import SceneChoice
-from model.kernels import dynamics, jacobian, scenes
 from model.kernels import layout as L
 from model.kernels import workspace as W
-from model.kernels.emit import emit, emit_with_pieces
-from model.kernels.emit_energy import emit_energy
-from model.scene import Scene, build_scene
-from model.twin import Twin
+from model.kernels.codegen import load as scenes
+from model.kernels.codegen.energy import emit_energy
+from model.kernels.codegen.step_kernels import emit, emit_with_pieces
+from model.kernels.tables import dynamics, jacobian
+from model.scene.build import Scene, build_scene
+from model.scene.selection import SceneChoice
+from model.verification.reference_equations import Twin
 from tests.model.conftest import random_states
 
 CHANGED = {

@@ -13,16 +13,17 @@ import numpy as np
 import pytest
 
 import model
-from model import simulation
-from model.choice import SceneChoice
 from model.integrators.rosenbrock import integrate
 from model.kernels import compile as compiling
-from model.kernels import dynamics, jacobian, scenes
 from model.kernels import layout as L
 from model.kernels import workspace as W
-from model.kernels.kinematics import place
+from model.kernels.codegen import load as scenes
 from model.kernels.signatures import SKIP
-from model.scene import build_scene
+from model.kernels.tables import dynamics, jacobian
+from model.kernels.tables.kinematics import place
+from model.scene.build import build_scene
+from model.scene.selection import SceneChoice
+from model.simulation import run as simulation
 from tests.model.conftest import random_states, read_table
 
 
@@ -145,7 +146,7 @@ def test_skipping_changes_no_bit_of_the_answer(action: model.Action, monkeypatch
 def test_a_changed_value_compiles_nothing_and_a_left_out_element_is_not_in_the_source(
     action: model.Action,
 ) -> None:
-    from model.kernels.emit import emit_with_pieces
+    from model.kernels.codegen.step_kernels import emit_with_pieces
 
     force = read_table("forte_force.csv")[:60]
     model.simulate(action, force[:, 0], force[:, 1])

@@ -10,14 +10,14 @@ import pytest
 import model
 from model.integrators import METHODS, CoupledTableau
 from model.kernels import workspace as W
-from model.kernels.emit import emit
-from model.kernels.load import load_along
-from model.kernels.scenes import kernels_of
-from model.motion import KeyMotion
-from model.scene import build_scene
-from model.simulation import Simulation, State
-from model.statics import solve_rest
-from model.twin import Twin
+from model.kernels.codegen.load import kernels_of
+from model.kernels.codegen.step_kernels import emit
+from model.kernels.tables.prescribed_load import load_along
+from model.scene.build import build_scene
+from model.scene.key_motion import KeyMotion
+from model.simulation.run import Simulation, State
+from model.simulation.statics import solve_rest
+from model.verification.reference_equations import Twin
 from tests.model.conftest import random_states
 
 ORDER = [1, 2, 3, 4, 0]  # key last

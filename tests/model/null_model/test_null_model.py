@@ -9,11 +9,11 @@ import pytest
 
 import model
 from model import null_model
-from model.energy import energy_terms
 from model.null_model import run as null_run
 from model.null_model.path import HAMMER, KEY
-from model.parameters import CONTACTS
-from model.twin import Twin
+from model.parameters.action import CONTACTS
+from model.verification.energy import energy_terms
+from model.verification.reference_equations import Twin
 from tests.model.conftest import read_table
 
 FRICTIONLESS = {

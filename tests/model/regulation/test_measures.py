@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 import model
-from model.hand_set import hand_set_rest, slip_angle
 from model.regulation import TARGETS, measure
 from model.regulation.measures import at_rest, first_touch_angle, medium_blow
-from model.twin import Twin
+from model.simulation.hand_set_rest import hand_set_rest, slip_angle
+from model.verification.reference_equations import Twin
 
 
 @pytest.fixture(scope="module")

@@ -7,8 +7,8 @@ import pytest
 
 import model
 from model.errors import InputError
-from model.forces import force_table
-from model.kernels.stick_slip import stick_together, sweep_once
+from model.files.force_library import force_table
+from model.kernels.tables.stick_slip import stick_together, sweep_once
 from model.stick_slip import compare, simulate
 
 ACTION = model.load_action()

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import model
-from model.forces import KNOTS, force_table
+from model.files.force_library import KNOTS, force_table
 from model.observables import hammer_height_from_angle
 from model.study import Variant, compare, measure_blow
 from model.study.thesis import FIGURES, _strike, thesis_studies

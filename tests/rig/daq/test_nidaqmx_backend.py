@@ -8,17 +8,10 @@ import grpc
 import numpy as np
 import pytest
 
-from rig.config import load_rig
+from rig.configuration.rig_file import load_rig
 from rig.daq import NidaqmxBackend, open_backend
-from rig.errors import (
-    DeviceNotFound,
-    HardwareFault,
-    InputError,
-    NotSupported,
-    ReadTimeout,
-    SamplesLost,
-)
-from rig.simulated.server import serve
+from rig.errors import DeviceNotFound, HardwareFault, InputError, NotSupported, ReadTimeout, SamplesLost
+from rig.simulated.rpc.tcp_server import serve
 from rig.simulated.status import NotImplementedByDevice
 
 RAD_PER_VOLT = np.array([-0.05, 0.02, 0.3])

@@ -11,7 +11,7 @@ from rig.foreign.session_import import import_session
 from rig.session import Session
 from tests.command_line import run
 from validation.errors import TrialError
-from validation.measurement import measure
+from validation.measurement.trial import measure
 
 RATE = 4000.0
 N = 1200

@@ -9,17 +9,17 @@ from typing import Any
 import numpy as np
 
 import vision
-from rig.config import load_rig, parse_rig
+from rig.configuration.profile import load_profile, parse_profile
+from rig.configuration.rig_file import load_rig, parse_rig
+from rig.configuration.toml_file import check, dump_toml, parse_toml
 from rig.errors import InputError
 from rig.foreign.mapping import parse_mapping
-from rig.profile import load_profile, parse_profile
-from rig.selftest_record import SelftestRecord
+from rig.recording.trial_plan import parse_plan
+from rig.selftest.record import SelftestRecord
 from rig.session.film_record import FilmRecord
-from rig.toml_file import check, dump_toml, parse_toml
-from rig.trial_plan import parse_plan
 from tests.rig.foreign.test_session_import import MAPPING
 from tests.rig.fuzz.damage import Case, same_values, text
-from vision.calibration_file import load_calibration
+from vision.camera.file import load_calibration
 
 
 def rig_case(folder: Path) -> Case:

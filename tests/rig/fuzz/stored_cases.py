@@ -15,13 +15,13 @@ import numpy as np
 import pytest
 
 from rig.backend import Block, Timing
-from rig.config import load_rig
+from rig.configuration.rig_file import load_rig
 from rig.foreign.reading import read_channels
+from rig.recording.trial_description import trial_head
 from rig.session import Session
 from rig.session.journal_format import BLOCK, COMMAND, HEAD, block_payload, encode
 from rig.session.journal_format import parse as parse_journal
 from rig.session.records import ChannelInfo
-from rig.trial_description import trial_head
 from tests.rig.foreign import tdms_bytes
 from tests.rig.fuzz.damage import Case, same_values
 

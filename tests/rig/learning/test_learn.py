@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 
 from rig.backend import Timing
+from rig.configuration.profile import Profile, parse_profile
 from rig.errors import InputError
 from rig.learning import learn, make_target
 from rig.learning.correction import within_limits
 from rig.learning.learner import key_points, profile_of
 from rig.learning.target import key_bottom
-from rig.profile import Profile, parse_profile
+from rig.recording.trial_description import trial_head
+from rig.recording.trial_run import motor_command
 from rig.session.records import TrialData
-from rig.trial_description import trial_head
-from rig.trial_run import motor_command
 
 RATE = 5000.0
 BOTTOM_S = 0.12

@@ -10,8 +10,8 @@ import h5py
 import numpy as np
 import pytest
 
-from rig.config import load_rig, parse_rig
-from rig.recorder import record_session
+from rig.configuration.rig_file import load_rig, parse_rig
+from rig.recording.recorder import record_session
 from tests.rig.lab_channels import READBACK
 
 SHIPPED = Path(__file__).parents[3] / "sessions" / "example_forte"

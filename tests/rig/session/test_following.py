@@ -7,9 +7,9 @@ import os
 import numpy as np
 import pytest
 
-from rig.platform_calls import remove
-from rig.recorder import record_session
+from rig.recording.recorder import record_session
 from rig.session.following import JournalFollower, SessionFollower
+from rig.storage.platform_calls import remove
 
 
 def test_a_journal_cut_anywhere_shows_its_whole_blocks_and_goes_on(tmp_path, make_backend, rig, step_profile) -> None:

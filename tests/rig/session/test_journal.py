@@ -257,7 +257,7 @@ def test_no_room_for_the_trial_is_found_before_anything_moves(tmp_path, monkeypa
     def full(*arguments: Any) -> None:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    monkeypatch.setattr("rig.platform_calls.reserve", full)
+    monkeypatch.setattr("rig.storage.platform_calls.reserve", full)
     with pytest.raises(InputError, match="no room for a trial of .* MB"):
         JournalWriter(tmp_path / "j", head(), 10**6, 10**4)
     assert list(tmp_path.iterdir()) == []

@@ -14,15 +14,15 @@ import numpy as np
 import pytest
 
 from benchmarks.journal_delay import Timed
-from rig.recorder import record_session
+from rig.recording.recorder import record_session
 from rig.session import Session
-from rig.simulated.clock import PacedClock
+from rig.simulated.bench.clock import PacedClock
 
 TRIALS = 2
 # loaded before the recording begins, then waiting for its folder
 WATCH = """
 import pathlib, sys, time
-import pianorig.watching, rig.session.following
+import pianorig.workflows.bench.watch, rig.session.following
 from pianorig.cli import main
 print("{}", flush=True)
 while not (pathlib.Path(sys.argv[2]) / "session.toml").exists():

@@ -19,8 +19,8 @@ import pytest
 from nidaqmx import constants as ni
 from nidaqmx.errors import DaqError
 
-from rig.config import load_rig
-from rig.selftest_record import Finding, SelftestRecord
+from rig.configuration.rig_file import load_rig
+from rig.selftest.record import Finding, SelftestRecord
 
 DEADLINE_S = 60.0
 

@@ -7,9 +7,9 @@ import pytest
 
 from rig.backend import open_backend
 from rig.errors import InputError
-from rig.simulated.clock import PacedClock, VirtualClock
+from rig.simulated.bench.clock import PacedClock, VirtualClock
 from rig.simulated.messages import CALLS
-from rig.simulated.service import Service
+from rig.simulated.rpc.service import Service
 
 
 @pytest.mark.parametrize(
@@ -77,7 +77,7 @@ def test_the_device_s_time_is_that_of_the_samples_read(make_backend, config, com
 
 
 def test_every_call_the_service_answers_is_one_of_nis(make_backend, config) -> None:
-    from rig.simulated.channel_setup import CHANNEL_CALLS
+    from rig.simulated.rpc.calls.channels import CHANNEL_CALLS
 
     service: Service = make_backend(config).service
     assert set(service._handlers) | set(CHANNEL_CALLS) <= CALLS

@@ -13,14 +13,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pianorig.prediction import predictor
-from rig.config import load_rig
+from pianorig.workflows.model.predict_blow import predictor
+from rig.configuration.profile import load_profile
+from rig.configuration.rig_file import load_rig
 from rig.errors import DeviceNotFound
-from rig.permission import Permission
-from rig.profile import load_profile
-from rig.recorder import record_session
-from rig.recover import recover_session
-from rig.selftest_record import read_record
+from rig.recording.permission import Permission
+from rig.recording.recorder import record_session
+from rig.recording.recover import recover_session
+from rig.selftest.record import read_record
 from rig.session import Session
 from rig.session.journal_format import read_journal
 

@@ -1,0 +1,46 @@
+"""A quantity over time as two columns of numbers: what force tables and motion tables must be alike.
+
+Columns (n,) in, the same as float arrays out; the first row that cannot be used ends in ``InputError``, which names it,
+what was found and what is allowed. Rows count from 1.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from model.errors import InputError
+
+Array = NDArray[np.float64]
+
+LARGEST_TIME_S = 1e6
+
+
+def two_columns(time_s: ArrayLike, values: ArrayLike, where: str) -> tuple[Array, Array]:
+    """Times and values (n,) as float arrays; ``InputError`` where they are no numbers, or not equally many."""
+    try:
+        times, numbers = np.asarray(time_s, dtype=float), np.asarray(values, dtype=float)
+    except (TypeError, ValueError):
+        raise InputError(f"{where}: found something that is not a number; allowed two columns of numbers") from None
+    if times.ndim != 1 or times.shape != numbers.shape:
+        raise InputError(f"{where}: found shapes {times.shape} and {numbers.shape}, allowed two equal columns")
+    return times, numbers
+
+
+def check_rows(
+    times: Array, values: Array, where: str, column: str, limit: float, lost: NDArray[np.bool_] | bool = False
+) -> None:
+    """Refuse values beyond ``limit`` or not finite, but where ``lost``, and times that do not increase."""
+    for name, numbers, most, excused in (("time_s", times, LARGEST_TIME_S, False), (column, values, limit, lost)):
+        bad = (np.abs(numbers) > most) | (~np.isfinite(numbers) & ~np.asarray(excused))
+        if bad.any():
+            row = int(np.argmax(bad))
+            raise InputError(
+                f"{where}: row {row + 1}: {name} found {numbers[row]:g}, allowed finite numbers up to {most:g}"
+            )
+    steps = np.diff(times)
+    if (steps <= 0).any():
+        row = int(np.argmax(steps <= 0)) + 1
+        raise InputError(
+            f"{where}: row {row + 1}: time {times[row]:g} s does not follow {times[row - 1]:g} s; times must increase"
+        )

@@ -1,0 +1,150 @@
+"""Source lines of bodies: pose, mass matrix, forces of inertia, gravity, joints, springs and drives, derivatives.
+
+Part of ``emit``; see there. A body hangs from the ground, from another body, or from a vertical guide without mass,
+whose coordinate is its height.
+"""
+
+from __future__ import annotations
+
+from model.kernels import layout as L
+from model.kernels import workspace as W
+from model.kernels.codegen.structure import Structure
+
+
+def pose(s: Structure) -> list[str]:
+    """Pivot, rotation, turning speed and centre of mass of each body."""
+    out = []
+    for i in s.order():
+        w, px, py = s.parent[i], s.body(i, L.PIVOT_X), s.body(i, L.PIVOT_Y)
+        if i in s.guided:
+            out += [f"x{i} = {px}", f"y{i} = {py} + q{i}"]
+            continue
+        if s.guide(i) >= 0:
+            out += [f"x{i} = x{w} + {px}", f"y{i} = y{w} + {py}", f"w{i} = v{i}", f"c{i}, s{i} = cosine_sine(q{i})"]
+        elif w < 0:
+            out += [f"x{i} = {px}", f"y{i} = {py}", f"w{i} = v{i}", f"c{i}, s{i} = cosine_sine(q{i})"]
+        else:
+            out += [f"dx{i} = c{w} * {px} - s{w} * {py}", f"dy{i} = s{w} * {px} + c{w} * {py}"]
+            out += [f"x{i} = x{w} + dx{i}", f"y{i} = y{w} + dy{i}", f"w{i} = v{i} + w{w}"]
+            out += [f"c{i}, s{i} = cosine_sine(q{i} + q{w})"]
+        cx, cy = s.body(i, L.COM_X), s.body(i, L.COM_Y)
+        out += [f"rx{i} = c{i} * {cx} - s{i} * {cy}", f"ry{i} = s{i} * {cx} + c{i} * {cy}"]
+    return out
+
+
+def mass(s: Structure) -> list[str]:
+    """Diagonal and child-parent entries of the mass matrix of what is solved for."""
+    out = []
+    for i in range(s.free):
+        if i in s.guided:
+            out.append(f"md{i} = {s.body(i, L.MASS)}")
+            continue
+        out.append(f"md{i} = {s.body(i, L.INERTIA)} + {s.body(i, L.MASS)} * (rx{i} * rx{i} + ry{i} * ry{i})")
+    for i, w in enumerate(s.parent):
+        if w >= 0:
+            m = s.body(i, L.MASS)
+            if w in s.guided:
+                out += [f"mu{i} = {m} * rx{i}", f"md{w} += {m}"]
+                continue
+            out += [f"h{i} = {m} * (dx{i} * rx{i} + dy{i} * ry{i})", f"mu{i} = md{i} + h{i}"]
+            out.append(f"md{w} += md{i} + {m} * (dx{i} * dx{i} + dy{i} * dy{i}) + 2.0 * h{i}")
+    return out
+
+
+def solve_mass(s: Structure) -> list[str]:
+    """Accelerations of what is solved for: M a = f, children eliminated into their parents."""
+    out = []
+    for i, w in enumerate(s.parent):
+        if w >= 0:
+            out += [f"i{i} = 1.0 / md{i}", f"z{i} = mu{i} * i{i}"]
+    for w in (i for i, up in enumerate(s.parent[: s.free]) if up < 0):
+        top = " ".join([f"f{w}", *(f"- z{i} * f{i}" for i in s.children(w))])
+        bottom = " ".join([f"md{w}", *(f"- z{i} * mu{i}" for i in s.children(w))])
+        out.append(f"a{w} = ({top}) / ({bottom})")
+    for i, w in enumerate(s.parent):
+        if w >= 0:
+            out.append(f"a{i} = f{i} * i{i} - z{i} * a{w}")
+    return out
+
+
+def forces(s: Structure, slopes: bool) -> list[str]:
+    """Generalised forces of everything but contacts; with the slopes of joint friction where asked for."""
+    out = [f"g = p[{L.GRAVITY}]"]
+    for i in range(s.free):
+        law = ", ".join(s.body(i, k) for k in (L.JF_A, L.JF_B1, L.JF_B2))
+        threshold, weight = (L.V_T, "") if i in s.guided else (L.OMEGA_T, f" * rx{i}")
+        out.append(f"torque, {f'e{i}' if slopes else '_'} = friction(v{i}, p[{threshold}], {law})")
+        out.append(f"f{i} = -torque - {s.body(i, L.MASS)} * g{weight}")
+    for i, w in enumerate(s.parent):
+        if w >= 0:
+            m = s.body(i, L.MASS)
+            if w in s.guided:
+                out.append(f"f{w} -= {m} * (g - ry{i} * v{i} * v{i})")
+                continue
+            out += [
+                f"t{i} = {m} * (dy{i} * rx{i} - dx{i} * ry{i})",
+                f"f{w} -= {m} * g * (dx{i} + rx{i}) + t{i} * (2.0 * w{w} + v{i}) * v{i}",
+                f"f{i} += t{i} * w{w} * w{w}",
+            ]
+    for k, i in enumerate(s.spring):
+        o = s.offset[0] + L.SPRING_SIZE * k
+        out.append(f"f{i} += p[{o + L.SPRING_T0}] - p[{o + L.SPRING_K}] * (q{i} - p[{o + L.SPRING_Q0}])")
+    for k, (kind, i) in enumerate(s.drive):
+        o = s.offset[2] + L.DRIVE_SIZE * k
+        if i >= s.free:
+            continue
+        if kind == L.FORCE_DOWN:
+            out.append(f"f{i} -= u * (c{i} * p[{o + L.DRIVE_X}] - s{i} * p[{o + L.DRIVE_Y}])")
+            if s.guide(i) >= 0:
+                out.append(f"f{s.guide(i)} -= u")
+        else:
+            out.append(f"f{i} += u")
+    for k, i in enumerate(s.damper):
+        out.append(f"f{i} -= p[{s.offset[5] + L.DAMPER_SIZE * k}] * v{i}")
+    return out
+
+
+def derivatives(s: Structure) -> list[str]:
+    """K, D and df/du of everything but contacts, after the accelerations are known."""
+    out = [f"u{i} = 0.0" for i in range(s.free)] + [f"moving = 1.0 - w[{W.STATIC}]"]
+    for i, w in enumerate(s.parent[: s.free]):
+        m = s.body(i, L.MASS)
+        out.append(f"d{i}_{i} -= e{i}")
+        if i in s.guided:
+            continue
+        out.append(f"k{i}_{i} += {m} * g * ry{i}")
+        if w in s.guided:
+            out += [
+                f"k{w}_{i} += {m} * (rx{i} * v{i} * v{i} + moving * ry{i} * a{i})",
+                f"k{i}_{i} += moving * {m} * ry{i} * a{w}",
+                f"d{w}_{i} += 2.0 * {m} * ry{i} * v{i}",
+            ]
+        elif w >= 0:
+            out += [
+                f"k{w}_{w} += {m} * g * (dy{i} + ry{i})",
+                f"k{i}_{w} += {m} * g * ry{i}",
+                f"k{w}_{i} += {m} * g * ry{i} + h{i} * (2.0 * w{w} + v{i}) * v{i}"
+                f" - moving * t{i} * (2.0 * a{w} + a{i})",
+                f"k{i}_{i} -= h{i} * w{w} * w{w} + moving * t{i} * a{w}",
+                f"d{w}_{w} -= 2.0 * t{i} * v{i}",
+                f"d{w}_{i} -= 2.0 * t{i} * (w{w} + v{i})",
+                f"d{i}_{w} += 2.0 * t{i} * w{w}",
+            ]
+    for k, i in enumerate(s.spring):
+        out.append(f"k{i}_{i} -= p[{s.offset[0] + L.SPRING_SIZE * k + L.SPRING_K}]")
+    for k, (kind, i) in enumerate(s.drive):
+        o = s.offset[2] + L.DRIVE_SIZE * k
+        if i >= s.free:
+            continue
+        if kind == L.FORCE_DOWN:
+            x, y = f"p[{o + L.DRIVE_X}]", f"p[{o + L.DRIVE_Y}]"
+            out += [f"u{i} -= c{i} * {x} - s{i} * {y}", f"k{i}_{i} += u * (s{i} * {x} + c{i} * {y})"]
+            if s.guide(i) >= 0:
+                out.append(f"u{s.guide(i)} -= 1.0")
+        else:
+            out.append(f"u{i} += 1.0")
+    for k, i in enumerate(s.damper):
+        out.append(f"d{i}_{i} -= p[{s.offset[5] + L.DAMPER_SIZE * k}]")
+    # where the key is prescribed the input is the time: df/dt comes through the motion of the key
+    out += [f"u{i} += k{i}_{j} * v{j} + d{i}_{j} * a{j}" for i, j in sorted(s.pattern() - s.square())]
+    return out

@@ -1,0 +1,247 @@
+"""Source lines of contacts and probes: force, derivatives, room of an open gap. Part of ``emit``; see there.
+
+A contact between A and B acts on the coordinates of its chain; (b, side) says that coordinate b moves A (+1) or B (-1).
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from model.kernels import layout as L
+from model.kernels import workspace as W
+
+if TYPE_CHECKING:
+    from model.kernels.codegen.contact_kinds import Alone
+    from model.kernels.codegen.structure import Structure
+
+
+def _at(body: int, x: str, y: str) -> tuple[str, str]:
+    """World coordinates of a point of a body's frame."""
+    if body < 0:
+        return x, y
+    i = body
+    return f"x{i} + c{i} * {x} - s{i} * {y}", f"y{i} + s{i} * {x} + c{i} * {y}"
+
+
+def _along(body: int, x: str, y: str) -> tuple[str, str]:
+    """World components of a vector of a body's frame."""
+    return (x, y) if body < 0 else (f"c{body} * {x} - s{body} * {y}", f"s{body} * {x} + c{body} * {y}")
+
+
+def _pivot(body: int) -> tuple[str, str]:
+    return f"x{body}", f"y{body}"
+
+
+def _numbers(s: Structure | Alone, c: int, *names: int) -> list[str]:
+    return [s.contact_number(c, k) for k in names]
+
+
+def _centres(s: Structure | Alone, c: int) -> list[str]:
+    a, b, _, _ = s.contact[c]
+    ax, ay = _at(a, *_numbers(s, c, L.A_X, L.A_Y))
+    bx, by = _at(b, *_numbers(s, c, L.B_X, L.B_Y))
+    return [f"ax = {ax}", f"ay = {ay}", f"bx = {bx}", f"by = {by}"]
+
+
+def _surface(s: Structure | Alone, c: int, room: bool) -> list[str]:
+    """Lines that set x, nx, ny, distance (or room, nx, ny) from the centres."""
+    _, b, shape, _ = s.contact[c]
+    ra, rb = _numbers(s, c, L.A_R, L.B_R)
+    nx, ny = _along(b, *_numbers(s, c, L.N_X, L.N_Y))
+    if shape == L.LINE:
+        out = [f"nx = {nx}", f"ny = {ny}"]
+        if room:
+            return [*out, f"room = max(0.0, (ax - bx) * nx + (ay - by) * ny - {ra})"]
+        return [*out, f"x = {ra} - ((ax - bx) * nx + (ay - by) * ny)", "distance = 0.0"]
+    ends = ""
+    out = []
+    if shape == L.HYBRID:
+        ex, ey = _along(b, *_numbers(s, c, L.E_X, L.E_Y))
+        out = [f"sx = {nx}", f"sy = {ny}", f"ex = {ex}", f"ey = {ey}"]
+        ends = ", sx, sy, ex, ey"
+    kind = "hybrid" if shape == L.HYBRID else "circle"
+    if room:
+        return [*out, f"room, nx, ny = {kind}_room(ax - bx, ay - by, {ra} + {rb}{ends})"]
+    return [*out, f"x, nx, ny, distance = {kind}_gap(ax - bx, ay - by, {ra} + {rb}{ends})"]
+
+
+def _rates(s: Structure | Alone, c: int) -> list[str]:
+    """Arms, generalised directions, rate of penetration, sliding speed, at mid-penetration."""
+    out = [f"r = {_numbers(s, c, L.A_R)[0]} - 0.5 * x", "px = ax - r * nx", "py = ay - r * ny"]
+    for k, (b, side) in enumerate(s.chain[c]):
+        sign = "" if side > 0 else "-"
+        if b in s.guided:
+            out += [f"gn{k} = {sign}ny", f"gt{k} = {sign}nx"]
+            continue
+        x, y = _pivot(b)
+        out += [f"lx{k} = px - {x}", f"ly{k} = py - {y}"]
+        out += [f"gn{k} = {sign}(lx{k} * ny - ly{k} * nx)", f"gt{k} = {sign}(lx{k} * nx + ly{k} * ny)"]
+    out.append("rate = -(" + " + ".join(f"gn{k} * v{b}" for k, (b, _) in enumerate(s.chain[c])) + ")")
+    out.append("slide = " + " + ".join(f"gt{k} * v{b}" for k, (b, _) in enumerate(s.chain[c])))
+    return out
+
+
+def _law(s: Structure | Alone, c: int) -> str:
+    felt = _numbers(s, c, L.K_A, L.K_B, L.K_C, L.DAMP)
+    return ", ".join([*felt, f"p[{L.V_T}]", *_numbers(s, c, L.MU_A, L.MU_B1, L.MU_B2)])
+
+
+def _push(s: Alone, c: int) -> list[str]:
+    out = []
+    for k, (b, side) in enumerate(s.chain[c]):
+        if not s.solved(b):
+            continue
+        moment = "fy" if b in s.guided else f"lx{k} * fy - ly{k} * fx"
+        out.append(f"f{b} {'+' if side > 0 else '-'}= {moment}")
+    return out
+
+
+def _indent(lines: list[str]) -> list[str]:
+    return ["    " + line for line in lines]
+
+
+def contact_forces(s: Alone, c: int) -> list[str]:
+    """Add the force of contact ``c`` to f where it touches."""
+    touch = [*_rates(s, c), f"fx, fy = contact_force(x, rate, slide, nx, ny, {_law(s, c)})", *_push(s, c)]
+    return [*_centres(s, c), *_surface(s, c, False), "if x > 0.0:", *_indent(touch)]
+
+
+def contact_linearised(s: Alone, c: int) -> list[str]:
+    """Force and derivatives of contact ``c`` where it touches; its gap and how fast that changes in any case."""
+    chain = s.chain[c]
+    law = [f"fn, fnx, fnr, mu, mus = contact_laws(x, rate, slide, {_law(s, c)})"]
+    law += ["fx = fn * nx + mu * fn * ny", "fy = fn * ny - mu * fn * nx", *_push(s, c), "touching += 1"]
+    law += [f"turns{k}_{c} = gn{k}" for k in range(len(chain))]
+    law += [f"slides{k}_{c} = gt{k}" for k in range(len(chain))]
+    law += [f"w[{s.at(c, W.ROOM)}] = 0.0", f"w[{s.at(c, W.GAP)}] = -x", f"w[{s.at(c, W.GAP_RATE)}] = -rate"]
+    law += [
+        f"w[{s.at(c, W.SLIDE)}] = slide",
+        f"w[{s.at(c, W.GRIP)}] = {_numbers(s, c, L.MU_A)[0]} * fn * {_easiest(s, c, 'gt')}",
+    ]
+    away = _surface(s, c, True)
+    for k, (b, side) in enumerate(chain):
+        x, y = _pivot(b)
+        way = "ny" if b in s.guided else f"((ax - {x}) * ny - (ay - {y}) * nx)"
+        away.append(f"turns{k}_{c} = {'' if side > 0 else '-'}{way}")
+    rate = " + ".join(f"turns{k}_{c} * v{b}" for k, (b, _) in enumerate(chain))
+    stiffness, damping = _numbers(s, c, L.K_C, L.DAMP)
+    away += [f"w[{s.at(c, W.ROOM)}] = room", f"w[{s.at(c, W.GAP)}] = room", f"w[{s.at(c, W.GAP_RATE)}] = {rate}"]
+    return [
+        *(f"slides{k}_{c} = 0.0" for k in range(len(chain))), *_centres(s, c), *_surface(s, c, False),
+        "if x > 0.0:", *_indent([*_rates(s, c), *law, "if fn > 0.0:", *_indent(_derivatives(s, c))]),
+        "else:", *_indent(away),
+        f"w[{s.at(c, W.KICK)}] = {stiffness} * (1.0 + {damping} * abs(w[{s.at(c, W.GAP_RATE)}])) * "
+        + _easiest(s, c, "turns", f"_{c}"),
+    ]  # fmt: skip
+
+
+def _easiest(s: Alone, c: int, name: str, end: str = "") -> str:
+    """Text of the largest acceleration of one joint that a unit force along a direction gives."""
+    terms = [f"abs({name}{k}{end}) * easy{b}" for k, (b, _) in enumerate(s.chain[c]) if s.solved(b)]
+    out = terms[0]
+    for term in terms[1:]:
+        out = f"max({out}, {term})"
+    return out
+
+
+def second_rates(s: Alone, c: int) -> list[str]:
+    """How fast gap rate and sliding speed of contact ``c`` change, once the accelerations are known."""
+    chain = s.chain[c]
+    turn, slide = (" + ".join(f"{n}{k}_{c} * a{b}" for k, (b, _) in enumerate(chain)) for n in ("turns", "slides"))
+    rubs = f"{_numbers(s, c, L.MU_A)[0]} != 0.0"
+    return [
+        f"w[{s.at(c, W.GAP_ACC)}] = {turn}",
+        f"w[{s.at(c, W.SLIDE_RATE)}] = 0.0", f"if {rubs}:", f"    w[{s.at(c, W.SLIDE_RATE)}] = {slide}",
+    ]  # fmt: skip
+
+
+def _derivatives(s: Alone, c: int) -> list[str]:
+    """Add the derivatives of a pushing contact to K and D."""
+    chain = s.chain[c]
+    out = [f"along{k} = gn{k} - mu * gt{k}" for k in range(len(chain))]
+    for j, (cj, side) in enumerate(chain):
+        qx, qy = _pivot(cj)
+        what, centre = ("first", "a") if side > 0 else ("second", "b")
+        if cj in s.guided:
+            out.append(f"kappa, xx, xy = lift_of_{what}(nx, ny, distance, r, -gn{j})")
+        else:
+            out.append(f"kappa, xx, xy = turn_of_{what}({centre}x, {centre}y, {qx}, {qy}, nx, ny, distance, r, -gn{j})")
+        for k, (b, sk) in enumerate(chain):
+            if b in s.guided:
+                out += [f"dn{k} = {float(sk)} * kappa * nx", f"dt{k} = {float(-sk)} * kappa * ny"]
+                continue
+            bx, by = _pivot(b)
+            mx, my = (f"xx + ({by} - {qy})", f"xy - ({bx} - {qx})") if s.parent[b] == cj else ("xx", "xy")
+            if s.parent[b] == cj and cj in s.guided:
+                mx, my = "xx", "xy - 1.0"
+            out.append(f"dn{k}, dt{k} = turn_of_arm({float(sk)}, {mx}, {my}, nx, ny, kappa, lx{k}, ly{k})")
+        rate = " + ".join(f"dn{k} * v{b}" for k, (b, _) in enumerate(chain))
+        slide = " + ".join(f"dt{k} * v{b}" for k, (b, _) in enumerate(chain))
+        out += [f"fnj = -fnx * gn{j} - fnr * ({rate})", f"fmu = fn * mus * ({slide})"]
+        out += [f"fnv = -fnr * gn{j}", f"fmv = fn * mus * gt{j}"]
+        for k, (b, _) in enumerate(chain):
+            if not s.solved(b):
+                continue
+            out.append(f"k{b}_{cj} += fnj * along{k} + fn * (dn{k} - mu * dt{k}) - fmu * gt{k}")
+            out.append(f"d{b}_{cj} += fnv * along{k} - fmv * gt{k}")
+    return out
+
+
+def probe(s: Structure, k: int, derivatives: bool) -> list[str]:
+    """One-sided vertical contact of a tip on A with a point of B, both hanging from ground or B from a guide."""
+    a, b = s.probe[k]
+    guide = s.guide(b)
+    o = s.offset[3] + L.PROBE_SIZE * k
+    numbers = [f"p[{o + i}]" for i in range(L.PROBE_SIZE)]
+    ax, ay = _along(a, *numbers[0:2])
+    bx, by = _along(b, *numbers[2:4])
+    out = [f"la = {ax}", f"ha = {ay}", f"lb = {bx}", f"hb = {by}"]
+    out.append(f"fn, fnx, fnr = felt(y{b} + hb - y{a} - ha, {_closing(s, k)}, {', '.join(numbers[4:8])})")
+    lifts = [] if guide < 0 else [f"f{guide} -= fn"]
+    if not derivatives:
+        return [*out, f"f{a} += fn * la", f"f{b} -= fn * lb", *lifts]
+    if guide >= 0:
+        lifts += [
+            f"k{a}_{guide} += fnx * la", f"k{b}_{guide} -= fnx * lb", f"k{guide}_{guide} -= fnx",
+            f"k{guide}_{a} += fnx * la - fnr * ha * v{a}", f"k{guide}_{b} -= fnx * lb - fnr * hb * v{b}",
+            f"d{a}_{guide} += fnr * la", f"d{b}_{guide} -= fnr * lb", f"d{guide}_{guide} -= fnr",
+            f"d{guide}_{a} += fnr * la", f"d{guide}_{b} -= fnr * lb",
+        ]  # fmt: skip
+    return [
+        *out, f"f{a} += fn * la", f"f{b} -= fn * lb",
+        f"fqa = -fnx * la + fnr * ha * v{a}", f"fqb = fnx * lb - fnr * hb * v{b}",
+        f"k{a}_{a} += fqa * la - fn * ha", f"k{a}_{b} += fqb * la",
+        f"k{b}_{a} -= fqa * lb", f"k{b}_{b} += -fqb * lb + fn * hb",
+        f"d{a}_{a} -= fnr * la * la", f"d{a}_{b} += fnr * lb * la",
+        f"d{b}_{a} += fnr * la * lb", f"d{b}_{b} -= fnr * lb * lb", *lifts,
+    ]  # fmt: skip
+
+
+def _closing(s: Structure, k: int) -> str:
+    """Rate of penetration of a probe."""
+    a, b = s.probe[k]
+    return f"lb * v{b} - la * v{a}" + (f" + v{s.guide(b)}" if s.guide(b) >= 0 else "")
+
+
+def contact_energy(s: Structure, c: int) -> list[str]:
+    """Elastic energy and losses of contact ``c``."""
+    stiffness = ", ".join(_numbers(s, c, L.K_A, L.K_B, L.K_C))
+    touch = [
+        *_rates(s, c), f"fn, _, _, mu, _ = contact_laws(x, rate, slide, {_law(s, c)})",
+        f"stored, lost = felt_energy(x, rate, fn, {stiffness})", "energy += stored",
+        "rail_loss += lost" if c in s.rail else "felt_loss += lost",
+        "friction_loss += mu * fn * slide",
+    ]  # fmt: skip
+    return [*_centres(s, c), *_surface(s, c, False), "if x > 0.0:", *_indent(touch)]
+
+
+def probe_energy(s: Structure, k: int) -> list[str]:
+    """Elastic energy and losses of a probe."""
+    a, b = s.probe[k]
+    o = s.offset[3] + L.PROBE_SIZE * k
+    out = [line for line in probe(s, k, False) if line.split(" ")[0] not in {f"f{i}" for i in (a, b, s.guide(b))}]
+    touch = [
+        f"stored, lost = felt_energy(x, {_closing(s, k)}, fn, p[{o + 4}], p[{o + 5}], p[{o + 6}])",
+        "energy += stored", "felt_loss += lost",
+    ]  # fmt: skip
+    return [*out, f"x = y{b} + hb - y{a} - ha", "if x > 0.0:", *_indent(touch)]

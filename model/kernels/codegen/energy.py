@@ -1,0 +1,65 @@
+"""Write the kernel of the energy audit of one scene: stored energy, power put in and powers lost at a state.
+
+In: the integer tables of a scene; out: source text, compiled only when a run asks for it. See ``emit``.
+"""
+
+from __future__ import annotations
+
+from model.kernels import layout as L
+from model.kernels import workspace as W
+from model.kernels.codegen.bodies import mass, pose
+from model.kernels.codegen.contacts import contact_energy, probe_energy
+from model.kernels.codegen.step_kernels import module
+from model.kernels.codegen.structure import Structure
+
+
+def emit_energy(tables: L.Tables) -> str:
+    """Source of ``energy`` alone: energy of a state, power put in and powers lost, for the energy audit."""
+    s = Structure(tables)
+    out = [f"q{i} = w[{W.AUDIT_Q + i}]\nv{i} = w[{W.AUDIT_V + i}]" for i in range(s.n)]
+    out += [
+        *pose(s),
+        *mass(s),
+        "energy = 0.0",
+        "felt_loss = 0.0",
+        "friction_loss = 0.0",
+        "joints = 0.0",
+        "given = 0.0",
+    ]
+    if s.guided:
+        out.append("rail_loss = 0.0")
+    for i, w in enumerate(s.parent):
+        law = ", ".join(s.body(i, k) for k in (L.JF_A, L.JF_B1, L.JF_B2))
+        if i in s.guided:
+            out += [f"force, _ = friction(v{i}, p[{L.V_T}], {law})", f"rail_loss += force * v{i}"]
+            out.append(f"energy += 0.5 * md{i} * v{i} * v{i}")
+            continue
+        out += [f"torque, _ = friction(v{i}, p[{L.OMEGA_T}], {law})", f"joints += torque * v{i}"]
+        out.append(f"energy += 0.5 * md{i} * v{i} * v{i} + {s.body(i, L.MASS)} * p[{L.GRAVITY}] * (y{i} + ry{i})")
+        if w >= 0:
+            out.append(f"energy += mu{i} * v{i} * v{w}")
+    for k, i in enumerate(s.spring):
+        o = s.offset[0] + L.SPRING_SIZE * k
+        out += [
+            f"x = q{i} - p[{o + L.SPRING_Q0}]",
+            f"energy += (0.5 * p[{o + L.SPRING_K}] * x - p[{o + L.SPRING_T0}]) * x",
+        ]
+    for k, (kind, i) in enumerate(s.drive):
+        o = s.offset[2] + L.DRIVE_SIZE * k
+        arm = f"(c{i} * p[{o + L.DRIVE_X}] - s{i} * p[{o + L.DRIVE_Y}])"
+        if kind == L.FORCE_DOWN and s.guide(i) >= 0:
+            out.append(f"given -= u * v{s.guide(i)}")
+        out.append(f"given -= u * {arm} * v{i}" if kind == L.FORCE_DOWN else f"given += u * v{i}")
+    for c in range(len(s.contact)):
+        out += contact_energy(s, c)
+    for k in range(len(s.probe)):
+        out += probe_energy(s, k)
+    names = {W.ENERGY: "energy", W.POWER_IN: "given", W.POWER_FELT: "felt_loss", W.POWER_FRICTION: "friction_loss"}
+    if s.guided:
+        names[W.POWER_RAIL] = "rail_loss"
+    if s.damper:
+        names[W.POWER_SHANK] = " + ".join(
+            f"p[{s.offset[5] + L.DAMPER_SIZE * k}] * v{i} * v{i}" for k, i in enumerate(s.damper)
+        )
+    out += [f"w[{at}] = {name}" for at, name in names.items()]
+    return module(("energy", "w, p, u", [*out, f"w[{W.POWER_JOINTS}] = joints", "return 0"]))

@@ -1,0 +1,97 @@
+"""Find, write, compile and load the kernels of a scene's structure.
+
+``kernels_of(tables)`` gives them; the source lies in the kernel cache under a name that is the hash of its text,
+so that a structure is compiled once per machine and a changed parameter value never. Where no cache can be
+written the source is compiled in memory.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.util
+import os
+import sys
+import tempfile
+import threading
+from pathlib import Path
+from types import ModuleType
+from typing import Any, NamedTuple
+
+from model.kernels import compile as _compile
+from model.kernels.codegen.energy import emit_energy
+from model.kernels.codegen.step_kernels import emit_with_pieces
+from model.kernels.layout import Tables
+
+
+class Kernels(NamedTuple):
+    """Compiled functions of one structure; see ``emit``."""
+
+    linearise: Any
+    prepare: Any
+    skip: Any
+    stage: Any
+
+
+_loaded: dict[bytes, Kernels] = {}
+_energies: dict[bytes, Any] = {}
+# structures whose kernels this process has loaded, and how many of them it had to compile for that; values never do
+COMPILED = {"scenes": 0, "compiled": 0}
+_alone = threading.RLock()  # threads that start at once load or compile a structure once, not each for itself
+
+
+def _write(path: Path, text: str) -> None:
+    """Write whole or not at all."""
+    handle, name = tempfile.mkstemp(dir=path.parent, suffix=".tmp")
+    with os.fdopen(handle, "w", encoding="utf-8") as file:
+        file.write(text)
+    os.replace(name, path)
+
+
+def _load(text: str, name: str = "") -> ModuleType:
+    """Module with this text: written to the cache under its name, by default the hash of its text, and imported."""
+    name = name or "scene_" + hashlib.sha256(text.encode()).hexdigest()[:16]
+    if _compile.FOLDER is None:
+        module = sys.modules[name] = ModuleType(name)
+        exec(compile(text, f"<{name}>", "exec"), module.__dict__)
+        return module
+    path = _compile.FOLDER / f"{name}.py"
+    if not path.is_file() or path.read_text(encoding="utf-8") != text:
+        _write(path, text)
+    spec = importlib.util.spec_from_file_location(name, path)
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module  # numba looks a cached function's module up by name
+    spec.loader.exec_module(module)
+    return module
+
+
+def _key(tables: Tables) -> bytes:
+    return b"".join(bytes(str(t.shape), "ascii") + t.tobytes() for t in tables)
+
+
+def energy_of(tables: Tables) -> Any:
+    """Kernel of the energy audit of a structure; compiled only when a run asks for it."""
+    key = _key(tables)
+    if key not in _energies:
+        with _alone:
+            if key not in _energies:
+                _energies[key] = _load(emit_energy(tables)).energy
+    return _energies[key]
+
+
+def kernels_of(tables: Tables) -> Kernels:
+    """Kernels of the structure in ``tables``: from memory, from the disk cache, or compiled (a few seconds, once)."""
+    key = _key(tables)
+    if key not in _loaded:
+        with _alone:
+            if key not in _loaded:
+                text, pieces = emit_with_pieces(tables)
+                for piece in pieces:
+                    if piece.name not in sys.modules:
+                        _load(piece.text, piece.name)
+                module = _load(text)
+                kernels = Kernels(module.linearise, module.prepare, module.skip, module.stage)
+                COMPILED["scenes"] += 1
+                COMPILED["compiled"] += not all(k.stats.cache_hits for k in kernels)
+                _loaded[key] = kernels
+    return _loaded[key]

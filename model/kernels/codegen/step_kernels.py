@@ -1,0 +1,194 @@
+"""Write the kernels of one scene as straight-line Python source, from the scene's structure alone.
+
+In: the integer tables of a scene (which bodies, contacts, springs, drives; no parameter value). Out: source text
+with four functions that the step loop calls: ``linearise`` (accelerations, K, D, df/du, open gaps at the start of a
+step), ``prepare`` (factors of its linear system), ``skip`` (contacts that cannot touch within it), ``stage``.
+Loops over tables become lines with constant indices; what the scene leaves out is not in the text. The physics
+is in ``terms`` and ``laws``. Order of numbers: ``layout`` (parameters), ``workspace`` (step).
+"""
+
+from __future__ import annotations
+
+import re
+
+from model.kernels import layout as L
+from model.kernels import workspace as W
+from model.kernels.codegen.bodies import derivatives, forces, mass, pose, solve_mass
+from model.kernels.codegen.contact_kinds import Piece, forces_piece, linearised_piece, rates_piece
+from model.kernels.codegen.contacts import probe
+from model.kernels.codegen.structure import Structure
+
+_HEAD = '''"""Generated from the structure of a scene by model.kernels.codegen.step_kernels; do not edit."""
+
+from model.kernels.compile import generated
+from model.kernels.laws import felt, friction
+from model.kernels.motion import motion_at, piece_at
+from model.kernels.signatures import ENERGY, LINEARISE, PREPARE, SKIP, STAGE
+from model.kernels.terms import circle_gap, contact_laws, cosine_sine, felt_energy, hybrid_gap
+'''
+
+
+def _prescribed(s: Structure, derivatives: bool) -> list[str]:
+    """Angle, speed and acceleration of prescribed coordinates at the time ``u``; still in statics."""
+    out = []
+    for i in range(s.free, s.n):
+        o = s.offset[4]
+        out += [f"piece = piece_at(p, {o}, u, int(w[{W.PIECE}]))", f"q{i}, v{i}, a{i}, _ = motion_at(p, {o}, u, piece)"]
+        if derivatives:
+            out += [f"v{i} *= 1.0 - w[{W.STATIC}]", f"a{i} *= 1.0 - w[{W.STATIC}]", f"w[{W.PIECE}] = piece"]
+            out += [f"w[{W.Q + i}] = q{i}", f"w[{W.V + i}] = v{i}", f"w[{W.ACC + i}] = a{i}"]
+    return out
+
+
+def _linearise(s: Structure, pieces: set[Piece]) -> list[str]:
+    out = [f"q{i} = w[{W.Q + i}]\nv{i} = w[{W.V + i}]" for i in range(s.free)] + _prescribed(s, True)
+    out += [f"k{i}_{j} = 0.0\nd{i}_{j} = 0.0" for i, j in sorted(s.pattern())]
+    out += ["touching = 0", *pose(s), *mass(s), *forces(s, True)]
+    out += [f"easy{i} = 1.0 / md{i}" for i in range(s.free)]
+    rates = []
+    for c in s.place:
+        piece, call = linearised_piece(s, c)
+        later, call_later = rates_piece(s, c)
+        pieces |= {piece, later}
+        out += call
+        rates += call_later
+    for k in range(len(s.probe)):
+        out += probe(s, k, True)
+    out += [*solve_mass(s), *derivatives(s), *rates]
+    out = _in_place(out)
+    for i in range(s.free):
+        out += [f"w[{W.ACC + i}] = a{i}", f"w[{W.F_U + i}] = u{i}", f"w[{W.M_DIAG + i}] = md{i}"]
+        if s.parent[i] >= 0:
+            out.append(f"w[{W.M_UP + i}] = mu{i}")
+    return [*out, "return touching"]
+
+
+def _in_place(lines: list[str]) -> list[str]:
+    """Entries k.._.. and d.._.. of K and D as places in ``w``.
+
+    As variables they would run through the branches of all contacts: a tenth more time to compile, and not faster.
+    """
+    at = {"k": W.STIFF, "d": W.DAMP}
+    return [
+        re.sub(r"\b([kd])(\d+)_(\d+)\b", lambda m: f"w[{at[m[1]] + W.WIDTH * int(m[2]) + int(m[3])}]", line)
+        for line in lines
+    ]
+
+
+def _filled(s: Structure) -> set[tuple[int, int]]:
+    """Pattern of the factors."""
+    out = s.square()
+    for k in range(s.free):
+        for i in range(k + 1, s.free):
+            for j in range(k + 1, s.free):
+                if (i, k) in out and (k, j) in out:
+                    out.add((i, j))
+    return out
+
+
+def _prepare(s: Structure) -> list[str]:
+    """Factors of M / (gamma h) - D - gamma h K without exchanges; 0 where that would lose six digits."""
+    out = ["inverse = 1.0 / gh"]
+    start, pattern = s.square(), _filled(s)
+    for i, j in sorted(pattern):
+        text = f"-w[{W.DAMP + W.WIDTH * i + j}] - gh * w[{W.STIFF + W.WIDTH * i + j}]" if (i, j) in start else "0.0"
+        if i == j:
+            text += f" + inverse * w[{W.M_DIAG + i}]"
+        elif s.parent[i] == j or s.parent[j] == i:
+            text += f" + inverse * w[{W.M_UP + (i if s.parent[i] == j else j)}]"
+        out.append(f"m{i}_{j} = {text}")
+    out += [f"small{i} = 1e-6 * abs(m{i}_{i})" for i in range(s.free)]
+    for k in range(s.free):
+        out += [f"if not abs(m{k}_{k}) > small{k}:", "    return 0", f"r{k} = 1.0 / m{k}_{k}"]
+        for i in range(k + 1, s.free):
+            if (i, k) in pattern:
+                out.append(f"m{i}_{k} *= r{k}")
+                out += [f"m{i}_{j} -= m{i}_{k} * m{k}_{j}" for j in range(k + 1, s.free) if (k, j) in pattern]
+    for i, j in sorted(pattern):
+        out.append(f"w[{W.LU + W.WIDTH * i + j}] = {f'r{i}' if i == j else f'm{i}_{j}'}")
+    return [*out, "return 1"]
+
+
+def _skip(s: Structure) -> list[str]:
+    """Mask of contacts that stay open while no coordinate moves by more than its allowance."""
+    out = ["mask = 0"]
+    for c, at in s.place.items():
+        o = s.offset[1] + L.CONTACT_SIZE * c + L.REACH
+        way = " + ".join(f"p[{o + k}] * w[{W.ALLOWANCE + b}]" for k, (b, _) in enumerate(s.chain[c]))
+        out += [f"if {way} < w[{W.ROOM + at}]:", f"    mask |= {1 << at}"]
+    return [*out, "return mask"]
+
+
+def _stage(s: Structure, pieces: set[Piece]) -> list[str]:
+    n = range(s.free)
+    out = [f"q{i} = w[{W.Q + i}]\nv{i} = w[{W.V + i}]\nsq{i} = 0.0\nsv{i} = 0.0\nb{i} = 0.0\nl{i} = 0.0" for i in n]
+    out += ["for j in range(k):", f"    o = {W.U} + {2 * W.WIDTH} * j", f"    aj = a[{W.MAX_STAGES} * k + j]"]
+    out += [f"    cj = c[{W.MAX_STAGES} * k + j]"]
+    for i in n:
+        out += [f"    x = w[o + {i}]", f"    sq{i} += aj * x", f"    b{i} += cj * x"]
+    for i in n:
+        out += [f"    x = w[o + {W.WIDTH + i}]", f"    sv{i} += aj * x", f"    l{i} += cj * x"]
+    far = " or ".join(f"abs(sq{i}) > w[{W.ALLOWANCE + i}]" for i in n)
+    out += _prescribed(s, False)
+    far += "".join(f" or abs(q{i} - w[{W.Q + i}]) > w[{W.ALLOWANCE + i}]" for i in range(s.free, s.n))
+    out += ["exceeded = 0", f"if {far}:", "    mask = 0", "    exceeded = 1"]
+    out += [f"q{i} += sq{i}\nv{i} += sv{i}" for i in n]
+    out.append("if k > 0:")
+    inner = [*pose(s), *mass(s), *forces(s, False)]
+    for c in s.place:
+        piece, call = forces_piece(s, c)
+        pieces.add(piece)
+        inner += [f"if mask & {1 << s.place[c]} == 0:", *("    " + line for line in call)]
+    for k in range(len(s.probe)):
+        inner += probe(s, k, False)
+    inner += solve_mass(s)
+    out += ["    " + line for text in inner for line in text.split("\n")]
+    out += ["else:", *(f"    a{i} = w[{W.ACC + i}]" for i in n), "rate = 1.0 / step"]
+    out += [f"a{i} += l{i} * rate\nb{i} = v{i} + b{i} * rate" for i in n]
+    for i in n:
+        text = f"ft * w[{W.F_U + i}] + w[{W.M_DIAG + i}] * a{i}"
+        for j in n:
+            if s.parent[i] == j or s.parent[j] == i:
+                text += f" + w[{W.M_UP + (i if s.parent[i] == j else j)}] * a{j}"
+        stiff = " + ".join(f"w[{W.STIFF + W.WIDTH * i + j}] * b{j}" for j in n if (i, j) in s.square())
+        out.append(f"g{i} = {text} + gh * ({stiff})")
+    pattern = _filled(s)
+    for i in n:
+        out += [f"g{i} -= w[{W.LU + W.WIDTH * i + j}] * g{j}" for j in range(i) if (i, j) in pattern]
+    for i in reversed(n):
+        out += [f"g{i} -= w[{W.LU + W.WIDTH * i + j}] * g{j}" for j in range(i + 1, s.free) if (i, j) in pattern]
+        out.append(f"g{i} *= w[{W.LU + W.WIDTH * i + i}]")
+    out.append(f"o = {W.U} + {2 * W.WIDTH} * k")
+    for i in n:
+        out += [f"w[o + {i}] = gh * (b{i} + g{i})", f"w[o + {W.WIDTH + i}] = g{i}"]
+    return [*out, "return exceeded"]
+
+
+def emit(tables: L.Tables) -> str:
+    """Source of the module that holds the four kernels of a scene with this structure."""
+    return emit_with_pieces(tables)[0]
+
+
+def emit_with_pieces(tables: L.Tables) -> tuple[str, list[Piece]]:
+    """The same, and the modules of the kinds of contact that it imports."""
+    s = Structure(tables)
+    pieces: set[Piece] = set()
+    functions = (
+        ("linearise", "w, p, u", _linearise(s, pieces)),
+        ("prepare", "w, gh", _prepare(s)),
+        ("skip", "w, p", _skip(s)),
+        ("stage", "w, p, a, c, k, gh, step, u, ft, mask", _stage(s, pieces)),
+    )
+    used = sorted(pieces)
+    head = "".join(f"from {piece.name} import {piece.name}\n" for piece in used)
+    return module(*functions, head=head), used
+
+
+def module(*functions: tuple[str, str, list[str]], head: str = "") -> str:
+    """Source of a module with these functions: name, arguments, lines."""
+    parts = [_HEAD, head]
+    for name, arguments, body in functions:
+        lines = [line for text in body for line in text.split("\n")]
+        parts.append(f"\n\n@generated({name.upper()})\ndef {name}({arguments}):\n")
+        parts.append("\n".join("    " + line for line in lines) + "\n")
+    return "".join(parts)

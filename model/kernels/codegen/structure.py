@@ -1,0 +1,78 @@
+"""Structure of a scene as the emitters read it: plain lists, offsets, and which matrix entries can be filled.
+
+In: the integer tables of a scene; no parameter value. Used by ``emit`` and ``emit_contacts``.
+"""
+
+from __future__ import annotations
+
+from model.kernels import layout as L
+
+
+def solved_contacts(tables: L.Tables) -> list[int]:
+    """Contacts that push at least one free coordinate."""
+    free = len(tables.parent) - int(tables.prescribed.sum())
+    rows = zip(tables.chain, tables.contact, strict=True)
+    return [c for c, (chain, row) in enumerate(rows) if any(int(b) < free for b in chain[: row[3]])]
+
+
+class Structure:
+    """Tables of a scene as plain Python, with the offsets of its numbers."""
+
+    def __init__(self, tables: L.Tables) -> None:
+        self.parent = [int(i) for i in tables.parent]
+        self.n = len(self.parent)
+        self.spring = [int(i) for i in tables.spring]
+        self.contact = [tuple(int(k) for k in row) for row in tables.contact]
+        self.chain = [
+            [(int(b), int(s)) for b, s in zip(chain[: row[3]], side[: row[3]], strict=True)]
+            for chain, side, row in zip(tables.chain, tables.side, tables.contact, strict=True)
+        ]
+        self.drive = [tuple(int(k) for k in row) for row in tables.drive]
+        self.probe = [tuple(int(k) for k in row) for row in tables.probe]
+        self.offset = [int(k) for k in tables.offset]
+        self.free = self.n - int(tables.prescribed.sum())  # coordinates that are solved for; prescribed ones follow
+        # contacts that can push a free coordinate, by their place in masks and rooms; the others are left out
+        self.place = {c: k for k, c in enumerate(solved_contacts(tables))}
+        self.damper = [int(i) for i in tables.damper]
+        self.rail = [int(c) for c in tables.rail]
+        self.guided = {i for i, w in enumerate(self.parent) if w == L.GUIDED}
+
+    def order(self) -> list[int]:
+        """Bodies, each after its parent."""
+        out: list[int] = []
+        for i, w in enumerate(self.parent):
+            out += [k for k in (w, i) if k >= 0 and k not in out]
+        return out
+
+    def guide(self, body: int) -> int:
+        """The vertical guide that carries ``body``, or -1."""
+        return self.parent[body] if self.parent[body] in self.guided else -1
+
+    def children(self, body: int) -> list[int]:
+        """Bodies that hang from ``body``."""
+        return [i for i, w in enumerate(self.parent) if w == body]
+
+    def body(self, i: int, k: int) -> str:
+        """Text of number ``k`` of body ``i``."""
+        return f"p[{L.GLOBALS + L.BODY_SIZE * i + k}]"
+
+    def contact_number(self, c: int, k: int) -> str:
+        """Text of number ``k`` of contact ``c``."""
+        return f"p[{self.offset[1] + L.CONTACT_SIZE * c + k}]"
+
+    def pattern(self) -> set[tuple[int, int]]:
+        """Entries of K, D and M that can differ from zero; rows are free coordinates, columns also prescribed ones."""
+        out = {(i, i) for i in range(self.free)}
+        for i, w in enumerate(self.parent):
+            if w >= 0:
+                out |= {(i, w), (w, i)}
+        for chain in self.chain:
+            out |= {(i, j) for i, _ in chain for j, _ in chain if i < self.free}
+        for a, b in self.probe:
+            ends = [i for i in (a, b, self.guide(b)) if i >= 0]
+            out |= {(i, j) for i in ends for j in ends}
+        return out
+
+    def square(self) -> set[tuple[int, int]]:
+        """Those of them between free coordinates."""
+        return {(i, j) for i, j in self.pattern() if j < self.free}

@@ -1,0 +1,166 @@
+"""One blow by time-stepping with set-valued friction: bodies stick exactly, no threshold speed.
+
+Moreau's midpoint scheme: positions half a step on, forces there, then speeds and friction impulses together. With
+w = D^T v the sliding and joint speeds at the end of a step and r the impulses, each r lies in its Coulomb interval,
+w = 0 inside it and w opposes r at its ends; the intervals come from the felt forces of the step, so the problem is
+convex and projected Gauss-Seidel solves it. A pair that stuck holds up to the static coefficient, one that slid up to
+the kinetic one. Felt, inertia, springs and drive are those of ``dynamics`` with friction taken out.
+Source: J. J. Moreau, "Unilateral contact and dry friction in finite freedom dynamics" (1988); thesis eqs 2.8, 2.9.
+"""
+
+import numpy as np
+
+from model.kernels.compile import kernel
+from model.kernels.layout import BODY_SIZE, COUNTERS, GLOBALS, JF_A, MU_A, POSE_SIZE
+from model.kernels.tables.dynamics import acceleration, contact_frame, contact_state, solve_mass
+from model.kernels.tables.kinematics import along_chain, contact_offset
+
+SWEEPS = 300
+PATIENCE = 6  # sweeps between two tries to stop all pairs at once
+SOFT = 1e-10
+CLOSE = 1e-9  # change of a sliding or joint speed by an impulse, m/s or rad/s, at which the sweeps end
+
+
+@kernel
+def sweep_once(along, given, own, bound, impulse, change):
+    """Give each pair in turn the impulse that stops it, within its bound; return the largest speed that changed."""
+    worst = 0.0
+    for j in range(bound.shape[0]):
+        if bound[j] <= 0.0:
+            continue
+        w = 0.0
+        for i in range(change.shape[0]):
+            w += along[j, i] * change[i]
+        new = min(max(impulse[j] - w / own[j], -bound[j]), bound[j])
+        step = new - impulse[j]
+        if step != 0.0:
+            impulse[j] = new
+            for i in range(change.shape[0]):
+                change[i] += given[j, i] * step
+            worst = max(worst, abs(step) * own[j])
+    return worst
+
+
+@kernel
+def stick_together(along, given, bound, impulse, change):
+    """Stop all pairs inside their bounds at once: what many sweeps creep towards where light and heavy bodies stick.
+
+    Where an impulse would pass its bound it ends there, and the others go on without it.
+    """
+    for _ in range(bound.shape[0]):
+        free = np.flatnonzero((bound > 0.0) & (np.abs(impulse) < bound))
+        m = free.shape[0]
+        if m == 0:
+            return
+        system, right = np.zeros((m, m)), np.zeros(m)
+        for x in range(m):
+            right[x] = -np.dot(along[free[x]], change)
+            for y in range(m):
+                system[x, y] = np.dot(along[free[x]], given[free[y]])
+        for x in range(m):
+            system[x, x] *= 1.0 + SOFT  # more pairs than coordinates: the impulses share the load
+        step = np.linalg.solve(system, right)
+        share, last = 1.0, -1
+        for x in range(m):
+            j = free[x]
+            room = bound[j] - impulse[j] if step[x] > 0.0 else bound[j] + impulse[j]
+            if abs(step[x]) * share > room:
+                share, last = room / abs(step[x]), x
+        for x in range(m):
+            j = free[x]
+            new = impulse[j] + share * step[x]
+            if x == last:
+                new = bound[j] if step[x] > 0.0 else -bound[j]
+            change += given[j] * (new - impulse[j])
+            impulse[j] = new
+        if last < 0:
+            return
+
+
+@kernel
+def step_along(q, v, u, h, every, p, smooth, static_ratio, tables, angle, speed, held):
+    """March from (q, v), which change, under inputs ``u`` (k,) at the midpoints of k steps of ``h`` s.
+
+    Parameters
+    ----------
+    p, smooth : parameter vector, and the same with all friction taken out
+    static_ratio : (c,) static over kinetic coefficient of each contact
+    angle, speed : (m, n) filled after every ``every`` steps
+    held : (m, c + n) filled with 1 where a contact or joint sticks then, 0 where it slides or is open
+
+    Returns
+    -------
+    most_sweeps : largest number of sweeps a step needed; SWEEPS where one did not converge
+    """
+    n, c = q.shape[0], tables.contact.shape[0]
+    pose = np.zeros((n, POSE_SIZE))
+    m_diag, m_up, f, a = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)
+    counters = np.zeros(len(COUNTERS), dtype=np.int64)
+    along = np.zeros((c + n, n))  # rows of D^T
+    given = np.zeros((c + n, n))  # rows of (M^-1 D)^T
+    bound, impulse, own = np.zeros(c + n), np.zeros(c + n), np.zeros(c + n)
+    sticks = np.ones(c + n, dtype=np.int64)
+    middle, free, mean, change = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)
+    most_sweeps = 0
+    for k in range(u.shape[0]):
+        for i in range(n):
+            middle[i] = q[i] + 0.5 * h * v[i]
+            mean[i] = v[i]
+            free[i] = v[i]
+        for _ in range(2):  # once more with the mean speed of the step, for felt that damps
+            acceleration(middle, mean, u[k], smooth, tables, pose, m_diag, m_up, f, a, counters)
+            for j in range(c + n):
+                bound[j] = 0.0
+                if j < c:
+                    mu = p[contact_offset(tables.offset[1], j) + MU_A]
+                    if mu == 0.0:
+                        continue
+                    fn, _, _, _, _ = contact_state(j, mean, smooth, tables, pose)
+                    if fn <= 0.0:
+                        sticks[j] = 0
+                        impulse[j] = 0.0
+                        continue
+                    bound[j] = h * mu * fn * (static_ratio[j] if sticks[j] else 1.0)
+                    for i in range(n):
+                        along[j, i] = 0.0
+                    _, _, nx, ny, px, py = contact_frame(j, p, tables, pose)
+                    for s in range(tables.contact[j, 3]):
+                        b = tables.chain[j, s]
+                        _, along[j, b] = along_chain(pose, tables.parent, b, tables.side[j, s], px, py, nx, ny)
+                else:
+                    bound[j] = h * p[GLOBALS + BODY_SIZE * (j - c) + JF_A]
+                    for i in range(n):
+                        along[j, i] = 1.0 if i == j - c else 0.0
+                solve_mass(m_diag, m_up, tables.parent, along[j], given[j])
+                own[j] = 0.0
+                for i in range(n):
+                    own[j] += along[j, i] * given[j, i]
+            for i in range(n):
+                change[i] = v[i] + h * a[i]
+            for j in range(c + n):
+                impulse[j] = min(max(impulse[j], -bound[j]), bound[j])
+                for i in range(n):
+                    change[i] += given[j, i] * impulse[j] if bound[j] > 0.0 else 0.0
+            sweep = 0
+            while sweep < SWEEPS:
+                sweep += 1
+                if sweep % PATIENCE == 0:
+                    stick_together(along, given, bound, impulse, change)
+                if sweep_once(along, given, own, bound, impulse, change) < CLOSE:
+                    break
+            most_sweeps = max(most_sweeps, sweep)
+            for i in range(n):
+                free[i] = change[i]
+                mean[i] = 0.5 * (v[i] + free[i])
+        for j in range(c + n):
+            sticks[j] = 1 if bound[j] > 0.0 and abs(impulse[j]) < bound[j] else 0
+        for i in range(n):
+            q[i] = middle[i] + 0.5 * h * free[i]
+            v[i] = free[i]
+        if (k + 1) % every == 0:
+            m = (k + 1) // every - 1
+            angle[m] = q
+            speed[m] = v
+            for j in range(c + n):
+                held[m, j] = sticks[j]
+    return most_sweeps

@@ -1,0 +1,35 @@
+"""A table of the key's measured angle: read, checked, lost angles left out.
+
+Columns (n,) in, usable columns out; the first row that cannot be used ends in ``InputError``.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from model.errors import InputError
+from model.files.csv_columns import read_columns
+from model.files.time_table import Array, check_rows, two_columns
+
+FEWEST, MOST = 20, 200_000  # samples
+LARGEST_KEY_RAD = 3.0
+
+
+def check_motion_table(time_s: ArrayLike, key_rad: ArrayLike, where: str = "key motion") -> tuple[Array, Array]:
+    """Times and angles (n,) that can be used; lost ones (NaN) are left out. ``InputError`` names the first bad row."""
+    times, angles = two_columns(time_s, key_rad, where)
+    lost = np.isnan(angles)
+    check_rows(times, angles, where, "key_rad", LARGEST_KEY_RAD, lost)
+    times, angles = times[~lost], angles[~lost]
+    if not FEWEST <= len(times) <= MOST:
+        raise InputError(f"{where}: found {len(times)} rows with an angle, allowed {FEWEST} to {MOST}")
+    return times, angles
+
+
+def read_motion_table(path: str | Path) -> tuple[Array, Array]:
+    """Read a CSV file with the columns ``time_s,key_rad``; (n,) each, without rows whose angle is NaN."""
+    table = read_columns(path, ("time_s", "key_rad"), ())
+    return check_motion_table(table.numbers("time_s"), table.numbers("key_rad"), table.where)

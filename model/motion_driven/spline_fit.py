@@ -1,0 +1,239 @@
+"""From measured key angles to a motion that can be differentiated twice, with its uncertainty.
+
+Measured angles in (encoder counts or noiseless), a quintic spline with a knot at every sample out. What keeps it
+smooth is a prior on its fourth derivative: independent normal numbers with a variance that follows the data, high
+where the key hits something and low where it rests (`_posterior`). Spline and covariance are that prior's posterior,
+so that what smoothing rounds off at a bump is in the stated uncertainty, not only what noise leaves.
+Noise: a count is uncertain by its width; equal counts in a row repeat one rounding error and count as one reading;
+jitter of angle and clock beyond that is estimated from the residuals. Bad columns end in ``InputError``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from model.errors import InputError
+from model.kernels import banded
+from model.motion_driven.encoder_noise import noise_of, repeated_share, resolution_of, runs_of
+from model.motion_driven.motion_table import check_motion_table
+from model.scene.key_motion import KeyMotion
+
+Array = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+DEGREE, PRIOR = 5, 4  # of the spline; of the derivative that the prior keeps small
+WINDOW_S = 1.0e-3  # half width over which the prior's variance is the same: shorter than a key's bump
+WINDOW_SAMPLES = 5
+ROUNDS, SETTLED, HASTE = 150, 0.01, 1.4  # of the variance's iteration; last change; how far beyond each of its steps
+SLOWEST_RAD_PER_S = 700.0  # motion is followed up to there at least: a window tells nothing of what is slower
+DEEPEST = 1e-15  # smallest variance of the prior over the largest: what double precision can still tell apart
+NOISELESS_RAD = 1e-8  # less noise than this, and the motion between the samples is what is not known
+
+
+@dataclass(frozen=True)
+class KeyFit:
+    """Posterior of the key's motion: a spline and how uncertain it is.
+
+    Attributes
+    ----------
+    time_s : (n,) of the samples that were used
+    resolution_rad : width of a count, 0 where the angles are not quantised
+    jitter_rad : standard deviation of one sample's angle beyond that
+    clock_s : standard deviation of a sample's time
+    knots, coefficients, offset_rad : of the spline
+    factor, inverse : bands of the posterior precision's factor and of the covariance
+    """
+
+    time_s: Array
+    resolution_rad: float
+    jitter_rad: float
+    clock_s: float
+    knots: Array
+    coefficients: Array
+    offset_rad: float
+    factor: Array
+    inverse: Array
+
+    def motion(self, coefficients: Array | None = None) -> KeyMotion:
+        """The motion as kernels take it; of other ``coefficients`` where given."""
+        from scipy.interpolate import BSpline, PPoly
+
+        c = self.coefficients if coefficients is None else coefficients
+        pieces = PPoly.from_spline(BSpline(self.knots, c, DEGREE))
+        rows = np.ascontiguousarray(pieces.c[:, DEGREE:-DEGREE].T)
+        rows[:, -1] += self.offset_rad
+        return KeyMotion(pieces.x[DEGREE:-DEGREE].copy(), rows)
+
+    def draw(self, random: np.random.Generator, u_zero_rad: float = 0.0) -> KeyMotion:
+        """A motion that could as well have given these samples: one draw of the posterior, and of the common zero."""
+        from scipy.linalg import solve_banded
+
+        away = solve_banded((0, DEGREE), self.factor, random.standard_normal(len(self.coefficients)))
+        return self.motion(self.coefficients + away + u_zero_rad * random.standard_normal())
+
+    def at(self, time_s: ArrayLike) -> tuple[Array, Array]:
+        """Angle (rad), speed, acceleration at times (k,) and their standard uncertainties; (k, 3) each."""
+        times = np.asarray(time_s, dtype=float)
+        value, u = np.empty((len(times), 3)), np.empty((len(times), 3))
+        for order in range(3):
+            rows, first = _rows(self.knots, times, order)
+            value[:, order] = banded.times(self.coefficients, first, rows)
+            u[:, order] = np.sqrt(np.maximum(banded.variances(self.inverse, first, rows), 0.0))
+        value[:, 0] += self.offset_rad
+        return value, u
+
+
+def _differences(knots: Array, order: int) -> Array:
+    """Rows that turn coefficients into those of a derivative, (n - order, order + 1)."""
+    rows = np.ones((len(knots) - DEGREE - 1, 1))
+    for done in range(order):
+        degree, inner = DEGREE - done, knots[done : len(knots) - done]
+        new = np.zeros((len(rows) - 1, rows.shape[1] + 1))
+        new[:, 1:] += rows[1:]
+        new[:, :-1] -= rows[:-1]
+        width = inner[1 + degree : degree + len(rows)] - inner[1 : len(rows)]
+        rows = new * (degree / width)[:, None]
+    return rows
+
+
+def _rows(knots: Array, times: Array, order: int = 0) -> tuple[Array, Integers]:
+    """Design of the spline's derivative at ``times``: (k, DEGREE + 1) neighbouring entries and where they begin."""
+    from scipy.interpolate import BSpline
+
+    inner = knots[order : len(knots) - order]
+    sparse = BSpline.design_matrix(np.clip(times, knots[0], knots[-1]), inner, DEGREE - order).tocsr()
+    lower = sparse.data.reshape(len(times), DEGREE - order + 1)
+    first = sparse.indices.reshape(lower.shape)[:, 0].astype(np.int64)
+    out = np.zeros((len(times), DEGREE + 1))
+    steps = _differences(knots, order)
+    for k in range(lower.shape[1]):
+        out[:, k : k + order + 1] += lower[:, k : k + 1] * steps[first + k]
+    return out, first
+
+
+@dataclass(frozen=True)
+class _Readings:
+    """Samples as the fit reads them; jitter that is None is estimated."""
+
+    time_s: Array
+    y_rad: Array  # from the first sample
+    runs: Array
+    resolution_rad: float
+    jitter_rad: float | None
+    clock_s: float = 0.0
+
+    @property
+    def floor_rad(self) -> float:
+        """Noise that is always assumed: noiseless angles come from a computation that is no better."""
+        return 1e-9 * max(1e-3, float(np.ptp(self.y_rad)))
+
+
+class _Fitted(NamedTuple):
+    jitter_rad: float
+    clock_s: float
+    knots: Array
+    coefficients: Array
+    factor: Array
+    inverse: Array
+
+
+def _posterior(read: _Readings, inner: Array, haste: float) -> _Fitted:
+    """Spline with knots at the times ``inner``, its covariance and the noise of the samples.
+
+    The prior's variance is what the data show of the fourth derivative, averaged over a window (expectation
+    maximisation, each step taken ``haste`` times), but never so small that the window would hold less than one
+    independent value: the fit would then believe in more smoothness than it can know of.
+    """
+    from scipy.linalg import cho_solve_banded, cholesky_banded
+
+    times, y, rounding, floor = read.time_s, read.y_rad, read.resolution_rad**2 / 12.0, read.floor_rad
+    jitter = max(floor, 1e-6 * float(np.ptp(y)) if read.jitter_rad is None else read.jitter_rad)
+    knots = np.concatenate([[inner[0]] * DEGREE, inner, [inner[-1]] * DEGREE])
+    size = len(knots) - DEGREE - 1
+    rows, first = _rows(knots, times)
+    rows_speed, first_speed = _rows(knots, times, 1)
+    speed, clock = np.zeros(len(times)), read.clock_s
+    prior, at = _differences(knots, PRIOR), np.arange(size - PRIOR)
+    place = np.array([knots[PRIOR + k : PRIOR + k + len(prior)] for k in range(DEGREE - PRIOR + 1)]).mean(axis=0)
+    width = (knots[DEGREE + 1 : DEGREE + 1 + len(prior)] - knots[PRIOR : PRIOR + len(prior)]) / (DEGREE + 1 - PRIOR)
+    prior = prior * np.sqrt(width)[:, None]  # the square is then an intensity, rad^2/s^7, whatever the sampling
+    step = float(np.median(np.diff(times)))
+    reach = 0.5 * max(WINDOW_S, WINDOW_SAMPLES * step)
+    low, high = np.searchsorted(place, place - reach), np.searchsorted(place, place + reach, side="right")
+    intensity = np.full(len(prior), 1e12)
+    factor = inverse = c = np.empty(0)
+    for _ in range(ROUNDS):
+        share = repeated_share(read.resolution_rad, jitter) if rounding > 0.0 else 0.0
+        readings = 1.0 / (1.0 - share + share * read.runs)  # of the rounding, how many readings each sample is
+        noise = jitter**2 + (clock * speed) ** 2
+        weight = 1.0 / (rounding / readings + noise)
+        normal, right = np.zeros((DEGREE + 1, size)), np.zeros(size)
+        banded.add_rows(normal, first, rows, weight)
+        banded.add_rows(normal, at, prior, 1.0 / intensity)
+        banded.add_to(right, first, rows, weight * y)
+        try:
+            factor = cholesky_banded(normal)
+        except np.linalg.LinAlgError:
+            raise InputError(
+                "key motion: angles found that no smooth motion comes near; check their unit (rad) and the times (s)"
+            ) from None
+        c = cho_solve_banded((factor, False), right)
+        inverse = banded.inverse_band(factor)
+        expected = banded.times(c, at, prior) ** 2 + banded.variances(inverse, at, prior)
+        for _ in range(2):
+            expected = banded.window_means(expected, low, high)
+        before, intensity = intensity, intensity * (expected / intensity) ** haste
+        lowest = SLOWEST_RAD_PER_S ** (2 * PRIOR) * step * (rounding + jitter**2)
+        intensity = np.maximum(intensity, max(lowest, DEEPEST * float(intensity.max())))
+        if read.jitter_rad is None:
+            seen = (y - banded.times(c, first, rows)) ** 2 + banded.variances(inverse, first, rows) - rounding
+            speed = banded.times(c, first_speed, rows_speed)
+            jitter, clock = noise_of(seen, speed, readings / (rounding + noise) ** 2)
+            jitter = max(floor, jitter)
+        if np.max(np.abs(intensity - before) / before) < SETTLED:
+            break
+    return _Fitted(jitter, clock, knots, c, factor, inverse)
+
+
+def fit_key_motion(
+    time_s: ArrayLike, key_rad: ArrayLike, *, resolution_rad: float | None = None, jitter_rad: float | None = None
+) -> KeyFit:
+    """Fit a motion to measured angles of the key.
+
+    Parameters
+    ----------
+    time_s, key_rad : (n,) increasing times (s) and angles (rad, counter-clockwise); NaN where an angle is lost
+    resolution_rad : width of an encoder count; by default seen in the angles, 0 where they are not quantised
+    jitter_rad : standard deviation of a sample beyond its rounding; by default estimated
+
+    Raises
+    ------
+    InputError : columns that cannot be used
+    """
+    times, angles = check_motion_table(time_s, key_rad)
+    for name, value in (("resolution", resolution_rad), ("jitter", jitter_rad)):
+        if value is not None and not 0.0 <= value <= 0.1:
+            raise InputError(f"{name} of the key's angle: found {value:g} rad, allowed 0 to 0.1")
+    resolution = resolution_of(angles) if resolution_rad is None else float(resolution_rad)
+    runs = runs_of(angles) if resolution > 0.0 else np.ones(len(angles))
+    read = _Readings(times, angles - angles[0], runs, resolution, jitter_rad)
+    found = _posterior(read, times, HASTE)
+    if resolution == 0.0 and found.jitter_rad < NOISELESS_RAD:
+        # the uncertainty is then what happens between samples: there must be a knot for it
+        read = replace(read, jitter_rad=found.jitter_rad, clock_s=found.clock_s)
+        found = _posterior(read, np.sort(np.concatenate([times, 0.5 * (times[1:] + times[:-1])])), 1.0)
+    return KeyFit(
+        times,
+        resolution,
+        found.jitter_rad,
+        found.clock_s,
+        found.knots,
+        found.coefficients,
+        float(angles[0]),
+        found.factor,
+        found.inverse,
+    )

@@ -1,0 +1,230 @@
+"""Parameter sets of an action: one TOML file each, found by built-in name or by path.
+
+First room of the data flow of ``model``: text in, checked numbers out. Every number has a unique path
+(``contact04.friction.A``) and carries unit, source and uncertainty. The built-in ``hirschkorn2004`` defines which
+paths exist and in which unit; another file must have the same ones.
+A bad file is refused with key, value and allowed range (``InputError``).
+"""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from model.errors import InputError
+from model.parameters.effects import effect_defaults
+from model.parameters.quantity import Quantity, check_value, read_quantity
+
+ACTIONS = Path(__file__).parents[1] / "actions"
+TEMPLATE = "hirschkorn2004"
+BODIES = ("key", "whippen", "jack", "repetition", "hammer")
+CONTACTS = tuple(f"contact{i:02d}" for i in range(1, 14))
+
+_STRUCTURE_KEYS = {"parent", "body", "shape", "description", "name"}
+
+
+@dataclass(frozen=True)
+class Action:
+    """An action's parameters.
+
+    Attributes
+    ----------
+    name, description : names of the set
+    quantities : path -> `Quantity`
+    structure : path -> text that says which body or shape (``contact07.second.shape`` -> ``hybrid``)
+    origin : file the set was read from
+    changed : path -> value of what was set after reading
+    effects : path -> `Quantity` of the effects a scene may add (`model.parameters.effects`)
+    """
+
+    name: str
+    description: str
+    quantities: Mapping[str, Quantity]
+    structure: Mapping[str, str]
+    origin: str
+    changed: Mapping[str, float] = field(default_factory=dict)
+    effects: Mapping[str, Quantity] = field(default_factory=effect_defaults)
+
+    def __getitem__(self, path: str) -> float:
+        """Value of a parameter path, SI units."""
+        found = self.quantities.get(path) or self.effects.get(path)
+        if found is None:
+            raise InputError(_unknown_path(path, {**self.quantities, **self.effects}))
+        return found.value
+
+    def with_values(self, overrides: Mapping[str, float], where: str = "--set") -> Action:
+        """Return a copy with other values; ``{"contact04.friction": 0}`` switches that law off.
+
+        ``where`` says in messages who asked for them.
+        """
+        quantities = {**self.quantities, **self.effects}
+        changed = dict(self.changed)
+        for path, value in overrides.items():
+            for single in _expand(path, value, quantities):
+                number = check_value(single, value, where)
+                quantities[single] = replace(quantities[single], value=number, source=f"set to {number:g} by the user")
+                changed[single] = number
+        effects = {path: quantities.pop(path) for path in self.effects}
+        _check_shapes(quantities, where)
+        return replace(self, quantities=quantities, changed=changed, effects=effects)
+
+    def with_effects(self, values: Mapping[str, float]) -> Action:
+        """Return a copy with a scene's values for its effects, path -> value; not counted as changed by the user."""
+        effects = dict(self.effects)
+        for path, value in values.items():
+            number = check_value(path, value, "scene")
+            effects[path] = replace(effects[path], value=number, source=f"set to {number:g} by the scene")
+        return replace(self, effects=effects)
+
+    def content(self) -> str:
+        """All values as text in a fixed order, for hashing; of effects, those that are not the default."""
+        usual = effect_defaults()
+        own = {path: q for path, q in self.effects.items() if q.value != usual[path].value}
+        return "\n".join(f"{path}={q.value!r}" for path, q in sorted({**self.quantities, **own}.items()))
+
+
+_OFF_SWITCHES = {"friction": ("A",), "joint_friction": ("A",)}
+
+
+def _expand(path: str, value: float, quantities: Mapping[str, Quantity]) -> list[str]:
+    if path in quantities:
+        return [path]
+    last = path.split(".")[-1]
+    if last.startswith("contact") and value == 0:
+        keys = [f"{path}.normal.{k}" for k in ("a", "b", "c")]
+    elif last.endswith("_spring") and value == 0:
+        keys = [f"{path}.torque", f"{path}.stiffness"]
+    else:
+        keys = [f"{path}.{k}" for k in _OFF_SWITCHES.get(last, ())]
+    if not keys or any(k not in quantities for k in keys):
+        raise InputError(_unknown_path(path, quantities))
+    if value != 0:
+        raise InputError(f"--set {path}: found {value:g}, allowed 0 (switches it off); or set {', '.join(keys)}")
+    return keys
+
+
+def _unknown_path(path: str, known: Mapping[str, Any]) -> str:
+    import difflib
+
+    near = difflib.get_close_matches(path, list(known), n=1)
+    hint = f"; did you mean {near[0]}" if near else ""
+    files = f"model/actions/{TEMPLATE}.toml and model/parameters/effects.toml"
+    return f"parameter {path}: unknown path{hint}; all paths stand in {files}"
+
+
+def quantity_tables(table: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """Paths of a parsed file with what stands there: a quantity's table or a text."""
+    for key, item in table.items():
+        path = f"{prefix}{key}"
+        if isinstance(item, dict) and not {"value", "unit"} & item.keys():
+            yield from quantity_tables(item, f"{path}.")
+        else:
+            yield path, item
+
+
+def _read_toml(path: Path) -> dict[str, Any]:
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as problem:
+        raise InputError(
+            f"{path}: cannot be read ({problem.strerror}); name a built-in action or an existing file"
+        ) from None
+    except UnicodeDecodeError:
+        raise InputError(f"{path}: is not a text file in UTF-8; an action is a TOML file") from None
+    except tomllib.TOMLDecodeError as problem:
+        raise InputError(f"{path}: is not valid TOML: {problem}") from None
+
+
+def _check_shapes(quantities: Mapping[str, Quantity], where: str) -> None:
+    """Refuse directions and arcs that are none."""
+    for key in quantities:
+        if key.endswith(".normal.x"):
+            length = math.hypot(quantities[key].value, quantities[key[:-1] + "y"].value)
+            if not 0.9 < length < 1.1:
+                raise InputError(f"{where}: {key[:-2]}: length found {length:g}, allowed 0.9 to 1.1 (a unit vector)")
+    for key in quantities:
+        if (
+            key.endswith(".arc_start")
+            and quantities[key].value >= quantities[key.replace("arc_start", "arc_end")].value
+        ):
+            raise InputError(f"{where}: {key}: found {quantities[key].value:g}, allowed below arc_end")
+
+
+@cache
+def _template() -> tuple[dict[str, str], dict[str, str]]:
+    """Units by path and structure texts by path of the built-in set."""
+    units: dict[str, str] = {}
+    structure: dict[str, str] = {}
+    for path, item in quantity_tables(_read_toml(ACTIONS / f"{TEMPLATE}.toml")):
+        if isinstance(item, dict):
+            units[path] = item["unit"]
+        elif path.split(".")[-1] not in ("description", "name"):
+            structure[path] = item
+    return units, structure
+
+
+def find_action(name_or_path: str | Path) -> Path:
+    """File of a built-in name or of a path."""
+    text = str(name_or_path)
+    built_in = ACTIONS / f"{text}.toml"
+    if built_in.parent == ACTIONS and built_in.is_file():
+        return built_in
+    path = Path(text)
+    if path.suffix == ".toml" or path.exists():
+        return path
+    names = ", ".join(sorted(p.stem for p in ACTIONS.glob("*.toml")))
+    raise InputError(f"action {text!r}: not found; built in: {names}; or name a .toml file")
+
+
+def load_action(name_or_path: str | Path = TEMPLATE, overrides: Mapping[str, float] | None = None) -> Action:
+    """Read and check a parameter set.
+
+    Parameters
+    ----------
+    name_or_path : built-in name or TOML file
+    overrides : path -> value, applied after reading
+
+    Raises
+    ------
+    InputError : a key is missing, unknown, out of range, in another unit; the message names it.
+    """
+    path = find_action(name_or_path)
+    table = _read_toml(path)
+    units, structure = _template()
+    where = str(path)
+    quantities: dict[str, Quantity] = {}
+    effects = dict(effect_defaults())
+    found_structure: dict[str, str] = {}
+    for key, item in quantity_tables(table):
+        last = key.split(".")[-1]
+        if key in units:
+            quantities[key] = read_quantity(key, item, units[key], where)
+        elif last in _STRUCTURE_KEYS and not isinstance(item, dict):
+            if key in structure and item != structure[key]:
+                raise InputError(f"{where}: {key}: found {item!r}, allowed {structure[key]!r}")
+            found_structure[key] = item
+        elif key in effects:
+            effects[key] = read_quantity(key, item, effects[key].unit, where)
+        else:
+            raise InputError(f"{where}: {key}: unknown key; remove it or correct its name")
+    for key in units.keys() - quantities.keys():
+        raise InputError(
+            f'{where}: {key}: missing; give a table with value, unit = "{units[key]}", u, basis and source'
+        )
+    for key in structure.keys() - found_structure.keys():
+        raise InputError(f"{where}: {key}: missing; allowed {structure[key]!r}")
+    _check_shapes(quantities, where)
+    action = Action(
+        name=str(table.get("name", path.stem)),
+        description=str(table.get("description", "")),
+        quantities=quantities,
+        structure=found_structure,
+        origin=where,
+        effects=effects,
+    )
+    return action.with_values(overrides) if overrides else action

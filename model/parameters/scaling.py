@@ -1,0 +1,68 @@
+"""Scaling of parameters, one by one, by law or by group: ``{"damping": 0.1}``, ``{"contact04.friction": 0.5}``.
+
+What a name stands for, besides single paths and patterns (``*.mass``, ``contact*.normal.D``):
+
+    damping             D of every contact but the string's, which is fitted to the rebound (thesis 2.2.3, 4.4)
+    friction            coefficient A of every contact
+    joint_friction      torque A of every joint
+    contact04           stiffness of that felt: a, b, c (contact04.normal likewise)
+    contact04.friction  its coefficient A (key.joint_friction likewise)
+    jack_spring         its torque and stiffness
+
+Names that do not exist are refused with the nearest one that does.
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Mapping
+from fnmatch import fnmatchcase
+
+from model.errors import InputError
+from model.observables import STRING
+from model.parameters.action import CONTACTS, Action
+
+GROUPS = ("damping", "friction", "joint_friction")
+
+
+def _names(action: Action) -> dict[str, list[str]]:
+    """Parameter paths that each name stands for."""
+    paths = [*action.quantities, *action.effects]
+    names = {path: [path] for path in paths}
+    for path in paths:
+        owner, _, last = path.rpartition(".")
+        if last == "A" or owner.endswith("_spring") and last in ("torque", "stiffness"):
+            names.setdefault(owner, []).append(path)
+        elif owner.endswith(".normal") and last in ("a", "b", "c"):
+            names.setdefault(owner, []).append(path)
+            names.setdefault(owner.removesuffix(".normal"), []).append(path)
+    names["damping"] = [f"{name}.normal.D" for name in CONTACTS if name != STRING]
+    names["friction"] = [f"{name}.friction.A" for name in CONTACTS]
+    names["joint_friction"] = [path for path in action.quantities if path.endswith(".joint_friction.A")]
+    return names
+
+
+def scaled(action: Action, factors: Mapping[str, float]) -> Action:
+    """A copy of ``action`` with parameters multiplied, in the order given.
+
+    Parameters
+    ----------
+    factors : name, path or pattern -> factor
+
+    Raises
+    ------
+    InputError : nothing has that name, the factor is not finite, or a value leaves its allowed range
+    """
+    names = _names(action)
+    for name, factor in factors.items():
+        if not math.isfinite(factor):
+            raise InputError(f"--scale {name}: factor found {factor}, allowed a finite number")
+        # a pattern means single parameters; a law or group is named in full
+        paths = names.get(name) or [path for path in action.quantities if fnmatchcase(path, name)]
+        if not paths:
+            near = difflib.get_close_matches(name, [*GROUPS, *names], n=1)
+            hint = f"; did you mean {near[0]}" if near else ""
+            raise InputError(f"--scale {name}: no such parameter, law or group{hint}; groups: {', '.join(GROUPS)}")
+        action = action.with_values({path: factor * action[path] for path in paths}, f"--scale {name}={factor:g}")
+    return action

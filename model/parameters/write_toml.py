@@ -1,0 +1,54 @@
+"""Writing a parameter set as a TOML file that `load_action` reads back to the same numbers.
+
+Whole or absent: written under a temporary name, then renamed. Raises ``InputError`` where it cannot be written.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from model.errors import InputError
+from model.files.atomic_write import whole_file
+from model.parameters.action import Action
+from model.parameters.effects import effect_defaults
+
+
+def _text(value: str) -> str:
+    plain = value.replace("\\", "\\\\").replace('"', '\\"')
+    return '"' + "".join(c if c.isprintable() else f"\\U{ord(c):08x}" for c in plain) + '"'
+
+
+def _number(value: float) -> str:
+    return repr(float(value))
+
+
+def action_text(action: Action, comment: Sequence[str] = ()) -> str:
+    """The TOML text of an action; ``comment`` lines come first."""
+    lines = [f"# {line}".rstrip() for line in comment]
+    lines += ["", f"name = {_text(action.name)}", f"description = {_text(action.description)}"]
+    tables: dict[str, list[str]] = {}
+    for path, text in action.structure.items():
+        table, _, rest = path.partition(".")
+        if rest:
+            tables.setdefault(table, []).append(f"{rest} = {_text(text)}")
+    usual = effect_defaults()
+    own = {path: q for path, q in action.effects.items() if q != usual[path]}
+    for path, q in (*action.quantities.items(), *own.items()):
+        table, _, rest = path.partition(".")
+        tables.setdefault(table, []).append(
+            f"{rest} = {{ value = {_number(q.value)}, unit = {_text(q.unit)}, u = {_number(q.u)}, "
+            f"basis = {_text(q.basis)}, source = {_text(q.source)} }}"
+        )
+    for table, rows in tables.items():
+        lines += ["", f"[{table}]", *rows]
+    return "\n".join(lines) + "\n"
+
+
+def write_action(action: Action, path: str | Path, comment: Sequence[str] = ()) -> None:
+    """Write an action to ``path`` (.toml)."""
+    target = Path(path)
+    if target.suffix != ".toml":
+        raise InputError(f"{target}: ending found {target.suffix!r}, allowed .toml")
+    with whole_file(target) as part:
+        part.write_text(action_text(action, comment), encoding="utf-8", newline="\n")

@@ -1,0 +1,211 @@
+"""A scene: which bodies, contacts, springs, drives and effects take part in a run.
+
+Turns an `Action` (numbers by path) into what kernels read: integer tables of structure and one float64
+vector. What a scene leaves out is not in its tables and costs nothing: a contact without stiffness, a spring
+without torque, an effect not named (`model.parameters.effects`). The motor arm of the bench is one more body with its
+own spring, drive and one-sided contact with the key; with it the input is the motor's torque, without it the force on
+the key. Where the motion of the key is prescribed the key is no unknown: the others are solved for, and the input is
+the time.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.errors import InputError
+from model.kernels import layout as L
+from model.kernels.codegen.structure import solved_contacts
+from model.parameters.action import CONTACTS, Action
+from model.parameters.effects import KEY_LIFT, MOTOR, RAIL, SHANK, bending, parts_of_hammer
+from model.scene.contacts import chain_of, reach_of, read_contact
+from model.scene.key_motion import KeyMotion
+from model.scene.selection import SceneChoice
+
+# where the printed action rests, to two digits: the solver needs only a start on the right side of each contact
+PRINTED_REST = {"key": 0.029, "whippen": 0.025, "jack": 0.32, "repetition": 0.35, "hammer": 0.295}
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Structure (``tables``) and numbers (``vector``) of one run.
+
+    ``bodies`` names the coordinates in order; the first ``size`` are solved for, the rest follow a prescribed motion.
+    """
+
+    bodies: tuple[str, ...]
+    contacts: tuple[str, ...]
+    tables: L.Tables
+    vector: NDArray[np.float64]
+    start: NDArray[np.float64]  # (size,) rad, where the search for the rest state begins
+
+    @property
+    def size(self) -> int:
+        """Number of coordinates that are solved for."""
+        return len(self.bodies) - int(self.tables.prescribed.sum())
+
+    def check_whole(self, angle_rad: NDArray[np.float64], what: str) -> None:
+        """Refuse states (..., k) that are not those of all coordinates, the prescribed key among them."""
+        if angle_rad.shape[-1] != len(self.bodies):
+            raise InputError(
+                f"{what}: found states of {angle_rad.shape[-1]} coordinates, allowed all {len(self.bodies)}: "
+                f"{', '.join(self.bodies)}"
+            )
+
+    @property
+    def solved_contacts(self) -> int:
+        """Number of contacts that can push one of them; the others are computed with the outputs only."""
+        return len(solved_contacts(self.tables))
+
+
+def check_prescribed_key(choice: SceneChoice) -> None:
+    """Refuse a choice whose key cannot be made to follow a given motion."""
+    for effect in ("motor_arm", RAIL):
+        if effect in choice.effects:
+            raise InputError(f"scene: found a prescribed key and the effect {effect}, allowed one of them")
+    if len(choice.bodies) == 1:
+        raise InputError("scene: found nothing but the prescribed key, allowed scenes with another body")
+
+
+def _coordinates(choice: SceneChoice, key_motion: KeyMotion | None) -> list[str]:
+    """Names of the coordinates in order: bodies, then what effects add; a prescribed key comes last."""
+    out = [*choice.bodies]
+    for effect, coordinate in (("motor_arm", MOTOR), (RAIL, KEY_LIFT), ("shank", SHANK)):
+        if effect in choice.effects:
+            out.append(coordinate)
+    if key_motion is None:
+        return out
+    check_prescribed_key(choice)
+    return [b for b in out if b != "key"] + ["key"]  # carries no other body, so it may come last
+
+
+def _parent(action: Action, bodies: list[str], body: str) -> int:
+    if body == KEY_LIFT:
+        return L.GUIDED
+    name = {"key": KEY_LIFT, SHANK: "hammer", MOTOR: "ground"}.get(body)
+    if body == "key" and KEY_LIFT not in bodies:
+        name = None
+    name = action.structure[f"{body}.parent"] if name is None else name
+    return bodies.index(name) if name in bodies else L.GROUND
+
+
+def _body(action: Action, bodies: list[str], body: str) -> list[float]:
+    """Pivot, centre of mass, mass, inertia and joint friction of a coordinate's body."""
+    if body == KEY_LIFT:
+        friction = action[f"{RAIL}.guide_friction.A"]
+        return [action["key.pivot.x"], action["key.pivot.y"], 0.0, 0.0, 0.0, 0.0, friction, 0.0, 0.0]
+    if body == MOTOR:
+        x, y = action["drive.point.x"], action["drive.point.y"]
+        c, s = math.cos(PRINTED_REST["key"]), math.sin(PRINTED_REST["key"])
+        tip_x, tip_y = action["key.pivot.x"] + c * x - s * y, action["key.pivot.y"] + s * x + c * y
+        rotor = [action["motor_arm.inertia"], action["motor_arm.joint_friction"], 0.0, 0.0]
+        return [tip_x + action["motor_arm.length"], tip_y, 0.0, 0.0, 0.0, *rotor]
+    if body == SHANK:
+        mass, x, y, inertia = parts_of_hammer(action)[1]
+        return [action["shank.hinge.x"], action["shank.hinge.y"], x, y, mass, inertia, 0.0, 0.0, 0.0]
+    numbers = [action[f"{body}.{k}"] for k in ("pivot.x", "pivot.y", "center_of_mass.x", "center_of_mass.y")]
+    numbers += [action[f"{body}.mass"], action[f"{body}.inertia"]]
+    numbers += [action[f"{body}.joint_friction.{k}"] for k in ("A", "B1", "B2")]
+    if body == "hammer" and SHANK in bodies:
+        mass, x, y, inertia = parts_of_hammer(action)[0]
+        numbers[2:6] = [x, y, mass, inertia]
+    if body == "key" and KEY_LIFT in bodies:
+        numbers[:2] = [0.0, 0.0]  # hangs from the guide, which stands at the pivot
+    return numbers
+
+
+def _springs(action: Action, choice: SceneChoice, bodies: list[str]) -> list[tuple[int, list[float]]]:
+    """Coordinate and numbers of each spring that has any torque."""
+    out = []
+    for b in (b for b in ("jack", "repetition") if b in bodies and f"{b}_spring" not in choice.without):
+        numbers = [action[f"{b}_spring.{k}"] for k in ("torque", "stiffness", "angle")]
+        if numbers[0] != 0.0 or numbers[1] != 0.0:
+            out.append((bodies.index(b), numbers))
+    if MOTOR in bodies:
+        torque = action["motor_arm.preload_n"] * action["motor_arm.length"]
+        out.append((bodies.index(MOTOR), [torque, action["motor_arm.spring_stiffness"], 0.0]))
+    if SHANK in bodies:
+        out.append((bodies.index(SHANK), [0.0, bending(action)[0], 0.0]))
+    return out
+
+
+def _table(rows: list, width: int) -> NDArray[np.int64]:
+    return np.array(rows, dtype=np.int64).reshape(len(rows), width)
+
+
+def build_scene(action: Action, choice: SceneChoice | None = None, key_motion: KeyMotion | None = None) -> Scene:
+    """Scene of the whole action or of what ``choice`` leaves of it and adds to it.
+
+    Driven by a force on the key, by the torque of the motor where the choice has one, or by the motion of the key.
+    """
+    choice = SceneChoice() if choice is None else choice
+    choice.check(action)
+    bodies = _coordinates(choice, key_motion)
+    parent = [_parent(action, bodies, b) for b in bodies]
+    n, key, motor = len(bodies), bodies.index("key"), MOTOR in bodies
+    vector: list[float] = [action["gravity.g"], action["friction_threshold.v_t"], action["friction_threshold.omega_t"]]
+    for b in bodies:
+        vector += _body(action, bodies, b)
+    pivot = [complex(*vector[o : o + 2]) for o in range(L.GLOBALS, len(vector), L.BODY_SIZE)]
+    offsets = [len(vector)]
+    springs = _springs(action, choice, bodies)
+    vector += [number for _, numbers in springs for number in numbers]
+    offsets.append(len(vector))
+    names, contacts, chains, sides = [], [], [], []
+    for name in (*CONTACTS, *((RAIL,) if KEY_LIFT in bodies else ())):
+        contact = read_contact(action, name, SHANK in bodies)
+        numbers, between = list(contact.numbers), {contact.first, contact.second}
+        if not any(numbers[L.K_A : L.K_C + 1]) or name in choice.without or between - {*bodies, "ground"}:
+            continue
+        first, second = (bodies.index(b) if b in bodies else L.GROUND for b in (contact.first, contact.second))
+        chain = chain_of(parent, first, second)
+        point = complex(numbers[L.A_X], numbers[L.A_Y])
+        pad = L.MAX_CHAIN - len(chain)
+        names.append(name)
+        contacts.append([first, second, contact.shape, len(chain)])
+        chains.append([i for i, _ in chain] + [0] * pad)
+        sides.append([s for _, s in chain] + [0] * pad)
+        vector += [*numbers, *(reach_of(parent, pivot, first, point, b) for b, _ in chain), *[0.0] * pad]
+    offsets.append(len(vector))
+    px, py = action["drive.point.x"], action["drive.point.y"]
+    drives = [[L.JOINT_TORQUE, bodies.index(MOTOR)]] if motor else [[L.FORCE_DOWN, key]]
+    vector += [0.0, 0.0] if motor else [px, py]
+    offsets.append(len(vector))
+    probes: list[list[int]] = []
+    if motor:
+        probes = [[bodies.index(MOTOR), key]]
+        law = [action[f"motor_arm.contact_{k}"] for k in ("a", "b", "c", "damping")]
+        vector += [-action["motor_arm.length"], 0.0, px, py, *law]
+    offsets.append(len(vector))
+    prescribed = np.zeros(n, dtype=np.int64)
+    if key_motion is not None:
+        prescribed[key] = 1
+        vector += key_motion.packed()
+    offsets.append(len(vector))
+    dampers: list[int] = []
+    if SHANK in bodies:
+        dampers = [bodies.index(SHANK)]
+        vector.append(bending(action)[1])
+    ancestor = np.zeros((n, n), dtype=np.int64)
+    for i, w in enumerate(parent):
+        if w >= 0:
+            ancestor[i, w] = 1
+    tables = L.Tables(
+        parent=np.array(parent, dtype=np.int64),
+        ancestor=ancestor,
+        spring=np.array([i for i, _ in springs], dtype=np.int64),
+        contact=_table(contacts, 4),
+        chain=_table(chains, L.MAX_CHAIN),
+        side=_table(sides, L.MAX_CHAIN),
+        drive=_table(drives, 2),
+        probe=_table(probes, 2),
+        offset=np.array(offsets, dtype=np.int64),
+        prescribed=prescribed,
+        damper=np.array(dampers, dtype=np.int64),
+        rail=np.array([names.index(RAIL)] if RAIL in names else [], dtype=np.int64),
+    )
+    start = np.array([PRINTED_REST.get(b, 0.0) for b in bodies[: n - int(prescribed.sum())]])
+    return Scene(tuple(bodies), tuple(names), tables, np.array(vector), start)

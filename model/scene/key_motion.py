@@ -1,0 +1,71 @@
+"""A motion that is prescribed: angle of the key over time as a piecewise polynomial of degree five.
+
+What a motion-driven scene takes in (``build_scene(key_motion=...)``); a measured angle becomes one in ``motion_fit``.
+Its second derivative is the key's acceleration, so the pieces must join twice continuously; this is checked.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from model.errors import InputError
+from model.kernels.motion import ORDER, motion_along
+
+Array = NDArray[np.float64]
+
+JUMP = 1e-6  # share of the largest value of a derivative by which it may jump at a break
+
+
+@dataclass(frozen=True)
+class KeyMotion:
+    """Angle of the key over time.
+
+    Attributes
+    ----------
+    break_s : (m + 1,) increasing times between the pieces
+    coefficient : (m, 6) of each piece, highest power first, in the time since its start; rad/s^k
+    """
+
+    break_s: Array
+    coefficient: Array
+
+    def __post_init__(self) -> None:
+        """Refuse pieces that do not fit together."""
+        if self.break_s.ndim != 1 or self.coefficient.shape != (len(self.break_s) - 1, ORDER):
+            raise InputError(
+                f"key motion: found {self.break_s.shape} times and {self.coefficient.shape} coefficients, "
+                f"allowed (m + 1,) and (m, {ORDER})"
+            )
+        if not (np.all(np.isfinite(self.break_s)) and np.all(np.isfinite(self.coefficient))):
+            raise InputError("key motion: found a number that is not finite")
+        width = np.diff(self.break_s)
+        if np.any(width <= 0.0):
+            raise InputError("key motion: found times that do not increase")
+        pieces = self.coefficient
+        for derivative, name in enumerate(("angle", "speed", "acceleration")):
+            left = np.zeros(len(width))
+            for k in range(pieces.shape[1]):
+                left = left * width + pieces[:, k]
+            jump = np.abs(left[:-1] - pieces[1:, -1])
+            if len(jump) and np.max(jump) > JUMP * (1.0 + np.max(np.abs(pieces[:, -1]))):
+                at = int(np.argmax(jump))
+                raise InputError(
+                    f"key motion: {name} jumps by {jump[at]:g} at {self.break_s[at + 1]:g} s; allowed pieces that join "
+                    "with equal angle, speed and acceleration"
+                )
+            if derivative < 2:
+                pieces = pieces[:, :-1] * np.arange(pieces.shape[1] - 1, 0, -1)
+
+    def packed(self) -> list[float]:
+        """The block of the parameter vector that kernels read; see ``kernels.motion``."""
+        return [float(len(self.break_s) - 1), *self.break_s.tolist(), *self.coefficient.ravel().tolist()]
+
+    def at(self, time_s: ArrayLike) -> Array:
+        """Angle (rad), speed and acceleration at times (k,) within the breaks; (k, 3)."""
+        times = np.require(time_s, float, ["C", "W"])
+        out = np.empty((len(times), 3))
+        motion_along(times, np.array(self.packed()), 0, out)
+        return out

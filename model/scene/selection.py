@@ -1,0 +1,151 @@
+"""What a scene contains and gives out: built-in names and small TOML files, for ``simulate(scene=...)``.
+
+    bodies = ["key", "whippen"]            # default: all; a body brings its contacts with the bodies that are there
+    without = ["contact12", "jack_spring"] # contacts and springs to leave out
+    outputs = ["contact_forces", "energy"] # beyond angles and speeds
+    effects = ["balance_rail"]             # what the action itself does not have (model.parameters.effects)
+
+    [shank]                                # a table switches its effect on, and gives values other than the action's
+    frequency_hz = 80.0
+
+What is left out is not in the compiled kernels. A new structure compiles once (seconds), then comes from the disk.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from model.errors import InputError
+from model.parameters.action import BODIES, CONTACTS, Action
+from model.parameters.effects import EFFECTS, effect_defaults, effect_of
+from model.parameters.quantity import check_value
+
+SPRINGS = ("jack_spring", "repetition_spring")
+OUTPUTS = ("contact_forces", "energy", "inside")
+LISTS = ("bodies", "without", "outputs", "effects")
+
+
+@dataclass(frozen=True)
+class SceneChoice:
+    """Bodies that take part, contacts and springs left out, outputs wanted, effects and values for them."""
+
+    bodies: tuple[str, ...] = BODIES
+    without: tuple[str, ...] = ()
+    outputs: tuple[str, ...] = ()
+    effects: tuple[str, ...] = ()
+    values: tuple[tuple[str, float], ...] = ()
+
+    def __post_init__(self) -> None:
+        """Refuse names that do not exist and children without their parent."""
+        for name, found, allowed in (
+            ("bodies", self.bodies, BODIES),
+            ("without", self.without, (*CONTACTS, *SPRINGS)),
+            ("outputs", self.outputs, OUTPUTS),
+            ("effects", self.effects, EFFECTS),
+        ):
+            for item in found:
+                if item not in allowed:
+                    raise InputError(f"scene: {name}: found {item!r}, allowed {', '.join(allowed)}")
+        for child in ("jack", "repetition"):
+            if child in self.bodies and "whippen" not in self.bodies:
+                raise InputError(f"scene: bodies: {child} hangs from the whippen; add whippen or leave out {child}")
+        if "key" not in self.bodies:
+            raise InputError("scene: bodies: found no key, allowed scenes with the key, on which the force acts")
+        if "shank" in self.effects and "hammer" not in self.bodies:
+            raise InputError("scene: effects: shank needs the hammer; add hammer or leave out shank")
+
+    @property
+    def input_column(self) -> str:
+        """Name and unit of what drives the scene."""
+        return "torque_nm" if "motor_arm" in self.effects else "force_n"
+
+    def on(self, action: Action) -> Action:
+        """The action with this scene's values; what the user has set by path stays."""
+        return action.with_effects({path: value for path, value in self.values if path not in action.changed})
+
+    def check(self, action: Action) -> None:
+        """Refuse a value set for an effect that the scene does not have: it would change nothing."""
+        for path in action.changed:
+            effect = effect_of(path)
+            if effect is not None and effect not in self.effects:
+                raise InputError(
+                    f"{path} is set but the scene has no {effect}; choose a scene with it (effects = [{effect!r}])"
+                )
+
+
+SCENES = {
+    "whole": SceneChoice(),
+    "without-string": SceneChoice(without=("contact12",)),
+    "key": SceneChoice(bodies=("key",)),
+    "key-whippen": SceneChoice(bodies=("key", "whippen")),
+    "lifting-key": SceneChoice(effects=("balance_rail",)),
+    "flexible-shank": SceneChoice(effects=("shank",)),
+    "motor-arm": SceneChoice(effects=("motor_arm",)),
+    "lifting-key-flexible-shank": SceneChoice(effects=("balance_rail", "shank")),
+}
+
+
+def load_scene(name_or_path: str | Path | SceneChoice) -> SceneChoice:
+    """A choice by built-in name or from a TOML file; ``InputError`` says what is allowed."""
+    if isinstance(name_or_path, SceneChoice):
+        return name_or_path
+    if str(name_or_path) in SCENES:
+        return SCENES[str(name_or_path)]
+    path = Path(name_or_path)
+    if path.suffix != ".toml":
+        raise InputError(f"scene {str(path)!r}: not found; built in: {', '.join(SCENES)}; or name a .toml file")
+    try:
+        table: dict[str, Any] = tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as problem:
+        raise InputError(f"{path}: cannot be read ({problem.strerror})") from None
+    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as problem:
+        raise InputError(f"{path}: is not valid TOML: {problem}") from None
+    return scene_of(table, str(path))
+
+
+def scene_of(table: Mapping[str, Any], where: str) -> SceneChoice:
+    """A choice from the parsed tables of a file called ``where``."""
+    chosen: dict[str, tuple[str, ...]] = {}
+    values: list[tuple[str, float]] = []
+    on: list[str] = []
+    for key, value in table.items():
+        if key in EFFECTS and isinstance(value, dict):
+            on.append(key)
+            values += _values(where, key, value)
+            continue
+        if key not in LISTS:
+            raise InputError(f"{where}: {key}: unknown key; allowed {', '.join((*LISTS, *EFFECTS))}")
+        if not isinstance(value, list) or not all(isinstance(item, str) for item in value):
+            raise InputError(f"{where}: {key}: found {value!r}, allowed a list of names")
+        chosen[key] = tuple(value)
+    if "bodies" in chosen:
+        chosen["bodies"] = tuple(b for b in BODIES if b in chosen["bodies"]) + tuple(
+            b for b in chosen["bodies"] if b not in BODIES
+        )
+    named = chosen.pop("effects", ())
+    effects = (*named, *(e for e in on if e not in named))
+    return SceneChoice(**chosen, effects=effects, values=tuple(values))
+
+
+def _values(where: str, effect: str, table: dict[str, Any]) -> list[tuple[str, float]]:
+    """Paths and checked values of an effect's table in a scene file."""
+    known, out = effect_defaults(), []
+    for key, item in _flat(table, f"{effect}."):
+        if key not in known:
+            allowed = ", ".join(p for p in known if p.startswith(f"{effect}."))
+            raise InputError(f"{where}: {key}: unknown key; allowed {allowed}")
+        out.append((key, check_value(key, item, where)))
+    return out
+
+
+def _flat(table: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """Dotted keys of nested tables with their values."""
+    for key, item in table.items():
+        if isinstance(item, dict):
+            yield from _flat(item, f"{prefix}{key}.")
+        else:
+            yield f"{prefix}{key}", item

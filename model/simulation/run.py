@@ -1,0 +1,254 @@
+"""A run that can be stopped and resumed: state in, input table in, state and outputs out.
+
+`Simulation` holds a scene, a method and a tolerance; `State` is plain data (time, angles, speeds, next step), so
+that saving it and going on later gives the same numbers to the last bit as going on at once. Used by
+`simulate` for a whole force table and by the virtual bench block by block.
+A failed integration raises ``IntegrationError`` with time and advice; the state stays the last accepted one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.errors import InputError, IntegrationError
+from model.integrators import DEFAULT_METHOD, CoupledTableau, DiagonalTableau, RosenbrockTableau, get_method
+from model.integrators.rosenbrock import integrate
+from model.integrators.stepping import NOT_FINITE, STEP_TOO_SMALL, TOO_MANY_STEPS
+from model.kernels import layout as L
+from model.kernels import workspace as W
+from model.kernels.codegen.load import energy_of, kernels_of
+from model.kernels.tables.output import forces_along, probe_forces_along
+from model.scene.build import Scene
+
+# Local error allowed per step for a requested largest error of an angle over the whole run: found with
+# benchmarks/tolerance.py so that the error stays near or below the request on blows from piano to 60 N
+# (docs/decisions/0004-model-tolerance.md). Kinks of contacts and force tables cost order, hence the extra power.
+ANGLE_SHARE = 0.17
+SPEED_SHARE = 1.7  # 1/s
+EXTRA = 0.05
+REFERENCE_TOLERANCE = 1e-5
+# Where the key's motion is given the answer is the force that holds it: contacts turn an error of an angle or speed
+# into one of force, which no inertia smooths. A third of the local error: 0004-model-tolerance.md.
+PRESCRIBED_SHARE = 1.0 / 3.0
+# What sticks by friction creeps at a fraction of the threshold speed v_t. A local error of that size shakes it loose,
+# in the simulation only, whatever the tolerance says: share of v_t at a lever of 0.1 m that an error may reach
+# (tests/model/data/false_slip.json, found by benchmarks/stability.py). It costs next to no steps.
+CREEP_SHARE, LEVER_M = 0.03, 0.1
+
+REST_SHARE = 0.1  # share of the requested tolerance that an action taken to be at rest may still move
+
+# some thirty times what a blow needs at 1e-5 rad; steps grow with the fourth root of the tolerance (0003-model-steps.md)
+STEPS_AT_LEAST, STEPS_PER_SECOND = 20_000, 200_000
+
+SMALLEST_TOLERANCE, LARGEST_TOLERANCE = 1e-12, 1e-2
+LARGEST_ANGLE, LARGEST_SPEED = 1e3, 1e6  # rad, rad/s
+TIME_SLACK = 1e-9  # s, rounding of times computed in different ways
+
+_ADVICE = {
+    STEP_TOO_SMALL: "the step fell below 1e-12 s; check that no bodies overlap at the start, "
+    "then stiffness and friction thresholds; or loosen --tolerance",
+    NOT_FINITE: "the equations gave a value that is not finite; check the input and the geometry",
+    TOO_MANY_STEPS: "too many steps; loosen --tolerance or shorten the run",
+}
+
+
+@dataclass
+class State:
+    """State of a run: time (s), angles (n,) rad, speeds (n,) rad/s, next step to try (s)."""
+
+    time_s: float
+    angle_rad: NDArray[np.float64]
+    speed_rad_per_s: NDArray[np.float64]
+    step_s: float = 1e-5
+
+    def copy(self) -> State:
+        """An independent copy."""
+        return State(self.time_s, self.angle_rad.copy(), self.speed_rad_per_s.copy(), self.step_s)
+
+
+@dataclass
+class Simulation:
+    """A scene under way.
+
+    Parameters
+    ----------
+    scene : what takes part
+    state : where it starts; changed by `advance`
+    tolerance : requested largest error of any angle, rad
+    method : name of the integration method
+    largest_step_s : upper bound of a step, s
+    max_steps : most steps of one `advance`; by default in proportion to the time to cover
+    energy : also add up work and losses along the motion (see `energies`)
+    """
+
+    scene: Scene
+    state: State
+    tolerance: float = 1e-5
+    method: str = DEFAULT_METHOD
+    largest_step_s: float = 0.05
+    max_steps: int | None = None
+    counters: NDArray[np.int64] = field(default_factory=lambda: np.zeros(len(L.COUNTERS), dtype=np.int64))
+    energy: bool = False
+    audit: NDArray[np.float64] = field(default_factory=lambda: np.zeros(6))
+    times: NDArray[np.float64] = field(default_factory=lambda: np.zeros(1))
+
+    def __post_init__(self) -> None:
+        """Refuse a tolerance or a state that cannot be used."""
+        if not SMALLEST_TOLERANCE <= self.tolerance <= LARGEST_TOLERANCE:
+            raise InputError(
+                f"tolerance: found {self.tolerance:g} rad, allowed {SMALLEST_TOLERANCE:g} to {LARGEST_TOLERANCE:g}"
+            )
+        if self.energy:
+            self.scene.check_whole(self.state.angle_rad, "energy")
+        if self.energy and not isinstance(get_method(self.method), RosenbrockTableau):
+            raise InputError(f"method: {self.method} keeps no account of energy; allowed with it: {DEFAULT_METHOD}")
+        for name, array in (("angles", self.state.angle_rad), ("speeds", self.state.speed_rad_per_s)):
+            if np.shape(array) != (self.scene.size,):
+                raise InputError(f"state: {np.shape(array)} {name} found, allowed ({self.scene.size},)")
+            if not np.all(np.isfinite(array)):
+                raise InputError(f"state: {name} must be finite, found {array}")
+        for name, found, limit in (
+            ("angles", self.state.angle_rad, LARGEST_ANGLE),
+            ("speeds", self.state.speed_rad_per_s, LARGEST_SPEED),
+        ):
+            if np.max(np.abs(found)) > limit:
+                raise InputError(f"state: {name} found up to {np.max(np.abs(found)):g}, allowed to {limit:g} (rad, s)")
+        if not (np.isfinite(self.state.time_s) and self.state.step_s > 0.0 and np.isfinite(self.state.step_s)):
+            raise InputError(
+                f"state: found time {self.state.time_s:g} s, next step {self.state.step_s:g} s; "
+                "allowed finite numbers and a step above 0"
+            )
+
+    def advance(
+        self,
+        until: float,
+        input_time_s: NDArray[np.float64],
+        input_value: NDArray[np.float64],
+        *,
+        held: bool = False,
+        output_time_s: NDArray[np.float64] | None = None,
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Go on to time ``until`` under a tabulated input.
+
+        Parameters
+        ----------
+        until : s
+        input_time_s, input_value : (k,) increasing times (s) and force (N) or motor torque (N m)
+        held : keep each value until the next time (a converter's output) instead of interpolating linearly
+        output_time_s : (m,) times at which to give the trajectory, between now and ``until``
+
+        Returns
+        -------
+        angles, speeds : (m, n)
+        """
+        tableau = get_method(self.method)
+        kernels = kernels_of(self.scene.tables)
+        local = tableau.share * self.tolerance * min(1.0, (self.tolerance / REFERENCE_TOLERANCE) ** EXTRA)
+        if np.any(self.scene.tables.prescribed):
+            local *= PRESCRIBED_SHARE
+        outputs = np.empty(0) if output_time_s is None else np.require(output_time_s, float, ["C", "W"])
+        out_q = np.full((len(outputs), self.scene.size), np.nan)
+        out_v = np.full((len(outputs), self.scene.size), np.nan)
+        times = np.require(input_time_s, float, ["C", "W"])
+        values = np.require(input_value, float, ["C", "W"])
+        self._check(float(until), times, values, outputs)
+        if len(times) == 1:
+            times, values = np.array([times[0], times[0] + 1.0]), np.array([values[0], values[0]])
+        most = self.max_steps
+        if most is None:
+            tighter = max(1.0, (REFERENCE_TOLERANCE / self.tolerance) ** 0.25)
+            most = STEPS_AT_LEAST + int(STEPS_PER_SECOND * tighter * max(0.0, min(1e6, until - self.state.time_s)))
+        q, v = self.state.angle_rad.copy(), self.state.speed_rad_per_s.copy()
+        loop = integrate
+        if isinstance(tableau, DiagonalTableau):
+            from model.integrators.diagonal import integrate_diagonal as loop  # compiled on first use
+        elif isinstance(tableau, CoupledTableau):
+            from model.integrators.coupled import integrate_coupled as loop
+        time, step, status = loop(
+            self.state.time_s, float(until), self.state.step_s, q, v, times, values, held,
+            outputs, out_q, out_v, self.scene.vector, self.scene.tables.parent[: self.scene.size],
+            *kernels, self.scene.solved_contacts,
+            tableau.flat_a, tableau.flat_c, tableau.b, tableau.c, tableau.d, tableau.dense, tableau.gamma,
+            ANGLE_SHARE * local, min(SPEED_SHARE * local, self._creep()), 1.0 / (tableau.embedded_order + 1),
+            REST_SHARE * self.tolerance, self.largest_step_s, most, self.counters, self.times,
+            energy_of(self.scene.tables) if self.energy else kernels.linearise,
+            self.audit if self.energy else np.empty(0),
+        )  # fmt: skip
+        self.state = State(time, q, v, step)
+        if status in _ADVICE:
+            raise IntegrationError(f"simulation stopped at t = {time:.6g} s{self._extremes()}: {_ADVICE[status]}")
+        return out_q, out_v
+
+    def _creep(self) -> float:
+        """Largest error of a speed, rad/s, that cannot shake loose what friction holds."""
+        p, start = self.scene.vector, int(self.scene.tables.offset[1])
+        friction = p[start + L.MU_A :: L.CONTACT_SIZE][: len(self.scene.contacts)]
+        return CREEP_SHARE * float(p[L.V_T]) / LEVER_M if np.any(friction) else np.inf
+
+    def _extremes(self) -> str:
+        """What stands out in the present state, for a message: most often bodies that overlap or race."""
+        q, v = self.state.angle_rad, self.state.speed_rad_per_s
+        fastest = int(np.argmax(np.abs(v)))
+        words = f" ({self.scene.bodies[fastest]} at {v[fastest]:.3g} rad/s"
+        if self.scene.contacts and len(q) == len(self.scene.bodies):
+            normal = self.contact_forces(q[None], v[None])[0][0]
+            words += f", {self.scene.contacts[int(np.argmax(normal))]} presses with {normal.max():.3g} N"
+        return words + ")"
+
+    def _check(
+        self,
+        until: float,
+        times: NDArray[np.float64],
+        values: NDArray[np.float64],
+        outputs: NDArray[np.float64],
+    ) -> None:
+        """Refuse what would end in a wrong answer without a word."""
+        now = self.state.time_s
+        if not until >= now - TIME_SLACK or np.isinf(until):
+            raise InputError(f"end of the run: found {until:g} s, allowed a finite time from now on ({now:g} s)")
+        if times.ndim != 1 or times.shape != values.shape or len(times) == 0:
+            raise InputError(f"input: found shapes {times.shape} and {values.shape}, allowed two equal rows of numbers")
+        if not (np.all(np.isfinite(times)) and np.all(np.isfinite(values))):
+            raise InputError("input: found a time or value that is not finite; remove or repair the row")
+        if np.any(np.diff(times) <= 0.0):
+            raise InputError("input: times found that do not increase; allowed increasing times")
+        if len(outputs) and not (
+            np.all(np.diff(outputs) >= 0.0) and outputs[0] >= now - TIME_SLACK and outputs[-1] <= until + TIME_SLACK
+        ):
+            raise InputError(f"output times: allowed increasing, from now ({now:g} s) to the end ({until:g} s)")
+
+    def stored_energy(self) -> float:
+        """Kinetic, potential and elastic energy of the present state, J; zero of heights at the ground's origin."""
+        self.scene.check_whole(self.state.angle_rad, "energy")
+        w = np.zeros(W.SIZE)
+        w[W.AUDIT_Q : W.AUDIT_Q + self.scene.size] = self.state.angle_rad
+        w[W.AUDIT_V : W.AUDIT_V + self.scene.size] = self.state.speed_rad_per_s
+        energy_of(self.scene.tables)(w, self.scene.vector, 0.0)
+        return float(w[W.ENERGY])
+
+    def contact_forces(
+        self, angle_rad: NDArray[np.float64], speed_rad_per_s: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Normal and friction force of each contact at given states; (m, n) in, (m, c) out, N."""
+        self.scene.check_whole(angle_rad, "contact forces")
+        normal = np.zeros((len(angle_rad), len(self.scene.contacts)))
+        tangential = np.zeros_like(normal)
+        forces_along(angle_rad, speed_rad_per_s, self.scene.vector, self.scene.tables, normal, tangential)
+        return normal, tangential
+
+    def probe_forces(self, angle_rad: NDArray[np.float64], speed_rad_per_s: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Force of each one-sided probe (the motor arm on the key) at given states; (m, n) in, (m, b) out, N."""
+        self.scene.check_whole(angle_rad, "probe forces")
+        force = np.zeros((len(angle_rad), len(self.scene.tables.probe)))
+        probe_forces_along(angle_rad, speed_rad_per_s, self.scene.vector, self.scene.tables, force)
+        return force
+
+    def work(self) -> dict[str, int | float]:
+        """Counters of the work done so far, by name; ``time_at_rest`` in s."""
+        out: dict[str, int | float] = {n: int(k) for n, k in zip(L.COUNTERS, self.counters, strict=True)}
+        del out[L.COUNTERS[L.N_TOUCHING]]  # counted by the table kernels only; a 0 here would look like a count
+        out["time_at_rest"] = float(self.times[0])
+        return out

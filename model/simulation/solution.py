@@ -1,0 +1,89 @@
+"""What a simulation returns: times, angles, speeds, contact forces where asked for, and work counters."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.parameters.effects import column
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from model.inside import Inside
+
+
+@dataclass(frozen=True)
+class EnergyAudit:
+    """Where the work of the input went during a run, J; integrated with the motion."""
+
+    work_in: float
+    stored_change: float  # kinetic, potential and elastic
+    lost_in_felt: float
+    lost_in_contact_friction: float
+    lost_in_joint_friction: float
+    lost_in_rail: float = 0.0  # felt of the balance rail and friction on its pin
+    lost_in_shank: float = 0.0
+
+    @property
+    def residual(self) -> float:
+        """Work that is not accounted for, J: an error of the integration, zero for an exact one."""
+        lost = self.lost_in_felt + self.lost_in_contact_friction + self.lost_in_joint_friction
+        lost += self.lost_in_rail + self.lost_in_shank
+        return self.work_in - self.stored_change - lost
+
+
+@dataclass(frozen=True)
+class Solution:
+    """Trajectory of a scene.
+
+    Attributes
+    ----------
+    bodies : (n,) names, order of the columns
+    time_s : (m,)
+    angle_rad : (m, n) key, whippen and hammer from ground, jack and repetition from the whippen; then what effects
+        add: ``key_lift`` in m above the balance rail, ``shank`` the head's angle from the straight shank
+    speed_rad_per_s : (m, n) and its rates
+    contacts : names of the contacts in the scene
+    contact_normal_n, contact_friction_n : (m, c) N, or None where forces were not asked for
+    counters : steps, rejections, right-hand sides, Jacobians, contact evaluations and skips, time at rest (s)
+    tolerance : requested largest error of any angle, rad
+    energy : where the work went, or None where it was not asked for
+    inside : what acts at contacts, joints and bodies, or None where it was not asked for
+    """
+
+    bodies: tuple[str, ...]
+    time_s: NDArray[np.float64]
+    angle_rad: NDArray[np.float64]
+    speed_rad_per_s: NDArray[np.float64]
+    contacts: tuple[str, ...] = ()
+    contact_normal_n: NDArray[np.float64] | None = None
+    contact_friction_n: NDArray[np.float64] | None = None
+    counters: dict[str, int | float] = field(default_factory=dict)
+    tolerance: float = 1e-5
+    energy: EnergyAudit | None = None
+    inside: Inside | None = None
+
+    def columns(self) -> dict[str, NDArray[np.float64]]:
+        """Columns by name, in the order of the command's output file."""
+        out = {"time_s": self.time_s}
+        for i, body in enumerate(self.bodies):
+            out[column(body)] = self.angle_rad[:, i]
+        for i, body in enumerate(self.bodies):
+            out[column(body, rate=True)] = self.speed_rad_per_s[:, i]
+        if self.contact_normal_n is not None and self.contact_friction_n is not None:
+            for i, name in enumerate(self.contacts):
+                out[f"{name}_normal_n"] = self.contact_normal_n[:, i]
+                out[f"{name}_friction_n"] = self.contact_friction_n[:, i]
+        if self.inside is not None:
+            out |= self.inside.columns()
+        return out
+
+    def to_table(self) -> pd.DataFrame:
+        """All columns as a pandas table."""
+        import pandas as pd
+
+        return pd.DataFrame(self.columns())

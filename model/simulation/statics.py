@@ -1,0 +1,160 @@
+"""Static rest state of a scene: the angles at which all forces balance and nothing moves.
+
+At zero speed friction vanishes and felt is a conservative spring, so rest is a minimum of energy. Found by
+Newton's iteration along the principal axes of the analytic stiffness, which follows the energy down where a contact is
+still open or a balance is unstable, then polished until the residual stops falling. Fails with ``StaticsError`` that
+says how far it got.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.errors import InputError, StaticsError
+from model.kernels import workspace as W
+from model.kernels.codegen.load import kernels_of
+from model.kernels.tables.output import forces_along, penetrations
+from model.parameters.action import Action
+from model.scene.build import Scene, build_scene
+
+LARGEST_TURN = 0.05  # rad per iteration
+KICK = 1e-3  # rad, off a saddle
+LARGEST_INPUT = 1e4  # N or N m
+MOST_ITERATIONS, MOST_ESCAPES = 2000, 10
+
+
+@dataclass(frozen=True)
+class RestState:
+    """Static balance: angles (n,) rad, contact forces (c,) N, penetrations (c,) m, residual N m."""
+
+    bodies: tuple[str, ...]
+    angle_rad: NDArray[np.float64]
+    contacts: tuple[str, ...]
+    contact_normal_n: NDArray[np.float64]
+    penetration_m: NDArray[np.float64]
+    residual_nm: float
+
+
+def balance(
+    scene: Scene, q: NDArray[np.float64], u: float, v: NDArray[np.float64] | None = None
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Generalised force (n,) N m, stiffness and mass matrix (n, n) at angles ``q``, at rest or at speeds ``v``."""
+    n = scene.size
+    w = np.zeros(W.SIZE)
+    w[W.Q : W.Q + n] = q
+    if v is not None:
+        w[W.V : W.V + n] = v
+    w[W.STATIC] = 1.0
+    kernels_of(scene.tables).linearise(w, scene.vector, u)
+    mass = np.diag(w[W.M_DIAG : W.M_DIAG + n])
+    for i, parent in enumerate(scene.tables.parent):
+        if parent >= 0:
+            mass[i, parent] = mass[parent, i] = w[W.M_UP + i]
+    stiff = w[W.STIFF : W.STIFF + W.WIDTH**2].reshape(W.WIDTH, W.WIDTH)[:n, :n]
+    return mass @ w[W.ACC : W.ACC + n], stiff, mass
+
+
+def _free_part(
+    scene: Scene, q: NDArray[np.float64], u: float, free: NDArray[np.int64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Generalised force and stiffness at rest of the coordinates that may move."""
+    f, stiff, _ = balance(scene, q, u)
+    return f[free], stiff[np.ix_(free, free)]
+
+
+def _moved(q: NDArray[np.float64], free: NDArray[np.int64], step: NDArray[Any]) -> NDArray[np.float64]:
+    out = q.copy()
+    out[free] += step
+    return out
+
+
+def solve_rest(
+    scene: Scene, u: float = 0.0, start: NDArray[np.float64] | None = None, held: tuple[int, ...] = ()
+) -> NDArray[np.float64]:
+    """Angles (n,) at which the scene rests under the constant input ``u``; coordinates ``held`` stay at ``start``.
+
+    Raises
+    ------
+    StaticsError : no stable balance found.
+    InputError : the input or the start is not finite.
+    """
+    if not abs(u) <= LARGEST_INPUT:
+        raise InputError(f"rest state: input found {u:g}, allowed a finite number up to {LARGEST_INPUT:g}")
+    q = np.array(scene.start if start is None else start, dtype=float)
+    if q.shape != (scene.size,) or not np.all(np.isfinite(q)):
+        raise InputError(f"rest state: start found {q}, allowed {scene.size} finite angles")
+    free = np.array([i for i in range(scene.size) if i not in held], dtype=np.int64)
+    for _ in range(MOST_ESCAPES):
+        q, f, stiff = _descend(scene, q, u, free)
+        for _ in range(20):
+            step = np.linalg.lstsq(-stiff, f, rcond=None)[0]
+            f_new, stiff_new = _free_part(scene, _moved(q, free, step), u, free)
+            if not np.max(np.abs(f_new)) < np.max(np.abs(f)):
+                break
+            q, f, stiff = _moved(q, free, step), f_new, stiff_new
+        value, direction = np.linalg.eigh(-0.5 * (stiff + stiff.T))
+        if value[0] > 0.0:
+            return q
+        q = _moved(q, free, KICK * direction[:, 0])  # off the saddle; the next descent leaves it for good
+    raise StaticsError("rest state: the balance found is not stable; check springs and geometry")
+
+
+def _descend(
+    scene: Scene, q: NDArray[np.float64], u: float, free: NDArray[np.int64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Follow the energy down from ``q`` to where the force on ``free`` vanishes; also returns that force and stiffness.
+
+    The step is Newton's along each principal axis of the stiffness, downhill where that is negative, and limited
+    on each axis by itself: a loose body may swing far without holding back one that is pressed hard.
+    """
+    f, stiff = _free_part(scene, q, u, free)
+    radius = LARGEST_TURN
+    for _ in range(MOST_ITERATIONS):
+        size = float(np.max(np.abs(f)))
+        if not np.isfinite(size) or not np.all(np.isfinite(stiff)):
+            raise StaticsError(f"rest state: forces are not finite at the angles {q}; check the geometry")
+        if size < max(1e-9, 1e-15 * float(np.max(np.abs(stiff)))):  # below that lies rounding
+            return q, f, stiff
+        value, axis = np.linalg.eigh(-0.5 * (stiff + stiff.T))
+        step = axis @ np.clip(axis.T @ f / np.maximum(np.abs(value), 1e-12), -radius, radius)
+        f_new, stiff_new = _free_part(scene, _moved(q, free, step), u, free)
+        # energy falls along the step while the force still points with it
+        if float(f_new @ step) > -0.5 * float(f @ step):
+            q, f, stiff = _moved(q, free, step), f_new, stiff_new
+            radius = min(radius * 2.0, LARGEST_TURN)
+        else:
+            radius = max(0.25 * min(radius, float(np.max(np.abs(step)))), 1e-15)
+    raise StaticsError(
+        f"rest state: not found in {MOST_ITERATIONS} iterations, largest residual {size:.2g} N m; check the geometry"
+    )
+
+
+def rest_state(action: Action, force_n: float = 0.0, scene: Scene | None = None) -> RestState:
+    """Static balance of an action under a constant force on the key.
+
+    Parameters
+    ----------
+    action : parameter set
+    force_n : N, positive downwards on the key (with a motor arm in ``scene``: the motor's torque, N m)
+    """
+    scene = build_scene(action) if scene is None else scene
+    q = solve_rest(scene, force_n)
+    scene.check_whole(q, "rest state")
+    forces, _, _ = balance(scene, q, force_n)
+    still = np.zeros(scene.size)
+    normal, tangential = (np.zeros((1, len(scene.contacts))) for _ in range(2))
+    forces_along(q[None], still[None], scene.vector, scene.tables, normal, tangential)
+    depth = np.zeros(len(scene.contacts))
+    penetrations(q, still, scene.vector, scene.tables, depth)
+    return RestState(
+        bodies=scene.bodies,
+        angle_rad=q,
+        contacts=scene.contacts,
+        contact_normal_n=normal[0],
+        penetration_m=depth,
+        residual_nm=float(np.max(np.abs(forces))),
+    )

@@ -1,0 +1,55 @@
+"""``pianorig attach``: bring a film from the camera's computer into its session."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def command(
+    film: Annotated[Path, typer.Argument(help="Film: .mraw (with its .cihx), .avi, .tif, .mp4.")],
+    session: Annotated[
+        Path | None, typer.Argument(help="Session folder; default: this folder, else the newest below sessions/.")
+    ] = None,
+    trial: Annotated[int, typer.Option("--trial", help="Trial that was filmed.")] = 1,
+    sha256: Annotated[
+        str | None, typer.Option("--sha256", help="SHA-256 of the film as the camera's computer gave it.")
+    ] = None,
+    first_frame: Annotated[
+        int | None,
+        typer.Option("--first-frame", min=0, help="First frame after the trigger, if it is not said."),
+    ] = None,
+    frame_rate: Annotated[
+        float | None, typer.Option("--frame-rate", help="Rate it was filmed at, Hz, if the film does not say.")
+    ] = None,
+    author: Annotated[str, typer.Option("--author", help="Who attaches it.")] = "unknown",
+    as_json: Annotated[bool, typer.Option("--json", help="Print the record as JSON.")] = False,
+) -> None:
+    """Check a film's frame count, rate, trigger frame and hash against a trial, and copy it beside the trial.
+
+    Example:  pianorig attach /media/camera/C001.mraw --trial 3 sessions/2026-11-21_forte
+    """
+    from pianorig.console.output import print_json
+    from pianorig.workflows.film.attach import attach_film, session_folder
+
+    record = attach_film(
+        film,
+        session_folder(session),
+        trial,
+        sha256=sha256,
+        first_frame=first_frame,
+        frame_rate_hz=frame_rate,
+        author=author,
+    )
+    if as_json:
+        print_json(record.model_dump(mode="json", by_alias=True))
+        return
+    last = record.first_frame + record.n_frames - 1
+    if record.frames_after:
+        print(
+            f"trial {trial}: the frame clock ran on for {record.frames_after} frames; if the film was not cut there, "
+            "frames were dropped and its times are wrong from there on: reject the trial with  pianorig annotate"
+        )
+    print(f"trial {trial}: {record.film}, frames {record.first_frame} to {last}, SHA-256 {record.sha256[:16]}…")

@@ -1,0 +1,140 @@
+"""``pianorig track``: angles from a high-speed film."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def command(
+    film: Annotated[Path, typer.Argument(help="Film: .mraw (+ .cih/.cihx), .avi, .mp4, .tif, folder of pictures.")],
+    bodies: Annotated[
+        Path | None, typer.Option("--bodies", help="TOML file with the outlines; default: the session's.")
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", help="CSV file; default: FILM with the ending .angles.csv.")
+    ] = None,
+    method: Annotated[str, typer.Option("--method", help="icgn or ecc.")] = "icgn",
+    every: Annotated[int, typer.Option("--every", help="Track every N-th frame.")] = 1,
+    confirm: Annotated[
+        str, typer.Option("--confirm", help="Rows to confirm by a backward pass: doubtful, all or none.")
+    ] = "doubtful",
+    calibration: Annotated[
+        Path | None, typer.Option("--calibration", help="Camera file of calibrate-camera; corrects the angles.")
+    ] = None,
+    tilt: Annotated[
+        float | None, typer.Option("--tilt", help="Without calibration: standard uncertainty of the tilt, deg [1].")
+    ] = None,
+    distortion: Annotated[
+        float | None,
+        typer.Option("--distortion", help="Without calibration: that of the distortion at the corner, % [0.1]."),
+    ] = None,
+    frame_rate: Annotated[
+        float | None, typer.Option("--frame-rate", help="True frames/s, where the film does not say it.")
+    ] = None,
+    allow_truncated: Annotated[
+        bool, typer.Option("--allow-truncated", help="Read a film that was cut short to its last whole frame.")
+    ] = False,
+    restart: Annotated[
+        bool, typer.Option("--restart", help="Start anew, although an interrupted run could go on.")
+    ] = False,
+    retrack: Annotated[
+        list[int] | None,
+        typer.Option("--retrack", help="Fit this frame again, alone, and put it into the table; may be repeated."),
+    ] = None,
+    place: Annotated[
+        list[str] | None,
+        typer.Option("--place", help="Where a body is in those frames: body=ANGLE_DEG,X_PX,Y_PX; may be repeated."),
+    ] = None,
+    propose_bodies: Annotated[
+        Path | None,
+        typer.Option("--propose-bodies", help="Propose outlines (.toml, and a .png to look at) instead of tracking."),
+    ] = None,
+    overlay: Annotated[Path | None, typer.Option("--overlay", help="Film (.avi) with the tracked outlines.")] = None,
+    contact_sheet: Annotated[
+        Path | None, typer.Option("--contact-sheet", help="Picture (.png) of the worst frames.")
+    ] = None,
+    plot: Annotated[Path | None, typer.Option("--plot", help="Plot (.png) of angles and residuals.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print a JSON summary.")] = False,
+) -> None:
+    """Track rigid bodies and give their angles with a standard uncertainty per frame.
+
+    Stopped by Ctrl-C, the same command goes on where it was.
+
+    Example:  pianorig track film.mraw --bodies bodies.toml --out jack.csv --contact-sheet worst.png --plot jack.png
+    """
+    from pianorig.console.output import check_writable, print_json, write_table
+    from pianorig.console.progress import bar, say
+    from pianorig.errors import InputError
+    from pianorig.workflows.film.track import budget_lines, camera_of, draw_track, summary, track_film_file
+
+    target = out if out is not None else film.with_suffix(".angles.csv")
+    for path in (target, propose_bodies, overlay, contact_sheet, plot):
+        if path is not None:
+            check_writable(path)
+    if propose_bodies is not None:
+        from pianorig.workflows.film.propose_outlines import propose
+
+        found = propose(film, propose_bodies, allow_truncated=allow_truncated)
+        if as_json:
+            print_json(found)
+        else:
+            print(
+                f"{found['out']}: {', '.join(found['bodies'])}; look at {found['picture']}, then correct and name them"
+            )
+        return
+    camera = camera_of(calibration, tilt, distortion)
+    if retrack:
+        from pianorig.workflows.film.retrack import read_places
+        from pianorig.workflows.film.retrack import retrack as fit_again
+
+        rows = fit_again(
+            film,
+            bodies,
+            target,
+            retrack,
+            read_places(place or []),
+            method=method,
+            camera=camera,
+            frame_rate_hz=frame_rate,
+            allow_truncated=allow_truncated,
+        )
+        if as_json:
+            print_json({"out": target, "rows": rows.to_dict(orient="records")})
+        else:
+            print(f"{target}: {len(rows)} frames fitted again")
+        return
+    if place:
+        raise InputError("--place: goes with --retrack FRAME")
+    unfinished = target.with_name(f"{target.name}.unfinished.npz")
+    if restart:
+        unfinished.unlink(missing_ok=True)
+    with bar("tracking", quiet=as_json) as progress:
+        result = track_film_file(
+            film,
+            bodies,
+            method=method,
+            every=every,
+            confirm=confirm,
+            camera=camera,
+            frame_rate_hz=frame_rate,
+            allow_truncated=allow_truncated,
+            checkpoint=unfinished,
+            expected=lambda budget: say("expected " + "\n".join(budget_lines(budget)), quiet=as_json),
+            progress=progress,
+        )
+    write_table(target, result.to_table())
+    draw_track(film, bodies, result, overlay, contact_sheet, plot)
+    facts = summary(result)
+    if as_json:
+        print_json({"out": target, **facts})
+        return
+    again = f", {facts['rows_resumed']} from an interrupted run" if facts["rows_resumed"] else ""
+    print(f"{target}: {facts['frames']} frames{again}, {facts['rows_confirmed']} confirmed backward")
+    for body in result.bodies:
+        print(f"  {body:<11} {facts['lost'][body]} frames lost")
+    print("\n".join(budget_lines(result.budget)))
+    for body, (offset, u) in facts["clock_offset_s"].items():
+        print(f"  film against the encoder of the {body}: {offset * 1e6:+.0f} us (u {u * 1e6:.0f})")

@@ -1,0 +1,60 @@
+"""``pianorig demo``: the main job on the virtual bench."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def command(
+    out: Annotated[
+        Path | None, typer.Option("--out", help="Session folder to create; default: sessions/<date>_demo.")
+    ] = None,
+    profile: Annotated[str, typer.Option("--profile", help="forte, piano, double, or a TOML file.")] = "forte",
+    trials: Annotated[int, typer.Option("--trials", help="Number of blows.")] = 5,
+    as_json: Annotated[bool, typer.Option("--json", help="Print a JSON summary.")] = False,
+) -> None:
+    """Record five blows on the virtual bench, film one, track it, simulate all, and write a report.
+
+    Example:  pianorig demo --out sessions/try
+    """
+    from pianorig.console.output import print_json, print_verdict
+    from pianorig.console.progress import bar, recording_line, say
+    from pianorig.workflows.demo import figure_lines, run_demo
+    from pianorig.workflows.session_paths import new_session_folder
+
+    target = out if out is not None else new_session_folder("demo")
+    with recording_line(as_json) as recording, bar("film", as_json) as film, bar("track", as_json) as track:
+        demo = run_demo(
+            target,
+            trials=trials,
+            profile=profile,
+            say=(lambda text: None) if as_json else say,
+            record_progress=recording,
+            film_progress=film,
+            track_progress=track,
+        )
+    report = demo.result.files["report.html"]
+    if as_json:
+        figures = demo.figures
+        print_json(
+            {
+                "session": demo.session.path,
+                "report": report,
+                "verdict": demo.result.verdict,
+                "simulation_ms": figures.simulation_s * 1e3,
+                "simulation_error_rad": figures.simulation_error_rad,
+                "tracking_frames_per_s": figures.tracking_frames_per_s,
+                "tracking_ratio_to_bound": {t.body: t.ratio for t in figures.tracking},
+                "seconds": figures.seconds,
+                "peak_memory_mib": figures.peak_memory_mib,
+            }
+        )
+        return
+    print_verdict(demo.result.verdict_lines)
+    print(f"report: {report}")
+    print()
+    for line in figure_lines(demo.figures):
+        print(line)

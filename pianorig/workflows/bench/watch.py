@@ -1,0 +1,106 @@
+"""A session seen from a second process, as text or as a picture that is refreshed."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from rig.session.following import View
+
+
+def facts(view: View) -> dict[str, Any]:
+    """Figures of what is seen."""
+    from rig.session.records import absent_bodies
+
+    return {
+        "trial": view.trial,
+        "trials": view.trials,
+        "state": view.state,
+        "condition": view.condition,
+        "samples": int(view.time_s.size),
+        "time_s": float(view.time_s[-1]),
+        "force_n": float(view.force_n[-1]),
+        "peak_force_n": float(view.force_n.max()),
+        "not_recorded": list(absent_bodies(view.names)),
+        **{f"{name}_rad": float(view.angle_rad[-1, k]) for k, name in enumerate(view.names)},
+    }
+
+
+def as_text(view: View, width: int = 72) -> str:
+    """Force and the last body's angle, the hammer's, over time as lines of text."""
+    from pianorig.console.braille_plot import curve
+    from rig.session.records import absent_bodies
+
+    head = f"trial {view.trial} of {view.trials}  {view.state}" + (f"  {view.condition}" if view.condition else "")
+    lines = [f"{head}  t = {view.time_s[-1]:.2f} s  force {view.force_n[-1]:.2f} N (peak {view.force_n.max():.1f})"]
+    curves = [("force, N", view.force_n)]
+    if view.names:
+        turned = "  ".join(f"{name} {np.degrees(view.angle_rad[-1, k]):+.2f}" for k, name in enumerate(view.names))
+        lines.append(f"turned: {turned} deg")
+        curves.append((f"{view.names[-1]}, deg", np.degrees(view.angle_rad[:, -1])))
+    if absent := absent_bodies(view.names):
+        lines.append(f"not recorded: {', '.join(absent)}")
+    for label, values in curves:
+        lines.append(f"{label}: {values.min():.2f} to {values.max():.2f}")
+        lines += curve(values, width, 6)
+    return "\n".join(lines)
+
+
+def draw(path: Path, view: View) -> None:
+    """Force and angles over time as a PNG, whole or not at all."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    from rig.session.records import absent_bodies
+    from rig.storage.atomic_write import replace_when_complete
+
+    figure = Figure(figsize=(8.0, 5.0), layout="constrained")
+    FigureCanvasAgg(figure)
+    top, bottom = figure.subplots(2, 1, sharex=True)
+    top.plot(view.time_s, view.force_n, lw=0.8, color="C3")
+    top.set(ylabel="Force (N)", title=f"trial {view.trial} of {view.trials}: {view.state} {view.condition}".strip())
+    for k, name in enumerate(view.names):
+        bottom.plot(view.time_s, np.degrees(view.angle_rad[:, k]), lw=0.9, label=name)
+    absent = absent_bodies(view.names)
+    bottom.set(xlabel="Time (s)", ylabel="Angle from rest (deg)")
+    bottom.set_title(f"not recorded: {', '.join(absent)}" if absent else "", fontsize=9)
+    if view.names:
+        bottom.legend(fontsize=8)
+    for axes in (top, bottom):
+        axes.grid(alpha=0.3)
+    with replace_when_complete(path) as part:
+        figure.savefig(part, format="png", dpi=100)
+
+
+def watch(
+    session: Path,
+    show: Callable[[View], None],
+    *,
+    every_s: float = 0.5,
+    once: bool = False,
+    wait: Callable[[float], None] = time.sleep,
+) -> View | None:
+    """Show a session whenever there is something new, until its plan is done; return the last view.
+
+    Raises
+    ------
+    rig.errors.InputError : no session there, or a trial that cannot be read
+    """
+    from rig.session.following import SessionFollower
+
+    follower = SessionFollower(session)
+    seen: tuple[int, str, int] | None = None
+    view: View | None = None
+    while True:
+        view = follower.look() or view
+        if view is not None and (now := (view.trial, view.state, view.time_s.size)) != seen:
+            show(view)
+            seen = now
+        if once or (view is not None and view.finished):
+            return view
+        wait(every_s)

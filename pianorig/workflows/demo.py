@@ -1,0 +1,205 @@
+"""The main job from end to end on the virtual bench: record, film, track, simulate, report, and its figures.
+
+`run_demo` composes the public functions a notebook would call; `Figures` are the numbers it prints last, each measured
+in this very run against the known truth of the virtual bench.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pianorig.workflows.bench.record import record
+from pianorig.workflows.film.track import track_film_file
+
+if TYPE_CHECKING:
+    from rig.session import Session
+    from rig.simulated.bench.camera import FilmTruth
+    from validation import ValidationResult
+    from vision.tracking.result import TrackResult
+
+FILMED = 1
+
+
+@dataclass(frozen=True)
+class TrackingError:
+    """Error of one tracked relative angle against the film's truth, rad, and its Cramer-Rao bound."""
+
+    body: str
+    rms_rad: float
+    bound_rad: float
+    stated_u_rad: float
+    lost: int
+
+    @property
+    def ratio(self) -> float:
+        """RMS error over the bound."""
+        return self.rms_rad / self.bound_rad
+
+
+@dataclass(frozen=True)
+class Figures:
+    """What the demo measured of itself."""
+
+    tracking: tuple[TrackingError, ...]
+    tracking_frames_per_s: float
+    simulation_s: float
+    simulation_error_rad: float
+    simulation_steps: int
+    seconds: dict[str, float]
+    peak_memory_mib: float | None
+
+
+@dataclass(frozen=True)
+class Demo:
+    """Everything the demo made."""
+
+    session: Session
+    film: FilmTruth
+    track: TrackResult
+    result: ValidationResult
+    figures: Figures
+
+
+def tracking_errors(result: TrackResult, truth: FilmTruth) -> tuple[TrackingError, ...]:
+    """Compare tracked relative angles with the exposure-mean truth of the film.
+
+    Both are zeroed on the still frames, as the tracker does.
+    """
+    out = []
+    rows = result.frame
+    for body in ("jack", "repetition"):
+        angle, u, _ = result.relative(body)
+        column = truth.bodies.index(body)
+        true = truth.mean_angle_rad[rows, column]
+        error = angle - (true - true[rows < result.n_still].mean())
+        good = np.isfinite(error)
+        out.append(
+            TrackingError(
+                body,
+                float(np.sqrt(np.mean(error[good] ** 2))) if good.any() else float("nan"),
+                float(truth.relative_crlb_rad[column]),
+                float(np.median(u[good])) if good.any() else float("nan"),
+                int((~good).sum()),
+            )
+        )
+    return tuple(out)
+
+
+def measure_simulation(
+    time_s: NDArray[np.float64], force_n: NDArray[np.float64], tolerance: float = 1e-5
+) -> tuple[float, float, int]:
+    """Warm run time (s, best of 5), error against a run at 1e-9 (rad), and steps of one simulation."""
+    import model
+
+    action = model.load_action()
+    fine = model.simulate(action, time_s, force_n, tolerance=1e-9)
+    best = float("inf")
+    for _ in range(5):
+        start = time.perf_counter()
+        solution = model.simulate(action, time_s, force_n, tolerance=tolerance)
+        best = min(best, time.perf_counter() - start)
+    error = float(np.abs(solution.angle_rad - fine.angle_rad).max())
+    return best, error, solution.counters["n_steps"]
+
+
+def peak_memory_mib() -> float | None:
+    """Largest resident memory of this process so far, MiB; None where the system does not tell."""
+    try:
+        import resource
+    except ImportError:
+        return None
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return peak / 1024**2 if sys.platform == "darwin" else peak / 1024
+
+
+def run_demo(
+    out: Path,
+    *,
+    trials: int = 5,
+    profile: str = "forte",
+    say: Callable[[str], None] | None = None,
+    record_progress: Callable[[Any], None] | None = None,
+    film_progress: Callable[[int, int], None] | None = None,
+    track_progress: Callable[[int, int], None] | None = None,
+) -> Demo:
+    """Record five blows on the virtual bench, film one, track it, compare with the model, write the report.
+
+    Parameters
+    ----------
+    out : session folder to create
+    say : called with a line per step
+    """
+    import validation
+
+    speak = say or (lambda text: None)
+    seconds: dict[str, float] = {}
+
+    def lap(name: str, start: float) -> None:
+        seconds[name] = time.perf_counter() - start
+
+    start = time.perf_counter()
+    speak(f"recording {trials} {profile} blows on the virtual bench, filming trial {FILMED}")
+    session, _, films = record(
+        out,
+        profile=profile,
+        trials=trials,
+        film=(FILMED,),
+        operator="pianorig demo",
+        action_name="virtual specimen (rig/simulated/bench.toml)",
+        progress=record_progress,
+        film_progress=film_progress,
+    )
+    lap("record and film", start)
+    film = session.trial(FILMED).film
+    if film is None:
+        raise RuntimeError("the demo's film was not written")
+    start = time.perf_counter()
+    speak(f"tracking {film.name}")
+    track = track_film_file(film, progress=track_progress)
+    lap("track", start)
+    start = time.perf_counter()
+    speak("comparing with the model")
+    result = validation.validate_session(session, "hirschkorn2004", progress=None)
+    lap("validate", start)
+    start = time.perf_counter()
+    trace = result.traces[FILMED]
+    blow = (trace["force_time_s"] >= 0.3) & (trace["force_time_s"] <= 1.0)  # 0.7 s around the blow
+    simulation = measure_simulation(trace["force_time_s"][blow].to_numpy(), trace["force_n"][blow].to_numpy())
+    lap("measure the simulation", start)
+    figures = Figures(
+        tracking_errors(track, films[FILMED]),
+        len(track.frame) / seconds["track"],
+        *simulation,
+        seconds,
+        peak_memory_mib(),
+    )
+    return Demo(session, films[FILMED], track, result, figures)
+
+
+def figure_lines(figures: Figures) -> list[str]:
+    """The figures as lines of text."""
+    mdeg = 1e3 * 180 / np.pi
+    lines = [
+        f"simulation   {figures.simulation_s * 1e3:.0f} ms for 0.7 s of trial 1 (warm), "
+        f"error {figures.simulation_error_rad:.1e} rad, {figures.simulation_steps} steps",
+        f"tracking     {figures.tracking_frames_per_s:.0f} frames/s for three bodies together",
+    ]
+    for t in figures.tracking:
+        lines.append(
+            f"             {t.body}: RMS error {t.rms_rad * mdeg:.1f} mdeg = {t.ratio:.2f} x Cramer-Rao bound "
+            f"({t.bound_rad * mdeg:.1f}), stated u {t.stated_u_rad * mdeg:.1f}, {t.lost} frames lost"
+        )
+    total = sum(figures.seconds.values())
+    parts = ", ".join(f"{name} {value:.1f}" for name, value in figures.seconds.items())
+    lines.append(f"run time     {total:.1f} s ({parts})")
+    if figures.peak_memory_mib is not None:
+        lines.append(f"peak memory  {figures.peak_memory_mib:.0f} MiB")
+    return lines

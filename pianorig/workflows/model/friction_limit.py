@@ -1,0 +1,79 @@
+"""``pianorig study friction-limit``: what the threshold speed of eq. 2.10 does, beside set-valued friction."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pianorig.console.output import write_table
+
+if TYPE_CHECKING:
+    from model import Action
+    from model.stick_slip import Limit
+
+_HEAD = ("friction", "strike", "speed", "hold", "moves in it", "differs by", "until release")
+_UNITS = ("", "ms", "m/s", "mm", "mm/s", "rad", "rad")
+
+
+def friction_limit(action: Action, force: Path | None, out: Path | None, quiet: bool) -> dict[str, Any]:
+    """Simulate, print and write the comparison; force table of a CSV file, by default the built-in forte."""
+    import model
+    from model.files.force_library import force_table
+    from model.stick_slip import compare
+
+    times, forces = force_table("thesis-forte") if force is None else model.read_force_table(force)
+    limit = compare(action, times, forces)
+    rows = _rows(limit)
+    files: list[Path] = []
+    if out is not None:
+        import pandas as pd
+
+        from model.stick_slip.figure import draw
+
+        files = [out / "friction_limit.svg", out / "friction_limit.csv"]
+        draw(limit, files[0])
+        write_table(files[1], pd.DataFrame(rows))
+    if not quiet:
+        _print(action, limit, rows)
+        for path in files:
+            print(path)
+    plain = [{k: v if v == v else None for k, v in row.items()} for row in rows]
+    return {"action": action.name, "march_error_rad": limit.march_error_rad, "friction": plain, "files": files}
+
+
+def _rows(limit: Limit) -> list[dict[str, Any]]:
+    rows = []
+    names = [f"v_t {v:g} m/s" for v in limit.v_t] + ["set-valued"]
+    for name, solution, m in zip(names, (*limit.smoothed, limit.marched.solution), limit.measures, strict=True):
+        rows.append(
+            {
+                "friction": name,
+                "strike_s": m.strike_s,
+                "strike_m_per_s": m.strike_m_per_s,
+                "held": m.held,
+                "hold_m": m.hold_m,
+                "creep_m_per_s": limit.creep_m_per_s(solution),
+                "differs_rad": limit.away_rad(solution),
+                "differs_until_release_rad": limit.away_until_release_rad(solution),
+            }
+        )
+    return rows
+
+
+def _print(action: Action, limit: Limit, rows: list[dict[str, Any]]) -> None:
+    print(f"{action.name}: eq. 2.10 with falling threshold speed, and set-valued friction in steps of")
+    print(f"{1e6 * limit.marched.step_s:g} us (its own error, step halved: {limit.march_error_rad:.1e} rad)")
+    for line in (_HEAD, _UNITS):
+        print(f"{line[0]:<14}" + "".join(f"{word:>14}" for word in line[1:]))
+    for row in rows:
+        numbers = (
+            f"{1e3 * row['strike_s']:.4f}",
+            f"{row['strike_m_per_s']:.5f}",
+            f"{1e3 * row['hold_m']:.4f}" + ("" if row["held"] else "*"),
+            f"{1e3 * row['creep_m_per_s']:+.4f}",
+            f"{row['differs_rad']:.1e}",
+            f"{row['differs_until_release_rad']:.1e}",
+        )
+        print(f"{row['friction']:<14}" + "".join(f"{number:>14}" for number in numbers))
+    if not all(row["held"] for row in rows):
+        print("* not held by the back check")

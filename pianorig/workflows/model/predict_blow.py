@@ -1,0 +1,60 @@
+"""The model's prediction of a profile's blow on a bench, for the rig's dry run.
+
+The nominal action is played by the arm of the rig file, held command and all, from rest to half a second after the
+profile's end. `predictor` gives the callable that `rig.recording.dry_run` asks.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from rig.configuration.profile import Profile
+    from rig.configuration.rig_file import Rig
+    from rig.recording.dry_run import Predict, Prediction
+
+AFTER_S = 0.5
+TOLERANCE = 1e-5
+
+
+def predictor(rig: Rig, action_name: str = "hirschkorn2004") -> Predict:
+    """A callable that predicts what a profile does on the bench of ``rig`` with a built-in action or one by path."""
+    import model
+    from rig.configuration.channels import BODIES
+    from rig.errors import InputError
+    from rig.recording.dry_run import Prediction
+
+    config = rig.config
+
+    def predict(profile: Profile) -> Prediction:
+        if config.arm is None:
+            raise InputError(f"rig {config.name}: the dry run needs the motor arm's data; add [arm] to the rig file")
+        arm = {
+            "inertia": config.arm.inertia_kg_m2,
+            "length": config.arm.length_m,
+            "joint_friction": config.arm.friction_nm,
+            "spring_stiffness": config.arm.spring_nm_per_rad,
+            "preload_n": config.force.preload_n,
+            "contact_a": 0.0,
+            "contact_b": 0.0,
+            "contact_c": config.arm.contact_stiffness_n_per_m,
+            "contact_damping": config.arm.contact_damping_s_per_m,
+        }
+        action = model.load_action(action_name).with_values(
+            {f"motor_arm.{key}": value for key, value in arm.items()}, f"rig {config.name}"
+        )
+        scene = model.build_scene(action, model.SceneChoice(effects=("motor_arm",)))
+        rest = model.rest_state(action, scene=scene).angle_rad
+        run = model.Simulation(scene, model.State(0.0, rest, np.zeros(scene.size)), tolerance=TOLERANCE)
+        rate_hz = config.device.sample_rate_hz
+        force_n = np.append(profile.sample(rate_hz), np.zeros(int(AFTER_S * rate_hz)))
+        edge_s = np.arange(force_n.size) / rate_hz
+        torque_nm = force_n * config.arm.length_m
+        change = np.concatenate([[True], np.diff(torque_nm) != 0.0])
+        angle, speed = run.advance(edge_s[-1], edge_s[change], torque_nm[change], held=True, output_time_s=edge_s)
+        body = [model.BODIES.index(name) for name in BODIES]
+        return Prediction(edge_s, run.probe_forces(angle, speed)[:, 0], angle[:, body], speed[:, body], action_name)
+
+    return predict

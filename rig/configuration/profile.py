@@ -1,0 +1,210 @@
+"""Motor profiles: the force the motor is asked for, as key points in time joined by lines or by a monotone
+cubic.
+
+Place in the data flow: profile → recorder → volts of the analog output. Conventions: time in s from the start
+of the profile, force at the key front in N, positive downwards; before the first and after the last point the
+force is zero. All values are nominal: the force the key feels depends on arm and action. The monotone cubic
+is the one of Fritsch & Carlson (1980) with the weighted harmonic mean of slopes (Fritsch & Butland 1984): it
+never overshoots its points. Bad files raise InputError.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from pydantic import BaseModel, ConfigDict, Field
+
+from rig.configuration import toml_file
+from rig.errors import InputError
+from rig.storage.atomic_write import sha256_of_bytes
+
+FOLDER = Path(__file__).parents[1] / "profiles"
+MAX_DURATION_S = 60.0
+Finite = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+
+
+class _Point(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid")
+    time_s: Finite = Field(ge=0, le=MAX_DURATION_S)
+    force_n: Finite
+
+
+class _File(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid")
+    name: str = Field(min_length=1)
+    description: str = ""
+    interpolation: Literal["linear", "pchip"] = "linear"
+    points: list[_Point] = Field(min_length=2)
+
+
+@dataclass(frozen=True, eq=False)
+class Profile:
+    """A motor profile.
+
+    Attributes
+    ----------
+    time_s, force_n : ndarray, shape (m,)
+        Key points, s (increasing) and N (first and last are zero).
+    interpolation : str
+        ``linear`` or ``pchip`` (monotone cubic).
+    text, sha256 : str
+        The TOML text it was read from, and its SHA-256.
+    """
+
+    name: str
+    time_s: NDArray[np.float64]
+    force_n: NDArray[np.float64]
+    interpolation: Literal["linear", "pchip"] = "linear"
+    description: str = ""
+    source: str = ""
+    text: str = ""
+    sha256: str = ""
+
+    @property
+    def duration_s(self) -> float:
+        """Time of the last key point, s."""
+        return float(self.time_s[-1])
+
+    @property
+    def onset_s(self) -> float:
+        """Time of the last key point before the force first leaves zero, s."""
+        moving = np.flatnonzero(self.force_n)
+        return float(self.time_s[max(int(moving[0]) - 1, 0)]) if moving.size else self.duration_s
+
+    def force_at(self, time_s: ArrayLike) -> NDArray[np.float64]:
+        """Return the force at the given times, N; zero outside the profile."""
+        wanted = np.asarray(time_s, dtype=np.float64)
+        if self.interpolation == "linear":
+            return np.interp(wanted, self.time_s, self.force_n, left=0.0, right=0.0)
+        return _monotone_cubic(self.time_s, self.force_n, wanted)
+
+    def sample(self, sample_rate_hz: float) -> NDArray[np.float64]:
+        """Return the force on the sample clock, N, from time 0; the last sample is zero."""
+        n = int(np.ceil(self.duration_s * sample_rate_hz - 1e-9)) + 1
+        force = self.force_at(np.arange(n) / sample_rate_hz)
+        force[-1] = 0.0
+        return force
+
+    def check_limits(self, force_limit_n: float, slew_limit_n_per_s: float, sample_rate_hz: float = 5000.0) -> None:
+        """Refuse a profile that asks for more force, or a faster change of it, than allowed.
+
+        Raises
+        ------
+        InputError
+            Naming the key point, its value and the limit.
+        """
+        where = self.source or self.name
+        worst = int(np.argmax(np.abs(self.force_n)))
+        if abs(self.force_n[worst]) > force_limit_n:
+            raise InputError(
+                f"{where}: points[{worst}].force_n = {self.force_n[worst]:g} N, allowed "
+                f"-{force_limit_n:g} to {force_limit_n:g} N; "
+                "lower it or raise motor.force_limit_n of the rig file"
+            )
+        sampled = self.sample(sample_rate_hz)
+        slew = np.abs(np.diff(sampled)) * sample_rate_hz
+        steepest = int(np.argmax(slew))
+        if slew[steepest] > slew_limit_n_per_s * (1 + 1e-9):
+            raise InputError(
+                f"{where}: force changes by {slew[steepest]:.4g} N/s at "
+                f"{steepest / sample_rate_hz:.4g} s, allowed "
+                f"{slew_limit_n_per_s:g} N/s; spread the key points or raise "
+                "motor.slew_limit_n_per_s of the rig file"
+            )
+
+
+def built_in_profiles() -> tuple[str, ...]:
+    """Return the names of the profiles that come with the package."""
+    return tuple(sorted(path.stem for path in FOLDER.glob("*.toml")))
+
+
+def load_profile(name: str | Path) -> Profile:
+    """Load a built-in profile by name, or a TOML file by path.
+
+    Raises
+    ------
+    InputError
+        When the file is missing, not TOML, or its key points are not a usable profile.
+    """
+    path = Path(name)
+    if str(name) in built_in_profiles():
+        path = FOLDER / f"{name}.toml"
+    elif not path.is_file():
+        raise InputError(
+            f"{name}: no such profile; built in are {', '.join(built_in_profiles())}, or give the path of a TOML file"
+        )
+    return parse_profile(toml_file.read_text(path), str(path))
+
+
+def parse_profile(text: str, where: str = "profile") -> Profile:
+    """Build a profile from TOML text; ``where`` names it in errors."""
+    file = toml_file.check(_File, toml_file.parse_toml(text, where), where)
+    _check_points(file.points, where)
+    return Profile(
+        name=file.name,
+        time_s=np.array([point.time_s for point in file.points]),
+        force_n=np.array([point.force_n for point in file.points]),
+        interpolation=file.interpolation,
+        description=file.description,
+        source=where,
+        text=text,
+        sha256=sha256_of_bytes(text.encode("utf-8")),
+    )
+
+
+def _check_points(points: Sequence[_Point], where: str) -> None:
+    for i, (before, after) in enumerate(zip(points, points[1:], strict=False)):
+        if after.time_s == before.time_s:
+            raise InputError(
+                f"{where}: points[{i}] and points[{i + 1}] are both at time_s = {after.time_s:g} s; move or remove one"
+            )
+        if after.time_s < before.time_s:
+            raise InputError(
+                f"{where}: points[{i + 1}].time_s = {after.time_s:g} s, allowed above "
+                f"points[{i}].time_s = {before.time_s:g} s"
+            )
+    for i, word in ((0, "start"), (len(points) - 1, "end")):
+        if points[i].force_n != 0.0:
+            raise InputError(
+                f"{where}: points[{i}].force_n = {points[i].force_n:g} N, allowed 0: a profile must {word} at zero"
+            )
+
+
+def _monotone_cubic(x: NDArray[np.float64], y: NDArray[np.float64], wanted: NDArray[np.float64]) -> NDArray[np.float64]:
+    h = np.diff(x)
+    slope = np.diff(y) / h
+    tangent = np.zeros_like(y)
+    if slope.size == 1:
+        tangent[:] = slope[0]
+    else:
+        tangent[0] = _end_tangent(h[0], h[1], slope[0], slope[1])
+        tangent[-1] = _end_tangent(h[-1], h[-2], slope[-1], slope[-2])
+        inner = slope[:-1] * slope[1:] > 0
+        w_left, w_right = 2 * h[1:] + h[:-1], h[1:] + 2 * h[:-1]
+        left, right = np.where(inner, slope[:-1], 1.0), np.where(inner, slope[1:], 1.0)
+        with np.errstate(over="ignore"):  # a slope near the smallest float: the mean is zero, as it should be
+            tangent[1:-1] = np.where(inner, (w_left + w_right) / (w_left / left + w_right / right), 0.0)
+    i = np.clip(np.searchsorted(x, wanted, side="right") - 1, 0, x.size - 2)
+    s = (wanted - x[i]) / h[i]
+    hermite = (
+        (1 + 2 * s) * (1 - s) ** 2 * y[i]
+        + s * (1 - s) ** 2 * h[i] * tangent[i]
+        + s**2 * (3 - 2 * s) * y[i + 1]
+        + s**2 * (s - 1) * h[i] * tangent[i + 1]
+    )
+    return np.where((wanted < x[0]) | (wanted > x[-1]), 0.0, hermite)
+
+
+def _end_tangent(h0: float, h1: float, slope0: float, slope1: float) -> float:
+    """Three-point end slope, limited so that the end interval stays monotone."""
+    tangent = ((2 * h0 + h1) * slope0 - h0 * slope1) / (h0 + h1)
+    if np.sign(tangent) != np.sign(slope0):
+        return 0.0
+    if np.sign(slope0) != np.sign(slope1) and abs(tangent) > 3 * abs(slope0):
+        return 3 * slope0
+    return float(tangent)

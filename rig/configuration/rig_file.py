@@ -1,0 +1,200 @@
+"""The rig file: which device, channels, scales, signs and limits the bench has (TOML, checked, frozen).
+
+Place in the data flow: read before anything else; its text and SHA-256 go into every session. Conventions: SI
+units, names carry units, encoder order key, whippen, hammer, sign +1 when counts rise as the body turns
+counter-clockwise. A bad value is refused with file, key, value and allowed range
+(:class:`rig.errors.InputError`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from pydantic import Field, model_validator
+
+from rig.configuration import toml_file
+from rig.configuration.channels import (
+    BODIES,
+    ArmConfig,
+    CameraConfig,
+    ChannelConfig,
+    Count,
+    DeviceConfig,
+    DriveEnableConfig,
+    EncoderConfig,
+    ForceConfig,
+    MotorConfig,
+    Number,
+    Table,
+    Text,
+)
+from rig.errors import InputError
+from rig.storage.atomic_write import sha256_of_bytes
+
+FOLDER = Path(__file__).parents[1] / "rigs"
+
+
+class LimitsConfig(Table):
+    """What ends a trial at once (:mod:`rig.recording.interlocks`); bodies in the order key, whippen, hammer.
+
+    The defaults are about three times what a forte blow reaches on the virtual bench (34 N, 35 kN/s, 3.5, 8 and
+    18 rad/s, 0.05, 0.09 and 0.36 rad).
+    """
+
+    force_min_n: Number = Field(default=-10.0, ge=-1000, le=0)
+    force_max_n: Number = Field(default=110.0, gt=0, le=1000)
+    force_rate_n_per_s: Number = Field(default=250_000.0, gt=0)
+    speed_rad_per_s: tuple[Number, Number, Number] = (15.0, 40.0, 100.0)
+    travel_rad: tuple[Number, Number, Number] = (0.12, 0.25, 1.2)
+    return_rad: Number = Field(default=0.005, gt=0, le=1)
+    baseline_n: tuple[Number, Number] = (-1.0, 1.0)
+    least_preload_n: Number | None = None
+    push_n: Number = Field(default=3.0, gt=0, le=120)
+    no_force_s: Number = Field(default=0.005, ge=0.001, le=0.2)
+    stuck_s: Number = Field(default=0.005, ge=0.001, le=0.2)
+
+
+class WatchdogConfig(Table):
+    """The device's watchdog timer: outputs made safe when the program has been silent for ``timeout_s``."""
+
+    timeout_s: Number = Field(default=0.5, ge=0.05, le=30)
+
+
+class SafetyConfig(Table):
+    """Who may let the motor move: ``--yes`` instead of a typed confirmation, and how old a self-test may be."""
+
+    allow_yes: bool = Field(default=False, strict=True)
+    selftest_valid_h: Number = Field(default=24.0, gt=0, le=8760)
+
+
+class SelftestConfig(Table):
+    """What ``pianorig selftest`` expects of a sound bench.
+
+    ``stroke_rad`` is how far key, whippen and hammer turn, counter-clockwise positive, when the key is pressed to its
+    bottom by hand. ``push_n`` must not move the key. ``shunt_ohm`` is the module's shunt resistor, 0 for none.
+    """
+
+    stroke_rad: tuple[Number, Number, Number]
+    stroke_tolerance: Number = Field(default=0.15, gt=0, le=0.4)
+    push_n: Number = Field(default=0.25, gt=0, le=5)
+    push_tolerance: Number = Field(default=0.2, gt=0, le=0.5)
+    latency_tolerance_samples: Number = Field(default=3.0, gt=0, le=100)
+    offset_limit_n: Number = Field(default=2.0, gt=0, le=100)
+    shunt_ohm: Number = Field(default=100e3, ge=0)
+    shunt_tolerance: Number = Field(default=0.02, gt=0, le=0.5)
+    loopback: Text | None = None
+    """A voltage input that is wired to the motor's output, if there is one."""
+
+
+class RecordingConfig(Table):
+    """Timing of a trial and what counts as rest."""
+
+    quiet_s: Number = Field(default=0.35, ge=0.3, le=10)
+    rest_s: Number = Field(default=0.2, ge=0.2, le=10)
+    rest_counts: Count = Field(default=1, ge=0, le=1000)
+    rest_force_n: Number = Field(default=0.2, gt=0, le=10)
+    longest_s: Number = Field(default=3.0, ge=0.5, le=60)
+    block_s: Number = Field(default=0.02, ge=0.001, le=1)
+
+
+class RigConfig(Table):
+    """A whole rig file."""
+
+    schema_name: Literal["piano-action-rig rig 1"] = Field(alias="schema")
+    name: Text
+    mains_frequency_hz: Number = Field(ge=40, le=70)
+    device: DeviceConfig
+    force: ForceConfig
+    encoders: tuple[EncoderConfig, EncoderConfig, EncoderConfig]
+    channels: tuple[ChannelConfig, ...] = ()
+    motor: MotorConfig
+    arm: ArmConfig | None = None
+    camera: CameraConfig | None = None
+    drive_enable: DriveEnableConfig | None = None
+    watchdog: WatchdogConfig | None = None
+    limits: LimitsConfig = LimitsConfig()
+    safety: SafetyConfig = SafetyConfig()
+    selftest: SelftestConfig | None = None
+    recording: RecordingConfig = RecordingConfig()
+
+    @model_validator(mode="after")
+    def _consistent(self) -> RigConfig:
+        names = tuple(encoder.name for encoder in self.encoders)
+        if names != BODIES:
+            raise ValueError(f"encoders are named {names}, allowed {BODIES} in this order")
+        counters = [encoder.counter for encoder in self.encoders]
+        if self.camera is not None:
+            counters.append(self.camera.counter)
+        # on a chassis, Mod3/ctr0 and Mod4/ctr0 are one and the same counter
+        own = [counter.rsplit("/", 1)[-1].lower() for counter in counters]
+        if len(set(own)) != len(own):
+            raise ValueError(
+                f"encoders and camera use the counters {counters}, allowed one task per counter; give each its own"
+            )
+        self._check_channels()
+        camera, rate = self.camera, self.device.sample_rate_hz
+        if camera is not None and camera.mode == "counted" and camera.frame_rate_hz > rate / 2:
+            raise ValueError(
+                f"camera.frame_rate_hz = {camera.frame_rate_hz:g} Hz, allowed at most {rate / 2:g} Hz (half of "
+                "device.sample_rate_hz) where exposures are counted"
+            )
+        if self.watchdog is not None and self.recording.block_s > self.watchdog.timeout_s / 2:
+            raise ValueError(
+                f"recording.block_s = {self.recording.block_s:g} s, allowed at most half of watchdog.timeout_s = "
+                f"{self.watchdog.timeout_s:g} s"
+            )
+        terminals = [t for encoder in self.encoders for t in (encoder.a_terminal, encoder.b_terminal)]
+        if len(set(terminals)) != len(terminals):
+            raise ValueError(f"encoder terminals {terminals} repeat; each signal needs its own terminal")
+        return self
+
+    def _check_channels(self) -> None:
+        if self.channels and self.force.kind != "voltage":
+            raise ValueError(
+                f"channels: {len(self.channels)} voltage inputs, allowed 0 where force.kind = {self.force.kind!r}: "
+                "they share the force's task, and a bridge module has no voltage inputs"
+            )
+        names = [channel.name for channel in self.channels]
+        inputs = [self.force.channel.lower(), *(channel.channel.lower() for channel in self.channels)]
+        for what, listed in (("names", names), ("inputs", inputs)):
+            if len(set(listed)) != len(listed):
+                raise ValueError(f"{what} of force and channels {listed} repeat, allowed each once")
+
+
+@dataclass(frozen=True)
+class Rig:
+    """A checked rig file with its text, so that a session can keep both."""
+
+    config: RigConfig
+    text: str
+    sha256: str
+    source: str
+
+
+def built_in_rigs() -> tuple[str, ...]:
+    """Return the names of the rig files that come with the package."""
+    return tuple(sorted(path.stem for path in FOLDER.glob("*.toml")))
+
+
+def load_rig(name: str | Path = "virtual") -> Rig:
+    """Load a built-in rig file by name, or one by path.
+
+    Raises
+    ------
+    InputError
+        When the file is missing, not TOML, or holds a value outside its allowed range.
+    """
+    path = FOLDER / f"{name}.toml" if str(name) in built_in_rigs() else Path(name)
+    if not path.is_file():
+        raise InputError(
+            f"{name}: no such rig file; built in are {', '.join(built_in_rigs())}, or give the path of a TOML file"
+        )
+    return parse_rig(toml_file.read_text(path), str(path))
+
+
+def parse_rig(text: str, where: str = "rig file") -> Rig:
+    """Check TOML text as a rig file; ``where`` names it in errors."""
+    config = toml_file.check(RigConfig, toml_file.parse_toml(text, where), where)
+    return Rig(config, text, sha256_of_bytes(text.encode("utf-8")), where)

@@ -1,0 +1,153 @@
+"""The dry run: what a model says a profile will do, held against the limits of the rig file before anything moves.
+
+Place in the data flow: ``pianorig`` puts a ``predict(profile)`` callable there, because the rig does not know the
+model; the recorder asks it once per session, before it touches the bench. Checked: force and its rate, travel, speed
+and the encoders' pulse rate of the predicted blow, and speed and energy of the arm if it met no key. What was predicted
+goes into ``session.toml``. Anything outside the limits is :class:`rig.errors.InputError`; nothing has moved then.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig.configuration.channels import BODIES, ArmConfig
+from rig.configuration.profile import Profile
+from rig.configuration.rig_file import RigConfig
+from rig.errors import InputError
+
+
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """A predicted blow at n successive samples.
+
+    Attributes
+    ----------
+    time_s : ndarray, shape (n,)
+    force_n : ndarray, shape (n,)
+        Force of the arm on the key, N, positive downwards.
+    angle_rad, speed_rad_per_s : ndarray, shape (n, 3)
+        Of key, whippen and hammer, counter-clockwise.
+    model : str
+        What predicted it.
+    """
+
+    time_s: NDArray[np.float64]
+    force_n: NDArray[np.float64]
+    angle_rad: NDArray[np.float64]
+    speed_rad_per_s: NDArray[np.float64]
+    model: str
+
+
+Predict = Callable[[Profile], Prediction]
+
+
+@dataclass(frozen=True)
+class FreeArm:
+    """The arm that met no key: its largest speed and energy up to its hard stop."""
+
+    speed_rad_per_s: float
+    energy_j: float
+
+
+def dry_run(profile: Profile, config: RigConfig, predict: Predict) -> dict[str, float | str]:
+    """Predict a profile's blow and refuse what leaves the limits; return what was found, for the session file.
+
+    Raises
+    ------
+    InputError
+        Naming the quantity, the value predicted, when, and the limit; or a rig file without an arm.
+    """
+    where = profile.source or profile.name
+    if config.arm is None:
+        raise InputError(f"rig {config.name}: the dry run needs the motor arm's data; add [arm] to the rig file")
+    rate = config.device.sample_rate_hz
+    free = free_arm(config.arm, profile.sample(rate), rate)
+    _refuse_above(where, "speed of the arm without a key", "rad/s", free.speed_rad_per_s,
+                  config.arm.free_speed_limit_rad_per_s, "arm.free_speed_limit_rad_per_s")  # fmt: skip
+    _refuse_above(where, "energy of the arm without a key", "J", free.energy_j,
+                  config.arm.free_energy_limit_j, "arm.free_energy_limit_j")  # fmt: skip
+    predicted = predict(profile)
+    _check_finite(where, predicted)
+    figures = _check_blow(where, config, predicted)
+    return {
+        "profile_sha256": profile.sha256,
+        "model": predicted.model,
+        **figures,
+        "free_arm_speed_rad_per_s": round(free.speed_rad_per_s, 4),
+        "free_arm_energy_j": round(free.energy_j, 6),
+    }
+
+
+def free_arm(arm: ArmConfig, force_n: NDArray[np.float64], sample_rate_hz: float) -> FreeArm:
+    """Return the largest speed and energy of an arm that is held by nothing until it reaches its hard stop.
+
+    The torque of each sample is held to the next, so that angle and speed follow exactly; spring and friction, which
+    only slow it down, are left out. Both ways count: a pull away from the key is not stopped any sooner.
+    """
+    acceleration = force_n * (arm.length_m / arm.inertia_kg_m2)
+    step_s = 1.0 / sample_rate_hz
+    speed = np.concatenate(([0.0], np.cumsum(acceleration) * step_s))
+    angle = np.concatenate(([0.0], np.cumsum(speed[:-1] * step_s + 0.5 * acceleration * step_s**2)))
+    beyond = np.abs(angle) > arm.free_travel_rad
+    last = int(np.argmax(beyond)) if beyond.any() else angle.size - 1
+    fastest = float(np.max(np.abs(speed[:last]), initial=0.0))
+    if beyond.any():
+        # within the sample in which it meets the stop: v² = v0² + 2 a s
+        before, way = speed[last - 1], arm.free_travel_rad - abs(angle[last - 1])
+        towards = np.sign(angle[last]) * acceleration[last - 1]
+        fastest = max(fastest, float(np.sqrt(max(before**2 + 2 * towards * way, 0.0))))
+    else:
+        fastest = max(fastest, float(abs(speed[last])))
+    return FreeArm(fastest, 0.5 * arm.inertia_kg_m2 * fastest**2)
+
+
+def _check_finite(where: str, predicted: Prediction) -> None:
+    arrays = (predicted.force_n, predicted.angle_rad, predicted.speed_rad_per_s)
+    if not all(np.all(np.isfinite(values)) for values in arrays):
+        raise InputError(f"{where}: dry run: {predicted.model} ends in values that are not finite; ease the profile")
+
+
+def _check_blow(where: str, config: RigConfig, predicted: Prediction) -> dict[str, float | str]:
+    limits, time_s, force = config.limits, predicted.time_s, predicted.force_n
+    at = int(np.argmax(force))
+    _refuse_above(where, "force", "N", float(force[at]), limits.force_max_n, "limits.force_max_n", time_s[at])
+    rate = np.abs(np.diff(force)) * config.device.sample_rate_hz
+    at = int(np.argmax(rate))
+    fastest = float(rate[at])
+    _refuse_above(where, "rate of force", "N/s", fastest, limits.force_rate_n_per_s, "limits.force_rate_n_per_s",
+                  time_s[at])  # fmt: skip
+    figures: dict[str, float | str] = {
+        "force_n": round(float(force.max()), 4),
+        "force_rate_n_per_s": round(fastest, 1),
+    }
+    for body, (name, encoder) in enumerate(zip(BODIES, config.encoders, strict=True)):
+        travel = np.abs(predicted.angle_rad[:, body] - predicted.angle_rad[0, body])
+        speed = np.abs(predicted.speed_rad_per_s[:, body])
+        a, v = int(np.argmax(travel)), int(np.argmax(speed))
+        _refuse_above(where, f"travel of the {name}", "rad", float(travel[a]), limits.travel_rad[body],
+                      "limits.travel_rad", time_s[a])  # fmt: skip
+        _refuse_above(where, f"speed of the {name}", "rad/s", float(speed[v]), limits.speed_rad_per_s[body],
+                      "limits.speed_rad_per_s", time_s[v])  # fmt: skip
+        pulses_hz = encoder.pulses_per_revolution / (2 * np.pi)
+        _refuse_above(where, f"pulse rate of the {name} encoder", "Hz", float(speed[v]) * pulses_hz,
+                      encoder.greatest_speed_rad_per_s * pulses_hz, f"encoders[{body}].max_pulse_rate_hz",
+                      time_s[v])  # fmt: skip
+        figures[f"{name}_travel_rad"] = round(float(travel[a]), 5)
+        figures[f"{name}_speed_rad_per_s"] = round(float(speed[v]), 4)
+        figures[f"{name}_pulse_rate_hz"] = round(float(speed[v]) * pulses_hz, 1)
+    return figures
+
+
+def _refuse_above(
+    where: str, what: str, unit: str, value: float, limit: float, key: str, time_s: float | None = None
+) -> None:
+    if value > limit:
+        when = "" if time_s is None else f" at {time_s:.4f} s"
+        raise InputError(
+            f"{where}: dry run: {what} {value:.4g} {unit}{when}, allowed {limit:.4g} {unit} ({key}); "
+            "ease the profile, or change the rig file if the bench can take it"
+        )

@@ -1,0 +1,111 @@
+"""Permission to move the motor of a real bench: somebody confirmed, and a self-test of this rig file passed.
+
+Place in the data flow: the command line asks the operator and gets a :class:`Permission`; the recorder refuses to touch
+hardware (``ni://``, ``ni-grpc://``) without one. The virtual bench needs none. Refusals are
+:class:`rig.errors.NotPermitted`; nothing has moved then.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+
+from rig.backend import Capabilities
+from rig.configuration.rig_file import Rig, RigConfig
+from rig.errors import NotPermitted
+from rig.selftest.record import SelftestRecord, valid_record
+
+
+@dataclass(frozen=True)
+class Permission:
+    """How it was confirmed (``typed`` or ``--yes``), for which rig file, and the self-test it rests on."""
+
+    how: str
+    rig_sha256: str
+    selftest: SelftestRecord | None
+
+    def noted(self) -> dict[str, str]:
+        """Return what goes into the notes of the session."""
+        record = self.selftest
+        if record is None:
+            return {"permission": self.how}
+        found = "; ".join(f"{finding.check}: {finding.found}" for finding in record.findings)
+        return {"permission": self.how, "selftest": f"{record.created_utc.isoformat()} {found}"}
+
+    def applied_to(self, config: RigConfig) -> RigConfig:
+        """Return the rig's settings with what the self-test measured: the unloaded reading of the load cell."""
+        if self.selftest is None or self.selftest.unloaded_n is None or config.force.offset_n is not None:
+            return config
+        force = config.force.model_copy(update={"offset_n": self.selftest.unloaded_n})
+        return config.model_copy(update={"force": force})
+
+
+def confirm(rig: Rig, address: str, *, yes: bool, ask: Callable[[str], str | None] | None) -> str:
+    """Have the operator confirm that the motor may move; return how.
+
+    Parameters
+    ----------
+    yes : bool
+        ``--yes`` was given; counts only where ``safety.allow_yes`` of the rig file is true.
+    ask : callable
+        Shows a question and returns what was typed; None, or one that returns None, when nobody can be asked.
+
+    Raises
+    ------
+    NotPermitted
+        When it is not confirmed.
+    """
+    name = rig.config.name
+    if yes:
+        if not rig.config.safety.allow_yes:
+            raise NotPermitted(
+                f"{rig.source}: --yes is not permitted (safety.allow_yes = false); confirm by typing the rig's name"
+            )
+        return "--yes"
+    question = f"The motor at {address} will move. Nobody near the arm? Type the rig's name, {name}, to go on: "
+    typed = None if ask is None else ask(question)
+    if typed is None:
+        raise NotPermitted(f"{address}: nobody to confirm that the motor may move; run it in a terminal, or see --yes")
+    if typed.strip() != name:
+        raise NotPermitted(f"{address}: typed {typed.strip()!r}, expected {name!r}; nothing has moved")
+    return "typed"
+
+
+def permit(
+    rig: Rig,
+    address: str,
+    selftests: Path,
+    *,
+    yes: bool,
+    ask: Callable[[str], str | None] | None,
+    now: datetime | None = None,
+) -> Permission:
+    """Ask for everything that recording on hardware needs: a valid self-test first, then the confirmation."""
+    _, record = valid_record(rig, selftests, now)
+    return Permission(confirm(rig, address, yes=yes, ask=ask), rig.sha256, record)
+
+
+def demand(rig: Rig, capabilities: Capabilities, permission: Permission | None, dry_run: bool) -> None:
+    """Refuse to go on with a backend that moves hardware unless everything was asked for.
+
+    Raises
+    ------
+    NotPermitted
+        Naming what is missing.
+    """
+    if not capabilities.hardware:
+        return
+    if permission is None:
+        raise NotPermitted(f"{capabilities.name}: moving hardware needs a permission (rig.recording.permission.permit)")
+    if permission.rig_sha256 != rig.sha256:
+        raise NotPermitted(f"{capabilities.name}: the permission is for another rig file than {rig.source}")
+    record = permission.selftest
+    if record is None or not record.passed:
+        raise NotPermitted(f"{capabilities.name}: recording needs a self-test that passed; run  pianorig selftest")
+    product = capabilities.description.get("product", "")
+    if record.product != product:
+        raise NotPermitted(f"{capabilities.name}: is a {product}, the self-test was made on a {record.product}")
+    if not dry_run:
+        raise NotPermitted(f"{capabilities.name}: recording needs a dry run of the profile (predict)")

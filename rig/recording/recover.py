@@ -1,0 +1,136 @@
+"""Making trials out of the journals that a killed program, a crash or a full disk left behind.
+
+Place in the data flow: session folder with ``trial_NNNN.journal`` → the same folder with sealed trials, marked
+``incomplete`` unless the journal has its closing record. Nothing is deleted before what it holds is sealed and read
+back; a journal with damage in its middle is kept as ``.journal.damaged``, a sealed file that was damaged while its
+journal was still there as ``.h5.damaged``. Running it twice changes nothing more.
+"""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from rig.errors import InputError
+from rig.recording.trial_plan import reject_warm_up
+from rig.session import Session
+from rig.session.journal_format import Journal, read_journal
+from rig.session.records import TrialData
+from rig.storage import platform_calls
+
+
+@dataclass(frozen=True)
+class Recovered:
+    """What became of one journal: the trial's status, or ``empty`` or ``unreadable``, its samples, and a note."""
+
+    trial: int
+    status: str
+    samples: int
+    note: str
+
+
+def recover_session(path: str | Path) -> list[Recovered]:
+    """Recover every trial of a session that was not sealed.
+
+    Parameters
+    ----------
+    path : path
+        Session folder.
+
+    Returns
+    -------
+    list of Recovered
+        One entry per journal found; empty when there was nothing to do.
+
+    Raises
+    ------
+    InputError
+        When the folder is no session, is still being recorded, or cannot be written, or a journal does not belong
+        there; the other trials are recovered first.
+    """
+    session = Session.open(path, require_trials=False)
+    journals = session.journals
+    for file in journals.values():
+        _refuse_if_in_use(file)
+    for part in session.path.glob(".trial_*.h5.*.part"):
+        part.unlink(missing_ok=True)  # half of a trial whose journal is still there
+    found, refused = [], []
+    for number, file in journals.items():
+        try:
+            found.append(_recover_trial(session, number, file))
+        except InputError as error:
+            refused.append(str(error))
+    if refused:
+        raise InputError("; ".join(refused))
+    return found
+
+
+def _refuse_if_in_use(file: Path) -> None:
+    try:
+        descriptor = platform_calls.open_raw(file, os.O_RDWR)
+    except OSError as error:
+        raise InputError(f"{file}: cannot be opened ({error.strerror or error})") from error
+    try:
+        if not platform_calls.lock(descriptor):
+            raise InputError(f"{file}: another program is recording this session; wait until it has ended")
+    finally:
+        os.close(descriptor)
+
+
+def _recover_trial(session: Session, number: int, file: Path) -> Recovered:
+    journal = read_journal(file)
+    if (sealed := _sealed(session, number)) is not None:
+        return _already_sealed(session, sealed, file, journal)
+    if journal.head is None or not journal.blocks:
+        if journal.left_over:
+            return Recovered(number, "unreadable", 0, f"{file.name} begins with damage and was left as it is")
+        file.unlink()
+        return Recovered(number, "empty", 0, "no sample had been acquired; the journal was removed")
+    if journal.head.number != number:
+        raise InputError(f"{file}: holds trial {journal.head.number}, not {number}; give it its own name again")
+    damaged = journal.records_behind or (journal.ending is not None and journal.left_over > 0)
+    if journal.ending is not None and not damaged:
+        status, reason = journal.ending
+        note = "closed by the recorder, sealed now"
+    else:
+        status = "incomplete"
+        note = f"recovered from the journal up to sample {journal.n_samples}"
+        note += "; damage behind it" if damaged else "; the recording was cut off"
+        reason = note
+    if session.trial_path(number).exists():
+        note += f"; the sealed file was damaged and is kept as {_put_aside(session.trial_path(number)).name}"
+    data = journal.head.assemble(journal.blocks, status, reason)
+    reject_warm_up(session, data)
+    sealed = session.add_trial(data).read()
+    if sealed.n_valid != journal.n_samples:
+        raise InputError(f"{file}: {journal.n_samples} samples, but {sealed.n_valid} were sealed; the journal is kept")
+    if damaged:
+        _put_aside(file)
+    else:
+        file.unlink()
+    return Recovered(number, status, journal.n_samples, note)
+
+
+def _sealed(session: Session, number: int) -> TrialData | None:
+    """Return the sealed trial; None when there is none, or it cannot be read."""
+    try:
+        return session.trial(number).read()
+    except InputError:
+        return None
+
+
+def _already_sealed(session: Session, sealed: TrialData, file: Path, journal: Journal) -> Recovered:
+    """The program ended between sealing a trial and removing its journal, unless the two differ."""
+    force_n = np.concatenate([np.empty(0), *(block.force_n for block in journal.blocks)])
+    if not np.array_equal(sealed.force_n[: force_n.size], force_n):
+        raise InputError(f"{file}: is not the journal of {session.trial_path(sealed.number).name}; move it elsewhere")
+    file.unlink()
+    return Recovered(sealed.number, sealed.status, sealed.n_valid, "was sealed already; the journal was removed")
+
+
+def _put_aside(file: Path) -> Path:
+    """Keep a damaged file under another name."""
+    return file.replace(file.with_name(file.name + ".damaged"))

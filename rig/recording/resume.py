@@ -1,0 +1,132 @@
+"""Going on with a session that was interrupted, or whose trials were rejected.
+
+Place in the data flow: session folder → what of its plan is still to be done → further trials in the same folder. A
+trial is never rewritten: what is repeated gets the next free number, the earlier one stays. Done is an entry of the
+plan with a trial that ended by itself (``complete``, ``not at rest``) and is not rejected; a warm-up blow counts as
+done although it is rejected. Rig file and profiles are the copies in the session.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from rig.backend import Backend
+from rig.configuration import toml_file
+from rig.configuration.profile import parse_profile
+from rig.configuration.rig_file import Rig, parse_rig
+from rig.errors import InputError
+from rig.recording.dry_run import Predict, dry_run
+from rig.recording.permission import Permission, demand
+from rig.recording.plan_run import Attendance, play
+from rig.recording.recover import recover_session
+from rig.recording.trial_plan import WARM_UP_REASON, Entry
+from rig.session import Session
+from rig.session.info import FileInfo
+from rig.storage.atomic_write import sha256_of_bytes
+
+ENDED = ("complete", "not at rest")
+
+
+def due_entries(session: Session) -> list[Entry]:
+    """Return the entries of a session's plan that are still to be played, in their order."""
+    plan = session.info.plan
+    every = _entries(session)
+    done: set[int] = set()
+    plain_done = 0
+    for trial in session.trials:
+        if trial.status not in ENDED or (trial.rejected and trial.rejected != WARM_UP_REASON):
+            continue
+        entry = trial.read().plan_entry
+        done.add(entry)
+        plain_done += 1
+    if not plan.order:
+        return every[min(plain_done, len(every)) :]
+    return [entry for entry in every if entry.number not in done]
+
+
+def _entries(session: Session) -> list[Entry]:
+    plan = session.info.plan
+    if not plan.order:
+        profile = parse_profile(_copy(session, session.info.profile), f"{session.path / 'profile.toml'}")
+        return [Entry(k, "", profile) for k in range(1, plan.trials + 1)]
+    by_name = {condition.name: condition for condition in plan.conditions}
+    missing = set(plan.order) - set(by_name)
+    if missing:
+        raise InputError(f"{session.path}: plan.order names {sorted(missing)}, which is not among plan.conditions")
+    profiles = {
+        name: parse_profile(_copy(session, condition.profile), str(session.path / condition.profile.copy_name))
+        for name, condition in by_name.items()
+    }
+    return [
+        Entry(k + 1, name, profiles[name], k < plan.warm_up, by_name[name].prompt) for k, name in enumerate(plan.order)
+    ]
+
+
+def _copy(session: Session, file: FileInfo) -> str:
+    """Text of a copy kept in the session, after checking that it is the one the session was made with."""
+    if not file.copy_name or Path(file.copy_name).name != file.copy_name:
+        raise InputError(f"{session.path}: {file.name}: no copy is kept beside session.toml; record a new session")
+    path = session.path / file.copy_name
+    text = toml_file.read_text(path)
+    if file.sha256 and sha256_of_bytes(text.encode("utf-8")) != file.sha256:
+        raise InputError(f"{path}: is not the file the session was begun with; put that back, or record a new session")
+    return text
+
+
+def session_rig(session: Session) -> Rig:
+    """Return the rig file a session was begun with."""
+    return parse_rig(_copy(session, session.info.rig), str(session.path / session.info.rig.copy_name))
+
+
+def resume_session(
+    path: str | Path,
+    backend: Backend,
+    *,
+    attendance: Attendance | None = None,
+    predict: Predict | None = None,
+    permission: Permission | None = None,
+    opened: Callable[[int], None] | None = None,
+) -> Session:
+    """Record what is left of a session's plan.
+
+    A trial that was cut off is recovered from its journal first.
+
+    Parameters
+    ----------
+    backend : Backend
+        Of the session's rig file (:func:`session_rig`); simulated or not as the session is.
+    attendance, predict, permission
+        As for :func:`rig.recording.recorder.record_session`.
+    opened : callable, optional
+        Called with the number of the last trial there is, before the first new one.
+
+    Raises
+    ------
+    InputError
+        No session, nothing left to do, or copies that were changed; nothing has moved.
+    HardwareFault, KeyboardInterrupt
+        As when recording.
+    """
+    recover_session(path)
+    session = Session.open(path, require_trials=False)
+    if session.info.simulated != backend.capabilities.simulated:
+        raise InputError(
+            f"{session.path}: simulated = {session.info.simulated}, but the backend {backend.capabilities.name} is "
+            f"{'' if backend.capabilities.simulated else 'not '}simulated; a session is one or the other"
+        )
+    due = due_entries(session)
+    if not due:
+        raise InputError(f"{session.path}: every trial of its plan is there; nothing to resume")
+    rig = session_rig(session)
+    demand(rig, backend.capabilities, permission, predict is not None)
+    config = permission.applied_to(rig.config) if permission is not None else rig.config
+    if predict is not None:
+        for profile in {entry.condition: entry.profile for entry in due}.values():
+            dry_run(profile, config, predict)
+    last = max((trial.number for trial in session.trials), default=0)
+    if opened is not None:
+        opened(last)
+    watching = attendance or Attendance()
+    play(session, backend, config, due, last + 1, session.info.plan.rest_s, watching)
+    return session

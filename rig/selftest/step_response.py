@@ -1,0 +1,56 @@
+"""What a self-test makes of its data: joined blocks, the moment of a step, what a wrong stroke looks like.
+
+Place in the data flow: blocks of :mod:`rig.selftest.run` → numbers and advice in its findings.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig.backend import Block
+from rig.configuration.channels import BODIES
+from rig.configuration.rig_file import RigConfig
+
+
+def encoder_advice(config: RigConfig, body: int, turned_rad: float) -> str:
+    """Say what a wrong stroke looks like, by the counts that each mistake would have given."""
+    if config.selftest is None:
+        return ""
+    encoders, strokes, tolerance = config.encoders, config.selftest.stroke_rad, config.selftest.stroke_tolerance
+    expected = [s / (2 * np.pi) * e.counts_per_revolution for s, e in zip(strokes, encoders, strict=True)]
+    counts = turned_rad / (2 * np.pi) * encoders[body].counts_per_revolution
+
+    def like(other: float) -> bool:
+        return abs(counts - other) <= tolerance * abs(other)
+
+    if abs(counts) < 0.02 * abs(expected[body]):
+        return "does not move: look at its plug, supply and terminals"
+    if like(-expected[body]):
+        return "turns the wrong way: change its sign, or exchange A and B"
+    for other, theirs in enumerate(expected):
+        if other != body and (like(theirs) or like(-theirs)):
+            return f"reads like the {BODIES[other]}: its cable or terminals are swapped with the {BODIES[other]}'s"
+    ratio = abs(counts / expected[body])
+    if min(abs(ratio / 4 - 1), abs(4 * ratio - 1)) <= tolerance:
+        return f"wrong scale by {ratio:.3g}: counts_per_revolution must count all four edges, four for each line"
+    return f"wrong scale by {ratio:.3g}: look at counts_per_revolution and the decoding"
+
+
+def joined(blocks: list[Block]) -> Block:
+    """Join successive blocks to one."""
+    return Block(
+        blocks[0].first_sample,
+        np.concatenate([block.force_n for block in blocks]),
+        np.concatenate([block.force_raw for block in blocks]),
+        np.concatenate([block.encoder_count for block in blocks]),
+    )
+
+
+def first_crossing(values: NDArray[np.float64], level: float) -> float | None:
+    """Return where a curve first passes a level upwards, in samples, interpolated; None if it never does."""
+    above = np.flatnonzero(values >= level)
+    if not above.size:
+        return None
+    i = int(above[0])
+    return float(i) if i == 0 else i - 1 + float((level - values[i - 1]) / (values[i] - values[i - 1]))

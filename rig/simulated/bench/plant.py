@@ -1,0 +1,196 @@
+"""The mechanics of the virtual bench: specimen action and motor arm, integrated with the model's kernels.
+
+The simulated device asks for the state at each edge of its sample clock; camera and tests read the whole
+truth of a trial afterwards. The command is a zero-order hold in volts; the force spike at key bottom arises
+from the arm's inertia. How the specimen differs from the model under test and what scatters from trial to trial
+stand in bench.toml. Same seed and trial, same trial. A bad bench file ends in ``InputError``.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+import model
+from model.parameters.effects import EFFECTS, KEY_LIFT, MOTOR
+from rig.errors import InputError
+from rig.simulated.bench.plant_protocol import ENCODED_BODIES, PlantBlock
+
+TOLERANCE = 1e-6
+
+
+@dataclass(frozen=True)
+class PlantTruth:
+    """What really happened in one trial, at the edges of the sample clock.
+
+    Attributes
+    ----------
+    time_s : (n,)
+    angle_rad, speed_rad_per_s : (n, k) key, whippen, jack, repetition, hammer, motor, then what effects of the specimen
+        add: ``key_lift`` (m, m/s), ``shank``; named in ``coordinates``
+    force_n : (n,) force of the arm on the key
+    action : the specimen of this trial
+    torque_per_volt_nm : of this trial
+    coordinates : (k,) names of the columns
+    """
+
+    time_s: NDArray[np.float64]
+    angle_rad: NDArray[np.float64]
+    speed_rad_per_s: NDArray[np.float64]
+    force_n: NDArray[np.float64]
+    action: model.Action
+    torque_per_volt_nm: float
+    coordinates: tuple[str, ...] = ()
+
+    def column(self, coordinate: str) -> NDArray[np.float64]:
+        """One coordinate over time, (n,)."""
+        return self.angle_rad[:, self.coordinates.index(coordinate)]
+
+    def angles_at(self, time_s: ArrayLike) -> NDArray[np.float64]:
+        """Coordinates at any times (k,) within the trial, by cubic Hermite interpolation of angles and speeds."""
+        t = np.clip(np.asarray(time_s, dtype=float), self.time_s[0], self.time_s[-1])
+        i = np.clip(np.searchsorted(self.time_s, t, side="right") - 1, 0, len(self.time_s) - 2)
+        h = (self.time_s[i + 1] - self.time_s[i])[:, None]
+        x = (t - self.time_s[i])[:, None] / h
+        q0, q1 = self.angle_rad[i], self.angle_rad[i + 1]
+        v0, v1 = self.speed_rad_per_s[i], self.speed_rad_per_s[i + 1]
+        return (
+            (1 + 2 * x) * (1 - x) ** 2 * q0
+            + x * (1 - x) ** 2 * h * v0
+            + x * x * (3 - 2 * x) * q1
+            + x * x * (x - 1) * h * v1
+        )
+
+    def film_angles_at(self, time_s: ArrayLike) -> NDArray[np.float64]:
+        """Angles (k, 3) of whippen, jack and repetition lever."""
+        return self.angles_at(time_s)[:, 1:4]
+
+
+class ActionPlant:
+    """Specimen action played by the motor arm; implements `rig.simulated.bench.plant_protocol.Plant`."""
+
+    def __init__(
+        self,
+        action: model.Action,
+        choice: model.SceneChoice,
+        torque_per_volt_nm: float,
+        scatter: Mapping[str, float],
+        seed: int,
+        sample_rate_hz: float,
+    ) -> None:
+        self.sample_rate_hz = sample_rate_hz
+        self.action = action
+        self.choice = choice
+        self.torque_per_volt_nm = torque_per_volt_nm
+        self.scatter = dict(scatter)
+        self.seed = seed
+        self.start_trial(1)
+
+    def draw(self, trial: int) -> tuple[model.Action, float]:
+        """Specimen and torque per volt of one trial."""
+        random = np.random.default_rng([self.seed, trial])
+        gain = self.torque_per_volt_nm
+        changed = {}
+        for path, relative in sorted(self.scatter.items()):
+            factor = 1.0 + relative * float(np.clip(random.standard_normal(), -3.0, 3.0))
+            if path == "motor_gain":
+                gain *= factor
+            else:
+                changed[path] = self.action[path] * factor
+        return self.action.with_values(changed), gain
+
+    def start_trial(self, trial: int) -> None:
+        """Put everything at rest and draw the scatter of ``trial``."""
+        self._specimen, self._gain = self.draw(trial)
+        scene = model.build_scene(self._specimen, self.choice)
+        self._names = scene.bodies
+        rest = model.rest_state(self._specimen, scene=scene).angle_rad
+        self._run = model.Simulation(scene, model.State(0.0, rest, np.zeros(scene.size)), tolerance=TOLERANCE)
+        self._edge = 0
+        self._record: list[tuple[NDArray[np.float64], ...]] = []
+
+    def advance(self, command_v: NDArray[np.float64]) -> PlantBlock:
+        """Hold each of the (n,) volts for one sample period; return the state at the n edges before them."""
+        count = len(command_v)
+        edges = np.arange(self._edge, self._edge + count + 1) / self.sample_rate_hz
+        torque = self._gain * np.asarray(command_v, dtype=float)
+        kept = np.concatenate([[True], np.diff(torque) != 0.0])  # equal values hold on: one stop less each
+        angles, speeds = self._run.advance(
+            edges[-1],
+            np.append(edges[:-1][kept], edges[-1]),
+            np.append(torque[kept], torque[-1]),
+            held=True,
+            output_time_s=edges[:-1],
+        )
+        self._edge += count
+        force = self._run.probe_forces(angles, speeds)[:, 0]
+        self._record.append((edges[:-1], angles, speeds, force))
+        encoded = [model.BODIES.index(body) for body in ENCODED_BODIES]
+        lift = angles[:, self._names.index(KEY_LIFT)] if KEY_LIFT in self._names else None
+        return PlantBlock(
+            time_s=edges[:-1],
+            force_n=force,
+            angle_rad=angles[:, encoded],
+            motor_rad=angles[:, self._names.index(MOTOR)],
+            key_lift_m=lift,
+        )
+
+    def truth(self) -> PlantTruth:
+        """Everything that happened since the trial started."""
+        time, angles, speeds, force = (np.concatenate(parts) for parts in zip(*self._record, strict=True))
+        return PlantTruth(time, angles, speeds, force, self._specimen, self._gain, self._names)
+
+
+def _table(table: Mapping[str, Any], key: str, where: Path) -> dict[str, Any]:
+    item = table.get(key)
+    if not isinstance(item, dict):
+        raise InputError(f"{where}: [{key}]: missing; the virtual bench needs this table")
+    return item
+
+
+def read_bench(path: Path) -> dict[str, Any]:
+    """Parse a bench file."""
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as problem:
+        raise InputError(f"{path}: cannot be read ({problem.strerror})") from None
+    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as problem:
+        raise InputError(f"{path}: is not valid TOML: {problem}") from None
+
+
+def load_plant(bench_path: Path, seed: int | None, sample_rate_hz: float, effects: Collection[str] = ()) -> ActionPlant:
+    """Build the plant a bench file describes; ``seed`` wins over the file's.
+
+    The specimen has the effects (`model.parameters.effects`) that are named in ``effects`` or have a table in the file.
+    """
+    path = Path(bench_path)
+    bench = read_bench(path)
+    specimen = _table(bench, "specimen", path)
+    _table(bench, "motor_arm", path)
+    tables = {effect: bench[effect] for effect in EFFECTS if effect in bench}
+    choice = model.scene_of({"effects": [*effects], **tables}, str(path))
+    scatter = _table(bench, "scatter", path)
+    for key, value in scatter.items():
+        if isinstance(value, bool) or not isinstance(value, (int, float)) or not 0.0 <= value <= 0.3:
+            raise InputError(f"{path}: scatter.{key}: found {value!r}, allowed 0 to 0.3 (relative)")
+    torque = _table(bench, "motor", path).get("torque_per_volt_nm")
+    if isinstance(torque, bool) or not isinstance(torque, (int, float)) or not 0 < torque <= 100:
+        raise InputError(f"{path}: motor.torque_per_volt_nm: found {torque!r}, allowed above 0 to 100 N m/V")
+    action = choice.on(model.load_action(specimen.get("action", "hirschkorn2004"), specimen.get("set", {})))
+    for key in scatter:
+        if key != "motor_gain":
+            action[key]  # an unknown path is refused here, before anything moves
+    return ActionPlant(
+        action,
+        choice,
+        float(torque),
+        scatter,
+        int(bench.get("seed", 1)) if seed is None else int(seed),
+        sample_rate_hz,
+    )

@@ -1,0 +1,185 @@
+"""The sensors of the virtual bench: a load cell that gives millivolts per volt, scales that give encoder
+counts.
+
+Place in the data flow: plant state → sensors → converters and counters of the virtual device. What is set
+here is the truth of the bench; the rig file holds what the lab believes. Conventions: force positive
+downwards, counts rise with counter-clockwise rotation when the sign is +1; everything that scatters from
+trial to trial is drawn from (bench seed, trial). Bad settings raise InputError.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field
+
+from model.observables import encoder_rad
+from rig.configuration import toml_file
+from rig.simulated.bench.plant_protocol import ENCODED_BODIES
+
+Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+Count = Annotated[int, Field(strict=True)]
+_FORCE_STREAM, _ENCODER_STREAM, _MOUNTING_STREAM = 1, 2, 7
+TAKEN_UP_RAD = 0.005
+"""Turn of a body over which the shift of its pivot comes about."""
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class ForceSensor(_Table):
+    """Table ``[force_sensor]`` of the bench file: the real load cell with its errors."""
+
+    sensitivity_mv_per_v: Number = Field(gt=0, le=100)
+    full_scale_n: Number = Field(gt=0, le=100_000)
+    noise_n: Number = Field(ge=0)
+    offset_n: Number = 0.0
+    offset_scatter_n: Number = Field(default=0.0, ge=0)
+    gain_error: Number = Field(default=0.0, gt=-0.5, lt=0.5)
+    hum_n: tuple[Number, ...] = ()
+    hum_hz: Number = Field(default=60.0, gt=0, le=1000)
+    hum_phase_rad: tuple[Number, ...] = ()
+    hum_phase_scatter: bool = Field(default=True, strict=True)
+    saturation_mv_per_v: Number = Field(default=25.0, gt=0)
+
+
+class EncoderSensor(_Table):
+    """Table ``[encoders.<body>]`` of the bench file: the real scale and the sense it is mounted in.
+
+    A scale whose centre moves past the sensor by d reads d / ``scale_radius_m`` too much; without a radius it does not.
+    """
+
+    counts_per_revolution: Count = Field(ge=4, multiple_of=4)
+    sign: Literal[1, -1] = 1
+    scale_radius_m: Number | None = Field(default=None, gt=1e-3, le=1.0)
+    lines_per_revolution: Count = Field(default=2048, ge=1)
+    interpolation_rad: Number = Field(default=0.0, ge=0, le=0.01)
+    """Amplitude of the error that repeats with each line of the scale."""
+    eccentricity_rad: Number = Field(default=0.0, ge=0, le=0.1)
+    """Amplitude of the error that repeats with each revolution; its phase belongs to the bench."""
+    pivot_shift_rad: Number = Field(default=0.0, ge=0, le=0.01)
+    """Standard deviation, trial to trial, of the shift of a pivot that its body's first motion takes up."""
+
+
+class _Encoders(_Table):
+    key: EncoderSensor
+    whippen: EncoderSensor
+    hammer: EncoderSensor
+
+
+class _BenchTables(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="ignore")  # the rest of the bench file belongs to the plant
+    force_sensor: ForceSensor
+    encoders: _Encoders
+    seed: Count = Field(default=0, ge=0)
+
+
+@dataclass(frozen=True)
+class SensorSet:
+    """All sensors of the bench, and the seed of what scatters."""
+
+    force: ForceSensor
+    encoders: tuple[EncoderSensor, EncoderSensor, EncoderSensor]
+    seed: int = 0
+
+
+def load_sensors(bench: Path | Mapping[str, Any], *, seed: int | None = None) -> SensorSet:
+    """Read the sensor tables of a bench file (path or parsed TOML); ``seed`` overrides the file's."""
+    if isinstance(bench, Path):
+        where, data = str(bench), toml_file.parse_toml(toml_file.read_text(bench), str(bench))
+    else:
+        where, data = "bench", dict(bench)
+    tables = toml_file.check(_BenchTables, data, where)
+    encoders = tables.encoders
+    return SensorSet(
+        tables.force_sensor,
+        (encoders.key, encoders.whippen, encoders.hammer),
+        tables.seed if seed is None else seed,
+    )
+
+
+@dataclass(eq=False)
+class ForceSignal:
+    """The load cell during one trial."""
+
+    sensor: ForceSensor
+    seed: int
+    trial: int
+    _rng: np.random.Generator = field(init=False)
+    offset_n: float = field(init=False)
+    hum_phase_rad: tuple[float, ...] = field(init=False)
+
+    def __post_init__(self) -> None:
+        self._rng = np.random.default_rng([self.seed, self.trial, _FORCE_STREAM])
+        scatter = float(self._rng.standard_normal())
+        self.offset_n = self.sensor.offset_n + self.sensor.offset_scatter_n * scatter
+        mains_rad = float(self._rng.uniform(0, 2 * math.pi))
+        stated = (*self.sensor.hum_phase_rad, *(0.0 for _ in self.sensor.hum_n))
+        self.hum_phase_rad = tuple(
+            phase + (order * mains_rad if self.sensor.hum_phase_scatter else 0.0)
+            for order, phase in enumerate(stated[: len(self.sensor.hum_n)], 1)
+        )
+
+    def millivolts_per_volt(self, force_n: NDArray[np.float64], time_s: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Output of the cell for the force it felt, (n,); ``time_s`` is the sample's time, for the hum."""
+        sensor = self.sensor
+        reading_n = (1 + sensor.gain_error) * force_n + self.offset_n
+        for order, (amplitude, phase) in enumerate(zip(sensor.hum_n, self.hum_phase_rad, strict=True), 1):
+            reading_n = reading_n + amplitude * np.sin(2 * np.pi * order * sensor.hum_hz * time_s + phase)
+        reading_n = reading_n + sensor.noise_n * self._rng.standard_normal(force_n.size)
+        output = reading_n * (sensor.sensitivity_mv_per_v / sensor.full_scale_n)
+        return np.clip(output, -sensor.saturation_mv_per_v, sensor.saturation_mv_per_v)
+
+
+@dataclass(eq=False)
+class EncoderSignals:
+    """The three scales during one trial: quarter-pulse positions, whole numbers, zero at the first edge."""
+
+    sensors: tuple[EncoderSensor, ...]
+    seed: int
+    trial: int
+    _phase: NDArray[np.float64] = field(init=False)
+    _shift_rad: NDArray[np.float64] = field(init=False)
+    _centre_rad: NDArray[np.float64] = field(init=False)
+    _line_rad: NDArray[np.float64] = field(init=False)
+    _rest_rad: NDArray[np.float64] | None = field(init=False, default=None)
+    _first: NDArray[np.int64] | None = field(init=False, default=None)
+
+    def __post_init__(self) -> None:
+        rng = np.random.default_rng([self.seed, self.trial, _ENCODER_STREAM])
+        self._phase = rng.uniform(0, 1, len(ENCODED_BODIES))
+        self._shift_rad = rng.standard_normal(len(ENCODED_BODIES)) * [s.pivot_shift_rad for s in self.sensors]
+        mounted = np.random.default_rng([self.seed, _MOUNTING_STREAM])
+        self._centre_rad, self._line_rad = mounted.uniform(0, 2 * np.pi, (2, len(ENCODED_BODIES)))
+
+    def error_rad(self, angle_rad: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Error of the scales' readings beside rounding, (n, 3), for absolute angles (n, 3)."""
+        if self._rest_rad is None:
+            self._rest_rad = angle_rad[:1].copy()
+        lines = np.array([s.lines_per_revolution for s in self.sensors])
+        divided = np.array([s.interpolation_rad for s in self.sensors]) * np.sin(lines * angle_rad + self._line_rad)
+        centred = np.array([s.eccentricity_rad for s in self.sensors]) * np.sin(angle_rad + self._centre_rad)
+        shifted = self._shift_rad * np.clip(np.abs(angle_rad - self._rest_rad) / TAKEN_UP_RAD, 0.0, 1.0)
+        return divided + centred + shifted
+
+    def quarter_counts(
+        self, angle_rad: NDArray[np.float64], key_lift_m: NDArray[np.float64] | None = None
+    ) -> NDArray[np.int64]:
+        """Counts (X4) since the first edge of the trial, shape (n, 3), for absolute angles (n, 3) and lift (n,)."""
+        radius_m = self.sensors[0].scale_radius_m
+        if key_lift_m is not None and radius_m is not None:
+            angle_rad = angle_rad.copy()
+            angle_rad[:, 0] = encoder_rad(angle_rad[:, 0], key_lift_m, radius_m)
+        per_rad = np.array([s.sign * s.counts_per_revolution / (2 * np.pi) for s in self.sensors])
+        read_rad = angle_rad + self.error_rad(angle_rad)
+        position = np.floor(read_rad * per_rad + self._phase).astype(np.int64)
+        if self._first is None:
+            self._first = position[0].copy()
+        return position - self._first

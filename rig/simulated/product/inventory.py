@@ -1,0 +1,169 @@
+"""One product under the name it has in the system: its devices, channels, lines and terminals, looked up as a client
+names them, with the driver's refusals.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+from typing import Literal
+
+from rig.simulated import status
+from rig.simulated.product.capabilities import Kind, Product
+from rig.simulated.status import DaqStatusError, NotImplementedByDevice
+
+DIGITAL_RATE_HZ = 10e6
+
+
+@dataclass(frozen=True)
+class PhysicalChannel:
+    """One physical channel: full name, kind, and the hardware resource a task on it takes."""
+
+    name: str
+    kind: Kind
+    resource: str
+
+
+def channel_names(text: str) -> list[str]:
+    """Return the channels a list such as ``Dev1/ai0:2, Dev1/ai7`` names, in its order."""
+    names: list[str] = []
+    for part in filter(None, (part.strip() for part in text.split(","))):
+        if match := re.fullmatch(r"(.*?)(\d{1,3}):(?:\1)?(\d{1,3})", part):
+            stem, first, last = match[1], int(match[2]), int(match[3])
+            step = 1 if last >= first else -1
+            names += [f"{stem}{i}" for i in range(first, last + step, step)]
+        else:
+            names.append(part)
+    if not names:
+        raise DaqStatusError(status.NO_SUCH_CHANNEL, f"Physical Channel: {text!r}")
+    return names
+
+
+class Inventory:
+    """A product under the name it has in the system, e.g. chassis ``cDAQ1`` with modules ``cDAQ1Mod1`` …"""
+
+    def __init__(self, product: Product, name: str) -> None:
+        self.product = product
+        self.name = name
+        self._channels = {
+            self.full_name(relative).lower(): PhysicalChannel(self.full_name(relative), kind, resource)
+            for relative, kind, resource in product.channels
+        }
+        self._terminals: dict[tuple[str, bool], str] = {}
+        """Terminals that were looked up: every read asks for those of its scale."""
+
+    def full_name(self, relative: str) -> str:
+        """Name of a channel or terminal in the system: a module's name follows its chassis's, no slash."""
+        return self.name + relative if relative.startswith("Mod") else f"{self.name}/{relative}"
+
+    def devices(self) -> dict[str, str]:
+        """Return product types by device name: the card, or the chassis and its modules."""
+        return {self.name: self.product.name, **{self.name + name: kind for name, kind in self.product.modules}}
+
+    def channel(self, name: str, kind: Kind) -> PhysicalChannel:
+        """Look up a physical channel and refuse a wrong device, name or kind as the driver does."""
+        device = name.split("/", 1)[0]
+        if not device.lower().startswith(self.name.lower()):
+            raise DaqStatusError(status.INVALID_DEVICE, f"Device: {device}")
+        channel = self._channels.get(name.lower())
+        if channel is None:
+            raise DaqStatusError(status.NO_SUCH_CHANNEL, f"Physical Channel: {name}")
+        if channel.kind != kind:
+            output = kind in ("voltage_out",)
+            code = status.WRONG_OUTPUT_TYPE if output else status.WRONG_MEASUREMENT_TYPE
+            raise DaqStatusError(code, f"Physical Channel: {name} ({channel.kind}, not {kind})")
+        return channel
+
+    def names(self, *kinds: Kind) -> list[str]:
+        """Return the full names of all channels of these kinds."""
+        return [channel.name for channel in self._channels.values() if channel.kind in kinds]
+
+    def lines(self, text: str) -> list[PhysicalChannel]:
+        """Return the digital lines a list such as ``Dev1/port0/line0:7`` or ``Dev1/port0`` names."""
+        found: list[PhysicalChannel] = []
+        for name in channel_names(text):
+            inside = [c for key, c in self._channels.items() if key.startswith(name.lower() + "/line")]
+            if re.search(r"/port\d+$", name) and inside:
+                found += inside
+            else:
+                try:
+                    found.append(self.channel(name, "line"))
+                except DaqStatusError:
+                    found.append(self.channel(name, "static_line"))
+        return found
+
+    def counter_terminal(self, channel: PhysicalChannel, pin: Literal["source", "gate", "auxiliary", "out"]) -> str:
+        """Return a counter's default terminal, relative to the device; "" where it has none."""
+        module = channel.name.split("/", 1)[0].removeprefix(self.name)
+        pins = self.product.counter_pins.get(module)
+        found = getattr(pins, pin)[int(channel.resource.removeprefix("ctr"))] if pins and getattr(pins, pin) else ""
+        return f"{module}/{found}" if module and found else found
+
+    def line(self, name: str) -> PhysicalChannel:
+        """Return one digital line by its full name."""
+        return self._channels[name.lower()]
+
+    def terminal(self, name: str, *, output: bool = False) -> str:
+        """Check a terminal name such as ``/cDAQ1/ai/SampleClock``; return it relative to the device.
+
+        A name that does not begin with a slash, such as ``ai/SampleClock``, is one of this device.
+        """
+        if (name, output) not in self._terminals:
+            self._terminals[name, output] = self._checked_terminal(name, output)
+        return self._terminals[name, output]
+
+    def _checked_terminal(self, name: str, output: bool) -> str:
+        given, name = name, name if name.startswith("/") else f"/{self.name}/{name}"
+        if not name.startswith("/" + self.name):
+            raise DaqStatusError(status.NO_SUCH_TERMINAL, f"Terminal: {name!r}")
+        relative = name[1 + len(self.name) :].lstrip("/")
+        patterns = (*self.product.terminals, self.product.timebases)
+        known = relative in self.product.internal or any(re.fullmatch(p, relative) for p in patterns)
+        spelled = "/" + self.full_name(relative) == name
+        if spelled and re.fullmatch(self.product.unsimulated, relative):
+            raise NotImplementedByDevice(f"terminal {name}")
+        if not (known and spelled):
+            raise DaqStatusError(status.NO_SUCH_TERMINAL, f"Terminal: {given!r}")
+        inputs = self.product.input_only_terminals
+        inside = relative in self.product.internal or re.fullmatch(self.product.timebases, relative)
+        if output and (inside or re.fullmatch(inputs, relative)):
+            raise DaqStatusError(status.NO_ROUTE, f"Terminal: {name!r} is an input")
+        return relative
+
+    def coerced_rate(self, rate_hz: float, kind: Kind, channels: int) -> float:
+        """Return a sample clock's real rate, coerced up: 50 kHz/n (n to 31) for bridges, else the timebase over n.
+
+        Raises DaqStatusError above what the product can do with so many channels.
+        """
+        product = self.product
+        if not rate_hz > 0 or (kind != "counter" and rate_hz < product.timebase_hz / 2**32):
+            raise DaqStatusError(status.INVALID_VALUE, f"Sample clock rate: {rate_hz:g}")
+        most = DIGITAL_RATE_HZ
+        if kind in ("bridge", "voltage_in"):
+            most = (
+                product.ai_max_rate_hz
+                if channels == 1
+                else min(product.ai_max_rate_hz, product.ai_aggregate_rate_hz / channels)
+            )
+        elif kind == "voltage_out":
+            most = product.ao_rates_hz[channels - 1] if product.ao_rates_hz else product.ao_max_rate_hz
+        elif kind == "counter":
+            return rate_hz  # told, not generated: the clock comes from a terminal
+        if rate_hz > most * (1 + 1e-9):
+            raise DaqStatusError(status.RATE_TOO_HIGH, f"Requested {rate_hz:g}, maximum {most:g}")
+        if kind == "bridge":
+            return 50e3 / min(max(math.floor(50e3 / rate_hz * (1 + 1e-12)), 1), 31)
+        return product.timebase_hz / math.floor(product.timebase_hz / rate_hz * (1 + 1e-12))
+
+    def input_delay_s(self, kind: Kind, rate_hz: float) -> float:
+        """Delay between the signal and its sample: the 9237's decimation filter; none otherwise."""
+        return (40 + 5 / 512) / rate_hz + 4.5e-6 if kind == "bridge" else 0.0
+
+    def voltage_range(self, low_v: float, high_v: float) -> float:
+        """Return the input range that covers the limits asked for, as half its span, V."""
+        need = max(abs(low_v), abs(high_v))
+        for half in self.product.ai_ranges_v:
+            if need <= half * (1 + 1e-9):
+                return half
+        raise DaqStatusError(status.INVALID_VALUE, f"Input limits {low_v:g} to {high_v:g} V are out of range")

@@ -1,0 +1,113 @@
+"""Calls that create virtual channels: each checks what the product can do before the channel joins the
+task."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from rig.simulated import status
+from rig.simulated.device.device import SimulatedDevice
+from rig.simulated.device.input_readings import MILLIVOLTS_PER_VOLT, NEWTON_IN, VOLTS_PER_VOLT
+from rig.simulated.device.task import SimulatedTask
+from rig.simulated.messages import enum
+from rig.simulated.rpc.calls.counter_inputs import COUNTER_INPUT_CALLS
+from rig.simulated.rpc.calls.counter_outputs import COUNTER_OUTPUT_CALLS
+from rig.simulated.status import DaqStatusError, one_of
+
+INTERNAL_EXCITATION = 10200
+CHAN_FOR_ALL_LINES = 1
+VOLTS = 10348
+DEFAULT, RSE, NRSE, DIFFERENTIAL = -1, 10083, 10078, 10106
+BRIDGE_CONFIGURATIONS = (10182, 10187, 10270)
+
+
+def force_bridge_two_point(device: SimulatedDevice, task: SimulatedTask, request: Any) -> None:
+    """AI force, bridge, straight line through two points."""
+    units, physical = enum(request, "units"), enum(request, "physical_units")
+    electrical = enum(request, "electrical_units")
+    one_of(units, tuple(NEWTON_IN), "Units")
+    one_of(physical, tuple(NEWTON_IN), "Physical units")
+    one_of(electrical, (VOLTS_PER_VOLT, MILLIVOLTS_PER_VOLT), "Electrical units")
+    one_of(enum(request, "bridge_config"), BRIDGE_CONFIGURATIONS, "Bridge configuration")
+    product = device.inventory.product
+    if enum(request, "voltage_excit_source") == INTERNAL_EXCITATION and product.bridge_excitation_v:
+        one_of(request.voltage_excit_val, product.bridge_excitation_v, "Excitation voltage")
+    e0, e1 = request.first_electrical_val, request.second_electrical_val
+    p0, p1 = request.first_physical_val, request.second_physical_val
+    if e0 == e1 or p0 == p1:
+        raise DaqStatusError(status.INVALID_VALUE, "Two-point scaling with equal points")
+    scale = NEWTON_IN[units] / NEWTON_IN[physical]
+    per_mv = 1e-3 if electrical == VOLTS_PER_VOLT else 1.0
+    for limit in (request.min_val, request.max_val):
+        reading = (e0 + (limit * scale - p0) * (e1 - e0) / (p1 - p0)) / per_mv
+        if product.bridge_range_mv_per_v and abs(reading) > product.bridge_range_mv_per_v * (1 + 1e-9):
+            raise DaqStatusError(status.INVALID_VALUE, f"Limit {limit:g} needs {reading:.4g} mV/V of the input")
+    _increasing(request)
+    device.add_channels(
+        task, "AI", "bridge", request.physical_channel, request.name_to_assign_to_channel,
+        units=units, physical_units=physical, electrical_units=electrical, min_val=request.min_val,
+        max_val=request.max_val,
+        first_electrical_val=e0, second_electrical_val=e1, first_physical_val=p0, second_physical_val=p1,
+    )  # fmt: skip
+
+
+def _increasing(request: Any) -> None:
+    if request.min_val >= request.max_val:
+        raise DaqStatusError(status.MIN_NOT_LESS_THAN_MAX, f"{request.min_val:g} to {request.max_val:g}")
+
+
+def ai_voltage(device: SimulatedDevice, task: SimulatedTask, request: Any) -> None:
+    """AI voltage within one of the device's ranges."""
+    one_of(enum(request, "units"), (VOLTS,), "Units")
+    if device.inventory.product.ai_ranges_v:
+        device.inventory.voltage_range(request.min_val, request.max_val)
+    _increasing(request)
+    before = len(task.channels)
+    device.add_channels(
+        task, "AI", "voltage_in", request.physical_channel, request.name_to_assign_to_channel,
+        min_val=request.min_val, max_val=request.max_val,
+    )  # fmt: skip
+    wanted = enum(request, "terminal_config") or DEFAULT
+    one_of(wanted, (DEFAULT, RSE, NRSE, DIFFERENTIAL), "Terminal configuration")
+    for channel in task.channels[before:]:
+        paired = int(channel.physical.resource.removeprefix("ai")) in device.inventory.product.differential
+        if wanted == DIFFERENTIAL and not paired:
+            raise DaqStatusError(status.INVALID_VALUE, f"{channel.physical.name} has no differential input")
+        channel.settings["terminal_config"] = (DIFFERENTIAL if paired else RSE) if wanted == DEFAULT else wanted
+
+
+def ao_voltage(device: SimulatedDevice, task: SimulatedTask, request: Any) -> None:
+    """AO voltage within the device's range."""
+    one_of(enum(request, "units"), (VOLTS,), "Units")
+    _increasing(request)
+    reach = device.inventory.product.ao_range_v
+    if not -reach <= request.min_val < request.max_val <= reach:
+        raise DaqStatusError(status.INVALID_VALUE, f"Output limits {request.min_val:g} to {request.max_val:g} V")
+    device.add_channels(
+        task, "AO", "voltage_out", request.physical_channel, request.name_to_assign_to_channel,
+        min_val=request.min_val, max_val=request.max_val,
+    )  # fmt: skip
+
+
+def do_lines(device: SimulatedDevice, task: SimulatedTask, request: Any) -> None:
+    """DO on lines or ports."""
+    one = enum(request, "line_grouping") == CHAN_FOR_ALL_LINES
+    device.add_lines(task, "DO", request.lines, request.name_to_assign_to_lines, one_channel=one)
+
+
+def di_lines(device: SimulatedDevice, task: SimulatedTask, request: Any) -> None:
+    """DI on lines or ports."""
+    one = enum(request, "line_grouping") == CHAN_FOR_ALL_LINES
+    device.add_lines(task, "DI", request.lines, request.name_to_assign_to_lines, one_channel=one)
+
+
+CHANNEL_CALLS: dict[str, Callable[[SimulatedDevice, SimulatedTask, Any], None]] = {
+    "CreateAIForceBridgeTwoPointLinChan": force_bridge_two_point,
+    "CreateAIVoltageChan": ai_voltage,
+    "CreateAOVoltageChan": ao_voltage,
+    "CreateDOChan": do_lines,
+    "CreateDIChan": di_lines,
+    **COUNTER_INPUT_CALLS,
+    **COUNTER_OUTPUT_CALLS,
+}

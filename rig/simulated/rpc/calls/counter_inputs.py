@@ -1,0 +1,146 @@
+"""Calls that create counter inputs: encoders, counts of edges, and what can be measured of the pulses on a terminal.
+
+Each measurement has a default terminal per counter (:class:`rig.simulated.product.capabilities.CounterPins`); where
+the product has none here the terminal must be told.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Literal
+
+from rig.simulated import status
+from rig.simulated.device.device import SimulatedDevice
+from rig.simulated.device.input_readings import (
+    A_TERMINAL,
+    B_TERMINAL,
+    DEGREES,
+    EDGES,
+    FREQUENCY,
+    MEASURED_ON,
+    PERIOD,
+    PULSE_FREQUENCY,
+    PULSE_TICKS,
+    PULSE_TIME,
+    RADIANS,
+    TICKS,
+    WIDTH,
+    X1,
+    X2,
+    X4,
+)
+from rig.simulated.device.task import SimulatedTask
+from rig.simulated.messages import enum
+from rig.simulated.status import DaqStatusError, NotImplementedByDevice, one_of
+
+SECONDS, HERTZ, METERS, INCHES = 10364, 10373, 10219, 10379
+RISING, FALLING = 10280, 10171
+COUNT_UP, COUNT_DOWN = 10128, 10124
+LOW_FREQUENCY, HIGH_FREQUENCY, LARGE_RANGE, DYNAMIC = 10105, 10157, 10205, 16065
+LINEAR_ENCODER = 10361
+TWO_COUNTERS = (HIGH_FREQUENCY, LARGE_RANGE)
+
+
+def _decoding(request: Any) -> int:
+    if request.zidx_enable:
+        raise NotImplementedByDevice("Z index of an encoder")
+    decoding = enum(request, "decoding_type")
+    one_of(decoding, (X1, X2, X4), "Decoding type")
+    return decoding
+
+
+def ci_angular_encoder(device: SimulatedDevice, task: SimulatedTask, request: Any) -> None:
+    """CI on a quadrature encoder."""
+    decoding, units = _decoding(request), enum(request, "units")
+    one_of(units, (DEGREES, RADIANS, TICKS), "Units")
+    if request.pulses_per_rev < 1:
+        raise DaqStatusError(status.INVALID_VALUE, f"Pulses per revolution: {request.pulses_per_rev}")
+    device.add_channels(
+        task, "CI", "counter", request.counter, request.name_to_assign_to_channel,
+        decoding_type=decoding, units=units, pulses_per_rev=request.pulses_per_rev,
+        initial_angle=request.initial_angle,
+    )  # fmt: skip
+    _tell_encoder_terminals(device, task)
+
+
+def ci_linear_encoder(device: SimulatedDevice, task: SimulatedTask, request: Any) -> None:
+    """CI on a quadrature encoder of a length."""
+    decoding, units = _decoding(request), enum(request, "units")
+    one_of(units, (METERS, INCHES, TICKS), "Units")
+    if not 0 < request.dist_per_pulse < float("inf"):
+        raise DaqStatusError(status.INVALID_VALUE, f"Distance per pulse: {request.dist_per_pulse:g}")
+    device.add_channels(
+        task, "CI", "counter", request.counter, request.name_to_assign_to_channel,
+        decoding_type=decoding, units=units, dist_per_pulse=request.dist_per_pulse, initial_pos=request.initial_pos,
+        type=LINEAR_ENCODER,
+    )  # fmt: skip
+    _tell_encoder_terminals(device, task)
+
+
+def _tell_encoder_terminals(device: SimulatedDevice, task: SimulatedTask) -> None:
+    _tell(device, task, A_TERMINAL, "source")
+    _tell(device, task, B_TERMINAL, "auxiliary")
+
+
+def _tell(
+    device: SimulatedDevice, task: SimulatedTask, attribute: int, pin: Literal["source", "gate", "auxiliary"]
+) -> None:
+    """Give the last channel of a task its default terminal, where it has one."""
+    channel = task.channels[-1]
+    if terminal := device.inventory.counter_terminal(channel.physical, pin):
+        task.attributes["Chan", channel.name, attribute] = "/" + device.inventory.full_name(terminal)
+
+
+def ci_count_edges(device: SimulatedDevice, task: SimulatedTask, request: Any) -> None:
+    """CI counting edges on a terminal, up or down."""
+    one_of(enum(request, "edge"), (RISING, FALLING), "Edge")
+    one_of(enum(request, "count_direction"), (COUNT_UP, COUNT_DOWN), "Count direction")
+    step = 1 if enum(request, "count_direction") == COUNT_UP else -1
+    device.add_channels(
+        task, "CI", "counter", request.counter, request.name_to_assign_to_channel,
+        measures=EDGES, initial_count=int(request.initial_count), step=step, edge=enum(request, "edge"),
+        count_direction=enum(request, "count_direction"),
+    )  # fmt: skip
+    _tell(device, task, MEASURED_ON[EDGES], "source")
+
+
+def _of_pulses(measures: str, *units: int) -> Callable[[SimulatedDevice, SimulatedTask, Any], None]:
+    """Return the creator of a channel that measures the pulses on a terminal in one of these units."""
+
+    def create(device: SimulatedDevice, task: SimulatedTask, request: Any) -> None:
+        names = request.DESCRIPTOR.fields_by_name
+        unit = enum(request, "units") if "units" in names else TICKS
+        one_of(unit, units, "Units")
+        if not 0 < request.min_val < request.max_val:
+            detail = f"Limits {request.min_val:g} to {request.max_val:g}"
+            raise DaqStatusError(status.MIN_NOT_LESS_THAN_MAX, detail)
+        settings: dict[str, Any] = {"units": unit, "min_val": request.min_val, "max_val": request.max_val}
+        for edge in ("edge", "starting_edge"):
+            if edge in names:
+                one_of(enum(request, edge), (RISING, FALLING), "Edge")
+                settings["edge"] = enum(request, edge)
+        pin: Literal["source", "gate"] = "gate"
+        if "meas_method" in names:
+            method = enum(request, "meas_method")
+            one_of(method, (LOW_FREQUENCY, *TWO_COUNTERS, DYNAMIC), "Measurement method")
+            if method in TWO_COUNTERS:
+                settings["two_counters"], pin = True, "source"
+        device.add_channels(
+            task, "CI", "counter", request.counter, request.name_to_assign_to_channel, measures=measures, **settings
+        )
+        _tell(device, task, MEASURED_ON[measures], pin)
+
+    return create
+
+
+COUNTER_INPUT_CALLS: dict[str, Callable[[SimulatedDevice, SimulatedTask, Any], None]] = {
+    "CreateCIAngEncoderChan": ci_angular_encoder,
+    "CreateCILinEncoderChan": ci_linear_encoder,
+    "CreateCICountEdgesChan": ci_count_edges,
+    "CreateCIFreqChan": _of_pulses(FREQUENCY, HERTZ, TICKS),
+    "CreateCIPeriodChan": _of_pulses(PERIOD, SECONDS, TICKS),
+    "CreateCIPulseWidthChan": _of_pulses(WIDTH, SECONDS, TICKS),
+    "CreateCIPulseChanFreq": _of_pulses(PULSE_FREQUENCY, HERTZ),
+    "CreateCIPulseChanTime": _of_pulses(PULSE_TIME, SECONDS),
+    "CreateCIPulseChanTicks": _of_pulses(PULSE_TICKS, TICKS),
+}

@@ -1,0 +1,182 @@
+"""Calls that create counter outputs and write pulses to them.
+
+Frequencies, times and delays are coerced to whole ticks of the counter's timebase. Written pulses take over from the
+next pulse on; a buffer of them, one sample a pulse, may vary the duty cycle but not the frequency.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig.simulated import status
+from rig.simulated.device.device import SimulatedDevice
+from rig.simulated.device.pulse_trains import CO_DELAY, CO_DUTY, CO_FREQ, pulse_train
+from rig.simulated.device.task import SimulatedTask
+from rig.simulated.messages import enum, response
+from rig.simulated.status import DaqStatusError, NotImplementedByDevice, one_of
+
+SECONDS, HERTZ = 10364, 10373
+BY_FREQUENCY, BY_TIME, BY_TICKS = 10119, 10269, 10268
+LOW = 10214
+
+
+def co_pulse_frequency(device: SimulatedDevice, task: SimulatedTask, request: Any) -> None:
+    """CO pulse train by its frequency and duty cycle."""
+    one_of(enum(request, "units"), (HERTZ,), "Units")
+    timebase = device.inventory.product.counter_timebase_hz
+    if not (
+        timebase / 2**33 <= request.freq <= timebase / 4 and 0 < request.duty_cycle < 1 and request.initial_delay >= 0
+    ):
+        raise DaqStatusError(
+            status.INVALID_VALUE,
+            f"Frequency {request.freq:g}, duty cycle {request.duty_cycle:g}, initial delay {request.initial_delay:g}",
+        )
+    rate_hz = timebase / round(timebase / request.freq)
+    _add_output(device, task, request, BY_FREQUENCY, rate_hz, request.duty_cycle, request.initial_delay)
+
+
+def co_pulse_time(device: SimulatedDevice, task: SimulatedTask, request: Any) -> None:
+    """CO pulses by their high and low times, s."""
+    one_of(enum(request, "units"), (SECONDS,), "Units")
+    if not (request.high_time > 0 and request.low_time > 0 and request.initial_delay >= 0):
+        raise DaqStatusError(status.INVALID_VALUE, f"High {request.high_time:g} s, low {request.low_time:g} s")
+    _add_parts(device, task, request, BY_TIME, request.high_time, request.low_time, request.initial_delay)
+
+
+def co_pulse_ticks(device: SimulatedDevice, task: SimulatedTask, request: Any) -> None:
+    """CO pulses by ticks of a timebase of the device."""
+    source = device.inventory.terminal(request.source_terminal)
+    match = re.fullmatch(r"(\d+)([Mk])HzTimebase", source)
+    if match is None:
+        raise NotImplementedByDevice(f"ticks of {request.source_terminal}")
+    tick_s = 1 / (float(match[1]) * {"M": 1e6, "k": 1e3}[match[2]])
+    if request.high_ticks < 2 or request.low_ticks < 2 or request.initial_delay < 0:
+        raise DaqStatusError(status.INVALID_VALUE, f"High {request.high_ticks}, low {request.low_ticks} ticks")
+    high_s, low_s, delay_s = (n * tick_s for n in (request.high_ticks, request.low_ticks, request.initial_delay))
+    _add_parts(device, task, request, BY_TICKS, high_s, low_s, delay_s)
+    task.channels[-1].settings["tick_s"] = tick_s
+
+
+def _add_parts(
+    device: SimulatedDevice,
+    task: SimulatedTask,
+    request: Any,
+    output_type: int,
+    high_s: float,
+    low_s: float,
+    delay_s: float,
+) -> None:
+    timebase = device.inventory.product.counter_timebase_hz
+    if not max(high_s, low_s, delay_s) * timebase < 2**32:
+        raise DaqStatusError(status.INVALID_VALUE, f"High {high_s:g} s, low {low_s:g} s, delay {delay_s:g} s")
+    high, low = (max(round(part * timebase), 2) / timebase for part in (high_s, low_s))
+    _add_output(device, task, request, output_type, 1 / (high + low), high / (high + low), delay_s)
+
+
+def _add_output(
+    device: SimulatedDevice,
+    task: SimulatedTask,
+    request: Any,
+    output_type: int,
+    rate_hz: float,
+    duty: float,
+    delay_s: float,
+) -> None:
+    if enum(request, "idle_state") != LOW:
+        raise NotImplementedByDevice("pulses from a high idle state")
+    timebase = device.inventory.product.counter_timebase_hz
+    if not delay_s * timebase < 2**32:
+        raise DaqStatusError(status.INVALID_VALUE, f"Initial delay {delay_s:g} s")
+    device.add_channels(
+        task, "CO", "counter", request.counter, request.name_to_assign_to_channel,
+        output_type=output_type, idle_state=LOW,
+    )  # fmt: skip
+    name = task.channels[-1].name
+    task.attributes["Chan", name, CO_FREQ], task.attributes["Chan", name, CO_DUTY] = rate_hz, duty
+    task.attributes["Chan", name, CO_DELAY] = max(round(delay_s * timebase), 2) / timebase
+
+
+def _write(
+    device: SimulatedDevice, task: SimulatedTask, request: Any, high_s: NDArray[np.float64], low_s: NDArray[np.float64]
+) -> int:
+    """Take pulses by their high and low times, (n,); return n."""
+    if task.type != "CO":
+        raise DaqStatusError(status.WRONG_OUTPUT_TYPE, f"Task: {task.name} is {task.type}")
+    if high_s.size < 1 or high_s.size != low_s.size:
+        raise DaqStatusError(status.WRONG_SIZE, f"{high_s.size} high and {low_s.size} low parts")
+    timebase = device.inventory.product.counter_timebase_hz
+    high, low = np.rint(high_s * timebase), np.rint(low_s * timebase)
+    parts = np.concatenate((high, low))
+    if not (np.isfinite(parts).all() and parts.min() >= 2 and parts.max() < 2**32):
+        raise DaqStatusError(status.INVALID_VALUE, f"Pulses of {high_s[0]:g} s high, {low_s[0]:g} s low")
+    if np.ptp(high + low) > 0:
+        raise NotImplementedByDevice("pulses of several frequencies in one buffer")
+    if high.size > 1 and task.pulses == 1:
+        raise DaqStatusError(status.WRONG_SIZE, f"Task: {task.name} has no implicit timing for {high.size} pulses")
+    if task.live:
+        now_s, train = device.bench.edge / device.bench.rate_hz, pulse_train(task)
+        task.pulses_before = int(train.passed(np.array([now_s]))[0])
+        task.next_pulse_s = train.next_after(now_s)
+    name = task.channels[0].name
+    task.attributes["Chan", name, CO_FREQ] = float(timebase / (high[0] + low[0]))
+    task.attributes["Chan", name, CO_DUTY] = float(high[0] / (high[0] + low[0]))
+    task.pulse_highs_s = high / timebase
+    if task.live:
+        task.pulse_end_s = pulse_train(task).end_s
+    elif request.auto_start:
+        device.start(task)
+    return int(high.size)
+
+
+def _as_arrays(request: Any, *fields: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    first, second = (np.atleast_1d(np.array(getattr(request, field), dtype=np.float64)) for field in fields)
+    return first, second
+
+
+def _write_frequency(call: str) -> Callable[[SimulatedDevice, SimulatedTask, Any], Any]:
+    def write(device: SimulatedDevice, task: SimulatedTask, request: Any) -> Any:
+        frequency, duty = _as_arrays(request, "frequency", "duty_cycle")
+        if frequency.size != duty.size or not ((frequency > 0) & (duty > 0) & (duty < 1)).all():
+            raise DaqStatusError(status.INVALID_VALUE, "frequencies must be above 0, duty cycles within 0 and 1")
+        return _written(call, _write(device, task, request, duty / frequency, (1 - duty) / frequency))
+
+    return write
+
+
+def _write_time(call: str) -> Callable[[SimulatedDevice, SimulatedTask, Any], Any]:
+    def write(device: SimulatedDevice, task: SimulatedTask, request: Any) -> Any:
+        return _written(call, _write(device, task, request, *_as_arrays(request, "high_time", "low_time")))
+
+    return write
+
+
+def _write_ticks(call: str) -> Callable[[SimulatedDevice, SimulatedTask, Any], Any]:
+    def write(device: SimulatedDevice, task: SimulatedTask, request: Any) -> Any:
+        if task.type != "CO":
+            raise DaqStatusError(status.WRONG_OUTPUT_TYPE, f"Task: {task.name} is {task.type}")
+        tick_s = task.channels[0].settings.get("tick_s", 1 / device.inventory.product.counter_timebase_hz)
+        high, low = _as_arrays(request, "high_ticks", "low_ticks")
+        return _written(call, _write(device, task, request, high * tick_s, low * tick_s))
+
+    return write
+
+
+def _written(call: str, n: int) -> Any:
+    return response(call) if call.endswith("Scalar") else response(call, num_samps_per_chan_written=n)
+
+
+COUNTER_OUTPUT_CALLS: dict[str, Callable[[SimulatedDevice, SimulatedTask, Any], None]] = {
+    "CreateCOPulseChanFreq": co_pulse_frequency,
+    "CreateCOPulseChanTime": co_pulse_time,
+    "CreateCOPulseChanTicks": co_pulse_ticks,
+}
+PULSE_WRITES: dict[str, Callable[[SimulatedDevice, SimulatedTask, Any], Any]] = {
+    **{call: _write_frequency(call) for call in ("WriteCtrFreq", "WriteCtrFreqScalar")},
+    **{call: _write_time(call) for call in ("WriteCtrTime", "WriteCtrTimeScalar")},
+    **{call: _write_ticks(call) for call in ("WriteCtrTicks", "WriteCtrTicksScalar")},
+}

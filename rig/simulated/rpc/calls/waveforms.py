@@ -1,0 +1,156 @@
+"""Calls of a DAQmx client that move waveforms (samples with their times, names and units) and raw converter codes.
+
+Place in the data flow: beside :mod:`rig.simulated.rpc.calls.data`, with the same samples in other clothes. Times are
+those of the bench's clock, counted from the moment the device was made.
+"""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig.simulated import status
+from rig.simulated.device.device import SimulatedDevice
+from rig.simulated.device.task import SimulatedTask
+from rig.simulated.messages import enum, response
+from rig.simulated.rpc.calls.data import Handler, lines_by_channel, put_levels, refuse_other_type, samples_to_read
+from rig.simulated.rpc.properties.channel import CHANNEL_GETTABLE
+from rig.simulated.status import DaqStatusError, NotImplementedByDevice
+
+NI_EPOCH_S = 2_082_844_800
+"""Seconds from 1904, where NI's time begins, to 1970."""
+TIMING, EXTENDED = 1, 2
+"""Bits of the waveform attribute mode."""
+_MADE_S = time.time()
+_COEFFICIENTS = 0x1930
+
+
+def _times(device: SimulatedDevice, task: SimulatedTask, came: int) -> dict[str, Any]:
+    if task.clock is None or task.changes or task.buffer is None:
+        return {}
+    bench = device.bench
+    first = task.buffer.read - came - task.before_trigger
+    since_s = task.since_s - bench.edge / bench.rate_hz + bench.clock.now_s
+    at_s = _MADE_S + since_s + first / task.clock.rate_hz + NI_EPOCH_S
+    whole = int(np.floor(at_s))
+    t0 = {"seconds": whole, "fractional_seconds": min(int((at_s - whole) * 2.0**64), 2**64 - 1)}
+    return {"t0": t0, "dt": 1 / task.clock.rate_hz}
+
+
+def _named(name: str, unit: str = "") -> dict[str, Any]:
+    named = {"NI_ChannelName": {"string_value": name}}
+    return {**named, "NI_UnitDescription": {"string_value": unit}} if unit else named
+
+
+def _read(device: SimulatedDevice, task: SimulatedTask, request: Any, type_: str) -> tuple[NDArray[Any], int, Any]:
+    refuse_other_type(task, type_)
+    wanted = samples_to_read(task, request)
+    values = device.read(task, wanted, request.timeout)
+    code = 0 if values.shape[0] >= wanted else status.SAMPLES_NOT_YET_AVAILABLE
+    mode = enum(request, "waveform_attribute_mode")
+    timing = _times(device, task, values.shape[0]) if mode & TIMING else {}
+    return values, code, (timing, bool(mode & EXTENDED))
+
+
+def _read_analog(device: SimulatedDevice, task: SimulatedTask, request: Any) -> Any:
+    values, code, (timing, named) = _read(device, task, request, "AI")
+    waveforms = []
+    for column, channel in enumerate(task.channels):
+        unit = "Volts" if channel.physical.kind == "voltage_in" else ""
+        extra = {"attributes": _named(channel.name, unit)} if named else {}
+        waveforms.append({"y_data": values[:, column], **timing, **extra})
+    return response("ReadAnalogWaveforms", status=code, waveforms=waveforms, samps_per_chan_read=values.shape[0])
+
+
+def _read_digital(device: SimulatedDevice, task: SimulatedTask, request: Any) -> Any:
+    values, code, (timing, named) = _read(device, task, request, "DI")
+    levels, waveforms = lines_by_channel(task, values), []
+    for index, channel in enumerate(task.channels):
+        lines = channel.settings["lines"]
+        extra = {"attributes": _named(channel.name)} if named else {}
+        if named:
+            signals = ",".join(line.split("/", 1)[1] for line in lines)
+            extra["attributes"]["NI_LineNames"] = {"string_value": signals}
+        data = levels[:, index, : len(lines)].astype(np.uint8).tobytes()
+        waveforms.append({"y_data": data, "signal_count": len(lines), **timing, **extra})
+    return response("ReadDigitalWaveforms", status=code, waveforms=waveforms, samps_per_chan_read=values.shape[0])
+
+
+def _columns(task: SimulatedTask, waveforms: list[NDArray[np.float64]]) -> NDArray[np.float64]:
+    if len(waveforms) != len(task.channels) or len({w.shape[0] for w in waveforms}) != 1 or not waveforms[0].size:
+        detail = f"{len(waveforms)} waveforms for {len(task.channels)} channels, or of unequal length"
+        raise DaqStatusError(status.WRONG_SIZE, detail)
+    return np.concatenate(waveforms, axis=1)
+
+
+def _write_analog(device: SimulatedDevice, task: SimulatedTask, request: Any) -> Any:
+    refuse_other_type(task, "AO")
+    values = _columns(task, [np.array(w.y_data, dtype=np.float64)[:, None] for w in request.waveforms])
+    device.write(task, values, request.auto_start, request.timeout)
+    return response("WriteAnalogWaveforms", samps_per_chan_written=values.shape[0])
+
+
+def _write_digital(device: SimulatedDevice, task: SimulatedTask, request: Any) -> Any:
+    refuse_other_type(task, "DO")
+    tables = []
+    for waveform, channel in zip(request.waveforms, task.channels, strict=False):
+        lines = len(channel.settings["lines"])
+        data = np.frombuffer(waveform.y_data, dtype=np.uint8)
+        if waveform.signal_count != lines or data.size % lines:
+            detail = f"Channel: {channel.name}: {waveform.signal_count} signals for {lines} lines"
+            raise DaqStatusError(status.WRONG_SIZE, detail)
+        if data.size and data.max() > 1:
+            raise DaqStatusError(status.INVALID_VALUE, f"Channel: {channel.name}: a level is neither 0 nor 1")
+        tables.append(data.reshape(-1, lines).astype(np.float64))
+    if len(request.waveforms) != len(task.channels):
+        tables = []
+    values = _columns(task, tables)
+    put_levels(device, task, values, request)
+    return response("WriteDigitalWaveforms", samps_per_chan_written=values.shape[0])
+
+
+def _codes(
+    device: SimulatedDevice, task: SimulatedTask, request: Any, values_per_sample: int | None = None
+) -> tuple[NDArray[np.int64], int]:
+    """Return converter codes, (n, channels); channels of 24 bits or with a bridge's scaling are not there."""
+    refuse_other_type(task, "AI")
+    steps = []
+    for channel in task.channels:
+        found = CHANNEL_GETTABLE[_COEFFICIENTS](device, task, channel)
+        if found is None:
+            raise NotImplementedByDevice(f"raw samples of {channel.physical.name}")
+        steps.append(found[1])
+    wanted = samples_to_read(task, request, values_per_sample)
+    values = device.read(task, wanted, request.timeout)
+    code = 0 if values.shape[0] >= wanted else status.SAMPLES_NOT_YET_AVAILABLE
+    return np.rint(values / np.array(steps)).astype(np.int64), code
+
+
+def _read_raw(device: SimulatedDevice, task: SimulatedTask, request: Any) -> Any:
+    codes, code = _codes(device, task, request, 2 * len(task.channels))
+    data = codes.astype("<i2").tobytes()  # interleaved, as the converter gives them
+    return response("ReadRaw", status=code, read_array=data, samps_read=codes.shape[0], num_bytes_per_samp=2)
+
+
+def _read_codes(call: str) -> Handler:
+    def read(device: SimulatedDevice, task: SimulatedTask, request: Any) -> Any:
+        codes, code = _codes(device, task, request)
+        came = codes.shape[0]
+        flat = (codes if enum(request, "fill_mode") == 1 else codes.T).ravel()
+        return response(call, status=code, read_array=flat, samps_per_chan_read=came)
+
+    return read
+
+
+WAVEFORM_CALLS: dict[str, Handler] = {
+    "ReadAnalogWaveforms": _read_analog,
+    "ReadDigitalWaveforms": _read_digital,
+    "WriteAnalogWaveforms": _write_analog,
+    "WriteDigitalWaveforms": _write_digital,
+    "ReadRaw": _read_raw,
+    "ReadBinaryI16": _read_codes("ReadBinaryI16"),
+    "ReadBinaryI32": _read_codes("ReadBinaryI32"),
+}

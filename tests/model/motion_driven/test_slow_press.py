@@ -1,0 +1,77 @@
+"""The slow press: the key goes where it is told, the work of the hand is accounted for, nothing depends on the hand."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import model
+from model.motion_driven import slow_press as press_module
+from model.motion_driven.slow_press import Press, key_angle_at_dip, slow_press
+from model.simulation.hand_set_rest import hand_set_rest
+from model.verification.energy import energy_terms
+
+
+@pytest.fixture(scope="module")
+def pressed(action: model.Action) -> Press:
+    return slow_press(action, hand_set_rest(action), [4e-3, 0.0], speed_m_per_s=0.01, hold_s=0.2)
+
+
+def test_key_is_where_it_should_be(pressed: Press) -> None:
+    at = np.searchsorted(pressed.time_s, np.array(pressed.arrived) + 0.15)
+    np.testing.assert_allclose(pressed.dip_m[at], [4e-3, 0.0], atol=2e-5)
+    moving = (pressed.time_s > 0.1) & (pressed.time_s < 0.35)
+    speed = np.gradient(pressed.dip_m, pressed.time_s)[moving]
+    assert np.median(speed) == pytest.approx(0.01, rel=0.01)
+
+
+def test_work_of_the_hand_is_stored_or_rubbed_away(action: model.Action, pressed: Press) -> None:
+    """Energy balance of the action with its own key, by the NumPy energies, with the force said to be the hand's."""
+    stored, power = energy_terms(action, pressed.angle_rad, pressed.speed_rad_per_s, pressed.force_n)
+    total = np.sum(list(stored.values()), axis=0)
+    for start, end in ((0.1, 0.3), (0.1, pressed.time_s[-1])):
+        part = (pressed.time_s >= start) & (pressed.time_s <= end)
+        flow = {name: float(p[part][1:].sum() * (pressed.time_s[1] - pressed.time_s[0])) for name, p in power.items()}
+        lost = flow["joint_friction"] + flow["contact_friction"] + flow["felt_damping"]
+        change = total[part][-1] - total[part][0]
+        assert abs(flow["input"] - lost - change) < 0.02 * (abs(lost) + abs(change))
+    assert flow["input"] > 5e-4  # J, lost in friction over there and back
+
+
+def test_friction_opposes_both_ways(pressed: Press) -> None:
+    middle = (pressed.dip_m > 1.5e-3) & (pressed.dip_m < 3.5e-3)
+    down, up = (float(np.median(pressed.force_n[middle & (pressed.leg == leg)])) for leg in (0, 1))
+    assert 0.35 < down < 0.6 and 0.1 < up < 0.3
+
+
+def test_the_result_is_the_actions_not_the_hands(
+    action: model.Action, pressed: Press, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(press_module, "HAND_INERTIA", 3.0)
+    other = slow_press(action, hand_set_rest(action), [4e-3, 0.0], speed_m_per_s=0.01, hold_s=0.2)
+    for leg in (0, 1):
+        at = [(p.dip_m > 1.5e-3) & (p.dip_m < 3.5e-3) & (p.leg == leg) for p in (pressed, other)]
+        forces = [float(np.mean(p.force_n[a])) for p, a in zip((pressed, other), at, strict=True)]
+        assert forces[0] == pytest.approx(forces[1], abs=0.01)
+
+
+def test_angle_at_dip_inverts_the_observable(action: model.Action) -> None:
+    rest = hand_set_rest(action)
+    for dip in (-2e-3, 0.0, 9.3e-3):
+        angles = rest.copy()
+        angles[0] = key_angle_at_dip(action, rest, dip)
+        assert model.observables.key_dip_m(action, angles[None, :], rest)[0] == pytest.approx(dip, abs=1e-15)
+    with pytest.raises(model.InputError, match="dip: found 500 mm"):
+        key_angle_at_dip(action, rest, 0.5)
+
+
+def test_speed_is_checked(action: model.Action) -> None:
+    with pytest.raises(model.InputError, match="speed of the press: found 0 m/s"):
+        slow_press(action, hand_set_rest(action), [1e-3], speed_m_per_s=0.0)
+
+
+def test_hammer_let_down_finds_the_jack_where_the_plain_search_slips(action: model.Action) -> None:
+    raised = action.with_values({"contact01.first.y": action["contact01.first.y"] + 0.43e-3})
+    rest = hand_set_rest(raised)
+    height = float(model.observables.hammer_height_m(raised, rest))
+    assert height == pytest.approx(0.048 - 10.5 * 0.37e-3, abs=4e-4)  # 10.5 mm a millimetre

@@ -1,0 +1,267 @@
+"""Simulated blows against references made by an independent method (tests/model/data/make_reference.py)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import model
+from model.integrators import METHODS
+from tests.model.conftest import read_table
+
+BLOWS = ("forte", "piano", "noisy")
+SHARED = Path(__file__).parents[3] / "shared" / "data"
+
+
+def reference(name: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    force, rows = read_table(f"{name}_force.csv"), read_table(f"{name}_reference.csv")
+    return force[:, 0], force[:, 1], rows
+
+
+@pytest.mark.parametrize("blow", BLOWS)
+def test_default_tolerance_is_kept(action: model.Action, blow: str) -> None:
+    time, force, rows = reference(blow)
+    solution = model.simulate(action, time, force, output_time_s=rows[:, 0])
+    assert np.abs(solution.angle_rad - rows[:, 1:6]).max() < 1e-5
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("blow", BLOWS)
+def test_tight_tolerance_reaches_the_reference(action: model.Action, blow: str, method: str) -> None:
+    time, force, rows = reference(blow)
+    solution = model.simulate(action, time, force, output_time_s=rows[:, 0], tolerance=1e-9, method=method)
+    assert np.abs(solution.angle_rad - rows[:, 1:6]).max() < 2e-8
+    assert np.abs(solution.speed_rad_per_s - rows[:, 6:]).max() < 1e-4
+
+
+def test_every_method_keeps_the_default_tolerance_on_forte(action: model.Action) -> None:
+    time, force, rows = reference("forte")
+    for method in METHODS:
+        solution = model.simulate(action, time, force, output_time_s=rows[:, 0], method=method)
+        assert np.abs(solution.angle_rad - rows[:, 1:6]).max() < 1e-5, method
+
+
+@pytest.mark.skipif(not SHARED.is_dir(), reason="the project's shared reference forte is not on this machine")
+def test_shared_reference_forte(action: model.Action) -> None:
+    table = np.loadtxt(SHARED / "forte_force_5kHz.csv", delimiter=",", skiprows=1)
+    rows = np.loadtxt(SHARED / "forte_reference_1kHz.csv", delimiter=",", skiprows=1)
+    solution = model.simulate(action, table[:, 0], table[:, 1], output_time_s=rows[:, 0], contact_forces=True)
+    assert np.abs(solution.angle_rad - rows[:, 2:7]).max() < 1e-5
+    assert solution.contact_normal_n is not None
+    assert np.abs(solution.contact_normal_n - rows[:, 14:]).max() < 0.05
+
+
+def test_error_falls_with_the_tolerance(action: model.Action) -> None:
+    time, force, rows = reference("forte")
+    errors, steps = [], []
+    for tolerance in (1e-4, 1e-6, 1e-8):
+        solution = model.simulate(action, time, force, output_time_s=rows[:, 0], tolerance=tolerance)
+        errors.append(np.abs(solution.angle_rad - rows[:, 1:6]).max())
+        steps.append(solution.counters["n_steps"])
+    assert errors[0] < 1e-4 and errors[1] < 3e-6 and errors[2] < 3e-8
+    # work, not time: order 4 with error control spends about 10^(1/4) per decade, kinks somewhat more
+    assert steps[2] / steps[0] < 100**0.5 * 2
+    assert steps[0] < 3500
+
+
+def test_forces_at_output_times_follow_from_the_state(action: model.Action) -> None:
+    from model.verification.reference_equations import Twin
+
+    time, force, _ = reference("forte")
+    at = np.array([0.1071, 0.1123, 0.13])
+    solution = model.simulate(action, time, force, output_time_s=at, contact_forces=True)
+    twin = Twin(action)
+    assert solution.contact_normal_n is not None and solution.contact_friction_n is not None
+    for k in range(len(at)):
+        twin._place(solution.angle_rad[k], solution.speed_rad_per_s[k])
+        for c, name in enumerate(solution.contacts):
+            normal, friction, _ = twin.contact(name, solution.speed_rad_per_s[k])
+            assert solution.contact_normal_n[k, c] == pytest.approx(normal, abs=1e-9)
+            assert solution.contact_friction_n[k, c] == pytest.approx(friction, abs=1e-9)
+
+
+def test_resumed_run_is_the_same_to_the_last_bit(action: model.Action) -> None:
+    time, force, _ = reference("forte")
+    scene = model.build_scene(action)
+    start = model.State(0.0, model.rest_state(action).angle_rad, np.zeros(5))
+    through = model.Simulation(scene, start.copy())
+    through.advance(0.11, time, force)
+    saved = through.state.copy()
+    through.advance(0.3, time, force)
+    again = model.Simulation(scene, saved)
+    again.advance(0.3, time, force)
+    np.testing.assert_array_equal(again.state.angle_rad, through.state.angle_rad)
+    np.testing.assert_array_equal(again.state.speed_rad_per_s, through.state.speed_rad_per_s)
+    assert again.state.step_s == through.state.step_s
+
+
+@pytest.mark.parametrize("block", [0.02, 0.00317])
+def test_blocks_change_the_answer_by_less_than_the_tolerance(action: model.Action, block: float) -> None:
+    time, force, _ = reference("forte")
+    whole = model.simulate(action, time, force)
+    scene = model.build_scene(action)
+    run = model.Simulation(scene, model.State(0.0, model.rest_state(action).angle_rad, np.zeros(5)))
+    angles = []
+    edges = np.append(np.arange(0, time[-1], block), time[-1])
+    for a, b in zip(edges[:-1], edges[1:], strict=True):
+        inside = time[(time >= a) & (time < b)] if b < time[-1] else time[time >= a]
+        angles.append(run.advance(b, time, force, output_time_s=inside)[0])
+    assert np.abs(np.concatenate(angles) - whole.angle_rad).max() < 1e-5
+
+
+def test_held_input_jumps_at_its_points(action: model.Action) -> None:
+    """A staircase force equals a linear table with almost vertical risers."""
+    points = np.array([0.0, 0.01, 0.02, 0.03])
+    values = np.array([0.0, 2.0, 5.0, 5.0])
+    scene = model.build_scene(action)
+    rest = model.rest_state(action).angle_rad
+    held = model.Simulation(scene, model.State(0.0, rest, np.zeros(5)), tolerance=1e-9)
+    held.advance(0.03, points, values, held=True)
+    e = 1e-9
+    steep_t = np.array([0, 0.01 - e, 0.01, 0.02 - e, 0.02, 0.03])
+    steep = model.simulate(action, steep_t, [0, 0, 2, 2, 5, 5], tolerance=1e-9)
+    np.testing.assert_allclose(held.state.angle_rad, steep.angle_rad[-1], atol=2e-7)
+
+
+def test_action_at_rest_stays_at_rest(action: model.Action) -> None:
+    solution = model.simulate(action, [0.0, 1.0], [0.0, 0.0], output_time_s=np.linspace(0, 1, 11))
+    assert np.abs(solution.angle_rad - solution.angle_rad[0]).max() < 1e-12
+    assert solution.counters["n_steps"] == 0
+    assert solution.counters["time_at_rest"] == 1.0
+
+
+def test_rest_after_a_blow_costs_nothing_and_a_creeping_hammer_is_not_at_rest(action: model.Action) -> None:
+    time, force, _ = reference("forte")
+    alone = model.simulate(action, time, force, output_time_s=[0.6])
+    longer = model.simulate(action, np.append(time, 61.0), np.append(force, 0.0), output_time_s=[0.6, 60.0, 61.0])
+    work = longer.counters["n_rhs"] / alone.counters["n_rhs"]
+    assert work < 1.1  # the action still swings at 0.6 s; 60 s more of it would otherwise be some 1200 steps
+    assert longer.counters["time_at_rest"] > 59.0
+    settled = model.rest_state(action).angle_rad
+    np.testing.assert_allclose(longer.angle_rad[-1], longer.angle_rad[-2], atol=1e-12)
+    # friction lets the action rest off the frictionless balance, but not by much
+    np.testing.assert_allclose(longer.angle_rad[-1], settled, atol=2e-4)
+    # held in check by friction the hammer creeps: a constant force, yet no rest
+    early = time < 0.2
+    hold = ([*time[early], 3.0], [*force[early], 10.0])
+    held = model.simulate(action, *hold, output_time_s=[0.3, 3.0])
+    fine = model.simulate(action, *hold, output_time_s=[0.3, 3.0], tolerance=1e-9)
+    assert np.abs(held.angle_rad - fine.angle_rad).max() < 1e-5
+    assert np.abs(held.angle_rad[1] - held.angle_rad[0]).max() > 1e-4
+    assert held.counters["time_at_rest"] < 0.2
+
+
+def test_rest_ends_with_the_next_change_of_the_input(action: model.Action) -> None:
+    table = np.array([[0, 0], [5, 0], [5.05, 6], [5.2, 6], [5.25, 0], [6, 0]], float)
+    at = np.linspace(5.0, 5.6, 301)
+    waited = model.simulate(action, table[:, 0], table[:, 1], output_time_s=at)
+    direct = model.simulate(action, table[1:, 0], table[1:, 1], output_time_s=at, tolerance=1e-8)
+    assert np.abs(waited.angle_rad - direct.angle_rad).max() < 1e-5
+    assert waited.counters["time_at_rest"] > 4.99
+
+
+@pytest.mark.parametrize(
+    ("time", "force", "words"),
+    [
+        ([0, 1, 1], [0, 0, 0], "row 3: time 1 s does not follow 1 s"),
+        ([0, 1, 0.5], [0, 0, 0], "must increase"),
+        ([], [], "found 0 rows"),
+        ([0.0], [0.0], "found 1 rows"),
+        ([0, 1], [0, np.nan], "row 2: force_n found nan"),
+        ([0, np.inf], [0, 0], "row 2: time_s found inf"),
+        ([0, 1], [0, 5000], "allowed finite numbers up to 1000"),
+        ([[0, 1]], [[0, 1]], "two equal columns"),
+    ],
+)
+def test_bad_force_tables_are_refused(action: model.Action, time: list, force: list, words: str) -> None:
+    with pytest.raises(model.InputError, match=words):
+        model.simulate(action, time, force)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("", "is empty"),
+        ("t,F\n0,0\n1,1\n", "columns found t,F; allowed time_s,force_n"),
+        ("time_s,force_n\n0,zero\n1,1\n", "row 1: force_n found 'zero', allowed a number"),
+        ("time_s,force_n\n0,0,0\n1,1\n", "row 1"),
+        ("time_s,force_n\n0,0\n0,1\n", "row 2: time 0 s does not follow"),
+        ("time_s,force_n\n0,nan\n1,1\n", "row 1: force_n found nan"),
+    ],
+)
+def test_bad_force_files_are_refused_by_name(tmp_path: Path, text: str, words: str) -> None:
+    path = tmp_path / "blow.csv"
+    path.write_text(text)
+    with pytest.raises(model.InputError, match=words) as caught:
+        model.read_force_table(path)
+    assert "blow.csv" in str(caught.value) and "\n" not in str(caught.value)
+
+
+def test_columns_of_a_force_file_may_come_in_any_order(tmp_path: Path) -> None:
+    path = tmp_path / "blow.csv"
+    path.write_text("force_n,time_s\n3,0\n4,0.5\n")
+    time, force = model.read_force_table(path)
+    assert time.tolist() == [0, 0.5] and force.tolist() == [3, 4]
+
+
+def test_bad_tolerance_and_output_times(action: model.Action) -> None:
+    with pytest.raises(model.InputError, match="tolerance"):
+        model.simulate(action, [0, 1], [0, 0], tolerance=0)
+    with pytest.raises(model.InputError, match="within the table"):
+        model.simulate(action, [0, 1], [0, 0], output_time_s=[0, 2])
+    with pytest.raises(model.InputError, match="output rate"):
+        model.output_times(0, 1, -5)
+    with pytest.raises(model.InputError, match="allowed rodas4p, rodas5p"):
+        model.simulate(action, [0, 1], [0, 0], method="euler")
+
+
+@pytest.mark.parametrize("blow", BLOWS)
+def test_energy_audit_closes_and_closes_better_at_tighter_tolerance(action: model.Action, blow: str) -> None:
+    time, force, _ = reference(blow)
+    residuals = []
+    for tolerance in (1e-5, 1e-7, 1e-9):
+        energy = model.simulate(action, time, force, output_time_s=[0.6], tolerance=tolerance, energy=True).energy
+        assert energy is not None
+        residuals.append(abs(energy.residual) / energy.work_in)
+        lost = (energy.lost_in_felt, energy.lost_in_contact_friction, energy.lost_in_joint_friction)
+        assert min(lost) > 0.02 * energy.work_in
+    assert residuals[0] < 1e-5 and residuals[1] < 2e-7 and residuals[2] < 2e-9
+
+
+def test_energy_audit_of_the_work_of_the_force(action: model.Action) -> None:
+    """Work of the force from its table and the key's motion."""
+    time, force, _ = reference("forte")
+    fine = np.linspace(0, 0.6, 60_001)
+    solution = model.simulate(action, time, force, output_time_s=fine, energy=True)
+    height = model.observables.key_front_height_m(action, solution.angle_rad)
+    pressed = np.interp(fine, time, force)
+    work = -float(np.sum(0.5 * (pressed[1:] + pressed[:-1]) * np.diff(height)))
+    assert solution.energy is not None
+    assert solution.energy.work_in == pytest.approx(work, rel=1e-5)
+
+
+def test_energy_audit_without_any_loss(action: model.Action) -> None:
+    off: dict = {f"{c}.normal.D": 0.0 for c in model.build_scene(action).contacts}
+    off |= {f"{c}.friction": 0.0 for c in model.build_scene(action).contacts}
+    off |= {f"{b}.joint_friction": 0.0 for b in model.BODIES}
+    time, force, _ = reference("forte")
+    for tolerance, most in ((1e-5, 1e-4), (1e-7, 5e-7), (1e-9, 1e-8)):
+        energy = model.simulate(
+            action.with_values(off), time, force, output_time_s=[0.3], tolerance=tolerance, energy=True
+        ).energy
+        assert energy is not None
+        assert energy.lost_in_felt == energy.lost_in_contact_friction == energy.lost_in_joint_friction == 0.0
+        assert abs(energy.residual) < most * energy.work_in
+
+
+def test_columns_of_a_table_may_be_read_only(action: model.Action) -> None:
+    """pandas hands out read-only arrays; the compiled loop takes writable ones only."""
+    time, force = np.array([0.0, 0.01]), np.array([0.0, 1.0])
+    expected = model.simulate(action, time, force).angle_rad
+    at = time.copy()
+    for column in (time, force, at):
+        column.flags.writeable = False
+    solution = model.simulate(action, time, force, output_time_s=at)
+    np.testing.assert_array_equal(solution.angle_rad, expected)

@@ -1,0 +1,102 @@
+"""``pianorig study`` and ``--scale`` as a user meets them."""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import model
+from pianorig.console.overrides import read_variant
+from tests.command_line import run
+from tests.pianorig.test_commands import DATA
+
+FORTE = str(DATA / "forte_force.csv")
+
+
+def test_variants_in_one_table_and_figure(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "study"
+    variants = ["--variant", "dry: --scale damping=0.1", "--variant", "slippery check: --set contact04.friction=0"]
+    assert run("study", "hirschkorn2004", "--force", FORTE, *variants, "--out", str(out), "--json") == 0
+    facts = json.loads(capsys.readouterr().out)
+    assert [row["variant"] for row in facts["variants"]] == ["as given", "dry", "slippery check"]
+    assert [row["held"] for row in facts["variants"]] == [True, True, False]
+    with open(out / "variants.csv", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [float(row["hold_m"]) for row in rows] == [row["hold_m"] for row in facts["variants"]]
+    assert sorted(p.name for p in out.iterdir()) == ["study.svg", "variants.csv"]
+    assert run("study", "hirschkorn2004", "--force", FORTE, *variants) == 0
+    text = capsys.readouterr().out
+    assert text.splitlines()[3].startswith("slippery check") and " no " in text.splitlines()[3]
+
+
+def test_study_thesis(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "thesis"
+    assert run("study", "thesis", "--out", str(out)) == 0
+    text = capsys.readouterr().out
+    for figure in ("4.9", "4.10", "4.11", "4.16", "4.17", "4.18", "4.19"):
+        assert f"Fig. {figure} " in text
+    assert (out / "thesis.svg").stat().st_size > 10_000
+    assert len((out / "observations.csv").read_text().splitlines()) > 15
+
+
+def test_scale_on_simulate(tmp_path: Path) -> None:
+    out = tmp_path / "angles.csv"
+    changes = ["--set", "contact04.friction=0", "--scale", "damping=0.1", "--scale", "*.mass=1.01"]
+    assert run("simulate", "--force", FORTE, *changes, "--output-rate", "1000", "--out", str(out)) == 0
+    rows = np.loadtxt(out, delimiter=",", skiprows=1)
+    values = {f"contact{i:02d}.normal.D": 0.1 for i in range(1, 14) if i != 12} | {
+        f"{b}.mass": 1.01 for b in model.BODIES
+    }
+    action = model.load_action()
+    changed = action.with_values({p: f * action[p] for p, f in values.items()} | {"contact04.friction": 0})
+    force = np.loadtxt(FORTE, delimiter=",", skiprows=1)
+    solution = model.simulate(changed, force[:, 0], force[:, 1], output_time_s=rows[:, 0])
+    np.testing.assert_array_equal(rows[:, 1:6], solution.angle_rad)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["thesis", "--variant", "a: --set hammer.mass=0.01"], "study thesis: has its own variants"),
+        (["hirschkorn2004"], "--force: missing"),
+        (["hirschkorn2004", "--of", "x", "--force", FORTE], "goes with the words thesis and friction-limit only"),
+        (["hirschkorn2004", "--force", FORTE, "--variant", "dry"], "--variant 'dry': has no name"),
+        (["hirschkorn2004", "--force", FORTE, "--variant", "a: --st x=1"], "--variant a: found '--st'"),
+        (["hirschkorn2004", "--force", FORTE, "--variant", "a: --set hammer.mas=1"], "did you mean hammer.mass"),
+        (["hirschkorn2004", "--force", FORTE, "--variant", "a: --scale dampin=1"], "did you mean damping"),
+        (["hirschkorn2004", "--force", FORTE, "--variant", "a: --set"], "allowed path=value"),
+        (["hirschkorn2004", "--force", FORTE, "--variant", "a:"], "changes nothing"),
+        (["hirschkorn2004", "--force", FORTE, "--scale", "damping"], "allowed name=factor"),
+        (["hirschkorn2004", "--force", FORTE, "--set", "a=1", "--set", "a=2"], "given twice"),
+        (["hirschkorn2004", "--force", FORTE, "--out", "no/such/folder"], "folder cannot be made"),
+    ],
+)
+def test_bad_input_is_one_line_and_exit_2(arguments: list[str], words: str, refused: Callable[..., None]) -> None:
+    refused(words, "study", *arguments)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "a b: --set x.y=1 --scale damping=0.1",
+        "a b:--set=x.y=1   --scale=damping=0.1",
+        " a b : --scale damping=.1 --set x.y=1",
+    ],
+)
+def test_variant_grammar(text: str) -> None:
+    assert read_variant(text) == ("a b", {"x.y": 1.0}, {"damping": 0.1})
+
+
+def test_friction_limit_in_words_and_files(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    force = tmp_path / "short.csv"
+    force.write_text("time_s,force_n\n" + "".join(f"{k * 5e-4!r},{min(10.0, 200 * k * 5e-4)}\n" for k in range(241)))
+    assert run("study", "friction-limit", "--force", str(force), "--out", str(tmp_path / "f"), "--json") == 0
+    facts = json.loads(capsys.readouterr().out)
+    away = [row["differs_rad"] for row in facts["friction"]]
+    assert away[0] > away[1] > away[2] > away[3] > away[4] == 0.0
+    assert {p.name for p in (tmp_path / "f").iterdir()} == {"friction_limit.svg", "friction_limit.csv"}

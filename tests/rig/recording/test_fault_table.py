@@ -1,0 +1,272 @@
+"""Every fault of the table in docs/safety.md but the death of the program, planted by time and by call.
+
+Each row shows: motor at 0 V and drive disabled within the stated time on the bench's clock, the fault latched with its
+reason in the file, every committed sample readable, and a valid session marked incomplete when the program dies in
+that moment. The rows in which the program dies are in simulated/test_process_death.py.
+"""
+
+from __future__ import annotations
+
+import os
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from rig.configuration.profile import Profile, parse_profile
+from rig.errors import HardwareFault, RecordingFault
+from rig.recording.recorder import record_session
+from rig.session import Session
+from rig.session.journal import JournalWriter
+from rig.simulated.backend import SimulatedBackend
+from rig.simulated.device.fault_injection import FaultPlan, parse_faults
+
+COUNTED = (('mode = "pulses"', 'mode = "counted"'), ('terminal = "/cDAQ1Mod4/PFI4"', 'terminal = "/cDAQ1Mod4/PFI0"'))
+FULL_BLOCK = 20
+"""The motor pushes from 0.36 s, within block 18, to 0.43 s; before block 20 the bench is at 0.38 s."""
+PUSHING_S = 0.38
+RISING_S, RISING_BLOCK = 0.36, 19
+
+
+@dataclass(frozen=True)
+class Row:
+    """How a fault is planted by time and by call (with the number of blocks of trial 1), and what it says."""
+
+    words: str
+    by_time: str
+    by_call: str
+    at_s: float = PUSHING_S
+
+
+ROWS = {
+    "overwrite -200279": Row("-200279", "overwrite@2/0.38", "overwrite@ReadAnalogF64#{block}"),
+    "timeout -200284": Row("-200284", "timeout@2/0.38", "timeout@ReadAnalogF64#{block}"),
+    "AO underrun -200290": Row("-200290", "underrun@2/0.38", "underrun@IsTaskDone#{block}"),
+    "reserved -50103": Row("-50103", "reserved@2/0.38", "reserved@ReadCounterF64Ex#{counter}"),
+    "device lost": Row("cannot be reached", "device-lost@2/0.38", "device-lost@ReadAnalogF64#{block}"),
+    "server gone": Row("does not answer", "server-gone@2/0.38", "server-gone@ReadAnalogF64#{block}"),
+    "bridge open": Row("open bridge", "bridge-open@2/0.38", "bridge-open@ReadAnalogF64#{block}"),
+    "saturated cell": Row("saturated or stuck", "saturated@2/0.38", "saturated@ReadAnalogF64#{block}"),
+    "force missing": Row("told to push", "silent@2/0.38", "silent@ReadAnalogF64#{block}"),
+    "stuck channel": Row(
+        "whippen encoder does not move", "stuck:whippen@2/0.36", "stuck:whippen@ReadAnalogF64#{rising}", RISING_S
+    ),
+    "encoder miscount": Row("hammer encoder rests", "miscount:hammer@2/0.38", "miscount:hammer@ReadAnalogF64#{block}"),
+    "dropped frames": Row("drops frames", "dropped@2/0.38", "dropped@ReadAnalogF64#{block}"),
+}
+IN_TEST = ("slow disk", "full disk", "crash of the writer")
+IN_ANOTHER_PROCESS = ("SIGINT", "SIGTERM", "kill -9")
+
+
+def test_every_fault_of_the_safety_page_has_its_row(stated_s) -> None:
+    assert set(stated_s) == {*ROWS, *IN_TEST, *IN_ANOTHER_PROCESS}
+
+
+class Watched:
+    """A recording of trials on a bench that is watched from outside: what was committed, when a trial began."""
+
+    def __init__(
+        self, backend: SimulatedBackend, rig: Any, profile: Profile, folder: Path, journal: type[JournalWriter]
+    ) -> None:
+        self.backend, self.device, self.folder = backend, backend.device, folder
+        self.began_s: dict[int, float] = {}
+        self.committed: dict[int, int] = {}
+        self.live = False
+        self._rig, self._profile, self.journal = rig, profile, journal
+        begin = self.device.bench.begin
+
+        def begun(trial: int, *arguments: Any, **options: Any) -> None:
+            begin(trial, *arguments, **options)
+            self.began_s[trial] = self.device.bench.clock.now_s
+
+        self.device.bench.begin = begun
+
+    def progress(self, state: Any) -> None:
+        self.committed[state.trial] = round(state.committed_s * 5000)
+        self.live = self.live or not self.safe()
+
+    def safe(self) -> bool:
+        return self.device.output_v["cDAQ1Mod2/ao0"] == 0.0 and not self.device.drive_enabled()
+
+    def record(self, *, trials: int, open_journal: Any = None, progress: Callable[..., None] | None = None) -> None:
+        record_session(
+            self.folder, profile=self._profile, rig_config=self._rig, backend=self.backend, trials=trials,
+            progress=progress or self.progress, open_journal=open_journal or self.journal,
+        )  # fmt: skip
+
+    def safe_after_s(self, trial: int, at_s: float) -> float:
+        """Return when both outputs were safe, after ``at_s`` of a trial; what the program left is the watchdog's."""
+        clock = self.device.bench.clock
+        for _ in range(200):
+            if self.safe():
+                return clock.now_s - self.began_s[trial] - at_s
+            clock.advance(0.01)
+            self.device.watchdogs.look()
+        raise AssertionError("never safe")
+
+
+@pytest.fixture
+def watched(edited_rig, make_backend, step_profile, tmp_path, kept_journal) -> Callable[..., Watched]:
+    rig = edited_rig(*COUNTED)
+
+    def make(faults: str = "", profile: Profile = step_profile, folder: str = "s") -> Watched:
+        backend = make_backend(rig.config, noise_n=0.02)
+        backend.device.faults = FaultPlan(parse_faults(faults))
+        return Watched(backend, rig, profile, tmp_path / folder, kept_journal)
+
+    return make
+
+
+@pytest.fixture(scope="module")
+def blocks(tmp_path_factory) -> list[int]:
+    """Blocks of trial 1, found once."""
+    return []
+
+
+@pytest.mark.parametrize("planted", ["by time", "by call"])
+@pytest.mark.parametrize("fault", ROWS)
+def test_the_bench_is_safe_in_time_and_nothing_committed_is_lost(
+    fault, planted, watched, blocks, stated_s, died_then, recover
+) -> None:
+    row = ROWS[fault]
+    if planted == "by call" and not blocks:
+        clean = watched(folder="clean")
+        clean.record(trials=1)
+        blocks.append(clean.committed[1] // 100)
+    how = row.by_time
+    if planted == "by call":
+        block = blocks[0] + FULL_BLOCK
+        how = row.by_call.format(block=block, rising=blocks[0] + RISING_BLOCK, counter=4 * block - 3)
+    run = watched(how)
+    with pytest.raises(HardwareFault) as raised:
+        run.record(trials=3)
+    assert raised.value.exit_code == 3 and "\n" not in str(raised.value)
+    assert run.live and 0 <= run.safe_after_s(2, row.at_s) <= stated_s[fault]
+    session = Session.open(run.folder)
+    assert [trial.status for trial in session.trials] == ["complete", "fault"]  # latched: no third trial
+    data = session.trial(2).read()
+    assert row.words in data.reason and data.n_valid >= run.committed[2] > 0
+    run.device.faults = FaultPlan()
+    if fault in ("device lost", "server gone"):
+        run.device.reset()  # as a lab does: what the program had reserved is still held
+    (_, entry) = recover(died := died_then(run.folder, 2))
+    again = Session.open(died).trial(2).read()
+    assert entry["status"] == again.status == "incomplete"
+    np.testing.assert_array_equal(again.force_n, data.force_n)
+    np.testing.assert_array_equal(again.encoder_count, data.encoder_count)
+
+
+@pytest.mark.parametrize("call", ["TaskControl#15", "StartTask#8", "CfgSampClkTiming#7"])
+def test_a_trial_that_cannot_begin_leaves_its_reason_in_the_session_and_the_motor_still(watched, call) -> None:
+    run = watched(f"reserved@{call}")
+    with pytest.raises(HardwareFault, match="-50103"):
+        run.record(trials=3)
+    assert run.safe()
+    session = Session.open(run.folder)
+    assert [trial.status for trial in session.trials] == ["complete"]
+    (note,) = session.annotations
+    assert note.trial == 0 and note.reason.startswith("trial 2 did not begin: ResourceBusy") and "-50103" in note.reason
+
+
+HELD = parse_profile(
+    'name = "held"\npoints = [{time_s=0,force_n=0},{time_s=0.1,force_n=3},{time_s=6,force_n=3},{time_s=6.1,force_n=0}]'
+)
+"""Longer than a disk may hang."""
+
+
+def breaking(run: Watched, how: str, at_s: float, released: threading.Event) -> Callable[..., JournalWriter]:
+    """Return what opens a journal on a disk that goes bad ``at_s`` after the first trial began."""
+
+    def write(file: int, data: Any) -> int:
+        if run.began_s and run.device.bench.clock.now_s - run.began_s[1] >= at_s:
+            if how == "crash of the writer":
+                raise ZeroDivisionError("planted")
+            if how == "full disk":
+                raise OSError(28, os.strerror(28))
+            assert released.wait(30)
+        return os.write(file, data)
+
+    def open_journal(path: Path, head: Any, *room: int) -> JournalWriter:
+        return run.journal(path, head, *room, write=write, now_s=lambda: run.device.bench.clock.now_s)
+
+    return open_journal
+
+
+@pytest.mark.parametrize(
+    ("fault", "words"),
+    [
+        ("slow disk", "taken nothing for 5."),
+        ("full disk", "No space left"),
+        ("crash of the writer", "ZeroDivisionError: planted"),
+    ],
+)
+def test_a_disk_that_fails_stops_the_motor_in_time_and_keeps_what_it_took(
+    fault, words, watched, stated_s, died_then, recover
+) -> None:
+    run, released, at_s = watched(profile=HELD), threading.Event(), 0.5
+    stop = run.backend.safe_stop
+
+    def safe_stop() -> None:
+        stop()
+        if run.live:
+            released.set()  # the disk comes back only when the bench is safe
+
+    run.backend.safe_stop = safe_stop
+    with pytest.raises(RecordingFault, match=words):
+        run.record(trials=2, open_journal=breaking(run, fault, at_s, released))
+    assert run.live and 0 <= run.safe_after_s(1, at_s) <= stated_s[fault]
+    (trial,) = Session.open(run.folder).trials
+    data = trial.read()
+    assert trial.status == "fault" and words in data.reason and data.n_valid >= run.committed[1] > 0
+    (entry,) = recover(died := died_then(run.folder, 1))
+    again = Session.open(died).trial(1).read()
+    assert entry["status"] == again.status == "incomplete" and again.n_valid >= run.committed[1]
+    np.testing.assert_array_equal(again.force_n, data.force_n[: again.n_valid])
+
+
+def test_a_disk_that_stands_still_for_two_seconds_loses_nothing(watched) -> None:
+    run, released = watched(profile=HELD), threading.Event()
+    behind = []
+
+    def progress(state: Any) -> None:
+        run.progress(state)
+        behind.append(round((state.time_s - state.committed_s) * 5000))
+        if state.time_s >= 2.5:
+            released.set()
+
+    run.record(trials=1, open_journal=breaking(run, "slow disk", 0.5, released), progress=progress)
+    (trial,) = Session.open(run.folder).trials
+    data = trial.read()
+    # that none is missing was held against the driver's own count; committed was what the observer was told
+    assert trial.status == "complete" and data.n_valid >= run.committed[1]
+    assert max(behind) >= 2 * 5000
+    np.testing.assert_array_equal(data.time_s, np.arange(data.n_valid) / 5000)
+
+
+@pytest.mark.skipif(os.name == "nt", reason="needs a limit of the file size")
+def test_when_the_disk_is_full_for_the_trial_and_for_its_seal_both_are_told_and_the_journal_is_recovered(
+    watched, recover
+) -> None:
+    import resource
+
+    run = watched()
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+
+    def progress(state: Any) -> None:
+        run.progress(state)
+        if state.time_s >= PUSHING_S:
+            resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, before[1]))
+
+    try:
+        with pytest.raises(RecordingFault, match=r"File too large.*trial_0001.h5.*File too large.*pianorig recover"):
+            run.record(trials=2, open_journal=JournalWriter, progress=progress)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert run.safe()
+    (entry,) = recover(run.folder)
+    data = Session.open(run.folder).trial(1).read()
+    assert entry["status"] == data.status == "incomplete" and data.n_valid >= run.committed[1] > 0

@@ -1,0 +1,242 @@
+"""The recorder: quiet, blow, rest; what was recorded is kept and marked; bad input leaves nothing behind."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from rig.configuration.profile import parse_profile
+from rig.errors import HardwareFault, InputError, LimitExceeded, SamplesLost
+from rig.recording.feed import BlockFeed
+from rig.recording.recorder import record_session
+from rig.session import Session
+from rig.simulated.status import DaqStatusError
+
+RAD_PER_VOLT = np.array([-0.05, 0.02, 0.3])
+
+
+@pytest.fixture
+def record(tmp_path, make_backend, rig, step_profile):
+    """Record on the algebraic bench; returns (session folder, backend, call)."""
+    backend = make_backend(rig.config, noise_n=0.02)
+    folder = tmp_path / "session"
+
+    def call(**changes) -> Session:
+        arguments = {"profile": step_profile, "rig_config": rig, "backend": backend, "trials": 2, **changes}
+        return record_session(folder, **arguments)
+
+    return folder, backend, call
+
+
+def test_a_session_holds_quiet_blow_and_rest_of_every_trial(record, assert_safe, step_profile) -> None:
+    folder, backend, call = record
+    call(operator="ana", action_name="Boston", notes={"weather": "dry"})
+    session = Session.open(folder)
+    assert (session.info.operator, session.info.action.name, session.info.simulated) == ("ana", "Boston", True)
+    assert session.info.profile.sha256 == step_profile.sha256
+    assert (folder / "profile.toml").read_text() == step_profile.text
+    assert {"python", "numpy", "nidaqmx", "piano-action-rig"} <= set(session.info.software)
+    assert [t.status for t in session.trials] == ["complete", "complete"]
+    for trial in session.trials:
+        data = trial.read()
+        onset = data.time_s[np.flatnonzero(data.motor_command_v)[0]]
+        assert onset >= 0.3 and data.blow_start_s == pytest.approx(onset, abs=2.1e-4)
+        last_moving = np.flatnonzero(np.any(np.diff(data.encoder_count, axis=0) != 0, axis=1))[-1] + 1
+        assert data.time_s[-1] - data.time_s[last_moving] >= 0.2 - 2e-4
+        assert data.time_s[-1] < 0.9
+        np.testing.assert_allclose(data.time_s, np.arange(data.n_valid) / 5000, atol=1e-12)
+        felt = np.concatenate(([0.0], data.motor_command_v[:-1]))
+        expected = felt[:, None] * RAD_PER_VOLT
+        assert np.max(np.abs(data.angle_rad() - expected)) < 2 * np.pi / 163840
+        assert data.motor_command_v.max() == pytest.approx(0.5) and data.motor_command_v[-1] == 0
+        assert data.force_info.group_delay_s == pytest.approx(0.00800645, abs=1e-8)
+        later = np.interp(data.time_s - data.force_info.group_delay_s, data.time_s, 0.05 + 12 * felt)
+        assert np.std(data.force_n - later) == pytest.approx(0.02, rel=0.05)
+        np.testing.assert_allclose(data.force_raw, data.force_n * 2.0 / 111.2, atol=1e-12)
+    assert_safe(backend)
+
+
+def test_frame_times_lie_within_the_record_at_the_middle_of_each_exposure(record) -> None:
+    _, _, call = record
+    data = call(trials=1).trials[0].read()
+    camera = data.camera
+    assert camera.frame_time_s[:2] == pytest.approx([1.05e-3, 1.55e-3])
+    end = camera.frame_time_s[-1] + camera.exposure_s / 2
+    assert end <= data.time_s[-1] < end + 1 / camera.frame_rate_hz
+
+
+def test_the_same_seed_gives_the_same_session_and_trials_differ(tmp_path, make_backend, rig, step_profile) -> None:
+    runs = []
+    for name in ("a", "b"):
+        backend = make_backend(rig.config, noise_n=0.02)
+        session = record_session(tmp_path / name, profile=step_profile, rig_config=rig, backend=backend, trials=2)
+        runs.append([trial.read().force_n for trial in session.trials])
+    np.testing.assert_array_equal(runs[0][0], runs[1][0])
+    np.testing.assert_array_equal(runs[0][1], runs[1][1])
+    assert not np.array_equal(runs[0][0], runs[0][1])
+
+
+def test_progress_and_feed_see_every_block_and_a_full_feed_never_holds_up(record) -> None:
+    _, _, call = record
+    seen, feed = [], BlockFeed(capacity=3)
+    session = call(trials=2, progress=seen.append, feed=feed)
+    lengths = [trial.read().n_valid for trial in session.trials]
+    assert len(seen) == sum(lengths) // 100 == feed.dropped + 3
+    assert [(p.trial, p.trials) for p in seen[:1] + seen[-1:]] == [(1, 2), (2, 2)]
+    assert seen[-1].time_s == pytest.approx(lengths[1] / 5000)
+    assert max(p.peak_force_n for p in seen) == pytest.approx(6.05, abs=0.1)
+
+
+def test_the_drivers_own_count_must_be_what_is_stored(record) -> None:
+    folder, backend, call = record
+    counted = backend.read_positions
+    seen: list[int] = []
+
+    def short() -> dict[str, tuple[int, int]]:
+        positions = counted()
+        assert len(positions) == 4
+        seen.extend(handed_out for handed_out, _ in positions.values())
+        first = next(iter(positions))
+        return positions if len(seen) < 8 else {**positions, first: (positions[first][0] + 1, positions[first][1] + 1)}
+
+    backend.read_positions = short
+    with pytest.raises(SamplesLost, match="samples are missing or doubled"):
+        call()
+    trials = Session.open(folder).trials
+    assert [trial.status for trial in trials] == ["complete", "fault"]
+    assert seen[:4] == [trials[0].read().n_valid] * 4
+
+
+def test_after_each_trial_the_plant_can_be_looked_at(record) -> None:
+    _, backend, call = record
+    looked = []
+    call(after_trial=lambda trial: looked.append((trial.number, backend.plant.truth().size, trial.read().n_valid)))
+    assert [number for number, *_ in looked] == [1, 2]
+    assert all(truth == stored for _, truth, stored in looked)
+
+
+def stop_at(trial: int, time_s: float, error: BaseException):
+    def progress(state) -> None:
+        if state.trial == trial and state.time_s >= time_s:
+            raise error
+
+    return progress
+
+
+def test_ctrl_c_keeps_and_marks_what_was_recorded(record, assert_safe) -> None:
+    folder, backend, call = record
+    with pytest.raises(KeyboardInterrupt):
+        call(trials=5, progress=stop_at(2, 0.38, KeyboardInterrupt()))
+    trials = Session.open(folder).trials
+    assert [t.status for t in trials] == ["complete", "interrupted"]
+    data = trials[1].read()
+    assert data.n_valid == 1900 and data.reason == "stopped by the operator"
+    assert data.motor_command_v[-1] == pytest.approx(0.5)
+    assert backend.plant.commands[-1][-1] == pytest.approx(0.5)  # the motor was pushing when it came
+    assert_safe(backend)
+
+
+def test_an_exception_of_the_program_keeps_and_marks_too(record, assert_safe) -> None:
+    folder, backend, call = record
+    with pytest.raises(ZeroDivisionError):
+        call(progress=stop_at(1, 0.4, ZeroDivisionError("oops\0")))
+    (trial,) = Session.open(folder).trials
+    assert (trial.status, trial.read().reason) == ("fault", "ZeroDivisionError: oops")
+    assert_safe(backend)
+
+
+def test_a_fault_of_the_bench_keeps_and_marks_with_its_reason(record, assert_safe) -> None:
+    folder, backend, call = record
+    read = backend.device.read
+
+    def failing(task, n, timeout_s):
+        if backend.device.trial == 2 and backend.device.edge > 2000 and task.type == "CI":
+            raise DaqStatusError(-200279)
+        return read(task, n, timeout_s)
+
+    backend.device.read = failing
+    with pytest.raises(SamplesLost):
+        call()
+    trials = Session.open(folder).trials
+    assert [t.status for t in trials] == ["complete", "fault"]
+    assert "overwritten" in trials[1].read().reason and trials[1].read().n_valid == 2000
+    assert_safe(backend)
+
+
+def test_a_fault_before_the_first_sample_leaves_no_session(record, assert_safe) -> None:
+    folder, backend, call = record
+    backend.device.configure_clock = lambda *a: (_ for _ in ()).throw(DaqStatusError(-50103))
+    with pytest.raises(HardwareFault):
+        call()
+    assert not folder.exists()
+    folder.mkdir()
+    with pytest.raises(HardwareFault):
+        call()
+    assert list(folder.iterdir()) == []
+    assert_safe(backend)
+
+
+def test_an_action_that_never_rests_is_kept_and_says_so(
+    record, make_backend, edited_rig, tmp_path, step_profile
+) -> None:
+    rig = edited_rig(("longest_s = 3.0", "longest_s = 0.5"))
+    backend = make_backend(rig.config)
+    advance = backend.plant.advance
+
+    def creeping(command_v):
+        block = advance(command_v)
+        block.angle_rad[:, 1] += 0.01 * np.maximum(block.time_s - 0.36, 0)
+        return block
+
+    backend.plant.advance = creeping
+    session = record_session(tmp_path / "s", profile=step_profile, rig_config=rig, backend=backend, trials=1)
+    data = session.trials[0].read()
+    assert data.status == "not at rest" and data.reason == "not at rest 0.5 s after the blow"
+    assert data.time_s[-1] == pytest.approx(0.35 + 0.08 + 0.5, abs=0.021)
+
+
+def test_an_action_that_has_not_come_back_is_not_struck_again(
+    record, make_backend, edited_rig, tmp_path, step_profile
+) -> None:
+    rig = edited_rig(("longest_s = 3.0", "longest_s = 0.5"))
+    backend = make_backend(rig.config, noise_n=0.02)
+    advance = backend.plant.advance
+
+    def creeping(command_v):
+        block = advance(command_v)
+        block.angle_rad[:, 1] += 0.02 * np.maximum(block.time_s - 0.36, 0)
+        return block
+
+    backend.plant.advance = creeping
+    with pytest.raises(LimitExceeded, match="whippen encoder rests 0.01.* rad from where it began, allowed 0.005"):
+        record_session(tmp_path / "s", profile=step_profile, rig_config=rig, backend=backend, trials=3)
+    (trial,) = Session.open(tmp_path / "s").trials
+    assert trial.status == "fault"
+
+
+def test_bad_input_is_refused_before_anything_moves_and_leaves_nothing(record, tmp_path) -> None:
+    folder, backend, call = record
+    strong = parse_profile('name="s"\npoints=[{time_s=0,force_n=0},{time_s=0.1,force_n=130},{time_s=0.2,force_n=0}]')
+    for changes in (
+        {"trials": 0},
+        {"trials": 10_000},
+        {"profile": strong},
+        {"profile": "none"},
+        {"rig_config": "none"},
+    ):
+        with pytest.raises(InputError):
+            call(**changes)
+    assert not folder.exists() and backend.service.trace == []
+
+
+def test_a_path_that_cannot_be_used_is_refused_before_anything_moves(tmp_path, make_backend, rig, step_profile) -> None:
+    backend = make_backend(rig.config)
+    (tmp_path / "file").write_text("mine")
+    (tmp_path / "full").mkdir()
+    (tmp_path / "full" / "thesis.txt").write_text("mine")
+    for out in (tmp_path / "file", tmp_path / "file" / "below", tmp_path / "full"):
+        with pytest.raises(InputError) as refusal:
+            record_session(out, profile=step_profile, rig_config=rig, backend=backend, trials=1)
+        assert str(out.name) in str(refusal.value) and "\n" not in str(refusal.value)
+    assert sorted(p.name for p in tmp_path.rglob("*")) == ["file", "full", "thesis.txt"]
+    assert backend.service.trace == []

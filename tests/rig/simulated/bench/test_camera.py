@@ -1,0 +1,158 @@
+"""The virtual camera: the film shows the angles it says, and tracking finds them within the stated uncertainty."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from rig.simulated.bench.camera import ActionGeometry, CameraSettings, FilmTruth, film_bodies, film_trial
+from rig.simulated.bench.camera_view import film_scene, poses
+from vision.bodies.outlines import build_masks
+from vision.errors import InputError
+from vision.film.mraw import MrawFilm
+from vision.film.source import open_film
+from vision.tracking.track_film import track_film
+
+REST = np.array([0.0251, 0.3198, 0.3523])
+N = 260
+
+
+def blow(time_s: NDArray[np.float64]) -> NDArray[np.float64]:
+    """A blow: the whippen rises by 0.09 rad, the jack trips by -0.35, the lever follows by 0.22, up to 25 rad/s."""
+
+    def step(start: float, length: float) -> NDArray[np.float64]:
+        x = np.clip((time_s - start) / length, 0.0, 1.0)
+        return x**3 * (10 - 15 * x + 6 * x * x)
+
+    return REST + np.column_stack(
+        [0.09 * step(0.04, 0.04), -0.35 * step(0.06, 0.026), 0.22 * step(0.05, 0.03) - 0.1 * step(0.09, 0.02)]
+    )
+
+
+@pytest.fixture(scope="module", params=["wood", "speckle"])
+def filmed(
+    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
+) -> Iterator[tuple[Path, FilmTruth]]:
+    """A short film of each texture and its truth."""
+    path = tmp_path_factory.mktemp("film") / "trial_0001.mraw"
+    settings = CameraSettings(texture=request.param)
+    time_s = 62.5e-6 + np.arange(N) / settings.frame_rate_hz
+    truth = film_trial(path, time_s, blow, settings=settings, seed=4)
+    yield path, truth
+
+
+def test_film_is_tracked_near_the_bound(filmed: tuple[Path, FilmTruth]) -> None:
+    path, truth = filmed
+    result = track_film(path, film_bodies(), truth.frame_time_s)
+    assert not result.failed.any() and 40 <= result.n_still <= 85
+    assert result.bodies == truth.bodies == ("whippen", "jack", "repetition")
+    for k, body in enumerate(result.bodies):
+        if body == "whippen":
+            angle, u = result.angle_rad[:, 0], result.u_angle_rad[:, 0]
+        else:
+            angle, u, _ = result.relative(body)
+        error = angle - (truth.mean_angle_rad[:, k] - truth.mean_angle_rad[: result.n_still, k].mean())
+        rms = np.sqrt(np.mean(error**2))
+        assert rms < 1.3 * truth.relative_crlb_rad[k], f"{body}: {rms / truth.relative_crlb_rad[k]:.2f} of the bound"
+        assert 0.90 <= np.mean(np.abs(error) < 1.96 * u) <= 0.995, body
+        assert 0.85 < np.std(error / u) < 1.15, body
+
+
+def test_film_file(filmed: tuple[Path, FilmTruth]) -> None:
+    path, truth = filmed
+    assert sorted(p.suffix for p in path.parent.iterdir()) == [".cihx", ".mraw"]
+    with open_film(path) as film:
+        assert isinstance(film, MrawFilm)
+        assert (film.n_frames, film.height, film.width, film.bit_depth) == (N, 304, 400, 8)
+        assert film.frame_rate_hz == 2000.0 and film.exposure_s == pytest.approx(125e-6)
+        assert film.frame_time_s is not None
+        # the header counts from the camera's first frame, the truth in the time of the trial
+        np.testing.assert_allclose(np.diff(film.frame_time_s), np.diff(truth.frame_time_s), rtol=1e-9)
+        # 120 Hz ripple of the light: whole-picture grey against the cosine that was asked for
+        grey = np.array([film.read(i).mean(dtype=float) for i in range(60)])
+        wave = np.cos(2 * np.pi * 120.0 * truth.frame_time_s[:60])
+        ripple = np.polyfit(wave, grey / grey.mean(), 1)
+        assert ripple[0] == pytest.approx(0.05, rel=0.05)
+
+
+def test_truth_is_what_was_asked_for(filmed: tuple[Path, FilmTruth]) -> None:
+    _, truth = filmed
+    np.testing.assert_array_equal(truth.angle_rad, blow(truth.frame_time_s))
+    # mean over the exposure, by fine quadrature
+    offset = 125e-6 * ((np.arange(400) + 0.5) / 400 - 0.5)
+    for i in (0, 110, 135, 150, 190):
+        fine = blow(truth.frame_time_s[i] + offset).mean(axis=0)
+        np.testing.assert_allclose(truth.mean_angle_rad[i], fine, atol=2e-6)
+    assert truth.n_instants > N  # moving frames are blurred
+    assert np.all(truth.crlb_rad > 0) and np.degrees(truth.crlb_rad.max()) < 0.010
+
+
+def test_pivots_land_where_the_geometry_says() -> None:
+    """Pivots by hand: ground frame in metres, y up, to pixels, y down."""
+    geometry, settings = ActionGeometry(), CameraSettings()
+    angles = np.array([[0.1, -0.05, 0.4]])
+    place = poses(geometry, settings, angles)[0]
+    jack = place[2]  # drawn last, in front
+    x = -0.1810 + 0.0989 * np.cos(0.1) + 0.0035 * np.sin(0.1)
+    y = 0.0528 + 0.0989 * np.sin(0.1) - 0.0035 * np.cos(0.1)
+    assert jack[0] == pytest.approx(0.05)
+    assert jack[1] == pytest.approx((x - settings.left_m) * 3200)
+    assert jack[2] == pytest.approx((settings.top_m - y) * 3200)
+
+
+def test_outlines_match_the_first_frame_and_stay_visible() -> None:
+    """Each mask lies on its own body in the rendered picture, and keeps enough pixels over the range of the blow."""
+    geometry, settings = ActionGeometry(), CameraSettings(texture="speckle")
+    scene = film_scene(settings, 1)
+    bodies = film_bodies(geometry, settings)
+    assert [(b.name, b.parent) for b in bodies] == [
+        ("whippen", None), ("jack", "whippen"), ("repetition", "whippen"),
+    ]  # fmt: skip
+    masks = build_masks(bodies, settings.height, settings.width)
+    assert min(int(mask.sum()) for mask in masks) > 4000
+    assert not np.any(np.sum(masks, axis=0) > 1)
+    still = scene.light(poses(geometry, settings, REST[None]))
+    for mask in masks:
+        assert still[mask].std() > 25.0  # texture, not background
+    # the same bodies alone: where the picture is unchanged, nothing covers them
+    extreme = REST + np.array([[0.09, -0.4, 0.25], [0.09, 0.4, -0.25], [0.0, -0.4, -0.25], [0.0, 0.4, 0.25]])
+    for angles in extreme:
+        place = poses(geometry, settings, angles[None])
+        everything = scene.light(place)
+        for k, name in enumerate(("whippen", "repetition", "jack")):
+            alone = type(scene)([scene.bodies[k]], scene.background).light(place[:, k : k + 1])
+            shown = (np.abs(alone - everything) < 1e-3) & (np.abs(alone - scene.background) > 8.0)
+            assert shown.sum() > 2500, f"{name} is covered at {angles}"
+
+
+@pytest.mark.parametrize(("bits", "size"), [(8, 304 * 400 * 5), (12, 304 * 400 * 5 * 3 // 2)])
+def test_depth_and_repeatability(tmp_path: Path, bits: int, size: int) -> None:
+    settings = CameraSettings(bit_depth=bits)
+    time_s = np.arange(5) / 2000.0
+    for name in ("a", "b"):
+        film_trial(tmp_path / f"{name}.mraw", time_s, blow, settings=settings, seed=8)
+    film_trial(tmp_path / "c.mraw", time_s, blow, settings=settings, seed=9)
+    data = {name: (tmp_path / f"{name}.mraw").read_bytes() for name in "abc"}
+    assert len(data["a"]) == size and data["a"] == data["b"] != data["c"]
+    with open_film(tmp_path / "a.mraw") as film:
+        assert film.bit_depth == bits
+        assert 0.2 * 2**bits < film.read(0).mean() < 0.6 * 2**bits
+
+
+def test_refusals_leave_nothing(tmp_path: Path) -> None:
+    time_s = np.arange(4) / 2000.0
+    path = tmp_path / "film.mraw"
+    with pytest.raises(InputError, match="increasing"):
+        film_trial(path, time_s[::-1], blow)
+    with pytest.raises(InputError, match=r"\(4, 3\)"):
+        film_trial(path, time_s, lambda t: blow(t)[:, :2])
+    with pytest.raises(InputError, match="cannot be written"):
+        film_trial(tmp_path / "absent" / "film.mraw", time_s, blow)
+    assert list(tmp_path.iterdir()) == []
+    for bad in ({"texture": "silk"}, {"bit_depth": 10}, {"exposure_s": 1.0}, {"width": 3}, {"flicker": 2.0}):
+        with pytest.raises(InputError, match=next(iter(bad)).split("_")[0]):
+            CameraSettings(**bad)

@@ -1,0 +1,277 @@
+"""What programs written for an NI card do with it, on the virtual card: the call sequences of NI's usual examples."""
+
+from __future__ import annotations
+
+import threading
+
+import grpc
+import nidaqmx
+import numpy as np
+import pytest
+from nidaqmx import constants as ni
+from nidaqmx._stubs import nidaqmx_pb2 as messages
+from nidaqmx._stubs import nidaqmx_pb2_grpc as services
+from nidaqmx.errors import DaqReadError, RpcError
+from nidaqmx.stream_writers import AnalogSingleChannelWriter
+
+from rig.configuration.rig_file import load_rig
+from rig.simulated.rpc.tcp_server import serve
+
+FINITE, CONTINUOUS = ni.AcquisitionType.FINITE, ni.AcquisitionType.CONTINUOUS
+
+
+@pytest.fixture
+def stub(make_backend):
+    """A client made of the service's own stubs, over TCP, as programs in any language are."""
+    server, port = serve(make_backend(load_rig("pcie6363").config).service)
+    channel = grpc.insecure_channel(f"127.0.0.1:{port}")
+    yield services.NiDAQmxStub(channel)
+    channel.close()
+    server.stop(None).wait()
+
+
+def finite_input(stub, samples: int, rate: float):
+    task = stub.CreateTask(messages.CreateTaskRequest()).task
+    stub.CreateAIVoltageChan(
+        messages.CreateAIVoltageChanRequest(
+            task=task, physical_channel="Dev1/ai0:1", min_val=-10.0, max_val=10.0, units_raw=10348,
+            terminal_config_raw=-1,
+        )
+    )  # fmt: skip
+    stub.CfgSampClkTiming(
+        messages.CfgSampClkTimingRequest(
+            task=task, rate=rate, active_edge_raw=10280, sample_mode_raw=10178, samps_per_chan=samples
+        )
+    )
+    return task
+
+
+def read_input(stub, task, n: int):
+    return stub.ReadAnalogF64(
+        messages.ReadAnalogF64Request(
+            task=task, num_samps_per_chan=n, array_size_in_samps=2 * n, fill_mode_raw=0, timeout=10.0
+        )
+    )
+
+
+def test_a_finite_acquisition_over_stubs(stub) -> None:
+    task = finite_input(stub, 1000, 10_000.0)
+    assert stub.StartTask(messages.StartTaskRequest(task=task)).status == 0
+    count = stub.GetTaskAttributeUInt32(messages.GetTaskAttributeUInt32Request(task=task, attribute_raw=0x2181))
+    assert count.value == 2
+    read = read_input(stub, task, 1000)
+    assert (read.status, len(read.read_array), read.samps_per_chan_read) == (0, 2000, 1000)
+    stub.StopTask(messages.StopTaskRequest(task=task))
+    stub.ClearTask(messages.ClearTaskRequest(task=task))
+
+
+def test_every_n_samples_and_done_events_over_stubs(stub) -> None:
+    task = finite_input(stub, 1000, 100.0)
+    request = messages.RegisterEveryNSamplesEventRequest(task=task, n_samples=100, every_n_samples_event_type_raw=1)
+    every = stub.RegisterEveryNSamplesEvent(request)
+    every.initial_metadata()
+    again = stub.RegisterEveryNSamplesEvent(request)
+    with pytest.raises(grpc.RpcError):
+        next(again)
+    done = stub.RegisterDoneEvent(messages.RegisterDoneEventRequest(task=task))
+    done.initial_metadata()
+    stub.StartTask(messages.StartTaskRequest(task=task))
+    got = 0
+    for event in every:
+        assert (event.status, event.n_samples) == (0, 100)
+        got += read_input(stub, task, 100).samps_per_chan_read
+        if got == 1000:
+            every.cancel()
+            break
+    assert next(done).status == 0
+    stub.ClearTask(messages.ClearTaskRequest(task=task))
+
+
+def test_callbacks_of_the_real_client_see_every_sample(cdaq, bridge) -> None:
+    task = cdaq.task()
+    bridge(task)
+    task.timing.cfg_samp_clk_timing(5000, sample_mode=CONTINUOUS, samps_per_chan=1000)
+    enough, seen = threading.Event(), []
+
+    def callback(handle, kind, n, data) -> int:
+        seen.append(len(task.read(number_of_samples_per_channel=n)))
+        if len(seen) >= 5:
+            enough.set()
+        return 0
+
+    task.register_every_n_samples_acquired_into_buffer_event(500, callback)
+    task.start()
+    assert enough.wait(20)
+    task.stop()
+    task.register_every_n_samples_acquired_into_buffer_event(500, None)
+    assert seen[:5] == [500] * 5
+
+
+def test_a_continuous_output_repeats_its_buffer_and_one_without_regeneration_runs_dry(card) -> None:
+    task = card.task()
+    task.ao_channels.add_ao_voltage_chan("Dev1/ao1")
+    task.timing.cfg_samp_clk_timing(1000.0, sample_mode=CONTINUOUS)
+    task.write([float(i) for i in range(10)])
+    task.start()
+    card.device.advance(23)
+    assert card.device.output_v["Dev1/ao1"] == 2.0 and not task.is_task_done()
+    task.stop()
+    task.out_stream.regen_mode = ni.RegenerationMode.DONT_ALLOW_REGENERATION
+    writer = AnalogSingleChannelWriter(task.out_stream, auto_start=False)
+    writer.write_many_sample(np.linspace(0, 1, 100))
+    task.start()
+    card.device.advance(50)
+    writer.write_many_sample(np.linspace(1, 2, 100))
+    assert card.device.bench.edge == pytest.approx(100, abs=11)  # the write waited for room in the buffer of 100
+    card.device.advance(99)
+    assert not task.is_task_done() and 1.9 < card.device.output_v["Dev1/ao1"] < 2.0
+    card.device.advance(100)
+    with pytest.raises(nidaqmx.errors.DaqError, match="-200290"):
+        task.is_task_done()
+    assert card.device.output_v["Dev1/ao1"] == 2.0  # the DAC holds its last value
+
+
+def test_input_and_output_with_clocks_of_their_own_start_on_one_trigger(card) -> None:
+    inputs, outputs = card.task(), card.task()
+    inputs.ai_channels.add_ai_voltage_chan("Dev1/ai1")  # wired to ao0
+    inputs.timing.cfg_samp_clk_timing(10_000.0, sample_mode=FINITE, samps_per_chan=1000)
+    outputs.ao_channels.add_ao_voltage_chan("Dev1/ao0")
+    outputs.timing.cfg_samp_clk_timing(1000.0, sample_mode=FINITE, samps_per_chan=50)
+    outputs.triggers.start_trigger.cfg_dig_edge_start_trig("/Dev1/ai/StartTrigger")
+    assert outputs.triggers.start_trigger.dig_edge_src == "/Dev1/ai/StartTrigger"
+    outputs.write([float(i) / 10 for i in range(50)], auto_start=True)
+    assert card.device.output_v.get("Dev1/ao0", 0.0) == 0.0
+    inputs.start()
+    read = np.array(inputs.read(1000))
+    # value k is put out at ms k and read from the next sample on, ten times; it stays at the last
+    k = np.minimum(np.maximum(np.arange(1000) - 1, 0) // 10, 49)
+    np.testing.assert_allclose(read, k / 10, atol=20 / 2**16)
+    outputs.wait_until_done(timeout=1.0)
+
+
+def test_two_clocks_without_a_trigger_run_side_by_side(card) -> None:
+    first, second = card.task(), card.task()
+    first.ao_channels.add_ao_voltage_chan("Dev1/ao1")
+    first.timing.cfg_samp_clk_timing(1000.0, sample_mode=CONTINUOUS)
+    first.write([1.0, 2.0], auto_start=True)
+    second.ai_channels.add_ai_voltage_chan("Dev1/ai2")
+    second.timing.cfg_samp_clk_timing(250.0, samps_per_chan=50)
+    assert second.read(50) == [0.0] * 50
+    assert card.device.bench.edge == pytest.approx(197, abs=1)  # 49 intervals of 4 ms, and one edge
+    first.stop()
+    assert second.is_task_done()
+
+
+def test_a_single_pulse_ends_and_a_train_is_counted_and_its_frequency_measured(card) -> None:
+    pulse = card.task()
+    pulse.co_channels.add_co_pulse_chan_time("Dev1/ctr0", initial_delay=1.0, low_time=0.5, high_time=1.0)
+    pulse.start()
+    with pytest.raises(nidaqmx.errors.DaqError, match="-200474"):
+        pulse.wait_until_done(timeout=1.5)
+    pulse.wait_until_done(timeout=10.0)
+    assert card.device.bench.edge / card.device.bench.rate_hz == pytest.approx(2.0, abs=1e-3)
+    pulse.stop()
+    train, count, frequency = card.task(), card.task(), card.task()
+    train.co_channels.add_co_pulse_chan_freq("Dev1/ctr0", freq=100.0, initial_delay=0.005)
+    train.timing.cfg_implicit_timing(sample_mode=CONTINUOUS)
+    channel = count.ci_channels.add_ci_count_edges_chan("Dev1/ctr1", initial_count=7)
+    channel.ci_count_edges_term = "/Dev1/PFI12"
+    train.start()
+    count.start()
+    card.device.advance(5000)
+    assert count.read() == 7 + 100  # 1 s
+    channel = frequency.ci_channels.add_ci_freq_chan("Dev1/ctr2", min_val=1.0, max_val=1e4)
+    channel.ci_freq_term = "/Dev1/Ctr0InternalOutput"
+    assert frequency.read() == pytest.approx(100.0)
+    train.stop()
+    with pytest.raises(DaqReadError, match="-200284"):
+        frequency.read(timeout=0.1)
+
+
+def test_a_finite_train_has_the_pulses_it_was_asked_for(card) -> None:
+    train, count = card.task(), card.task()
+    train.co_channels.add_co_pulse_chan_freq("Dev1/ctr3", freq=1000.0)
+    train.timing.cfg_implicit_timing(samps_per_chan=25)
+    channel = count.ci_channels.add_ci_count_edges_chan("Dev1/ctr1")
+    channel.ci_count_edges_term = "/Dev1/PFI15"
+    count.start()
+    train.start()
+    train.wait_until_done(timeout=1.0)
+    assert count.read() == 25
+
+
+def test_an_encoder_is_read_on_the_clock_of_the_analog_input(card) -> None:
+    inputs, angle = card.task(), card.task()
+    inputs.ai_channels.add_ai_voltage_chan("Dev1/ai2")
+    inputs.timing.cfg_samp_clk_timing(1000.0, sample_mode=CONTINUOUS)
+    angle.ci_channels.add_ci_ang_encoder_chan(
+        "Dev1/ctr0", decoding_type=ni.EncoderType.X_4, units=ni.AngleUnits.RADIANS, pulses_per_rev=81920
+    )
+    angle.timing.cfg_samp_clk_timing(1000.0, source="/Dev1/ai/SampleClock", sample_mode=CONTINUOUS)
+    angle.start()
+    inputs.start()
+    assert len(inputs.read(100)) == len(angle.read(100)) == 100
+    # edges on A alone, counted: one per four counts
+    card.device.bench._count_a_edges(np.array([[0, 0, 0], [41, -41, 3], [80, -80, 4], [70, -70, 4]]))
+    assert [card.device.bench._a_passed[-1, body] for body in range(3)] == [20 + 2, 20 + 2, 1]
+
+
+def test_a_trigger_that_never_comes_times_out(card) -> None:
+    for trigger in ("start", "reference"):
+        task = card.task()
+        task.ai_channels.add_ai_voltage_chan("Dev1/ai2")
+        task.timing.cfg_samp_clk_timing(1000.0, samps_per_chan=100)
+        if trigger == "start":
+            task.triggers.start_trigger.cfg_dig_edge_start_trig("/Dev1/PFI0")
+        else:
+            task.triggers.reference_trigger.cfg_dig_edge_ref_trig("/Dev1/PFI0", pretrigger_samples=50)
+        task.start()
+        with pytest.raises(DaqReadError, match="-200284"):
+            task.read(100, timeout=0.5)
+        task.close()
+        card._tasks.remove(task)
+
+
+def test_an_exported_clock_drives_another_task(card, refused) -> None:
+    inputs, lines = card.task(), card.task()
+    inputs.ai_channels.add_ai_voltage_chan("Dev1/ai2")
+    inputs.timing.cfg_samp_clk_timing(1000.0, samps_per_chan=40)
+    inputs.export_signals.export_signal(ni.Signal.SAMPLE_CLOCK, "/Dev1/PFI4")
+    lines.di_channels.add_di_chan("Dev1/port0/line0")
+    lines.timing.cfg_samp_clk_timing(1000.0, source="/Dev1/PFI4", samps_per_chan=40)
+    lines.start()
+    assert len(inputs.read(40)) == len(lines.read(40)) == 40
+    with refused(-89136):
+        inputs.export_signals.export_signal(ni.Signal.SAMPLE_CLOCK, "/Dev1/ai/SampleClock")
+
+
+def test_the_sum_of_the_rates_and_the_number_of_outputs_limit_the_rate(card, refused) -> None:
+    several, outputs = card.task(), card.task()
+    several.ai_channels.add_ai_voltage_chan("Dev1/ai0:3")
+    several.timing.cfg_samp_clk_timing(250_000.0)
+    with refused(-200332):
+        several.timing.cfg_samp_clk_timing(250_001.0)
+    outputs.ao_channels.add_ao_voltage_chan("Dev1/ao0:1")
+    with refused(-200332):
+        outputs.timing.cfg_samp_clk_timing(2_000_001.0)
+    outputs.timing.cfg_samp_clk_timing(30_000.0)
+    assert outputs.timing.samp_clk_rate == pytest.approx(100e6 / 3333, rel=1e-12)
+
+
+def test_a_call_nobody_wrote_is_unimplemented(card) -> None:
+    with pytest.raises(RpcError) as refusal:
+        card.task().ai_channels.add_ai_thrmcpl_chan("Dev1/ai0")
+    assert refusal.value.rpc_code == grpc.StatusCode.UNIMPLEMENTED
+
+
+def test_a_client_that_reads_what_is_there_gets_what_has_come(card) -> None:
+    task = card.task()
+    task.ai_channels.add_ai_voltage_chan("Dev1/ai2")
+    task.timing.cfg_samp_clk_timing(1000.0, sample_mode=CONTINUOUS)
+    task.start()
+    got, reads = 0, 0
+    while got < 100:
+        got += len(task.read(ni.READ_ALL_AVAILABLE))
+        reads += 1
+    assert reads < 50 and card.device.bench.edge == got
+    assert task.in_stream.avail_samp_per_chan == 10  # asking took 10 ms

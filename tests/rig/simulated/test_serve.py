@@ -1,0 +1,117 @@
+"""``serve-sim`` in another process: a session over TCP, and the server's own watchdog when its client is killed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pianorig.cli import main
+from pianorig.workflows.model.predict_blow import predictor
+from rig.configuration.profile import load_profile
+from rig.configuration.rig_file import load_rig
+from rig.errors import NotPermitted
+from rig.recording.permission import Permission
+from rig.recording.recorder import record_session
+from rig.selftest.record import read_record
+from rig.simulated.device.watchdog import LOW
+
+DEADLINE_S = 60.0
+STEP = Path(__file__).parents[1] / "step.toml"
+
+
+def test_a_session_recorded_over_tcp_is_the_one_recorded_in_process(serve, permitted, tmp_path) -> None:
+    program, address = serve("--clock", "virtual", "--seed", "5")
+    assert address.startswith("ni-grpc://127.0.0.1:")
+    rig = load_rig(permitted[1])
+    arguments = {"profile": load_profile(STEP), "rig_config": rig, "trials": 2, "predict": predictor(rig)}
+    with pytest.raises(NotPermitted):
+        record_session(tmp_path / "far", backend=address, **arguments)
+    permission = Permission("--yes", rig.sha256, read_record(Path(permitted[4])))
+    far = record_session(tmp_path / "far", backend=address, permission=permission, **arguments)
+    near = record_session(tmp_path / "near", backend="sim://?seed=5", **arguments)
+    assert far.info.simulated and "gRPC Device Server" in far.info.backend["name"]
+    for there, here in zip(far.trials, near.trials, strict=True):
+        a, b = there.read(), here.read()
+        for name in ("time_s", "force_n", "force_raw", "motor_command_v", "encoder_count"):
+            np.testing.assert_array_equal(getattr(a, name), getattr(b, name))
+    assert program.end() == 0
+
+
+def test_what_serve_sim_cannot_do_is_one_line(capsys) -> None:
+    for arguments in (
+        ["--clock", "never"],
+        ["--rig", "none"],
+        ["--port", "0", "--bench", "none.toml"],
+        ["--fault", "late@1/2"],
+    ):
+        with pytest.raises(SystemExit) as end:
+            main(["serve-sim", *arguments])
+        assert end.value.code == 2
+        assert len(capsys.readouterr().err.splitlines()) == 1
+
+
+def watchdog_task(bench: Any, device: str, timeout_s: float = 0.5, name: str = "dog") -> Any:
+    from nidaqmx import GrpcSessionOptions
+    from nidaqmx.system.watchdog import WatchdogTask
+
+    task = WatchdogTask(device, name, timeout_s, grpc_options=GrpcSessionOptions(bench._channel, name))
+    bench._tasks.append(task)
+    return task
+
+
+def test_the_watchdog_reaches_what_the_product_lets_it_reach(cdaq, card, refused) -> None:
+    from nidaqmx.constants import Level, WatchdogAOExpirState
+    from nidaqmx.system.watchdog import AOExpirationState, DOExpirationState
+
+    for bench, device, ao, line in (
+        (cdaq, "cDAQ1", "cDAQ1Mod2/ao0", "cDAQ1Mod4/port0/line7"),
+        (card, "Dev1", "Dev1/ao0", "Dev1/port0/line0"),
+    ):
+        task = watchdog_task(bench, device)
+        task.cfg_watchdog_do_expir_states([DOExpirationState(line, Level.LOW)])
+        assert bench.device.watchdogs.timer("dog").lines == {line: False} and Level.LOW.value == LOW
+        states = [AOExpirationState(ao, 0.0, WatchdogAOExpirState.VOLTAGE)]
+        if bench is card:
+            with refused(-200662):
+                task.cfg_watchdog_ao_expir_states(states)
+        else:
+            task.cfg_watchdog_ao_expir_states(states)
+        bench.device.output_v[ao], bench.device.lines[line] = 3.0, True
+        task.start()
+        bench.device.bench.clock.advance(0.4)
+        task.reset_timer()
+        bench.device.bench.clock.advance(0.4)
+        assert not task.expired and bench.device.output_v[ao] == 3.0
+        bench.device.bench.clock.advance(0.11)
+        assert task.expired and bench.device.lines[line] is False
+        assert bench.device.output_v[ao] == (3.0 if bench is card else 0.0)
+        with refused(-200644):
+            task.reset_timer()
+        task.clear_expiration()
+        assert not task.expired
+    with refused(-200668):
+        watchdog_task(cdaq, "cDAQ1", 100.0, "long")
+
+
+def test_outputs_cannot_be_written_while_an_expired_watchdog_holds_them(cdaq, refused) -> None:
+    from nidaqmx.constants import WatchdogAOExpirState
+    from nidaqmx.system.watchdog import AOExpirationState
+
+    other = cdaq.task("other")
+    other.ao_channels.add_ao_voltage_chan("cDAQ1Mod2/ao0")
+    other.start()
+    task = watchdog_task(cdaq, "cDAQ1")
+    task.cfg_watchdog_ao_expir_states([AOExpirationState("cDAQ1Mod2/ao0", 0.0, WatchdogAOExpirState.VOLTAGE)])
+    with refused(-201477):
+        task.start()
+    other.stop()
+    task.start()
+    cdaq.device.bench.clock.advance(0.6)
+    with refused(-200678):
+        other.write(1.0, auto_start=True)
+    task.clear_expiration()
+    other.write(1.0, auto_start=True)
+    assert cdaq.device.output_v["cDAQ1Mod2/ao0"] == 1.0

@@ -1,0 +1,110 @@
+"""Platform calls: this system's, and the Windows branch with Windows' functions put in its place."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+from types import SimpleNamespace
+
+import pytest
+
+from rig.errors import InputError
+from rig.recording.recover import recover_session
+from rig.session import Session
+from rig.session.journal import JournalWriter
+from rig.storage import platform_calls
+
+
+class FakeMsvcrt:
+    """Byte-range locks as Windows keeps them: one holder per file and byte."""
+
+    LK_NBLCK = 2
+
+    def __init__(self) -> None:
+        self.held: dict[tuple[int, int], int] = {}
+        self.calls: list[tuple[int, int]] = []
+
+    def locking(self, descriptor: int, mode: int, n: int) -> None:
+        at = os.lseek(descriptor, 0, os.SEEK_CUR)
+        self.calls.append((at, n))
+        key = (os.fstat(descriptor).st_ino, at)
+        if mode != self.LK_NBLCK or self.held.get(key, descriptor) != descriptor:
+            raise PermissionError(13, "Permission denied")
+        self.held[key] = descriptor
+
+    def closed(self, descriptor: int) -> None:
+        """Drop the locks of a file that was closed, as the system does."""
+        self.held = {key: holder for key, holder in self.held.items() if holder != descriptor}
+
+
+@pytest.fixture
+def windows(monkeypatch) -> FakeMsvcrt:
+    """Windows as far as files are concerned: no POSIX calls, msvcrt instead of fcntl, O_BINARY, SIGBREAK."""
+    fake = FakeMsvcrt()
+    monkeypatch.setattr(platform_calls, "WINDOWS", True)
+    monkeypatch.setitem(sys.modules, "msvcrt", fake)
+    monkeypatch.setitem(sys.modules, "fcntl", None)
+    for name in ("fdatasync", "posix_fallocate"):
+        monkeypatch.delattr(os, name, raising=False)
+    monkeypatch.setattr(os, "O_BINARY", 0, raising=False)
+    return fake
+
+
+def test_a_file_is_locked_far_behind_its_data_and_its_position_kept(windows, tmp_path) -> None:
+    path = tmp_path / "f"
+    first = platform_calls.open_raw(path, os.O_RDWR | os.O_CREAT)
+    second = platform_calls.open_raw(path, os.O_RDWR)
+    try:
+        assert platform_calls.lock(first) and not platform_calls.lock(second)
+        assert windows.calls == [(2**40, 1)] * 2
+        assert os.lseek(first, 0, os.SEEK_CUR) == os.lseek(second, 0, os.SEEK_CUR) == 0
+    finally:
+        os.close(first)
+        windows.closed(first)
+        assert platform_calls.lock(second)
+        os.close(second)
+
+
+def test_a_recording_is_journalled_guarded_and_recovered_with_windows_calls(
+    windows, tmp_path, make_backend, rig, step_profile
+) -> None:
+    from rig.recording.recorder import record_session
+
+    synced = []
+    seen = []
+
+    def progress(state) -> None:
+        if not seen:
+            with pytest.raises(InputError, match="another program is recording"):
+                recover_session(tmp_path / "s")
+        seen.append(state.committed_s)
+        if state.time_s > 0.4:
+            raise ZeroDivisionError
+
+    def open_journal(path, head, *room):
+        return JournalWriter(path, head, *room, synchronise=lambda file: (synced.append(file), os.fsync(file))[0])
+
+    with pytest.raises(ZeroDivisionError):
+        record_session(
+            tmp_path / "s", profile=step_profile, rig_config=rig, backend=make_backend(rig.config, noise_n=0.02),
+            progress=progress, open_journal=open_journal,
+        )  # fmt: skip
+    (trial,) = Session.open(tmp_path / "s").trials
+    assert trial.status == "fault" and trial.read().n_valid >= seen[-1] * 5000 and synced
+
+
+def test_signals_that_do_not_exist_here_are_left_out_and_sigbreak_counts_where_it_does(monkeypatch) -> None:
+    assert int(signal.SIGTERM) in platform_calls.ending_signals()
+    assert int(signal.SIGINT) not in platform_calls.ending_signals()
+    assert platform_calls.ending_signals(with_keyboard=True)[0] == int(signal.SIGINT)
+    on_windows = SimpleNamespace(SIGTERM=15, SIGINT=2, SIGBREAK=21)
+    monkeypatch.setattr(platform_calls, "signal", on_windows)
+    assert platform_calls.ending_signals(with_keyboard=True) == [2, 15, 21]
+
+
+def test_without_room_for_it_nothing_is_reserved(windows, tmp_path) -> None:
+    with (tmp_path / "f").open("wb") as file:
+        platform_calls.reserve(file.fileno(), tmp_path / "f", 1000)
+        with pytest.raises(OSError, match="free"):
+            platform_calls.reserve(file.fileno(), tmp_path / "f", 10**18)

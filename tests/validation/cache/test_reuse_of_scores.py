@@ -1,0 +1,237 @@
+"""Each step is done again only where what enters it has changed, and then gives what a run without memory gives."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from dataclasses import replace
+
+import pandas as pd
+import pytest
+
+import model
+from tests.validation.prediction.test_trial_prediction import Counting
+from validation import compare_session
+from validation.cache import result_cache as kept
+
+PAIRS = {2: 3, 3: 9, 4: 18}  # of trials, in three encoder channels
+SIMPLE = {"rivals": (), "budget": False, "suspect": False}
+
+
+class Heavy(Counting):
+    """Moves the further the heavier the hammer."""
+
+    def __call__(self, action, *args, initial, **options):
+        found = super().__call__(action, *args, initial=initial, **options)
+        found.angle_rad = initial.angle_rad + action["hammer.mass"] / 0.0117 * (found.angle_rad - initial.angle_rad)
+        return found
+
+
+@pytest.fixture
+def predict(monkeypatch):
+    """Stands where `model.simulate` stands and counts; the comparison takes it for the model."""
+    counting = Heavy()
+    monkeypatch.setattr(model, "simulate", counting)
+    return counting
+
+
+@pytest.fixture(scope="module")
+def compared_once(make, tmp_path_factory):
+    """Three trials, the second one filmed, compared once."""
+    session, truth = make.session(tmp_path_factory.mktemp("reuse") / "forte", n_trials=3, filmed=(2,))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(model, "simulate", Heavy())
+        compare_session(session, truth.action, **SIMPLE)
+    return session.path, truth.action
+
+
+@pytest.fixture
+def bench(compared_once, tmp_path, predict):
+    """A copy of them, and the action they were compared with."""
+    folder = tmp_path / "forte"
+    shutil.copytree(compared_once[0], folder)
+    return folder, compared_once[1]
+
+
+def again(folder, action, **options):
+    """Compare again; counts of what was reused, after a check against a comparison that remembers nothing."""
+    found = compare_session(folder, action, **SIMPLE | options)
+    fresh = compare_session(folder, action, keep_predictions=False, **SIMPLE | options)
+    assert set(fresh.provenance["reused"].values()) <= {f"0 of {n}" for n in range(1, 500)}, (
+        "nothing may be known to it"
+    )
+    for name in ("scores", "scorecard", "channels", "events", "event_summary", "budget", "findings", "marked"):
+        pd.testing.assert_frame_equal(found.tables[name], fresh.tables[name], check_exact=True)
+    assert found.verdict_lines == fresh.verdict_lines
+    return found.provenance["reused"]
+
+
+def all_of(n, filmed=1):
+    return {
+        "predictions": f"{n} of {n}",
+        "events": f"{2 * n} of {2 * n}",
+        "curve scores": f"{3 * n + 2 * filmed} of {3 * n + 2 * filmed}",
+        "pair scores": f"{PAIRS[n]} of {PAIRS[n]}",
+    }
+
+
+def test_unchanged_touched_or_renamed_nothing_is_done_again(bench, predict):
+    folder, action = bench
+    assert again(folder, action) == all_of(3)
+    assert len(predict.calls) == 3  # of the comparison without memory
+    for file in folder.rglob("*"):
+        os.utime(file, (1, 1))
+    moved = folder.with_name("another name")
+    folder.rename(moved)
+    assert again(moved, action) == all_of(3)
+
+
+def test_a_rejected_trial_leaves_the_others_known_and_comes_back_known(bench):
+    from rig.session import Session
+
+    folder, action = bench
+    Session.open(folder).annotate(2, "reject", "string broke")
+    # its impact came first, and until then pairs of trials are compared "before the impact"
+    assert again(folder, action) == all_of(2, filmed=0) | {"pair scores": "0 of 3"}
+    Session.open(folder).annotate(2, "accept", "it did not")
+    assert again(folder, action) == all_of(3)
+
+
+def test_without_the_trial_that_rests_last_the_window_is_another_and_all_is_scored_again(bench):
+    from rig.session import Session
+
+    folder, action = bench
+    Session.open(folder).annotate(3, "reject", "string broke")
+    assert again(folder, action) == all_of(2) | {"curve scores": "0 of 8", "pair scores": "0 of 3"}
+
+
+def test_a_further_trial_is_the_only_one_scored(bench, make):
+    from rig.session import Session
+
+    folder, action = bench
+    first = Session.open(folder).trials[0].read()
+    count = first.encoder_count.copy()
+    count[3000:3010] += 1
+    Session.open(folder).add_trial(replace(first, number=4, force_n=first.force_n * 1.001, encoder_count=count))
+    assert again(folder, action) == {
+        "predictions": "3 of 4",
+        "events": "6 of 8",
+        "curve scores": "11 of 14",
+        "pair scores": "9 of 18",
+    }
+
+
+def altered(folder, change):
+    """The same session with one trial recorded otherwise, sealed again."""
+    from rig.session import Session
+
+    old = Session.open(folder)
+    data = [trial.read() for trial in old.trials]
+    new = Session.create(folder.with_name("altered"), old.info)
+    for trial in data:
+        new.add_trial(change(trial) if trial.number == 3 else trial)
+    shutil.copytree(folder / "derived", new.path / "derived")
+    return new.path
+
+
+def test_one_altered_count_of_one_encoder_makes_again_what_saw_it(bench):
+    folder, action = bench
+
+    def change(trial):
+        count = trial.encoder_count.copy()
+        count[3000, 2] += 1
+        return replace(trial, encoder_count=count)
+
+    assert again(altered(folder, change), action) == all_of(3) | {
+        "events": "5 of 6",
+        "curve scores": "10 of 11",
+        "pair scores": "7 of 9",
+    }
+
+
+def test_one_altered_sample_of_the_force_makes_the_prediction_again(bench):
+    folder, action = bench
+
+    def change(trial):
+        force = trial.force_n.copy()
+        force[3000] += 1e-3
+        return replace(trial, force_n=force)
+
+    found = again(altered(folder, change), action)
+    assert found == all_of(3) | {"predictions": "2 of 3", "events": "5 of 6", "curve scores": "8 of 11"}
+
+
+def test_a_new_calibration_of_an_encoder_is_seen(bench):
+    folder, action = bench
+
+    def change(trial):
+        encoders = (replace(trial.encoders[0], u_scale_relative=1e-3), *trial.encoders[1:])
+        return replace(trial, encoders=encoders)
+
+    assert again(altered(folder, change), action) == all_of(3) | {"events": "5 of 6"}
+
+
+def test_another_track_of_a_film_scores_the_film_again(bench):
+    from rig.session import Session
+
+    folder, action = bench
+    session = Session.open(folder)
+    table, _ = session.read_derived("angles", 2)
+    table["jack_relative_rad"] *= 1.001
+    session.write_derived("angles", 2, table)
+    assert again(folder, action) == all_of(3) | {"curve scores": "10 of 11"}
+
+
+@pytest.mark.slow  # four comparisons
+def test_another_action_tolerance_or_level_makes_again_what_depends_on_it(bench):
+    folder, action = bench
+    lighter = action.with_values({"hammer.mass": 0.0118})
+    found = again(folder, lighter)
+    assert found["predictions"] == "0 of 3" and found["curve scores"] == "0 of 11"
+    assert found["pair scores"] == all_of(3)["pair scores"]  # trial against trial
+    assert again(folder, action) == all_of(3)
+    found = again(folder, action, tolerance=1e-6)
+    assert found == all_of(3) | {"predictions": "0 of 3", "events": "3 of 6"}
+    again(folder, action)
+    assert again(folder, action, u_rest_level_m=1e-4) == all_of(3) | {"events": "3 of 6"}
+
+
+def test_other_code_makes_scores_again_and_another_model_everything(bench, monkeypatch):
+    folder, action = bench
+    with monkeypatch.context() as patch:
+        patch.setattr(kept, "code_sha256", lambda *package: "changed")
+        found = again(folder, action)
+    assert found == {name: count.replace(count.split()[0], "0", 1) for name, count in all_of(3).items()} | {
+        "predictions": "3 of 3"
+    }
+    monkeypatch.setattr("validation.prediction.model_under_test.model_version", lambda predict: "another model")
+    assert again(folder, action)["predictions"] == "0 of 3"
+
+
+def test_budget_and_friction_search_are_done_once(bench, predict):
+    folder, action = bench
+    options = {"budget": True, "suspect": True, "progress": None}
+    compare_session(folder, action, **SIMPLE | options)
+    runs = len(predict.calls)
+    assert runs > 50
+    found = compare_session(folder, action, **SIMPLE | options)
+    assert len(predict.calls) == runs
+    assert found.provenance["reused"]["uncertainty budget"] == "1 of 1"
+    assert found.provenance["reused"]["friction search"] == "1 of 1"
+    assert len(found.budget) > 0
+    wider = replace(action, quantities=dict(action.quantities))
+    path = next(p for p, q in sorted(action.quantities.items()) if q.u > 0)
+    wider.quantities[path] = replace(action.quantities[path], u=2 * action.quantities[path].u)
+    found = compare_session(folder, wider, **SIMPLE | options)
+    assert found.provenance["reused"]["uncertainty budget"] == "0 of 1"
+    assert found.provenance["reused"]["predictions"] == "3 of 3"
+
+
+def test_what_cannot_be_kept_is_said_once_and_changes_no_number(bench):
+    folder, action = bench
+    shutil.rmtree(folder / "derived" / "scores")
+    (folder / "derived" / "scores").write_text("a file where a folder is needed")
+    result = compare_session(folder, action, **SIMPLE)
+    assert sum("scores not kept" in text for text in result.warnings) == 1
+    assert result.provenance["reused"]["predictions"] == "3 of 3"
+    assert result.provenance["reused"]["curve scores"] == "0 of 11"

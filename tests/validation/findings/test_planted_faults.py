@@ -1,0 +1,113 @@
+"""A session with one known fault per trial: the report names each; its clean twin raises none."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sessions.make_planted import CAMERA_LATE_S, FRICTION, HUM_N, LIFT_AT_S, LIFT_S, PLANTED, make_session
+from validation import compare_session
+from validation.findings.session_checks import clock_offset
+
+SHIPPED = Path(__file__).parents[3] / "sessions" / "planted_faults"
+QUICK = {"keep_predictions": False, "rivals": (), "budget": False}
+
+
+def test_every_planted_fault_is_named_and_nothing_else(planted):
+    found = {(f.kind, None if math.isnan(f.trial) else int(f.trial)) for f in planted.findings.itertuples()}
+    assert found == {(kind, trial) for trial, kind in PLANTED.items()} | {("wrong friction", None)}
+    assert planted.verdict_lines[1].startswith("Faults found: sample rate (trials 8, 9), key lift (trial 6), sign flip")
+    assert "sᵣ, limits and bands hold faulty trials (4, 7)" in planted.verdict
+    assert "repeatability limit, by which" not in planted.verdict
+    text = "\n".join(planted.warnings)
+    for words in (
+        "trial 2: encoder hammer: it turns the wrong way round (sign flip)",
+        "trial 3: encoder key: what is recorded as whippen moves as the key should; channels are swapped",
+        "trial 3: encoder whippen: what is recorded as key moves as the whippen should; channels are swapped",
+        "trial 4: film: frame times are 1.0",
+        "ms late against the whippen's encoder",
+        "trial 5: force: hum of 0.50 N",
+        "trial 6: key: lifts off its balance rail once",
+        "trial 7 stands out in hammer",
+        "its peak force is",
+        "trial 8: sampled at 4000 Hz, most trials at 5000 Hz",
+        "trial 9: sampled at 2500 Hz",
+        "model: key.joint_friction.A = 0.0122 is suspected",
+    ):
+        assert words in text, words
+
+
+def test_what_is_named_has_the_size_that_was_planted(planted):
+    value = planted.findings.set_index("kind")["value"]
+    assert value["camera offset"] == pytest.approx(CAMERA_LATE_S, abs=5e-5)
+    assert value["hum"] == pytest.approx(HUM_N, abs=0.01)
+    assert value["wrong friction"] == pytest.approx(FRICTION[1], rel=0.05)
+    lift = planted.marked.iloc[0]
+    assert lift["trial"] == 6
+    assert lift["start_s"] < LIFT_AT_S + LIFT_S / 2 < lift["end_s"]
+    assert lift["end_s"] - lift["start_s"] < 2 * LIFT_S
+
+
+def test_a_channel_that_is_wired_wrong_is_shown_but_not_pooled(planted):
+    channels = planted.channels.set_index("channel")
+    assert channels.loc["hammer", "state"] == "8 of 9: trial 2 left out, wired wrong"
+    assert channels.loc["key", "state"] == channels.loc["whippen", "state"] == "8 of 9: trial 3 left out, wired wrong"
+    assert list(channels.loc[["key", "whippen", "hammer"], "n_trials"]) == [8, 8, 8]
+    scores = planted.scores.set_index(["channel", "trial"])["rmse_rad"]
+    assert scores["hammer"][2] > 10 * scores["hammer"][1]  # its own score says what it is
+    assert channels.loc["hammer", "rmse_rad"] == pytest.approx(np.sqrt(np.mean(scores["hammer"].drop(2) ** 2)))
+    summary = planted.event_summary.set_index("event")
+    assert summary.loc[["key_bottom", "hammer_speed", "rest"], "n_trials"].tolist() == [8, 8, 7]
+    assert summary.loc["hammer_speed", "found_trial"] == 8
+    (beside,) = [line for line in planted.warnings if line.startswith("without trial 7")]
+    assert "which stands out (kept), sᵣ would be: key" in beside
+
+
+def test_trials_with_faults_are_kept_and_counted(planted):
+    assert planted.trials["used"].all()
+    n_lost = planted.scores.query("trial == 6 and channel == 'key'")["n_lost"].item()
+    assert n_lost > planted.scores.query("trial == 1 and channel == 'key'")["n_lost"].item()
+
+
+def test_the_clean_twin_raises_nothing(tmp_path):
+    result = compare_session(make_session(tmp_path / "clean", planted=False), **QUICK)
+    assert result.findings.empty
+    assert result.warnings == []
+    assert not result.marked.size
+
+
+def test_the_shipped_session_is_what_the_script_makes(tmp_path):
+    made = make_session(tmp_path / "again")
+    from rig.session import Session
+
+    shipped = Session.open(SHIPPED)
+    for a, b in zip(made.trials, shipped.trials, strict=True):
+        mine, theirs = a.read(), b.read()
+        np.testing.assert_allclose(mine.force_n, theirs.force_n, atol=1e-12)
+        # a count may fall the other way round where another machine rounds differently
+        assert np.abs(mine.encoder_count - theirs.encoder_count).max() <= 1
+    size = sum(
+        file.stat().st_size for file in (*SHIPPED.glob("*"), *SHIPPED.glob("derived/angles/*")) if file.is_file()
+    )
+    assert size < 3_000_000
+
+
+@pytest.mark.parametrize("late", [-2.3e-3, 0.0, 4e-4])
+def test_the_clock_of_a_film_is_found_within_its_stated_uncertainty(late):
+    rng = np.random.default_rng(8)
+    time = np.arange(0, 1, 2e-4)
+
+    def angle(t):
+        return 0.05 * (np.tanh((t - 0.3) / 0.02) - np.tanh((t - 0.7) / 0.03))
+
+    z = []
+    for _ in range(40):
+        film = np.arange(0.01, 0.99, 1e-3)
+        values = angle(film - late) + 0.2 + rng.normal(0, 4e-4, film.size)
+        values[rng.integers(0, film.size, 5)] = np.nan
+        offset, u = clock_offset(film, values, time, angle(time))
+        z.append((offset - late) / u)
+    assert 0.7 < np.sqrt(np.mean(np.square(z))) < 1.4

@@ -1,0 +1,66 @@
+"""Force from the key's motion: scores in closed form, samples left out, and the true force within its uncertainty."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from validation import compare_session
+from validation.prediction.motion_driven import _around, motion_row
+
+
+def frame(error, left_out):
+    n = len(error)
+    measured = np.linspace(0, 20, n)
+    return pd.DataFrame(
+        {
+            "time_s": np.arange(n) * 2e-4,
+            "force_n": measured,
+            "u_force_n": 0.03,
+            "predicted_force_n": measured + error,
+            "u_predicted_n": 0.02,
+            "factor": 2.5,
+            "left_out": left_out,
+        }
+    )
+
+
+def test_scores_of_a_known_error_without_what_is_left_out():
+    error = np.full(100, 0.1)
+    error[:10] = 50.0
+    row = motion_row(7, frame(error, np.arange(100) < 10), 0.0)
+    assert row["trial"] == 7
+    assert row["rmse_n"] == pytest.approx(0.1)
+    assert row["bias_n"] == pytest.approx(0.1)
+    assert row["rmse_over_peak"] == pytest.approx(0.1 / 20)
+    assert row["left_out_share"] == pytest.approx(0.1)
+    # 2 × 0.03 and 2.5 × 0.02 together are 0.078
+    assert row["within_95_share"] == 0.0
+    assert motion_row(7, frame(0.7 * error, np.arange(100) < 10), 0.0)["within_95_share"] == 1.0
+    assert motion_row(7, frame(error, np.ones(100, dtype=bool)), 0.0)["n"] == 0
+
+
+def test_gain_is_part_of_the_stated_uncertainty():
+    without = motion_row(1, frame(np.full(100, 0.1), np.zeros(100, dtype=bool)), 0.0)
+    with_gain = motion_row(1, frame(np.full(100, 0.1), np.zeros(100, dtype=bool)), 0.01)
+    assert with_gain["u_rms_n"] > without["u_rms_n"]
+    assert 0 < with_gain["within_95_share"] < 1
+
+
+def test_what_is_left_out_reaches_to_both_sides():
+    mask = np.zeros(20, dtype=bool)
+    mask[10] = True
+    assert np.flatnonzero(_around(mask, 3)).tolist() == [7, 8, 9, 10, 11, 12, 13]
+    assert not _around(np.zeros(5, dtype=bool), 3).any()
+
+
+@pytest.mark.slow  # compiles the motion-driven scene
+def test_the_force_of_a_known_specimen_is_found_again(recorded):
+    session, truth = recorded
+    options = {"keep_predictions": False, "rivals": (), "budget": False, "suspect": False, "by_motion": True}
+    row = compare_session(session, truth.specimen, **options).motion_driven.iloc[0]
+    assert row["rmse_over_peak"] < 0.02
+    assert row["peak_predicted_n"] == pytest.approx(row["peak_measured_n"], rel=0.1)
+    assert row["within_95_share"] > 0.85
+    assert row["left_out_share"] < 0.15

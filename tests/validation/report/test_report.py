@@ -1,0 +1,263 @@
+"""The report: complete in itself, escaped, readable by programs, written whole or not at all."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import io
+import json
+import re
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from validation import InputError, compare_session, validate_session, write_report
+from validation.events.definitions import EVENTS
+from validation.pipeline.compare_sessions import alone
+from validation.report.figures.measured import all_figures
+from validation.report.figures.style import degrees, rotation_label
+from validation.report.figures.svg import decimate
+from validation.report.files import write_files
+from validation.report.render import cannot_claim, render_html
+from validation.report.tables import scores as present
+from validation.report.view import SessionView
+
+
+@pytest.fixture(scope="module")
+def page(written):
+    return written.files["report.html"].read_text(encoding="utf-8")
+
+
+def test_the_page_has_no_outside_address_and_runs_its_own_script_only(page):
+    assert not re.search(r"(https?:)?//[a-z]", page, re.I)
+    scripts = re.findall(r"<script>(.*?)</script>", page, re.S)
+    assert len(scripts) == page.count("<script") == 1
+    digest = base64.b64encode(hashlib.sha256(scripts[0].encode()).digest()).decode()
+    assert f"default-src 'none'; style-src 'unsafe-inline'; img-src data:; script-src 'sha256-{digest}'" in page
+    assert "@import" not in page
+    assert re.findall(r'(?:href|src)="(?!#|data:)', page) == []
+    assert page.startswith("<!DOCTYPE html>")
+    assert '<html lang="en">' in page
+
+
+def test_every_id_is_unique_and_every_reference_has_one(page):
+    ids = re.findall(r'\bid="([^"]+)"', page)
+    assert len(ids) == len(set(ids))
+    references = set(re.findall(r'href="#([^"]+)"', page)) | set(re.findall(r"url\(#([^)]+)\)", page))
+    assert references <= set(ids)
+
+
+def test_every_figure_of_the_thesis_is_there_with_title_and_description(page):
+    for number in ("3.9", "3.10", "3.11", "3.12", "3.13", "4.1", "4.2", "4.3", "4.4"):
+        assert f"As thesis Fig. {number}." in page
+    figures = page.count("<svg")
+    assert figures == 9
+    assert page.count('role="img"') == page.count("<desc") == figures
+    assert len(page.encode()) < 2_000_000
+
+
+def test_the_verdict_comes_first_and_limits_and_provenance_are_there(page, compared):
+    assert page.index("Model hirschkorn2004 against 5 trials") < page.index("<table")
+    assert "What this report cannot claim" in page
+    assert "action.values_sha256" in page
+    assert all(seal in page for seal in compared.trials["seal"])
+    assert f"{compared.window.start_s:.4f} s" in page
+    assert "5 trials: sᵣ is known only to within a factor" in page
+
+
+HOSTILE = "<script>alert('x')</script>&\"quote\""
+
+
+@pytest.fixture(scope="module")
+def lonely(make, tmp_path_factory):
+    """One trial, no film, hostile text in the session; reported into its own folder."""
+    folder = tmp_path_factory.mktemp("lonely") / "s"
+    session, truth = make.session(folder, n_trials=1, filmed=(), operator=HOSTILE, name=HOSTILE)
+    return session, validate_session(session, truth.action)
+
+
+def test_text_from_a_session_is_escaped(lonely):
+    _, result = lonely
+    text = result.files["report.html"].read_text(encoding="utf-8")
+    assert text.count("<script") == 1
+    assert "&lt;script&gt;alert(" in text
+    assert json.loads(result.files["results.json"].read_text(encoding="utf-8"))["results"][0]["session"] == HOSTILE
+
+
+def test_results_json_has_no_nan_and_the_same_numbers(compared, written):
+    text = written.files["results.json"].read_text(encoding="utf-8")
+    content = json.loads(text, parse_constant=lambda name: pytest.fail(f"{name} in results.json"))
+    assert (content["schema"], content["schema_version"]) == ("piano-action-rig results", 2)
+    assert content["results"][0]["verdict_lines"] == compared.verdict_lines
+    assert set(content["event_definitions"]) == set(EVENTS)
+    first = content["tables"]["scores"][0]
+    assert first["rmse_rad"] == compared.scores["rmse_rad"].iloc[0]
+    jack = next(row for row in content["tables"]["channels"] if row["channel"] == "jack")
+    assert jack["s_r_rad"] is None
+    assert jack["state"] == "one trial"
+    for name, table in compared.tables.items():
+        back = pd.read_csv(io.StringIO(written.files[f"tables/{name}.csv"].read_text(encoding="utf-8")))
+        assert list(back.columns) == ["session", "model", *table.columns]
+        assert len(back) == len(table)
+        assert len(content["tables"][name]) == len(table)
+
+
+def test_a_folder_that_cannot_be_written_leaves_nothing(compared, tmp_path):
+    blocked = tmp_path / "file"
+    blocked.write_text("in the way")
+    with pytest.raises(InputError, match="is a file; name a folder"):
+        validate_session("unused", out=blocked / "below")
+    with pytest.raises(InputError, match="is a file; name a folder"):
+        write_report(compared, blocked / "below")
+    with pytest.raises(InputError, match="cannot be written"):
+        write_files(blocked / "below", {"a.txt": "a"})
+    target = tmp_path / "out"
+    (target / "report.html").mkdir(parents=True)
+    with pytest.raises(InputError, match="cannot be written"):
+        write_files(target, {"tables/scores.csv": "a", "report.html": "b"})
+    assert sorted(p.name for p in target.rglob("*")) == ["report.html"]
+    assert blocked.read_text() == "in the way"
+
+
+def test_older_files_are_replaced_together(tmp_path):
+    write_files(tmp_path, {"a.txt": "old", "b/c.txt": "old"})
+    files = write_files(tmp_path, {"a.txt": "new", "b/c.txt": "neu\n"})
+    assert files["a.txt"].read_text() == "new"
+    assert files["b/c.txt"].read_bytes() == b"neu\n"
+    assert not list(tmp_path.rglob("*.part"))
+
+
+def test_one_trial_and_no_film_are_said(lonely):
+    session, result = lonely
+    text = result.files["report.html"].read_text(encoding="utf-8")
+    assert result.files["report.html"].parent == session.path
+    assert "repeatability is not known" in text
+    assert "jack (not filmed)" in text
+    assert any("not filmed: nothing is said" in limit for limit in cannot_claim(alone(result)))
+    assert np.isnan(result.channels["s_r_rad"].astype(float)).all()
+    assert "against 1 trial of" in result.verdict
+
+
+def test_a_blow_too_soft_for_the_string_and_a_film_without_a_frame_are_reported(make, tmp_path):
+    session, truth = make.session(tmp_path / "s", n_trials=1, filmed=(1,), strength=(0.06,))
+    table, _ = session.read_derived("angles", 1)
+    table["jack_relative_rad"] = np.nan
+    session.write_derived("angles", 1, table)
+    result = compare_session(session, truth.action)
+    assert "Absent in both: let-off, string impact, hammer speed at impact" in result.verdict
+    channels = result.channels.set_index("channel")
+    assert channels.loc["jack", "state"] == "no frame tracked"
+    assert np.isnan(channels.loc["jack", "rmse_rad"])
+    assert np.isfinite(channels.loc["repetition", "rmse_rad"])
+    assert "jack (no frame tracked)" in render_html(alone(result))
+
+
+def test_rejected_and_damaged_trials_are_named_and_the_rest_is_compared(make, tmp_path):
+    session, truth = make.session(tmp_path / "s", n_trials=3, filmed=())
+    session.annotate(2, "reject", "double <b>strike</b>")
+    session.trial_path(3).write_bytes(session.trial_path(3).read_bytes()[:5000])
+    result = compare_session(session, truth.action)
+    used = result.trials.set_index("trial")["used"]
+    assert list(used) == [True, False, False]
+    assert result.trials.set_index("trial").loc[2, "reason"] == "rejected: double <b>strike</b>"
+    assert "trial_0003.h5" in result.trials.set_index("trial").loc[3, "reason"]
+    assert sum("is not used" in text for text in result.warnings) == 2
+    assert "&lt;b&gt;strike" in render_html(alone(result))
+
+
+def test_a_session_without_trials_and_a_missing_one_are_refused_in_one_line(make, tmp_path):
+    from rig.errors import InputError as RigInputError
+    from rig.session import Session
+
+    empty = Session.create(tmp_path / "empty", make.info())
+    for path in (empty.path, tmp_path / "nowhere"):
+        with pytest.raises(RigInputError) as caught:
+            validate_session(path)
+        assert "\n" not in str(caught.value)
+        assert caught.value.exit_code == 2
+    with pytest.raises(InputError, match="no usable trial"):
+        compare_session(empty, "hirschkorn2004")
+    assert not (empty.path / "report.html").exists()
+
+
+def test_a_channel_that_is_missing_is_named(make, tmp_path):
+    session, truth = make.session(tmp_path / "s", n_trials=1, filmed=())
+    change = np.zeros((truth.time_s.size, 3))
+    data = make.trial(7, truth.time_s, truth.force_n[1], change, names=("key", "whippen", "damper"))
+    session.add_trial(data)
+    result = compare_session(session, truth.action)
+    assert "encoder 'hammer' is missing" in result.trials.set_index("trial").loc[7, "reason"]
+
+
+def test_lost_film_frames_are_left_out_and_counted(compared):
+    scores = compared.scores.set_index(["trial", "channel"])
+    assert scores.loc[(2, "jack"), "n_lost"] == 3
+    assert np.isfinite(scores.loc[(2, "jack"), "rmse_rad"])
+    assert any("jack lost in 3 of 1600 frames" in text for text in compared.warnings)
+
+
+def test_figures_have_the_signs_of_the_thesis():
+    change = np.radians([0.0, 2.0])
+    assert degrees("key", change)[1] == pytest.approx(-2.0)
+    assert degrees("whippen", change)[1] == pytest.approx(2.0)
+    assert degrees("hammer", change)[1] == pytest.approx(-2.0)
+    assert rotation_label("jack") == r"$\theta_j(0) - \theta_j$ (°)"
+    assert rotation_label("whippen") == r"$\theta_w - \theta_w(0)$ (°)"
+
+
+def test_thinning_keeps_every_spike_and_every_gap():
+    time = np.arange(100_000) * 1e-4
+    values = np.sin(time)
+    values[54_321] = 9.0
+    values[777] = -9.0
+    values[40_000:40_500] = np.nan
+    t, v = decimate(time, values)
+    assert t.size <= 2 * 560
+    assert np.nanmax(v) == 9.0
+    assert np.nanmin(v) == -9.0
+    assert np.all(np.diff(t) >= 0)
+    assert np.isnan(v[(t > 4.002) & (t < 4.048)]).all()
+    short = decimate(time[:50], values[:50])
+    np.testing.assert_array_equal(short[1], values[:50])
+
+
+@pytest.mark.parametrize(
+    ("value", "u", "text"),
+    [
+        (2.35123, 0.0021, "2.3512 ± 0.0021"),
+        (-0.05, 0.2, "−0.05 ± 0.20"),
+        (float("nan"), 1.0, "–"),
+        (12.3456, 0.0, "12.35"),
+    ],
+)
+def test_values_are_rounded_to_their_uncertainty(value, u, text):
+    assert present.with_u(value, u) == text
+
+
+def test_overlays_show_bands_and_the_lifts_that_are_left_out(compared):
+    from dataclasses import replace
+
+    lift = {"trial": 1, "channel": "key", "start_s": 0.30, "end_s": 0.31}
+    marked = pd.DataFrame([lift]).reindex(columns=compared.marked.columns)
+    with_lift = {f.key: f for f in all_figures(SessionView((replace(compared, marked=marked),)))["comparison"]}
+    without = {f.key: f for f in all_figures(SessionView((replace(compared, marked=marked[:0]),)))["comparison"]}
+    shaded = with_lift["key-model"]
+    assert "1 interval, 10.0 ms in all" in shaded.caption
+    assert "repeatability limit" in shaded.caption
+    assert "simultaneous 95 % band of the mean difference" in shaded.caption
+    assert "left out: key may lift" in shaded.svg
+    assert "left out" not in without["key-model"].svg
+    assert with_lift["hammer-model"].svg == without["hammer-model"].svg
+    # a lift of another trial alone is hatched in the residuals, and said in the legend
+    elsewhere = all_figures(SessionView((replace(compared, marked=marked.assign(trial=2)),)))
+    assert "left out: key may lift" in elsewhere["comparison"][1].svg
+    # of each panel: the band as a filled shape
+    assert shaded.svg.count("FillBetweenPolyCollection") == 4
+
+
+def test_a_single_trial_has_no_bands(lonely):
+    _, result = lonely
+    figures = {f.key: f for group in all_figures(SessionView((result,))).values() for f in group}
+    assert "FillBetweenPolyCollection" not in figures["key-model"].svg
+    assert "Shaded" not in figures["key-model"].caption + figures["key-all"].caption

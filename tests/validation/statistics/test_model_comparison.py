@@ -1,0 +1,129 @@
+"""Models paired by trial: closed forms, the floor that few trials put under p, and no claim beyond it."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy import stats
+
+from validation.events.evaluation_window import Window
+from validation.statistics.model_comparison import holm, paired_models, sign_flip_p
+
+
+def result(name, rmse_rad, *, session="forte", window=(0.0, 1.0), n=1000, tolerance_rad=1e-5):
+    """What the comparison of models needs of a result; ``rmse_rad``: channel → one value per trial."""
+    rows = [
+        {
+            "trial": trial,
+            "channel": channel,
+            "rmse_rad": value,
+            "before_impact_rmse_rad": np.nan,
+            "iso_overall": 1 - 10 * value,
+            "n": n,
+        }
+        for channel, values in rmse_rad.items()
+        for trial, value in enumerate(values, start=1)
+    ]
+    return SimpleNamespace(
+        session_name=session,
+        action_name=name,
+        scores=pd.DataFrame(rows),
+        window=Window(*window, "test", "test"),
+        traces={1: pd.DataFrame({"time_s": np.arange(5) * 2e-4})},
+        provenance={"tolerance_rad": tolerance_rad},
+    )
+
+
+def claims(first, second):
+    pairs = paired_models([first, second])
+    return pairs[pairs["score"] == "rmse_rad"].set_index("channel")
+
+
+FIVE = np.array([0.010, 0.012, 0.011, 0.013, 0.009])
+GAIN = np.array([0.003, 0.004, 0.0035, 0.0045, 0.003])
+
+
+def test_five_trials_may_not_claim_what_they_cannot_show():
+    row = claims(result("a", {"hammer": FIVE}), result("b", {"hammer": FIVE - GAIN})).loc["hammer"]
+    assert row["difference"] == pytest.approx(-GAIN.mean())
+    assert row["u_difference"] == pytest.approx(GAIN.std(ddof=1) / np.sqrt(5))
+    low, high = stats.t.interval(0.95, 4, loc=-GAIN.mean(), scale=stats.sem(GAIN))
+    assert (row["low"], row["high"]) == pytest.approx((low, high))
+    assert (row["first_closer"], row["second_closer"], row["n_trials"]) == (0, 5, 5)
+    assert row["p"] == row["p_least"] == 0.0625
+    assert row["claim"] == "b closer on average; 5 trials cannot show it at 5 % (smallest p 0.0625)"
+
+
+def test_eight_trials_may_and_a_higher_score_is_the_better_one():
+    first, gain = np.linspace(0.01, 0.02, 8), np.linspace(0.003, 0.004, 8)
+    pairs = paired_models([result("a", {"key": first}), result("b", {"key": first - gain})]).set_index("score")
+    assert pairs.loc["rmse_rad", "claim"] == "b closer (5 %, all channels together)"
+    assert pairs.loc["rmse_rad", "p"] == 2 / 2**8
+    iso = pairs.loc["iso_overall"]
+    assert iso["difference"] > 0
+    assert iso["second_closer"] == 8
+    assert iso["claim"] == "b closer (5 %, all channels together)"
+    assert "before_impact_rmse_rad" not in pairs.index  # nothing known of it
+
+
+def test_many_channels_cost_evidence():
+    """Six trials reach 1/32; with three channels Holm asks for more."""
+    rng = np.random.default_rng(3)
+    first = {c: 0.01 + 0.001 * rng.random(6) for c in ("key", "whippen", "hammer")}
+    second = {c: v - 0.002 for c, v in first.items()}
+    second = {c: v + 1e-4 * rng.random(6) for c, v in second.items()}
+    rows = claims(result("a", first), result("b", second))
+    assert rows["p"].tolist() == [1 / 32] * 3
+    assert rows["p_holm"].tolist() == pytest.approx([3 / 32] * 3)
+    assert set(rows["claim"]) == {"b closer on average; not shown at 5 % for all channels together"}
+    # a channel of one trial is no test and costs nothing
+    one = claims(result("a", {**first, "jack": [0.1]}), result("b", {**second, "jack": [0.2]}))
+    assert one.loc["key", "p_holm"] == pytest.approx(3 / 32)
+    assert one.loc["jack", "claim"] == "no claim: one trial"
+    assert np.isnan(one.loc["jack", "u_difference"])
+
+
+def test_no_claim_where_there_is_nothing_to_claim():
+    a = result("a", {"key": FIVE})
+    assert claims(a, result("b", {"key": FIVE})).loc["key", "claim"] == "no difference"
+    tiny = claims(a, result("b", {"key": FIVE + 1.5e-5})).loc["key", "claim"]
+    assert tiny == "no claim: within the tolerance of the predictions"
+    mixed = FIVE + GAIN * [1, -1, 1, -1, 1]
+    assert claims(a, result("b", {"key": mixed})).loc["key", "claim"] == "no claim: the 95 % interval holds zero"
+    moved = claims(a, result("b", {"key": FIVE - GAIN}, window=(0.0, 1.1)))
+    assert moved.loc["key", "claim"].startswith("no claim: scored in different windows (0.0000 to 1.0000 s, 0.0000")
+    fewer = claims(a, result("b", {"key": FIVE - GAIN}, n=900))
+    assert fewer.loc["key", "claim"] == "no claim: different samples are left out"
+
+
+def test_only_trials_of_both_and_only_models_of_one_session_are_paired():
+    a, b = result("a", {"key": FIVE}), result("b", {"key": FIVE[:3] - GAIN[:3]})
+    assert claims(a, b).loc["key", "n_trials"] == 3
+    c = result("a", {"key": FIVE}, session="piano")
+    assert paired_models([a, c]).empty
+    assert (
+        list(zip(*(paired_models([a, b, c])[k] for k in ("session", "first", "second")), strict=True))
+        == [("forte", "a", "b")] * 2
+    )
+
+
+def test_sign_flip_p_is_exact_and_holds_its_level():
+    d = np.array([1.0, 2.0, -0.5, 3.0])
+    sums = [np.dot(d, [1 - 2 * (k >> i & 1) for i in range(4)]) for k in range(16)]
+    assert sign_flip_p(d) == np.mean(np.abs(sums) >= abs(d.sum()) - 1e-12)
+    assert sign_flip_p(d) == sign_flip_p(-d)
+    assert sign_flip_p(np.zeros(5)) == sign_flip_p(np.array([3.0])) == 1.0
+    rng = np.random.default_rng(11)
+    rejected = [sign_flip_p(row) <= 0.05 for row in rng.normal(size=(1500, 7))]
+    assert np.mean(rejected) <= 0.05 + 4 * np.sqrt(0.05 * 0.95 / 1500)
+    many = np.abs(rng.normal(size=40)) + 0.1
+    assert sign_flip_p(many) == pytest.approx(1 / 20001)
+
+
+def test_holm_by_hand():
+    assert holm([0.01, 0.04, 0.03]) == pytest.approx([0.03, 0.06, 0.06])
+    assert holm([0.9, 0.5]) == pytest.approx([1.0, 1.0])
+    assert holm([]) == []

@@ -1,0 +1,127 @@
+"""Repeatability: published factors, simulated coverage, few trials."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from validation.events.definitions import EVENTS, Event, absent
+from validation.statistics.repeatability import (
+    STANDS_OUT,
+    curve_repeatability,
+    distance_ratios,
+    event_repeatability,
+    few_trials_warning,
+    limit_factor,
+    pooled_s,
+    s_interval_factors,
+)
+
+
+@pytest.mark.parametrize(("n", "factor"), [(5, 3.93), (10, 3.20), (20, 2.96)])
+def test_limit_factor_of_few_trials(n, factor):
+    assert limit_factor(n) == pytest.approx(factor, abs=0.005)
+
+
+def test_limit_factor_tends_to_that_of_the_standard():
+    assert limit_factor(100_000) == pytest.approx(1.96 * np.sqrt(2), abs=1e-3)
+
+
+@pytest.mark.parametrize(("n", "low", "high"), [(3, 0.52, 6.28), (5, 0.60, 2.87), (10, 0.69, 1.83), (20, 0.76, 1.46)])
+def test_interval_of_s(n, low, high):
+    assert s_interval_factors(n) == pytest.approx((low, high), abs=0.006)
+
+
+def test_interval_of_s_covers_the_truth_at_its_stated_rate():
+    rng = np.random.default_rng(20)
+    s = rng.normal(0, 2.0, (20_000, 5)).std(axis=1, ddof=1)
+    low, high = s_interval_factors(5)
+    covered = np.mean((s * low < 2.0) & (s * high > 2.0))
+    assert covered == pytest.approx(0.95, abs=0.006)  # 4 standard errors of 20,000 draws
+
+
+def test_limit_covers_the_difference_of_two_further_trials_at_its_stated_rate():
+    rng = np.random.default_rng(21)
+    trials = rng.normal(0, 1.3, (20_000, 5))
+    two = rng.normal(0, 1.3, (20_000, 2))
+    within = np.abs(two[:, 0] - two[:, 1]) < limit_factor(5) * trials.std(axis=1, ddof=1)
+    assert within.mean() == pytest.approx(0.95, abs=0.006)
+
+
+def test_s_r_of_curves_is_that_put_in_and_distinct_in_time():
+    rng = np.random.default_rng(3)
+    scale = np.linspace(1, 3, 4000)
+    curves = 5 * np.sin(np.linspace(0, 6, 4000))[:, None] + scale[:, None] * rng.normal(size=(4000, 8))
+    r = curve_repeatability(curves)
+    assert r.pooled == pytest.approx(np.sqrt(np.mean(scale**2)), rel=0.02)
+    assert r.s_r[:1000].mean() < r.s_r[-1000:].mean() / 1.8
+    assert r.n_trials == 8
+    assert r.limit == pytest.approx(r.pooled * limit_factor(8))
+    assert r.interval[0] < r.pooled < r.interval[1]
+
+
+def test_s_r_of_a_known_table():
+    r = curve_repeatability(np.array([[1.0, 2.0, 3.0], [4.0, 4.0, 7.0]]))
+    np.testing.assert_allclose(r.s_r, [1.0, np.sqrt(3.0)])
+    np.testing.assert_allclose(r.mean, [2.0, 5.0])
+    assert r.pooled == pytest.approx(np.sqrt(2.0))
+    assert r.largest == pytest.approx(np.sqrt(3.0))
+
+
+def test_lost_samples_are_left_out_one_by_one():
+    r = curve_repeatability(np.array([[1.0, np.nan, 3.0], [np.nan, np.nan, 5.0], [np.nan] * 3]))
+    assert r.s_r[0] == pytest.approx(np.sqrt(2.0))
+    assert np.isnan(r.s_r[1:]).all()
+    assert r.mean[1] == 5.0
+    assert np.isnan(r.mean[2])
+
+
+def test_one_trial_has_no_repeatability():
+    r = curve_repeatability(np.arange(10.0)[:, None])
+    assert np.isnan(r.pooled)
+    assert np.isnan(r.limit)
+    assert np.isnan(limit_factor(1))
+    assert all(np.isnan(s_interval_factors(1)))
+
+
+def test_one_trial_that_stands_out_is_found_and_good_ones_are_not():
+    rng = np.random.default_rng(17)
+    base = np.sin(np.linspace(0, 9, 800))
+    shapes = rng.normal(size=(300, 6, 5)) @ np.array([np.cos(np.linspace(0, k, 800)) for k in range(1, 6)])
+    false = [distance_ratios((base + 0.01 * s).T).max() > STANDS_OUT for s in shapes]
+    assert np.mean(false) < 0.03
+    bad = base + 0.01 * shapes[0]
+    bad[3] = np.roll(bad[3], 40)
+    ratios = distance_ratios(bad.T)
+    assert ratios.argmax() == 3
+    assert ratios[3] > STANDS_OUT
+    assert np.delete(ratios, 3).max() < STANDS_OUT
+    assert np.isnan(distance_ratios(bad[:3].T)).all()
+    assert np.isnan(distance_ratios(np.ones((10, 5)))).all()
+
+
+def test_pooled_s_weighs_by_degrees_of_freedom():
+    assert pooled_s([np.array([0.0, 2.0]), np.array([1.0, 1.0, 1.0])]) == pytest.approx(np.sqrt(2.0 / 3.0))
+    assert np.isnan(pooled_s([np.array([1.0])]))
+
+
+def test_event_repeatability_counts_presence_and_uses_found_events_only():
+    def trial(speed):
+        events = {name: absent(name) for name in EVENTS}
+        if speed is not None:
+            events["hammer_speed"] = Event("hammer_speed", speed, 0.01, "found")
+        return events
+
+    table = event_repeatability({1: trial(2.0), 2: trial(2.2), 3: trial(None)}).set_index("event")
+    row = table.loc["hammer_speed"]
+    assert (row["n_found"], row["n_absent"], row["n_ambiguous"]) == (2, 1, 0)
+    assert row["mean"] == pytest.approx(2.1)
+    assert row["s"] == pytest.approx(np.sqrt(0.02))
+    assert row["limit"] == pytest.approx(np.sqrt(0.02) * limit_factor(2))
+    assert np.isnan(table.loc["rest", "s"])
+
+
+def test_warning_below_six_trials():
+    assert "factor of 0.60 to 2.87" in few_trials_warning(5)
+    assert "One trial" in few_trials_warning(1)
+    assert few_trials_warning(6) == ""

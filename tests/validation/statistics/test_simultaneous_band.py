@@ -1,0 +1,68 @@
+"""Simultaneous band: closed forms, coverage by simulation (the long form is benchmarks/band_coverage.py)."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from benchmarks.band_coverage import KINDS, coverage
+from validation.statistics.simultaneous_band import critical_value, exceedance, roughness_length, simultaneous_band
+
+
+def test_a_single_value_gets_student_s_t():
+    for freedom in (2, 4, 19):
+        assert critical_value(freedom, 0.0, 1) == pytest.approx(stats.t.ppf(0.975, freedom), rel=1e-9)
+
+
+def test_critical_value_of_a_smooth_curve_is_that_of_random_field_theory():
+    # n = 5, 200 nodes, full width at half maximum of 20.19: 9.255 by the formula, 9.214 by spm1d
+    length = 199 / 20.19 * np.sqrt(4 * np.log(2))
+    u = critical_value(4, length, 200)
+    assert u == pytest.approx(9.255, abs=0.01)
+    assert exceedance(u, 4, length) == pytest.approx(0.05, rel=1e-6)
+
+
+def test_a_rough_curve_is_bounded_by_independent_samples():
+    assert critical_value(4, 1e6, 100) == pytest.approx(stats.t.isf(0.025 / 100, 4), rel=1e-9)
+
+
+def test_length_of_a_known_path():
+    # residuals of three trials that turn once round a circle in the plane of zero sum: 2π, however large they are
+    turn = np.linspace(0, 2 * np.pi, 4001)
+    a, b = np.array([1.0, -1.0, 0.0]) / np.sqrt(2), np.array([1.0, 1.0, -2.0]) / np.sqrt(6)
+    residual = np.cos(turn)[:, None] * a + np.sin(turn)[:, None] * b
+    assert roughness_length(residual) == pytest.approx(2 * np.pi, rel=1e-6)
+    assert roughness_length(residual * np.linspace(1, 50, 4001)[:, None]) == pytest.approx(2 * np.pi, rel=1e-6)
+    noisy = residual + np.random.default_rng(2).normal(0, 0.02, residual.shape)
+    assert roughness_length(noisy) > 50  # what noise makes of it
+    assert roughness_length(noisy, 0.02) == pytest.approx(2 * np.pi, rel=0.2)
+
+
+@pytest.mark.parametrize("n", [5, 10, 20])
+@pytest.mark.parametrize("kind", ["even", "rig-like", "counts"])
+def test_the_band_holds_the_true_curve_at_its_stated_rate(kind, n):
+    share, *_ = coverage(kind, n, 400)
+    # 400 sessions: one standard error is 0.011; 0.925 to 0.97 widened by three of them
+    assert 0.89 < share < 1.0
+
+
+def test_the_band_of_known_scatter_is_wider_than_pointwise_and_follows_the_scatter():
+    curves = KINDS["rig-like"](np.random.default_rng(4), 10) + np.linspace(0, 5, 200)[:, None]
+    band = simultaneous_band(curves)
+    s = curves.std(axis=1, ddof=1)
+    assert band.factor > stats.t.ppf(0.975, 9)
+    np.testing.assert_allclose(band.half_width, band.factor * s / np.sqrt(10))
+    np.testing.assert_allclose(band.mean, curves.mean(axis=1))
+
+
+def test_few_trials_lost_samples_and_equal_curves():
+    curves = KINDS["even"](np.random.default_rng(5), 6)
+    assert np.isnan(simultaneous_band(curves[:, :2]).half_width).all()
+    curves[17, 3] = np.nan
+    band = simultaneous_band(curves)
+    assert np.isnan(band.half_width[17])
+    assert np.isfinite(np.delete(band.half_width, 17)).all()
+    still = simultaneous_band(np.ones((50, 5)), u_sample=0.1)
+    np.testing.assert_allclose(still.half_width, stats.t.ppf(0.975, 4) * 0.1 / np.sqrt(5))
+    assert simultaneous_band(np.ones((50, 5))).half_width.max() == 0.0

@@ -1,0 +1,161 @@
+"""Tables and verdict of a comparison: closed forms, pairing, presence before timing, different rates."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from validation.cache.result_cache import Kept
+from validation.errors import InputError
+from validation.events.definitions import EVENTS, Event, absent
+from validation.events.evaluation_window import Window, common_window
+from validation.pipeline.verdict import verdict_lines
+from validation.statistics.paired_difference import paired_difference
+from validation.tables.channels import channel_tables
+from validation.tables.events import event_summary, event_table
+from validation.tables.scores import score_table, scorecard, with_scores
+from validation.tables.traces import on_common_base
+
+WINDOW = Window(0.0, 1.0, "test", "test")
+
+
+def frames(time, scatter, model_offset=0.01, rate_of_last=None):
+    """Five trials of three channels of distinct sizes; the model is off by a known share of the size."""
+    rng = np.random.default_rng(9)
+    out = {}
+    for number in range(1, 6):
+        t = time if number < 5 or rate_of_last is None else np.arange(0, 1.0, 1 / rate_of_last)
+        frame = {"time_s": t}
+        for size, name in ((1.0, "key"), (2.0, "whippen"), (3.0, "hammer")):
+            shape = size * np.sin(2 * np.pi * t) * (1 + scatter * rng.normal())
+            frame[f"{name}_measured_rad"] = shape
+            frame[f"{name}_predicted_rad"] = shape + size * model_offset
+        out[number] = pd.DataFrame(frame)
+    return out
+
+
+def tables(traces, u=1e-4):
+    channels, spread = channel_tables(traces, {}, {"key": u, "whippen": u, "hammer": u}, WINDOW)
+    scores = score_table(traces, {}, {n: np.full(3, u) for n in traces}, channels, WINDOW, {1: 0.25}, Kept())
+    card = scorecard(scores, traces, {}, WINDOW, {1: 0.25}, Kept())
+    return with_scores(channels, scores, card).set_index("channel"), scores, spread
+
+
+def test_channel_table_of_a_known_difference():
+    channels, scores, spread = tables(frames(np.arange(0, 1, 2e-4), scatter=0.05))
+    for size, name in ((1.0, "key"), (2.0, "whippen"), (3.0, "hammer")):
+        row = channels.loc[name]
+        assert row["rmse_rad"] == pytest.approx(0.01 * size)
+        assert row["mean_difference_rad"] == pytest.approx(0.01 * size)
+        assert row["trial_to_trial_rmse_rad"] == pytest.approx(np.sqrt(2) * row["s_r_rad"], rel=1e-9)
+        assert row["rmse_over_s_r"] == pytest.approx(row["rmse_rad"] / row["s_r_rad"])
+        # the scatter of the blows cancels in pairs, so the offset is resolved everywhere
+        assert row["resolved_share"] == 1.0
+        assert row["pairs"] == 10
+    assert set(channels.loc[["jack", "repetition"], "state"]) == {"not filmed"}
+    assert channels.loc["jack"].isna()["rmse_rad"]
+    assert scores.loc[0, "before_impact_rmse_rad"] == pytest.approx(0.01)
+    assert spread["key_difference_rad"].to_numpy() == pytest.approx(0.01)
+
+
+def test_trials_of_another_rate_are_put_on_the_first_one_s_base():
+    time = np.arange(0, 1, 2e-4)
+    traces = frames(time, scatter=0.0, rate_of_last=2000.0)
+    curves = on_common_base(time[:-10], traces, "hammer_measured_rad")
+    assert np.abs(curves[:, 4] - curves[:, 0]).max() < 3 * (2 * np.pi) ** 2 * 5e-4**2 / 8 * 1.01
+    channels, scores, _ = tables(traces)
+    assert channels.loc["hammer", "n_trials"] == 5
+    assert scores["n"].nunique() == 2
+
+
+def test_a_trial_that_does_not_reach_the_window_is_nan_there():
+    traces = {1: pd.DataFrame({"time_s": [0.0, 1.0], "x": [0.0, 1.0]})}
+    out = on_common_base(np.array([-0.5, 0.25, 1.5]), traces, "x")
+    assert out[1, 0] == 0.25
+    assert np.isnan(out[[0, 2], 0]).all()
+
+
+def test_resolved_share_of_no_difference_is_the_stated_rate():
+    rng = np.random.default_rng(13)
+    trial = np.zeros((4000, 5))
+    p = paired_difference(rng.normal(0, 1e-3, trial.shape), trial, 0.0)
+    assert p.pointwise_share == pytest.approx(0.05, abs=0.014)  # 4 standard errors
+    assert p.resolved_share == 0.0
+    one = paired_difference(trial[:, :1] + 1.0, trial[:, :1], 0.0)
+    assert np.isnan(one.resolved_share)
+    assert one.mean[0] == 1.0
+
+
+def keystroke(**changes):
+    found = {name: Event(name, 0.1 * (i + 1), 0.001, "found") for i, name in enumerate(EVENTS)}
+    found["second_strike"] = absent("second_strike")
+    return found | {name: event for name, event in changes.items()}
+
+
+def test_a_spurious_second_strike_of_the_model_fails_before_any_timing():
+    trials = {1: keystroke(), 2: keystroke()}
+    models = {1: keystroke(), 2: keystroke(second_strike=Event("second_strike", 0.9, 0.001, "found"))}
+    summary = event_summary(trials, models).set_index("event")
+    assert not summary.loc["second_strike", "agree"]
+    assert (summary.loc["second_strike", ["found_trial", "found_model"]] == [0, 1]).all()
+    assert np.isnan(summary.loc["second_strike", "difference"])
+    channels, _, _ = tables(frames(np.arange(0, 1, 2e-4), 0.05))
+    lines = verdict_lines("s", "m", channels.reset_index(), summary.reset_index(), 2)
+    assert "1 kind of event happen in one but not in the other" in lines[0]
+    assert "second strike (trials 0, model 1 of 2)" in " ".join(lines)
+
+
+def test_event_differences_are_paired_and_their_uncertainty_holds_scatter_and_statement():
+    def speed(value):
+        return keystroke(hammer_speed=Event("hammer_speed", value, 0.03, "found"))
+
+    trials = {1: speed(2.0), 2: speed(3.0), 3: speed(4.0)}
+    models = {1: speed(2.1), 2: speed(3.2), 3: speed(4.3)}
+    row = event_summary(trials, models).set_index("event").loc["hammer_speed"]
+    assert row["difference"] == pytest.approx(0.2)
+    assert row["difference_s"] == pytest.approx(0.1)
+    assert row["trial_s"] == pytest.approx(1.0)
+    assert row["u_difference"] == pytest.approx(np.hypot(0.03 * np.sqrt(2), 0.1 / np.sqrt(3)))
+    assert len(event_table(trials, models)) == 2 * 3 * len(EVENTS)
+
+
+def test_absent_and_ambiguous_events_are_in_the_verdict():
+    doubtful = Event("rest", 0.9, 0.02, "ambiguous", "…")
+    no_check = {"check_time": absent("check_time"), "check_height": absent("check_height")}
+    trials = {1: keystroke(rest=doubtful, **no_check)}
+    models = {1: keystroke(**no_check)}
+    channels, _, _ = tables(frames(np.arange(0, 1, 2e-4), 0.05))
+    text = " ".join(verdict_lines("s", "m", channels.reset_index(), event_summary(trials, models), 1))
+    assert "Absent in both: check begins, check height." in text
+    assert "Ambiguous: rest." in text
+    assert "second strike" not in text.split("Absent")[1]
+
+
+def measured(number, onset, start=0.0, end=1.2):
+    return SimpleNamespace(
+        number=number,
+        time_s=np.array([start, end]),
+        force=SimpleNamespace(time_s=np.array([start - 0.002, end - 0.002])),
+        quiet=SimpleNamespace(onset_s=onset),
+    )
+
+
+def test_the_window_is_one_for_all_trials_and_says_its_rule():
+    trials = [measured(1, 0.40), measured(2, 0.38)]
+    events = {1: keystroke(rest=Event("rest", 0.9, 0.0, "found")), 2: keystroke(rest=Event("rest", 1.0, 0.0, "found"))}
+    window = common_window(trials, events)
+    assert (window.start_s, window.end_s) == pytest.approx((0.36, 1.05))
+    assert "last trial came to rest" in window.end_rule
+    np.testing.assert_array_equal(window.mask(np.array([0.35, 0.36, 1.05, 1.06])), [False, True, True, False])
+    events[2]["rest"] = absent("rest")
+    assert common_window(trials, events).end_s == pytest.approx(1.198)
+    assert "does not come to rest" in common_window(trials, events).end_rule
+
+
+def test_trials_that_do_not_overlap_are_refused():
+    trials = [measured(1, 0.4, end=1.0), measured(2, 2.4, start=2.0, end=3.0)]
+    with pytest.raises(InputError, match="do not overlap"):
+        common_window(trials, {1: keystroke(), 2: keystroke()})

@@ -1,0 +1,185 @@
+"""AVI and MP4: frames in order and the right way up, damage refused, lossy prediction warned about."""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from vision.errors import FilmError, VisionWarning
+from vision.film.avi_writer import write_avi
+from vision.film.source import open_film
+
+HEIGHT, WIDTH, N = 60, 84, 7
+
+
+def frames_with_numbers() -> list[NDArray[np.uint8]]:
+    """Each frame has its own grey level and a bright corner at the top right only."""
+    frames = []
+    for i in range(N):
+        frame = np.full((HEIGHT, WIDTH), 30 + 20 * i, dtype=np.uint8)
+        frame[:16, -16:] = 250
+        frames.append(frame)
+    return frames
+
+
+@pytest.mark.parametrize(("quality", "error"), [(None, 0), (95, 3)])
+def test_order_size_and_orientation(tmp_path: Path, quality: int | None, error: int) -> None:
+    path = tmp_path / "film.avi"
+    frames = frames_with_numbers()
+    assert write_avi(path, frames, 25.0, quality=quality) == N
+    with open_film(path) as film:
+        assert (film.n_frames, film.height, film.width, film.bit_depth) == (N, HEIGHT, WIDTH, 8)
+        assert film.frame_rate_hz == pytest.approx(25.0)
+        for i in (0, 1, 5, 2, 2, 6):
+            found = film.read(i).astype(int)
+            assert found.shape == (HEIGHT, WIDTH)
+            assert np.abs(found - frames[i]).max() <= error
+        corner = film.read_region(3, 0, 16, WIDTH - 16, WIDTH)
+        assert np.abs(corner.astype(int) - 250).max() <= error
+
+
+@pytest.mark.parametrize("rate", [0.5, 29.97, 1000.0, 2000.0, 30000.0])
+def test_every_frame_is_stored_at_any_rate(tmp_path: Path, rate: float) -> None:
+    path = tmp_path / "film.avi"
+    frames = np.arange(200, dtype=np.uint8)[:, None, None] * np.ones((1, 31, 45), dtype=np.uint8)
+    write_avi(path, frames, rate, quality=None)
+    with open_film(path) as film:
+        assert film.n_frames == 200
+        assert film.frame_rate_hz == pytest.approx(rate)
+        assert [int(film.read(i)[5, 7]) for i in range(200)] == list(range(200))
+
+
+def test_colour_becomes_grey(tmp_path: Path) -> None:
+    path = tmp_path / "colour.avi"
+    frame = np.zeros((HEIGHT, WIDTH, 3), dtype=np.uint8)
+    frame[..., 1] = 200  # green counts 0.587
+    write_avi(path, [frame, frame], 25.0, quality=None)
+    with open_film(path) as film:
+        assert np.abs(film.read(1).astype(int) - 117).max() <= 2
+
+
+@pytest.mark.parametrize("share", [0.02, 0.5, 0.97])
+def test_cut_short_is_refused(tmp_path: Path, share: float, capfd: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "film.avi"
+    rng = np.random.default_rng(0)
+    write_avi(path, rng.integers(0, 255, (N, HEIGHT, WIDTH), dtype=np.uint8), 25.0)
+    data = path.read_bytes()
+    path.write_bytes(data[: int(share * len(data))])
+    with pytest.raises(FilmError) as caught:
+        open_film(path)
+    assert str(path) in str(caught.value) and "\n" not in str(caught.value)
+    assert caught.value.exit_code == 2
+
+
+def test_damaged_film_is_read_or_refused(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    """300 films with a few bytes changed, most in the headers: frames of the stated size, or a `FilmError`."""
+    rng = np.random.default_rng(1)
+    path = tmp_path / "film.avi"
+    write_avi(path, rng.integers(0, 255, (N, HEIGHT, WIDTH), dtype=np.uint8), 25.0)
+    good = np.frombuffer(path.read_bytes(), dtype=np.uint8)
+    refused = 0
+    for _ in range(300):
+        data = good.copy()
+        places = rng.integers(0, good.size if rng.uniform() < 0.5 else 400, rng.integers(1, 6))
+        data[places] = rng.integers(0, 256, places.size)
+        path.write_bytes(data.tobytes())
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", VisionWarning)
+                film = open_film(path)
+            with film:
+                for i in range(film.n_frames):
+                    assert film.read(i).shape == (film.height, film.width)
+        except FilmError:
+            refused += 1
+    assert 10 < refused < 290
+
+
+@pytest.mark.parametrize("quality", [None, 90])
+def test_damage_in_the_middle_is_found(tmp_path: Path, quality: int | None) -> None:
+    """The first half of a frame is there, its chunk says so: not filled up, refused."""
+    path = tmp_path / "film.avi"
+    rng = np.random.default_rng(0)
+    write_avi(path, rng.integers(0, 255, (3, HEIGHT, WIDTH), dtype=np.uint8), 25.0, quality=quality)
+    data = bytearray(path.read_bytes())
+    place = data.index(b"00dc")
+    size = int.from_bytes(data[place + 4 : place + 8], "little")
+    half = size // 4 * 2
+    data[place + 4 : place + 8] = half.to_bytes(4, "little")
+    rest = (size + size % 2 - half - 8).to_bytes(4, "little")
+    data[place + 8 + half : place + 16 + half] = b"JUNK" + rest
+    path.write_bytes(bytes(data))
+    with pytest.raises(FilmError, match="frame 0"), open_film(path) as film:
+        film.read(0)
+
+
+def test_bottom_up_film_with_a_palette(tmp_path: Path) -> None:
+    """8-bit uncompressed, inverted grey palette, padded rows, bottom row first, as frame grabbers write it."""
+    frames = frames_with_numbers()[:2]
+    path = tmp_path / "film.avi"
+    write_avi(path, [np.ascontiguousarray(f[:, :81]) for f in frames], 25.0, quality=None)
+    data = bytearray(path.read_bytes())
+    header = data.index(b"strf") + 8
+    data[header + 16 : header + 20] = b"\0\0\0\0"
+    palette = b"".join(bytes([255 - i] * 3 + [0]) for i in range(256))
+    # the palette belongs behind the header: three sizes grow, the frames are laid out again
+    grown = data[: header + 40] + palette
+    for name in (b"strf", b"strl", b"hdrl"):
+        at = grown.index(name) + (4 if name == b"strf" else -4)
+        grown[at : at + 4] = (int.from_bytes(grown[at : at + 4], "little") + 1024).to_bytes(4, "little")
+    movi = b"movi"
+    for frame in frames:
+        rows = np.zeros((HEIGHT, 84), dtype=np.uint8)
+        rows[:, :81] = 255 - frame[::-1, :81]
+        movi += b"00db" + rows.size.to_bytes(4, "little") + rows.tobytes()
+    grown += b"LIST" + len(movi).to_bytes(4, "little") + movi
+    grown[4:8] = (len(grown) - 8).to_bytes(4, "little")
+    path.write_bytes(bytes(grown))
+    with open_film(path) as film:
+        np.testing.assert_array_equal(film.read(1), frames[1][:, :81])
+        np.testing.assert_array_equal(film.read_region(0, 3, 20, 60, 81), frames[0][3:20, 60:81])
+
+
+def test_not_a_film_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "film.mp4"
+    path.write_text("no film")
+    with pytest.raises(FilmError, match="decoded"):
+        open_film(path)
+    with pytest.raises(FilmError, match="no such film"):
+        open_film(tmp_path / "absent.avi")
+    other = tmp_path / "film.xyz"
+    other.write_text("")
+    with pytest.raises(FilmError, match=r"\.xyz"):
+        open_film(other)
+
+
+def test_coarse_jpeg_is_warned_about(tmp_path: Path) -> None:
+    path = tmp_path / "film.avi"
+    write_avi(path, frames_with_numbers(), 25.0, quality=75)
+    with pytest.warns(VisionWarning, match="JPEG"):
+        open_film(path).close()
+    write_avi(path, frames_with_numbers(), 25.0, quality=92)
+    open_film(path).close()
+
+
+def test_interframe_codec_is_warned_about(tmp_path: Path) -> None:
+    path = tmp_path / "film.mp4"
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"mp4v"), 25.0, (WIDTH, HEIGHT), False)
+    if not writer.isOpened():
+        pytest.skip("this OpenCV cannot write mp4v")
+    for frame in frames_with_numbers():
+        writer.write(frame)
+    writer.release()
+    with pytest.warns(VisionWarning, match="codec"):
+        film = open_film(path)
+    film.close()
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        avi = tmp_path / "film.avi"
+        write_avi(avi, frames_with_numbers(), 25.0)
+        open_film(avi).close()

@@ -1,0 +1,108 @@
+"""A short run of ``benchmarks/fuzz_readers.py``: damaged films are refused in one line or read right."""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+import tracemalloc
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from vision.errors import FilmError
+from vision.film.avi_writer import write_avi
+from vision.film.source import open_film
+
+SCRIPT = Path(__file__).parents[3] / "benchmarks" / "fuzz_readers.py"
+
+
+def test_damaged_films_are_refused_or_read_right(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    spec = importlib.util.spec_from_file_location("fuzz_readers", SCRIPT)
+    assert spec is not None and spec.loader is not None
+    script = importlib.util.module_from_spec(spec)
+    sys.modules["fuzz_readers"] = script
+    try:
+        spec.loader.exec_module(script)
+        tallies = script.fuzz(tmp_path, 80, 7)
+    finally:
+        del sys.modules["fuzz_readers"]
+    assert sum(tally.same for tally in tallies.values()) > 5
+    for name, tally in tallies.items():
+        assert not tally.wrong, (name, tally.wrong)
+        assert tally.refused > 0, name
+        assert tally.largest < 1.0, name
+
+
+def test_jpeg_that_claims_to_be_huge_is_not_decoded(tmp_path: Path) -> None:
+    """A picture of 65500 x 65500 would take 4 GB; its header is looked at first."""
+    path = tmp_path / "film.avi"
+    frame = np.random.default_rng(1).integers(0, 255, (48, 64), dtype=np.uint8)
+    write_avi(path, [frame, frame], 25.0)
+    data = bytearray(path.read_bytes())
+    at = data.index(b"\xff\xc0")
+    data[at + 5 : at + 9] = b"\xff\xdc\xff\xdc"
+    path.write_bytes(bytes(data))
+    with open_film(path) as film, pytest.raises(FilmError, match="64 x 48"):
+        film.read(0)
+
+
+@pytest.mark.parametrize(("code", "reader", "most"), [(b"MJPG", "AviFilm", 1.2), (b"MJPA", "VideoFilm", 4.2)])
+def test_memory_is_a_fixed_number_of_frames(tmp_path: Path, code: bytes, reader: str, most: float) -> None:
+    """Also where OpenCV's video reader steps in, with colour pictures, because the codec's letters are others."""
+    path = tmp_path / "film.avi"
+    rng = np.random.default_rng(4)
+    write_avi(path, [rng.integers(0, 255, (240, 320), dtype=np.uint8) for _ in range(9)], 25.0)
+    path.write_bytes(path.read_bytes().replace(b"MJPG", code))
+    with open_film(path) as film:
+        # what is loaded at first use is not the film's doing
+        film.read(8)
+    tracemalloc.start()
+    try:
+        with open_film(path) as film:
+            assert type(film).__name__ == reader
+            for index in (0, 1, 2, 7, 3):
+                assert film.read(index).shape == (240, 320)
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert 0.9 * 240 * 320 < peak < most * 240 * 320
+
+
+@pytest.mark.parametrize("quality", [None, 95])
+def test_avi_cut_short_is_read_to_its_last_whole_frame_when_asked(tmp_path: Path, quality: int | None) -> None:
+    path = tmp_path / "film.avi"
+    frames = np.random.default_rng(2).integers(90, 160, (7, 40, 56), dtype=np.uint8)
+    write_avi(path, frames, 25.0, quality=quality)
+    whole = path.read_bytes()
+    chunks = [i for i in range(len(whole)) if whole[i : i + 4] == b"00dc"]
+    path.write_bytes(whole[: chunks[4] + 100])
+    with pytest.raises(FilmError, match="cut short"):
+        open_film(path)
+    with open_film(path, allow_truncated=True) as film:
+        assert film.n_frames == 4
+        np.testing.assert_allclose(film.read(3).astype(int), frames[3].astype(int), atol=0 if quality is None else 30)
+    path.write_bytes(whole[: chunks[0] + 3])
+    with pytest.raises(FilmError):
+        open_film(path, allow_truncated=True)
+
+
+def test_tiff_cut_short(tmp_path: Path) -> None:
+    path = tmp_path / "film.tif"
+    frames = list(np.random.default_rng(3).integers(0, 65535, (6, 60, 84), dtype=np.uint16))
+    assert cv2.imwritemulti(str(path), frames)
+    with open_film(path) as film:
+        assert film.n_frames == 6
+        np.testing.assert_array_equal(film.read(5), frames[5])
+    data = path.read_bytes()
+    path.write_bytes(data[: len(data) * 2 // 3])
+    try:
+        with open_film(path, allow_truncated=True) as film:
+            assert 1 <= film.n_frames < 6
+            np.testing.assert_array_equal(film.read(film.n_frames - 1), frames[film.n_frames - 1])
+    except FilmError:
+        pass  # a TIFF whose directory stood at its end holds no readable page
+    with pytest.raises(FilmError), open_film(path) as film:
+        for i in range(6):
+            film.read(i)

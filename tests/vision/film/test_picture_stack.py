@@ -1,0 +1,47 @@
+"""TIFF pages and picture folders: order, orientation, depth, and refusals."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from vision.errors import FilmError
+from vision.film.source import open_film
+
+FRAMES = np.random.default_rng(3).integers(0, 4096, (12, 18, 26), dtype=np.uint16)
+
+
+def test_pages_of_a_tiff(tmp_path: Path) -> None:
+    path = tmp_path / "film.tif"
+    assert cv2.imwritemulti(str(path), list(FRAMES))
+    with open_film(path) as film:
+        assert (film.n_frames, film.height, film.width, film.bit_depth) == (12, 18, 26, 16)
+        assert film.frame_time_s is None
+        for i in (0, 11, 4):
+            np.testing.assert_array_equal(film.read(i), FRAMES[i])
+        np.testing.assert_array_equal(film.read_region(5, 2, 7, 3, 20), FRAMES[5, 2:7, 3:20])
+
+
+def test_folder_is_read_in_the_order_of_its_numbers(tmp_path: Path) -> None:
+    for i, frame in enumerate(FRAMES):
+        assert cv2.imwrite(str(tmp_path / f"shot{i}.png"), frame)
+    (tmp_path / "notes.txt").write_text("not a frame")
+    with open_film(tmp_path) as film:
+        assert film.n_frames == 12
+        for i in range(12):
+            np.testing.assert_array_equal(film.read(i), FRAMES[i])
+
+
+def test_refusals(tmp_path: Path) -> None:
+    with pytest.raises(FilmError, match="holds no picture"):
+        open_film(tmp_path)
+    cv2.imwrite(str(tmp_path / "a0.png"), FRAMES[0])
+    cv2.imwrite(str(tmp_path / "a1.png"), FRAMES[1][:10])
+    with open_film(tmp_path) as film, pytest.raises(FilmError, match=r"a1\.png: 26 x 10"):
+        film.read(1)
+    (tmp_path / "b.tif").write_text("no picture")
+    with pytest.raises(FilmError, match=r"b\.tif"):
+        open_film(tmp_path / "b.tif")

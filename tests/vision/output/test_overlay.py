@@ -1,0 +1,79 @@
+"""Overlay film and contact sheet: drawn where the body is, lost frames first, nothing left after a failure."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from vision.bodies.outlines import Body
+from vision.errors import InputError
+from vision.film.source import ArrayFilm, open_film
+from vision.output.overlay import COLOURS, LOST, worst_rows, write_contact_sheet, write_overlay
+from vision.synthetic import Scene, box
+from vision.tracking.track_film import track_film
+
+
+@pytest.fixture
+def tracked(
+    bar_scene: Callable[[str], Scene], film_of: Callable[..., object], pivot: tuple[float, float]
+) -> tuple[object, object]:
+    """A bar that turns by 0.2 rad, hidden in frames 30 to 33."""
+    pose = np.tile([0.0, *pivot], (44, 1))[:, None, :]
+    pose[:, 0, 0] = 0.2 * np.clip((np.arange(44) - 14) / 25.0, 0.0, 1.0) ** 2
+
+    def hide(i: int, light: np.ndarray) -> None:
+        if 30 <= i < 34:
+            light[:] = 15.0
+
+    known = film_of(bar_scene("speckle"), pose, cover=hide)
+    return known, track_film(known.film, known.bodies)
+
+
+def test_outline_is_drawn_on_the_body(tmp_path: Path, tracked: tuple) -> None:
+    known, result = tracked
+    seen: list[tuple[int, int]] = []
+    path = tmp_path / "overlay.avi"
+    assert write_overlay(path, known.film, known.bodies, result, every=2, progress=lambda *a: seen.append(a)) == 22
+    assert seen[-1] == (22, 22)
+    with open_film(path) as film:
+        assert (film.n_frames, film.height, film.width) == (22, 150, 210)
+    from vision.output.overlay import _Drawer
+
+    picture = _Drawer(known.film, known.bodies, result).picture(42)
+    tinted = np.abs(picture.astype(int) - COLOURS[0]).max(axis=2) < 60
+    # the true outline at that pose, rasterised apart: most of it carries the colour
+    c, s = np.cos(-0.2), np.sin(-0.2)
+    outline = box(-30.0, -22.0, 80.0, 22.0) @ np.array([[c, s], [-s, c]]) + (92.0, 96.0)
+    line = np.zeros((150, 210), dtype=np.uint8)
+    cv2.polylines(line, [np.rint(outline).astype(np.int32)], True, 255, 3)
+    assert np.count_nonzero(tinted & (line > 0)) > 0.8 * np.count_nonzero(tinted) > 100
+    dark = _Drawer(known.film, known.bodies, result).picture(31)
+    assert (np.abs(dark.astype(int) - LOST).max(axis=2) < 60).sum() > 100
+
+
+def test_contact_sheet_shows_lost_frames_first(tmp_path: Path, tracked: tuple) -> None:
+    known, result = tracked
+    path = tmp_path / "worst.png"
+    shown = write_contact_sheet(path, known.film, known.bodies, result, count=5, columns=2)
+    assert sorted(shown[:4]) == [30, 31, 32, 33] and len(shown) == 5
+    sheet = cv2.imread(str(path))
+    assert sheet.shape == (3 * 150, 2 * 210, 3)
+    good = worst_rows(result, 44)[4:]
+    correlation = result.zncc[good, 0]
+    assert np.all(np.diff(correlation) >= 0)
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["worst.png"]
+
+
+def test_refusals(tmp_path: Path, tracked: tuple) -> None:
+    known, result = tracked
+    with pytest.raises(InputError, match="outlines of other"):
+        write_contact_sheet(tmp_path / "a.png", known.film, [Body("other", known.bodies[0].polygon_px)], result)
+    with pytest.raises(InputError, match="has 5 frames"):
+        write_overlay(tmp_path / "a.avi", ArrayFilm(known.film._frames[:5]), known.bodies, result)
+    with pytest.raises(InputError, match="cannot be written"):
+        write_contact_sheet(tmp_path / "absent" / "a.png", known.film, known.bodies, result)
+    assert list(tmp_path.iterdir()) == []

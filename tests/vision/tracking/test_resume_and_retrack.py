@@ -1,0 +1,134 @@
+"""Interrupted runs go on to the same numbers; single frames are fitted again; the backward pass confirms."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import vision.tracking.passes
+from tests.vision.motion import bar_motion
+from vision.errors import InputError
+from vision.synthetic import Scene
+from vision.tracking.flags import FrameFlag
+from vision.tracking.track_film import retrack_frames, track_film
+
+MDEG = np.radians(1e-3)
+
+
+class StoppedError(Exception):
+    """Stands for Ctrl-C."""
+
+
+def same(a: object, b: object) -> None:
+    """Equal up to the rounding of 32-bit sums, whose order the compiled loops do not fix."""
+    assert np.abs(a.angle_rad - b.angle_rad).max() < 1e-3 * b.u_angle_rad.min()
+    for name in ("u_angle_rad", "x_px", "zncc", "covariance", "u_common_rad", "u_total_rad"):
+        np.testing.assert_allclose(getattr(a, name), getattr(b, name), rtol=1e-3, atol=1e-12)
+    np.testing.assert_array_equal(a.flag, b.flag)
+
+
+@pytest.mark.parametrize("method", ["icgn", "ecc"])
+def test_interrupted_run_goes_on_to_the_same_numbers(
+    bar_scene: Callable[[str], Scene],
+    film_of: Callable[..., object],
+    pivot: tuple[float, float],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    method: str,
+) -> None:
+    monkeypatch.setattr(vision.tracking.passes, "EVERY_ROWS", 16)
+    known = film_of(bar_scene("wood"), bar_motion(70, pivot, 0.3))
+    whole = track_film(known.film, known.bodies, method=method)
+    keep = tmp_path / "unfinished.npz"
+
+    def stop(done: int, total: int) -> None:
+        if done == 37:
+            raise StoppedError
+
+    with pytest.raises(StoppedError):
+        track_film(known.film, known.bodies, method=method, checkpoint=keep, progress=stop)
+    assert keep.exists()
+    stored = keep.read_bytes()
+    resumed = track_film(known.film, known.bodies, method=method, checkpoint=keep)
+    assert resumed.info["rows_resumed"] == 32 and not keep.exists()
+    same(resumed, whole)
+    # another job, or a damaged file, is not gone on from
+    keep.write_bytes(stored)
+    other = track_film(known.film, known.bodies, method=method, every=2, checkpoint=keep)
+    assert other.info["rows_resumed"] == 0
+    for damaged in (b"", b"no archive", stored[:1000], stored[: len(stored) // 2] + b"\0" * 99):
+        keep.write_bytes(damaged)
+        again = track_film(known.film, known.bodies, method=method, checkpoint=keep)
+        assert again.info["rows_resumed"] == 0
+        same(again, whole)
+    with pytest.raises(InputError, match="cannot be written"):
+        track_film(known.film, known.bodies, method=method, checkpoint=tmp_path / "absent" / "unfinished.npz")
+
+
+def test_a_frame_alone_gives_what_the_film_gave(
+    bar_scene: Callable[[str], Scene], film_of: Callable[..., object], pivot: tuple[float, float]
+) -> None:
+    pose = bar_motion(70, pivot, 0.3)
+    known = film_of(bar_scene("speckle"), pose)
+    result = track_film(known.film, known.bodies)
+    near = {"bar": (result.angle_rad[50, 0] + 0.03, result.x_px[50, 0] - 2.0, result.y_px[50, 0] + 1.5)}
+    alone = retrack_frames(known.film, known.bodies, [50], [near])
+    assert alone.frame.tolist() == [50] and alone.time_s[0] == result.time_s[50]
+    # no weights from a neighbour: the same to a small part of the uncertainty
+    assert abs(alone.angle_rad[0, 0] - result.angle_rad[50, 0]) < 0.2 * result.u_angle_rad[50, 0]
+    assert alone.u_angle_rad[0, 0] == pytest.approx(result.u_angle_rad[50, 0], rel=0.05)
+    far = {"bar": (result.angle_rad[50, 0] + 2.0, 20.0, 20.0)}
+    lost = retrack_frames(known.film, known.bodies, [50], [far])
+    assert lost.failed[0, 0] and np.isnan(lost.angle_rad[0, 0])
+    with pytest.raises(InputError, match="frame 70"):
+        retrack_frames(known.film, known.bodies, [70], [near])
+    with pytest.raises(InputError, match="body bar"):
+        retrack_frames(known.film, known.bodies, [50], [{}])
+
+
+def test_backward_pass_takes_back_a_wrong_stretch(
+    bar_scene: Callable[[str], Scene],
+    film_of: Callable[..., object],
+    pivot: tuple[float, float],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Poses of three rows are spoilt after the forward pass; the backward pass does not confirm them."""
+    known = film_of(bar_scene("speckle"), bar_motion(70, pivot, 0.3))
+    forward = vision.tracking.passes.follow
+
+    def spoil(run: object, table: object, *rest: object) -> int:
+        done = forward(run, table, *rest)
+        table.pose[40:43, 0, 0] += 60 * MDEG
+        table.put(30, 0, run.followers[0].fit, FrameFlag.NOT_CONVERGED)
+        return done
+
+    monkeypatch.setattr("vision.tracking.track_film.follow", spoil)
+    result = track_film(known.film, known.bodies, confirm="all")
+    assert np.flatnonzero(result.failed[:, 0]).tolist() == [40, 41, 42]
+    assert np.all(result.flag[40:43, 0] & int(FrameFlag.UNCONFIRMED))
+    assert np.all(np.isnan(result.angle_rad[40:43])) and np.all(np.isnan(result.u_total_rad[40:43]))
+    assert result.flag[30, 0] == int(FrameFlag.REACQUIRED), "found by the backward pass only"
+    error = result.angle_rad[:, 0] - (known.pose[:, 0, 0] - known.pose[: result.n_still, 0, 0].mean())
+    assert np.nanmax(np.abs(error)) < 5 * np.nanmax(result.u_angle_rad)
+    with pytest.raises(InputError, match="confirm"):
+        track_film(known.film, known.bodies, confirm="maybe")
+
+
+def test_only_doubtful_rows_are_seen_twice(
+    bar_scene: Callable[[str], Scene], film_of: Callable[..., object], pivot: tuple[float, float]
+) -> None:
+    pose = bar_motion(90, pivot, 0.3)
+    clean = film_of(bar_scene("speckle"), pose)
+    assert track_film(clean.film, clean.bodies).info["rows_confirmed"] == 0
+
+    def dark(i: int, light: np.ndarray) -> None:
+        if 50 <= i < 55:
+            light[:] = 10.0
+
+    known = film_of(bar_scene("speckle"), pose, cover=dark)
+    result = track_film(known.film, known.bodies)
+    assert result.info["rows_confirmed"] == 12 + 5 + 1 + 4
+    assert np.flatnonzero(result.failed[:, 0]).tolist() == [50, 51, 52, 53, 54]

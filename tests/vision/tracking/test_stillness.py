@@ -1,0 +1,83 @@
+"""The still run ends before the first motion, and noise alone does not end it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from vision.film.source import ArrayFilm
+from vision.tracking.pose_prediction import Trace, from_parent, in_parent
+from vision.tracking.still_average import average_still_frames
+from vision.tracking.stillness import still_count
+
+
+def test_noise_alone_is_still() -> None:
+    rng = np.random.default_rng(1)
+    u = np.array([2e-5, 0.004, 0.006])
+    counts = [still_count(u * rng.standard_normal((64, 3)), np.tile(u, (64, 1))) for _ in range(200)]
+    assert np.mean(np.array(counts) == 64) > 0.99
+
+
+def test_understated_uncertainty_is_noticed() -> None:
+    """Compressed film: the poses scatter by twice what is stated, but stand still."""
+    rng = np.random.default_rng(5)
+    counts = [still_count(2.0 * rng.standard_normal((64, 3)), np.ones((64, 3))) for _ in range(100)]
+    assert np.mean(np.array(counts) == 64) > 0.93
+
+
+@pytest.mark.parametrize("power", [1, 2, 3])
+def test_motion_ends_it_before_it_matters(power: int) -> None:
+    """Drifts that start at frame 30: what is kept moves the zero, in RMS, by less than its uncertainty."""
+    rng = np.random.default_rng(power)
+    shifts = []
+    for _ in range(50):
+        move = 0.4 * np.clip(np.arange(64) - 30, 0, None) ** power
+        pose = (move + rng.standard_normal(64))[:, None]
+        count = still_count(pose, np.ones((64, 1)))
+        assert 10 <= count <= 40
+        shifts.append(np.mean(move[:count]) * np.sqrt(count))
+    assert np.sqrt(np.mean(np.square(shifts))) < 1.0
+
+
+def test_lost_frame_ends_it() -> None:
+    pose = np.zeros((20, 2))
+    pose[12, 1] = np.nan
+    assert still_count(pose, np.ones((20, 2))) == 12
+
+
+def test_average_and_its_noise() -> None:
+    rng = np.random.default_rng(2)
+    base = rng.integers(60, 190, (40, 70)).astype(float)
+    gain = 1 + 0.05 * np.sin(np.arange(30))
+    frames = np.rint(base * gain[:, None, None] + 3.0 * rng.standard_normal((30, 40, 70)))
+    frames[22:] = np.roll(frames[22:], 4, axis=2)
+    film = ArrayFilm(frames.astype(np.uint8), 1000.0)
+    region = np.zeros((40, 70), dtype=bool)
+    region[5:35, 8:60] = True
+    reference = average_still_frames(film, region)
+    assert reference.n_averaged == 22
+    assert reference.noise_grey == pytest.approx(np.hypot(3.0, 1 / np.sqrt(12)), rel=0.03)
+    expected = base * gain[:22].mean()
+    assert np.sqrt(np.mean((reference.picture - expected) ** 2)) == pytest.approx(3.01 / np.sqrt(22), rel=0.05)
+
+
+def test_prediction_follows_constant_acceleration_and_restarts_after_a_gap() -> None:
+    trace = Trace()
+    assert trace.predict(0) is None
+    for k in range(3):
+        trace.add(k, np.array([0.1 * k * k, 2.0 * k, -1.0]))
+    np.testing.assert_allclose(trace.predict(3), [0.9, 6.0, -1.0])
+    np.testing.assert_allclose(trace.predict(7), [0.4, 4.0, -1.0])
+    trace.add(7, np.array([5.0, 5.0, 5.0]))
+    np.testing.assert_allclose(trace.predict(8), [5.0, 5.0, 5.0])
+
+
+def test_parent_axes_and_back() -> None:
+    parent, child = np.array([0.3, 10.0, 20.0]), np.array([0.9, 14.0, 17.0])
+    relative = in_parent(child, parent)
+    np.testing.assert_allclose(from_parent(relative, parent), child)
+    # the parent turns by 90 degrees about its centre: a child fixed to it goes with it
+    turned = from_parent(
+        in_parent(np.array([0.0, 13.0, 20.0]), np.array([0.0, 10.0, 20.0])), np.array([np.pi / 2, 10, 20])
+    )
+    np.testing.assert_allclose(turned, [np.pi / 2, 10.0, 23.0], atol=1e-12)

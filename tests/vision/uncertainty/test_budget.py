@@ -1,0 +1,151 @@
+"""Terms of the error budget against closed forms and against films in which only that error is present."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from vision.bodies.outlines import Body
+from vision.camera.model import AssumedCamera
+from vision.errors import InputError, VisionWarning
+from vision.film.avi_writer import write_avi
+from vision.film.compression import Compression, jpeg_steps
+from vision.film.source import ArrayFilm, open_film
+from vision.synthetic import Scene
+from vision.tracking.budget_terms import ExpectedMotion, expected_budget
+from vision.tracking.prepare import prepare
+from vision.tracking.track_film import track_film
+from vision.uncertainty.budget import TERMS
+
+SQUARE = AssumedCamera(0.0, 0.0)
+
+
+def poses(n: int, pivot: tuple[float, float], angle: np.ndarray) -> np.ndarray:
+    return np.column_stack([angle, np.full(n, pivot[0]), np.full(n, pivot[1])])[:, None, :]
+
+
+def test_shutter_term_is_the_spread_over_where_the_speed_changes() -> None:
+    """A speed step anywhere within a frame: root mean square of exposure mean less angle at its middle."""
+    frame, exposure, step = 5e-4, 2e-4, 30.0
+    at = np.linspace(-0.5 * frame, 0.5 * frame, 20001)
+    # exposure mean less the angle at its middle; the angle is step * max(0, t - at)
+    t = np.linspace(-0.5 * exposure, 0.5 * exposure, 401)
+    shift = [np.mean(step * np.maximum(0, t - a)) - step * max(0.0, -a) for a in at[::20]]
+    expected = np.sqrt(np.mean(np.square(shift)))
+    formula = step * exposure * np.sqrt(exposure / (320 * frame))
+    assert formula == pytest.approx(expected, rel=0.02)
+
+
+def test_terms_that_follow_the_motion(
+    bar_scene: Callable[[str], Scene], film_of: Callable[..., object], pivot: tuple[float, float]
+) -> None:
+    n, rate, exposure, acceleration = 38, 2000.0, 4e-4, 4000.0
+    i = np.arange(n)
+    angle = 0.5 * acceleration * (np.maximum(i - 20, 0) / rate) ** 2
+    known = film_of(bar_scene("speckle"), poses(n, pivot, angle))
+    film = ArrayFilm(known.film._frames, rate, exposure)
+    result = track_film(film, known.bodies, n_still=16, camera=SQUARE, u_time_s=2e-5)
+    terms = result.budget.absolute
+    assert set(terms) == set(TERMS)
+    speed = acceleration * (i[26:36] - 20) / rate
+    np.testing.assert_allclose(terms["synchronisation"][26:36, 0], 2e-5 * speed, rtol=0.05)
+    expected = acceleration / rate * exposure * np.sqrt(exposure * rate / 320)
+    assert np.median(terms["shutter"][26:36, 0]) == pytest.approx(expected, rel=0.25)
+    assert terms["shutter"][:15].max() < 0.35 * expected  # noise alone
+    np.testing.assert_allclose(np.hypot(terms["noise"], terms["reference"]), result.u_angle_rad)
+    assert max(terms["tilt"].max(), terms["distortion"].max(), terms["codec"].max()) < 1e-12
+    total = result.budget.total()
+    np.testing.assert_allclose(total**2, sum(terms[name] ** 2 for name in TERMS))
+    without = result.budget.total(without=("synchronisation",))
+    np.testing.assert_allclose(result.u_total_rad, without)
+    with pytest.raises(InputError, match="u_time_s"):
+        track_film(film, known.bodies, u_time_s=-1.0)
+
+
+def test_relative_terms_share_the_camera(film_of: Callable[..., object], bar_scene: Callable[[str], Scene]) -> None:
+    """Two outlines on one rigid body: noise adds, what the camera bends cancels but for the distance of the two."""
+    n = 40
+    x = np.clip((np.arange(n) - 16) / 18, 0, 1)
+    known = film_of(bar_scene("speckle"), poses(n, (92.0, 96.0), 0.3 * x * x * (3 - 2 * x)))
+    whole = known.bodies[0].polygon_px
+    left, right = whole.copy(), whole.copy()
+    middle = whole[:, 0].mean()
+    left[:, 0], right[:, 0] = np.minimum(left[:, 0], middle), np.maximum(right[:, 0], middle)
+    bodies = [Body("left", left), Body("right", right, parent="left")]
+    result = track_film(known.film, bodies, n_still=16, camera=AssumedCamera(np.radians(3.0), 0.0))
+    absolute, relative = result.budget.absolute, result.budget.relative
+    assert np.all(np.isnan(relative["tilt"][:, 0]))
+    np.testing.assert_allclose(relative["noise"][:, 1], np.hypot(*absolute["noise"].T))
+    late = slice(35, None)
+    assert np.mean(relative["tilt"][late, 1]) < 0.6 * np.mean(np.hypot(*absolute["tilt"][late].T))
+    table = result.to_table()
+    np.testing.assert_allclose(table["right_relative_u_total_rad"] ** 2, result.budget.total(True)[:, 1] ** 2)
+
+
+def test_expected_budget_is_what_comes_out(
+    bar_scene: Callable[[str], Scene], film_of: Callable[..., object], pivot: tuple[float, float]
+) -> None:
+    n = 60
+    x = np.clip((np.arange(n) - 16) / 30, 0, 1)
+    known = film_of(bar_scene("wood"), poses(n, pivot, np.radians(15.0) * x * x * (3 - 2 * x)))
+    seen = []
+    camera = AssumedCamera(np.radians(2.0), 0.003)
+    result = track_film(known.film, known.bodies, camera=camera, u_time_s=1e-5, expected=seen.append)
+    before = seen[0].typical()["bar"]
+    after = {name: values[-1, 0] for name, values in result.budget.absolute.items()}
+    assert before["noise"] == pytest.approx(after["noise"], rel=0.12)
+    assert before["reference"] == pytest.approx(after["reference"], rel=0.12)
+    assert before["tilt"] == pytest.approx(after["tilt"], rel=0.5)
+    assert before["synchronisation"] == pytest.approx(1e-5 * ExpectedMotion().speed_rad_per_s)
+    ready = prepare(known.film, known.bodies, 14)
+    faster = expected_budget(ready, camera, 1e-5, ExpectedMotion(speed_rad_per_s=40.0)).typical()["bar"]
+    assert faster["synchronisation"] == pytest.approx(4e-4)
+
+
+@pytest.mark.parametrize("quality", [95, 75])
+def test_codec_term_covers_jpeg(
+    bar_scene: Callable[[str], Scene],
+    film_of: Callable[..., object],
+    pivot: tuple[float, float],
+    tmp_path: Path,
+    quality: int,
+) -> None:
+    """Random poses of a wooden bar as MJPEG: error over total uncertainty spreads by about one."""
+    n, still = 170, 40
+    rng = np.random.default_rng(5)
+    pose = poses(n, pivot, np.zeros(n))
+    walk = np.cumsum(rng.normal(0, [0.004, 0.25, 0.25], (n - still, 3)), axis=0)
+    pose[still:, 0] += walk
+    known = film_of(bar_scene("wood"), pose)
+    path = tmp_path / "film.avi"
+    write_avi(path, [known.film.read(i) for i in range(n)], 2000.0, quality=quality)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", VisionWarning)
+        with open_film(path) as film:
+            assert film.compression is not None and film.compression.steps is not None
+            assert film.compression.steps[0, 0] == (2 if quality == 95 else 8)  # T.81 table K.1 scaled by libjpeg
+            assert film.compression.steps[0, 1] == (1 if quality == 95 else 6)
+            assert film.compression.steps[1, 0] == (1 if quality == 95 else 6)
+            result = track_film(film, known.bodies, n_still=still, camera=SQUARE)
+    error = result.angle_rad[still:, 0] - (pose[still:, 0, 0] - pose[:still, 0, 0].mean())
+    z = np.sqrt(np.nanmean((error / result.u_total_rad[still:, 0]) ** 2))
+    assert 0.7 < z < 1.25
+    codec = np.nanmean(result.budget.absolute["codec"])
+    noise = np.nanmean(result.budget.absolute["noise"])
+    assert codec < 0.5 * noise if quality == 95 else codec > 0.6 * noise
+
+
+def test_steps_of_damaged_jpeg_are_none() -> None:
+    assert jpeg_steps(b"") is None
+    assert jpeg_steps(b"\xff\xd8\xff\xdb\x00") is None
+    assert jpeg_steps(b"\xff\xd8\xff\xdb\x00\x43\x00" + bytes(30)) is None
+    steps = jpeg_steps(b"\xff\xd8\xff\xdb\x00\x43\x00" + bytes(range(1, 65)))
+    assert steps is not None
+    # the first of the zigzag: right, then down-left, as figure A.6 draws it
+    assert (steps[0, 0], steps[0, 1], steps[1, 0], steps[2, 0], steps[1, 1], steps[0, 2]) == (1, 2, 3, 4, 5, 6)
+    assert steps[7, 7] == 64
+    assert Compression(None).steps is None

@@ -1,0 +1,208 @@
+"""False readings of the key encoder: the key lifts off its balance rail, and its scale reads the lift as rotation.
+
+Place in the data flow: one trial and its prediction → here → marked intervals, left out of the key's scores.
+Conventions: m and s on the DAQ clock.  Gap: of capstan and whippen heel, as key and whippen encoder have it, negative
+where the felt is pressed in.  A scale of radius R whose centre rises by d reads d/R too much, so that a capstan r
+behind the pivot seems to drop by d·r/R and rises by d: a lift of 0.1 mm looks like a gap of half a millimetre.
+Source: thesis Sections 3.2.2 and 4.1, where film showed it.  Three things tell a lift from a capstan that really parts:
+
+- the gap is larger than the model's, at any time near enough for the model to be early or late;
+- the capstan is loaded: part of the time the whippen is accelerated upwards of its free fall, so something carries it,
+  or the model's capstan is pressed in while its balance rail would have to pull the key down;
+- that pull of the model's rail is stated with each interval, and its absence too.
+
+Failure: none; without a prediction nothing is marked.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter1d
+
+from validation.measurement.geometry import WHIPPEN, Array
+
+EXCESS_M = 0.2e-3
+EDGE_M = 0.05e-3
+LONGEST_EDGE_S = 0.01
+NEAR_S = (1.5e-3, 3e-3, 10e-3)  # how early or late the model may be: before the impact, until release, after it
+CARRIED_SHARE = 0.1
+FREE_SHARE = 0.7  # of the free fall of the whippen: faster is falling, slower is carried
+FALL_WINDOW_S = 2e-3
+RAIL_NEAR_S = 0.01
+# 8192 lines of 20 µm; only turns a gap into a lift for the reader
+SCALE_RADIUS_M = 0.02608
+
+
+@dataclass(frozen=True)
+class Lift:
+    """One marked interval: ends, when and how large the excess gap was, the lift it stands for, the rail's pull."""
+
+    start_s: float
+    end_s: float
+    largest_at_s: float
+    gap_m: float
+    lift_m: float
+    rail_pull_n: float
+    reason: str
+
+
+@dataclass(frozen=True)
+class Capstan:
+    """What must be known of the action: the gap as a function of angles, the whippen's free fall, the lever ratio."""
+
+    gap_m: Any
+    free_fall_rad_per_s2: float
+    gap_per_lift: float
+
+
+def capstan_of(action: Any, scale_radius_m: float = SCALE_RADIUS_M) -> Capstan:
+    """Capstan of an action of the `model` package.
+
+    The free fall is that of whippen, jack and repetition lever together about the whippen's pivot; a hammer resting on
+    them only makes it faster.
+    """
+    from model import observables
+
+    moment = inertia = 0.0
+    for body in ("whippen", "jack", "repetition"):
+        at_x = at_y = 0.0
+        if body != "whippen":
+            at_x, at_y = action[f"{body}.pivot.x"], action[f"{body}.pivot.y"]
+        mass = action[f"{body}.mass"]
+        reach = np.hypot(at_x, at_y) + (action["whippen.center_of_mass.x"] if body == "whippen" else 0.0)
+        moment += mass * (at_x if body != "whippen" else action["whippen.center_of_mass.x"])
+        inertia += action[f"{body}.inertia"] + mass * reach**2
+    fall = -action["gravity.g"] * moment / inertia
+    lever = abs(action["contact01.first.x"])
+    return Capstan(lambda angle: observables.capstan_gap_m(action, angle), float(fall), 1 + lever / scale_radius_m)
+
+
+def find_lifts(
+    capstan: Capstan,
+    time_s: Array,
+    measured_rad: Array,
+    predicted_rad: Array,
+    *,
+    impact_s: float,
+    release_s: float,
+    rail: Callable[[], list[Any]] | None = None,
+) -> list[Lift]:
+    """Intervals in which the key encoder disagrees with the whippen's while the capstan is loaded.
+
+    Parameters
+    ----------
+    capstan : Capstan
+    time_s : (n,) array
+        Uniform.
+    measured_rad, predicted_rad : (n, 5) arrays
+        Absolute angles; of the measured ones key and whippen are used.
+    impact_s, release_s : float
+        Of the trial, NaN where absent.
+    rail : callable, optional
+        Gives intervals in which the model's rail would have to pull (``start_s``, ``end_s``, ``largest_n``); asked only
+        when there is something to decide.
+    """
+    gap = capstan.gap_m(measured_rad)
+    expected = _widened(time_s, capstan.gap_m(predicted_rad), impact_s, release_s)
+    excess = gap - expected
+    over = np.flatnonzero(np.isfinite(excess) & (excess > EXCESS_M))
+    if over.size == 0:
+        return []
+    step = float(np.median(np.diff(time_s)))
+    model_gap = capstan.gap_m(predicted_rad)
+    pulls = rail() if rail is not None else None
+    carried = _carried(measured_rad[:, WHIPPEN], step, capstan.free_fall_rad_per_s2)
+    found = []
+    for run in np.split(over, np.flatnonzero(np.diff(over) > round(2e-3 / step)) + 1):
+        begin, end = float(time_s[run[0]]), float(time_s[run[-1]])
+        loaded = carried[run[0] : run[-1] + 1].mean() >= CARRIED_SHARE
+        pressed = bool(np.median(model_gap[run]) < 0.0)
+        if not (loaded or (pressed and _near(pulls, begin, end))):
+            continue
+        first, last = _edges(gap - model_gap, run, round(LONGEST_EDGE_S / step))
+        found.append(_lift(capstan, time_s, excess, first, last, pulls))
+    return _joined(found)
+
+
+def _near(pulls: list[Any] | None, start_s: float, end_s: float) -> list[Any]:
+    return [t for t in pulls or [] if t.start_s - RAIL_NEAR_S <= end_s and t.end_s + RAIL_NEAR_S >= start_s]
+
+
+def _widened(time: Array, gap: Array, impact_s: float, release_s: float) -> Array:
+    """Largest gap the model shows at any time near enough."""
+    known = np.where(np.isfinite(gap), gap, -np.inf)
+    step = float(np.median(np.diff(time)))
+    reach = [maximum_filter1d(known, 2 * round(near / step) + 1, mode="nearest") for near in NEAR_S]
+    out = np.where(time < impact_s - NEAR_S[1], reach[0], reach[1]) if np.isfinite(impact_s) else reach[1]
+    if np.isfinite(release_s):
+        out = np.where(time > release_s - NEAR_S[2], reach[2], out)
+    return np.where(np.isfinite(gap), np.maximum(out, 0.0), np.nan)
+
+
+def _carried(whippen_rad: Array, step: float, free_fall: float) -> NDArray[np.bool_]:
+    """Samples at which the whippen is accelerated upwards of its free fall."""
+    from scipy.signal import savgol_filter  # a third of a second to import, needed for doubtful trials only
+
+    window = max(2 * round(FALL_WINDOW_S / step / 2) + 1, 5)
+    acceleration = savgol_filter(whippen_rad, window, 2, deriv=2, delta=step)
+    return np.asarray(acceleration > FREE_SHARE * free_fall)
+
+
+def _edges(excess: Array, run: NDArray[np.intp], longest: int) -> tuple[int, int]:
+    """Ends of an interval: out to where encoders agree again, but not for ever."""
+    first, last = int(run[0]), int(run[-1])
+    while first > 0 and run[0] - first < longest and excess[first - 1] > EDGE_M:
+        first -= 1
+    while last + 1 < excess.size and last - run[-1] < longest and excess[last + 1] > EDGE_M:
+        last += 1
+    return first, last
+
+
+def _lift(capstan: Capstan, time: Array, excess: Array, first: int, last: int, pulls: list[Any] | None) -> Lift:
+    part = excess[first : last + 1]
+    worst = first + int(np.nanargmax(part))
+    gap = float(excess[worst])
+    lift = gap / capstan.gap_per_lift
+    reason = (
+        f"key and whippen encoders disagree by {1e3 * gap:.2f} mm at the capstan while it is loaded: "
+        f"the key lifts off its balance rail by about {1e3 * lift:.2f} mm"
+    )
+    pull = float("nan")
+    if pulls is not None:
+        near = _near(pulls, float(time[first]), float(time[last]))
+        pull = max((float(t.largest_n) for t in near), default=0.0)
+        reason += f"; the model's rail would have to pull with {pull:.1f} N" if near else "; not predicted by the model"
+    return Lift(float(time[first]), float(time[last]), float(time[worst]), gap, lift, pull, reason)
+
+
+def _joined(lifts: list[Lift]) -> list[Lift]:
+    """Intervals that overlap become one, with the larger gap's words."""
+    out: list[Lift] = []
+    for lift in lifts:
+        if out and lift.start_s <= out[-1].end_s:
+            larger = max(out[-1], lift, key=lambda x: x.gap_m)
+            out[-1] = Lift(
+                out[-1].start_s,
+                max(out[-1].end_s, lift.end_s),
+                larger.largest_at_s,
+                larger.gap_m,
+                larger.lift_m,
+                larger.rail_pull_n,
+                larger.reason,
+            )
+        else:
+            out.append(lift)
+    return out
+
+
+def marked(time_s: Array, lifts: list[Lift]) -> NDArray[np.bool_]:
+    """Samples inside any marked interval."""
+    out = np.zeros(len(time_s), dtype=bool)
+    for lift in lifts:
+        out |= (time_s >= lift.start_s) & (time_s <= lift.end_s)
+    return out

@@ -1,0 +1,101 @@
+"""Level crossings of a sampled signal: hysteresis, sub-sample time, and the time's standard uncertainty.
+
+Place in the data flow: used by every event finder in `validation`.
+Conventions: time in s; a crossing is upward when the signal rises through the level.
+Source: linear interpolation between the two samples around the level; without it the time would carry dt/√12.
+Failure: no crossing gives an empty list; NaN samples are never part of a crossing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from validation.measurement.geometry import Array
+
+
+def up_crossings(time_s: Array, signal: Array, level: float, hysteresis: float = 0.0) -> list[float]:
+    """Times at which a signal rises through a level, s.
+
+    Parameters
+    ----------
+    time_s, signal : (n,) arrays
+    level : float
+    hysteresis : float
+        After a crossing the signal must fall below ``level - hysteresis`` before the next one counts, so that
+        noise around the level makes one crossing, not many.
+    """
+    state = np.zeros(len(signal), dtype=np.int8)  # NaN stays 0: keep the state before
+    state[signal >= level] = 1
+    state[signal < level - hysteresis] = -1
+    if hysteresis == 0.0:
+        state[(signal < level)] = -1
+    known = np.flatnonzero(state)
+    turns = known[1:][np.diff(state[known]) == 2]
+    times = []
+    for i in turns:
+        if not signal[i - 1] < level:  # the sample before was lost
+            continue
+        share = (level - signal[i - 1]) / (signal[i] - signal[i - 1])
+        times.append(float(time_s[i - 1] + share * (time_s[i] - time_s[i - 1])))
+    return times
+
+
+def down_crossings(time_s: Array, signal: Array, level: float, hysteresis: float = 0.0) -> list[float]:
+    """Times at which a signal falls through a level, s; the mirror image of `up_crossings`."""
+    return up_crossings(time_s, -np.asarray(signal), -level, hysteresis)
+
+
+def bend_uncertainty_s(time_s: Array, signal: Array, at_s: float) -> float:
+    """What a straight line between two samples may miss of a bent signal at a crossing, as a standard uncertainty, s.
+
+    The line is off by up to a·dt²/8 for a second derivative a; its root mean square over the interval is 0.73 of that.
+    """
+    i = int(np.clip(np.searchsorted(time_s, at_s), 2, len(time_s) - 2))
+    near = np.asarray(signal, dtype=float)[i - 2 : i + 2]
+    slope = abs(near[2] - near[1]) / (time_s[i] - time_s[i - 1])
+    bend = float(np.abs(np.diff(near, 2)).max()) / 8
+    return 0.73 * bend / slope if slope > 0 else 0.0
+
+
+def first_after(times: list[float], after_s: float) -> float | None:
+    """First of increasing times that is not before `after_s`."""
+    return next((t for t in times if t >= after_s), None)
+
+
+def with_level_uncertainty(
+    find: Callable[[float], float | None], level: float, u_level: float, u_time_s: float = 0.0
+) -> tuple[float | None, float]:
+    """Value of a finder at a level and its standard uncertainty, by moving the level up and down by its own.
+
+    A finder that jumps to another oscillation when the level moves gets the large uncertainty it deserves;
+    one that finds nothing at a moved level falls back on the other side.
+
+    Parameters
+    ----------
+    find : callable
+        Takes a level, returns a value or None.
+    level, u_level : float
+    u_time_s : float
+        A further independent standard uncertainty, added in quadrature.
+
+    Returns
+    -------
+    value : float or None
+    u : float
+        NaN when nothing was found, at the level or at a moved one.
+    """
+    value = find(level)
+    if value is None:
+        return None, float("nan")
+    if u_level <= 0:
+        return value, u_time_s
+    sides = [find(level - u_level), find(level + u_level)]
+    if any(other is None for other in sides):
+        return value, float("nan")
+    # a slow signal is a staircase of counts: three times the shift tells its slope where one may stay on a step
+    wide = [find(level - 3 * u_level), find(level + 3 * u_level)]
+    spread = max(abs(other - value) for other in sides if other is not None)
+    spread = max([spread, *(abs(other - value) / 3 for other in wide if other is not None)])
+    return value, float(np.hypot(spread, u_time_s))

@@ -1,0 +1,117 @@
+"""Trials that stand out from the others, each with a reason.  They are flagged and kept, never removed.
+
+Place in the data flow: traces and events of all trials → here → findings of `validation.findings.session_checks`.
+Conventions: distances of curves as in `validation.statistics.repeatability.distance_ratios`.
+Source: with few trials no test of outliers has power (Grubbs at n = 5 can hardly reach its limit), so a trial is
+flagged by how far it lies from the median of the others, when that is also more than a hundredth of the channel's range
+(trials that agree perfectly make a small difference look large); the reason is looked for in what is known of its blow.
+Failure: fewer than four trials, where one trial cannot be told from the others, give none.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+
+from validation.events.definitions import EVENTS, Event
+from validation.findings.session_checks import Finding
+from validation.measurement.geometry import Array
+from validation.measurement.trial import ENCODER_CHANNELS, Measurement
+from validation.statistics.repeatability import STANDS_OUT, distance_ratios
+from validation.tables.traces import on_common_base
+
+ODD = 5.0  # times the usual departure from the median
+FAR = 0.01  # of the channel's range, root mean square
+SMALL_FORCE = 0.02  # of the peak, below which a difference explains nothing
+SMALL_TIME_S = 0.5e-3
+SCALE_EXPLAINS = 0.9  # of the squared distance
+
+
+def outlying(
+    base: Array,
+    traces: dict[int, pd.DataFrame],
+    measured: list[Measurement],
+    events: dict[int, dict[str, Event]],
+    explained: set[tuple[int, str]],
+) -> list[Finding]:
+    """One finding per trial that stands out in channels nothing else explains.
+
+    Parameters
+    ----------
+    base : (n,) array
+        Common time base.
+    traces, measured, events
+        Of all trials.
+    explained : set
+        (trial, channel) of faults that are named already.
+    """
+    ratios: dict[int, dict[str, float]] = {}
+    scales: dict[tuple[int, str], float] = {}
+    for channel in ENCODER_CHANNELS:
+        curves = on_common_base(base, traces, f"{channel}_measured_rad")
+        away = _away(curves)
+        for j, (number, ratio, far) in enumerate(zip(traces, distance_ratios(curves), away, strict=True)):
+            if ratio > STANDS_OUT and far > FAR and (number, channel) not in explained:
+                ratios.setdefault(number, {})[channel] = float(ratio)
+                scales[number, channel] = _scale(curves, j)
+    out = []
+    for number, by_channel in ratios.items():
+        worst = max(by_channel, key=lambda name: by_channel[name])
+        others = f" (also {', '.join(c for c in by_channel if c != worst)})" if len(by_channel) > 1 else ""
+        why = _reason(number, measured, events, scales[number, worst])
+        text = (
+            f"trial {number} stands out in {worst}{others}: {by_channel[worst]:.1f} times as far from the others as is "
+            f"usual; {why}; it is kept, annotate it to leave it out"
+        )
+        out.append(Finding("outlying trial", number, worst, by_channel[worst], STANDS_OUT, text))
+    return out
+
+
+def _away(curves: Array) -> Array:
+    """Root mean square distance of each trial from the median of all, over the median's range."""
+    known = curves[np.isfinite(curves).all(axis=1)]
+    if known.size == 0:
+        return np.full(curves.shape[1], np.nan)
+    middle = np.median(known, axis=1)
+    extent = float(np.ptp(middle))
+    distance = np.sqrt(np.mean((known - middle[:, None]) ** 2, axis=0))
+    return np.asarray(distance / extent if extent > 0 else np.full(distance.shape, np.nan))
+
+
+def _scale(curves: Array, j: int) -> float:
+    """Factor by which a trial's readings are the others', when that explains nearly all of the distance; NaN else."""
+    known = curves[np.isfinite(curves).all(axis=1)]
+    middle, mine = np.median(np.delete(known, j, axis=1), axis=1), known[:, j]
+    factor = float(middle @ mine) / float(middle @ middle)
+    left = float(np.sum((mine - factor * middle) ** 2)) / float(np.sum((mine - middle) ** 2))
+    return factor if left < 1 - SCALE_EXPLAINS else float("nan")
+
+
+def _reason(number: int, measured: list[Measurement], events: dict[int, dict[str, Event]], scale: float) -> str:
+    """What is odd about a trial's readings, its blow or its events."""
+    reasons = []
+    if np.isfinite(scale):
+        reasons.append(f"its readings are {scale:.3f} times the usual ones all the way: look for a wrong scale")
+    for name, kind in EVENTS.items():
+        there = {n: e[name].status != "absent" for n, e in events.items()}
+        same = sum(v == there[number] for v in there.values())
+        if same <= 1 and len(there) > 2:
+            reasons.append(
+                f"{kind.title.lower()} {'happens' if there[number] else 'does not happen'} in this trial only"
+            )
+    peak = {m.number: float(m.force.force_n.max()) for m in measured}
+    onset = {m.number: m.quiet.onset_s for m in measured}
+    middle = float(np.median(list(peak.values())))
+    if _odd(peak, number) and abs(peak[number] - middle) > SMALL_FORCE * middle:
+        reasons.append(f"its peak force is {peak[number]:.1f} N, usual are {middle:.1f} N")
+    if _odd(onset, number) and abs(onset[number] - np.median(list(onset.values()))) > SMALL_TIME_S:
+        late = 1e3 * (onset[number] - float(np.median(list(onset.values()))))
+        reasons.append(f"its blow begins {abs(late):.1f} ms {'later' if late > 0 else 'earlier'} than usual")
+    return "; ".join(reasons) if reasons else "no reason found in its force or its events"
+
+
+def _odd(values: dict[int, float], number: int) -> bool:
+    others = np.array([v for n, v in values.items() if n != number])
+    middle = float(np.median(others))
+    usual = float(np.median(np.abs(others - middle)))
+    return abs(values[number] - middle) > ODD * usual

@@ -1,0 +1,76 @@
+"""Which trials are pooled for a channel or an event: all but those whose encoder is proven to be wired wrong.
+
+Place in the data flow: findings of `validation.findings.session_checks` → here → channel, score and event tables.
+Conventions: a pair is (trial, channel).  A channel that is reversed, swapped or dead measures something else, and a
+mean or scatter with it means nothing: the trial's own scores and curves are shown, pooled figures are without it, with
+the reason and "n of N".  A trial that only stands out stays in; what the scatter would be without it is said beside.
+Failure: none; a channel of which no trial is left has no pooled figures.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Mapping
+from typing import TypeVar
+
+import numpy as np
+import pandas as pd
+
+from validation.events.definitions import EVENTS, Event
+from validation.findings.session_checks import WIRING, Finding
+from validation.measurement.geometry import Array
+from validation.measurement.trial import ENCODER_CHANNELS
+from validation.statistics.repeatability import curve_repeatability
+from validation.tables.traces import on_common_base
+
+T = TypeVar("T")
+LeftOut = Collection[tuple[int, str]]
+
+
+def left_out(findings: Iterable[Finding]) -> frozenset[tuple[int, str]]:
+    """Trials and channels that are no measurement of what they are named after."""
+    return frozenset((int(f.trial), f.channel) for f in findings if f.kind in WIRING)
+
+
+def pooled(trials: Mapping[int, T], channel: str, without: LeftOut) -> dict[int, T]:
+    """The trials that count for a channel."""
+    return {number: x for number, x in trials.items() if (number, channel) not in without}
+
+
+def counting_events(events: Mapping[int, dict[str, Event]], without: LeftOut) -> dict[int, dict[str, Event]]:
+    """The events of each trial that count: those of which every encoder they are read from is sound."""
+    return {
+        number: {
+            name: event
+            for name, event in found.items()
+            if not any((number, body) in without for body in EVENTS[name].bodies)
+        }
+        for number, found in events.items()
+    }
+
+
+def state_of(numbers: Collection[int], channel: str, without: LeftOut) -> str:
+    """How many trials of a channel count and which do not; empty when all do."""
+    missing = sorted(number for number in numbers if (number, channel) in without)
+    if not missing:
+        return ""
+    which = f"trial{'' if len(missing) == 1 else 's'} {', '.join(map(str, missing))}"
+    return f"{len(numbers) - len(missing)} of {len(numbers)}: {which} left out, wired wrong"
+
+
+def with_and_without(
+    base: Array, traces: dict[int, pd.DataFrame], findings: list[Finding], without: LeftOut
+) -> list[str]:
+    """What the scatter of each encoder would be without the trials that stand out, which stay in."""
+    odd = sorted({int(f.trial) for f in findings if f.kind == "outlying trial"})
+    parts = []
+    for channel in ENCODER_CHANNELS if odd else ():
+        frames = pooled(traces, channel, without)
+        few = {number: frame for number, frame in frames.items() if number not in odd}
+        if len(few) < 2 or len(few) == len(frames):
+            continue
+        every, usual = (
+            curve_repeatability(on_common_base(base, some, f"{channel}_measured_rad")).pooled for some in (frames, few)
+        )
+        parts.append(f"{channel} {np.degrees(usual):.2g}° instead of {np.degrees(every):.2g}°")
+    which = f"trial {odd[0]}, which stands" if len(odd) == 1 else f"trials {', '.join(map(str, odd))}, which stand"
+    return [f"without {which} out (kept), sᵣ would be: {', '.join(parts)}"] if parts else []

@@ -1,0 +1,145 @@
+"""Where the action touches: hammer height, key dip and the levels at which events happen.
+
+Place in the data flow: the model's geometry → levels used by `validation.events.detect`, the same for model and
+trial.
+Conventions: SI, absolute angles counter-clockwise; the hammer height is the distance from the highest point
+of the hammer head to the string line, 0 at contact and positive below it; the key dip is the downward travel
+of the key front.
+Source: Hirschkorn (2004), Appendix A for the geometry and Section 2.3 for height and dip as technicians
+measure them.
+Failure: a level the model cannot give is an `InputError` that names it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+
+from validation.errors import InputError
+
+Array = NDArray[np.float64]
+
+KEY, WHIPPEN, JACK, REPETITION, HAMMER = range(5)
+
+
+@dataclass(frozen=True)
+class ActionGeometry:
+    """What the event finders must know of an action.
+
+    Parameters
+    ----------
+    rest_angle_rad : (5,) array
+        Absolute angles at rest: key, whippen, jack, repetition, hammer.
+    hammer_height_m, key_dip_m : callable
+        Map absolute angles (n, 5) to metres (n,).
+    key_touch_dip_m : float
+        Key dip at which the key front first touches its felt.
+    """
+
+    rest_angle_rad: Array
+    hammer_height_m: Callable[[Array], Array]
+    key_dip_m: Callable[[Array], Array]
+    key_touch_dip_m: float
+
+    @cached_property
+    def string_angle_rad(self) -> float:
+        """Hammer angle at which the head touches the string, the first one on the way up from rest."""
+        turn = np.linspace(0.0, -0.8, 1601)
+        height = self.hammer_height_m(self.absolute({HAMMER: turn}))
+        above = np.flatnonzero(height <= 0)
+        if above.size == 0 or above[0] == 0:
+            raise InputError(
+                f"action: hammer height is {1e3 * height[0]:.2f} mm at rest and stays above 0 for 0.8 rad; "
+                "check the string contact and the rest state"
+            )
+        touch = brentq(
+            lambda x: float(self.hammer_height_m(self.absolute({HAMMER: np.array([x])}))[0]),
+            turn[above[0] - 1],
+            turn[above[0]],
+            xtol=1e-15,
+        )
+        return float(self.rest_angle_rad[HAMMER] + touch)
+
+    @cached_property
+    def string_lever_m(self) -> float:
+        """Change of hammer height per angle at the string, m/rad, positive."""
+        angle = self.rest_angle_rad.copy()
+        angle[HAMMER] = self.string_angle_rad
+        return self.sensitivity(self.hammer_height_m, HAMMER, angle)
+
+    @property
+    def rest_height_m(self) -> float:
+        """Hammer height at rest, m."""
+        return float(self.hammer_height_m(self.rest_angle_rad[None, :])[0])
+
+    def absolute(self, change_rad: dict[int, Array]) -> Array:
+        """Absolute angles (n, 5) from changes of some bodies; bodies not given stay at rest."""
+        n = len(next(iter(change_rad.values())))
+        angle = np.tile(self.rest_angle_rad, (n, 1))
+        for body, change in change_rad.items():
+            angle[:, body] += change
+        return angle
+
+    def sensitivity(self, function: Callable[[Array], Array], body: int, angle_rad: Array | None = None) -> float:
+        """Magnitude of d(function)/d(angle of one body), m/rad, at absolute angles (rest by default)."""
+        centre = self.rest_angle_rad if angle_rad is None else np.asarray(angle_rad, dtype=float)
+        step = 1e-5
+        pair = np.tile(centre, (2, 1))
+        pair[0, body] -= step
+        pair[1, body] += step
+        low, high = function(pair)
+        return float(abs(high - low) / (2 * step))
+
+
+def geometry_of(action: Any, rest_angle_rad: Array) -> ActionGeometry:
+    """Geometry of an action of the `model` package.
+
+    Parameters
+    ----------
+    action : model action
+        As returned by ``model.load_action``.
+    rest_angle_rad : (5,) array
+        Its rest state under the load the trials start from.
+
+    Raises
+    ------
+    InputError
+        When the key of this action never reaches its felt within 0.2 rad.
+    """
+    from model import observables
+
+    rest = np.asarray(rest_angle_rad, dtype=float)
+
+    def height(angle: Array) -> Array:
+        return np.asarray(observables.hammer_height_m(action, angle), dtype=float)
+
+    def dip(angle: Array) -> Array:
+        return np.asarray(observables.key_dip_m(action, angle, rest), dtype=float)
+
+    return ActionGeometry(
+        rest, height, dip, touch_dip(rest, dip, lambda angle: observables.key_front_gap_m(action, angle))
+    )
+
+
+def touch_dip(rest_rad: Array, dip: Callable[[Array], Array], key_gap: Callable[[Array], Array]) -> float:
+    """Key dip at which the gap under the key front closes, found by turning the key alone from rest."""
+    turn = np.linspace(0.0, -0.2, 401)
+    angle = np.tile(rest_rad, (turn.size, 1))
+    angle[:, KEY] += turn
+    gap = key_gap(angle)
+    closed = np.flatnonzero(gap <= 0)
+    if closed.size == 0 or closed[0] == 0:
+        raise InputError(
+            f"action: gap under the key front is {1e3 * gap[0]:.2f} mm at rest and {1e3 * gap[-1]:.2f} mm "
+            "after 0.2 rad; it must start above 0 and close; check the key front contact"
+        )
+    i = int(closed[0])
+    share = gap[i - 1] / (gap[i - 1] - gap[i])
+    travel = dip(angle[i - 1 : i + 1])
+    return float(travel[0] + share * (travel[1] - travel[0]))

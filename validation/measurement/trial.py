@@ -1,0 +1,176 @@
+"""One trial as validation sees it: corrected force, encoder angles with uncertainty, film angles, quiet
+interval, motion.
+
+Place in the data flow: `rig.session` trial and its derived film angles → `Measurement` →
+`validation.pipeline.compare_session`.
+Conventions: angles are changes since rest in rad, counter-clockwise; everything on the DAQ clock; encoder
+order key, whippen, hammer whatever the order in the file; jack and repetition lever relative to the whippen.
+Failure: a trial that cannot be used is a `TrialError`; the comparison then goes on without it and says so.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from validation.errors import TrialError
+from validation.measurement.force_correction import CorrectedForce, Quiet, correct_force, encoder_change, find_quiet
+from validation.measurement.geometry import ActionGeometry, Array
+from validation.measurement.mains_hum import TOO_SHORT
+from validation.measurement.stroke import Motion, motion_of
+
+ENCODER_CHANNELS = ("key", "whippen", "hammer")
+FILM_CHANNELS = ("jack", "repetition")
+# hammer height and key dip at rest are set with gauges to about 0.1 mm (rectangular, half width)
+U_REST_LEVEL_M = 0.1e-3 / np.sqrt(3)
+
+
+@dataclass(frozen=True)
+class FilmAngles:
+    """Angles tracked on the film of one trial, relative to the whippen and to rest; NaN where lost.
+
+    ``whippen_rad`` is the whippen's own, where the film shows it: it tells the film's clock from the encoder's.
+    """
+
+    time_s: Array
+    change_rad: dict[str, Array]
+    u_rad: dict[str, Array]
+    u_time_s: float
+    whippen_rad: Array | None = None
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """A usable trial."""
+
+    number: int
+    time_s: Array
+    raw_force_n: Array
+    force: CorrectedForce
+    quiet: Quiet
+    change_rad: Array
+    u_rad: Array
+    resolution_rad: Array
+    scale_relative_u: Array
+    motion: Motion
+    film: FilmAngles | None
+    seal: str
+    notes: tuple[str, ...] = ()
+
+
+def measure(
+    data: Any,
+    film_table: pd.DataFrame | None,
+    geometry: ActionGeometry,
+    *,
+    u_rest_level_m: float = U_REST_LEVEL_M,
+    seal: str = "",
+) -> Measurement:
+    """Correct the force, zero the angles and state the uncertainties of one trial.
+
+    Parameters
+    ----------
+    data : rig.session.TrialData
+    film_table : pandas.DataFrame or None
+        Derived step ``angles``: time_s, jack_relative_rad, jack_relative_u_rad, repetition_relative_rad, …
+    geometry : ActionGeometry
+        Of the action under test; its rest state gives the absolute angles.
+    u_rest_level_m : float
+        Standard uncertainty with which hammer height and key dip at rest are known on the bench.
+    seal : str
+        SHA-256 of the trial, kept for provenance.
+
+    Raises
+    ------
+    TrialError
+        When a channel is missing or the trial has no usable baseline.
+    """
+    names = [encoder.name for encoder in data.encoders]
+    missing = [name for name in ENCODER_CHANNELS if name not in names]
+    if missing:
+        raise TrialError(f"encoder {missing[0]!r} is missing; found {names}; key, whippen and hammer are needed")
+    order = [names.index(name) for name in ENCODER_CHANNELS]
+    counts = np.asarray(data.encoder_count)[:, order]
+    angle = np.asarray(data.angle_rad(), dtype=float)[:, order]
+    resolution = np.array([abs(data.encoders[i].rad_per_count) for i in order])
+    info = data.force_info
+    time = np.asarray(data.time_s, dtype=float)
+    quiet = find_quiet(time, data.force_n, counts, mains_hz=info.mains_frequency_hz, group_delay_s=info.group_delay_s)
+    force = correct_force(
+        time,
+        data.force_n,
+        quiet,
+        group_delay_s=info.group_delay_s,
+        preload_n=info.preload_n,
+        u_preload_n=info.u_preload_n,
+        u_group_delay_s=info.u_group_delay_s,
+        gain_relative_u=info.u_gain_relative,
+        mains_hz=info.mains_frequency_hz,
+    )
+    change, u_sample, u_zero = encoder_change(angle, quiet, resolution)
+    u_sample = np.hypot(u_sample, [data.encoders[i].u_change_rad for i in order])
+    scale = np.array([data.encoders[i].u_turn_relative for i in order])
+    motion = motion_of(
+        geometry,
+        time,
+        change,
+        u_sample,
+        u_zero_rad=u_zero,
+        u_height_zero_m=u_rest_level_m,
+        u_dip_zero_m=u_rest_level_m,
+        u_scale_relative=scale,
+    )
+    film, notes = _film(film_table, data, quiet)
+    if force.hum.reason.startswith(TOO_SHORT):
+        notes.append(f"hum not subtracted: {force.hum.reason}")
+    return Measurement(
+        data.number,
+        time,
+        np.asarray(data.force_n, dtype=float),
+        force,
+        quiet,
+        change,
+        np.hypot(u_sample, u_zero),
+        resolution,
+        scale,
+        motion,
+        film,
+        seal,
+        tuple(notes),
+    )
+
+
+def _film(table: pd.DataFrame | None, data: Any, quiet: Quiet) -> tuple[FilmAngles | None, list[str]]:
+    if table is None:
+        return None, []
+    needed = ["time_s"] + [f"{name}_relative{tail}" for name in FILM_CHANNELS for tail in ("_rad", "_u_rad")]
+    missing = [name for name in needed if name not in table.columns]
+    if missing:
+        raise TrialError(f"derived film angles: column {missing[0]!r} is missing; track the film again")
+    time = table["time_s"].to_numpy(dtype=float)
+    if not np.all(np.diff(time) > 0):
+        raise TrialError("derived film angles: time_s must increase from row to row; track the film again")
+    change = {name: table[f"{name}_relative_rad"].to_numpy(dtype=float) for name in FILM_CHANNELS}
+    u = {name: table[_u_column(table, name)].to_numpy(dtype=float) for name in FILM_CHANNELS}
+    whippen = table["whippen_rad"].to_numpy(dtype=float) if "whippen_rad" in table else None
+    notes = []
+    if time[0] > quiet.end_s:
+        notes.append(
+            f"film starts at {time[0]:.4f} s, after the quiet interval ended at {quiet.end_s:.4f} s: "
+            "its zero is not at rest"
+        )
+    for name in FILM_CHANNELS:
+        lost = int((~np.isfinite(change[name])).sum())
+        if lost:
+            notes.append(f"film: {name} lost in {lost} of {time.size} frames")
+    camera = getattr(data, "camera", None)
+    return FilmAngles(time, change, u, camera.u_time_s if camera is not None else 0.0, whippen), notes
+
+
+def _u_column(table: pd.DataFrame, name: str) -> str:
+    """Uncertainty with camera, shutter and codec where the tracker states it, else of noise and reference alone."""
+    total = f"{name}_relative_u_total_rad"
+    return total if total in table else f"{name}_relative_u_rad"

@@ -1,0 +1,112 @@
+"""What the inputs of a prediction may have been: draws of the force and of the action's parameters within their u.
+
+Place in the data flow: a measurement and an action → here → `validation.statistics.event_budget`.
+Conventions: a *case* is an action, a force and a tolerance; parameters are drawn independently from normal
+distributions cut at three standard deviations, from lognormal ones where u is more than a quarter of the value, so
+that no friction turns negative.  Parameters whose u is this project's decision (basis ``assumed``) are a group of their
+own.
+Source: JCGM 101 (propagation of distributions); the force's budget is that of
+`validation.measurement.force_correction`.
+Failure: none here; a draw the model cannot use is counted by the budget.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from validation.measurement.geometry import Array
+from validation.measurement.trial import Measurement
+
+ASSUMED = "assumed"
+PARAMETER_DRAWS = 24
+ASSUMED_DRAWS = 12
+NOISE_DRAWS = 4
+LARGE_RELATIVE_U = 0.25
+SEED = 20
+
+
+@dataclass(frozen=True)
+class Case:
+    """Inputs of one run: its group, changed parameters, force over time, the tolerance asked for, the preload."""
+
+    group: str
+    changed: dict[str, float]
+    time_s: Array
+    force_n: Array
+    tolerance: float
+    preload_n: float
+
+
+def cases(m: Measurement, action: Any, tolerance: float) -> list[Case]:
+    """All runs of a budget; the first is the case as it stands."""
+    f = m.force
+
+    def case(
+        group: str,
+        *,
+        changed: dict[str, float] | None = None,
+        time_s: Array = f.time_s,
+        force_n: Array = f.force_n,
+        tol: float = tolerance,
+        preload: float = f.preload_n,
+    ) -> Case:
+        return Case(group, changed or {}, time_s, force_n, tol, preload)
+
+    u_level = float(np.hypot(f.u_preload_n, f.hum.u_offset_n))
+    rng = np.random.default_rng([SEED, m.number])
+    found = [case("base"), case("numerics", tol=tolerance / 10), case("numerics", tol=tolerance / 100)]
+    found += [
+        case("force gain", force_n=f.force_n * (1 + f.gain_relative_u), preload=f.preload_n * (1 + f.gain_relative_u)),
+        case("force level", force_n=f.force_n + u_level, preload=f.preload_n + u_level),
+        case("force delay", time_s=f.time_s + f.u_group_delay_s),
+    ]
+    found += [
+        case("force noise", force_n=f.force_n + f.noise_n * rng.standard_normal(f.force_n.size))
+        for _ in range(NOISE_DRAWS)
+    ]
+    for group, draws in (("stated parameters", PARAMETER_DRAWS), ("assumed parameters", ASSUMED_DRAWS)):
+        known = uncertain_parameters(action, assumed=group.startswith("assumed"))
+        if known:
+            found += [case(group, changed=_unit_vectors(values, action)) for values in _draws(known, draws, rng)]
+    return found
+
+
+def uncertain_parameters(action: Any, *, assumed: bool) -> dict[str, tuple[float, float]]:
+    """Value and standard uncertainty of every parameter with u > 0 whose basis is (not) an assumption."""
+    return {
+        path: (q.value, q.u)
+        for path, q in sorted(action.quantities.items())
+        if q.u > 0 and (q.basis == ASSUMED) == assumed
+    }
+
+
+def _draws(known: dict[str, tuple[float, float]], n: int, rng: np.random.Generator) -> Iterator[dict[str, float]]:
+    value, u = (np.array(column) for column in zip(*known.values(), strict=True))
+    for _ in range(n):
+        z = np.clip(rng.standard_normal(value.size), -3.0, 3.0)
+        drawn = value + u * z
+        large = u > LARGE_RELATIVE_U * np.abs(value)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            width = np.sqrt(np.log1p((u / value) ** 2))
+            skewed = value * np.exp(width * z - width**2 / 2)
+        # a value of zero has no logarithm: a half normal keeps its sign
+        drawn = np.where(large, np.where(value == 0, np.abs(u * z), skewed), drawn)
+        yield {path: float(x) for path, x in zip(known, drawn, strict=True)}
+
+
+def _unit_vectors(values: dict[str, float], action: Any) -> dict[str, float]:
+    """Directions drawn by their components, brought back to the length they have."""
+    out = dict(values)
+    for path in values:
+        stem, _, axis = path.rpartition(".")
+        if not stem.endswith(".normal") or axis not in ("x", "y"):
+            continue
+        pair = f"{stem}.x", f"{stem}.y"
+        drawn = [out.get(p, action[p]) for p in pair]
+        share = float(np.hypot(*(action[p] for p in pair)) / np.hypot(*drawn))
+        out |= {p: share * x for p, x in zip(pair, drawn, strict=True) if p in values}
+    return out

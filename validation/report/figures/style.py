@@ -1,0 +1,162 @@
+"""How curves are drawn in the report: colours, dashes, signs, labels, bands.
+
+Place in the data flow: used by `validation.report.figures.measured` only.
+Conventions: the thesis's signs in degrees; Okabe–Ito colours, darkened where white needs it, each with its own
+dash pattern.
+Failure: none.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from validation.measurement.geometry import Array
+from validation.report.figures.svg import COLUMNS, decimate
+
+BLACK, ORANGE, SKY, GREEN, BLUE, VERMILION, PURPLE = (
+    "#000000",
+    "#B37400",
+    "#2A8FC4",
+    "#00785A",
+    "#0072B2",
+    "#C04A00",
+    "#A8528A",
+)
+COLOURS = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, BLACK, SKY)
+DASHES: tuple[tuple[float, ...] | None, ...] = (None, (5, 1.5), (1.5, 1.2), (6, 1.5, 1.5, 1.5), (8, 2))
+MODEL_COLOURS = (VERMILION, BLUE, GREEN, PURPLE, ORANGE)
+MODEL_DASHES = ((5, 1.5), (1.5, 1.2), (6, 1.5, 1.5, 1.5), (8, 2), (3, 1, 1, 1, 1, 1))
+SIGN = {"key": -1.0, "whippen": 1.0, "jack": -1.0, "repetition": -1.0, "hammer": -1.0}
+SYMBOL = {"key": "k", "whippen": "w", "jack": "j", "repetition": "r", "hammer": "h"}
+TITLE = {
+    "key": "key",
+    "whippen": "whippen",
+    "jack": "jack",
+    "repetition": "repetition lever",
+    "hammer": "hammer",
+}
+MOST_IN_LEGEND = 8
+LEGEND_CHARACTERS = 140  # in a line above the panels
+FULL_CURVES = 8
+FEWEST_COLUMNS = 60
+
+
+def rotation_label(channel: str) -> str:
+    """Axis label with the thesis's sign convention."""
+    s = f"\\theta_{SYMBOL[channel]}"
+    return f"${s} - {s}(0)$ (°)" if SIGN[channel] > 0 else f"${s}(0) - {s}$ (°)"
+
+
+def line_style(i: int) -> dict[str, Any]:
+    """Colour and dash pattern of the i-th curve."""
+    style: dict[str, Any] = {"color": COLOURS[i % len(COLOURS)], "linewidth": 1.1}
+    dash = DASHES[i % len(DASHES)]
+    if dash is not None:
+        style["dashes"] = dash
+    return style
+
+
+def model_style(i: int) -> dict[str, Any]:
+    """Colour and dash pattern of the i-th model, none of them the solid black of a trial."""
+    return {
+        "color": MODEL_COLOURS[i % len(MODEL_COLOURS)],
+        "linewidth": 1.3,
+        "dashes": MODEL_DASHES[i % len(MODEL_DASHES)],
+    }
+
+
+def columns_for(curves: int) -> int:
+    """Pixel columns per curve, fewer when many curves share a panel, so that the page stays below some megabytes."""
+    return max(FEWEST_COLUMNS, min(COLUMNS, COLUMNS * FULL_CURVES // max(curves, 1)))
+
+
+def draw(
+    axes: Axes, time: Array, values: Array, label: str | None = None, *, columns: int = COLUMNS, **style: object
+) -> None:
+    """Draw a thinned curve."""
+    t, v = decimate(time, values, columns=columns)
+    axes.plot(t, v, label=label, **style)  # type: ignore[arg-type]
+
+
+def finish_axes(axes: Axes, ylabel: str, *, bottom: bool = True) -> None:
+    """Label, grid and margins; the time axis only on the lowest panel."""
+    axes.set_ylabel(ylabel)
+    axes.grid(True, color="#DDDDDD", linewidth=0.6)
+    axes.margins(x=0)
+    if bottom:
+        axes.set_xlabel("time (s)")
+    else:
+        axes.tick_params(labelbottom=False)
+
+
+def legend(axes: Axes, n: int) -> None:
+    """A legend, unless there are too many curves for one."""
+    if n <= MOST_IN_LEGEND:
+        axes.legend(fontsize=8, ncols=2, framealpha=0.9, loc="best")
+
+
+def shared_legend(figure: Figure, panels: Sequence[Axes]) -> int:
+    """One legend above all panels, of everything labelled in some of them; returns how many lines it takes."""
+    known: dict[str, Any] = {}
+    for axes in panels:
+        for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
+            known.setdefault(label, handle)
+    lines = math.ceil(sum(len(label) + 9 for label in known) / LEGEND_CHARACTERS)
+    columns = math.ceil(len(known) / lines)
+    figure.legend(
+        known.values(), known.keys(), loc="upper center", ncols=columns, fontsize=8, frameon=False, borderaxespad=0.2
+    )
+    return lines
+
+
+def plot_text(text: str) -> str:
+    """Text from a session or model as matplotlib shows it letter by letter: no formulas, nothing unprintable."""
+    return "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in text).replace("$", r"\$")
+
+
+def degrees(channel: str, rad: pd.Series | Array) -> Array:
+    """An angle or a difference of angles in degrees with the thesis's sign."""
+    return SIGN[channel] * np.degrees(np.asarray(rad, dtype=float))
+
+
+def band(
+    axes: Axes,
+    time: Array,
+    low: Array,
+    high: Array,
+    label: str | None = None,
+    *,
+    alpha: float = 0.35,
+    fits: bool = True,
+) -> None:
+    """A shaded band between two curves, nothing where it is not known; ``fits``: the panel grows to hold it."""
+    if not np.isfinite(low).any():
+        return
+    t, a = decimate(time, low, keep="min")
+    _, b = decimate(time, high, keep="max")
+    before = axes.dataLim.frozen()
+    axes.fill_between(t, a, b, color=SKY, alpha=alpha, linewidth=0, label=label)
+    if not fits:
+        axes.dataLim.set(before)
+
+
+def shade_lifts(axes: Axes, marked: pd.DataFrame, trials: list[int], label: str = "left out: key may lift") -> None:
+    """Shade and hatch the intervals of these trials that are left out of the scores."""
+    for i, row in enumerate(marked[marked["trial"].isin(trials)].itertuples()):
+        axes.axvspan(
+            row.start_s,
+            row.end_s,
+            facecolor=ORANGE,
+            edgecolor=BLACK,
+            alpha=0.25,
+            hatch="////",
+            linewidth=0,
+            label=label if i == 0 else None,
+        )

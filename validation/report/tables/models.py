@@ -1,0 +1,148 @@
+"""Tables that set sessions and models side by side: scores beside their ceiling, models paired by trial, events.
+
+Place in the data flow: `SideBySide` and the results of one session → `PageTable` → template.
+Conventions: as `validation.report.tables.scores`; the ceiling is what trials score against each other.
+Failure: none; a dash for what does not exist.
+"""
+
+from __future__ import annotations
+
+import math
+
+import pandas as pd
+
+from validation.events.definitions import EVENTS
+from validation.measurement.trial import ENCODER_CHANNELS, FILM_CHANNELS
+from validation.pipeline.compare_sessions import SideBySide
+from validation.report.tables.formatting import DASH, PageTable, degrees, number, with_u
+from validation.report.view import SessionView
+from validation.result import ValidationResult
+from validation.scores.curve_scores import SCORES
+
+MATRIX_SCORES = {"rmse_rad": "RMSE (°)", "iso_overall": "ISO-style"}
+
+
+def matrix(side: SideBySide) -> PageTable:
+    """One row per session and model, and below each session its ceiling and the null model; scores of each channel."""
+    channels = [
+        c for c in (*ENCODER_CHANNELS, *FILM_CHANNELS) if any((r.scorecard["channel"] == c).any() for r in side.results)
+    ]
+    head = ["session", "predicted by", "trials"]
+    head += [f"{channel} {title}" for title in MATRIX_SCORES.values() for channel in channels]
+    head += ["events that agree"]
+    rows = []
+    for name, results in side.sessions.items():
+        first = results[0]
+        n = str(len(first.traces))
+        for r in results:
+            agree = f"{int(r.event_summary['agree'].sum())} of {len(r.event_summary)}"
+            rows.append([name, r.action_name, str(len(r.traces)), *_cells(r, channels, "value"), agree])
+        rows.append([name, "trial by another trial (ceiling)", n, *_cells(first, channels, "ceiling"), DASH])
+        rows.append([name, "null model", n, *_cells(first, channels, "null"), DASH])
+    notes = [
+        "Over all trials of a session: RMSE by root mean square, the ISO 18571-style score (0 to 1, 1 is best) by "
+        "mean. Ceiling: the same score of one trial against another, the best that can be asked of a model; a dash "
+        "with fewer than two trials. Null model: the key’s turn alone, all else balanced along it, no fit to trials; a "
+        "model of many bodies should do better. Sessions are never pooled: blows of different conditions or sample "
+        "rates have no common repeatability. Jack and repetition lever: filmed trials only."
+    ]
+    return PageTable("matrix", "Scores of every session, model and channel", head, rows, notes)
+
+
+def _cells(result: ValidationResult, channels: list[str], column: str) -> list[str]:
+    card = result.scorecard.set_index(["channel", "score"])[column]
+    cells = []
+    for score in MATRIX_SCORES:
+        for channel in channels:
+            value = float(card.get((channel, score), math.nan))
+            cells.append(degrees(value) if SCORES[score].unit == "rad" else number(value, 3))
+    return cells
+
+
+def pair_tables(side: SideBySide) -> tuple[PageTable, PageTable]:
+    """Which model is closer by RMSE, and whether so few trials can show it; the same by other scores."""
+    by_rmse = side.model_pairs["score"] == "rmse_rad"
+    return (
+        _pairs(side.model_pairs[by_rmse], "model-pairs", "Models paired by trial"),
+        _pairs(side.model_pairs[~by_rmse], "model-pairs-other", "Models paired by trial, other scores"),
+    )
+
+
+def _pairs(pairs: pd.DataFrame, key: str, caption: str) -> PageTable:
+    rows = []
+    for p in pairs.itertuples():
+        angle = p.unit == "rad"
+        k = math.degrees(1.0) if angle else 1.0
+        n = p.n_trials
+        rows.append(
+            [
+                f"{p.session}: {p.channel}",
+                SCORES[p.score].title + (" (°)" if angle else ""),
+                p.claim,
+                f"{p.second} − {p.first}",
+                with_u(k * p.difference, k * p.u_difference),
+                f"{number(k * p.low, 3)} to {number(k * p.high, 3)}" if n > 1 else DASH,
+                f"{p.first_closer} : {p.second_closer} of {n}",
+                number(p.p, 3) if n > 1 else DASH,
+                number(p.p_least, 3) if n > 1 else DASH,
+                number(p.p_holm, 3) if n > 1 else DASH,
+            ]
+        )
+    head = [
+        "session: channel",
+        "score",
+        "what can be said",
+        "difference",
+        "mean ± u",
+        "95 % interval",
+        "closer: first : second",
+        "p",
+        "least p",
+        "p, all channels",
+    ]
+    notes = [
+        "Every trial is predicted by both models; the difference of their scores is taken trial by trial, so that the "
+        "scatter of the blows cancels. u: standard uncertainty of the mean; interval by Student’s t. p: exact "
+        "sign-flip test, two-sided; least p: the smallest that so many trials allow (five: 0.0625); all channels: "
+        "Holm’s correction. Closer to these trials does not mean right."
+    ]
+    return PageTable(key, caption, head, rows, notes)
+
+
+def event_table(view: SessionView) -> PageTable:
+    """Presence, means and paired differences of the events, the models beside each other."""
+    n = len(view.first.traces)
+    head = ["event", "found in trials", "trials: mean ± s"]
+    for called in view.names:
+        head += [f"{called}: found", f"{called}: mean", f"{called} − trial ± u"]
+    models = [r.event_summary.set_index("event") for r in view.results]
+    rows = []
+    for name, e in models[0].iterrows():
+        kind = EVENTS[str(name)]
+        k = kind.display_factor
+        row = [f"{kind.title} ({kind.display_unit})", f"{e['found_trial']} of {n}"]
+        row.append(with_u(k * e["trial_mean"], k * e["trial_s"]))
+        for r, summary in zip(view.results, models, strict=True):
+            m = summary.loc[name]
+            presence = "both" if m["agree"] and m["found_trial"] else "neither" if m["agree"] else "differs"
+            doubt = f", {m['ambiguous']} ambiguous" if m["ambiguous"] else ""
+            row.append(f"{m['found_model']} of {len(r.traces)}: {presence}{doubt}")
+            row += [number(k * m["model_mean"], 5), with_u(k * m["difference"], k * m["u_difference"])]
+        rows.append(row)
+    notes = [
+        "Whether an event happens comes before when: “both” found in as many trials as predictions, “neither” in none, "
+        "“differs” otherwise. Differences are paired by trial; u is a standard uncertainty (encoder, levels of rest, "
+        "scatter over trials)."
+    ]
+    if _moved(view):
+        notes.append(
+            "Events of the trials are found with the geometry and rest of each model; the trials’ column is that of "
+            f"{view.names[0]}, the differences are each model’s own."
+        )
+    return PageTable("events", "Events: presence first, then timing", head, rows, notes)
+
+
+def _moved(view: SessionView) -> bool:
+    """Whether the trials' own events depend on the model they were found with."""
+    first = view.first.event_summary["trial_mean"]
+    return any(not r.event_summary["trial_mean"].equals(first) for r in view.results[1:])

@@ -1,0 +1,219 @@
+"""Tables of text with units, ready for the page.
+
+Place in the data flow: tables of a `ValidationResult` → `PageTable` → template.
+Conventions: degrees, millimetres and milliseconds; as many digits as the number's uncertainty or its size
+justifies; a dash for what does not exist.
+Failure: none.
+"""
+
+from __future__ import annotations
+
+import math
+
+import pandas as pd
+
+from validation.events.definitions import EVENTS
+from validation.report.tables.formatting import DASH, PageTable, between, degrees, number, percent, rms, with_u
+from validation.result import ValidationResult
+
+MOST_TRIALS = 12  # more columns than that nobody reads side by side
+
+
+def score_matrix(result: ValidationResult) -> PageTable:
+    """RMSE of every trial and channel, and of all trials together against range and repeatability."""
+    trials = list(result.traces) if len(result.traces) <= MOST_TRIALS else []
+    head = [
+        "channel",
+        *(f"trial {t}" for t in trials),
+        "all",
+        "of range",
+        "sᵣ",
+        "RMSE / sᵣ",
+        "limit",
+        "trial–trial",
+    ]
+    rows = []
+    for c in result.channels.itertuples():
+        scores = result.scores[result.scores["channel"] == c.channel].set_index("trial")["rmse_rad"]
+        cells = [degrees(float(scores[t])) if t in scores.index else DASH for t in trials]
+        state = f" ({c.state})" if c.state else ""
+        rows.append(
+            [
+                f"{c.channel}{state}",
+                *cells,
+                degrees(c.rmse_rad),
+                percent(c.rmse_over_range),
+                degrees(c.s_r_rad),
+                number(c.rmse_over_s_r, 2),
+                degrees(c.limit_rad),
+                degrees(c.trial_to_trial_rmse_rad),
+            ]
+        )
+    notes = [
+        "RMSE of model − trial in degrees inside the evaluation window; “all” is the root mean square over trials.",
+        "sᵣ: repeatability standard deviation; limit: 95 % of differences between two trials are smaller (ISO 5725, "
+        "factor for few trials); trial–trial: the same RMSE between trials, the best a model could be asked for.",
+    ]
+    if not trials:
+        notes.append(f"The RMSE of each of the {len(result.traces)} trials stands in tables/scores.csv.")
+    return PageTable("scores", "RMSE of every trial and channel (°)" if trials else "RMSE (°)", head, rows, notes)
+
+
+def iso_table(result: ValidationResult) -> PageTable:
+    """ISO 18571-style scores per channel: mean over trials, and what trials score against each other."""
+    rows = []
+    ceiling = dict(zip(result.channels["channel"], result.channels["iso_ceiling"].astype(float), strict=True))
+    for channel, part in result.scores.groupby("channel", sort=False):
+        names = ("iso_overall", "iso_corridor", "iso_phase", "iso_magnitude", "iso_slope")
+        means = [float(part[name].mean()) for name in names]
+        shift = 1e3 * float(part["iso_shift_s"].abs().max())
+        cells = [number(value, 3) if math.isfinite(value) else DASH for value in means]
+        rows.append([str(channel), *cells, number(ceiling[str(channel)], 3), number(shift, 2)])
+    head = ["channel", "overall", "corridor", "phase", "magnitude", "slope", "trial–trial", "largest shift (ms)"]
+    notes = [
+        "From 0 to 1, mean over trials; trial–trial: the overall score of trials against each other. The specification "
+        "is made for forces and accelerations of vehicle safety; here it is a style of scoring. A curve with lost "
+        "frames has no score."
+    ]
+    return PageTable("iso", "ISO/TS 18571-style scores", head, rows, notes)
+
+
+def resolution_table(result: ValidationResult) -> PageTable:
+    """Before the impact, bias, largest difference and stated uncertainty per channel."""
+    rows = []
+    shares = dict(zip(result.channels["channel"], result.channels["resolved_share"].astype(float), strict=True))
+    for channel, part in result.scores.groupby("channel", sort=False):
+        worst = part.loc[part["largest_rad"].idxmax()] if part["largest_rad"].notna().any() else None
+        rows.append(
+            [
+                str(channel),
+                degrees(rms(part["before_impact_rmse_rad"])),
+                degrees(rms(part["rmse_rad"])),
+                degrees(float(part["bias_rad"].mean())),
+                degrees(float(worst["largest_rad"])) if worst is not None else DASH,
+                f"{worst['largest_at_s']:.4f} (trial {int(worst['trial'])})" if worst is not None else DASH,
+                percent(shares[str(channel)]),
+                degrees(rms(part["u_rms_rad"])),
+                str(int(part["n_lost"].sum())),
+            ]
+        )
+    head = [
+        "channel",
+        "before impact",
+        "whole window",
+        "bias",
+        "largest",
+        "at (s)",
+        "resolved",
+        "u of one sample",
+        "lost",
+    ]
+    notes = [
+        "resolved: share of the window in which the mean paired difference leaves its simultaneous 95 % band "
+        "(random-field t over trials, and the sensor's own uncertainty)."
+    ]
+    return PageTable("differences", "Differences model − trial by channel (°)", head, rows, notes)
+
+
+def event_by_trial_table(result: ValidationResult) -> PageTable:
+    """Every event of every trial and its prediction."""
+    rows = []
+    order = {name: i for i, name in enumerate(EVENTS)}
+    table = result.events.assign(order=result.events["event"].map(order)).sort_values(
+        ["order", "trial", "source"], ascending=[True, True, False], kind="stable"
+    )
+    for e in table.itertuples():
+        kind = EVENTS[e.event]
+        k = kind.display_factor
+        shown = with_u(k * e.value, k * e.u)
+        rows.append([f"{kind.title} ({kind.display_unit})", str(e.trial), e.source, shown, e.status, e.note or ""])
+    head = ["event", "trial", "source", "value ± u", "status", "note"]
+    return PageTable("events-by-trial", "Every event of every trial", head, rows)
+
+
+def repeatability_tables(result: ValidationResult) -> list[PageTable]:
+    """Repeatability of channels and of events."""
+    channel_rows = [
+        [
+            f"{c.channel} ({c.source})",
+            c.state or str(c.n_trials),
+            degrees(c.s_r_rad),
+            between(degrees(c.s_r_low_rad), degrees(c.s_r_high_rad)),
+            degrees(c.s_r_largest_rad),
+            degrees(c.limit_rad),
+        ]
+        for c in _complete(result.channels).itertuples()
+    ]
+    event_rows = []
+    for e in result.event_repeatability.itertuples():
+        kind = EVENTS[e.event]
+        k = kind.display_factor
+        event_rows.append(
+            [
+                f"{kind.title} ({kind.display_unit})",
+                f"{e.n_found} found" + (f", {e.n_ambiguous} ambiguous" if e.n_ambiguous else ""),
+                with_u(k * e.mean, k * e.s),
+                between(number(k * e.s_low, 2), number(k * e.s_high, 2)),
+                number(k * e.limit, 3),
+                number(k * e.range, 3),
+            ]
+        )
+    return [
+        PageTable(
+            "repeatability",
+            "Repeatability of the angles over the window (°)",
+            ["channel", "trials", "sᵣ pooled", "95 % interval of sᵣ", "largest sᵣ(t)", "limit"],
+            channel_rows,
+        ),
+        PageTable(
+            "event-repeatability",
+            "Repeatability of the events",
+            ["event", "trials", "mean ± s", "95 % interval of s", "limit", "range"],
+            event_rows,
+        ),
+    ]
+
+
+def trial_page_table(result: ValidationResult) -> PageTable:
+    """What was done with each trial before it was compared."""
+    rows = []
+    for t in _complete(result.trials).itertuples():
+        if not t.used:
+            rows.append([str(t.trial), f"not used: {t.reason}", *[DASH] * 7])
+            continue
+        hum = f"{number(t.hum_1_n, 3)} at {t.hum_hz:.2f} Hz" if t.hum_accepted else "none subtracted"
+        rows.append(
+            [
+                str(t.trial),
+                "used" + (", filmed" if t.filmed else ""),
+                number(t.peak_force_n, 4),
+                number(1e3 * t.quiet_s, 3),
+                with_u(t.offset_n, t.u_offset_n),
+                hum,
+                number(1e3 * t.noise_n, 3),
+                number(1e3 * t.group_delay_s, 3),
+                "kept" if t.reused else "simulated",
+            ]
+        )
+    head = [
+        "trial",
+        "state",
+        "peak (N)",
+        "quiet (ms)",
+        "offset (N)",
+        "hum (N)",
+        "noise (mN)",
+        "delay (ms)",
+        "prediction",
+    ]
+    return PageTable("trials", "Trials and the correction of their force", head, rows)
+
+
+def _complete(table: pd.DataFrame) -> pd.DataFrame:
+    """Columns a table may lack when no trial could fill them, as NaN; missing text as empty."""
+    wanted = ("s_r_low_rad", "s_r_high_rad", "s_r_largest_rad", "limit_rad", "trial_to_trial_rmse_rad")
+    out = table.copy()
+    for name in wanted:
+        if name not in out:
+            out[name] = math.nan
+    return out

@@ -1,0 +1,163 @@
+"""All scores of one curve against another, by name: one function for model, null model and trial against trial.
+
+Place in the data flow: two curves on one time base → here → score table and scorecard.
+Conventions: SI and rad; difference = second − first; nothing is aligned.  Samples that are marked (NaN in either) are
+cut out of both curves; the ISO-style score then sees what is left as one curve.
+Source: `validation.scores.metrics` and `validation.scores.iso18571`.
+Failure: a score that cannot be stated is NaN.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from validation.cache.result_cache import Kept, sha256_of
+from validation.measurement.geometry import Array
+from validation.scores.metrics import score_curve, sprague_geers
+
+MOST_PAIRS = 200
+PAIR_SEED = 20260101
+# film frames are lost one by one; a curve with more holes than this is not one curve any more
+MOST_CUT_FOR_ISO = 0.1
+
+
+@dataclass(frozen=True)
+class ScoreKind:
+    """How a score is called: unit, and whether a small or a large value is good."""
+
+    title: str
+    unit: str
+    better: str
+
+
+SCORES: dict[str, ScoreKind] = {
+    "rmse_rad": ScoreKind("RMSE", "rad", "lower"),
+    "before_impact_rmse_rad": ScoreKind("RMSE before impact", "rad", "lower"),
+    "rmse_over_range": ScoreKind("RMSE / range", "1", "lower"),
+    "iso_overall": ScoreKind("ISO 18571-style overall", "1", "higher"),
+    "iso_corridor": ScoreKind("ISO 18571-style corridor", "1", "higher"),
+    "iso_phase": ScoreKind("ISO 18571-style phase", "1", "higher"),
+    "iso_magnitude": ScoreKind("ISO 18571-style magnitude", "1", "higher"),
+    "iso_slope": ScoreKind("ISO 18571-style slope", "1", "higher"),
+    "sg_magnitude": ScoreKind("Sprague–Geers magnitude", "1", "lower"),
+    "sg_phase": ScoreKind("Sprague–Geers phase", "1", "lower"),
+    "sg_combined": ScoreKind("Sprague–Geers combined", "1", "lower"),
+}
+
+
+def all_scores(
+    time: Array, trial: Array, model: Array, early: NDArray[np.bool_] | None = None, *, iso: bool = True
+) -> dict[str, float]:
+    """Every score of `SCORES`, and ``iso_shift_s``.
+
+    Parameters
+    ----------
+    time, trial, model : (n,) arrays
+        NaN where lost or marked.
+    early : (n,) array of bool, optional
+        Samples before the string impact.
+    iso : bool
+        The ISO-style score costs some milliseconds; without it its scores are NaN.
+    """
+    nan = float("nan")
+    out = dict.fromkeys(SCORES, nan) | {"iso_shift_s": nan}
+    whole = score_curve(time, trial, model)
+    out["rmse_rad"], out["rmse_over_range"] = whole.rmse, whole.rmse_over_range
+    if early is not None:
+        out["before_impact_rmse_rad"] = score_curve(time[early], trial[early], model[early]).rmse
+    both = np.isfinite(trial) & np.isfinite(model)
+    if not both.any():
+        return out
+    t, m = trial[both], model[both]
+    sg = sprague_geers(t, m)
+    out |= {"sg_magnitude": sg.magnitude, "sg_phase": sg.phase, "sg_combined": sg.combined}
+    if iso and both.mean() >= 1 - MOST_CUT_FOR_ISO:
+        out |= _iso(t, m, float(np.median(np.diff(time))))
+    return out
+
+
+def _iso(trial: Array, model: Array, step_s: float) -> dict[str, float]:
+    from validation.scores.iso18571 import FEWEST_SAMPLES, iso_score
+
+    if trial.size < FEWEST_SAMPLES:
+        return {}
+    s = iso_score(trial, model, step_s)
+    return {
+        "iso_overall": s.overall,
+        "iso_corridor": s.corridor,
+        "iso_phase": s.phase,
+        "iso_magnitude": s.magnitude,
+        "iso_slope": s.slope,
+        "iso_shift_s": s.shift_samples * step_s,
+    }
+
+
+def trial_pairs(n: int, most: int = MOST_PAIRS, seed: int = PAIR_SEED) -> list[tuple[int, int]]:
+    """Pairs of n trials, all of them or a seeded sample of `most`."""
+    pairs = list(combinations(range(n), 2))
+    if len(pairs) <= most:
+        return pairs
+    chosen = np.random.default_rng(seed).choice(len(pairs), most, replace=False)
+    return [pairs[i] for i in sorted(chosen)]
+
+
+def ceiling_scores(
+    time: Array,
+    curves: Array,
+    early: NDArray[np.bool_],
+    kept: Kept,
+    *,
+    run: Callable[..., Iterable[dict[str, float]]] = map,
+) -> tuple[dict[str, float], int]:
+    """The same scores of one trial against another, put together over pairs: what a perfect model could be asked for.
+
+    Errors in rad are put together by root mean square, the others by mean of magnitudes.
+
+    Parameters
+    ----------
+    time : (n,) array
+    curves : (n, n_trials) array
+    early : (n,) array of bool
+        Samples before the string impact.
+    kept : Kept
+    run : callable
+        ``map`` or the ``map`` of an executor.
+
+    Returns
+    -------
+    scores : dict
+        NaN with fewer than two trials.
+    pairs : int
+    """
+    pairs = trial_pairs(curves.shape[1])
+    if not pairs:
+        return dict.fromkeys(SCORES, float("nan")), 0
+    columns = [np.ascontiguousarray(column) for column in curves.T]
+    frame, hashes = sha256_of((time, early)), [sha256_of(column) for column in columns]  # a curve is in many pairs
+
+    def score(pair: tuple[int, int]) -> dict[str, float]:
+        a, b = pair
+        scores: dict[str, float] = kept.of(
+            "pair scores",
+            (frame, hashes[a], hashes[b]),
+            lambda: all_scores(time, columns[a], columns[b], early),
+        )
+        return scores
+
+    found = list(run(score, pairs))
+    return {name: together(name, np.array([f[name] for f in found])) for name in SCORES}, len(pairs)
+
+
+def together(name: str, values: Array) -> float:
+    """One number for the scores of several trials or pairs."""
+    known = values[np.isfinite(values)]
+    if known.size == 0:
+        return float("nan")
+    if SCORES[name].unit == "rad":
+        return float(np.sqrt(np.mean(known**2)))
+    return float(np.mean(np.abs(known)))

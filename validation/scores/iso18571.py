@@ -1,0 +1,184 @@
+"""ISO/TS 18571-style score of a predicted against a measured curve: corridor, phase, magnitude, slope, overall.
+
+Place in the data flow: paired curves on one uniform time base → here → score table.  "Style", because the specification
+is meant for forces, moments and accelerations of vehicle safety; rotations are outside its scope.
+Conventions: test T is the measurement, CAE C the prediction; scores from 0 to 1; angles must be changes since rest,
+because an offset common to both curves raises corridor and magnitude; the shift is in samples of C against T.
+Source: constants and rules of ISO/TS 18571:2024 as in public implementations; R = 0.4 Z + 0.2 (EP + EM + ES).
+Ties of the warping path are broken up, left, diagonal; on signals with flat stretches scores are good to 1e-3 only.
+Failure: fewer than nine samples, unequal lengths or a NaN are a `ValueError`.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+
+from validation.measurement.geometry import Array
+
+INNER, OUTER, CORRIDOR_POWER = 0.05, 0.5, 2
+LARGEST_SHIFT = 0.2
+LARGEST_MAGNITUDE_ERROR = 0.5
+LARGEST_SLOPE_ERROR = 2.0
+WARP_WINDOW = 0.1
+WEIGHTS = (0.4, 0.2, 0.2, 0.2)
+FEWEST_SAMPLES = 9
+
+
+@dataclass(frozen=True)
+class IsoScore:
+    """Scores from 0 to 1; ``shift_samples`` > 0 when the prediction is late."""
+
+    corridor: float
+    phase: float
+    magnitude: float
+    slope: float
+    overall: float
+    shift_samples: int
+
+
+def iso_score(test: Array, cae: Array, step_s: float) -> IsoScore:
+    """Score a prediction.
+
+    Parameters
+    ----------
+    test, cae : (n,) arrays
+        Measured and predicted curve, n ≥ 9, finite, on the same uniform grid.
+    step_s : float
+        Sampling interval, s.
+    """
+    t, c = np.ascontiguousarray(test, dtype=float), np.ascontiguousarray(cae, dtype=float)
+    if t.ndim != 1 or t.shape != c.shape or t.size < FEWEST_SAMPLES:
+        raise ValueError(
+            f"curves have shapes {t.shape} and {c.shape}; two equal rows of at least {FEWEST_SAMPLES} are needed"
+        )
+    if not (np.isfinite(t).all() and np.isfinite(c).all()):
+        raise ValueError("curves hold values that are not finite; cut the window to where both are known")
+    z = corridor_score(t, c)
+    shift = best_shift(t, c)
+    n, m = t.size, abs(shift)
+    reach = LARGEST_SHIFT * n
+    ep = 1.0 if m == 0 else max((reach - m) / reach, 0.0)
+    ts, cs = (t, c) if m == 0 else ((t[:-m], c[m:]) if shift > 0 else (t[m:], c[:-m]))
+    em = _linear(_magnitude_error(np.ascontiguousarray(ts), np.ascontiguousarray(cs)), LARGEST_MAGNITUDE_ERROR)
+    es = _linear(_slope_error(ts, cs, step_s), LARGEST_SLOPE_ERROR)
+    overall = float(np.dot(WEIGHTS, (z, ep, em, es)))
+    return IsoScore(z, ep, em, es, overall, shift)
+
+
+def corridor_score(t: Array, c: Array) -> float:
+    """Mean rating of the distance to the test between an inner and an outer corridor."""
+    top = float(np.abs(t).max())
+    inner, outer = INNER * top, OUTER * top
+    error = np.abs(t - c)
+    if top == 0.0:
+        return float(np.mean(error == 0))
+    between = ((outer - error) / (outer - inner)) ** CORRIDOR_POWER
+    return float(np.mean(np.where(error < inner, 1.0, np.where(error > outer, 0.0, between))))
+
+
+def _linear(error: float, largest: float) -> float:
+    return max(0.0, (largest - error) / largest)
+
+
+def best_shift(t: Array, c: Array) -> int:
+    """Shift of highest correlation in samples, positive when the prediction is late; the smallest wins a tie."""
+    return int(_best_shift(t, c, int(LARGEST_SHIFT * t.size)))
+
+
+def _slope_error(t: Array, c: Array, step_s: float) -> float:
+    slopes = [_moving_average(np.gradient(x, step_s)) for x in (t, c)]
+    return _ratio(float(np.abs(slopes[1] - slopes[0]).sum()), float(np.abs(slopes[0]).sum()))
+
+
+def _ratio(difference: float, size: float) -> float:
+    if size == 0.0:
+        return 0.0 if difference == 0.0 else math.inf
+    return difference / size
+
+
+def _moving_average(x: Array) -> Array:
+    """Nine-point mean, over one, three, five and seven points at the four samples next to either end."""
+    total = np.concatenate([[0.0], np.cumsum(x)])
+    i = np.arange(x.size)
+    half = np.minimum(np.minimum(i, x.size - 1 - i), 4)
+    return (total[i + half + 1] - total[i - half]) / (2 * half + 1)
+
+
+def _magnitude_error(t: Array, c: Array) -> float:
+    window = max(math.ceil(WARP_WINDOW * t.size) - 1, 0)
+    difference, size = _warp(c, t, window)
+    return _ratio(float(difference), float(size))
+
+
+@njit(cache=True, nogil=True)
+def _best_shift(t: Array, c: Array, largest: int) -> int:
+    """Shift of highest Pearson correlation of the parts that overlap; the first of equals wins, late before early."""
+    n = t.size
+    t, c = t - t.mean(), c - c.mean()
+    # running sums give mean and spread of every part; a leading 0 makes part [i, j) a difference of two
+    zero = np.zeros(1)
+    st, sc = np.concatenate((zero, np.cumsum(t))), np.concatenate((zero, np.cumsum(c)))
+    stt, scc = np.concatenate((zero, np.cumsum(t * t))), np.concatenate((zero, np.cumsum(c * c)))
+    best, shift = -2.0, 0
+    for m in range(largest + 1):
+        k = n - m
+        for side in range(2 if m else 1):
+            i, j = (0, m) if side == 0 else (m, 0)  # where the parts of t and c begin
+            a, b = t[i : i + k], c[j : j + k]
+            sa, sb = st[i + k] - st[i], sc[j + k] - sc[j]
+            aa, bb = stt[i + k] - stt[i] - sa * sa / k, scc[j + k] - scc[j] - sb * sb / k
+            if aa <= 1e-13 * stt[n] or bb <= 1e-13 * scc[n]:
+                r = 1.0 if np.array_equal(a, b) else 0.0
+            else:
+                r = (np.dot(a, b) - sa * sb / k) / math.sqrt(aa * bb)
+            if r > best:
+                best, shift = r, m if side == 0 else -m
+    return shift
+
+
+@njit(cache=True, nogil=True)
+def _warp(a: Array, b: Array, window: int) -> tuple[float, float]:
+    """Sum of |a − b| and of |b| along the cheapest warping path within a band (squared distance, equal steps).
+
+    Cells are visited by diagonals i + j = s: those of one diagonal do not depend on each other, so that the compiler
+    can take several at once.  Costs are kept by i + 1, with infinity at either end of a diagonal.
+    """
+    n = a.size
+    backwards = b[::-1].copy()
+    came_from = np.zeros((2 * n - 1, window + 2), dtype=np.int8)  # 0 up, 1 left, 2 diagonal
+    first = np.zeros(2 * n - 1, dtype=np.int64)
+    now, last, before = np.full(n + 2, np.inf), np.full(n + 2, np.inf), np.full(n + 2, np.inf)
+    for s in range(2 * n - 1):
+        low = max(0, s - n + 1, (s - window + 1) // 2)
+        high = min(n - 1, s, (s + window) // 2)
+        first[s] = low
+        cells = high - low + 1
+        origin = came_from[s, :cells]
+        cost = now[low + 1 : low + 1 + cells]
+        up, left, diagonal = last[low : low + cells], last[low + 1 : low + 1 + cells], before[low : low + cells]
+        row, column = a[low : low + cells], backwards[n - 1 - s + low : n - 1 - s + low + cells]
+        for k in range(cells):
+            d = row[k] - column[k]
+            straight = min(up[k], left[k])
+            origin[k] = 2 if diagonal[k] < straight else (1 if left[k] < up[k] else 0)
+            cost[k] = min(straight, diagonal[k]) + d * d
+        if s == 0:
+            now[1] = (a[0] - b[0]) ** 2
+        now[low] = np.inf
+        now[high + 2] = np.inf
+        now, last, before = before, now, last
+    i, j = n - 1, n - 1
+    difference, size = abs(a[i] - b[j]), abs(b[j])
+    while i > 0 or j > 0:
+        step = came_from[i + j, i - first[i + j]]
+        if step != 1:
+            i -= 1
+        if step != 0:
+            j -= 1
+        difference += abs(a[i] - b[j])
+        size += abs(b[j])
+    return difference, size

@@ -1,0 +1,139 @@
+"""Scores of a predicted curve against a measured one.
+
+Place in the data flow: paired curves on one time base, inside one window → here → score table.
+Conventions: difference = model − trial; samples lost in either are left out and counted; nothing is aligned
+or scaled first.
+Source: plain definitions; Sprague and Geers (2003) and Russell (1997) for magnitude, phase and combined
+error.
+Failure: no common sample gives NaN scores and n = 0.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from validation.measurement.geometry import Array
+
+
+@dataclass(frozen=True)
+class CurveScore:
+    """Scores of one curve, in the unit of the curve unless said otherwise."""
+
+    rmse: float
+    bias: float
+    scatter: float
+    largest: float
+    largest_at_s: float
+    rmse_over_range: float
+    n: int
+    n_lost: int
+
+
+def score_curve(time_s: Array, trial: Array, model: Array) -> CurveScore:
+    """Score a prediction against a measurement on the same time base.
+
+    Parameters
+    ----------
+    time_s, trial, model : (n,) arrays
+        The evaluation window only; NaN where lost.
+
+    Returns
+    -------
+    CurveScore
+        ``scatter`` is the standard deviation of the difference about its bias (divisor n), so that rmse² =
+        bias² + scatter²;
+        ``rmse_over_range`` divides by the range of the trial within the window.
+    """
+    both = np.isfinite(trial) & np.isfinite(model)
+    n = int(both.sum())
+    nan = float("nan")
+    if n == 0:
+        return CurveScore(nan, nan, nan, nan, nan, nan, 0, int(both.size))
+    difference = model[both] - trial[both]
+    worst = int(np.argmax(np.abs(difference)))
+    rmse = float(np.sqrt(np.mean(difference**2)))
+    extent = float(np.ptp(trial[both]))
+    return CurveScore(
+        rmse=rmse,
+        bias=float(difference.mean()),
+        scatter=float(difference.std()),
+        largest=float(np.abs(difference[worst])),
+        largest_at_s=float(time_s[both][worst]),
+        rmse_over_range=rmse / extent if extent > 0 else nan,
+        n=n,
+        n_lost=int(both.size) - n,
+    )
+
+
+def pair_rmse(curves: Array, *, most_pairs: int = 200, seed: int = 20260101) -> tuple[float, int]:
+    """Repeatability ceiling of the RMSE: root mean square difference of one trial against another.
+
+    Parameters
+    ----------
+    curves : (n_samples, n_trials) array
+    most_pairs : int
+        With more pairs than this a seeded sample of them is used.
+
+    Returns
+    -------
+    rmse : float
+        NaN with fewer than two trials.
+    pairs : int
+        Number of pairs used.
+    """
+    n = curves.shape[1]
+    pairs = np.array([(i, j) for i in range(n) for j in range(i + 1, n)], dtype=int).reshape(-1, 2)
+    if len(pairs) == 0:
+        return float("nan"), 0
+    if len(pairs) > most_pairs:
+        pairs = pairs[np.random.default_rng(seed).choice(len(pairs), most_pairs, replace=False)]
+    difference = curves[:, pairs[:, 0]] - curves[:, pairs[:, 1]]
+    if not np.isfinite(difference).any():
+        return float("nan"), 0
+    return float(np.sqrt(np.nanmean(difference**2))), len(pairs)
+
+
+@dataclass(frozen=True)
+class MagnitudePhase:
+    """Magnitude, phase and combined error of a computed against a measured curve (dimensionless)."""
+
+    magnitude: float
+    phase: float
+    combined: float
+
+
+def _moments(measured: Array, computed: Array) -> tuple[float, float, float]:
+    mm, cc, mc = float(measured @ measured), float(computed @ computed), float(measured @ computed)
+    return mm, cc, mc
+
+
+def _phase(mm: float, cc: float, mc: float) -> float:
+    # rounding can push the cosine past one for equal curves
+    return float(np.arccos(np.clip(mc / np.sqrt(mm * cc), -1.0, 1.0)) / np.pi)
+
+
+def sprague_geers(measured: Array, computed: Array) -> MagnitudePhase:
+    """Sprague–Geers errors on a uniform time base: M = √(I_cc/I_mm) − 1, P = acos(I_mc/√(I_mm I_cc))/π, C =
+    √(M² + P²).
+
+    NaN when either curve is zero throughout.
+    """
+    mm, cc, mc = _moments(np.asarray(measured, dtype=float), np.asarray(computed, dtype=float))
+    if mm == 0 or cc == 0:
+        return MagnitudePhase(float("nan"), float("nan"), float("nan"))
+    magnitude = float(np.sqrt(cc / mm) - 1)
+    phase = _phase(mm, cc, mc)
+    return MagnitudePhase(magnitude, phase, float(np.hypot(magnitude, phase)))
+
+
+def russell(measured: Array, computed: Array) -> MagnitudePhase:
+    """Russell errors: like `sprague_geers`, with a logarithmic magnitude, the same for k and 1/k times."""
+    mm, cc, mc = _moments(np.asarray(measured, dtype=float), np.asarray(computed, dtype=float))
+    if mm == 0 or cc == 0:
+        return MagnitudePhase(float("nan"), float("nan"), float("nan"))
+    ratio = (cc - mm) / np.sqrt(cc * mm)
+    magnitude = float(np.sign(ratio) * np.log10(1 + abs(ratio)))
+    phase = _phase(mm, cc, mc)
+    return MagnitudePhase(magnitude, phase, float(np.sqrt(np.pi / 4 * (magnitude**2 + phase**2))))

@@ -1,0 +1,183 @@
+"""Uncertainty budget of the comparison of events: is a difference between model and trials an error of the model?
+
+Place in the data flow: one representative trial, run again with changed inputs → here → `ValidationResult.budget`.
+Conventions: E = S − D, model minus trial, mean over trials; standard uncertainties in the unit of the event.
+u_val² = u_num² + u_input² + u_D² + u_repeat²; a model error is *resolved* when |E| > 2 u_val, and then lies within
+E ± 2 u_val.  When it is not, the model is not thereby shown to be right.
+Source: ASME V&V 20-2009.  u_num: the largest change when the tolerance is a tenth and a hundredth of the one asked for.
+u_input: force (gain, level, delay, noise) and parameters (draws), propagated through the model and through the levels
+of the trial's own events, which come from the same geometry, so that what both share cancels.  u_D: what the encoders
+and the levels of rest leave open in the trials' events.  u_repeat: scatter of the paired differences over √n.
+Failure: draws the model cannot use, and draws in which the event does not happen, are counted in the table.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from validation.errors import PredictionError
+from validation.events.definitions import EVENTS, Event
+from validation.events.detect import find_events
+from validation.measurement.geometry import ActionGeometry, Array
+from validation.measurement.stroke import motion_of
+from validation.measurement.trial import ENCODER_CHANNELS, Measurement
+from validation.prediction.input_sampling import Case, cases
+from validation.prediction.model_under_test import Predictor
+from validation.prediction.trial_prediction import BODIES
+
+COVERAGE = 2.0
+COLUMNS = [
+    "event",
+    "unit",
+    "n",
+    "difference",
+    "u_num",
+    "u_force",
+    "u_parameters",
+    "u_assumed",
+    "u_input",
+    "assumed_share",
+    "u_d",
+    "u_repeat",
+    "u_val",
+    "ratio",
+    "low",
+    "high",
+    "resolved",
+    "trial",
+    "runs",
+    "failed",
+    "absent",
+    "reading",
+]
+FORCE = ("force gain", "force level", "force delay", "force noise")
+
+
+def representative(measured: list[Measurement]) -> Measurement:
+    """The trial of median peak force."""
+    order = sorted(measured, key=lambda m: (float(m.force.force_n.max()), m.number))
+    return order[(len(order) - 1) // 2]
+
+
+def event_budget(
+    predictor: Predictor,
+    m: Measurement,
+    summary: pd.DataFrame,
+    *,
+    run: Callable[..., Iterable[Any]] = map,
+) -> pd.DataFrame:
+    """Budget of every event both in the trials and in the model.
+
+    Parameters
+    ----------
+    predictor : Predictor
+    m : Measurement
+        The trial whose inputs are changed.
+    summary : DataFrame
+        `validation.tables.events.event_summary`.
+    run : callable
+        ``map``, or the ``map`` of an executor.
+
+    Returns
+    -------
+    DataFrame
+        event, unit, n, difference (E), u_num, u_force, u_parameters, u_assumed, u_input, assumed_share (of u_input²),
+        u_d, u_repeat, u_val, ratio (|E| / u_val), low, high, resolved, trial (whose inputs were changed), runs, failed,
+        absent (runs in which the event did not happen), reading.
+    """
+    todo = cases(m, predictor.action, predictor.tolerance)
+    outcomes = predictor.kept.of(
+        "uncertainty budget",
+        (predictor.identity, todo, m.time_s, m.change_rad, m.u_rad, m.quiet.stop),
+        lambda: list(run(lambda case: _outcome(predictor, m, case), todo)),
+    )
+    failed = sum(outcome is None for outcome in outcomes)
+    rows = []
+    for row in summary.itertuples():
+        name = str(row.event)
+        if not np.isfinite(row.difference) or row.unit == "1":  # a count has no budget
+            continue
+        groups: dict[str, list[float]] = {}
+        absent = 0
+        for case, outcome in zip(todo, outcomes, strict=True):
+            if outcome is None:
+                continue
+            absent += not np.isfinite(outcome[name])
+            groups.setdefault(case.group, []).append(outcome[name])
+        rows.append(_row(row, groups) | {"trial": m.number, "runs": len(todo), "failed": failed, "absent": absent})
+    return pd.DataFrame(rows, columns=COLUMNS)
+
+
+def _outcome(predictor: Predictor, m: Measurement, case: Case) -> dict[str, float] | None:
+    """Model minus trial of every event in one case; NaN where either does not happen; None when it cannot be run."""
+    from model.errors import ModelError
+
+    try:
+        action = predictor.action.with_values(case.changed) if case.changed else predictor.action
+        load = predictor.load_of(action, case.preload_n)
+        time = m.time_s[(m.time_s >= case.time_s[0]) & (m.time_s <= case.time_s[-1])]
+        solution = predictor.simulate(
+            action,
+            case.time_s,
+            case.force_n,
+            tolerance=case.tolerance,
+            output_time_s=time,
+            initial=load.rest,
+        )
+    except (ModelError, PredictionError):
+        return None
+    bodies = [BODIES.index(name) for name in ENCODER_CHANNELS]
+    rest = np.asarray(load.rest.angle_rad, dtype=float)
+    change = (np.asarray(solution.angle_rad, dtype=float) - rest)[:, bodies]
+    model = _events(load.geometry, time, change, np.full(3, case.tolerance), m.quiet.stop)
+    trial = _events(load.geometry, m.time_s, m.change_rad, m.u_rad, m.quiet.stop)
+    return {name: model[name].value - trial[name].value for name in EVENTS}
+
+
+def _events(geometry: ActionGeometry, time: Array, change: Array, u: Array, quiet_stop: int) -> dict[str, Event]:
+    return find_events(motion_of(geometry, time, change, u), quiet_stop)
+
+
+def _row(row: Any, groups: dict[str, list[float]]) -> dict[str, object]:
+    base = groups.get("base", [float("nan")])[0]
+
+    def spread(group: str) -> float:
+        """Root mean square change of a group; its draws scatter about the base case."""
+        change = np.array(groups.get(group, [])) - base
+        known = change[np.isfinite(change)]
+        return float(np.sqrt(np.mean(known**2))) if known.size else 0.0
+
+    numerics = np.array(groups.get("numerics", [])) - base
+    u_num = float(np.nanmax(np.abs(numerics))) if np.isfinite(numerics).any() else float("nan")
+    u_force = float(np.sqrt(sum(spread(group) ** 2 for group in FORCE)))
+    u_parameters, u_assumed = spread("stated parameters"), spread("assumed parameters")
+    u_input = float(np.sqrt(u_force**2 + u_parameters**2 + u_assumed**2))
+    n = int(row.n_both)
+    u_repeat = float(row.difference_s) / np.sqrt(n) if n > 1 else 0.0
+    u_val = float(np.sqrt(np.nansum([u_num**2, u_input**2, row.u_trial**2, u_repeat**2])))
+    e = float(row.difference)
+    resolved = bool(abs(e) > COVERAGE * u_val)
+    return {
+        "event": row.event,
+        "unit": row.unit,
+        "n": n,
+        "difference": e,
+        "u_num": u_num,
+        "u_force": u_force,
+        "u_parameters": u_parameters,
+        "u_assumed": u_assumed,
+        "u_input": u_input,
+        "assumed_share": u_assumed**2 / u_input**2 if u_input > 0 else 0.0,
+        "u_d": float(row.u_trial),
+        "u_repeat": u_repeat,
+        "u_val": u_val,
+        "ratio": abs(e) / u_val if u_val > 0 else float("nan"),
+        "low": e - COVERAGE * u_val,
+        "high": e + COVERAGE * u_val,
+        "resolved": resolved,
+        "reading": "model error between low and high" if resolved else "cannot resolve a model error",
+    }

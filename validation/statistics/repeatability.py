@@ -1,0 +1,183 @@
+"""Repeatability of curves and events over the trials of one session (thesis Section 3.2.2, in numbers).
+
+Place in the data flow: measured angles and events of all trials → here → tables and figures of the report.
+Conventions: curves are (n_samples, n_trials); NaN is lost and left out sample by sample.
+Source: ISO 5725-2 for s_r and for the limit r = t√2·s_r below which 95 % of differences of two trials should
+fall; with few trials Student's t replaces 1.96 (3.93 instead of 2.8 at n = 5); the interval of s is that of
+the chi-square distribution.
+Failure: one trial gives NaN and a note, never zero.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from scipy.special import chdtri, stdtrit
+
+from validation.events.definitions import EVENTS, Event
+from validation.measurement.geometry import Array
+
+CONFIDENCE = 0.95
+RECOMMENDED_TRIALS = 10
+FEWEST_TRIALS = 6
+FEWEST_TO_STAND_OUT = 4
+STANDS_OUT = 4.0  # fewer than 3 % of good sessions of six trials (simulated in the tests)
+
+
+@dataclass(frozen=True)
+class CurveRepeatability:
+    """s_r(t) of one channel and its summary over the evaluation window, in the unit of the curves."""
+
+    s_r: Array
+    mean: Array
+    pooled: float
+    largest: float
+    n_trials: int
+
+    @property
+    def limit(self) -> float:
+        """ISO 5725 repeatability limit of the pooled s_r with the factor for few trials."""
+        return self.pooled * limit_factor(self.n_trials)
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """95 % interval of the pooled s_r from the number of trials (samples of a curve are dependent)."""
+        low, high = s_interval_factors(self.n_trials)
+        return self.pooled * low, self.pooled * high
+
+
+def limit_factor(n: int) -> float:
+    """Factor of the ISO 5725 repeatability limit, t_{.975, n−1}·√2; NaN below two trials.
+
+    >>> round(limit_factor(5), 2)
+    3.93
+    """
+    if n < 2:
+        return float("nan")
+    return float(stdtrit(n - 1, 0.5 + CONFIDENCE / 2) * np.sqrt(2))
+
+
+def s_interval_factors(n: int) -> tuple[float, float]:
+    """Factors on s that bound the true standard deviation with 95 % confidence; NaN below two trials."""
+    if n < 2:
+        return float("nan"), float("nan")
+    freedom = n - 1
+    tail = (1 - CONFIDENCE) / 2
+    low = np.sqrt(freedom / chdtri(freedom, tail))
+    high = np.sqrt(freedom / chdtri(freedom, 1 - tail))
+    return float(low), float(high)
+
+
+def pooled_s(groups: list[Array]) -> float:
+    """s_r pooled over conditions, √(Σ νⱼ sⱼ² / Σ νⱼ); with equal n this is ISO 5725's mean of variances."""
+    freedom = np.array([len(g) - 1 for g in groups], dtype=float)
+    if freedom.sum() <= 0:
+        return float("nan")
+    variance = np.array([np.var(g, ddof=1) if len(g) > 1 else 0.0 for g in groups])
+    return float(np.sqrt((freedom @ variance) / freedom.sum()))
+
+
+def curve_repeatability(curves: Array) -> CurveRepeatability:
+    """Repeatability of one channel.
+
+    Parameters
+    ----------
+    curves : (n_samples, n_trials) array
+        All on one time base, inside the evaluation window; NaN where lost.
+
+    Returns
+    -------
+    CurveRepeatability
+        ``pooled`` is the root mean square of s_r(t) over the samples at which at least two trials are
+        present.
+    """
+    values = np.atleast_2d(np.asarray(curves, dtype=float))
+    present = np.isfinite(values).sum(axis=1)
+    filled = np.where(np.isfinite(values), values, 0.0)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        mean = np.where(present > 0, filled.sum(axis=1) / present, np.nan)
+        deviation = np.where(np.isfinite(values), values - mean[:, None], 0.0)
+        s_r = np.where(present > 1, np.sqrt((deviation**2).sum(axis=1) / (present - 1)), np.nan)
+    usable = s_r[np.isfinite(s_r)]
+    pooled = float(np.sqrt(np.mean(usable**2))) if usable.size else float("nan")
+    largest = float(usable.max()) if usable.size else float("nan")
+    return CurveRepeatability(s_r, mean, pooled, largest, values.shape[1])
+
+
+def distance_ratios(curves: Array) -> Array:
+    """How far each trial lies from the others, over how far trials usually do.
+
+    The distance of a trial is the root mean square of its difference from the median curve of the others; the ratio is
+    to the median distance.  NaN with fewer than four trials, where one trial cannot be told from the others.
+
+    Parameters
+    ----------
+    curves : (n_samples, n_trials) array
+
+    Returns
+    -------
+    (n_trials,) array
+    """
+    values = np.asarray(curves, dtype=float)
+    n = values.shape[1]
+    if n < FEWEST_TO_STAND_OUT:
+        return np.full(n, np.nan)
+    known = values[np.isfinite(values).all(axis=1)]
+    others = [np.median(np.delete(known, i, axis=1), axis=1) for i in range(n)]
+    distance = np.array([np.sqrt(np.mean((known[:, i] - o) ** 2)) for i, o in enumerate(others)])
+    usual = float(np.median(distance))
+    return distance / usual if usual > 0 else np.full(n, np.nan)
+
+
+def event_repeatability(events: dict[int, dict[str, Event]]) -> pd.DataFrame:
+    """Mean, s, 95 % interval of s and ISO 5725 limit of each event over the trials in which it was found.
+
+    Parameters
+    ----------
+    events : dict
+        Trial number → events of that trial; one that is left out does not count.
+
+    Returns
+    -------
+    pandas.DataFrame
+        One row per event: event, unit, n_found, n_ambiguous, n_absent, mean, s, s_low, s_high, limit, range.
+    """
+    rows = []
+    for name, kind in EVENTS.items():
+        counting = [trial[name] for trial in events.values() if name in trial]
+        status = [event.status for event in counting]
+        value = np.array([event.value for event in counting if event.status == "found"])
+        n = value.size
+        s = float(value.std(ddof=1)) if n > 1 else float("nan")
+        low, high = s_interval_factors(n)
+        rows.append(
+            {
+                "event": name,
+                "unit": kind.unit,
+                "n_found": n,
+                "n_ambiguous": status.count("ambiguous"),
+                "n_absent": status.count("absent"),
+                "mean": float(value.mean()) if n else float("nan"),
+                "s": s,
+                "s_low": s * low,
+                "s_high": s * high,
+                "limit": s * limit_factor(n),
+                "range": float(np.ptp(value)) if n > 1 else float("nan"),
+            }
+        )
+    return pd.DataFrame(rows)
+
+
+def few_trials_warning(n: int) -> str:
+    """Warning for the report when there are fewer than six trials; an empty string otherwise."""
+    if n >= FEWEST_TRIALS:
+        return ""
+    if n < 2:
+        return "One trial: repeatability is not known, and no difference from the model can be judged by it."
+    low, high = s_interval_factors(n)
+    return (
+        f"{n} trials: sᵣ is known only to within a factor of {low:.2f} to {high:.2f} (95 %); "
+        f"record at least {FEWEST_TRIALS}, better {RECOMMENDED_TRIALS}."
+    )

@@ -1,0 +1,286 @@
+"""Measure how the camera sees the plane of motion, from a film of a target held in that plane.
+
+Place in the data flow: ``pianorig calibrate-camera`` calls `calibrate`; its `CalibratedCamera` corrects the
+angles in `track_film`. OpenCV finds the target's corners or dots; one view of a plane cannot tell a lens from a
+tilt well enough for its full calibration, so only what bends the plane itself is fitted: stretch, shear,
+perspective and radial distortion, the same in all frames, and the target's turn and place in each.
+
+Method: least squares over all points with SciPy; the covariance is that of the residuals. Frames in which the
+target rests are averaged first, since their errors are not independent. The target may be moved within the
+plane between frames, which also shows whether it stayed in it: the residual then stays small.
+
+Failure: a target that is not found, or too few or badly spread points, raise `InputError`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from vision.camera.model import CalibratedCamera, projection_of
+from vision.errors import InputError
+from vision.film.source import FrameSource
+
+TARGETS = ("checkerboard", "dots")
+RESTS_PX = 0.3
+"""Frames whose points moved less than this since the last one are averaged with it."""
+MAX_VIEWS = 40
+MISTAKEN = 3.0
+"""Residual of a view, over the usual one, above which it is left out."""
+CORRELATED = 2.0
+"""Points err alike in parts of a view: variance of the parameters over that from independent points, as found on
+synthetic targets (root mean square of error over uncertainty 1.4 without)."""
+BLOCK_PX = (120.0, 40.0)
+"""Body for which the effect on angles is stated."""
+
+
+@dataclass(frozen=True)
+class Target:
+    """A flat grid of points.
+
+    Parameters
+    ----------
+    kind : {"checkerboard", "dots"}
+    columns, rows : int
+        Inner corners of the checkerboard, or dots.
+    pitch_m : float
+        Distance of neighbouring points.
+    """
+
+    kind: str
+    columns: int
+    rows: int
+    pitch_m: float
+
+    def __post_init__(self) -> None:
+        if self.kind not in TARGETS:
+            raise InputError(f"target {self.kind!r} is not known; choose {' or '.join(TARGETS)}")
+        if not (3 <= self.columns <= 200 and 3 <= self.rows <= 200):
+            raise InputError(f"target of {self.columns} x {self.rows} points; each side needs 3 to 200")
+        if not 0.0 < self.pitch_m < 10.0:
+            raise InputError(f"target pitch {self.pitch_m} m; needs a positive length below 10 m")
+
+    def points_m(self) -> NDArray[np.float64]:
+        """Points in their own axes, shape (rows * columns, 2), row by row, y as in the picture."""
+        x, y = np.meshgrid(np.arange(self.columns, dtype=float), np.arange(self.rows, dtype=float))
+        return self.pitch_m * np.stack([x.ravel(), y.ravel()], axis=-1)
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """Result of `calibrate`.
+
+    Attributes
+    ----------
+    camera : CalibratedCamera
+    residual_px : float
+        Root mean square distance of the points from the fitted view, per axis.
+    n_points, n_views, n_frames : int
+        Points in all views; views that differ; frames in which the target was found.
+    coverage : float
+        Share of the picture that the points span.
+    effect_rad : float
+        Largest error of an angle that the view causes without correction: a block of 120 x 40 px anywhere in the
+        spanned part, turned by 15 degrees.
+    u_effect_rad : float
+        Largest standard uncertainty that is left of it with correction.
+    """
+
+    camera: CalibratedCamera
+    residual_px: float
+    n_points: int
+    n_views: int
+    n_frames: int
+    coverage: float
+    effect_rad: float
+    u_effect_rad: float
+
+
+def find_points(picture: NDArray[Any], target: Target) -> NDArray[np.float64] | None:
+    """Points of the target in a picture, shape (rows * columns, 2), px; None when it is not all in sight."""
+    top = float(np.quantile(picture, 0.999))
+    grey = np.clip(np.asarray(picture, dtype=float) * (255.0 / max(top, 1.0)), 0, 255).astype(np.uint8)
+    size = (target.columns, target.rows)
+    if target.kind == "checkerboard":
+        found, points = cv2.findChessboardCornersSB(grey, size, flags=cv2.CALIB_CB_NORMALIZE_IMAGE)
+        if found:
+            half = int(np.clip(0.3 * _spacing(np.asarray(points, dtype=float).reshape(-1, 2)), 2, 15))
+            stop = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 50, 1e-4)
+            points = cv2.cornerSubPix(grey, points.astype(np.float32), (half, half), (-1, -1), stop)
+    else:
+        found, points = cv2.findCirclesGrid(grey, size, flags=cv2.CALIB_CB_SYMMETRIC_GRID, blobDetector=_blobs())
+        if found:
+            points = _centroids(grey, np.asarray(points, dtype=float).reshape(-1, 2))
+    return np.asarray(points, dtype=float).reshape(-1, 2) if found else None
+
+
+def calibrate(film: FrameSource, target: Target, every: int = 1) -> Calibration:
+    """Calibrate from a film (or a folder of pictures) of the target in the plane of motion.
+
+    Parameters
+    ----------
+    film : FrameSource
+    target : Target
+    every : int
+        Look at every so manieth frame.
+    """
+    views: list[list[NDArray[np.float64]]] = []
+    n_frames = 0
+    for index in range(0, film.n_frames, every):
+        points = find_points(film.read(index), target)
+        if points is None:
+            continue
+        n_frames += 1
+        if views and np.abs(points - views[-1][0]).max() < RESTS_PX:
+            views[-1].append(points)
+        elif len(views) < MAX_VIEWS:
+            views.append([points])
+    if not views:
+        raise InputError(
+            f"{film.path}: no {target.kind} of {target.columns} x {target.rows} points found in "
+            f"{len(range(0, film.n_frames, every))} frames; count inner corners, and keep all of it in sight"
+        )
+    seen = [np.mean(view, axis=0) for view in views]
+    fit = _fit(film, target, seen)
+    # a view in which a point was mistaken for another spoils all; the others tell which one
+    spread = np.sqrt(np.mean(fit.rest**2, axis=(1, 2)))
+    good = [points for points, own in zip(seen, spread, strict=True) if own <= MISTAKEN * np.median(spread)]
+    if len(good) < len(seen):
+        seen, fit = good, _fit(film, target, good)
+    everything = np.concatenate(seen)
+    span = np.ptp(everything, axis=0)
+    coverage = float(span[0] * span[1] / (film.width * film.height))
+    camera = CalibratedCamera(
+        film.width, film.height, fit.parameters, fit.covariance, fit.scale_px_per_m, fit.u_scale_px_per_m
+    )
+    effect, u_effect = effect_on_angles(camera, everything.min(axis=0), everything.max(axis=0))
+    return Calibration(
+        camera, fit.residual_px, sum(v.shape[0] for v in seen), len(seen), n_frames, coverage, effect, u_effect
+    )
+
+
+def effect_on_angles(
+    camera: CalibratedCamera,
+    low_px: NDArray[np.float64],
+    high_px: NDArray[np.float64],
+    turn_rad: float = np.radians(15.0),
+) -> tuple[float, float]:
+    """Largest angle error without correction, and largest standard uncertainty with it, of a turning block, rad."""
+    x, y = np.meshgrid(np.linspace(-0.5, 0.5, 13) * BLOCK_PX[0], np.linspace(-0.5, 0.5, 5) * BLOCK_PX[1])
+    block = np.stack([x.ravel(), y.ravel()], axis=-1)
+    nominal = projection_of(camera.parameters, camera.width, camera.height)
+    variants = camera.variants(camera.width, camera.height)
+    worst = u_worst = 0.0
+    for place in (low_px + (high_px - low_px) * np.array([u, v]) for u in (0.15, 0.5, 0.85) for v in (0.15, 0.5, 0.85)):
+        for start in np.radians([0.0, 45.0, 90.0, 135.0]):
+            before, after = (place + block @ _turn(a).T for a in (start, start + turn_rad))
+            errors = []
+            for projection in (nominal, *(variant.projection for variant in variants)):
+                errors.append(_rigid_turn(projection.seen(before), projection.seen(after)) - turn_rad)
+            worst = max(worst, abs(errors[0]))
+            u_worst = max(u_worst, float(np.sqrt(np.sum((np.array(errors[1:]) - errors[0]) ** 2))))
+    return worst, u_worst
+
+
+@dataclass(frozen=True)
+class _Fit:
+    parameters: NDArray[np.float64]
+    covariance: NDArray[np.float64]
+    scale_px_per_m: float
+    u_scale_px_per_m: float
+    residual_px: float
+    rest: NDArray[np.float64]
+
+
+def _fit(film: FrameSource, target: Target, seen: Sequence[NDArray[np.float64]]) -> _Fit:
+    """Five parameters of the view with their covariance, scale, and the residuals, shape (views, points, 2)."""
+    from scipy.optimize import least_squares
+
+    board = target.points_m() - target.points_m().mean(axis=0)
+    centre = projection_of(np.zeros(5), film.width, film.height).centre_px
+    start = [np.zeros(5)]
+    scales, places = [], []
+    for points in seen:
+        flat = board @ np.linalg.lstsq(board, points - points.mean(axis=0), rcond=None)[0]
+        turn = _rigid_turn(board, flat)
+        scales.append(float(np.sum((board @ _turn(turn).T) * flat) / np.sum(board**2)))
+        places.append(np.array([turn, *(points.mean(axis=0) - centre)]))
+    start += [np.array([np.mean(scales)]), *places]
+
+    def residuals(x: NDArray[np.float64]) -> NDArray[np.float64]:
+        projection = projection_of(np.array([*x[:4], np.clip(x[4], -0.2, 0.2)]), film.width, film.height)
+        off = []
+        for i, points in enumerate(seen):
+            turn, tx, ty = x[6 + 3 * i : 9 + 3 * i]
+            plane = centre + np.array([tx, ty]) + x[5] * (board @ _turn(turn).T)
+            off.append(projection.seen(plane) - points)
+        return np.concatenate(off).ravel()
+
+    step = np.concatenate([np.full(5, 1e-3), [1e-3 * start[1][0]], np.tile([1e-3, 1.0, 1.0], len(seen))])
+    found = least_squares(residuals, np.concatenate(start), x_scale=step, method="lm", xtol=1e-13, ftol=1e-13)
+    rest = found.fun
+    freedom = rest.size - found.x.size
+    if freedom < 8:
+        raise InputError(f"{film.path}: {rest.size // 2} points are too few; use a target with more")
+    scaled = found.jac * step
+    if np.linalg.cond(scaled) > 1e9:
+        raise InputError(f"{film.path}: the points do not fix the view; use a larger target, spread over the picture")
+    covariance = CORRELATED * np.outer(step, step) * np.linalg.inv(scaled.T @ scaled) * float(rest @ rest) / freedom
+    if abs(found.x[4]) >= 0.2:
+        raise InputError(f"{film.path}: distortion of {100 * found.x[4]:.0f} % at the corner; is it the right target?")
+    return _Fit(
+        found.x[:5],
+        covariance[:5, :5],
+        float(found.x[5]),
+        float(np.sqrt(covariance[5, 5])),
+        float(np.sqrt(rest @ rest / freedom)),
+        rest.reshape(len(seen), -1, 2),
+    )
+
+
+def _turn(angle: float) -> NDArray[np.float64]:
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[c, -s], [s, c]])
+
+
+def _rigid_turn(before: NDArray[np.float64], after: NDArray[np.float64]) -> float:
+    """Turn that takes one set of points nearest to the other, rad."""
+    a, b = before - before.mean(axis=0), after - after.mean(axis=0)
+    return float(np.arctan2(np.sum(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]), np.sum(a * b)))
+
+
+def _spacing(points: NDArray[np.float64]) -> float:
+    """Typical distance of a point to its nearest neighbour, px."""
+    apart = np.hypot(*(points[:, None] - points[None]).transpose(2, 0, 1)) + 1e9 * np.eye(len(points))
+    return float(np.median(apart.min(axis=1)))
+
+
+def _blobs() -> Any:
+    """Detector for dark dots of any size."""
+    wanted = cv2.SimpleBlobDetector.Params()
+    wanted.minArea, wanted.maxArea = 12.0, 1e5
+    wanted.minDistBetweenBlobs = 3.0
+    return cv2.SimpleBlobDetector.create(wanted)
+
+
+def _centroids(grey: NDArray[np.uint8], points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Centres of mass of the dots' darkness around the points found, within a third of their distance."""
+    half = max(3, int(0.4 * _spacing(points)))
+    result = points.astype(float).copy()
+    for _ in range(3):
+        for i, (x, y) in enumerate(result):
+            x0, y0 = round(x) - half, round(y) - half
+            patch = grey[max(0, y0) : y0 + 2 * half + 1, max(0, x0) : x0 + 2 * half + 1].astype(float)
+            rows, columns = np.indices(patch.shape)
+            rows, columns = rows + max(0, y0), columns + max(0, x0)
+            round_window = np.clip(half + 0.5 - np.hypot(columns - x, rows - y), 0.0, 1.0)
+            dark = np.clip(np.quantile(patch, 0.9) - patch, 0.0, None)
+            dark = np.where(dark > 0.25 * dark.max(), dark, 0.0) * round_window
+            if dark.sum() > 0.0:
+                result[i] = (np.sum(dark * columns) / dark.sum(), np.sum(dark * rows) / dark.sum())
+    return result

@@ -1,0 +1,158 @@
+"""Write films as Photron MRAW with the CIHX header that real viewers read.
+
+Place in the data flow: the virtual camera and the tests write films frame by frame, so memory does not grow
+with the film. A file appears under its name only when it is complete: it is written under a temporary name
+and renamed, the data before the header that makes it readable. Failure: frames that do not fit the stated
+format, or a folder that cannot be written, raise `FilmError` and leave nothing behind.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vision.atomic_write import remove, temporary_name
+from vision.errors import FilmError
+from vision.film.cih import FilmHeader, cihx_bytes
+
+
+def write_mraw(
+    path: str | os.PathLike[str],
+    frames: Iterable[NDArray[Any]],
+    frame_rate_hz: float,
+    *,
+    bit_depth: int = 8,
+    exposure_s: float | None = None,
+    start_frame: int = 0,
+    comment: str = "",
+) -> int:
+    """Write frames as Photron MRAW plus CIHX.
+
+    Parameters
+    ----------
+    path : path
+        Ends in ``.mraw``; the header is written next to it as ``.cihx``.
+    frames : iterable of ndarray, shape (height, width)
+        Whole numbers within ``0 .. 2**bit_depth - 1``.
+    frame_rate_hz : float
+    bit_depth : {8, 12, 16}
+        Storage per pixel; 12 packs two pixels in three bytes.
+    exposure_s : float or None
+    start_frame : int
+        Number of the first frame counted from the trigger.
+    comment : str
+
+    Returns
+    -------
+    int
+        Number of frames written.
+
+    Raises
+    ------
+    FilmError
+    """
+    path = Path(path)
+    if path.suffix != ".mraw":
+        raise FilmError(f"{path}: an MRAW film must end in .mraw")
+    if bit_depth not in (8, 12, 16):
+        raise FilmError(f"{path}: bit depth {bit_depth} cannot be stored; choose 8, 12 or 16")
+    if not 0.0 < frame_rate_hz < 1e9:
+        raise FilmError(f"{path}: frame rate {frame_rate_hz} Hz; needs a positive number")
+    header_path = path.with_suffix(".cihx")
+    temporary, temporary_header = temporary_name(path), temporary_name(header_path)
+    shape: tuple[int, ...] | None = None
+    n_frames = 0
+    try:
+        try:
+            with temporary.open("wb") as file:
+                pending = np.empty(0, dtype=np.uint16)
+                for frame in frames:
+                    shape = check_frame(path, frame, shape, bit_depth, n_frames)
+                    if bit_depth == 12:
+                        flat = np.concatenate([pending, frame.reshape(-1).astype(np.uint16)])
+                        even = flat.size - flat.size % 2
+                        pending = flat[even:]
+                        file.write(pack12(flat[:even]))
+                    else:
+                        file.write(np.ascontiguousarray(frame, dtype="<u2" if bit_depth == 16 else np.uint8).data)
+                    n_frames += 1
+                if pending.size:
+                    file.write(pack12(np.append(pending, 0).astype(np.uint16))[:2])
+            if shape is None:
+                raise FilmError(f"{path}: no frames to write")
+            header = FilmHeader(
+                width=shape[1],
+                height=shape[0],
+                n_frames=n_frames,
+                colour_bit=bit_depth,
+                effective_bit=bit_depth,
+                colour_type="Mono" if bit_depth != 12 else "Raw",
+                frame_rate_hz=frame_rate_hz,
+                exposure_s=exposure_s,
+                start_frame=start_frame,
+                comment=comment,
+            )
+            temporary_header.write_bytes(cihx_bytes(header))
+            _swap(path, temporary, header_path, temporary_header)
+        except OSError as error:
+            raise FilmError(f"{path}: cannot be written ({error.strerror or error}); check folder and disk") from None
+    finally:
+        remove(temporary)
+        remove(temporary_header)
+    return n_frames
+
+
+def pack12(values: NDArray[np.uint16]) -> bytes:
+    """Pack an even number of 12-bit values, two in three bytes, the first in the upper bits."""
+    first, second = values[0::2], values[1::2]
+    out = np.empty((first.size, 3), dtype=np.uint8)
+    out[:, 0] = first >> 4
+    out[:, 1] = ((first & 15) << 4) | (second >> 8)
+    out[:, 2] = second & 255
+    return out.tobytes()
+
+
+def check_frame(
+    path: Path,
+    frame: NDArray[Any],
+    shape: tuple[int, ...] | None,
+    bit_depth: int,
+    number: int,
+    colour: bool = False,
+) -> tuple[int, ...]:
+    """Shape of a frame that fits the film so far; raises `FilmError` for any other."""
+    if shape is not None and frame.shape != shape:
+        raise FilmError(f"{path}: frame {number} has shape {frame.shape}, the first has {shape}")
+    if shape is None and (frame.ndim not in (2, 3) or 0 in frame.shape or frame.shape[2:] not in ((), (3,) * colour)):
+        raise FilmError(f"{path}: frame {number} has shape {frame.shape}, needs (height, width)")
+    if frame.dtype.kind not in "ui":
+        raise FilmError(f"{path}: frame {number} is of type {frame.dtype}, needs whole numbers")
+    top = (1 << bit_depth) - 1
+    if 8 * frame.dtype.itemsize > bit_depth or frame.dtype.kind == "i":
+        low, high = int(frame.min()), int(frame.max())
+        if low < 0 or high > top:
+            raise FilmError(f"{path}: frame {number} holds {low}..{high}, {bit_depth} bit hold 0..{top}")
+    return frame.shape
+
+
+def _swap(path: Path, new_data: Path, header_path: Path, new_header: Path) -> None:
+    """Put a new film in place of an old one; an old header never describes new data, not even for a
+    moment."""
+    old_header = header_path.with_name(f".{header_path.name}.{os.getpid()}.old")
+    had_header = header_path.exists()
+    if had_header:
+        os.replace(header_path, old_header)
+    try:
+        os.replace(new_data, path)
+    except OSError:
+        # the old film is in use (Windows): leave it as it was
+        if had_header:
+            os.replace(old_header, header_path)
+        raise
+    os.replace(new_header, header_path)
+    remove(old_header)

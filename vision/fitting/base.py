@@ -1,0 +1,89 @@
+"""What a fit of one body in one frame returns, and the region of the frame it reads.
+
+Place in the data flow: the two engines `icgn` and `ecc` produce `Fit`, the `follower` judges it. A pose is
+(phi, tx, ty): turn in picture axes (rad, clockwise to the eye) and shift (px) of the template's centre from
+its place in the reference.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vision.film.source import FrameSource
+from vision.fitting.template import Template
+
+MARGIN_PX = 14
+"""Read around the body: 8 px for the spline filter, the rest for motion beyond the prediction."""
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Result of fitting one body in one frame.
+
+    ``covariance`` (3, 3) holds this frame's noise only, in rad and px. ``zncc`` is the correlation of fitted
+    and seen grey values over the pixels in use, ``inlier`` the fraction of the template's pixels that agree
+    with the fit, ``seen`` the fraction that is inside the picture and not covered. ``converged`` False means
+    that nothing else counts.
+    """
+
+    pose: NDArray[np.float64]
+    covariance: NDArray[np.float64]
+    zncc: float
+    inlier: float
+    seen: float
+    gain: float
+    noise_grey: float
+    iterations: int
+    converged: bool
+
+
+FAILED = Fit(np.full(3, np.nan), np.full((3, 3), np.nan), 0.0, 0.0, 0.0, np.nan, np.nan, 0, False)
+
+
+class Fitter(Protocol):
+    """An engine that fits one body."""
+
+    template: Template
+
+    def fit(self, film: FrameSource, index: int, pose: NDArray[np.float64], covered: NDArray[np.uint8] | None) -> Fit:
+        """Fit the body in frame ``index``, starting from ``pose``; ``covered`` marks template pixels to leave
+        out."""
+        ...
+
+    def reset(self) -> None:
+        """Forget what was carried over from the previous frame."""
+        ...
+
+    def carried(self) -> dict[str, NDArray[Any]]:
+        """What is carried over from frame to frame, as arrays."""
+        ...
+
+    def carry(self, arrays: dict[str, NDArray[Any]]) -> None:
+        """Go on from what `carried` gave."""
+        ...
+
+
+def region_of(
+    template: Template, pose: NDArray[np.float64], height: int, width: int, margin_px: int = MARGIN_PX
+) -> tuple[int, int, int, int] | None:
+    """Rectangle (y0, y1, x0, x1) of the frame that holds the body at a pose, or None when too little is
+    inside."""
+    cosine, sine = math.cos(pose[0]), math.sin(pose[0])
+    left, right, top, bottom = template.box_px
+    xs = [cosine * x - sine * y for x in (left, right) for y in (top, bottom)]
+    ys = [sine * x + cosine * y for x in (left, right) for y in (top, bottom)]
+    centre_x, centre_y = template.centre_px[0] + pose[1], template.centre_px[1] + pose[2]
+    if not all(map(math.isfinite, (centre_x, centre_y, cosine))):
+        return None
+    x0 = max(0, math.floor(centre_x + min(xs)) - margin_px)
+    x1 = min(width, math.ceil(centre_x + max(xs)) + margin_px + 1)
+    y0 = max(0, math.floor(centre_y + min(ys)) - margin_px)
+    y1 = min(height, math.ceil(centre_y + max(ys)) + margin_px + 1)
+    if x1 - x0 < 16 or y1 - y0 < 16:
+        return None
+    return y0, y1, x0, x1

@@ -1,0 +1,178 @@
+"""The template of a body: the pixels of the averaged still picture that are fitted, with their sensitivities.
+
+Place in the data flow: `reference` gives the averaged picture, `bodies` the mask; the template is built once
+per film and used for every frame, by the tracker and by the uncertainty prediction.
+
+Conventions: picture axes (y down), the body's centre is the centroid of its mask. Column order of the normal
+matrix: turn (rad), x, y (px), gain, offset (grey). The reference grey values are centred, so that gain and
+offset hardly correlate.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vision.errors import BodyError
+from vision.fitting.bspline import gradient, slope_noise_gain
+
+
+@dataclass(frozen=True)
+class Template:
+    """Pixels and sensitivities of one body.
+
+    Attributes
+    ----------
+    name : str
+    centre_px : (float, float)
+        Centroid of the mask (x, y).
+    offset_px : ndarray of float32, shape (2, n)
+        Pixel positions (x, y) relative to the centre.
+    columns : ndarray of float32, shape (4, n)
+        Derivative of the grey value by turn (grey per rad), by shift in x and y (grey per px), and the
+        reference grey value less ``mean_grey``, which is the derivative by gain.
+    mean_grey : float
+    normal : ndarray, shape (5, 5)
+        Sum of products of the five columns over the pixels.
+    noise_normal : ndarray, shape (5, 5)
+        Part of ``normal`` that is expected from the noise left in the averaged picture, not from the body.
+    radius_px : float
+        Largest distance of a pixel from the centre.
+    n_averaged : int
+        Frames in the averaged picture.
+    box_px : (float, float, float, float)
+        Smallest and largest x and y offset: left, right, top, bottom.
+    """
+
+    name: str
+    centre_px: tuple[float, float]
+    offset_px: NDArray[np.float32]
+    columns: NDArray[np.float32]
+    mean_grey: float
+    normal: NDArray[np.float64]
+    radius_px: float
+    noise_normal: NDArray[np.float64]
+    n_averaged: int
+    box_px: tuple[float, float, float, float]
+
+    @property
+    def n_pixels(self) -> int:
+        """Number of pixels that are fitted."""
+        return int(self.offset_px.shape[1])
+
+
+def design_columns(
+    picture: NDArray[Any], mask: NDArray[np.bool_], centre_px: tuple[float, float]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Sensitivities of the masked pixels.
+
+    Returns
+    -------
+    columns : ndarray, shape (n, 5)
+        Turn, x, y, centred grey value, one.
+    dx, dy : ndarray, shape (n,)
+    """
+    slope_x, slope_y = gradient(picture)
+    rows, cols = np.nonzero(mask)
+    dx, dy = cols.astype(float) - centre_px[0], rows.astype(float) - centre_px[1]
+    gx, gy = slope_x[rows, cols].astype(float), slope_y[rows, cols].astype(float)
+    grey = np.asarray(picture, dtype=float)[rows, cols]
+    columns: NDArray[np.float64] = np.column_stack([gy * dx - gx * dy, gx, gy, grey - grey.mean(), np.ones_like(grey)])
+    return columns, dx, dy
+
+
+def build_template(
+    name: str,
+    picture: NDArray[Any],
+    mask: NDArray[np.bool_],
+    n_averaged: int,
+    max_pixels: int | None = None,
+    noise_grey: float = 0.0,
+) -> Template:
+    """Prepare a body for tracking.
+
+    Parameters
+    ----------
+    name : str
+    picture : ndarray, shape (height, width)
+        Averaged still picture.
+    mask : ndarray of bool, shape (height, width)
+    n_averaged : int
+        Frames averaged in ``picture``.
+    max_pixels : int or None
+        Keep only the pixels that tell most about the angle (Fisher score). None keeps all.
+    noise_grey : float
+        Standard deviation of one frame's noise, as found in the still frames.
+
+    Raises
+    ------
+    BodyError
+        When the region has no texture, so that its pose cannot be found.
+    """
+    rows, cols = np.nonzero(mask)
+    centre = (float(cols.mean()), float(rows.mean()))
+    columns, dx, dy = design_columns(picture, mask, centre)
+    inverse = invert_normal(columns.T @ columns)
+    if inverse is None:
+        raise BodyError(f"body {name}: its region has no texture to follow; draw it over a textured surface")
+    if max_pixels is not None and max_pixels < dx.size:
+        keep = _best_pixels(columns, inverse, max_pixels)
+        columns, dx, dy = columns[keep], dx[keep], dy[keep]
+        inverse = invert_normal(columns.T @ columns)
+        if inverse is None:
+            raise BodyError(f"body {name}: {max_pixels} pixels do not fix its pose; allow more")
+    mean_grey = float(np.asarray(picture, dtype=float)[mask].mean())
+    return Template(
+        name=name,
+        centre_px=centre,
+        offset_px=np.stack([dx, dy]).astype(np.float32),
+        columns=np.ascontiguousarray(columns[:, :4].T, dtype=np.float32),
+        mean_grey=mean_grey,
+        normal=columns.T @ columns,
+        radius_px=float(np.hypot(dx, dy).max()),
+        noise_normal=_noise_normal(dx, dy, noise_grey**2 / n_averaged),
+        n_averaged=n_averaged,
+        box_px=(float(dx.min()), float(dx.max()), float(dy.min()), float(dy.max())),
+    )
+
+
+def invert_normal(normal: NDArray[np.float64]) -> NDArray[np.float64] | None:
+    """Inverse of a normal matrix, or None when the columns do not fix all five parameters."""
+    diagonal = normal.diagonal()
+    # one number that is not finite makes the sum so
+    if not (diagonal.min() > 0.0 and math.isfinite(normal.sum())):
+        return None
+    scale = 1.0 / np.sqrt(diagonal)
+    both = scale[:, None] * scale
+    try:
+        inverse = np.linalg.inv(normal * both)
+    except np.linalg.LinAlgError:
+        return None
+    # the columns are scaled to length one, so the inverse is as large as the condition number
+    if not np.abs(inverse).max() < 1e9 or inverse.diagonal().min() <= 0.0:
+        return None
+    return inverse * both
+
+
+def _noise_normal(dx: NDArray[np.float64], dy: NDArray[np.float64], variance: float) -> NDArray[np.float64]:
+    """Expected normal matrix of white noise alone: its slopes look like texture, as much in x as in y."""
+    noise = np.diag([np.sum(dx * dx + dy * dy), dx.size, dx.size, 0.0, 0.0])
+    noise[0, 1] = noise[1, 0] = -np.sum(dy)
+    noise[0, 2] = noise[2, 0] = np.sum(dx)
+    noise *= slope_noise_gain()
+    noise[3, 3] = dx.size
+    return noise * variance
+
+
+def _best_pixels(columns: NDArray[np.float64], inverse: NDArray[np.float64], count: int) -> NDArray[np.intp]:
+    """Indices, in raster order, of the pixels with the largest influence on angle and position."""
+    influence = columns @ inverse
+    angle = influence[:, 0] ** 2 / inverse[0, 0]
+    position = influence[:, 1] ** 2 / inverse[1, 1] + influence[:, 2] ** 2 / inverse[2, 2]
+    # the angle is what is wanted, but a fit whose position is loose loses it too
+    score = angle + 0.1 * position
+    return np.sort(np.argpartition(score, -count)[-count:])

@@ -1,0 +1,196 @@
+"""How the terms of the error budget are found, before tracking and after.
+
+Place in the data flow: `expected_budget` is shown before tracking, `budget_of` goes into the `TrackResult`.
+
+Tilt and distortion bend both bodies of a relative angle alike, so there their differences count; all other
+terms of the two bodies are independent.
+
+Shutter: a speed step D within the exposure T_e, anywhere within a frame T, shifts the mean by a root mean
+square of ``D T_e sqrt(T_e / (320 T))``; steady acceleration shifts it by less. D is taken from the second
+difference of the angles, less what noise alone gives.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vision.camera.model import CameraModel
+from vision.film.compression import codec_u_turn
+from vision.film.source import FrameSource
+from vision.fitting.pose_covariance import predicted_u_angle
+from vision.tracking.prepare import Preparation
+from vision.uncertainty.budget import ErrorBudget, rms
+from vision.uncertainty.pose_response import PoseResponse
+
+
+@dataclass(frozen=True)
+class ExpectedMotion:
+    """Motion for which the terms are stated before a film is tracked."""
+
+    turn_rad: float = math.radians(15.0)
+    speed_rad_per_s: float = 10.0
+    acceleration_rad_per_s2: float = 2000.0
+
+
+def expected_budget(
+    ready: Preparation,
+    camera: CameraModel,
+    u_time_s: float = 0.0,
+    motion: ExpectedMotion | None = None,
+) -> ErrorBudget:
+    """Budget of one frame in which every body has turned about its centre, before the film is tracked.
+
+    All bodies turn by ``motion.turn_rad`` from the ground; the shutter and synchronisation terms are those at its
+    speed and acceleration.
+    """
+    motion = motion or ExpectedMotion()
+    m = len(ready.bodies)
+    u = np.array([predicted_u_angle(t, ready.reference.noise_grey) for t in ready.templates])
+    n_still = ready.reference.n_averaged
+    common = u / math.sqrt(n_still + 1.0)
+    pose = np.zeros((2, m, 3))
+    pose[:, :, 0] = np.array([-motion.turn_rad, motion.turn_rad])[:, None]
+    parents = _parent_columns(ready)
+    absolute, relative = _camera_terms(ready, camera, pose, parents)
+    single = {
+        "noise": np.sqrt(np.maximum(u**2 - common**2, 0.0)),
+        "reference": common,
+        "codec": _codec(ready, u),
+        "synchronisation": np.full(m, u_time_s * motion.speed_rad_per_s),
+        "shutter": np.full(m, motion.acceleration_rad_per_s2 * _shutter_factor(ready.film)),
+    }
+    for name, values in single.items():
+        absolute[name] = np.tile(values, (2, 1))
+        relative[name] = _joined(absolute[name], parents)
+    return ErrorBudget(tuple(b.name for b in ready.bodies), absolute, relative, camera.words())
+
+
+def budget_of(
+    ready: Preparation,
+    camera: CameraModel,
+    pose: NDArray[np.float64],
+    time_s: NDArray[np.float64],
+    angle_rad: NDArray[np.float64],
+    u_noise_rad: NDArray[np.float64],
+    u_common_rad: NDArray[np.float64],
+    u_time_s: float,
+) -> ErrorBudget:
+    """Budget of every tracked frame.
+
+    Parameters
+    ----------
+    ready : Preparation
+    camera : CameraModel
+    pose : ndarray, shape (n, m, 3)
+        Tracked poses.
+    time_s : ndarray, shape (n,)
+    angle_rad, u_noise_rad : ndarray, shape (n, m)
+    u_common_rad : ndarray, shape (m,)
+    u_time_s : float
+        Standard uncertainty of the frame times.
+    """
+    parents = _parent_columns(ready)
+    absolute, relative = _camera_terms(ready, camera, pose, parents)
+    absolute["noise"] = u_noise_rad
+    absolute["reference"] = np.where(np.isfinite(u_noise_rad), u_common_rad, np.nan)
+    typical = np.array([rms(u_noise_rad[:, i]) for i in range(u_noise_rad.shape[1])])
+    absolute["codec"] = np.where(np.isfinite(u_noise_rad), _codec(ready, typical), np.nan)
+    for name in ("noise", "reference", "codec"):
+        relative[name] = _joined(absolute[name], parents)
+    against = np.full_like(angle_rad, np.nan)
+    u_against = np.full_like(angle_rad, np.nan)
+    for i, parent in enumerate(parents):
+        if parent is not None:
+            against[:, i] = angle_rad[:, i] - angle_rad[:, parent]
+            u_against[:, i] = np.hypot(u_noise_rad[:, i], u_noise_rad[:, parent])
+    for terms, angle, u in ((absolute, angle_rad, u_noise_rad), (relative, against, u_against)):
+        speed, acceleration = _speed_and_acceleration(time_s, angle, u)
+        terms["synchronisation"] = u_time_s * speed
+        terms["shutter"] = acceleration * _shutter_factor(ready.film)
+    return ErrorBudget(tuple(b.name for b in ready.bodies), absolute, relative, camera.words())
+
+
+def _shutter_factor(film: FrameSource) -> float:
+    """Standard uncertainty per acceleration, s^2: ``T T_e sqrt(T_e / (320 T))``."""
+    if not film.exposure_s or not film.frame_rate_hz:
+        return 0.0
+    frame_s, exposure_s = 1.0 / film.frame_rate_hz, min(film.exposure_s, 1.0 / film.frame_rate_hz)
+    return frame_s * exposure_s * math.sqrt(exposure_s / (320.0 * frame_s))
+
+
+def _speed_and_acceleration(
+    time_s: NDArray[np.float64], angle: NDArray[np.float64], u: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Absolute values, shape (n, m), from neighbouring rows, less what noise alone gives; 0 where a neighbour is
+    lost, NaN where the row itself is."""
+    n = time_s.size
+    speed, acceleration = np.zeros_like(angle), np.zeros_like(angle)
+    if n >= 3:
+        before, after = np.diff(time_s)[:-1, None], np.diff(time_s)[1:, None]
+        first, second = np.diff(angle, axis=0)[:-1] / before, np.diff(angle, axis=0)[1:] / after
+        mean2 = (0.5 * (first + second)) ** 2 - 0.5 * (u[1:-1] / before) ** 2
+        bend2 = ((second - first) / (0.5 * (before + after))) ** 2 - 6.0 * (u[1:-1] / (before * after)) ** 2
+        speed[1:-1] = np.sqrt(np.maximum(np.nan_to_num(mean2), 0.0))
+        acceleration[1:-1] = np.sqrt(np.maximum(np.nan_to_num(bend2), 0.0))
+        speed[[0, -1]], acceleration[[0, -1]] = speed[[1, -2]], acceleration[[1, -2]]
+    lost = ~np.isfinite(angle)
+    speed[lost], acceleration[lost] = np.nan, np.nan
+    return speed, acceleration
+
+
+def _camera_terms(
+    ready: Preparation, camera: CameraModel, pose: NDArray[np.float64], parents: Sequence[int | None]
+) -> tuple[dict[str, NDArray[np.float64]], dict[str, NDArray[np.float64]]]:
+    """Tilt and distortion of absolute and relative angles."""
+    width, height = ready.film.width, ready.film.height
+    n, m = pose.shape[:2]
+    responses = [PoseResponse(template) for template in ready.templates]
+    nominal = camera.nominal(width, height)
+    base = np.zeros((n, m))
+    if nominal is not None:
+        base = np.column_stack([r.error(nominal, pose[:, i])[:, 0] for i, r in enumerate(responses)])
+    absolute = {name: np.zeros((n, m)) for name in ("tilt", "distortion")}
+    relative = {name: np.full((n, m), np.nan) for name in ("tilt", "distortion")}
+    for i, parent in enumerate(parents):
+        if parent is not None:
+            for name in relative:
+                relative[name][:, i] = 0.0
+    for variant in camera.variants(width, height):
+        off = np.column_stack([r.error(variant.projection, pose[:, i])[:, 0] for i, r in enumerate(responses)]) - base
+        absolute[variant.term] += variant.weight * off**2
+        for i, parent in enumerate(parents):
+            if parent is not None:
+                relative[variant.term][:, i] += variant.weight * (off[:, i] - off[:, parent]) ** 2
+    return (
+        {name: np.sqrt(values) for name, values in absolute.items()},
+        {name: np.sqrt(values) for name, values in relative.items()},
+    )
+
+
+def _codec(ready: Preparation, u_noise: NDArray[np.float64]) -> NDArray[np.float64]:
+    compression = ready.film.compression
+    return np.array(
+        [
+            codec_u_turn(template, ready.reference.picture, compression, float(u))
+            for template, u in zip(ready.templates, u_noise, strict=True)
+        ]
+    )
+
+
+def _joined(values: NDArray[np.float64], parents: Sequence[int | None]) -> NDArray[np.float64]:
+    """Independent parts of child and parent, added in squares; NaN without a parent."""
+    joined = np.full_like(values, np.nan)
+    for i, parent in enumerate(parents):
+        if parent is not None:
+            joined[:, i] = np.hypot(values[:, i], values[:, parent])
+    return joined
+
+
+def _parent_columns(ready: Preparation) -> list[int | None]:
+    names = [body.name for body in ready.bodies]
+    return [None if body.parent is None else names.index(body.parent) for body in ready.bodies]

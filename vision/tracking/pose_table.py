@@ -1,0 +1,81 @@
+"""Poses of all bodies in all tracked frames while a film is being tracked.
+
+Place in the data flow: `following` fills it row by row, `confirmation` corrects it, `track` turns it into a
+`TrackResult`; `checkpoint` saves what is filled. Poses are `fit` poses (picture axes); a body lost in a frame
+is NaN with the reason in ``flag``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vision.fitting.base import Fit
+from vision.tracking.flags import FAILURE, FrameFlag
+
+
+@dataclass(frozen=True)
+class PoseTable:
+    """Columns of n frames and m bodies.
+
+    Attributes
+    ----------
+    frame : ndarray of int, shape (n,)
+        Frame number of each row.
+    pose : ndarray, shape (n, m, 3)
+        Turn (rad, clockwise to the eye) and shift (px).
+    covariance : ndarray, shape (n, m, 3, 3)
+        Of the pose, from that frame's noise.
+    zncc, inlier, noise_grey, gain : ndarray, shape (n, m)
+    flag : ndarray of uint16, shape (n, m)
+    """
+
+    frame: NDArray[np.int64]
+    pose: NDArray[np.float64]
+    covariance: NDArray[np.float64]
+    zncc: NDArray[np.float64]
+    inlier: NDArray[np.float64]
+    noise_grey: NDArray[np.float64]
+    gain: NDArray[np.float64]
+    flag: NDArray[np.uint16]
+
+    @classmethod
+    def empty(cls, frame: NDArray[np.int64], n_bodies: int) -> PoseTable:
+        """All rows lost."""
+        n = frame.size
+        zncc, inlier, noise, gain = (np.full((n, n_bodies), np.nan) for _ in range(4))
+        flag = np.full((n, n_bodies), int(FrameFlag.NOT_CONVERGED), dtype=np.uint16)
+        pose, covariance = np.full((n, n_bodies, 3), np.nan), np.full((n, n_bodies, 3, 3), np.nan)
+        return cls(frame, pose, covariance, zncc, inlier, noise, gain, flag)
+
+    @property
+    def failed(self) -> NDArray[np.bool_]:
+        """True where a body is lost, shape (n, m)."""
+        return (self.flag & np.uint16(FAILURE)) != 0
+
+    @property
+    def u_turn(self) -> NDArray[np.float64]:
+        """Standard uncertainty of the turn from the frame's noise, rad, shape (n, m)."""
+        return np.sqrt(self.covariance[..., 0, 0])
+
+    def put(self, row: int, body: int, fit: Fit, flag: FrameFlag) -> None:
+        """Store one fit; a failed one keeps only its flag."""
+        self.flag[row, body] = int(flag)
+        lost = bool(flag & FAILURE)
+        self.pose[row, body] = np.nan if lost else fit.pose
+        self.covariance[row, body] = np.nan if lost else fit.covariance
+        for name in ("zncc", "inlier", "noise_grey", "gain"):
+            getattr(self, name)[row, body] = np.nan if lost else getattr(fit, name)
+
+    def lose(self, row: int, body: int, flag: FrameFlag) -> None:
+        """Give up what a row holds of a body."""
+        self.flag[row, body] |= np.uint16(int(flag))
+        for name in ("pose", "covariance", "zncc", "inlier", "noise_grey", "gain"):
+            getattr(self, name)[row, body] = np.nan
+
+    def copy_from(self, other: PoseTable, row: int, body: int) -> None:
+        """Take one row of one body from another table of the same frames."""
+        for name in (field.name for field in fields(self)[1:]):
+            getattr(self, name)[row, body] = getattr(other, name)[row, body]

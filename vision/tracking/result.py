@@ -1,0 +1,163 @@
+"""Result of tracking a film: angles with uncertainty, quality and flags, frame by frame.
+
+Place in the data flow: `track.track_film` returns it; a session stores its table; validation reads angles
+relative to the whippen.
+
+Conventions: angles counter-clockwise (x right, y up), zero at the mean of the still frames, rad, not wrapped;
+positions in picture axes (y down), px. A frame that failed is NaN in every quantity, with the reason in
+``flag``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vision.angles import relative_angle
+from vision.errors import InputError
+from vision.tracking.flags import FAILURE
+from vision.uncertainty.budget import ErrorBudget
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+@dataclass(frozen=True)
+class TrackResult:
+    """Poses of m bodies in n frames.
+
+    Attributes
+    ----------
+    bodies : tuple of str
+    parents : tuple of (str or None)
+    frame : ndarray of int, shape (n,)
+        Frame numbers in the film.
+    time_s : ndarray, shape (n,)
+    angle_rad, u_angle_rad : ndarray, shape (n, m)
+        Angle and its standard uncertainty from noise and reference, common part included.
+    u_common_rad : ndarray, shape (m,)
+        Part of the uncertainty that all frames share (error of the zero).
+    x_px, y_px : ndarray, shape (n, m)
+        Centre of the body's region.
+    zncc, inlier : ndarray, shape (n, m)
+        Correlation with the template, fraction of its pixels that agree.
+    noise_grey : ndarray, shape (n, m)
+        Residual of the fit.
+    flag : ndarray of uint16, shape (n, m)
+        `flags.FrameFlag`.
+    predicted_u_rad : ndarray, shape (m,)
+        Standard uncertainty predicted before tracking, from noise and reference.
+    covariance : ndarray, shape (n, m, 3, 3)
+        Of (turn, x, y), picture axes, rad and px, from each frame's own noise.
+    budget : ErrorBudget
+        All terms of the angles' uncertainty, frame by frame.
+    n_still : int
+    method : str
+    film : str
+    info : dict
+        Counts and settings of the run.
+    """
+
+    bodies: tuple[str, ...]
+    parents: tuple[str | None, ...]
+    frame: NDArray[np.int64]
+    time_s: NDArray[np.float64]
+    angle_rad: NDArray[np.float64]
+    u_angle_rad: NDArray[np.float64]
+    u_common_rad: NDArray[np.float64]
+    x_px: NDArray[np.float64]
+    y_px: NDArray[np.float64]
+    zncc: NDArray[np.float64]
+    inlier: NDArray[np.float64]
+    noise_grey: NDArray[np.float64]
+    flag: NDArray[np.uint16]
+    predicted_u_rad: NDArray[np.float64]
+    covariance: NDArray[np.float64]
+    budget: ErrorBudget
+    n_still: int
+    method: str
+    film: str
+    info: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def failed(self) -> NDArray[np.bool_]:
+        """True where a body was lost, shape (n, m)."""
+        return (self.flag & np.uint16(FAILURE)) != 0
+
+    def column(self, body: str) -> int:
+        """Index of a body; raises `InputError` for an unknown name."""
+        try:
+            return self.bodies.index(body)
+        except ValueError:
+            raise InputError(f"body {body!r} was not tracked; tracked are {', '.join(self.bodies)}") from None
+
+    def relative(self, body: str) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.uint16]]:
+        """Angle of a body relative to its parent.
+
+        Parameters
+        ----------
+        body : str
+            A body with a parent.
+
+        Returns
+        -------
+        angle_rad, u_rad : ndarray, shape (n,)
+            NaN where either is lost.
+        flag : ndarray of uint16, shape (n,)
+            The flags of both, joined.
+
+        Raises
+        ------
+        InputError
+            For an unknown body or one without a parent.
+        """
+        child = self.column(body)
+        name = self.parents[child]
+        if name is None:
+            raise InputError(
+                f"body {body!r} has no parent, so it has no relative angle; give it one in its outline file"
+            )
+        parent = self.column(name)
+        angle, u = relative_angle(
+            self.angle_rad[:, child],
+            self.angle_rad[:, parent],
+            self.u_angle_rad[:, child],
+            self.u_angle_rad[:, parent],
+        )
+        return angle, u, self.flag[:, child] | self.flag[:, parent]
+
+    @property
+    def u_total_rad(self) -> NDArray[np.float64]:
+        """Standard uncertainty of each angle at the stated time, shape (n, m): all terms of the budget but
+        synchronisation, which belongs to the time."""
+        return self.budget.total(without=("synchronisation",))
+
+    def to_table(self) -> pd.DataFrame:
+        """One row per frame: time_s, frame, then per body ``<body>_rad``, ``_u_rad`` (noise and reference),
+        ``_u_total_rad`` (with camera, shutter and codec), the same with ``_relative`` (of a body with a parent),
+        ``_x_px``, ``_y_px``, ``_quality`` (correlation), ``_inlier`` and ``_flag``.
+        """
+        import pandas as pd
+
+        total = self.u_total_rad
+        relative_total = self.budget.total(relative=True, without=("synchronisation",))
+
+        columns: dict[str, NDArray[Any]] = {"time_s": self.time_s, "frame": self.frame}
+        for i, body in enumerate(self.bodies):
+            columns[f"{body}_rad"] = self.angle_rad[:, i]
+            columns[f"{body}_u_rad"] = self.u_angle_rad[:, i]
+            columns[f"{body}_u_total_rad"] = total[:, i]
+            if self.parents[i] is not None:
+                angle, u, _ = self.relative(body)
+                columns[f"{body}_relative_rad"] = angle
+                columns[f"{body}_relative_u_rad"] = u
+                columns[f"{body}_relative_u_total_rad"] = relative_total[:, i]
+            columns[f"{body}_x_px"] = self.x_px[:, i]
+            columns[f"{body}_y_px"] = self.y_px[:, i]
+            columns[f"{body}_quality"] = self.zncc[:, i]
+            columns[f"{body}_inlier"] = self.inlier[:, i]
+            columns[f"{body}_flag"] = self.flag[:, i]
+        return pd.DataFrame(columns)

@@ -1,0 +1,125 @@
+"""The average of the still frames at the start of a film, and their noise.
+
+Place in the data flow: first step of tracking. The average is the template's picture and the still frames set
+the zero of all angles, so their number sets the error common to all frames: ten give a third of one frame's
+noise.
+
+Method: frames are compared one by one with the running mean inside the bodies' regions, after fitting gain
+and offset, which takes out flicker. The run ends where the difference exceeds what the noise of the first
+frames explains. That test is quick but sees only coarse motion; `stillness` then follows the bodies through
+the run and ends it at the first motion of their poses.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vision.errors import TrackingError
+from vision.film.source import FrameSource
+
+MAX_STILL = 64
+MOST_PIXELS = 5000
+"""Compared per frame: enough to know the noise to one per cent."""
+GROWTH = 1.25
+"""A still frame may differ this much more than the quietest pair of first frames."""
+FIRST_GROWTH = 3.0
+"""The second frame may differ from the first by this much more than the first's roughness."""
+GREY_FLOOR = 0.4
+"""Allowance for rounding to whole grey values, grey of the stored depth."""
+
+
+@dataclass(frozen=True)
+class Reference:
+    """Average of the still frames.
+
+    Attributes
+    ----------
+    picture : ndarray of float32, shape (height, width)
+    n_averaged : int
+    noise_grey : float
+        Standard deviation of one frame's grey value, median over the bodies' pixels.
+    """
+
+    picture: NDArray[np.float32]
+    n_averaged: int
+    noise_grey: float
+
+
+def average_still_frames(
+    film: FrameSource, region: NDArray[np.bool_], n_still: int | None = None, max_still: int = MAX_STILL
+) -> Reference:
+    """Average the still frames at the start of the film.
+
+    Parameters
+    ----------
+    film : FrameSource
+    region : ndarray of bool, shape (height, width)
+        Pixels of the bodies; the rest of the picture may move.
+    n_still : int or None
+        Number of frames to average; as many as look alike when None.
+    max_still : int
+        No more than this many are looked at.
+
+    Returns
+    -------
+    Reference
+
+    Raises
+    ------
+    TrackingError
+        When the film has fewer than two frames, or fewer than ``n_still``.
+    """
+    if film.n_frames < 2:
+        raise TrackingError(f"{film.path}: {film.n_frames} frame; tracking needs at least two")
+    if n_still is not None and not 1 <= n_still <= film.n_frames:
+        raise TrackingError(f"{film.path}: {n_still} still frames asked for, the film has {film.n_frames}")
+    total = film.read(0).astype(np.float32)
+    pixels = np.flatnonzero(region.reshape(-1))
+    if pixels.size > MOST_PIXELS:
+        pixels = pixels[:: pixels.size // MOST_PIXELS + 1]
+    mean = total.reshape(-1)[pixels].astype(float)
+    spatial = _roughness(total, region)
+    differences: list[float] = []
+    variances: list[float] = []
+    count = 1
+    limit = min(film.n_frames, n_still if n_still is not None else max_still)
+    while count < limit:
+        frame = film.read(count)
+        difference = _matched_difference(frame.reshape(-1)[pixels].astype(float), mean)
+        # noise of one frame, from the difference to a mean of `count` frames
+        noise = float(np.sqrt(np.mean(difference**2) / (1.0 + 1.0 / count)))
+        # the first frame's own roughness holds its noise and its texture, so it is never below the noise
+        quiet = GROWTH * min(differences) if differences else FIRST_GROWTH * spatial
+        if n_still is None and noise > quiet + GREY_FLOOR:
+            break
+        differences.append(noise)
+        variances.append(float(np.median(difference**2)) / 0.4549 / (1.0 + 1.0 / count))
+        total += frame
+        count += 1
+        mean = total.reshape(-1)[pixels].astype(float) / count
+    return Reference(total / np.float32(count), count, float(np.sqrt(np.mean(variances))) if variances else spatial)
+
+
+def _roughness(picture: NDArray[np.float32], region: NDArray[np.bool_]) -> float:
+    """Upper estimate of the noise from one picture: what second differences along both axes leave of it.
+
+    J. Immerkaer, Fast noise variance estimation, Comput. Vis. Image Underst. 64(2), 1996, with a median for the mean.
+    """
+    along_x = picture[:, :-2] - 2.0 * picture[:, 1:-1] + picture[:, 2:]
+    both = along_x[:-2] - 2.0 * along_x[1:-1] + along_x[2:]
+    inside = region[1:-1, 1:-1]
+    return float(1.4826 * np.median(np.abs(both[inside]))) / 6.0 if inside.any() else 0.0
+
+
+def _matched_difference(frame: NDArray[Any], mean: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Frame less the mean, after fitting gain and offset by least squares."""
+    centred = mean - mean.mean()
+    spread = float(centred @ centred)
+    gain = float(centred @ frame) / spread if spread > 0.0 else 1.0
+    # a gain far from one is a different picture, not flicker
+    gain = min(max(gain, 0.5), 2.0)
+    return (frame - frame.mean() - gain * centred) / gain

@@ -1,0 +1,97 @@
+"""Find a lost body again: a wide search over turn and shift that needs no good start.
+
+Place in the data flow: `follower` calls `candidates` when the fit from the prediction has failed, and fits
+from each of them.
+
+Method: the template is turned in steps and slid over the region around the place where the body is expected,
+at half the resolution, with normalised correlation under its mask (OpenCV `matchTemplate`). The best few, one
+per turn, are the starts.
+"""
+
+from __future__ import annotations
+
+import math
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from vision.film.source import FrameSource
+from vision.fitting.template import Template
+
+TURN_STEP_RAD = math.radians(2.5)
+TURN_RANGE_RAD = math.radians(17.5)
+SHIFT_RANGE_PX = 40
+N_CANDIDATES = 4
+
+
+def candidates(
+    film: FrameSource, index: int, template: Template, expected: NDArray[np.float64]
+) -> list[NDArray[np.float64]]:
+    """Starts for a fit, best first.
+
+    Parameters
+    ----------
+    film : FrameSource
+    index : int
+    template : Template
+    expected : ndarray, shape (3,)
+        Pose around which to search.
+
+    Returns
+    -------
+    list of ndarray, shape (3,)
+        Poses (phi, tx, ty); empty when the body can only be outside the picture.
+    """
+    half = int(math.ceil(template.radius_px)) + 2
+    reach = half + SHIFT_RANGE_PX
+    centre_x = round(template.centre_px[0] + expected[1])
+    centre_y = round(template.centre_px[1] + expected[2])
+    x0, x1 = max(0, centre_x - reach), min(film.width, centre_x + reach + 1)
+    y0, y1 = max(0, centre_y - reach), min(film.height, centre_y + reach + 1)
+    if x1 - x0 < 16 or y1 - y0 < 16:
+        return []
+    picture = np.zeros((2 * reach + 1, 2 * reach + 1), dtype=np.float32)
+    view = film.read_region(index, y0, y1, x0, x1)
+    top, left = y0 - (centre_y - reach), x0 - (centre_x - reach)
+    picture[:] = float(view.mean())
+    picture[top : top + view.shape[0], left : left + view.shape[1]] = view
+    small = _halve(picture)
+    found: list[tuple[float, NDArray[np.float64]]] = []
+    for turn in np.arange(-TURN_RANGE_RAD, TURN_RANGE_RAD + 1e-9, TURN_STEP_RAD):
+        phi = float(expected[0] + turn)
+        patch, mask, offset_x, offset_y = _turned(template, phi)
+        if patch.shape[0] >= small.shape[0] or patch.shape[1] >= small.shape[1]:
+            continue
+        score = cv2.matchTemplate(small, patch, cv2.TM_CCOEFF_NORMED, mask=mask)
+        score[~np.isfinite(score)] = -1.0
+        _, best, _, (column, row) = cv2.minMaxLoc(score)
+        x = 2.0 * (column + offset_x) + centre_x - reach + 0.5
+        y = 2.0 * (row + offset_y) + centre_y - reach + 0.5
+        found.append((best, np.array([phi, x - template.centre_px[0], y - template.centre_px[1]])))
+    found.sort(key=lambda item: -item[0])
+    return [pose for _, pose in found[:N_CANDIDATES]]
+
+
+def _halve(picture: NDArray[np.float32]) -> NDArray[np.float32]:
+    rows, columns = picture.shape[0] // 2, picture.shape[1] // 2
+    return picture[: 2 * rows, : 2 * columns].reshape(rows, 2, columns, 2).mean(axis=(1, 3))
+
+
+def _turned(template: Template, phi: float) -> tuple[NDArray[np.float32], NDArray[np.float32], float, float]:
+    """Turned template at half resolution, its mask, and the place of the centre in it (half pixels)."""
+    cosine, sine = math.cos(phi), math.sin(phi)
+    dx, dy = template.offset_px
+    x = 0.5 * (cosine * dx - sine * dy)
+    y = 0.5 * (sine * dx + cosine * dy)
+    left, top = math.floor(float(x.min())), math.floor(float(y.min()))
+    columns = np.rint(x - left).astype(int)
+    rows = np.rint(y - top).astype(int)
+    shape = (int(rows.max()) + 1, int(columns.max()) + 1)
+    count = np.zeros(shape, dtype=np.float32)
+    total = np.zeros(shape, dtype=np.float32)
+    np.add.at(count, (rows, columns), 1.0)
+    np.add.at(total, (rows, columns), template.columns[3])
+    mask = (count >= 2.0).astype(np.float32)
+    patch = (total / np.maximum(count, 1.0) * mask).astype(np.float32)
+    return patch, mask, float(-left), float(-top)
