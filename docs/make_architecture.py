@@ -1,9 +1,9 @@
-"""Draw `docs/images/architecture.svg` from the imports: packages, their rooms, and which room uses which.
+"""Draw `docs/images/architecture.svg` from the imports: packages, their subpackages, and which of them import which.
 
 Run after moving or adding a folder:  python docs/make_architecture.py
-A test draws it again and compares, so that the picture cannot go stale. An arrow points from a room to one that it
-imports; arrows that follow from others (A → B → C makes A → C superfluous) are left out. Rooms stand above what
-they import.
+A test redraws it and compares, so that the picture cannot become outdated. An arrow points from a subpackage to one
+that it imports; arrows implied by others (A → B → C makes A → C redundant) are omitted. Subpackages are drawn above
+what they import.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ Box = tuple[float, float, float, float]
 
 
 def rooms_of(graph: grimp.ImportGraph, package: str) -> dict[str, list[str]]:
-    """Room → its modules: each subpackage of a package, and the modules at its top."""
+    """Map each subpackage of a package, and its top level, to their modules."""
     rooms: dict[str, list[str]] = {}
     for child in sorted(graph.find_children(package)):
         below = sorted(graph.find_descendants(child))
@@ -43,7 +43,7 @@ def rooms_of(graph: grimp.ImportGraph, package: str) -> dict[str, list[str]]:
 
 
 def imports_between(graph: grimp.ImportGraph, package: str, rooms: dict[str, list[str]]) -> dict[str, set[str]]:
-    """Room → the rooms of the same package that it imports, without what follows from other arrows."""
+    """Map each subpackage to those of the same package that it imports, without arrows implied by others."""
     home = {module: room for room, modules in rooms.items() for module in modules}
     home |= {f"{package}.{room}": room for room in rooms if room != TOP}
     uses: dict[str, set[str]] = {room: set() for room in rooms}
@@ -51,7 +51,7 @@ def imports_between(graph: grimp.ImportGraph, package: str, rooms: dict[str, lis
         for imported in graph.find_modules_directly_imported_by(module):
             if home.get(imported, room) != room:
                 uses[room].add(home[imported])
-    if TOP in uses:  # errors and entry points share the top: it is drawn as a room without arrows of its own
+    if TOP in uses:  # errors and entry points share the top level: it is drawn without arrows
         uses.pop(TOP)
         uses = {room: found - {TOP} for room, found in uses.items()}
     reach: dict[str, set[str]] = {}
@@ -65,7 +65,7 @@ def imports_between(graph: grimp.ImportGraph, package: str, rooms: dict[str, lis
 
 
 def levels(uses: dict[str, set[str]]) -> list[list[str]]:
-    """Rooms by height: each above all that it imports, the highest first."""
+    """Subpackages by level: each above everything it imports, the highest first."""
     height: dict[str, int] = {}
 
     def high(room: str) -> int:
@@ -79,7 +79,7 @@ def levels(uses: dict[str, set[str]]) -> list[list[str]]:
 
 
 def draw_package(graph: grimp.ImportGraph, package: str, x: float, y: float, width: float) -> tuple[list[str], float]:
-    """SVG of one package, and its height."""
+    """Return the SVG lines of one package, and its height."""
     rooms = rooms_of(graph, package)
     uses = imports_between(graph, package, rooms)
     rows = levels(uses)
@@ -118,7 +118,7 @@ def _arrow(start: Box, end: Box) -> str:
 
 
 def draw() -> str:
-    """The whole picture as SVG text."""
+    """Return the complete picture as SVG text."""
     packages = [package for row in ROWS for package in row]
     graph = grimp.build_graph(*packages, cache_dir=None)
     body: list[str] = []
@@ -140,7 +140,7 @@ def draw() -> str:
             heights.append(height)
         y += max(heights) + MARGIN
     head = f"""<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {y:g}" role="img">
-<title>The packages of piano-action-rig, their rooms and imports</title>
+<title>The packages of piano-action-rig, their subpackages and imports</title>
 <style>
 text {{ font: 12px system-ui, sans-serif; fill: #222 }} .name {{ font-weight: 700; font-size: 15px }}
 .note, .count {{ fill: #666; font-size: 10px }} .label, .count {{ text-anchor: middle }}

@@ -1,4 +1,4 @@
-"""Draw the README's picture from a demo session.
+"""Draw the README figure from a demo session.
 
 Run:  pianorig demo --out demo_session && python docs/make_pictures.py demo_session
 """

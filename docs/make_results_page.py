@@ -1,6 +1,6 @@
-"""Write `docs/results.md` from the schema of ``results.json``: every field, its meaning and unit.
+"""Write `docs/results.md` from the schema of ``results.json``: every field with its meaning and unit.
 
-Run after a change of the schema:  python docs/make_results_page.py
+Run after changing the schema:  python docs/make_results_page.py
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ print(scores.pivot_table("rmse_rad", ["session", "model"], "channel"))
 
 
 def page(schema: dict[str, Any]) -> str:
-    """Text of the page."""
+    """Return the text of the page."""
     properties = schema["properties"]
     parts = [HEAD, "## Top level\n", _table(_flat(properties, most=1))]
     parts += ["## Each of `results`\n", _table(_flat(properties["results"]["items"]["properties"]))]

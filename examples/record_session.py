@@ -1,4 +1,4 @@
-"""Record two soft blows on the virtual bench and read them back: the rig as a library.
+"""Record two soft blows on the virtual bench and read them back: using `rig` as a library.
 
 Run:  python examples/record_session.py [FOLDER]
 """

@@ -1,4 +1,4 @@
-"""Simulate one forte blow and look at the hammer: the model as a library.
+"""Simulate one forte blow and evaluate the hammer: using `model` as a library.
 
 Run:  python examples/simulate_blow.py
 """

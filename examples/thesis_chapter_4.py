@@ -2,8 +2,8 @@
 
 Run:  python examples/thesis_chapter_4.py [FOLDER]
 
-On the virtual bench; with sessions of your own, name their folders instead.  The damping for soft blows is 4.5 times
-that for a forte, the middle of the "four to five times" of the thesis.
+Uses the virtual bench; to use your own sessions, pass their folders instead.  The damping for soft blows is 4.5 times
+that for a forte blow, the middle of the "four to five times" of the thesis.
 """
 
 import sys

@@ -1,4 +1,4 @@
-"""Render a small film of the moving bodies, track it, and compare with what was rendered.
+"""Render a small film of the moving bodies, track it, and compare the result with the true angles.
 
 Run:  python examples/track_film.py
 """
@@ -17,7 +17,7 @@ times_s = np.arange(120) / camera.frame_rate_hz
 
 
 def angles(t: np.ndarray) -> np.ndarray:
-    """Whippen, jack, repetition: at rest for 20 ms, then a smooth turn."""
+    """Angles of whippen, jack and repetition lever: at rest for 20 ms, then a smooth rotation."""
     x = np.clip((t - 0.02) / 0.03, 0.0, 1.0)
     s = x * x * (3.0 - 2.0 * x)
     return np.array(geometry.rest_angle_rad) + np.outer(s, [0.05, -0.20, 0.10])

@@ -1,4 +1,4 @@
-"""Record three blows and compare two models with them, in tables a notebook can go on with.
+"""Record three blows and compare two models with them; the results are pandas tables.
 
 Run:  python examples/validate_session.py
 """

@@ -1,4 +1,4 @@
-"""What the tests of all packages share."""
+"""Fixtures shared by the tests of all packages."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from tests.command_line import run
 
 ROOT = Path(__file__).parents[1]
 WHOLE_SUITE = 1000
-"""Tests from which on it is worth compiling ahead."""
+"""Number of tests from which compiling ahead is worthwhile."""
 
 
 def pytest_collection_finish(session: pytest.Session) -> None:
-    """Compile on the other processor what later tests use."""
+    """Compile kernels used by later tests in a second process."""
     if len(session.items) >= WHOLE_SUITE and not session.config.option.collectonly:
         quiet = subprocess.DEVNULL
         ahead = subprocess.Popen([sys.executable, "-m", "tests.compile_ahead"], cwd=ROOT, stdout=quiet, stderr=quiet)
@@ -30,7 +30,7 @@ def contents(folder: Path) -> dict[Path, bytes]:
 
 @pytest.fixture
 def refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Callable[..., None]:
-    """Check that a command in the test's folder exits with 2, tells why in one line and leaves every file alone."""
+    """Check that a command in the test's folder exits with 2, gives the reason in one line and changes no file."""
 
     def check(words: str, *arguments: str | Path) -> None:
         monkeypatch.chdir(tmp_path)
