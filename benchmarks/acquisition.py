@@ -1,12 +1,12 @@
-"""How fast the recorder runs on the virtual bench, and what reading a session costs.
+"""Speed of the recorder on the virtual bench, and the cost of reading a session.
 
     python benchmarks/acquisition.py [--hours 0.02] [--real-time-trials 10]
 
-Prints bench seconds per wall second: of the RPC layer alone, in process and over TCP on the loopback, at the 20 ms
-block length used in real time; and of five forte trials with the plant. Then the size of a trial file, and
-the time to check its seal and read it. Then what a long recording of eight channels costs (recording_numbers.py):
-samples lost, memory, processor time of the recording and of the virtual bench, delay from sample to journal, a disk
-that stalls; `--hours 1` is the whole measurement.
+Prints bench seconds per wall-clock second for the RPC layer alone, in process and over TCP on loopback, at the 20 ms
+block length used in real time, and for five forte trials with the plant. Also prints the size of a trial file, the
+time to check its seal and read it, and the cost of a long recording of eight channels (recording_numbers.py): lost
+samples, memory, processor time of the recording and of the virtual bench, delay from sample to journal, and the
+effect of a stalled disk; `--hours 1` is the full measurement.
 """
 
 from __future__ import annotations
@@ -34,27 +34,27 @@ BLOCK, BLOCKS = 100, 500
 
 
 class StillPlant:
-    """No mechanics at all: what remains is the cost of client, service and device."""
+    """A plant without mechanics, so that only client, service and device are measured."""
 
     sample_rate_hz = 5000.0
 
     def start_trial(self, trial: int) -> None:
-        """Begin at edge 0."""
+        """Start at edge 0."""
         self.edge = 0
 
     def advance(self, command_v: np.ndarray) -> PlantBlock:
-        """Stand still for n edges."""
+        """Return a state at rest for n edges."""
         n = command_v.size
         time_s = (self.edge + np.arange(n)) / self.sample_rate_hz
         self.edge += n
         return PlantBlock(time_s, np.zeros(n), np.zeros((n, 3)), np.zeros(n))
 
     def truth(self) -> None:
-        """Nothing happened."""
+        """Return no truth: there is no motion."""
 
 
 def read_for(backend: Any, config: Any) -> tuple[float, float]:
-    """Return (bench seconds per wall second, CPU seconds per bench second) of plain block reading."""
+    """Return (bench seconds per wall-clock second, CPU seconds per bench second) of plain block reading."""
     backend.configure(config, np.zeros(100))
     backend.arm()
     backend.start()

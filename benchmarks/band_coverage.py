@@ -1,9 +1,9 @@
-"""How often the simultaneous 95 % band holds the whole true curve: 10,000 simulated sessions per line.
+"""Coverage of the whole true curve by the simultaneous 95 % band: 10,000 simulated sessions per line.
 
 Curves are Gaussian.  ``even``: 200 samples, full width at half maximum of 20; ``rig-like``: the scatter grows tenfold
 and the roughness fourfold along the curve, as after the impact of a blow; ``long``: 2,000 samples; ``counts``: whole
 counts of an encoder.  The seed was fixed
-before the first run.  Exit code 1 when a share lies outside 0.925 to 0.97.
+before the first run.  Exit code 1 if a coverage lies outside 0.925 to 0.97.
 
 Run:  python benchmarks/band_coverage.py [--sessions N]
 """
@@ -24,7 +24,7 @@ ALLOWED = (0.925, 0.97)
 
 
 def smooth_curves(rng: np.random.Generator, shape: tuple[int, int], fwhm: float) -> np.ndarray:
-    """Stationary Gaussian curves (n_samples, n) of unit variance and a given smoothness, without edge effects."""
+    """Stationary Gaussian curves (n_samples, n) with unit variance and given smoothness, without edge effects."""
     sigma = fwhm / np.sqrt(4 * np.log(2))  # of the curve's derivative; white noise through a kernel of sigma/√2
     kernel_sigma = sigma / np.sqrt(2)
     reach = int(np.ceil(4 * kernel_sigma))
@@ -52,7 +52,7 @@ def long(rng: np.random.Generator, n: int) -> np.ndarray:
 
 
 def counts(rng: np.random.Generator, n: int) -> np.ndarray:
-    """As an encoder reads: at rest for a fifth, then scatter that grows to 30 counts; each trial has its own phase."""
+    """Encoder readings: at rest for a fifth, then scatter growing to 30 counts; each trial has its own phase."""
     scatter = 30 * np.clip((np.linspace(0, 1, 1000) - 0.2) / 0.4, 0, 1) ** 2
     true = smooth_curves(rng, (1000, n), 40.0) * scatter[:, None]
     return np.floor(true + rng.uniform(0, 1, n))
@@ -63,7 +63,7 @@ U_SAMPLE = {"counts": np.sqrt(2 / 12)}  # of a sample and of its zero, in counts
 
 
 def coverage(kind: str, n: int, sessions: int) -> tuple[float, float, float, float]:
-    """Share of sessions whose band holds the true mean (zero), its 95 % interval, and the median critical value."""
+    """Share of sessions whose band contains the true mean (zero), its 95 % interval, and the median critical value."""
     rng = np.random.default_rng([SEED, n, list(KINDS).index(kind)])
     held, factors = 0, []
     for _ in range(sessions):

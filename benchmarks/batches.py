@@ -1,12 +1,12 @@
-"""Batches: trials a second, how well two processors are used, and what lies beside the kernels.
+"""Batches: trials per second, parallel efficiency on two processors, and overhead outside the kernels.
 
 Run:  python benchmarks/batches.py [--trials N] [--workers W] [--rounds R] [--processes]
-Forte trials of 3,501 rows that differ by up to 2 % in force, at 1e-4 rad, all angles and speeds at all rows. One
-worker and W workers take turns; the ratio is taken within a round, the best and the median round are printed.
-Efficiency is the time of one worker over W times the time of W. Spread is that of single members on one worker. What
-lies beside the step loop holds Python's global lock and bounds what threads can reach. Wall times mean something on an
-idle machine only; the processor's share of the wall time is printed, which an idle machine brings near W.
-Exit 1: a member differs from a single run in any bit, or from a run at 1e-9 rad by more than 10 times the tolerance.
+Forte trials of 3,501 rows that differ by up to 2 % in force, at 1e-4 rad, all angles and speeds at all rows. Runs
+with one worker and with W workers alternate; the ratio is taken within a round, and the best and median rounds are
+printed. Efficiency is the time of one worker over W times the time of W. Spread is that of single members on one
+worker. Work outside the step loop holds Python's global interpreter lock and limits thread scaling. Wall times are
+meaningful only on an idle machine; the ratio of processor time to wall time is printed and approaches W when idle.
+Exit code 1: a member differs from a single run in any bit, or from a run at 1e-9 rad by more than 10 tolerances.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from functools import partial
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-sys.path.insert(0, str(ROOT))  # measures the checkout this file lies in
+sys.path.insert(0, str(ROOT))  # measure the checkout that contains this file
 
 import numpy as np  # noqa: E402
 from peers.forces import force_table  # noqa: E402
@@ -40,7 +40,7 @@ def trials(count: int) -> dict[str, tuple[np.ndarray, np.ndarray]]:
 
 
 def memory_mb() -> float:
-    """Most memory this process has held, MB; NaN where the system does not say."""
+    """Peak memory of this process, MB; NaN where the system does not report it."""
     try:
         import resource
     except ImportError:
@@ -60,7 +60,7 @@ def timed(many: dict[str, tuple[np.ndarray, np.ndarray]], **how: object) -> tupl
 
 
 def beside_the_kernels(job: batch.Job) -> tuple[float, float]:
-    """Processor time (ms) of one member, and what of it is not the step loop; best of many."""
+    """Processor time (ms) of one member, and the part outside the step loop; best of many."""
     inner = simulation.integrate
     spent = [0.0]
 
@@ -85,11 +85,11 @@ def beside_the_kernels(job: batch.Job) -> tuple[float, float]:
 
 
 def after_rest() -> tuple[float, float]:
-    """Processor time and right-hand sides of a blow with 60 s of rest after it over those of the blow alone."""
+    """Ratios of processor time and right-hand sides of a blow followed by 60 s of rest to those of the blow alone."""
     times, force = force_table("forte")
     action = model.load_action()
     rest = model.rest_state(action)
-    quiet = np.append(times, times[-1] + 1.5), np.append(force, 0.0)  # until the action has come to rest
+    quiet = np.append(times, times[-1] + 1.5), np.append(force, 0.0)  # by then the action has come to rest
     long = np.append(quiet[0], quiet[0][-1] + 60.0), np.append(quiet[1], 0.0)
     ratios, work = [], [0, 0]
     for _ in range(15):
@@ -104,7 +104,7 @@ def after_rest() -> tuple[float, float]:
 
 
 def check(many: dict[str, tuple[np.ndarray, np.ndarray]], workers: int) -> float:
-    """Largest error (rad) of some members; exit 1 where one is not what a single run gives."""
+    """Largest error (rad) of some members; exit with 1 if one differs from a single run."""
     action = model.load_action()
     members = model.simulate_many(action, many, tolerance=TOLERANCE, workers=workers)
     worst = 0.0

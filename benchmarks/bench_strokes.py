@@ -1,7 +1,7 @@
-"""Strokes of the virtual bench with known truth, recorded by its sensors: what event and fault benchmarks measure.
+"""Strokes of the virtual bench with known truth, recorded by its sensors; used by the event and fault benchmarks.
 
-Seeds, profiles and specimens here are none of those the project was tuned on.  Each stroke is one plant run on a time
-base ten times finer than the samples; the truth is read from that, the trial from what scales and load cell make of it.
+Seeds, profiles and specimens differ from all those used for tuning.  Each stroke is one plant run on a time base ten
+times finer than the samples; the truth is read from that run, the trial from the simulated scales and load cell.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ MISREGULATED: dict[str, dict[str, float]] = {
 
 @dataclass(frozen=True)
 class Stroke:
-    """A recorded trial, what really happened (fine time base), and the specimen it happened to."""
+    """A recorded trial, its true motion (fine time base), and the specimen."""
 
     data: TrialData
     truth: PlantTruth
@@ -55,7 +55,7 @@ def _plant(rate_hz: float, seed: int, effects: tuple[str, ...]) -> ActionPlant:
 
 
 def command_n(kind: str, time_s: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Motor force over time of one stroke, its strength and pace drawn."""
+    """Motor force over time of one stroke, with randomly drawn strength and pace."""
     at, newton = KINDS["forte" if kind in MISREGULATED else kind]
     pace, strength = rng.uniform(0.9, 1.1), rng.uniform(0.85, 1.15)
     if kind == "piano":
@@ -77,9 +77,9 @@ def play(
     strength: float = 1.0,
     late_s: float = 0.0,
 ) -> Stroke:
-    """One stroke of one kind on the bench of one seed; `changed` adds to parameters of the specimen (SI).
+    """Return one stroke of one kind on the bench with one seed; `changed` adds to parameters of the specimen (SI).
 
-    Trials that are ``alike`` differ by what the bench scatters only, but for the strength and delay given.
+    Trials that are ``alike`` differ only by the bench's scatter and the given strength and delay.
     """
     rng = np.random.default_rng([seed, 0 if alike else number, 99])
     plant = _plant(FINE * rate_hz, seed, effects)
@@ -99,7 +99,7 @@ def play(
 
 
 def record(truth: PlantTruth, seed: int, number: int, rate_hz: float, jitter_counts: float) -> TrialData:
-    """What scales and load cell make of a stroke."""
+    """Return a stroke as measured by scales and load cell."""
     sensors, config = load_sensors(BENCH, seed=seed), load_rig("virtual").config
     rng = np.random.default_rng([seed, number, 98])
     time = truth.time_s[::FINE]

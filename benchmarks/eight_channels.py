@@ -1,7 +1,7 @@
 """A virtual bench of eight channels at 5 kHz: force, three encoders, four further voltage inputs (:func:`eight`).
 
-The plant is in closed form (force and angles follow the volts): every sample can be checked. In this process, or
-in one of its own:
+The plant is in closed form (force and angles follow the voltage), so that every sample can be checked. It runs in
+this process or in a separate one:
 
     python benchmarks/eight_channels.py serve      # prints its port, serves until standard input ends
 """
@@ -31,16 +31,16 @@ FORCE_PER_VOLT_N = 12.0
 
 
 class FollowingPlant:
-    """Force and angles follow the volts held before each edge; counts the edges it was asked for."""
+    """Plant whose force and angles follow the voltage held before each edge; counts the edges requested."""
 
     sample_rate_hz = 5000.0
 
     def start_trial(self, trial: int) -> None:
-        """Begin at edge 0."""
+        """Start at edge 0."""
         self.edge, self.held = 0, 0.0
 
     def advance(self, command_v: np.ndarray) -> PlantBlock:
-        """State at the n edges."""
+        """Return the state at the n edges."""
         felt = np.concatenate(([self.held], command_v[:-1]))
         self.held = float(command_v[-1])
         time_s = (self.edge + np.arange(felt.size)) / self.sample_rate_hz
@@ -48,7 +48,7 @@ class FollowingPlant:
         return PlantBlock(time_s, 0.05 + FORCE_PER_VOLT_N * felt, felt[:, None] * RAD_PER_VOLT, 0.01 * felt)
 
     def truth(self) -> None:
-        """Nothing beside what was read."""
+        """Return no further truth than the samples."""
 
 
 FURTHER = (
@@ -77,7 +77,7 @@ most = {most}
 '''
         for name, channel, quantity, unit, electrical, physical, most in FURTHER
     ]
-    patient = load_rig("pcie6363").text.replace("timeout_s = 0.5", "timeout_s = 5.0")  # other programs run here, too
+    patient = load_rig("pcie6363").text.replace("timeout_s = 0.5", "timeout_s = 5.0")  # other programs run as well
     return parse_rig(patient + "".join(tables), "eight channels")
 
 
@@ -88,17 +88,17 @@ def bench(clock: Clock) -> SimulatedBackend:
 
 
 class Remote(NidaqmxBackend):
-    """A bench in another process, known to be a virtual one: no permission is needed."""
+    """A virtual bench in another process: no permission is needed."""
 
     @property
     def capabilities(self) -> Capabilities:
-        """What it is, without hardware."""
+        """Describe the bench, without hardware."""
         return replace(super().capabilities, simulated=True, hardware=False)
 
 
 @contextlib.contextmanager
 def bench_elsewhere() -> Iterator[Remote]:
-    """The bench in a process of its own at the speed of the wall clock, over TCP on the loopback."""
+    """The bench in a separate process at wall-clock speed, over TCP on loopback."""
     with subprocess.Popen([sys.executable, __file__, "serve"], stdin=subprocess.PIPE, stdout=subprocess.PIPE) as server:
         assert server.stdin is not None and server.stdout is not None
         port = int(server.stdout.readline())

@@ -1,12 +1,12 @@
-"""Coverage of every event's stated uncertainty on strokes, seeds and specimens kept aside; wrong presence counted.
+"""Coverage of the stated uncertainty of every event on held-out strokes, seeds and specimens, and wrong presence.
 
     python benchmarks/event_coverage.py [--seeds 200] [--first 1000] [--kinds forte,piano] [--rate 5000] [--jitter 0]
                                         [--levels] [--json FILE]
 
-Per kind of stroke and event: how often trial and truth agree that it happened, how often it is left ambiguous, the
-share of errors within 1 and 2 stated u (0.68 and 0.95 for normal errors), the root mean square of error over u, and the
-largest error.  ``--levels`` also moves string and key felt by what `u_rest_level_m` allows (±0.1 mm, rectangular).
-Truth: the same definitions on the plant's own motion, ten times finer, without sensors.
+Prints per kind of stroke and event: how often trial and truth agree that the event occurred, how often it is
+ambiguous, the share of errors within 1 and 2 stated u (0.68 and 0.95 for normal errors), the RMS of error over u, and
+the largest error.  ``--levels`` also shifts string and key felt within `u_rest_level_m` (±0.1 mm, rectangular).
+The truth applies the same definitions to the plant's own motion, ten times finer, without sensors.
 """
 
 from __future__ import annotations

@@ -1,14 +1,14 @@
-"""Readers against damaged headers: every mutated film gives a typed error or right data, nothing else.
+"""Fuzz the film readers: every mutated film must give a typed error or correct data.
 
     python benchmarks/fuzz_readers.py [--count 12000] [--seed 1]
 
 Mutates CIH, CIHX, MRAW (length) and AVI (uncompressed and MJPEG) films of about 1 MB: bytes overwritten, digits
-changed, stretches cut, doubled or swapped. A film that opens must give frames of the size it states, and the
-original grey values where its header still says the same. No step may allocate more than the film's own size (the
-file or its grey values, whichever is more), nor more than `MOST_FRAMES` frames of it. Counted is what Python, NumPy and
-OpenCV's pictures take; what FFmpeg holds inside is not, but the growth of the whole process is printed. Printed per
-kind: counts, the largest allocation over the film's size and over one frame's. The exit code is 1 if one film does
-anything else.
+changed, ranges cut, duplicated or swapped. A film that opens must give frames of the size it states, and the
+original grey values if its header is unchanged. No step may allocate more than the film's own size (the file or its
+grey values, whichever is larger), nor more than `MOST_FRAMES` frames of it. Allocations by Python, NumPy and
+OpenCV's images count; FFmpeg's internal memory does not, but the growth of the whole process is printed. Prints per
+kind: counts, and the largest allocation relative to the film's size and to one frame's. The exit code is 1 if any
+film behaves otherwise.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ MOST_FRAMES = 4.5
 
 @dataclass
 class Tally:
-    """What became of the mutated films of one kind."""
+    """Results for the mutated films of one kind."""
 
     refused: int = 0
     same: int = 0
@@ -68,7 +68,7 @@ class Tally:
 
 
 def mutated(data: bytes, rng: np.random.Generator, head: int) -> bytes:
-    """A damaged copy; most damage falls within the first ``head`` bytes."""
+    """Return a damaged copy; most damage falls within the first ``head`` bytes."""
     out = bytearray(data)
     for _ in range(int(rng.integers(1, 5))):
         end = min(head, len(out)) if rng.uniform() < 0.9 else len(out)
@@ -96,7 +96,7 @@ def mutated(data: bytes, rng: np.random.Generator, head: int) -> bytes:
 
 
 def look(path: Path, frames: NDArray[Any], exact: bool, tally: Tally, what: str) -> None:
-    """Open a damaged film, read all of it, and note what happened."""
+    """Open a damaged film, read all of it, and record the result."""
     size = max(path.stat().st_size, frames.size)
     tracemalloc.reset_peak()
     before = tracemalloc.get_traced_memory()[0]
@@ -109,7 +109,7 @@ def look(path: Path, frames: NDArray[Any], exact: bool, tally: Tally, what: str)
             unchanged = (film.n_frames, film.height, film.width, film.bit_depth) == (*SHAPE, 8)
             right = True
             for i in range(min(film.n_frames, 50)):
-                # not held on to: the count is of what the reader takes
+                # not kept: only the reader's own allocations count
                 frame = film.read(i)
                 like &= frame.shape == (film.height, film.width)
                 if exact and unchanged and i < 2:
@@ -135,7 +135,7 @@ def look(path: Path, frames: NDArray[Any], exact: bool, tally: Tally, what: str)
 
 
 def fuzz(folder: Path, count: int, seed: int) -> dict[str, Tally]:
-    """Mutate ``count`` films in all; tallies by kind."""
+    """Mutate ``count`` films in total; return tallies by kind."""
     rng = np.random.default_rng(seed)
     smooth = np.linspace(40, 200, SHAPE[2])[None, None, :] + 4.0 * np.arange(SHAPE[0])[:, None, None]
     frames = (smooth + rng.normal(0, 3, SHAPE)).clip(0, 255).astype(np.uint8)
@@ -155,7 +155,7 @@ def fuzz(folder: Path, count: int, seed: int) -> dict[str, Tally]:
     }
     tallies = {name: Tally() for name in (*headers, "MRAW length")}
     for path in (mraw, raw, jpeg):
-        # what is imported at first use is not the film's doing
+        # imports on first use do not count against the film
         open_film(path).close()
     importlib.import_module("vision.film.opencv_video")
     tracemalloc.start()
@@ -182,7 +182,7 @@ def fuzz(folder: Path, count: int, seed: int) -> dict[str, Tally]:
 
 
 def peak_megabytes() -> float:
-    """Most memory this process has held."""
+    """Peak memory of this process."""
     import resource
 
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0

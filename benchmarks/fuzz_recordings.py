@@ -1,11 +1,11 @@
-"""Readers of the rig's files against damaged input: every one gives an error of one line or the right values.
+"""Fuzz the readers of the rig's files: damaged input must give a one-line error or the correct values.
 
     python benchmarks/fuzz_recordings.py [--count 10000] [READER ...]
 
-The cases and what "right" means are those of `tests/rig/fuzz`: settings (rig, profile, plan, mapping, film and
-self-test record, bodies, camera), recordings (CSV, LVM, TDMS), session with annotations and trial, journal. Printed per
-reader: inputs, how many were refused, the rest having been read and found right. The first input that gives a
-traceback, hangs or is read wrong ends the script with an exception.
+The cases and the meaning of "correct" are those of `tests/rig/fuzz`: settings (rig, profile, plan, mapping, film and
+self-test record, bodies, camera), recordings (CSV, LVM, TDMS), session with annotations and trial, journal. Prints per
+reader the number of inputs and how many were refused; the rest were read and verified. The first input that gives a
+traceback, hangs or is misread ends the script with an exception.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from tests.rig.fuzz.test_texts_survive import CASES as TEXTS
 
 
 def main() -> int:
-    """Damage and print."""
+    """Fuzz each reader and print the counts."""
     cases = {**TEXTS, **BINARY}
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("readers", nargs="*", choices=[*cases, []], default=[])

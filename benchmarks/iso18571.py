@@ -1,8 +1,8 @@
-"""The ISO 18571-style score against the public package objective_rating_metrics: run time and agreement, one run.
+"""Compare the ISO 18571-style score with the public package objective_rating_metrics: run time and agreement.
 
-Prints, for curves without ties in the warping path and for curves with flat ends, run time of both (best of several),
-the ratio, and the largest difference of any of the five scores.  Exit code 1 when a number of the project's issue is
-missed: 20 ms, 100 times faster, 1e-9 without ties, 1e-3 with them.
+Prints, for curves without ties in the warping path and for curves with flat ends, the run times (best of several),
+their ratio, and the largest difference of any of the five scores.  Exit code 1 if a target is missed: 20 ms,
+100 times faster, 1e-9 without ties, 1e-3 with them.
 
 Run:  python benchmarks/iso18571.py [--samples 3500]
 """
@@ -25,7 +25,7 @@ NAMES = ("corridor", "phase", "magnitude", "slope", "overall")
 
 
 def without_ties(n: int) -> tuple[np.ndarray, np.ndarray]:
-    """A blow-like curve with noise everywhere, and a late, larger prediction with its own."""
+    """A blow-like noisy curve, and a late, larger prediction with its own noise."""
     rng = np.random.default_rng(18571)
     t = np.arange(n) / n
 
@@ -37,7 +37,7 @@ def without_ties(n: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def with_ties(n: int) -> tuple[np.ndarray, np.ndarray]:
-    """The same with ends that are exactly zero."""
+    """The same curves with ends that are exactly zero."""
     test, cae = without_ties(n)
     for curve in (test, cae):
         curve[: n // 10] = curve[-n // 5 :] = 0.0

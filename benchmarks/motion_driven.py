@@ -1,10 +1,10 @@
-"""Force at the key front from the key's motion: noiseless round trip and coverage of the interval from encoder counts.
+"""Force at the key front from the key's motion: noiseless round trip, and interval coverage from encoder counts.
 
     python benchmarks/motion_driven.py [--trials 24] [--jitter 0.5] [--clock 0]
 
 Forte, piano and double blow at 5 kHz are simulated under their force; the key's angle, exact or as counts of
-327680 per revolution with jitter (in counts) of the angle and (in s) of the clock, goes back in. Ends with exit code 1
-where the noiseless force is off by more than 1 % RMS of its peak or the 95 % interval covers less than 93 or more than
+327680 per revolution with jitter (in counts) of the angle and (in s) of the clock, is used as input. Exit code 1 if
+the RMS error of the noiseless force exceeds 1 % of its peak or the 95 % interval covers less than 93 or more than
 97 % on average.
 """
 
@@ -20,7 +20,7 @@ from tests.model.key_blows import PROFILES, blow, counted, key_truth
 
 
 def main() -> int:
-    """Print the table; 1 where a target is missed."""
+    """Print the table; return 1 if a target is missed."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--trials", type=int, default=24)
     parser.add_argument("--jitter", type=float, default=0.5)

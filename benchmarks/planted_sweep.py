@@ -1,10 +1,10 @@
-"""Planted faults kept aside: does a report name each, none that is not there, and none in a clean session?
+"""Held-out planted faults: does a report identify each, and raise no false finding in any session?
 
     python benchmarks/planted_sweep.py [--only sign,swap] [--clean 50] [--seed 800] [--specimen printed|bench]
 
-Every session has six strokes of the virtual bench; one trial, or all of them, or the model has one fault (or two).  Per
-session a line: what was planted, what was named, and whether that is right.  A fault for which there is no rule must at
-least not be given another's name.
+Every session has six strokes of the virtual bench; one trial, or all of them, or the model has one fault (or two).
+Prints a line per session: what was planted, what was named, and whether that is right.  A fault for which there is no
+rule must at least not be misnamed.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ Change = Callable[[TrialData, Stroke], TrialData]
 
 @dataclass
 class Fault:
-    """What is planted: in which trial (0: none of its own), how, and which findings it must raise (kind, trial)."""
+    """A planted fault: its trial (0: no single trial), how it is made, and the required findings (kind, trial)."""
 
     name: str
     expected: set[tuple[str, int]] = field(default_factory=set)
@@ -51,13 +51,13 @@ class Fault:
 
 
 def recount(data: TrialData, columns: Callable[[np.ndarray], np.ndarray]) -> TrialData:
-    """Other counts."""
+    """Return the trial with changed encoder counts."""
     count = columns(data.encoder_count.copy())
     return replace(data, encoder_count=count - count[0])
 
 
 def lifted(size_m: float, length_s: float) -> Change:
-    """The key's scale reads a lift while the capstan is loaded, 60 ms after the force's peak."""
+    """Add a lift to the key's scale reading while the capstan is loaded, 60 ms after the force's peak."""
 
     def change(data: TrialData, stroke: Stroke) -> TrialData:
         start = float(data.time_s[int(np.argmax(data.force_n))]) + 0.06
@@ -73,7 +73,7 @@ def flipped(i: int) -> Change:
 
 
 def swapped(i: int, j: int) -> Change:
-    """Angles of two bodies in each other's place."""
+    """Angles of two bodies swapped."""
 
     def change(data: TrialData, stroke: Stroke) -> TrialData:
         per = np.array([e.rad_per_count for e in data.encoders])
@@ -122,7 +122,7 @@ def both(one: Change, other: Change) -> Change:
 
 
 def faults() -> list[Fault]:
-    """Everything that is planted."""
+    """All planted faults."""
     out = [Fault(f"sign {c}", {("sign flip", 1 + i)}, 1 + i, flipped(i)) for i, c in enumerate(CHANNELS)]
     out += [
         Fault(f"swap {CHANNELS[i]} {CHANNELS[j]}", {("swapped channels", 5)}, 5, swapped(i, j))
@@ -169,7 +169,7 @@ def faults() -> list[Fault]:
 
 
 def specimen_change(which: str, friction: tuple[str, float] | None) -> dict[str, float]:
-    """What must be added to the bench's specimen to make it the one wanted."""
+    """Changes to the bench's specimen that give the requested one."""
     bench = load_plant(BENCH, 1, 5000.0).action
     printed = model.load_action()
     moved = {}
@@ -184,7 +184,7 @@ def specimen_change(which: str, friction: tuple[str, float] | None) -> dict[str,
 
 
 def film(stroke: Stroke, late_s: float, rng: np.random.Generator) -> tuple[CameraInfo, pd.DataFrame]:
-    """What the tracker gives of one stroke."""
+    """Tracker output for one stroke."""
     camera = CameraInfo(2000.0, 0.0301, 1e-4, int((stroke.truth.time_s[-1] - 0.05) * 2000), 2e-6)
     stamped = camera.frame_time_s
     angle = stroke.truth.angles_at(np.maximum(stamped - late_s, 0.0)) - stroke.truth.angle_rad[0]
@@ -196,7 +196,7 @@ def film(stroke: Stroke, late_s: float, rng: np.random.Generator) -> tuple[Camer
 
 
 def findings(fault: Fault, seed: int, kind: str, specimen: str) -> pd.DataFrame:
-    """Findings of the report of a session with one fault."""
+    """Findings reported for a session with one fault."""
     rng = np.random.default_rng(seed)
     changed = specimen_change(specimen, fault.play.get("friction"))
     with tempfile.TemporaryDirectory() as folder:
@@ -222,7 +222,7 @@ def findings(fault: Fault, seed: int, kind: str, specimen: str) -> pd.DataFrame:
 
 
 def judged(fault: Fault, found: pd.DataFrame) -> tuple[str, set[tuple[str, int]]]:
-    """Right, silent, missed or wrong; and what was named."""
+    """Return the verdict (right, silent, missed or wrong) and the findings named."""
     named = {(str(f.kind), 0 if math.isnan(f.trial) else int(f.trial)) for f in found.itertuples()}
     wrong = {
         (k, t) for k, t in named - fault.expected if k not in fault.allowed or (fault.trial > 0 and t != fault.trial)

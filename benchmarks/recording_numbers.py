@@ -1,9 +1,9 @@
-"""What a long recording costs: samples lost, memory, speed, processor time, delay to the journal, stalls.
+"""Cost of a long recording: lost samples, memory, speed, processor time, delay to the journal, disk stalls.
 
-Used by acquisition.py, on the bench of eight_channels.py: the figures are those of client, service, device,
-recorder, journal and sealed files; every trial is checked against what the plant put out, and against the motor's
-command by the input wired to it. Processor time in real time is told apart: the virtual bench is what answers the
-client's calls, the recording the rest.
+Used by acquisition.py, on the bench of eight_channels.py. The figures cover client, service, device, recorder, journal
+and sealed files; every trial is checked against the plant's output, and against the motor command through the input
+wired to it. Processor time in real time is split: answering the client's calls counts as the virtual bench, the rest
+as recording.
 """
 
 from __future__ import annotations
@@ -38,10 +38,10 @@ def resident_mb() -> float:
 
 
 def check_whole(trial: Trial, edges: int) -> int:
-    """Return a trial's samples after checking that none is missing and that each follows from the command."""
+    """Return a trial's sample count after checking that none is missing and that each follows from the command."""
     data = trial.read()
     turned = np.concatenate(([0.0], data.motor_command_v[:-1]))[:, None] * RAD_PER_VOLT
-    # a sample lost or twice would shift everything behind it
+    # a lost or repeated sample would shift everything after it
     off = np.abs(data.angle_rad() - turned).max(axis=0) / np.abs([e.rad_per_count for e in data.encoders])
     assert off.max() < 40, f"trial {trial.number}: angles are up to {off.max():.0f} counts off what the plant put out"
     readback = data.channel_values[:, 0]  # just before the output changes
@@ -53,7 +53,7 @@ def check_whole(trial: Trial, edges: int) -> int:
 
 
 def long_recording(hours: float) -> None:
-    """Record with the virtual clock at the block length of real time; print speed, samples and memory."""
+    """Record on the virtual clock with the real-time block length; print speed, samples and memory."""
     backend = bench(VirtualClock())
     memory: list[float] = []
     samples: list[int] = []
@@ -87,7 +87,7 @@ def long_recording(hours: float) -> None:
 
 
 class Answering:
-    """Processor time that a virtual bench in the same process spends on its answers."""
+    """Processor time that a virtual bench in the same process spends answering calls."""
 
     def __init__(self, backend: SimulatedBackend) -> None:
         self.cpu_s = 0.0
@@ -103,7 +103,7 @@ class Answering:
 
 
 def real_time(trials: int) -> None:
-    """Record at the speed of the wall clock; print processor time and the delay from sample to journal."""
+    """Record at wall-clock speed; print processor time and the delay from sample to journal."""
     backend = bench(PacedClock(1.0))
     answering = Answering(backend)
     behind: list[float] = []
@@ -137,7 +137,7 @@ def real_time(trials: int) -> None:
 
 
 def real_time_elsewhere(trials: int) -> None:
-    """Record from a bench in another process; print the processor time of this one."""
+    """Record from a bench in another process; print the processor time of this process."""
     with bench_elsewhere() as backend, tempfile.TemporaryDirectory() as folder:
         record_session(Path(folder) / "warm", rig_config=eight(), backend=backend, trials=1)
         wall, cpu = time.monotonic(), time.process_time()
@@ -148,7 +148,7 @@ def real_time_elsewhere(trials: int) -> None:
 
 
 def stalled_disk(stall_s: float = 2.0) -> None:
-    """Let the disk take nothing for a while in the middle of a trial; print what became of it."""
+    """Stall the disk for a while in the middle of a trial; print the result."""
     stalled: list[float] = []
     began = time.monotonic()
 

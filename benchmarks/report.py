@@ -1,12 +1,12 @@
-"""Size, time and memory of the report page against the number of trials: `python benchmarks/report.py [--trials 100]`.
+"""Size, time and memory of the report against the number of trials: `python benchmarks/report.py [--trials 100]`.
 
-Sessions are made from the shipped example: its trials copied in turn, the force of each copy scaled by a little.  Film
-tracking is not part of it.  Each run is a process of its own, `pianorig validate`, as a user starts it; memory is the
-largest resident set of that process and of those it started.
+Sessions are made from the shipped example: its trials are copied in turn, with the force of each copy slightly scaled.
+Film tracking is not included.  Each run is a separate `pianorig validate` process, as started by a user; memory is the
+largest resident set of that process and its children.
 
-Cold: a new process, nothing of this session computed before.  The kernels' machine code is on disk, put there by a run
-on another session that is not counted: an installation compiles once (about 20 s), not once per session.  Processor
-time counts both processors and, unlike the clock, hardly depends on what else the machine does.
+Cold: a new process with nothing computed for this session.  The kernels' machine code is on disk from an uncounted run
+on another session: an installation compiles once (about 20 s), not once per session.  Processor time counts both
+processors and, unlike wall time, hardly depends on other load.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ LIMITS = {  # name → (seconds, MB of page, GB of memory)
     "rejected": (6.0, 8.0, 1.0),
     "many": (60.0, 8.0, 1.0),
 }
-# runs in a process of its own, so that the largest resident set belongs to this run alone
+# runs in a separate process, so that the largest resident set belongs to this run alone
 RUN = """
 import json, resource, subprocess, sys, time
 start = time.perf_counter()
@@ -48,7 +48,7 @@ print(json.dumps(found | {"s": seconds, "cpu_s": use.ru_utime + use.ru_stime, "k
 
 
 def make_session(folder: Path, n_trials: int) -> Path:
-    """A session of many trials: the example's, copied in turn with slightly scaled force."""
+    """Make a session of many trials: the example's, copied in turn with slightly scaled force."""
     source = Session.open(EXAMPLE)
     session = Session.create(folder, source.info)
     originals = [trial.read() for trial in source.trials]
@@ -61,7 +61,7 @@ def make_session(folder: Path, n_trials: int) -> Path:
 
 
 def run(folder: Path) -> dict[str, object]:
-    """One ``pianorig validate``: seconds, memory, and what it said."""
+    """Run ``pianorig validate`` once: seconds, memory, and its output."""
     done = subprocess.run([sys.executable, "-c", RUN, str(folder)], capture_output=True, text=True, check=True)
     result: dict[str, object] = json.loads(done.stdout)
     if result["code"] != 0:
@@ -70,7 +70,7 @@ def run(folder: Path) -> dict[str, object]:
 
 
 def main() -> int:
-    """Print the table; 1 when a limit is not met."""
+    """Print the table; return 1 if a limit is not met."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--trials", type=int, default=100, help="trials of the large session")
     n_many = parser.parse_args().trials

@@ -1,11 +1,11 @@
-"""Do two checkouts compute the same? Every scene with every method, and the reports of the shipped sessions.
+"""Do two checkouts give the same results? Every scene with every method, and the reports of the shipped sessions.
 
 Run:  python benchmarks/same_results.py OTHER_CHECKOUT [--methods rodas4p,rodas5p]
 
-Each job runs ``pianorig`` in a process of its own, once from each checkout. Columns of angles, speeds and forces are
-compared as numbers: the largest difference of any angle in rad, and of any other column relative to its largest
-value. ``results.json`` and ``report.html`` are compared value by value and line by line, after hashes, dates, times
-of computing, versions and paths are masked. Exit code 0: angles within 1e-13 rad and all else identical.
+Each job runs ``pianorig`` in a separate process, once from each checkout. Columns of angles, speeds and forces are
+compared numerically: the largest difference of any angle in rad, and of any other column relative to its largest
+value. ``results.json`` and ``report.html`` are compared value by value and line by line, after masking hashes, dates,
+run times, versions and paths. Exit code 0: angles within 1e-13 rad and all else identical.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ UNSTABLE_KEYS = re.compile(r"sha256|hash|version|created|date|elapsed|seconds|wa
 
 
 def pianorig(checkout: Path, *arguments: str | Path) -> str:
-    """Run one command from the source of ``checkout``; its standard output."""
+    """Run one command from the source of ``checkout``; return its standard output."""
     code = "import sys; from pianorig.cli import main; main(sys.argv[1:])"
     environment = os.environ | {"PYTHONPATH": str(checkout), "SOURCE_DATE_EPOCH": "0"}
     done = subprocess.run(
@@ -65,7 +65,7 @@ def pianorig(checkout: Path, *arguments: str | Path) -> str:
 
 
 def input_tables(folder: Path) -> dict[str, Path]:
-    """A forte force, a torque of the motor arm and a key motion, written as CSV."""
+    """Write a forte force, a motor-arm torque and a key motion as CSV."""
     time = np.round(np.arange(0, 2501) * 2e-4, 4)
     knots = [0, 0.05, 0.07, 0.09, 0.11, 0.1125, 0.115, 0.118, 0.3, 0.39, 1]
     force = np.round(np.interp(time, knots, [0, 0, 1.4, 4.9, 10, 27, 15, 10, 10, 0, 0]), 4)
@@ -94,7 +94,7 @@ def compare_columns(a: Path, b: Path) -> tuple[float, float]:
 
 
 def masked(text: str, checkout: Path, folder: Path) -> str:
-    """Text without what may differ between two runs of the same computation."""
+    """Mask text that may differ between two runs of the same computation."""
     for place in (str(checkout), str(folder)):
         text = text.replace(place, "PLACE")
     for pattern, word in MASKS:
@@ -103,7 +103,7 @@ def masked(text: str, checkout: Path, folder: Path) -> str:
 
 
 def stable(value: Any, checkout: Path, folder: Path) -> Any:
-    """A JSON value without its unstable keys, texts masked."""
+    """Return a JSON value without its unstable keys, with text masked."""
     if isinstance(value, dict):
         return {k: stable(v, checkout, folder) for k, v in value.items() if not UNSTABLE_KEYS.search(k)}
     if isinstance(value, list):
@@ -112,7 +112,7 @@ def stable(value: Any, checkout: Path, folder: Path) -> Any:
 
 
 def differences(a: Any, b: Any, where: str = "") -> list[str]:
-    """Where two JSON values differ."""
+    """List where two JSON values differ."""
     if isinstance(a, dict) and isinstance(b, dict):
         keys = sorted({*a, *b})
         return [line for k in keys for line in differences(a.get(k), b.get(k), f"{where}/{k}")]
@@ -122,7 +122,7 @@ def differences(a: Any, b: Any, where: str = "") -> list[str]:
 
 
 def compare_simulations(other: Path, methods: list[str], folder: Path) -> bool:
-    """Every scene with every method; prints a row each."""
+    """Compare every scene with every method; print a row for each."""
     tables, fine = input_tables(folder), True
     for scene in SCENES:
         table = tables["torque" if scene == "motor-arm" else "force"]
@@ -139,7 +139,7 @@ def compare_simulations(other: Path, methods: list[str], folder: Path) -> bool:
 
 
 def compare_reports(other: Path, folder: Path) -> bool:
-    """The reports of the shipped sessions; prints what differs."""
+    """Compare the reports of the shipped sessions; print the differences."""
     fine = True
     for name in SESSIONS:
         found: list[tuple[Any, list[str]]] = []

@@ -1,8 +1,8 @@
-"""Hammer speed on a bench whose shank bends: error against the head's own speed, and whether the stated u covers it.
+"""Hammer speed on a bench with a bending shank: error relative to the head's true speed, and coverage by the stated u.
 
     python benchmarks/shank_speed.py [--seeds 30] [--first 3000] [--kinds forte,piano]
 
-The encoder sits at the butt and reads the vibration; the truth is the head beyond the hinge.
+The encoder sits at the butt and picks up the vibration; the truth is the motion of the head beyond the hinge.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ KINDS = ("forte", "piano", "double", "staccato", "slow", "fortissimo")
 
 
 def head_height_m(stroke: Stroke) -> np.ndarray:
-    """Height of the head under the string with its shank bent, on the fine time base."""
+    """Distance of the head below the string with its shank bent, on the fine time base."""
     a, hammer, bent = stroke.truth.action, stroke.truth.angle_rad[:, 4], stroke.truth.column("shank")
     effect = a.effects if "shank.hinge.x" in a.effects else a.quantities
     hx, hy = (effect[f"shank.hinge.{axis}"].value for axis in "xy")
@@ -41,7 +41,7 @@ def head_height_m(stroke: Stroke) -> np.ndarray:
 
 
 def true_speeds(stroke: Stroke) -> tuple[float, float]:
-    """Speed of the head at the first touch of the string and when it leaves it, m/s."""
+    """Speed of the head at first contact with the string and at separation, m/s."""
     height, step = head_height_m(stroke), stroke.truth.time_s[1] - stroke.truth.time_s[0]
     touch = int(np.flatnonzero(height <= 0)[0])
     leave = touch + int(np.flatnonzero(height[touch:] > 0)[0])
@@ -49,7 +49,7 @@ def true_speeds(stroke: Stroke) -> tuple[float, float]:
 
 
 def speeds(kind: str, seed: int) -> list[tuple[Event, float]]:
-    """Hammer and rebound speed as found, each with its truth."""
+    """Detected hammer and rebound speeds, each with its true value."""
     stroke = play(kind, seed, effects=("shank",))
     measured = measure(stroke.data, None, nominal()[1])
     found = find_events(measured.motion, measured.quiet.stop)
@@ -57,7 +57,7 @@ def speeds(kind: str, seed: int) -> list[tuple[Event, float]]:
 
 
 def main() -> None:
-    """Print a row per kind, speed and how it was found."""
+    """Print a row per kind, speed and detection method."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seeds", type=int, default=30)
     parser.add_argument("--first", type=int, default=3000)

@@ -1,15 +1,15 @@
-"""Does every plausible action run, and does every absurd one end in a right answer or a typed refusal?
+"""Does every plausible action run, and does every absurd one give a correct result or a typed error?
 
     python benchmarks/stability.py [--count 10000] [--seed 1] [--set A|B|AB] [--workers 2] [--replay FILE]
 
 Set A (plausible): geometry +-2 mm, everything else +-50 %, v_t 1e-2..1e-5, forces to 120 N with 0.2 ms edges; at
 least 99.9 % must finish. Set B (abuse): geometry +-50 %, no damping, no friction, deep penetration at start,
-v_t to 1e-6, NaN and infinite force; each must end in a right answer or in a typed error with advice.
-Right means: the energy balance, computed apart from the compiled equations, closes to 1e-4 of the turnover; and, for
-at least one case in twenty, the angles agree with a run at a hundredth of the tolerance (`stability_cases`).
-No case can hang: steps are bounded, and a worker that is silent for five minutes is ended and its cases named.
-A case is plain data made from (set, seed, number); failures go to ``--failures`` and are run again by ``--replay``.
-Exits with 1 when a share is missed or anything is wrong.
+v_t to 1e-6, NaN and infinite force; each must give a correct result or a typed error with advice.
+Correct means: the energy balance, computed independently of the compiled equations, closes to 1e-4 of the turnover;
+and, for at least one case in twenty, the angles agree with a run at a hundredth of the tolerance (`stability_cases`).
+No case can hang: steps are bounded, and a worker that is silent for five minutes is terminated and its cases listed.
+A case is plain data generated from (set, seed, number); failures go to ``--failures``, and ``--replay`` reruns them.
+Exits with 1 if a required share is missed or any result is wrong.
 """
 
 from __future__ import annotations
@@ -32,9 +32,9 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from benchmarks.stability_cases import FACTOR, MAKERS, TOLERANCE, Case, Result, load_case, run_case, save_case
 
 LEAST_SHARE = 0.999  # of set A
-ONE_IN = {"A": 20, "B": 8}  # cases checked against a finer run, if they finish
+ONE_IN = {"A": 20, "B": 8}  # cases checked against a finer run if they finish
 CHUNK = 5
-SILENCE_S = 300.0  # of one case before its worker is ended
+SILENCE_S = 300.0  # for one case before its worker is terminated
 
 
 def start_worker() -> None:
@@ -43,7 +43,7 @@ def start_worker() -> None:
 
 
 def run_chunk(name: str, seed: int, numbers: range) -> list[tuple[Case, Result]]:
-    """Run some cases in a worker; keeps the cases that are worth a file."""
+    """Run some cases in a worker; keep the cases worth saving."""
     out = []
     for number in numbers:
         case = MAKERS[name](seed, number)
@@ -54,7 +54,7 @@ def run_chunk(name: str, seed: int, numbers: range) -> list[tuple[Case, Result]]
 
 
 def run_all(name: str, seed: int, count: int, workers: int) -> Iterator[tuple[Case, Result]]:
-    """Cases and results as they come; a worker that dies or hangs gives a result for each of its cases."""
+    """Yield cases and results as they arrive; a worker that dies or hangs yields a result for each of its cases."""
     chunks = iter([range(i, min(i + CHUNK, count)) for i in range(0, count, CHUNK)])
     pool = ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), start_worker)
     pending: dict[Future[list[tuple[Case, Result]]], range] = {}
@@ -82,7 +82,7 @@ def run_all(name: str, seed: int, count: int, workers: int) -> Iterator[tuple[Ca
 
 
 def report(name: str, results: list[Result]) -> bool:
-    """Print what one set gave; true where it is as it must be."""
+    """Print the results of one set; return whether they meet the requirements."""
     count = len(results)
     tally = Counter(r.outcome for r in results)
     finished = [r for r in results if r.outcome == "finished"]
@@ -115,7 +115,7 @@ def report(name: str, results: list[Result]) -> bool:
 
 
 def run_set(name: str, args: argparse.Namespace) -> tuple[list[Result], bool]:
-    """Run one set; failures of set A and anything wrong become files. Returns results and whether all were run."""
+    """Run one set; save failures of set A and wrong results. Return the results and whether all cases were run."""
     results: list[Result] = []
     start = time.perf_counter()
     try:

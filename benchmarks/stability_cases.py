@@ -1,9 +1,9 @@
-"""Cases of the stability benchmark: plain data made from (set, seed, number), and how one is run and judged.
+"""Cases of the stability benchmark: plain data generated from (set, seed, number), and how one is run and judged.
 
-A case says which parameters differ from the printed action, which force acts, where the motion starts and which
-error it must end in when it cannot run. `run_case` never raises: what happens is in the result.
-Angles within `FACTOR` times the tolerance of a run at a hundredth of it count as right; where they are not, the growth
-of a disturbance as large as the tolerance, measured with that finer run, must explain the difference.
+A case states which parameters differ from the printed action, which force acts, where the motion starts and which
+error it must raise if it cannot run. `run_case` never raises: the outcome is in the result.
+Angles within `FACTOR` times the tolerance of a run at a hundredth of it count as correct; otherwise the growth of a
+disturbance as large as the tolerance, measured with that finer run, must explain the difference.
 """
 
 from __future__ import annotations
@@ -23,16 +23,16 @@ Array = NDArray[np.float64]
 
 TOLERANCE = 1e-5  # rad
 FACTOR = 10.0  # error allowed, in tolerances
-RESIDUAL = 1e-4  # energy allowed to be amiss, in turnovers
-LEAST_TURNOVER_J = 1e-3  # a forte turns over 100 times that; below it the tolerance itself is worth more energy
+RESIDUAL = 1e-4  # allowed energy residual, in turnovers
+LEAST_TURNOVER_J = 1e-3  # a forte has 100 times this turnover; below it the tolerance itself corresponds to more energy
 END_S = 0.4
-STEPS = 100_000  # of one run; the finer ones may take ten times as many
+STEPS = 100_000  # for one run; finer runs may take ten times as many
 KICK_S = (0.0, 0.08, 0.16, 0.24, 0.32)
 
 
 @dataclass
 class Case:
-    """One case as plain data; ``expect`` is the name of the error it must end in, if any."""
+    """One case as plain data; ``expect`` is the name of the error it must raise, if any."""
 
     set: str
     seed: int
@@ -47,7 +47,7 @@ class Case:
 
 @dataclass
 class Result:
-    """What became of a case: ``finished``, ``refused`` (typed, explained), or what is wrong with it."""
+    """Outcome of a case: ``finished``, ``refused`` (typed, explained), or what is wrong with it."""
 
     set: str
     number: int
@@ -57,12 +57,12 @@ class Result:
     steps: int = 0
     residual: float = 0.0
     quadrature: float = 0.0
-    difference: float | None = None  # rad, to the finer run
-    growth: float | None = None  # of a disturbance, where the difference asked for an explanation
+    difference: float | None = None  # rad, from the finer run
+    growth: float | None = None  # of a disturbance, where the difference needed an explanation
 
 
 def edges(random: np.random.Generator, highest: float) -> tuple[list[float], list[float]]:
-    """A force table of 2 to 8 levels up to ``highest``, joined by 0.2 ms edges; in the end the key is let go."""
+    """A force table of 2 to 8 levels up to ``highest``, joined by 0.2 ms edges; at the end the key is released."""
     count = int(random.integers(2, 9))
     starts = np.sort(random.uniform(0.01, 0.3, count))
     starts = starts[np.append(True, np.diff(starts) > 3e-4)]
@@ -75,7 +75,7 @@ def edges(random: np.random.Generator, highest: float) -> tuple[list[float], lis
 
 
 def varied(random: np.random.Generator, length_m: float, share: float, turn: float) -> dict[str, float]:
-    """All parameters of the printed action changed: lengths by ``length_m`` (if 0: by 50 %), angles by ``turn``."""
+    """Change all parameters of the printed action: lengths by ``length_m`` (if 0: by 50 %), angles by ``turn``."""
     base = model.load_action()
     out: dict[str, float] = {}
     for path, quantity in base.quantities.items():
@@ -105,7 +105,7 @@ def plausible(seed: int, number: int) -> Case:
 
 
 def abused(seed: int, number: int) -> Case:
-    """Geometry +-50 %, no damping, no friction, deep penetration at start, v_t to 1e-6, forces that are none."""
+    """Geometry +-50 %, no damping, no friction, deep penetration at start, v_t to 1e-6, invalid forces."""
     random = np.random.default_rng([seed, ord("B"), number])
     overrides = varied(random, 0.0 if random.random() < 0.7 else 2e-3, 0.5, 0.5 if random.random() < 0.3 else 0.04)
     overrides["friction_threshold.v_t"] = 10 ** random.uniform(-6, -2)
@@ -130,7 +130,7 @@ def abused(seed: int, number: int) -> Case:
             row = int(random.integers(len(times)))
             case.time_s[row] = bad if not np.isfinite(bad) else -bad
             if row == 0 and bad == 1e5:
-                case.expect = None  # a table may begin that long ago: the action rests until then
+                case.expect = None  # a table may start this early: the action is at rest until then
         elif poison < 0.10:
             case.angle_rad = [bad] * 5
         else:
@@ -144,7 +144,7 @@ MAKERS = {"A": plausible, "B": abused}
 
 
 class Runner:
-    """A case made ready: gives its states at any times, at any tolerance, with or without a disturbance."""
+    """A prepared case: gives its states at any times, at any tolerance, with or without a disturbance."""
 
     def __init__(self, case: Case) -> None:
         self.action = model.load_action().with_values(case.overrides)
@@ -171,7 +171,7 @@ class Runner:
 
 
 def check_energy(runner: Runner, tolerance: float) -> Audit:
-    """Balance of the whole run."""
+    """Energy balance of the whole run."""
     end = float(runner.times[-1])
     return audit(
         runner.action, lambda at: runner.states(at, tolerance), 0.0, end, runner.times, runner.forces,
@@ -180,7 +180,7 @@ def check_energy(runner: Runner, tolerance: float) -> Audit:
 
 
 def check_finer(runner: Runner, result: Result) -> None:
-    """Compare with a hundredth of the tolerance; sets difference, growth and, if need be, the outcome."""
+    """Compare with a hundredth of the tolerance; set difference, growth and, if necessary, the outcome."""
     at = np.linspace(0.0, END_S, 401)
     fine = TOLERANCE / 100.0
     coarse = runner.states(at, TOLERANCE)[0]
@@ -208,7 +208,7 @@ def check_finer(runner: Runner, result: Result) -> None:
 
 
 def run_case(case: Case, finer: bool = False) -> Result:
-    """Run one case and judge it; never raises, except to be interrupted."""
+    """Run one case and judge it; never raises, except on interruption."""
     result = Result(case.set, case.number, "finished")
     begin = time.perf_counter()
     try:
@@ -234,7 +234,7 @@ def run_case(case: Case, finer: bool = False) -> Result:
         result.outcome, result.detail = f"refused: {type(problem).__name__}", str(problem)
         if "\n" in result.detail or len(result.detail) < 20:
             result.outcome = "wrong: refused without one line of advice"
-    except Exception as problem:  # the very thing this benchmark looks for
+    except Exception as problem:  # exactly what this benchmark looks for
         result.outcome, result.detail = f"wrong: untyped {type(problem).__name__}", str(problem)
     refused = result.outcome.removeprefix("refused: ") if result.outcome.startswith("refused") else None
     if case.expect is not None and refused != case.expect and not result.outcome.startswith("wrong"):
@@ -244,10 +244,10 @@ def run_case(case: Case, finer: bool = False) -> Result:
 
 
 def save_case(case: Case, result: Result, path: Path) -> None:
-    """Write a case and what became of it as JSON (with NaN and Infinity as Python writes them)."""
+    """Write a case and its outcome as JSON (with NaN and Infinity as Python writes them)."""
     path.write_text(json.dumps({"case": asdict(case), "result": asdict(result)}, indent=1), encoding="utf-8")
 
 
 def load_case(path: Path) -> Case:
-    """Read a case that `save_case` wrote."""
+    """Read a case written by `save_case`."""
     return Case(**json.loads(path.read_text(encoding="utf-8"))["case"])

@@ -1,11 +1,11 @@
-"""Requested tolerance against true error of one blow: how far the mapping from one to the other holds.
+"""Requested tolerance against true error of single blows.
 
 Run:  python benchmarks/tolerance.py [--method NAME ...]
-Per blow and method a line: error / request at each request from 1e-3 to 1e-9, then the largest ratio of the errors of
-neighbouring decades (0.5 or less: every decade at least halves the error). Blows marked ``tuned`` served to choose the
-shares in `model.simulation.run`, the ``held out`` ones did not. The error is the largest difference of any angle, every
-1 ms, from an explicit method of order 8 at 1e-13 that shares neither the equations' code nor the algorithm.
-Exits with 1 when an error exceeds ten times its request.
+Prints per blow and method error / request at each request from 1e-3 to 1e-9, then the largest ratio of the errors of
+neighbouring decades (0.5 or less: every decade at least halves the error). Blows marked ``tuned`` were used to choose
+the shares in `model.simulation.run`, the ``held out`` ones were not. The error is the largest difference of any angle,
+every 1 ms, from an explicit method of order 8 at 1e-13 that shares neither the equations' code nor the algorithm.
+Exits with 1 if an error exceeds ten times its request.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import sys
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-sys.path.insert(0, str(ROOT))  # measures the checkout this file lies in
+sys.path.insert(0, str(ROOT))  # measure the checkout that contains this file
 
 import numpy as np  # noqa: E402
 from numpy.typing import NDArray  # noqa: E402
@@ -32,7 +32,7 @@ REFERENCE_TOLERANCE = 1e-13
 OUTPUT_EVERY = 5  # points of the force table: 1 ms
 ALLOWED = 10.0
 
-# corners (s, N) of blows that no share was chosen on
+# corners (s, N) of blows not used to choose any share
 HELD_OUT: dict[str, tuple[list[float], list[float]]] = {
     "slow press": ([0, 0.02, 0.6, 0.65, 0.7], [0, 0, 3.0, 3.0, 0]),
     "staccato": ([0, 0.03, 0.045, 0.052, 0.055, 0.065, 0.7], [0, 0, 12, 30, 8, 0, 0]),

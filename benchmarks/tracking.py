@@ -4,17 +4,16 @@ matching.
     python benchmarks/tracking.py [--frames 600] [--seed 1]
 
 Every method gets the same MRAW film (whippen, jack and repetition lever of a blow, 2000 frames/s, motion
-blur, 120 Hz flicker, noise of 2 grey), the same outlines, the same averaged still picture, and reads the film
-from disk itself. Printed per texture: RMS error of the angles (jack and repetition lever relative to the
-whippen), its ratio to the Cramer-Rao bound, frames per second for the three bodies together, frames lost. The
-last lines check our own figures; the exit code is 1 if one fails. pyIDI's rigid DIC is a row where it is installed.
+blur, 120 Hz flicker, noise of 2 grey levels), the same outlines and the same reference image, and reads the film
+from disk itself. Prints per texture: RMS error of the angles (jack and repetition lever relative to the
+whippen), its ratio to the Cramer-Rao bound, frames per second for the three bodies together, lost frames. The
+last lines check our own figures; the exit code is 1 if one fails. pyIDI's rigid DIC is included if installed.
 
-Then: one body of 10,000 pixels, free and with 30 % of it hidden, against the Cramer-Rao bound of the pixels in
-sight; many films, raw and as MJPEG of quality 95, for coverage; a region against full frames of a large film.
+Then: one body of 10,000 pixels, unoccluded and 30 % occluded, against the Cramer-Rao bound of the visible
+pixels; coverage over many films, raw and as MJPEG of quality 95; reading a region against full frames of a large film.
 
 Rates are frames per CPU second with OpenCV on one thread. The truth is the mean of each angle over the
-exposure, known by construction. `--frames` shorter than 300 cuts
-the blow.
+exposure, known by construction. `--frames` below 300 cuts off the blow.
 """
 
 from __future__ import annotations
@@ -46,21 +45,21 @@ Row = tuple[str, NDArray[np.float64], float, NDArray[np.int64]]
 
 
 def angles_of(phi: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Zero on the still frames, counter-clockwise, jack and lever relative to the whippen."""
+    """Angles zeroed on the still frames, counter-clockwise, jack and lever relative to the whippen."""
     angle = picture_to_ccw(phi - np.nanmean(phi[:N_STILL], axis=0))
     angle[:, 1:] -= angle[:, :1]
     return angle
 
 
 def measure(path: Path, truth: FilmTruth, settings: CameraSettings) -> tuple[list[Row], dict[str, float]]:
-    """Run all methods on one film; rows and our own calibration figures."""
+    """Run all methods on one film; return the rows and our own calibration figures."""
     bodies = film_bodies(settings=settings)
     frame_time_s = truth.frame_time_s
     rows: list[Row] = []
     figures: dict[str, float] = {}
     true = truth.mean_angle_rad - truth.mean_angle_rad[:N_STILL].mean(axis=0)
     for name, method in (("ours, IC-GN with weights", "icgn"), ("OpenCV ECC with mask", "ecc")):
-        # compile outside the clock; a second run reads a film that is in the page cache, as for all methods
+        # compile untimed; the second run reads a film already in the page cache, as for all methods
         track_film(path, bodies, frame_time_s, method=method, every=max(1, len(true) // 4), n_still=N_STILL)
         start = time.process_time()
         result = track_film(path, bodies, frame_time_s, method=method, n_still=N_STILL)
@@ -91,7 +90,7 @@ def measure(path: Path, truth: FilmTruth, settings: CameraSettings) -> tuple[lis
 
 
 def one_body_rows() -> list[str]:
-    """Print one body of 10,000 pixels; claims that fail."""
+    """Print the results for one body of 10,000 pixels; return failed claims."""
     failures = []
     print("\none body alone, weights on; RMS over the Cramer-Rao bound of the pixels in sight")
     print("  texture    hidden  pixels  RMS mdeg   ratio   cover     z  frames/s  lost")
@@ -108,7 +107,7 @@ def one_body_rows() -> list[str]:
                 failures.append(f"one body, {texture}: {least:.0f} frames/s")
         if importlib.util.find_spec("pyidi") is not None:
             row = tracking_cases.against_pyidi(texture)
-            # pyIDI's best case: an axis-parallel rectangle, its angles zeroed on the still frames like ours
+            # pyIDI's best case: an axis-aligned rectangle, with angles zeroed on the still frames like ours
             print(
                 f"  {texture:9s}same rectangle: ours {row['ours']:.2f} mdeg at {row['ours_per_s']:.0f}/s, pyIDI "
                 f"{row['pyidi']:.2f} mdeg at {row['pyidi_per_s']:.1f}/s"
@@ -117,7 +116,7 @@ def one_body_rows() -> list[str]:
 
 
 def film_rows(count: int) -> list[str]:
-    """Print coverage over many films, raw and MJPEG; claims that fail."""
+    """Print coverage over many films, raw and MJPEG; return failed claims."""
     failures = []
     print(f"\n{count} films of three bodies, whippen and relative angles")
     for name, quality in (("raw", None), ("MJPEG q95", 95)):
@@ -134,7 +133,7 @@ def film_rows(count: int) -> list[str]:
 
 
 def reading_rows() -> list[str]:
-    """Print region against full-frame reading; claims that fail."""
+    """Print region against full-frame reading; return failed claims."""
     row = tracking_cases.region_reading()
     print(
         f"\nreading 1280 x 1024, 12 bit, warm: full frame {row['full_ms']:.2f} ms ({row['frame_bytes']:.0f} bytes), "

@@ -1,6 +1,6 @@
-"""Cases of ``benchmarks/tracking.py``: one body of 10,000 pixels with and without cover, many films, region reading.
+"""Cases of ``benchmarks/tracking.py``: one body of 10,000 pixels with and without occlusion, many films, regions.
 
-Times are CPU seconds of this process with OpenCV on one thread, so that a busy machine changes them little.
+Times are CPU seconds of this process with OpenCV on one thread, so that other load hardly affects them.
 """
 
 from __future__ import annotations
@@ -32,26 +32,26 @@ MDEG = np.radians(1e-3)
 
 
 def bar_scene(texture: str, seed: int) -> Scene:
-    """A bar with 10,584 usable pixels before a background."""
+    """A bar with 10,584 usable pixels in front of a background."""
     extent = (-56.0, -52.0, 90.0, 52.0)
     make = speckle(extent, seed) if texture == "speckle" else wood_grain(extent, seed, direction_rad=0.15)
     return Scene([SyntheticBody("bar", box(-50.0, -46.0, 84.0, 46.0), make)], background(HEIGHT, WIDTH, seed + 1))
 
 
 def bar_pose(n: int, turn_rad: float = 0.3) -> NDArray[np.float64]:
-    """Poses (n, 3): rest, then a turn with a drift."""
+    """Poses (n, 3): at rest, then a rotation with drift."""
     s = smooth_step((np.arange(n) - N_STILL - 2) / (n - N_STILL - 10))
     return np.column_stack([turn_rad * s, PIVOT[0] + 8 * s, PIVOT[1] - 5 * s])
 
 
 def cover_of(frame: int, width: int) -> slice:
-    """Columns of the picture that a dark bar of ``width`` px hides."""
+    """Image columns occluded by a dark bar of ``width`` px."""
     left = 40 + int(0.45 * max(0, frame - N_STILL))
     return slice(left, left + width) if frame > N_STILL and width else slice(0, 0)
 
 
 def one_body(texture: str, cover_px: int, n: int = 400, seed: int = 3) -> dict[str, float]:
-    """Track the bar alone from an MRAW film: RMS over the bound of the visible pixels, coverage, frames per second."""
+    """Track the bar alone from an MRAW film: RMS over the bound for the visible pixels, coverage, frames per second."""
     scene, pose = bar_scene(texture, seed), bar_pose(n)
     sensor, frames = Sensor(NOISE, 8, seed), []
     for i in range(n):
@@ -85,7 +85,7 @@ def one_body(texture: str, cover_px: int, n: int = 400, seed: int = 3) -> dict[s
 
 
 def against_pyidi(texture: str, n: int = 110, seed: int = 3) -> dict[str, float]:
-    """The bar free, ours and pyIDI's rigid DIC on the very same rectangle: RMS (mdeg), frames per CPU second."""
+    """The unoccluded bar, ours and pyIDI's rigid DIC on the same rectangle: RMS (mdeg), frames per CPU second."""
     import pyidi
 
     scene, pose = bar_scene(texture, seed), bar_pose(n)
@@ -120,7 +120,7 @@ def against_pyidi(texture: str, n: int = 110, seed: int = 3) -> dict[str, float]
 def visible_bounds(
     scene: Scene, body: Body, pose: NDArray[np.float64], cover_px: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Cramer-Rao bound of the angle from the pixels in sight, rad, and share hidden, frame by frame."""
+    """Cramer-Rao bound of the angle from the visible pixels, rad, and occluded share, frame by frame."""
     picture = scene.light(pose[0][None, None])
     mask = build_masks([body], HEIGHT, WIDTH)[0]
     rows, columns = np.nonzero(mask)
@@ -140,7 +140,7 @@ def visible_bounds(
 
 def many_films(count: int, n: int, quality: int | None) -> tuple[float, float, float, int]:
     """Whippen and both relative angles of ``count`` films: coverage of the 95 % interval, spread of error over u,
-    largest error (mdeg) of a frame without a flag, frames in all."""
+    largest error (mdeg) of a frame without a flag, total frames."""
     z, largest, total = [], 0.0, 0
     for seed in range(count):
         texture = ("wood", "speckle")[seed % 2]

@@ -1,7 +1,7 @@
-"""Other ways of tracking, for the table of ``benchmarks/tracking.py``: Lucas-Kanade, template matching, pyIDI's DIC.
+"""Other tracking methods, for the table of ``benchmarks/tracking.py``: Lucas-Kanade, template matching, pyIDI's DIC.
 
-Each takes a film, the templates of its bodies and their averaged still picture (height, width), and gives the angle of
-each body in picture sense, rad, (n_frames, n_bodies), NaN where it is lost.
+Each takes a film, the templates of its bodies and their reference image (height, width), and returns the angle of
+each body in image orientation, rad, (n_frames, n_bodies), NaN where it is lost.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from vision.fitting.template import Template
 
 
 def by_lucas_kanade(film: Film, templates: list[Template], picture: NDArray[np.uint8]) -> NDArray[np.float64]:
-    """Each frame is turned back by the previous pose, 80 corners are followed, a rigid fit gives the rest."""
+    """Each frame is rotated back by the previous pose, 80 corners are tracked, and a rigid fit gives the increment."""
     phi = np.full((film.n_frames, len(templates)), np.nan)
     corners, poses = [], []
     for template in templates:
@@ -52,8 +52,7 @@ def by_lucas_kanade(film: Film, templates: list[Template], picture: NDArray[np.u
 
 
 def by_templates(film: Film, templates: list[Template], picture: NDArray[np.uint8]) -> NDArray[np.float64]:
-    """Two 31 px squares per body, matched without turning them, with a parabola for the fraction of a
-    pixel."""
+    """Two 31 px squares per body, matched without rotation, with a parabola for the subpixel part."""
     phi = np.full((film.n_frames, len(templates)), np.nan)
     half, reach = 15, 8
     marks = []
@@ -82,8 +81,8 @@ def by_templates(film: Film, templates: list[Template], picture: NDArray[np.uint
 
 
 def by_pyidi(film: Film, templates: list[Template], picture: NDArray[np.uint8]) -> NDArray[np.float64]:
-    """pyIDI's DIC with a rigid warp (1.4 or later) on the box around each body; it knows rectangles only, so that
-    what lies around slanted bodies spoils it; see `tracking_cases.against_pyidi` for a body that is a rectangle."""
+    """pyIDI's DIC with a rigid warp (1.4 or later) on the box around each body; it supports rectangles only, so the
+    surroundings of slanted bodies degrade it; see `tracking_cases.against_pyidi` for a rectangular body."""
     import pyidi
 
     frames = np.stack([film.read(i) for i in range(film.n_frames)])
@@ -102,7 +101,7 @@ def by_pyidi(film: Film, templates: list[Template], picture: NDArray[np.uint8]) 
 
 
 def peak(score: NDArray[Any], at: int) -> float:
-    """Fraction of a pixel by which a parabola through three scores peaks beside the highest."""
+    """Subpixel offset of the peak of a parabola through three scores from the highest one."""
     if not 0 < at < score.size - 1:
         return 0.0
     left, middle, right = float(score[at - 1]), float(score[at]), float(score[at + 1])

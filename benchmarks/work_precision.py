@@ -1,13 +1,13 @@
-"""Work against precision: our integrators and their peers on the same equations and the same force tables.
+"""Work-precision comparison: our integrators and their peers on the same equations and force tables.
 
 Run:  python benchmarks/work_precision.py [--quick] [--blow NAME] [--out DIAGRAM] [--json FILE]
 Error is max |difference| over the five angles (rad), every 1 ms, from a reference made by two methods that share
-neither the equations' code nor the algorithm: explicit order 8 at 1e-13 that lands on every force point, and our own
+neither the equations' code nor the algorithm: explicit order 8 at 1e-13 that steps to every force point, and our own
 highest-order method at 1e-12; their difference is printed. Time is the best of several runs, all methods taking
-turns; compiling is not in it and is printed apart. A ratio is a method's time over that of our default method at no
-larger error, read off the log-log line between its points ("-": our runs stop short of that error).
-Peers get the equations with all parameters frozen into machine code; missing ones are named and left out.
-Exit 1: one of our errors exceeds twice its requested tolerance, or the references differ by more than 1e-9 rad.
+turns; compilation is excluded and printed separately. A ratio is a method's time over that of our default method at
+no larger error, interpolated on the log-log line between its points ("-": our runs do not reach that error).
+Peers get the equations with all parameters compiled in as constants; missing peers are named and left out.
+Exit code 1: an error of ours exceeds twice its requested tolerance, or the references differ by more than 1e-9 rad.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from pathlib import Path
 from typing import TypeVar
 
 ROOT = Path(__file__).resolve().parents[1]
-sys.path.insert(0, str(ROOT))  # measures the checkout this file lies in
+sys.path.insert(0, str(ROOT))  # measure the checkout that contains this file
 
 import numpy as np  # noqa: E402
 from peers import solvers, traced  # noqa: E402
@@ -108,7 +108,7 @@ def summary(rows: list[Row], blow: str, default: str) -> str:
 
 
 def check(rows: list[Row], differences: dict[str, float]) -> list[str]:
-    """What must not be: one line for each wrong answer."""
+    """Failures: one line for each wrong result."""
     bad = [
         f"{r.blow}: {r.method} at {r.tolerance:.0e}: error {r.error_rad:.2e} rad, allowed {2 * r.tolerance:.0e}"
         for r in rows
@@ -227,7 +227,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _plain(value: object) -> object:
-    """Numbers JSON knows: numpy's as Python's, what is not finite as None."""
+    """Convert numbers for JSON: NumPy's to Python's, non-finite ones to None."""
     if isinstance(value, dict):
         return {k: _plain(v) for k, v in value.items()}
     if isinstance(value, list):

@@ -1,1 +1,1 @@
-"""What the work-precision benchmark compares with: force tables, equations, solvers, reference, table and diagram."""
+"""Peers of the work-precision benchmark: force tables, equations, solvers, reference, table and diagram."""

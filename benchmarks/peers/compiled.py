@@ -1,9 +1,9 @@
 """The straight-line equations compiled with numba: right-hand sides for the peers, and the explicit reference.
 
 The force table is passed as one array: first time (s), points per second, then the forces (N); points are equally
-far apart, so that a look-up costs nothing. The explicit reference is Dormand and Prince's method of order 8
-(coefficients read from SciPy's DOP853), compiled; every point of the table ends a step, so that no kink of the force
-lies inside one.
+spaced, so that a look-up costs nothing. The explicit reference is Dormand and Prince's method of order 8
+(coefficients read from SciPy's DOP853), compiled; a step ends at every point of the table, so that no kink of the
+force lies inside one.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ WRITE = types.float64[::1]
 
 @numba.njit(types.float64(types.float64, READ))
 def force_at(t: float, table: Array) -> float:
-    """Force at ``t``, linear between the points, the end values beyond them."""
+    """Force at ``t``, interpolated linearly between the points, constant beyond them."""
     last = table.shape[0] - 3
     x = (t - table[0]) * table[1]
     if x <= 0.0:
@@ -39,7 +39,7 @@ def force_at(t: float, table: Array) -> float:
 
 
 def pack(time_s: Array, force_n: Array) -> Array:
-    """A force table of equally spaced points as one array."""
+    """Return a force table of equally spaced points as one array."""
     return np.concatenate([[time_s[0], (len(time_s) - 1) / (time_s[-1] - time_s[0])], force_n])
 
 
@@ -84,7 +84,7 @@ class CompiledEquations:
         self._explicit: Any = None
 
     def seconds_per_call(self, y: Array, table: Array) -> float:
-        """Time of one right-hand side within compiled code: the mean over states ``y`` (m, 10), best of 5, s."""
+        """Time of one right-hand side in compiled code: mean over states ``y`` (m, 10), best of 5, s."""
         fill = self.fill
 
         @numba.njit(types.float64(types.float64[:, ::1], READ))
@@ -103,7 +103,7 @@ class CompiledEquations:
         return float(best / len(y))
 
     def explicit(self, y0: Array, table: Array, every: int, tolerance: float) -> tuple[Array, int]:
-        """States (m, 10) at every ``every``-th point of the table by the explicit method; and its steps."""
+        """States (m, 10) at every ``every``-th point of the table by the explicit method, and the number of steps."""
         if self._explicit is None:
             self._explicit = _explicit_method(self.fill)
         out = np.full(((table.shape[0] - 3) // every + 1, 2 * N), np.nan)

@@ -1,7 +1,7 @@
-"""CVODE driven by a C program: what the method itself costs, without Python in its loop.
+"""CVODE driven by a C program: the cost of the method itself, without Python in its loop.
 
 Builds ``cvode.c`` with gcc against the system's SUNDIALS (Debian: ``libsundials-dev``) in a temporary folder.
-Where the compiler or the library is missing, ``build`` raises ``Unavailable``.
+If the compiler or the library is missing, ``build`` raises ``Unavailable``.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ LIBRARIES = ("sundials_cvode", "sundials_nvecserial", "sundials_sunmatrixdense",
 
 
 class Unavailable(Exception):
-    """A peer cannot take part on this machine; the message says why and what would help."""
+    """A peer is not available on this machine; the message gives the reason and a remedy."""
 
 
 def build() -> ctypes.CDLL:
@@ -35,10 +35,10 @@ def build() -> ctypes.CDLL:
     with tempfile.TemporaryDirectory(prefix="work-precision-", ignore_cleanup_errors=True) as folder:
         library = Path(folder) / "cvode_peer.so"
         base = [compiler, "-O3", "-march=native", "-shared", "-fPIC", "-o", str(library), str(source)]
-        for extra in ([], ["-lsundials_core"]):  # SUNDIALS 7 keeps its context in a library of its own
+        for extra in ([], ["-lsundials_core"]):  # SUNDIALS 7 has its context in a separate library
             done = subprocess.run([*base, *names, *extra, "-lm"], capture_output=True, text=True, check=False)
             if done.returncode == 0:
-                return ctypes.CDLL(str(library))  # loaded: the file may go
+                return ctypes.CDLL(str(library))  # loaded: the file may be deleted
             problem = problem or (done.stderr.strip().splitlines() or ["no message"])[0]
     raise Unavailable(f"cvode.c does not build ({problem}); on Debian: apt-get install libsundials-dev")
 

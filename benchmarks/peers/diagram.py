@@ -1,7 +1,7 @@
-"""The diagram: error against run time, one panel a blow, logarithmic on both axes.
+"""The diagram: error against run time, one panel per blow, logarithmic on both axes.
 
-Ours are thick full lines with filled marks, peers thin broken lines with open marks; colours (Okabe and Ito) can be
-told apart by colour-blind readers, and no two methods share a mark.
+Ours are thick solid lines with filled markers, peers thin dashed lines with open markers; colours (Okabe and Ito) are
+distinguishable by colour-blind readers, and no two methods share a marker.
 """
 
 from __future__ import annotations
@@ -88,7 +88,7 @@ def draw(rows: Sequence[Row], blows: Sequence[str], default: str, path: Path) ->
     path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path, metadata={"Date": None} if path.suffix == ".svg" else None, dpi=110)
     plt.close(figure)
-    if path.suffix == ".svg":  # a hundredth of a point is enough, and half the file
+    if path.suffix == ".svg":  # a hundredth of a point is enough and halves the file size
         text = path.read_text(encoding="utf-8")
         text = re.sub(r"\d+\.\d{3,}", lambda number: f"{float(number[0]):.2f}".rstrip("0").rstrip("."), text)
         path.write_text(text, encoding="utf-8")

@@ -1,12 +1,12 @@
 """The action's equations written out as straight-line source, for solvers that are not ours.
 
-An `Action` goes in; out comes the text of ``rhs`` with every parameter a literal number and every loop unrolled,
-the fastest form a compiled right-hand side can take. Nothing of ``model.kernels`` is used, so that a reference made
-with it also checks those kernels; `largest_deviation` compares it with the plain NumPy twin.
+Takes an `Action` and returns the text of ``rhs`` with every parameter a literal number and every loop unrolled,
+the fastest form a compiled right-hand side can take. Nothing from ``model.kernels`` is used, so that a reference made
+with it also checks those kernels; `largest_deviation` compares it with the plain NumPy reference equations.
 
 Two dialects: ``branches=True`` writes ``if`` statements (numba), so that an open contact costs only its gap;
 ``branches=False`` writes ``where(condition, a, b)`` for libraries that trace expressions (CasADi).
-Equations: thesis Chapter 2, decisions in docs/decisions; planar bodies, at most one parent each.
+Equations: thesis Chapter 2 and docs/decisions; planar bodies, at most one parent each.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class Emitter:
         self.parent = [action.structure[f"{b}.parent"] for b in BODIES]
 
     def add(self, text: str) -> None:
-        """Write a line at the present depth."""
+        """Write a line at the current indentation."""
         self.lines.append("    " * self.depth + text)
 
     def value(self, path: str) -> str:
@@ -92,7 +92,7 @@ class Emitter:
         return f"({a!r}) * (tanh(z){extra})"
 
     def inertia(self) -> None:
-        """Mass matrix entries ``m{i}_{j}`` and all forces but the contacts' in ``f{i}``."""
+        """Mass matrix entries ``m{i}_{j}`` and all forces except contact forces in ``f{i}``."""
         g = self.value("gravity.g")
         terms: dict[tuple[int, int], list[str]] = {}
         force: list[list[str]] = [[] for _ in range(N)]
@@ -203,7 +203,7 @@ class Emitter:
         self.depth -= 2 if self.branches else 0
 
     def solve(self) -> None:
-        """Accelerations: children eliminated into their one parent."""
+        """Accelerations: children eliminated into their single parent."""
         children = {i: BODIES.index(up) for i, up in enumerate(self.parent) if up != "ground"}
         pair = {i: f"m{min(i, k)}_{max(i, k)}" for i, k in children.items()}
         for i in range(N):
@@ -228,14 +228,14 @@ def source(action: Action, *, branches: bool) -> str:
 
 
 def accelerations(action: Action, names: dict[str, Any] | None = None, *, branches: bool = True) -> Any:
-    """The function itself, with ``names`` (sin, cos, tanh, sqrt, where) from the library that is to run it."""
+    """The function itself, with ``names`` (sin, cos, tanh, sqrt, where) from the library that runs it."""
     space = dict(names or {k: getattr(math, k) for k in ("sin", "cos", "tanh", "sqrt")})
     exec(compile(source(action, branches=branches), "<equations of the action>", "exec"), space)
     return space["accelerations"]
 
 
 def largest_deviation(function: Any, action: Action, rest: np.ndarray, count: int = 100) -> float:
-    """Largest relative difference of accelerations from the plain NumPy twin over random states about ``rest``."""
+    """Largest relative difference of accelerations from the NumPy reference equations, random states about ``rest``."""
     twin, rng, worst = Twin(action), np.random.default_rng(1), 0.0
     for _ in range(count):
         q = rest + rng.normal(0.0, 0.05, N)

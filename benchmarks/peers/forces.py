@@ -1,5 +1,4 @@
-"""Force tables of the benchmark: those of ``model.files.force_library`` and a noisy one; time (s), force on the key
-(N)."""
+"""Force tables of the benchmark: ``model.files.force_library`` and a noisy one; time (s), key force (N)."""
 
 from __future__ import annotations
 
@@ -14,7 +13,7 @@ BLOWS = ("forte", "piano", "double", "fortissimo", "noisy")
 
 
 def force_table(blow: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Times (k,) and forces (k,) of one blow; ``noisy`` is the forte as a load cell of 0.05 N noise reads it."""
+    """Times (k,) and forces (k,) of one blow; ``noisy`` is the forte as read by a load cell with 0.05 N noise."""
     time, force = forces.force_table("forte" if blow == "noisy" else blow)
     if blow == "noisy":
         noise = np.random.default_rng(4).normal(0.0, NOISE_N, len(time))

@@ -1,7 +1,7 @@
-"""Runs every method at every tolerance, in turns, and keeps the best time of each.
+"""Run every method at every tolerance, in turns, and keep the best time of each.
 
-Methods take turns within a round, so that another program's load on the machine falls on all of them; long runs are
-repeated less often. All but the slowest get one run beforehand that is not counted (caches).
+Methods take turns within a round, so that load from other programs affects all of them; long runs are repeated less
+often. All but the slowest get one uncounted warm-up run.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from benchmarks.peers.solvers import Answer, Solver
 
-ENOUGH_S = 1.5  # a run that has cost so much in all is not repeated
+ENOUGH_S = 1.5  # a run that has taken this long in total is not repeated
 
 
 @dataclass
@@ -45,13 +45,13 @@ class Row:
 
 @dataclass
 class Entry:
-    """A method that takes part: its name, solver and tolerances."""
+    """A competing method: its name, solver and tolerances."""
 
     method: str
     ours: bool
     solver: Solver
     tolerances: tuple[float, ...]
-    warm: bool = True  # one run beforehand that is not counted
+    warm: bool = True  # one uncounted warm-up run
 
 
 def race(
@@ -61,12 +61,12 @@ def race(
     repeats: int,
     say: Callable[[str], None],
 ) -> list[Row]:
-    """Run all entries on one blow; a peer that fails at a tolerance is named through ``say`` and left out."""
+    """Run all entries on one blow; a peer that fails at a tolerance is reported through ``say`` and left out."""
     rows: list[Row] = []
     runs: list[tuple[Row, Solver]] = []
     for entry in entries:
         if entry.warm:
-            with contextlib.suppress(RuntimeError, ArithmeticError):  # told below, with its tolerance
+            with contextlib.suppress(RuntimeError, ArithmeticError):  # reported below, with its tolerance
                 entry.solver(max(entry.tolerances))
         for tolerance in entry.tolerances:
             runs.append(
@@ -101,9 +101,9 @@ def _fill(row: Row, answer: Answer, reference_rad: NDArray[np.float64]) -> None:
 
 
 def time_at_error(rows: list[Row], error_rad: float) -> float | None:
-    """Time (s) in which a method's rows reach an error: on the log-log line between its best points.
+    """Time (s) in which a method reaches an error, interpolated on the log-log line between its best points.
 
-    Where even its cheapest run is more accurate, that run's time; None where no run is accurate enough.
+    If even its cheapest run is more accurate, that run's time; None if no run is accurate enough.
     """
     best: list[tuple[float, float]] = []
     for row in sorted(rows, key=lambda r: r.best_s):
@@ -116,7 +116,7 @@ def time_at_error(rows: list[Row], error_rad: float) -> float | None:
 
 
 def add_ratios(rows: list[Row], default: str) -> None:
-    """Fill ``ratio`` of each row: its time over that of method ``default`` at no larger error on the same blow."""
+    """Set ``ratio`` of each row: its time over that of method ``default`` at no larger error on the same blow."""
     for row in rows:
         ours = time_at_error([r for r in rows if r.blow == row.blow and r.method == default], row.error_rad)
         row.ratio = None if ours is None else row.best_s / ours

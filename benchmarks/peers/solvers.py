@@ -1,8 +1,8 @@
-"""The peers: each factory makes a function of the tolerance that gives states and counts of work.
+"""The peers: each factory makes a function of the tolerance that returns states and work counts.
 
 All get the same compiled equations (parameters frozen as literals), the same force table, start and output times.
-``rtol = atol = tolerance`` throughout, the finite-difference Jacobian each brings along unless it makes its own.
-A factory raises ``Unavailable`` with the reason where its package is missing. Preparing is not timed, solving is.
+``rtol = atol = tolerance`` throughout, with each package's finite-difference Jacobian unless it makes its own.
+A factory raises ``Unavailable`` with the reason if its package is missing. Only solving is timed, not preparation.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 
 @dataclass
 class Answer:
-    """Angles (m, 5) at the output times and what they cost; None where the solver does not tell."""
+    """Angles (m, 5) at the output times and work counts; None where the solver does not report them."""
 
     angle_rad: Array
     steps: int | None = None
@@ -37,7 +37,7 @@ class Answer:
 
 @dataclass
 class Task:
-    """One blow as every peer receives it; output times (m,) are points of the force table."""
+    """One blow as passed to every peer; output times (m,) are points of the force table."""
 
     action: Action
     equations: CompiledEquations
@@ -91,7 +91,7 @@ def scipy_radau(task: Task) -> Solver:
 
 
 def _strided(base: Any, task: Task) -> Solver:
-    # these two hand over columns of a matrix for their Jacobian, and do not count those calls
+    # these two pass matrix columns for their Jacobian and do not count those calls
     give, table, calls = task.equations.give, task.table, 0
 
     def rhs(t: float, y: Array) -> Array:
@@ -112,7 +112,7 @@ def _strided(base: Any, task: Task) -> Solver:
 
 
 def scipy_odeint(task: Task) -> Solver:
-    """SciPy ``odeint``: LSODA again, its loop in compiled code, only the right-hand side called from Python."""
+    """SciPy ``odeint``: LSODA with its loop in compiled code; only the right-hand side is called from Python."""
 
     def run(tolerance: float) -> Answer:
         y, info = odeint(
@@ -125,7 +125,7 @@ def scipy_odeint(task: Task) -> Solver:
 
 
 def plain_numpy(task: Task) -> Solver:
-    """What a user would write: the plain NumPy equations in ``solve_ivp`` with LSODA."""
+    """A typical user's solution: the plain NumPy equations in ``solve_ivp`` with LSODA."""
     twin = Twin(task.action)
 
     def rhs(t: float, y: Array) -> Array:
@@ -136,7 +136,7 @@ def plain_numpy(task: Task) -> Solver:
 
 
 def sundae_cvode(task: Task) -> Solver:
-    """CVODE (BDF) of scikit-sundae, which calls the compiled right-hand side through Python."""
+    """CVODE (BDF) from scikit-sundae, which calls the compiled right-hand side through Python."""
     try:
         from sksundae.cvode import CVODE
     except ImportError:
@@ -151,7 +151,7 @@ def sundae_cvode(task: Task) -> Solver:
         sol = solver.solve(task.output_s, task.y0)
         if not sol.success:
             raise RuntimeError(sol.message)
-        # a dense difference quotient takes one more right-hand side for each state; CVODE counts those apart
+        # a dense difference quotient takes one more right-hand side per state; CVODE counts those separately
         return Answer(sol.y[:, :N], None, None, int(sol.nfev) + 2 * N * int(sol.njev), int(sol.njev))
 
     return run
@@ -169,7 +169,7 @@ def c_cvode(task: Task) -> Solver:
 
 
 def explicit_dop853(task: Task) -> Solver:
-    """The compiled explicit method of the reference: what stiffness costs."""
+    """The compiled explicit reference method, which shows the cost of stiffness."""
     every = round(float((task.output_s[1] - task.output_s[0]) * task.table[1]))
 
     def run(tolerance: float) -> Answer:

@@ -1,7 +1,7 @@
-"""Peers that trace the equations into expressions of their own and compile those: CasADi and diffrax.
+"""Peers that trace the equations into their own expressions and compile those: CasADi and diffrax.
 
 Both get exact Jacobians by automatic differentiation. They cannot skip open contacts by a branch: every law is
-evaluated and masked. Compiling happens before the timing and is long (printed with the benchmark's preparation).
+evaluated and masked. Compilation is not timed; it is slow, and printed with the benchmark's preparation times.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from benchmarks.peers.equations import N, accelerations
 from benchmarks.peers.solvers import Answer, Solver, Task
 
 Array = NDArray[np.float64]
-# one set of equations serves all its blows; CasADi itself compiles their derivatives anew when they fell out of use
+# one set of equations serves all blows; CasADi itself recompiles their derivatives once they have been released
 _casadi_rhs: weakref.WeakKeyDictionary[Any, Any] = weakref.WeakKeyDictionary()
 
 
@@ -66,7 +66,7 @@ def casadi_cvodes(task: Task) -> Solver:
         told = solve.stats().get
         return Answer(angles, told("nsteps"), told("netfails"), told("nfevals"), told("nlinsetups"))
 
-    # its compiler writes its files where it stands
+    # its compiler writes files to the working directory
     here = os.getcwd()
     with tempfile.TemporaryDirectory(prefix="work-precision-", ignore_cleanup_errors=True) as folder:
         os.chdir(folder)
