@@ -1,11 +1,11 @@
-"""Is this checkout as fast as another? Jobs in turns, the other and this one, and the ratio of their medians.
+"""Is this checkout as fast as another? Jobs alternate between the two; the ratio of their medians is printed.
 
 Run:  python benchmarks/speed_of_two_checkouts.py OTHER_CHECKOUT [--turns 20] [--only simulate,forte]
 
 Jobs: start-up and whole run of ``--help``, ``simulate``, an unchanged and a cold ``validate`` (wall time of a process);
-a forte at 1e-5 rad in a loaded process, tracking a rendered film of 300 frames, the first compile of the kernels
-(processor time inside the process). One turn of each is not counted. The upper limit is that of a 95 % bootstrap
-interval of the ratio of medians; above 1.05 the exit code is 1. Each answer is checked: a job prints a figure that
+a forte at 1e-5 rad in a warm process, tracking a rendered film of 300 frames, the first compilation of the kernels
+(processor time inside the process). The first turn of each is not counted. The upper limit is that of a 95 % bootstrap
+interval of the ratio of medians; above 1.05 the exit code is 1. Each result is checked: a job prints a figure that
 must be equal in both checkouts.
 """
 
@@ -63,7 +63,7 @@ print(time.process_time() - start, repr(float(blow.angle_rad[-1, 4])))
 
 
 def run(checkout: Path, arguments: list[str], **variables: str) -> tuple[float, str]:
-    """Wall time of a Python process with the source of ``checkout``, and what it printed."""
+    """Wall time of a Python process running the source of ``checkout``, and its output."""
     environment = os.environ | {"PYTHONPATH": str(checkout)} | variables
     start = time.perf_counter()
     done = subprocess.run(
@@ -76,7 +76,7 @@ def run(checkout: Path, arguments: list[str], **variables: str) -> tuple[float, 
 
 
 def measured(job: str, checkout: Path, folder: Path) -> tuple[float, str]:
-    """Seconds of one turn of a job, and the figure that must be the same in both checkouts."""
+    """Seconds for one turn of a job, and the figure that must be the same in both checkouts."""
     if job in ("forte", "track", "compile"):
         code = {"forte": FORTE, "track": TRACK, "compile": COMPILE}[job]
         more = [str(folder / "film.mraw"), str(folder / "bodies.toml")] if job == "track" else []
@@ -102,7 +102,7 @@ def measured(job: str, checkout: Path, folder: Path) -> tuple[float, str]:
 
 
 def agree(job: str, other: str, this: str) -> bool:
-    """Are two figures the same? Sums over pixels depend on where arrays lie: angles of a film agree to 1e-7 rad."""
+    """Are two figures the same? Sums over pixels depend on memory alignment: film angles agree to 1e-7 rad."""
     return abs(float(other) - float(this)) < 1e-7 if job == "track" else other == this
 
 
@@ -114,7 +114,7 @@ def upper_limit(old: np.ndarray, new: np.ndarray) -> float:
 
 
 def render_film(folder: Path) -> None:
-    """A film of three bodies in motion, by this checkout's virtual camera."""
+    """Render a film of three moving bodies with this checkout's virtual camera."""
     code = (
         "import sys; from pathlib import Path; import numpy as np; sys.path.insert(0, 'benchmarks');"
         "from filmed_blow import blow;"
@@ -127,7 +127,7 @@ def render_film(folder: Path) -> None:
 
 
 def main() -> int:
-    """Measure every job in turns; print a row each."""
+    """Measure every job in turns; print a row for each."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("other", type=Path)
     parser.add_argument("--turns", type=int, default=20)
