@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from rig.session.journal import JournalWriter
+from rig.session.journal.writer import JournalWriter
 
 
 class Timed(JournalWriter):

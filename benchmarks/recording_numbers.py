@@ -21,9 +21,9 @@ from journal_delay import Timed
 
 from rig.configuration.profile import load_profile
 from rig.recording.recorder import record_session
-from rig.recording.trial_run import Progress
+from rig.recording.progress import Progress
 from rig.session import Session, Trial
-from rig.session.journal import JournalWriter
+from rig.session.journal.writer import JournalWriter
 from rig.simulated.backend import SimulatedBackend
 from rig.simulated.bench.clock import PacedClock, VirtualClock
 

@@ -17,6 +17,14 @@ Contract of a backend, in the order of a trial:
    leaves the backend.
 8. Force is calibrated but not corrected; counts are integers since arming; the motor's command is zero-order
    hold.
+9. ``read_positions()`` tells by input task how many samples per channel the driver has handed out and acquired
+   since ``start``; what is stored is compared with it after each trial. Default: empty, nothing is compared.
+10. ``wait(duration_s)`` returns when that much of the bench's time has passed, between two trials. Default:
+    :func:`time.sleep`.
+11. ``continue_after(trial)`` is called once, before the first new trial of a resumed session. Default: nothing.
+
+:class:`Backend` holds the defaults of 9 to 11: a backend derives from it, or defines all of its members.
+:func:`check_contract` refuses any other.
 
 Backends register an opener ``(url, config) -> Backend`` under the entry point group ``pianorig.backends``,
 named by URL scheme.
@@ -24,6 +32,7 @@ named by URL scheme.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from importlib.metadata import entry_points
@@ -33,7 +42,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.configuration.rig_file import RigConfig
-from rig.errors import InputError
+from rig.errors import RigInputError
 
 GROUP = "pianorig.backends"
 
@@ -93,7 +102,7 @@ class Backend(Protocol):
         """Reserve all channels and load the motor command; nothing moves."""
 
     def arm(self, *, enable_drive: bool = True) -> None:
-        """Start the slave tasks, then enable the drive unless it shall stay disabled."""
+        """Start the slave tasks, then enable the drive, unless it is to stay disabled."""
 
     def start(self) -> None:
         """Start the master: everything begins on one trigger."""
@@ -107,8 +116,35 @@ class Backend(Protocol):
     def close(self) -> None:
         """Stop safely and release everything."""
 
+    def read_positions(self) -> dict[str, tuple[int, int]]:
+        """Return by input task the samples per channel handed out and acquired since the start; default: none known."""
+        return {}
+
+    def wait(self, duration_s: float) -> None:
+        """Return when ``duration_s`` of the bench's time has passed; default: the computer's time."""
+        time.sleep(duration_s)
+
+    def continue_after(self, trial: int) -> None:
+        """Prepare for the trials after ``trial``, the last of a session that is resumed; default: nothing to do."""
+        return
+
 
 Opener = Callable[[str, RigConfig], Backend]
+
+
+def check_contract(backend: object, contract: type = Backend) -> None:
+    """Refuse a backend that lacks a member of the contract.
+
+    Raises
+    ------
+    RigInputError
+        Naming the members that are missing.
+    """
+    declared = {name for base in contract.__mro__ for name in vars(base) if not name.startswith("_")}
+    if missing := sorted(name for name in declared if not hasattr(backend, name)):
+        raise RigInputError(
+            f"backend {type(backend).__qualname__}: lacks {', '.join(missing)}; derive it from rig.backend.Backend"
+        )
 
 
 def open_backend(url: str, config: RigConfig) -> Backend:
@@ -116,8 +152,8 @@ def open_backend(url: str, config: RigConfig) -> Backend:
 
     Raises
     ------
-    InputError
-        When the address has no scheme, or no installed backend answers to it.
+    RigInputError
+        When the address has no scheme, no installed backend answers to it, or that lacks a member of the contract.
     HardwareFault
         When the driver, server or device does not answer.
     """
@@ -125,6 +161,8 @@ def open_backend(url: str, config: RigConfig) -> Backend:
     found = {entry.name: entry for entry in entry_points(group=GROUP)}
     if not separator or scheme not in found:
         known = ", ".join(f"{name}://" for name in sorted(found)) or ("none (install the package: pip install -e .)")
-        raise InputError(f"backend address {url!r}: no backend for it; installed are {known}")
+        raise RigInputError(f"backend address {url!r}: no backend for it; installed are {known}")
     opener: Opener = found[scheme].load()
-    return opener(url, config)
+    backend = opener(url, config)
+    check_contract(backend)
+    return backend

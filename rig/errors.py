@@ -12,10 +12,14 @@ class RigError(Exception):
     exit_code: int = 1
 
 
-class InputError(RigError, ValueError):
+class RigInputError(RigError, ValueError):
     """A file, value or path given by the user cannot be used (exit code 2)."""
 
     exit_code: int = 2
+
+
+InputError = RigInputError
+"""Alias of :class:`RigInputError`."""
 
 
 class HardwareFault(RigError):

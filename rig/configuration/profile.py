@@ -5,7 +5,7 @@ Place in the data flow: profile → recorder → volts of the analog output. Con
 of the profile, force at the key front in N, positive downwards; before the first and after the last point the
 force is zero. All values are nominal: the force the key feels depends on arm and action. The monotone cubic
 is the one of Fritsch & Carlson (1980) with the weighted harmonic mean of slopes (Fritsch & Butland 1984): it
-never overshoots its points. Bad files raise InputError.
+never overshoots its points. Bad files raise RigInputError.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
 from rig.configuration import toml_file
-from rig.errors import InputError
+from rig.errors import RigInputError
 from rig.storage.atomic_write import sha256_of_bytes
 
 FOLDER = Path(__file__).parents[1] / "profiles"
@@ -95,13 +95,13 @@ class Profile:
 
         Raises
         ------
-        InputError
+        RigInputError
             Naming the key point, its value and the limit.
         """
         where = self.source or self.name
         worst = int(np.argmax(np.abs(self.force_n)))
         if abs(self.force_n[worst]) > force_limit_n:
-            raise InputError(
+            raise RigInputError(
                 f"{where}: points[{worst}].force_n = {self.force_n[worst]:g} N, allowed "
                 f"-{force_limit_n:g} to {force_limit_n:g} N; "
                 "lower it or raise motor.force_limit_n of the rig file"
@@ -110,7 +110,7 @@ class Profile:
         slew = np.abs(np.diff(sampled)) * sample_rate_hz
         steepest = int(np.argmax(slew))
         if slew[steepest] > slew_limit_n_per_s * (1 + 1e-9):
-            raise InputError(
+            raise RigInputError(
                 f"{where}: force changes by {slew[steepest]:.4g} N/s at "
                 f"{steepest / sample_rate_hz:.4g} s, allowed "
                 f"{slew_limit_n_per_s:g} N/s; spread the key points or raise "
@@ -128,14 +128,14 @@ def load_profile(name: str | Path) -> Profile:
 
     Raises
     ------
-    InputError
+    RigInputError
         When the file is missing, not TOML, or its key points are not a usable profile.
     """
     path = Path(name)
     if str(name) in built_in_profiles():
         path = FOLDER / f"{name}.toml"
     elif not path.is_file():
-        raise InputError(
+        raise RigInputError(
             f"{name}: no such profile; built in are {', '.join(built_in_profiles())}, or give the path of a TOML file"
         )
     return parse_profile(toml_file.read_text(path), str(path))
@@ -160,17 +160,17 @@ def parse_profile(text: str, where: str = "profile") -> Profile:
 def _check_points(points: Sequence[_Point], where: str) -> None:
     for i, (before, after) in enumerate(zip(points, points[1:], strict=False)):
         if after.time_s == before.time_s:
-            raise InputError(
+            raise RigInputError(
                 f"{where}: points[{i}] and points[{i + 1}] are both at time_s = {after.time_s:g} s; move or remove one"
             )
         if after.time_s < before.time_s:
-            raise InputError(
+            raise RigInputError(
                 f"{where}: points[{i + 1}].time_s = {after.time_s:g} s, allowed above "
                 f"points[{i}].time_s = {before.time_s:g} s"
             )
     for i, word in ((0, "start"), (len(points) - 1, "end")):
         if points[i].force_n != 0.0:
-            raise InputError(
+            raise RigInputError(
                 f"{where}: points[{i}].force_n = {points[i].force_n:g} N, allowed 0: a profile must {word} at zero"
             )
 

@@ -3,7 +3,7 @@
 Place in the data flow: read before anything else; its text and SHA-256 go into every session. Conventions: SI
 units, names carry units, encoder order key, whippen, hammer, sign +1 when counts rise as the body turns
 counter-clockwise. A bad value is refused with file, key, value and allowed range
-(:class:`rig.errors.InputError`).
+(:class:`rig.errors.RigInputError`).
 """
 
 from __future__ import annotations
@@ -30,14 +30,14 @@ from rig.configuration.channels import (
     Table,
     Text,
 )
-from rig.errors import InputError
+from rig.errors import RigInputError
 from rig.storage.atomic_write import sha256_of_bytes
 
 FOLDER = Path(__file__).parents[1] / "rigs"
 
 
 class LimitsConfig(Table):
-    """What ends a trial at once (:mod:`rig.recording.interlocks`); bodies in the order key, whippen, hammer.
+    """What ends a trial at once (:mod:`rig.safety.interlocks`); bodies in the order key, whippen, hammer.
 
     The defaults are about three times what a forte blow reaches on the virtual bench (34 N, 35 kN/s, 3.5, 8 and
     18 rad/s, 0.05, 0.09 and 0.36 rad).
@@ -183,12 +183,12 @@ def load_rig(name: str | Path = "virtual") -> Rig:
 
     Raises
     ------
-    InputError
+    RigInputError
         When the file is missing, not TOML, or holds a value outside its allowed range.
     """
     path = FOLDER / f"{name}.toml" if str(name) in built_in_rigs() else Path(name)
     if not path.is_file():
-        raise InputError(
+        raise RigInputError(
             f"{name}: no such rig file; built in are {', '.join(built_in_rigs())}, or give the path of a TOML file"
         )
     return parse_rig(toml_file.read_text(path), str(path))

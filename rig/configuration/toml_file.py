@@ -18,19 +18,19 @@ from typing import Any, TypeVar
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
-from rig.errors import InputError
+from rig.errors import RigInputError
 
 Model = TypeVar("Model", bound=BaseModel)
 
 
 def read_text(path: Path) -> str:
-    """Read a UTF-8 text file; raise :class:`InputError` in one line when that is impossible."""
+    """Read a UTF-8 text file; raise :class:`RigInputError` in one line when that is impossible."""
     try:
         return path.read_bytes().decode("utf-8")
     except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror or error})") from error
+        raise RigInputError(f"{path}: cannot be read ({error.strerror or error})") from error
     except UnicodeDecodeError as error:
-        raise InputError(f"{path}: byte {error.start} is not UTF-8 text; save the file as UTF-8") from error
+        raise RigInputError(f"{path}: byte {error.start} is not UTF-8 text; save the file as UTF-8") from error
 
 
 def parse_toml(text: str, where: str) -> dict[str, Any]:
@@ -38,7 +38,7 @@ def parse_toml(text: str, where: str) -> dict[str, Any]:
     try:
         return tomllib.loads(text)
     except (tomllib.TOMLDecodeError, RecursionError) as error:
-        raise InputError(f"{where}: not a TOML file ({str(error).splitlines()[0]})") from error
+        raise RigInputError(f"{where}: not a TOML file ({str(error).splitlines()[0]})") from error
 
 
 def check(model: type[Model], data: Mapping[str, Any], where: str) -> Model:
@@ -46,14 +46,14 @@ def check(model: type[Model], data: Mapping[str, Any], where: str) -> Model:
 
     Raises
     ------
-    InputError
+    RigInputError
         One line naming ``where``, the key, the value found and the value allowed (first complaint; the count
         of others).
     """
     try:
         return model.model_validate(data)
     except ValidationError as error:
-        raise InputError(f"{where}: {_one_line(error)}") from None
+        raise RigInputError(f"{where}: {_one_line(error)}") from None
 
 
 def _one_line(error: ValidationError) -> str:

@@ -6,7 +6,7 @@ driver of this computer) and ``ni-grpc://host:31763`` (NI gRPC Device Server). N
 of ``nidaqmx`` leaves this package.
 """
 
+from rig.daq.address import open_backend
 from rig.daq.nidaqmx_backend import NidaqmxBackend
-from rig.daq.opening import open_backend
 
 __all__ = ["NidaqmxBackend", "open_backend"]

@@ -7,8 +7,6 @@ trial. Faults are typed.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import nidaqmx
 import numpy as np
 from nidaqmx.stream_readers import AnalogSingleChannelReader
@@ -17,10 +15,8 @@ from rig.backend import Block
 from rig.configuration.rig_file import RigConfig
 from rig.daq import analog_inputs, tasks
 from rig.daq.faults import translated
-
-if TYPE_CHECKING:
-    from rig.daq.safe_outputs import SafeOutputs
-    from rig.daq.watchdog import Watchdog
+from rig.daq.safe_outputs import SafeOutputs
+from rig.daq.watchdog import Watchdog
 
 SHUNT_S = 0.4
 READ_TIMEOUT_S = 5.0

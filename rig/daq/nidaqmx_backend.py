@@ -21,20 +21,20 @@ from nidaqmx.grpc_session_options import SessionInitializationBehavior
 from nidaqmx.system import Device
 from numpy.typing import NDArray
 
-from rig.backend import Block, Capabilities, Timing
+from rig.backend import Backend, Block, Capabilities, Timing
 from rig.configuration.rig_file import RigConfig
-from rig.daq import analog_inputs, reading, tasks
+from rig.daq import analog_inputs, read_samples, tasks
 from rig.daq.bench_checks import BenchChecks
 from rig.daq.faults import translated
 from rig.daq.safe_outputs import SafeOutputs
 from rig.daq.task_set import TaskSet
 from rig.daq.watchdog import Watchdog
-from rig.errors import HardwareFault, InputError
+from rig.errors import HardwareFault, RigInputError
 
 CLIENT_VERSION = version("nidaqmx")
 
 
-class NidaqmxBackend(BenchChecks):
+class NidaqmxBackend(BenchChecks, Backend):
     """Acquisition on NI-DAQmx; what only a self-test does is in :mod:`rig.daq.bench_checks`.
 
     Parameters
@@ -73,7 +73,7 @@ class NidaqmxBackend(BenchChecks):
 
         Raises
         ------
-        InputError
+        RigInputError
             When it is another product than the rig file says.
         HardwareFault
             When the driver, server or device does not answer.
@@ -84,7 +84,7 @@ class NidaqmxBackend(BenchChecks):
             device = Device(name, grpc_options=options)
             self._product, self._simulated = str(device.product_type), bool(device.is_simulated)
         if self._product != config.device.product:
-            raise InputError(
+            raise RigInputError(
                 f"device.product = {config.device.product!r}: device {name} is a {self._product}; correct the rig file"
             )
 
@@ -132,7 +132,7 @@ class NidaqmxBackend(BenchChecks):
         with translated("configure", config.force.channel):
             rate = float(analog_inputs.inputs_task(self._tasks.make, config).timing.samp_clk_rate)
         if abs(rate - config.device.sample_rate_hz) > 1e-6 * rate:
-            raise InputError(
+            raise RigInputError(
                 f"device.sample_rate_hz = {config.device.sample_rate_hz:g} Hz: "
                 f"{config.force.module} gives {rate:.6g} Hz; "
                 "write a rate the module has"
@@ -192,13 +192,13 @@ class NidaqmxBackend(BenchChecks):
             raise
 
     def _read_inputs(self, n_samples: int, timeout_s: float) -> Block:
-        block = reading.next_block(self._tasks, self._ready(), self._next_sample, n_samples, timeout_s)
+        block = read_samples.next_block(self._tasks, self._ready(), self._next_sample, n_samples, timeout_s)
         self._next_sample += n_samples
         return block
 
     def read_positions(self) -> dict[str, tuple[int, int]]:
         """Samples per channel that each input task has handed out and acquired since its start, by the driver."""
-        return reading.positions(self._tasks, self._ready())
+        return read_samples.positions(self._tasks, self._ready())
 
     def safe_stop(self) -> None:
         """Stop all, motor at 0 V, drive disabled; each step is tried, then the first failure raised.

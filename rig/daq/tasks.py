@@ -18,7 +18,7 @@ from rig.configuration.channels import CameraConfig, EncoderConfig
 from rig.configuration.rig_file import RigConfig
 from rig.daq.analog_inputs import buffer_samples
 from rig.daq.task_set import NewTask
-from rig.errors import InputError
+from rig.errors import RigInputError
 
 WRITE_TIMEOUT_S = 5.0
 MOTOR, CAMERA, EDGES = "motor", "camera", "exposures"
@@ -139,12 +139,12 @@ def edge_task(new_task: NewTask, config: RigConfig, counter: str, terminal: str)
 def check_command(config: RigConfig, command_v: NDArray[np.float64]) -> None:
     """Last look at the motor command before it is loaded, whatever has been checked before."""
     if command_v.ndim != 1 or command_v.size < 2:
-        raise InputError(f"motor command has shape {command_v.shape}, allowed one dimension and at least 2 samples")
+        raise RigInputError(f"motor command has shape {command_v.shape}, allowed one dimension and at least 2 samples")
     if not np.all(np.isfinite(command_v)):
-        raise InputError(f"motor command is not finite at sample {int(np.argmin(np.isfinite(command_v)))}")
+        raise RigInputError(f"motor command is not finite at sample {int(np.argmin(np.isfinite(command_v)))}")
     if command_v[0] != 0.0 or command_v[-1] != 0.0:
-        raise InputError(f"motor command starts at {command_v[0]:g} V and ends at {command_v[-1]:g} V, allowed 0 V")
+        raise RigInputError(f"motor command starts at {command_v[0]:g} V and ends at {command_v[-1]:g} V, allowed 0 V")
     reach = min(config.motor.voltage_limit_v, config.motor.force_limit_n / config.motor.force_per_volt_n)
     worst = float(np.max(np.abs(command_v)))
     if worst > reach * (1 + 1e-9):
-        raise InputError(f"motor command reaches {worst:g} V, allowed {reach:g} V on {config.motor.channel}")
+        raise RigInputError(f"motor command reaches {worst:g} V, allowed {reach:g} V on {config.motor.channel}")

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.errors import InputError
+from rig.errors import RigInputError
 
 _NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d{1,4})?", re.ASCII)
 JITTER = 0.02
@@ -83,16 +83,16 @@ class ChannelTable:
     unreadable: Mapping[str, str] = field(default_factory=dict)
 
     def channel(self, name: str) -> NDArray[np.float64]:
-        """Return one channel; InputError when it is missing or holds a value that is not finite."""
+        """Return one channel; RigInputError when it is missing or holds a value that is not finite."""
         if name in self.unreadable:
-            raise InputError(f"{self.where}: {self.unreadable[name]}")
+            raise RigInputError(f"{self.where}: {self.unreadable[name]}")
         if name not in self.channels:
             there = ", ".join([*self.channels, *self.unreadable])[:400] or "none"
-            raise InputError(f"{self.where}: no channel {name!r}; there are {there}")
+            raise RigInputError(f"{self.where}: no channel {name!r}; there are {there}")
         values = self.channels[name]
         if not np.all(np.isfinite(values)):
             row = int(np.argmin(np.isfinite(values))) + 1
-            raise InputError(f"{self.where}: {name} row {row}: found {values[row - 1]}, allowed a finite number")
+            raise RigInputError(f"{self.where}: {name} row {row}: found {values[row - 1]}, allowed a finite number")
         return values
 
     def interval(
@@ -121,7 +121,7 @@ class ChannelTable:
 
         Raises
         ------
-        InputError
+        RigInputError
             When the channels are of several clocks, times do not rise evenly, or nothing tells the interval.
         """
         self.check_together([*names, *([] if time_channel is None else [time_channel])], same_start)
@@ -129,7 +129,7 @@ class ChannelTable:
             return even_interval(self.channel(time_channel) * SECONDS[unit], f"{self.where}: {time_channel}")
         stated = self.stated_clock(names)
         if stated is None:
-            raise InputError(f"{self.where}: no times; name the time channel or give {where_else}")
+            raise RigInputError(f"{self.where}: no times; name the time channel or give {where_else}")
         return stated.interval_s
 
     def stated_clock(self, names: Sequence[str]) -> Clock | None:
@@ -142,7 +142,7 @@ class ChannelTable:
         for name in names[1:]:
             sizes = self.channel(first).size, self.channel(name).size
             if sizes[0] != sizes[1]:
-                raise InputError(
+                raise RigInputError(
                     f"{self.where}: {first} has {sizes[0]} samples, {name} {sizes[1]}; allowed is one equal number"
                 )
         timed = [(name, self.clocks[name]) for name in names if name in self.clocks]
@@ -150,13 +150,13 @@ class ChannelTable:
             one, reference = timed[0]
             apart = abs(clock.interval_s - reference.interval_s) * self.channels[one].size
             if apart > JITTER * reference.interval_s:
-                raise InputError(
+                raise RigInputError(
                     f"{self.where}: {one} has a sample every {reference.interval_s:g} s, {name} every "
                     f"{clock.interval_s:g} s; allowed is one interval for channels used together"
                 )
             later = (clock.start_s - reference.start_s) + (clock.stamp_s - reference.stamp_s)
             if abs(later) > JITTER * reference.interval_s and not same_start:
-                raise InputError(
+                raise RigInputError(
                     f"{self.where}: {name} begins {later:g} s after {one}; channels used together must begin together "
                     "(time.same_start = true in the mapping where they did)"
                 )
@@ -169,18 +169,18 @@ def even_interval(time_s: NDArray[np.float64], what: str) -> float:
 
     Raises
     ------
-    InputError
+    RigInputError
         Times that do not rise, are uneven, or are written too coarsely to tell.
     """
     if time_s.size < 2:
-        raise InputError(f"{what}: {time_s.size} samples, allowed from 2")
+        raise RigInputError(f"{what}: {time_s.size} samples, allowed from 2")
     steps = np.diff(time_s)
     step = float(time_s[-1] - time_s[0]) / (time_s.size - 1)
     if not step > 0:
-        raise InputError(f"{what} does not rise; times must be in s and in order")
+        raise RigInputError(f"{what} does not rise; times must be in s and in order")
     if steps.min() < 0:
         row = int(np.argmax(steps < 0)) + 2
-        raise InputError(f"{what} row {row}: {time_s[row - 1]:.9g} s comes after {time_s[row - 2]:.9g} s")
+        raise RigInputError(f"{what} row {row}: {time_s[row - 1]:.9g} s comes after {time_s[row - 2]:.9g} s")
     uneven = np.abs(steps - step) / step
     # what the line through the ends leaves: jitter, rounding at both, and a step that changes on the way
     away = np.abs(time_s - (time_s[0] + step * np.arange(time_s.size))) / step
@@ -188,7 +188,7 @@ def even_interval(time_s: NDArray[np.float64], what: str) -> float:
         return step
     rounding = _rounding(time_s) / step
     if rounding > 0.45 and abs(np.median(steps) - step) > 0.1 * step:
-        raise InputError(
+        raise RigInputError(
             f"{what} is written in steps of {rounding * step:g} s, too coarse for samples every {step:g} s; "
             "give sample_rate_hz instead"
         )
@@ -196,7 +196,7 @@ def even_interval(time_s: NDArray[np.float64], what: str) -> float:
     most = max(JITTER, explained)
     if uneven.max() > explained + JITTER or away.max() > most:
         row = int(np.argmax(uneven)) + 2 if uneven.max() > explained + JITTER else int(np.argmax(away)) + 1
-        raise InputError(
+        raise RigInputError(
             f"{what} row {row}: {time_s[row - 1]:.9g} s is {max(away[row - 1], uneven.max()):.3g} intervals off even "
             "spacing; samples are missing, or the times are not the sample clock's"
         )

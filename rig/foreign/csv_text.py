@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.configuration import toml_file
-from rig.errors import InputError
+from rig.errors import RigInputError
 from rig.foreign import units
 from rig.foreign.channel_table import ChannelTable, number, shown
 
@@ -26,7 +26,7 @@ def read_csv(path: Path, separator: str = ",", decimal: str = ".") -> ChannelTab
 
     Raises
     ------
-    InputError
+    RigInputError
         When the file cannot be read, has no rows, or rows of several lengths.
     """
     return parse_csv(toml_file.read_text(path), str(path), separator, decimal)
@@ -35,12 +35,12 @@ def read_csv(path: Path, separator: str = ",", decimal: str = ".") -> ChannelTab
 def parse_csv(text: str, where: str, separator: str = ",", decimal: str = ".") -> ChannelTable:
     """Read CSV text; ``where`` names it in errors."""
     if "\0" in text:
-        raise InputError(f"{where}: holds null characters; not a CSV text file")
+        raise RigInputError(f"{where}: holds null characters; not a CSV text file")
     lines = (line for line in text.removeprefix("\ufeff").splitlines() if line.strip() and not line.startswith("#"))
     try:
         rows = list(csv.reader(lines, delimiter=separator, strict=True))
     except csv.Error as error:
-        raise InputError(f"{where}: not a CSV file ({error})") from None
+        raise RigInputError(f"{where}: not a CSV file ({error})") from None
     names = [name.strip() for name in rows[0]] if rows else []
     stated = [units.of_name(name) for name in names]
     first = 1
@@ -48,14 +48,16 @@ def parse_csv(text: str, where: str, separator: str = ",", decimal: str = ".") -
         stated = [cell.strip().strip("()[]").strip() or unit for cell, unit in zip(rows[1], stated, strict=True)]
         first = 2
     if len(rows) <= first:
-        raise InputError(f"{where}: {max(len(rows) - first, 0)} rows of numbers, allowed from 1 below a row of names")
+        raise RigInputError(
+            f"{where}: {max(len(rows) - first, 0)} rows of numbers, allowed from 1 below a row of names"
+        )
     for i, row in enumerate(rows[first:], first):
         if len(row) != len(names):
-            raise InputError(
+            raise RigInputError(
                 f"{where}: row {i}: {len(row)} cells, allowed {len(names)}, one for each name (separator {separator!r})"
             )
     if all(not name for name in names):
-        raise InputError(f"{where}: its first row holds no name of a column")
+        raise RigInputError(f"{where}: its first row holds no name of a column")
     columns, unreadable = {}, {}
     for k, name in enumerate(names):
         if names.count(name) > 1 and name:

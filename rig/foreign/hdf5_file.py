@@ -12,7 +12,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from rig.errors import InputError
+from rig.errors import RigInputError
 from rig.foreign.channel_table import ChannelTable, Clock
 from rig.session.trial_file import SCHEMA, read_trial
 
@@ -22,17 +22,17 @@ def read_hdf5(path: Path) -> ChannelTable:
 
     Raises
     ------
-    InputError
+    RigInputError
         When the file cannot be read or holds no numbers.
     """
     try:
         with h5py.File(path, "r") as file:
             if file.attrs.get("schema") != SCHEMA:
                 return _plain(path, file)
-    except InputError:
+    except RigInputError:
         raise
     except (OSError, RuntimeError, ValueError, TypeError, KeyError) as error:
-        raise InputError(f"{path}: not a readable HDF5 file ({' '.join(str(error).split())[:120]})") from None
+        raise RigInputError(f"{path}: not a readable HDF5 file ({' '.join(str(error).split())[:120]})") from None
     data = read_trial(path)
     before = data.time_s < data.blow_start_s
     baseline_n = float(data.force_n[before].mean()) if before.any() else 0.0
@@ -59,5 +59,5 @@ def _plain(path: Path, file: h5py.File) -> ChannelTable:
 
     file.visititems(take)
     if not columns:
-        raise InputError(f"{path}: no one-dimensional dataset of numbers")
+        raise RigInputError(f"{path}: no one-dimensional dataset of numbers")
     return ChannelTable(str(path), columns, {name: unit for name, unit in units.items() if unit})

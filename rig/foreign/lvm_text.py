@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.errors import InputError
+from rig.errors import RigInputError
 from rig.foreign.channel_table import JITTER, SECONDS, ChannelTable, Clock, even_interval, number, shown
 from rig.foreign.units import known
 
@@ -54,13 +54,13 @@ def read_lvm(path: Path) -> tuple[ChannelTable, ...]:
 
     Raises
     ------
-    InputError
+    RigInputError
         When the file is no such file or is cut off.
     """
     try:
         data = path.read_bytes()
     except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror or error})") from None
+        raise RigInputError(f"{path}: cannot be read ({error.strerror or error})") from None
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError:
@@ -72,11 +72,11 @@ def parse_lvm(text: str, where: str) -> tuple[ChannelTable, ...]:
     """Read LVM text; ``where`` names it in errors."""
     lines = [line.rstrip("\r") for line in text.split("\n")]
     if not lines[0].startswith("LabVIEW Measurement"):
-        raise InputError(f"{where}: not a LabVIEW measurement file; its first line must be 'LabVIEW Measurement'")
+        raise RigInputError(f"{where}: not a LabVIEW measurement file; its first line must be 'LabVIEW Measurement'")
     lines = list(_without_special(lines, where))
     ends = [i for i, line in enumerate(lines) if line.startswith(END)]
     if len(ends) < 2:
-        raise InputError(f"{where}: 0 segments, allowed from 1; the file is cut off")
+        raise RigInputError(f"{where}: 0 segments, allowed from 1; the file is cut off")
     file = _file_header(lines[: ends[0]], where)
     tables: list[ChannelTable] = []
     for segment in _segments(file, lines[ends[0] + 1 :]):
@@ -95,23 +95,23 @@ def _without_special(lines: list[str], where: str) -> Iterator[str]:
         elif not inside:
             yield line
     if inside:
-        raise InputError(f"{where}: {SPECIAL} without {END_SPECIAL}; the file is cut off")
+        raise RigInputError(f"{where}: {SPECIAL} without {END_SPECIAL}; the file is cut off")
 
 
 def _file_header(lines: list[str], where: str) -> _File:
     separators = {line[len("Separator") + 1 :].strip(" \t,") for line in lines if line.startswith("Separator")}
     separator = separators.pop() if len(separators) == 1 else "" if separators else "Tab"
     if separator not in SEPARATORS:
-        raise InputError(f"{where}: Separator {separator!r}, allowed {' or '.join(SEPARATORS)}")
+        raise RigInputError(f"{where}: Separator {separator!r}, allowed {' or '.join(SEPARATORS)}")
     fields = _fields(lines, SEPARATORS[separator])
     stated = {key: value[0].strip() for key, value in fields.items() if value}
     decimal = stated.get("Decimal_Separator", ".")
     # a decimal comma in a file separated by commas leaves an empty cell behind the tag: it cannot be read
     if decimal not in (".", ",") or (decimal == "," and separator == "Comma"):
-        raise InputError(f"{where}: Decimal_Separator {decimal!r}, allowed '.', or ',' where Separator is Tab")
+        raise RigInputError(f"{where}: Decimal_Separator {decimal!r}, allowed '.', or ',' where Separator is Tab")
     columns = stated.get("X_Columns", "One")
     if columns not in ("One", "Multi", "No"):
-        raise InputError(f"{where}: X_Columns {columns!r}, allowed One, Multi or No")
+        raise RigInputError(f"{where}: X_Columns {columns!r}, allowed One, Multi or No")
     return _File(where, SEPARATORS[separator], decimal, columns, stated.get("Multi_Headings", "") == "No")
 
 
@@ -134,7 +134,7 @@ def _segments(file: _File, lines: list[str]) -> Iterator[_Segment]:
             start -= 1
         starts.append(start)
     if any(line.strip() for line in lines[: starts[0]]):
-        raise InputError(
+        raise RigInputError(
             f"{file.where}: found {shown(lines[0])} before the first segment's header; the file is damaged"
         )
     for start, end, stop in zip(starts, ends, [*starts[1:], len(lines)], strict=True):
@@ -161,24 +161,26 @@ def _tables(file: _File, segment: _Segment, where: str) -> list[ChannelTable]:
     """The segment's table, and those of segments without a header that follow it."""
     count = _whole(segment.fields.get("Channels", [])[:1], "Channels", where)[0]
     if not 1 <= count <= 10_000:
-        raise InputError(f"{where}: Channels {count}, allowed 1 to 10000")
+        raise RigInputError(f"{where}: Channels {count}, allowed 1 to 10000")
     multi = file.columns == "Multi"
     at = list(range(1, 2 * count, 2)) if multi else list(range(1, count + 1))
     cells = [c for c in segment.fields.get("Samples", [])[: at[-1]] if c.strip()]
     samples = _whole(cells, "Samples", where)
     if len(samples) != count or len(set(samples)) != 1 or samples[0] < 1:
-        raise InputError(f"{where}: Samples {samples} of {count} channels; allowed one equal number from 1 for each")
+        raise RigInputError(f"{where}: Samples {samples} of {count} channels; allowed one equal number from 1 for each")
     rows = [line.split(file.separator) for line in segment.lines if line.strip()]
     if not rows:
-        raise InputError(f"{where}: no row of channel names")
+        raise RigInputError(f"{where}: no row of channel names")
     heads = [cell.strip() for cell in rows[0]]
     names = [heads[k] if k < len(heads) else "" for k in at]
     time_at = list(range(0, 2 * count, 2)) if multi else [0]
     if any(k >= len(heads) or heads[k] != TIME for k in time_at) or len(set(names)) != count or not all(names):
-        raise InputError(f"{where}: column names {heads[:40]}; allowed {TIME} and {count} unique names")
+        raise RigInputError(f"{where}: column names {heads[:40]}; allowed {TIME} and {count} unique names")
     packets, left = divmod(len(rows) - 1, samples[0])
     if left or packets < 1 or (packets > 1 and not file.one_heading):
-        raise InputError(f"{where}: {len(rows) - 1} rows, but Samples says {samples[0]}; the file is cut off or joined")
+        raise RigInputError(
+            f"{where}: {len(rows) - 1} rows, but Samples says {samples[0]}; the file is cut off or joined"
+        )
     values = _values(file, rows[1:], at[-1] + 1, where)
     tables = []
     for k in range(packets):
@@ -192,9 +194,9 @@ def _values(file: _File, rows: list[list[str]], width: int, where: str) -> NDArr
     first = 1 if file.columns == "No" else 0  # the column of times is empty
     for i, row in enumerate(rows):
         if len(row) < width or any(cell.strip() for cell in row[width + 1 :]):
-            raise InputError(f"{where}: row {i + 1}: {len(row)} cells, allowed {width} and a comment")
+            raise RigInputError(f"{where}: row {i + 1}: {len(row)} cells, allowed {width} and a comment")
         if len(row) > width and _is_number(row[width], file.decimal):
-            raise InputError(
+            raise RigInputError(
                 f"{where}: row {i + 1}: comment {shown(row[width])} is a number; the row has a cell too many"
             )
         values[i, first:] = _numbers(row[first:width], file.decimal, f"row {i + 1}:", where)
@@ -218,18 +220,18 @@ def _table(
     dimensions = set(of_channel("X_Dimension").values()) or {"Time"}
     labels = {known(label) or "s" for label in of_channel("X_Unit_Label").values()} or {"s"}
     if dimensions != {"Time"} or len(labels) != 1 or not labels <= set(SECONDS):
-        raise InputError(
+        raise RigInputError(
             f"{where}: X_Dimension {sorted(dimensions)} in {sorted(labels)}, allowed Time in one of {list(SECONDS)}"
         )
     unit = labels.pop()
     steps, starts = quantity("Delta_X"), quantity("X0")
     if any(not step > 0 for step in steps.values()):
-        raise InputError(f"{where}: Delta_X {sorted(steps.values())}, allowed above 0")
+        raise RigInputError(f"{where}: Delta_X {sorted(steps.values())}, allowed above 0")
     columns = {name: values[:, k].copy() for name, k in zip(names, at, strict=True)}
     times: list[NDArray[np.float64]]
     if file.columns == "No":
         if set(steps) != set(names):
-            raise InputError(f"{where}: X_Columns is No and Delta_X is missing; the times are not known")
+            raise RigInputError(f"{where}: X_Columns is No and Delta_X is missing; the times are not known")
         count = np.arange(len(values), dtype=np.float64)
         times = [starts.get(name, 0.0) + steps[name] * count for name in names]
         stated = {name: Clock(steps[name], starts.get(name, 0.0)) for name in names}
@@ -262,7 +264,7 @@ def _clock(time: NDArray[np.float64], stated: float | None, what: str) -> Clock:
     if stated is None:
         return Clock(found, float(time[0]))
     if not Clock(stated, resolution_s=DELTA_RESOLUTION).agrees(found):
-        raise InputError(f"{what} rises by {found:g}, but Delta_X says {stated:g}; one of them is wrong")
+        raise RigInputError(f"{what} rises by {found:g}, but Delta_X says {stated:g}; one of them is wrong")
     return Clock(stated if abs(stated / found - 1) * len(time) <= JITTER else found, float(time[0]))
 
 
@@ -276,14 +278,14 @@ def _stamp(date: str, time: str, where: str) -> float:
         parts = [number(part.replace(",", ".")) for part in time.split(":")] if time else [0.0, 0.0, 0.0]
         hour, minute, second = parts
     except ValueError:
-        raise InputError(f"{where}: Date {date!r}, Time {time!r}, allowed YYYY/MM/DD and HH:MM:SS.XXX") from None
+        raise RigInputError(f"{where}: Date {date!r}, Time {time!r}, allowed YYYY/MM/DD and HH:MM:SS.XXX") from None
     return ((day * 24 + hour) * 60 + minute) * 60 + second if date and time else 0.0
 
 
 def _whole(cells: list[str], key: str, where: str) -> list[int]:
     cells = [cell.strip() for cell in cells]
     if not cells or not all(cell.isascii() and cell.isdigit() and len(cell) < 12 for cell in cells):
-        raise InputError(f"{where}: {key} {cells}, allowed whole numbers")
+        raise RigInputError(f"{where}: {key} {cells}, allowed whole numbers")
     return [int(cell) for cell in cells]
 
 
@@ -291,4 +293,4 @@ def _numbers(cells: list[str], decimal: str, what: str, where: str) -> list[floa
     try:
         return [number(cell, decimal) for cell in cells]
     except ValueError as error:
-        raise InputError(f"{where}: {what} found {shown(str(error))}, allowed a number") from None
+        raise RigInputError(f"{where}: {what} found {shown(str(error))}, allowed a number") from None

@@ -2,7 +2,7 @@
 
 Place in the data flow: mapping and recordings → :mod:`rig.foreign.session_import` → session. Nothing is guessed: units,
 senses and counts per revolution are stated here, and a unit the recording itself states must agree. Bad files raise
-:class:`rig.errors.InputError`.
+:class:`rig.errors.RigInputError`.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from pydantic import Field, model_validator
 
 from rig.configuration import toml_file
 from rig.configuration.channels import BODIES, Number, Table, Text
-from rig.errors import InputError
+from rig.errors import RigInputError
 from rig.foreign.channel_table import ChannelTable
 from rig.foreign.units import known
 from rig.session.info import ActionInfo, RoomInfo
@@ -158,7 +158,7 @@ class MappingFile:
 
 
 def load_mapping(path: str | Path) -> MappingFile:
-    """Read and check a mapping file; raises InputError."""
+    """Read and check a mapping file; raises RigInputError."""
     return parse_mapping(toml_file.read_text(Path(path)), str(path))
 
 
@@ -171,7 +171,7 @@ def check_unit(table: ChannelTable, channel: str, unit: str, overruled: tuple[st
     """Refuse a channel that states a unit itself, and another one, unless the mapping overrules it."""
     stated = table.units.get(channel, "").strip()
     if known(stated) not in (None, unit) and channel not in overruled:
-        raise InputError(
+        raise RigInputError(
             f"{table.where}: {channel} is in {stated!r} by the file itself, the mapping says {unit!r}; correct the "
             "mapping, or name the channel in overrule_units where the file is wrong"
         )

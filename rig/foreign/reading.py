@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rig.errors import InputError
+from rig.errors import RigInputError
 from rig.foreign.channel_table import ChannelTable
 
 SUFFIXES = (".csv", ".txt", ".lvm", ".tdms", ".h5", ".hdf5")
@@ -21,7 +21,7 @@ def read_segments(path: str | Path, *, separator: str = ",", decimal: str = ".")
 
     Raises
     ------
-    InputError
+    RigInputError
         When the ending is not known or the file cannot be used.
     """
     file = Path(path)
@@ -42,14 +42,14 @@ def read_segments(path: str | Path, *, separator: str = ",", decimal: str = ".")
         from rig.foreign.hdf5_file import read_hdf5
 
         return (read_hdf5(file),)
-    raise InputError(f"{file}: ending {suffix!r}, allowed {', '.join(SUFFIXES)}")
+    raise RigInputError(f"{file}: ending {suffix!r}, allowed {', '.join(SUFFIXES)}")
 
 
 def read_channels(path: str | Path, *, separator: str = ",", decimal: str = ".") -> ChannelTable:
-    """Read a recording that must be of one segment; raises InputError."""
+    """Read a recording that must be of one segment; raises RigInputError."""
     segments = read_segments(path, separator=separator, decimal=decimal)
     if len(segments) != 1:
-        raise InputError(
+        raise RigInputError(
             f"{path}: {len(segments)} segments, allowed 1 here; save the one that is meant to its own file"
         )
     return segments[0]
@@ -60,7 +60,7 @@ def joined(segments: Sequence[ChannelTable], names: Sequence[str]) -> ChannelTab
 
     Raises
     ------
-    InputError
+    RigInputError
         When a channel is not in all of them, has several units or intervals, or time is missing between them.
     """
     first = segments[0]
@@ -68,7 +68,7 @@ def joined(segments: Sequence[ChannelTable], names: Sequence[str]) -> ChannelTab
     for before, after in zip(segments, segments[1:], strict=False):
         for name in names:
             if before.units.get(name, "") != after.units.get(name, ""):
-                raise InputError(
+                raise RigInputError(
                     f"{after.where}: {name} is in {after.units.get(name, '')!r}, in the segment before it in "
                     f"{before.units.get(name, '')!r}; such segments cannot be joined"
                 )
@@ -77,7 +77,7 @@ def joined(segments: Sequence[ChannelTable], names: Sequence[str]) -> ChannelTab
             one, other = before.clocks[name], after.clocks[name]
             n = before.channel(name).size
             if abs(other.interval_s - one.interval_s) * n > 0.5 * one.interval_s:
-                raise InputError(
+                raise RigInputError(
                     f"{after.where}: a sample every {other.interval_s:g} s, in the segment before it every "
                     f"{one.interval_s:g} s; such segments cannot be joined"
                 )
@@ -88,7 +88,7 @@ def joined(segments: Sequence[ChannelTable], names: Sequence[str]) -> ChannelTab
             spans = [sum(later)] if later[0] == 0.0 else [later[0], sum(later)]
             gap = min((span - n * one.interval_s for span in spans), key=abs)
             if abs(gap) > 0.5 * one.interval_s:
-                raise InputError(
+                raise RigInputError(
                     f"{after.where}: {name} begins {gap:g} s after the end of the segment before it; samples are "
                     'missing, segments = "trials" keeps them apart'
                 )

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.errors import InputError
+from rig.errors import RigInputError
 from rig.foreign.channel_table import SECONDS, ChannelTable, even_interval
 from rig.foreign.mapping import EncoderMapping, Mapping, MappingFile, check_unit
 from rig.foreign.reading import joined, read_segments
@@ -23,7 +23,7 @@ from rig.foreign.units import known
 from rig.session import Session, SessionInfo
 from rig.session.annotation_file import utc_now
 from rig.session.info import FileInfo, PlanInfo
-from rig.session.records import EncoderInfo, ForceInfo, TrialData
+from rig.session.trial_data import EncoderInfo, ForceInfo, TrialData
 from rig.storage.atomic_write import sha256_of_bytes, sha256_of_file
 
 QUIET_S = 0.02
@@ -48,11 +48,11 @@ def import_session(out: str | Path, files: Sequence[Path], mapping: MappingFile)
 
     Raises
     ------
-    InputError
+    RigInputError
         When a file cannot be used or the folder not be created; nothing is left behind then.
     """
     if not files:
-        raise InputError("no recording to import")
+        raise RigInputError("no recording to import")
     config = mapping.config
     trials: list[TrialData] = []
     notes = {}
@@ -95,7 +95,7 @@ def _recordings(file: Path, config: Mapping) -> tuple[ChannelTable, ...]:
     if len(segments) == 1 or config.segments == "trials":
         return segments
     if config.segments is None:
-        raise InputError(
+        raise RigInputError(
             f'{file}: {len(segments)} segments; say in the mapping what they are: segments = "trials" or "join"'
         )
     names = config.channels
@@ -112,7 +112,7 @@ def make_trial(table: ChannelTable, mapping: Mapping, number: int, started_utc: 
 
     Raises
     ------
-    InputError
+    RigInputError
         When a channel is missing, has another unit, holds what is no finite number, or is no whole count.
     """
     wanted, time = mapping.force, mapping.time
@@ -131,14 +131,14 @@ def make_trial(table: ChannelTable, mapping: Mapping, number: int, started_utc: 
         interval_s = 1.0 / time.sample_rate_hz
         stated = table.stated_clock(mapping.channels)
         if stated is not None and not stated.agrees(interval_s):
-            raise InputError(
+            raise RigInputError(
                 f"{table.where}: sample interval {stated.interval_s:g} s by the file itself, the mapping says "
                 f"{interval_s:g} s"
             )
         _check_unmapped_times(table, raw.size, interval_s)
     rate_hz = 1.0 / interval_s
     if not RATES_HZ[0] <= rate_hz <= RATES_HZ[1]:
-        raise InputError(
+        raise RigInputError(
             f"{table.where}: sampled at {rate_hz:g} Hz, allowed {RATES_HZ[0]:g} to {RATES_HZ[1]:g} Hz; look at the "
             "unit of the times (time.unit in the mapping)"
         )
@@ -154,7 +154,7 @@ def make_trial(table: ChannelTable, mapping: Mapping, number: int, started_utc: 
     if start_s is None:
         start_s = find_start(force, interval_s, table.where)
     elif not start_s < raw.size * interval_s:
-        raise InputError(f"{table.where}: blow_start_s = {start_s:g} s, allowed below {raw.size * interval_s:g} s")
+        raise RigInputError(f"{table.where}: blow_start_s = {start_s:g} s, allowed below {raw.size * interval_s:g} s")
     encoders = tuple(
         EncoderInfo(e.name, e.counts_per_revolution, e.sign, e.channel, e.u_scale_relative) for e in mapping.encoders
     )
@@ -198,10 +198,10 @@ def _check_unmapped_times(table: ChannelTable, size: int, interval_s: float) -> 
             continue
         try:
             found = even_interval(values * SECONDS[unit], name)
-        except InputError:
+        except RigInputError:
             continue
         if abs(found - interval_s) * size > interval_s:
-            raise InputError(
+            raise RigInputError(
                 f"{table.where}: {name} rises by {found:g} s, the mapping says {interval_s:g} s; name it as "
                 "time.channel, or correct time.sample_rate_hz"
             )
@@ -213,7 +213,7 @@ def _check_pushes(force_n: NDArray[np.float64], interval_s: float, what: str) ->
     level = float(rest.mean())
     pull, push = level - float(force_n.min()), float(force_n.max()) - level
     if np.ptp(rest) < 0.1 * pull and pull > 2 * push and level < 0.5 * pull:
-        raise InputError(
+        raise RigInputError(
             f"{what} pulls by {pull:.3g} N and pushes by {push:.3g} N; a push must be positive: change the sign of "
             "force.newtons_per_unit"
         )
@@ -226,16 +226,18 @@ def _counts(table: ChannelTable, encoder: EncoderMapping, overruled: tuple[str, 
         whole = np.round(values)
         if np.any(whole != values):
             row = int(np.argmax(whole != values)) + 1
-            raise InputError(f"{table.where}: {encoder.channel} row {row}: {values[row - 1]:g}, allowed whole counts")
+            raise RigInputError(
+                f"{table.where}: {encoder.channel} row {row}: {values[row - 1]:g}, allowed whole counts"
+            )
     else:
         turn = 360.0 if encoder.unit == "deg" else 2 * np.pi
         whole = np.round(values * (encoder.counts_per_revolution / turn))
     if np.abs(whole).max(initial=0.0) >= LARGEST_COUNT:
-        raise InputError(f"{table.where}: {encoder.channel} reaches {np.abs(whole).max():.3g} counts, allowed 2^53")
+        raise RigInputError(f"{table.where}: {encoder.channel} reaches {np.abs(whole).max():.3g} counts, allowed 2^53")
     counts = whole.astype(np.int64)
     turned = 2 * np.pi * float(np.ptp(counts)) / encoder.counts_per_revolution
     if turned > LARGEST_TURN_RAD:
-        raise InputError(
+        raise RigInputError(
             f"{table.where}: {encoder.channel} turns by {turned:.3g} rad, allowed {LARGEST_TURN_RAD:.3g}; look at the "
             f"unit {encoder.unit!r} and counts_per_revolution = {encoder.counts_per_revolution} in the mapping"
         )
@@ -247,18 +249,18 @@ def find_start(force_n: NDArray[np.float64], interval_s: float, where: str) -> f
 
     Raises
     ------
-    InputError
+    RigInputError
         When the recording does not begin with rest, or holds no push.
     """
     quiet = int(round(QUIET_S / interval_s))
     if quiet < 5 or force_n.size < 2 * quiet:
-        raise InputError(f"{where}: too short or too slow to find the blow; give blow_start_s in the mapping")
+        raise RigInputError(f"{where}: too short or too slow to find the blow; give blow_start_s in the mapping")
     rest = force_n[:quiet]
     level, noise = float(rest.mean()), float(rest.std())
     peak = float(force_n.max()) - level
     threshold = max(5 * noise, ONSET * peak)
     if peak <= 10 * noise or peak <= 0 or np.abs(rest - level).max() > 0.05 * peak:
-        raise InputError(
+        raise RigInputError(
             f"{where}: does not begin with {QUIET_S:g} s of rest before a push; give blow_start_s in the mapping"
         )
     above = force_n - level > threshold

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rig.errors import InputError
+from rig.errors import RigInputError
 from rig.foreign.channel_table import ChannelTable, Clock
 
 _MARK = struct.Struct("<4sI")
@@ -42,13 +42,13 @@ def read_tdms(path: Path) -> ChannelTable:
 
     Raises
     ------
-    InputError
+    RigInputError
         When npTDMS is not installed, or the file is damaged, cut off or without numeric channels of one length.
     """
     try:
         from nptdms import TdmsFile, log
     except ImportError:
-        raise InputError(f"{path}: reading TDMS needs npTDMS; pip install 'piano-action-rig[tdms]'") from None
+        raise RigInputError(f"{path}: reading TDMS needs npTDMS; pip install 'piano-action-rig[tdms]'") from None
     complaints = _Complaints()
     log.log_manager.set_level(logging.ERROR)
     logger = logging.getLogger("nptdms")
@@ -61,13 +61,13 @@ def read_tdms(path: Path) -> ChannelTable:
             # npTDMS leaves a file open that it fails to read
             with path.open("rb") as stream, TdmsFile.open(stream) as file:
                 return _read(path, file, size, complaints)
-    except InputError:
+    except RigInputError:
         raise
     except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror or error})") from None
+        raise RigInputError(f"{path}: cannot be read ({error.strerror or error})") from None
     except Exception as error:  # a damaged file makes npTDMS raise nearly anything
         words = " ".join(f"{type(error).__name__}: {error}".split())[:120]
-        raise InputError(f"{path}: not a whole TDMS file ({words})") from None
+        raise RigInputError(f"{path}: not a whole TDMS file ({words})") from None
     finally:
         logger.removeHandler(complaints)
 
@@ -80,14 +80,14 @@ def _check_segments(path: Path, size: int) -> None:
             stream.seek(at)
             lead = stream.read(_MARK.size + _SIZES[False].size)
             if len(lead) < _MARK.size + _SIZES[False].size or lead[:4] != b"TDSm":
-                raise InputError(f"{path}: not a whole TDMS file (no segment at byte {at})")
+                raise RigInputError(f"{path}: not a whole TDMS file (no segment at byte {at})")
             contents = _MARK.unpack_from(lead)[1]
             version, following, raw = _SIZES[bool(contents & _BIG_ENDIAN)].unpack_from(lead, _MARK.size)
             at += len(lead) + following
             if at > size or raw > following or version not in (4712, 4713):
-                raise InputError(f"{path}: not a whole TDMS file (its last segment is cut off at byte {size})")
+                raise RigInputError(f"{path}: not a whole TDMS file (its last segment is cut off at byte {size})")
     if not size:
-        raise InputError(f"{path}: is empty")
+        raise RigInputError(f"{path}: is empty")
 
 
 def _read(path: Path, file: object, size: int, complaints: _Complaints) -> ChannelTable:
@@ -98,16 +98,16 @@ def _read(path: Path, file: object, size: int, complaints: _Complaints) -> Chann
         if channel.dtype.kind in "iufM" and len(channel)
     ]
     if not channels:
-        raise InputError(f"{path}: no numeric channel")
+        raise RigInputError(f"{path}: no numeric channel")
     if sum(len(channel) * channel.dtype.itemsize for channel in channels) > 16 * size:
-        raise InputError(f"{path}: names more samples than its {size} bytes hold; the file is damaged")
+        raise RigInputError(f"{path}: names more samples than its {size} bytes hold; the file is damaged")
     short = Counter(channel.name for channel in channels)
     columns, units, clocks = {}, {}, {}
     for channel in channels:
         name = channel.name if short[channel.name] == 1 else f"{channel.group_name}/{channel.name}"
         values = channel[:]
         if len(values) != len(channel):
-            raise InputError(f"{path}: not a whole TDMS file ({name} is cut off)")
+            raise RigInputError(f"{path}: not a whole TDMS file ({name} is cut off)")
         stamps = channel.dtype.kind == "M"
         columns[name] = (
             (values - values[0]) / np.timedelta64(1, "ns") * 1e-9 if stamps else np.asarray(values, dtype=np.float64)
@@ -116,7 +116,7 @@ def _read(path: Path, file: object, size: int, complaints: _Complaints) -> Chann
         if (clock := _clock(channel.properties)) is not None:
             clocks[name] = clock
     if complaints.lines:
-        raise InputError(f"{path}: not a whole TDMS file ({complaints.lines[0][:120]})")
+        raise RigInputError(f"{path}: not a whole TDMS file ({complaints.lines[0][:120]})")
     return ChannelTable(str(path), columns, {k: v for k, v in units.items() if v}, clocks)
 
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.signal import butter, sosfiltfilt
 
 from rig.learning.target import Target, key_bottom
-from rig.session.records import TrialData
+from rig.session.trial_data import TrialData
 
 CUTOFF_HZ = 150.0
 FADE_S = 0.01

@@ -14,13 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.configuration import toml_file
+from rig.configuration.motor_command import motor_command
 from rig.configuration.profile import Profile, parse_profile
 from rig.configuration.rig_file import RigConfig
-from rig.errors import InputError
+from rig.errors import RigInputError
 from rig.learning.correction import LATE_S, Measured, corrected, late_share, measured_force, relative_rms, within_limits
 from rig.learning.target import Target
-from rig.recording.trial_run import motor_command
-from rig.session.records import TrialData
+from rig.session.trial_data import TrialData
 
 GAIN = 0.8
 GOAL = 0.03
@@ -99,13 +99,13 @@ def learn(
 
     Raises
     ------
-    InputError
+    RigInputError
         Bad numbers, or a target outside the motor's limits.
     """
     if not 1 <= blows <= MOST_BLOWS:
-        raise InputError(f"blows = {blows}, allowed 1 to {MOST_BLOWS}")
+        raise RigInputError(f"blows = {blows}, allowed 1 to {MOST_BLOWS}")
     if not 0 < goal < 1:
-        raise InputError(f"goal = {goal:g}, allowed above 0 and below 1")
+        raise RigInputError(f"goal = {goal:g}, allowed above 0 and below 1")
     motor, rate = config.motor, config.device.sample_rate_hz
     most_n = min(motor.force_limit_n, motor.voltage_limit_v * motor.force_per_volt_n)
     _check_reachable(target, config, most_n)
@@ -118,7 +118,7 @@ def learn(
         start_s = motor_command(profile, config).blow_start_s - profile.onset_s
         data = blow(profile, number)
         if data.status not in ("complete", "not at rest"):
-            raise InputError(f"{target.name}: blow {number} ended as {data.status!r}; it cannot be learned from")
+            raise RigInputError(f"{target.name}: blow {number} ended as {data.status!r}; it cannot be learned from")
         measured = measured_force(data, target, start_s)
         done.append(Blow(number, profile, measured, relative_rms(target, measured), limited))
         if progress is not None:
@@ -139,20 +139,20 @@ def _check_reachable(target: Target, config: RigConfig, most_n: float) -> None:
     """Refuse a target that no number of blows can reach on this rig."""
     peak_n, slew = target.peak_n, config.motor.slew_limit_n_per_s
     if peak_n > most_n:
-        raise InputError(
+        raise RigInputError(
             f"{target.name}: {peak_n:.4g} N before key bottom, allowed {most_n:g} N (motor of the rig file); give a "
             "smaller scale"
         )
     rise = float(np.diff(target.command_n[target.time_s <= target.bottom_s]).max(initial=0.0))
     rise *= config.device.sample_rate_hz
     if rise > slew:
-        raise InputError(
+        raise RigInputError(
             f"{target.name}: rises by {rise:.4g} N/s before key bottom, allowed {slew:g} N/s "
             "(motor.slew_limit_n_per_s of the rig file); give a smaller scale"
         )
     noise_n = config.force.u_noise_n
     if noise_n > GOAL * peak_n:
-        raise InputError(
+        raise RigInputError(
             f"{target.name}: {peak_n:.3g} N before key bottom, allowed from {noise_n / GOAL:.3g} N: the load cell's "
             f"noise of {noise_n:g} N hides the error; if the recording is not in N, give a scale"
         )

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import butter, sosfiltfilt
 
-from rig.errors import InputError
+from rig.errors import RigInputError
 
 LEAD_S = 0.05
 """Time before the force rises, as in the thesis's profiles."""
@@ -90,19 +90,19 @@ def make_target(
 
     Raises
     ------
-    InputError
+    RigInputError
         When the recording does not begin at rest, holds no blow, or has no spike at key bottom.
     """
     if not (np.isfinite(scale) and scale > 0):
-        raise InputError(f"{name}: scale = {scale:g}, allowed above 0")
+        raise RigInputError(f"{name}: scale = {scale:g}, allowed above 0")
     if interval_s > 0.005:
-        raise InputError(f"{name}: sampled every {interval_s:g} s, allowed at most every 0.005 s")
+        raise RigInputError(f"{name}: sampled every {interval_s:g} s, allowed at most every 0.005 s")
     if force_n.size * interval_s > 60:
-        raise InputError(f"{name}: lasts {force_n.size * interval_s:.3g} s, allowed at most 60 s; cut out one blow")
+        raise RigInputError(f"{name}: lasts {force_n.size * interval_s:.3g} s, allowed at most 60 s; cut out one blow")
     on_clock = scale * _resampled(force_n, interval_s, sample_rate_hz)
     quiet = max(int(round(QUIET_S * sample_rate_hz)), 2)
     if on_clock.size < 5 * quiet:
-        raise InputError(f"{name}: lasts {on_clock.size / sample_rate_hz:.3g} s, allowed from {5 * QUIET_S:g} s")
+        raise RigInputError(f"{name}: lasts {on_clock.size / sample_rate_hz:.3g} s, allowed from {5 * QUIET_S:g} s")
     rest_n = float(np.mean(on_clock[:quiet]))
     force = on_clock - rest_n
     highest = float(np.max(force))
@@ -110,24 +110,26 @@ def make_target(
     noise = 4 * float(np.std(force[:quiet] - line(np.arange(quiet))))
     drift = abs(float(line(quiet - 1) - line(0)))
     if highest <= 0 or np.max(np.abs(force[:quiet])) > 0.05 * highest or drift > max(0.01 * highest, noise):
-        raise InputError(f"{name}: does not begin with {QUIET_S:g} s of rest before a push; cut the recording earlier")
+        raise RigInputError(
+            f"{name}: does not begin with {QUIET_S:g} s of rest before a push; cut the recording earlier"
+        )
     if key_bottom_s is None:
         bottom = key_bottom(force, sample_rate_hz)
         if bottom is None:
-            raise InputError(f"{name}: no spike at key bottom was found; say when it is with --key-bottom SECONDS")
+            raise RigInputError(f"{name}: no spike at key bottom was found; say when it is with --key-bottom SECONDS")
     else:
         bottom = int(round(key_bottom_s * sample_rate_hz))
         if not quiet < bottom < force.size:
-            raise InputError(
+            raise RigInputError(
                 f"{name}: key bottom at {key_bottom_s:g} s, allowed {QUIET_S:g} to {force.size / sample_rate_hz:g} s"
             )
     peak = float(np.max(force[:bottom]))
     if peak <= 0:
-        raise InputError(f"{name}: no push before key bottom at {bottom / sample_rate_hz:.4f} s")
+        raise RigInputError(f"{name}: no push before key bottom at {bottom / sample_rate_hz:.4f} s")
     above = np.flatnonzero(force[: bottom + 1] > ONSET * peak)
     above = above[force[above] > noise]
     if not above.size:
-        raise InputError(f"{name}: the push before key bottom does not rise above the noise, {noise:.3g} N")
+        raise RigInputError(f"{name}: the push before key bottom does not rise above the noise, {noise:.3g} N")
     onset = int(above[0])
     while onset > 0 and max(noise, 0.0) < force[onset - 1] < force[onset]:
         onset -= 1

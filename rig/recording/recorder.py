@@ -1,7 +1,7 @@
 """The recorder: a session of trials from one profile or a plan, checked before anything moves, safe on every way out.
 
 Place in the data flow: profile and rig file → backend → session folder. Ctrl-C, SIGTERM and faults stop the bench
-safely; what was recorded is kept and marked, and the exception goes on to the caller. When not one trial was recorded,
+safely; what was recorded stays and is marked, and the exception goes on to the caller. When not one trial was recorded,
 no session folder is left. A program that is killed leaves a journal, see :mod:`rig.recording.recover`.
 """
 
@@ -10,49 +10,32 @@ from __future__ import annotations
 import contextlib
 import platform
 import shutil
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
+from dataclasses import replace
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+from typing import Unpack
 
-from rig.backend import Backend, open_backend
+from rig.backend import Capabilities, check_contract, open_backend
+from rig.configuration.motor_command import motor_command
 from rig.configuration.profile import Profile, load_profile
 from rig.configuration.rig_file import Rig, load_rig
 from rig.errors import HardwareFault
-from rig.recording.dry_run import Predict, dry_run
-from rig.recording.feed import BlockFeed
-from rig.recording.interrupts import deferred
-from rig.recording.permission import Permission, demand
-from rig.recording.plan_run import Attendance, play
+from rig.recording.options import RecordingKeywords, RecordingOptions
 from rig.recording.trial_plan import Plan, plain_plan
-from rig.recording.trial_run import OpenJournal, Progress, motor_command
-from rig.session import Session, SessionInfo, Trial
+from rig.recording.trial_sequence import record_entries
+from rig.safety.dry_run import dry_run
+from rig.safety.interrupts import deferred
+from rig.safety.permission import require_permission
 from rig.session.annotation_file import utc_now
-from rig.session.info import ActionInfo, FileInfo, RoomInfo
-from rig.session.journal import JournalWriter
+from rig.session.folder import Session
+from rig.session.info import ActionInfo, FileInfo, RoomInfo, SessionInfo
 
 PACKAGES = ("piano-action-rig", "numpy", "h5py", "nidaqmx", "grpcio")
 
 
-def record_session(
-    out: str | Path,
-    *,
-    profile: Profile | str | Path = "forte",
-    rig_config: Rig | str | Path = "virtual",
-    backend: Backend | str = "sim://",
-    trials: int = 5,
-    operator: str = "unknown",
-    action_name: str = "unknown",
-    action: ActionInfo | None = None,
-    room: RoomInfo | None = None,
-    notes: Mapping[str, str] | None = None,
-    progress: Callable[[Progress], None] | None = None,
-    after_trial: Callable[[Trial], None] | None = None,
-    feed: BlockFeed | None = None,
-    open_journal: OpenJournal = JournalWriter,
-    predict: Predict | None = None,
-    permission: Permission | None = None,
-    plan: Plan | None = None,
-    ask: Callable[[str], str | None] | None = None,
+def record(
+    out: str | Path, options: RecordingOptions | None = None, /, **keywords: Unpack[RecordingKeywords]
 ) -> Session:
     """Record a session.
 
@@ -60,22 +43,36 @@ def record_session(
     ----------
     out : path
         Session folder to create; must not exist, or be empty.
+    options : RecordingOptions, optional
+        All that follows as one record; keywords given beside it replace its fields.
     profile, rig_config : object, built-in name or path
-        What the motor does; the bench.
+        What the motor does (default ``forte``); the bench (``virtual``).
     backend : Backend or str
-        An open backend (stays open), or an address to open and close.
+        An open backend (stays open), or an address to open and close (``sim://``).
     trials : int
-        Number of trials, 1 to 9999.
+        Number of trials, 1 to 9999 (5).
     plan : Plan, optional
         A trial plan (:mod:`rig.recording.trial_plan`) in place of ``profile`` and ``trials``.
     operator, action_name, action, room, notes
         What goes into ``session.toml``; ``action`` replaces ``action_name``.
-    progress, after_trial, feed, ask, open_journal : optional
-        Who watches, and what is done around the blows: see :class:`rig.recording.plan_run.Attendance`.
+    progress : callable, optional
+        Called after each block with a :class:`rig.recording.progress.Progress`; an exception in it stops the trial
+        safely.
+    after_trial : callable, optional
+        Called with each sealed trial while the backend is still open, e.g. to save a film.
+    feed : BlockFeed, optional
+        Bounded feed for a live view.
+    ask : callable, optional
+        Shows an operator prompt and returns what was typed, None when nobody can be asked.
     predict : callable, optional
-        Predicts the profile's blow for the dry run (:mod:`rig.recording.dry_run`); needed on hardware.
+        Predicts the profile's blow for the dry run (:mod:`rig.safety.dry_run`); needed on hardware.
     permission : Permission, optional
-        That the motor may move (:mod:`rig.recording.permission`); needed on hardware, i.e. with ``ni://`` and ``ni-grpc://``.
+        That the motor may move (:mod:`rig.safety.permission`); needed on hardware, i.e. with ``ni://`` and
+        ``ni-grpc://``.
+    open_journal : callable
+        Creates each trial's journal; tests put a bad disk here.
+    now_s : callable
+        Clock of the time left, s.
 
     Returns
     -------
@@ -83,7 +80,7 @@ def record_session(
 
     Raises
     ------
-    InputError
+    RigInputError
         Bad profile, rig file, number of trials or path, or a dry run outside the limits; nothing has moved and nothing
         is left behind.
     NotPermitted
@@ -93,37 +90,33 @@ def record_session(
     KeyboardInterrupt
         The operator stopped; likewise.
     """
-    rig = rig_config if isinstance(rig_config, Rig) else load_rig(rig_config)
-    if plan is None:
-        plan = plain_plan(profile if isinstance(profile, Profile) else load_profile(profile), trials)
-    config = permission.applied_to(rig.config) if permission is not None else rig.config
-    first = plan.entries[0].profile
+    given = replace(options or RecordingOptions(), **keywords)
+    rig = given.rig_config if isinstance(given.rig_config, Rig) else load_rig(given.rig_config)
+    plan = given.plan or plain_plan(_profile(given.profile), given.trials)
+    config = given.permission.applied_to(rig.config) if given.permission is not None else rig.config
     predicted: dict[str, float | str] = {}
-    for chosen in plan.profiles.values():
-        motor_command(chosen, config)
-        found = dry_run(chosen, config, predict) if predict is not None else {}
+    for profile in plan.profiles.values():
+        motor_command(profile, config)
+        found = dry_run(profile, config, given.predict) if given.predict is not None else {}
         predicted = predicted or found
     existed = Path(out).is_dir()
-    opened = open_backend(backend, rig.config) if isinstance(backend, str) else backend
+    own = isinstance(given.backend, str)
+    backend = open_backend(given.backend, rig.config) if isinstance(given.backend, str) else given.backend
+    check_contract(backend)
     session: Session | None = None
-    attendance = Attendance(progress, after_trial, feed, ask, open_journal)
     try:
-        demand(rig, opened.capabilities, permission, predict is not None)
-        info = _session_info(
-            Path(out).name, opened, first, rig, plan, operator,
-            action or plan.action or ActionInfo(name=action_name), room or plan.room,
-            {**(notes or {}), **(permission.noted() if permission else {})}, predicted,
-        )  # fmt: skip
+        require_permission(rig, backend.capabilities, given.permission, given.predict is not None)
+        info = _session_info(Path(out).name, backend.capabilities, rig, plan, given, predicted)
         session = Session.create(out, info, {"rig.toml": rig.text, **plan.files()})
-        play(session, opened, config, plan.entries, 1, plan.rest_s, attendance)
+        record_entries(session, backend, config, plan.entries, given)
     except BaseException:
-        if isinstance(backend, str):
+        if own:
             with deferred(), contextlib.suppress(HardwareFault):
-                opened.close()  # the first fault is the one to report
+                backend.close()  # the first fault is the one to report
         raise
     else:
-        if isinstance(backend, str):
-            opened.close()
+        if own:
+            backend.close()
     finally:
         with deferred():
             if session is not None and not session.trials and not session.journals:
@@ -131,32 +124,35 @@ def record_session(
     return session
 
 
+record_session = record
+
+
+def _profile(profile: Profile | str | Path) -> Profile:
+    return profile if isinstance(profile, Profile) else load_profile(profile)
+
+
 def _session_info(
     name: str,
-    backend: Backend,
-    profile: Profile,
+    capabilities: Capabilities,
     rig: Rig,
     plan: Plan,
-    operator: str,
-    action: ActionInfo,
-    room: RoomInfo | None,
-    notes: Mapping[str, str] | None,
+    options: RecordingOptions,
     predicted: Mapping[str, float | str],
 ) -> SessionInfo:
-    capabilities = backend.capabilities
+    first = plan.entries[0]
     return SessionInfo(
         name=name,
-        operator=operator,
+        operator=options.operator,
         created_utc=utc_now(),
         simulated=capabilities.simulated,
-        action=action,
+        action=options.action or plan.action or ActionInfo(name=options.action_name),
         rig=FileInfo(name=rig.config.name, copy_name="rig.toml", sha256=rig.sha256),
-        profile=FileInfo(name=profile.name, copy_name=plan.copies[plan.entries[0].condition], sha256=profile.sha256),
+        profile=FileInfo(name=first.profile.name, copy_name=plan.copies[first.condition], sha256=first.profile.sha256),
         plan=plan.info(),
-        room=room or RoomInfo(),
+        room=options.room or plan.room or RoomInfo(),
         backend={"name": capabilities.name, **capabilities.description},
         software=software_versions(),
-        notes=dict(notes or {}),
+        notes={**(options.notes or {}), **(options.permission.noted() if options.permission else {})},
         dry_run=dict(predicted),
     )
 

@@ -14,11 +14,11 @@ from pathlib import Path
 
 import numpy as np
 
-from rig.errors import InputError
+from rig.errors import RigInputError
 from rig.recording.trial_plan import reject_warm_up
 from rig.session import Session
-from rig.session.journal_format import Journal, read_journal
-from rig.session.records import TrialData
+from rig.session.journal.format import Journal, read_journal
+from rig.session.trial_data import TrialData
 from rig.storage import platform_calls
 
 
@@ -47,7 +47,7 @@ def recover_session(path: str | Path) -> list[Recovered]:
 
     Raises
     ------
-    InputError
+    RigInputError
         When the folder is no session, is still being recorded, or cannot be written, or a journal does not belong
         there; the other trials are recovered first.
     """
@@ -61,10 +61,10 @@ def recover_session(path: str | Path) -> list[Recovered]:
     for number, file in journals.items():
         try:
             found.append(_recover_trial(session, number, file))
-        except InputError as error:
+        except RigInputError as error:
             refused.append(str(error))
     if refused:
-        raise InputError("; ".join(refused))
+        raise RigInputError("; ".join(refused))
     return found
 
 
@@ -72,10 +72,10 @@ def _refuse_if_in_use(file: Path) -> None:
     try:
         descriptor = platform_calls.open_raw(file, os.O_RDWR)
     except OSError as error:
-        raise InputError(f"{file}: cannot be opened ({error.strerror or error})") from error
+        raise RigInputError(f"{file}: cannot be opened ({error.strerror or error})") from error
     try:
         if not platform_calls.lock(descriptor):
-            raise InputError(f"{file}: another program is recording this session; wait until it has ended")
+            raise RigInputError(f"{file}: another program is recording this session; wait until it has ended")
     finally:
         os.close(descriptor)
 
@@ -90,7 +90,7 @@ def _recover_trial(session: Session, number: int, file: Path) -> Recovered:
         file.unlink()
         return Recovered(number, "empty", 0, "no sample had been acquired; the journal was removed")
     if journal.head.number != number:
-        raise InputError(f"{file}: holds trial {journal.head.number}, not {number}; give it its own name again")
+        raise RigInputError(f"{file}: holds trial {journal.head.number}, not {number}; give it its own name again")
     damaged = journal.records_behind or (journal.ending is not None and journal.left_over > 0)
     if journal.ending is not None and not damaged:
         status, reason = journal.ending
@@ -106,7 +106,9 @@ def _recover_trial(session: Session, number: int, file: Path) -> Recovered:
     reject_warm_up(session, data)
     sealed = session.add_trial(data).read()
     if sealed.n_valid != journal.n_samples:
-        raise InputError(f"{file}: {journal.n_samples} samples, but {sealed.n_valid} were sealed; the journal is kept")
+        raise RigInputError(
+            f"{file}: {journal.n_samples} samples, but {sealed.n_valid} were sealed; the journal is kept"
+        )
     if damaged:
         _put_aside(file)
     else:
@@ -118,7 +120,7 @@ def _sealed(session: Session, number: int) -> TrialData | None:
     """Return the sealed trial; None when there is none, or it cannot be read."""
     try:
         return session.trial(number).read()
-    except InputError:
+    except RigInputError:
         return None
 
 
@@ -126,7 +128,9 @@ def _already_sealed(session: Session, sealed: TrialData, file: Path, journal: Jo
     """The program ended between sealing a trial and removing its journal, unless the two differ."""
     force_n = np.concatenate([np.empty(0), *(block.force_n for block in journal.blocks)])
     if not np.array_equal(sealed.force_n[: force_n.size], force_n):
-        raise InputError(f"{file}: is not the journal of {session.trial_path(sealed.number).name}; move it elsewhere")
+        raise RigInputError(
+            f"{file}: is not the journal of {session.trial_path(sealed.number).name}; move it elsewhere"
+        )
     file.unlink()
     return Recovered(sealed.number, sealed.status, sealed.n_valid, "was sealed already; the journal was removed")
 

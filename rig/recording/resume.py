@@ -10,18 +10,20 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Unpack
 
-from rig.backend import Backend
+from rig.backend import Backend, check_contract
 from rig.configuration import toml_file
 from rig.configuration.profile import parse_profile
 from rig.configuration.rig_file import Rig, parse_rig
-from rig.errors import InputError
-from rig.recording.dry_run import Predict, dry_run
-from rig.recording.permission import Permission, demand
-from rig.recording.plan_run import Attendance, play
+from rig.errors import RigInputError
+from rig.recording.options import RecordingOptions, ResumeKeywords
 from rig.recording.recover import recover_session
 from rig.recording.trial_plan import WARM_UP_REASON, Entry
-from rig.session import Session
+from rig.recording.trial_sequence import record_entries
+from rig.safety.dry_run import dry_run
+from rig.safety.permission import require_permission
+from rig.session.folder import Session
 from rig.session.info import FileInfo
 from rig.storage.atomic_write import sha256_of_bytes
 
@@ -53,7 +55,7 @@ def _entries(session: Session) -> list[Entry]:
     by_name = {condition.name: condition for condition in plan.conditions}
     missing = set(plan.order) - set(by_name)
     if missing:
-        raise InputError(f"{session.path}: plan.order names {sorted(missing)}, which is not among plan.conditions")
+        raise RigInputError(f"{session.path}: plan.order names {sorted(missing)}, which is not among plan.conditions")
     profiles = {
         name: parse_profile(_copy(session, condition.profile), str(session.path / condition.profile.copy_name))
         for name, condition in by_name.items()
@@ -66,11 +68,13 @@ def _entries(session: Session) -> list[Entry]:
 def _copy(session: Session, file: FileInfo) -> str:
     """Text of a copy kept in the session, after checking that it is the one the session was made with."""
     if not file.copy_name or Path(file.copy_name).name != file.copy_name:
-        raise InputError(f"{session.path}: {file.name}: no copy is kept beside session.toml; record a new session")
+        raise RigInputError(f"{session.path}: {file.name}: no copy is kept beside session.toml; record a new session")
     path = session.path / file.copy_name
     text = toml_file.read_text(path)
     if file.sha256 and sha256_of_bytes(text.encode("utf-8")) != file.sha256:
-        raise InputError(f"{path}: is not the file the session was begun with; put that back, or record a new session")
+        raise RigInputError(
+            f"{path}: is not the file the session was begun with; put that back, or record a new session"
+        )
     return text
 
 
@@ -83,10 +87,8 @@ def resume_session(
     path: str | Path,
     backend: Backend,
     *,
-    attendance: Attendance | None = None,
-    predict: Predict | None = None,
-    permission: Permission | None = None,
     opened: Callable[[int], None] | None = None,
+    **keywords: Unpack[ResumeKeywords],
 ) -> Session:
     """Record what is left of a session's plan.
 
@@ -96,37 +98,42 @@ def resume_session(
     ----------
     backend : Backend
         Of the session's rig file (:func:`session_rig`); simulated or not as the session is.
-    attendance, predict, permission
-        As for :func:`rig.recording.recorder.record_session`.
     opened : callable, optional
         Called with the number of the last trial there is, before the first new one.
+    **keywords
+        ``progress``, ``after_trial``, ``feed``, ``ask``, ``predict``, ``permission``, ``open_journal`` and ``now_s`` as
+        for :func:`rig.recording.recorder.record`.
 
     Raises
     ------
-    InputError
-        No session, nothing left to do, or copies that were changed; nothing has moved.
+    RigInputError
+        No session, nothing left to record, or copies that were changed; nothing has moved.
     HardwareFault, KeyboardInterrupt
         As when recording.
     """
+    if unknown := sorted(set(keywords) - set(ResumeKeywords.__annotations__)):
+        raise TypeError(f"resume_session() got unexpected keyword arguments {', '.join(unknown)}")
+    options = RecordingOptions(**keywords)
+    check_contract(backend)
     recover_session(path)
     session = Session.open(path, require_trials=False)
     if session.info.simulated != backend.capabilities.simulated:
-        raise InputError(
+        raise RigInputError(
             f"{session.path}: simulated = {session.info.simulated}, but the backend {backend.capabilities.name} is "
             f"{'' if backend.capabilities.simulated else 'not '}simulated; a session is one or the other"
         )
     due = due_entries(session)
     if not due:
-        raise InputError(f"{session.path}: every trial of its plan is there; nothing to resume")
-    rig = session_rig(session)
-    demand(rig, backend.capabilities, permission, predict is not None)
+        raise RigInputError(f"{session.path}: every trial of its plan is there; nothing to resume")
+    rig, permission = session_rig(session), options.permission
+    require_permission(rig, backend.capabilities, permission, options.predict is not None)
     config = permission.applied_to(rig.config) if permission is not None else rig.config
-    if predict is not None:
+    if options.predict is not None:
         for profile in {entry.condition: entry.profile for entry in due}.values():
-            dry_run(profile, config, predict)
+            dry_run(profile, config, options.predict)
     last = max((trial.number for trial in session.trials), default=0)
     if opened is not None:
         opened(last)
-    watching = attendance or Attendance()
-    play(session, backend, config, due, last + 1, session.info.plan.rest_s, watching)
+    backend.continue_after(last)
+    record_entries(session, backend, config, due, options, first_number=last + 1)
     return session

@@ -3,7 +3,7 @@
 Place in the data flow: plan file → entries → recorder; a plain number of trials is a plan of one unnamed condition.
 The order is drawn once, from the plan's seed, and written into ``session.toml``: an interrupted session is continued
 from there (:mod:`rig.recording.resume`). Warm-up blows come first, in the condition of the first trial; they are
-recorded and rejected. A bad file ends in :class:`rig.errors.InputError`.
+recorded and rejected. A bad file ends in :class:`rig.errors.RigInputError`.
 """
 
 from __future__ import annotations
@@ -12,21 +12,19 @@ import random
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
 from rig.configuration import toml_file
 from rig.configuration.channels import Number, Table, Text
 from rig.configuration.profile import Profile, built_in_profiles, load_profile
-from rig.errors import InputError
+from rig.errors import RigInputError
 from rig.session import annotation_file
+from rig.session.folder import Session
 from rig.session.info import ActionInfo, FileInfo, PlanCondition, PlanInfo, RoomInfo
+from rig.session.trial_data import TrialData
 from rig.storage.atomic_write import sha256_of_bytes
-
-if TYPE_CHECKING:
-    from rig.session import Session
-    from rig.session.records import TrialData
 
 MAX_TRIALS = 9999
 WARM_UP_REASON = "warm-up blow of the plan"
@@ -130,7 +128,7 @@ def reject_warm_up(session: Session, trial: TrialData) -> None:
 def plain_plan(profile: Profile, trials: int) -> Plan:
     """Return the plan of one profile played ``trials`` times."""
     if not 1 <= trials <= MAX_TRIALS:
-        raise InputError(f"trials = {trials}, allowed 1 to {MAX_TRIALS}")
+        raise RigInputError(f"trials = {trials}, allowed 1 to {MAX_TRIALS}")
     return Plan(tuple(Entry(k, "", profile) for k in range(1, trials + 1)), copies={"": "profile.toml"})
 
 
@@ -139,7 +137,7 @@ def load_plan(path: str | Path) -> Plan:
 
     Raises
     ------
-    InputError
+    RigInputError
         When the file or one of its profiles cannot be used.
     """
     file = Path(path)
@@ -171,8 +169,8 @@ def _profile(condition: ConditionConfig, where: str, folder: Path) -> Profile:
     built_in = condition.profile in built_in_profiles()
     try:
         return load_profile(condition.profile if built_in else folder / condition.profile)
-    except InputError as error:
-        raise InputError(f"{where}: {error}") from None
+    except RigInputError as error:
+        raise RigInputError(f"{where}: {error}") from None
 
 
 def draw_order(config: PlanConfig) -> list[str]:

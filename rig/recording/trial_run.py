@@ -1,59 +1,44 @@
-"""One trial on a backend: quiet, blow, rest; whatever happens the bench is made safe and what was recorded is kept.
+"""One trial on a backend: quiet, blow, rest; whatever happens the bench is made safe and the data acquired are stored.
 
-Place in the data flow: recorder → this → backend and journal; returns the trial's data with a status, and the
-exception that ended it, if any. A block is in the journal before anybody is told of it.
+Place in the data flow: :mod:`rig.recording.trial_sequence` → this → backend and journal; returns the trial's data with
+a status, and the exception that ended it, if any. A block is in the journal before any observer receives it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rig.backend import Backend, Block, Timing
-from rig.configuration.profile import Profile
+from rig.configuration.motor_command import MotorCommand
 from rig.configuration.rig_file import RigConfig
-from rig.errors import HardwareFault, InputError, SamplesLost
-from rig.recording.feed import BlockFeed
-from rig.recording.interlocks import Interlocks, rms_force_n
-from rig.recording.interrupts import deferred
-from rig.recording.rest import RestDetector
-from rig.recording.trial_description import trial_head
-from rig.session.journal import JournalWriter
-from rig.session.records import TrialData
-from rig.session.trial_head import TrialHead
+from rig.errors import HardwareFault, SamplesLost
+from rig.recording.options import RecordingOptions
+from rig.recording.progress import Progress
+from rig.recording.rest_detector import RestDetector
+from rig.safety.interlocks import Interlocks
+from rig.safety.interrupts import deferred
+from rig.session.journal.trial_head import TrialHead
+from rig.session.journal.writer import JournalWriter
+from rig.session.trial_data import TrialData
 
 LATE_S = 0.2
-"""How long a block may be late before the motor is stopped, which holds its volts when the clock stands still."""
+"""How long a block may be late before the motor is stopped; without a sample clock it would hold its last voltage."""
 
 
-@dataclass(frozen=True)
-class Progress:
-    """Where the recording is: trial of trials, time in the trial, and the largest force of the last block.
+@dataclass(frozen=True, eq=False)
+class PlannedTrial:
+    """One trial to be recorded: its number (of ``trials``), command, journal, condition and entry of the plan."""
 
-    What lies before ``committed_s`` is in the journal and survives whatever happens to the program.
-    """
-
-    trial: int
+    number: int
     trials: int
-    time_s: float
-    blow_end_s: float
-    peak_force_n: float
-    committed_s: float = 0.0
-    left_s: float | None = None
-    """Time left for all trials, s; None as long as it is not known."""
-
-
-class OpenJournal(Protocol):
-    """Creates the journal of a trial: path, head, largest number of samples and of blocks."""
-
-    def __call__(self, path: Path, head: TrialHead, most_samples: int, most_blocks: int) -> JournalWriter:
-        """Create it."""
-        ...
+    command: MotorCommand
+    journal_path: Path
+    condition: str = ""
+    plan_entry: int = 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,88 +51,46 @@ class TrialOutcome:
     reason: str = ""
 
 
-@dataclass(frozen=True, eq=False)
-class MotorCommand:
-    """Volts for a whole trial: quiet zeros, then the profile; ends at 0 V."""
-
-    volts: NDArray[np.float64]
-    blow_start_s: float
-    blow_end_s: float
-
-
-def motor_command(profile: Profile, config: RigConfig) -> MotorCommand:
-    """Check a profile against the rig's limits and turn it into volts on the sample clock.
-
-    Raises
-    ------
-    InputError
-        When the profile exceeds the limits of force, slew rate or output voltage.
-    """
-    rate, motor = config.device.sample_rate_hz, config.motor
-    profile.check_limits(motor.force_limit_n, motor.slew_limit_n_per_s, rate)
-    force_n = profile.sample(rate)
-    heating_n = rms_force_n(force_n, rate, motor.rms_over_s)
-    if heating_n > motor.rms_force_limit_n:
-        raise InputError(
-            f"{profile.source or profile.name}: RMS force {heating_n:.3g} N over {motor.rms_over_s:g} s heats the "
-            f"motor, allowed {motor.rms_force_limit_n:g} N; shorten the profile or raise motor.rms_force_limit_n"
-        )
-    volts = force_n / motor.force_per_volt_n
-    if np.max(np.abs(volts)) > motor.voltage_limit_v:
-        raise InputError(f"{profile.name}: needs {np.max(np.abs(volts)):g} V, allowed {motor.voltage_limit_v:g} V")
-    quiet = int(np.ceil(config.recording.quiet_s * rate))
-    whole = np.concatenate((np.zeros(quiet), volts))
-    start_s = quiet / rate
-    return MotorCommand(whole, start_s + profile.onset_s, start_s + profile.duration_s)
-
-
-def run_trial(
-    backend: Backend,
-    config: RigConfig,
-    command: MotorCommand,
-    number: int,
-    trials: int,
-    journal_path: Path,
-    *,
-    condition: str = "",
-    entry: int = 0,
-    progress: Callable[[Progress], None] | None = None,
-    feed: BlockFeed | None = None,
-    open_journal: OpenJournal = JournalWriter,
-) -> TrialOutcome:
+def run_trial(backend: Backend, config: RigConfig, trial: PlannedTrial, options: RecordingOptions) -> TrialOutcome:
     """Record one trial; never raises for what happens on the bench, the outcome carries it.
 
-    The journal at ``journal_path`` is closed but still there: the caller removes it once the trial is sealed.
+    The closed journal stays on disk: the caller removes it once the trial is sealed.
     """
     blocks: list[Block] = []
     status, reason = "fault", ""
     error: BaseException | None = None
     head: TrialHead | None = None
     journal: JournalWriter | None = None
+    command = trial.command
     try:
         timing = backend.configure(config, command.volts)
-        head = trial_head(config, timing, command.volts, command.blow_start_s, backend.capabilities.simulated, number)
-        head = replace(head, condition=condition, plan_entry=entry)
+        head = TrialHead.of(
+            config, timing, command,
+            number=trial.number, simulated=backend.capabilities.simulated,
+            condition=trial.condition, plan_entry=trial.plan_entry,
+        )  # fmt: skip
         size, longest = _lengths(config, command, timing)
         interlocks = Interlocks(config, timing, command.volts, command.blow_start_s)
-        journal = open_journal(journal_path, head, longest + size, longest // size + 2)
+        journal = options.open_journal(trial.journal_path, head, longest + size, longest // size + 2)
         backend.arm()
         backend.start()
 
-        def keep(block: Block) -> None:
+        def store(block: Block) -> None:
             blocks.append(block)
             committed = journal.append(block)
             interlocks.check(block)
-            if feed is not None:
-                feed.publish(block)
-            if progress is not None:
+            if options.feed is not None:
+                options.feed.publish(block)
+            if options.progress is not None:
                 peak = float(np.max(np.abs(block.force_n)))
                 rate, read = timing.sample_rate_hz, block.first_sample + block.force_n.size
-                progress(Progress(number, trials, read / rate, command.blow_end_s, peak, committed / rate))
+                options.progress(
+                    Progress(trial.number, trial.trials, read / rate, command.blow_end_s, peak, committed / rate)
+                )
 
-        status = _read_until_rest(backend, config, command, timing, keep)
-        _prove_whole(backend, sum(block.force_n.size for block in blocks))
-        if status == "complete" or number < trials:
+        status = _read_until_rest(backend, config, command, timing, store)
+        _check_sample_count(backend, sum(block.force_n.size for block in blocks))
+        if status == "complete" or trial.number < trial.trials:
             interlocks.check_returned()  # or there is no further blow
     except KeyboardInterrupt as interrupt:
         status, reason, error = "interrupted", str(interrupt) or "stopped by the operator", interrupt
@@ -169,7 +112,7 @@ def run_trial(
                     except HardwareFault as fault:
                         if error is None:
                             status, reason, error = "fault", _one_line(fault), fault
-        except KeyboardInterrupt as late:  # it came while the bench was made safe: the trial is kept as it is
+        except KeyboardInterrupt as late:  # it came while the bench was made safe: the trial stays as it is
             error = error or late
     if not blocks or head is None:
         if journal is not None:
@@ -178,16 +121,15 @@ def run_trial(
     return TrialOutcome(head.assemble(blocks, status, reason), error, journal, reason)
 
 
-def _prove_whole(backend: Backend, stored: int) -> None:
-    """Hold what is stored against the driver's own count of samples, where the backend can tell it.
+def _check_sample_count(backend: Backend, stored: int) -> None:
+    """Compare the number of samples stored with the driver's own count, where the backend reports one.
 
     Raises
     ------
     SamplesLost
         When a task has handed out more or fewer samples than are stored.
     """
-    positions = getattr(backend, "read_positions", dict)
-    for name, (handed_out, acquired) in positions().items():
+    for name, (handed_out, acquired) in backend.read_positions().items():
         if handed_out != stored or acquired < stored:
             raise SamplesLost(
                 f"{name}: the driver has acquired {acquired} and handed out {handed_out} samples per channel, {stored} "
@@ -203,7 +145,7 @@ def _lengths(config: RigConfig, command: MotorCommand, timing: Timing) -> tuple[
 
 
 def _read_until_rest(
-    backend: Backend, config: RigConfig, command: MotorCommand, timing: Timing, keep: Callable[[Block], None]
+    backend: Backend, config: RigConfig, command: MotorCommand, timing: Timing, store: Callable[[Block], None]
 ) -> str:
     rate, recording = timing.sample_rate_hz, config.recording
     size, longest = _lengths(config, command, timing)
@@ -217,7 +159,7 @@ def _read_until_rest(
     read = 0
     while True:
         block = backend.read_block(size, size / rate + LATE_S)
-        keep(block)
+        store(block)
         read += size
         if detector.add(block.force_n, block.encoder_count):
             return "complete"

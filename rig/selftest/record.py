@@ -2,7 +2,7 @@
 
 Place in the data flow: ``pianorig selftest`` writes ``selftests/<UTC time>_<rig>.toml``; recording on hardware demands
 a record that passed, of the same rig file on the same device, young enough. A record that cannot be read is
-:class:`rig.errors.InputError`.
+:class:`rig.errors.RigInputError`.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from pydantic import Field
 from rig.configuration import toml_file
 from rig.configuration.channels import Number, Table, Text
 from rig.configuration.rig_file import Rig
-from rig.errors import InputError, NotPermitted
+from rig.errors import NotPermitted, RigInputError
 from rig.storage.atomic_write import write_text
 
 SCHEMA: Literal["piano-action-rig selftest 1"] = "piano-action-rig selftest 1"
@@ -61,7 +61,7 @@ class SelftestRecord(Table):
         try:
             folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
-            raise InputError(f"{folder}: cannot be created ({error.strerror or error})") from error
+            raise RigInputError(f"{folder}: cannot be created ({error.strerror or error})") from error
         table = self.model_dump(by_alias=True)
         table["created_utc"] = stamp.isoformat(timespec="seconds")
         write_text(path, toml_file.dump_toml(table))

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from rig.backend import Backend, Block, Timing
 from rig.configuration.channels import BODIES
 from rig.configuration.rig_file import Rig, RigConfig, SelftestConfig
-from rig.errors import HardwareFault, InputError
+from rig.errors import HardwareFault, RigInputError
 from rig.selftest.record import Finding, SelftestRecord
 from rig.selftest.step_response import encoder_advice, first_crossing, joined
 
@@ -64,11 +64,11 @@ def run_selftest(
 
     Raises
     ------
-    InputError
+    RigInputError
         When the rig file has no ``[selftest]``.
     """
     if rig.config.selftest is None:
-        raise InputError(f"{rig.source}: has no [selftest]; add it, with stroke_rad, to say what a sound bench does")
+        raise RigInputError(f"{rig.source}: has no [selftest]; add it, with stroke_rad, to say what a sound bench does")
     test = _Test(rig.config, rig.config.selftest, backend, tell)
     steps: tuple[tuple[str, Callable[[], None]], ...] = (
         ("by hand", lambda: test.by_hand(prompt)),

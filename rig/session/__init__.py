@@ -8,7 +8,7 @@ the trial.
 from rig.session.annotation_file import Annotation
 from rig.session.folder import Session, Trial
 from rig.session.info import SessionInfo
-from rig.session.records import CameraInfo, ChannelInfo, EncoderInfo, ForceInfo, TrialData
+from rig.session.trial_data import CameraInfo, ChannelInfo, EncoderInfo, ForceInfo, TrialData
 
 __all__ = [
     "Annotation",

@@ -1,7 +1,7 @@
 """``annotations.jsonl``: what people said about trials after they were sealed; append-only.
 
 A rejected trial stays on disk; rejecting and accepting only add lines, the last of them counts. Raises
-:class:`rig.errors.InputError` on a line that cannot be read, naming its number.
+:class:`rig.errors.RigInputError` on a line that cannot be read, naming its number.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Literal, get_args
 
-from rig.errors import InputError
+from rig.errors import RigInputError
 from rig.storage import platform_calls
 
 FILE_NAME = "annotations.jsonl"
@@ -40,9 +40,9 @@ def utc_now() -> str:
 def append(folder: Path, trial: int, kind: Kind, reason: str, author: str = "") -> Annotation:
     """Add one annotation line and return it; a rejection needs a reason."""
     if kind not in get_args(Kind):
-        raise InputError(f"{folder}: annotation {kind!r}: allowed are {', '.join(get_args(Kind))}")
+        raise RigInputError(f"{folder}: annotation {kind!r}: allowed are {', '.join(get_args(Kind))}")
     if not reason.strip():
-        raise InputError(f"{folder}: annotation of trial {trial} has no reason; give one")
+        raise RigInputError(f"{folder}: annotation of trial {trial} has no reason; give one")
     annotation = Annotation(trial=trial, kind=kind, reason=reason, author=author or "unknown", time_utc=utc_now())
     line = (json.dumps(asdict(annotation)) + "\n").encode("utf-8")
     path = folder / FILE_NAME
@@ -56,7 +56,7 @@ def append(folder: Path, trial: int, kind: Kind, reason: str, author: str = "") 
         finally:
             os.close(descriptor)
     except OSError as error:
-        raise InputError(f"{path}: cannot be written ({error.strerror or error})") from error
+        raise RigInputError(f"{path}: cannot be written ({error.strerror or error})") from error
     return annotation
 
 
@@ -68,7 +68,7 @@ def read(folder: Path) -> tuple[Annotation, ...]:
     except FileNotFoundError:
         return ()
     except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: cannot be read ({error})") from error
+        raise RigInputError(f"{path}: cannot be read ({error})") from error
     return tuple(_parse(line, f"{path}:{number}") for number, line in enumerate(text.splitlines(), 1) if line.strip())
 
 
@@ -77,14 +77,14 @@ def _parse(line: str, where: str) -> Annotation:
         fields = json.loads(line)
         annotation = Annotation(**fields)
     except (ValueError, TypeError, RecursionError) as error:
-        raise InputError(
+        raise RigInputError(
             f"{where}: not an annotation ({str(error).splitlines()[0]}); remove or repair the line"
         ) from error
     texts = (annotation.reason, annotation.author, annotation.time_utc)
     if annotation.kind not in get_args(Kind) or type(annotation.trial) is not int or annotation.trial < 0:
-        raise InputError(f"{where}: kind {annotation.kind!r}, trial {annotation.trial!r}: not an annotation")
+        raise RigInputError(f"{where}: kind {annotation.kind!r}, trial {annotation.trial!r}: not an annotation")
     if not all(isinstance(text, str) for text in texts) or not annotation.reason.strip():
-        raise InputError(f"{where}: reason, author and time_utc must be text, the reason not empty; repair the line")
+        raise RigInputError(f"{where}: reason, author and time_utc must be text, the reason not empty; repair the line")
     return annotation
 
 

@@ -2,7 +2,7 @@
 from.
 
 One dataset per column of the table in group ``/table``, dimension ``row``; opened by netCDF-4 tools.
-Attributes are kept as JSON. A file that cannot be read is refused with :class:`rig.errors.InputError`.
+Attributes are kept as JSON. A file that cannot be read is refused with :class:`rig.errors.RigInputError`.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import h5py
 import numpy as np
 
-from rig.errors import InputError
+from rig.errors import RigInputError
 from rig.session.sealed_hdf5 import open_sealed, write_sealed
 
 if TYPE_CHECKING:
@@ -28,11 +28,11 @@ def write_table(path: Path, table: pd.DataFrame, attrs: Mapping[str, Any], paren
     """Write a table of numbers, booleans or text, replacing an older result of the same step whole."""
     names = [str(name) for name in table.columns]
     if len(set(names)) != len(names) or any(not name or "/" in name or name == "row" for name in names):
-        raise InputError(f"{path}: column names {names} must be unique, not empty, not 'row' and without '/'")
+        raise RigInputError(f"{path}: column names {names} must be unique, not empty, not 'row' and without '/'")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise InputError(f"{path.parent}: cannot be created ({error.strerror or error})") from error
+        raise RigInputError(f"{path.parent}: cannot be created ({error.strerror or error})") from error
     with write_sealed(path) as file:
         file.attrs["schema"] = SCHEMA
         file.attrs["attributes_json"] = json.dumps(dict(attrs), default=_plain)
@@ -51,7 +51,9 @@ def _plain(value: object) -> Any:
         return value.tolist()
     if isinstance(value, Path):
         return value.as_posix()
-    raise InputError(f"attribute {value!r} of a derived table is a {type(value).__name__}; use numbers, text or lists")
+    raise RigInputError(
+        f"attribute {value!r} of a derived table is a {type(value).__name__}; use numbers, text or lists"
+    )
 
 
 def _write_column(group: h5py.Group, name: str, values: np.ndarray) -> h5py.Dataset:
@@ -72,7 +74,7 @@ def read_table(path: Path) -> tuple[pd.DataFrame, dict[str, Any]]:
 
     with open_sealed(path) as file:
         if file.attrs.get("schema") != SCHEMA:
-            raise InputError(f"{path}: schema {file.attrs.get('schema')!r}, expected {SCHEMA!r}")
+            raise RigInputError(f"{path}: schema {file.attrs.get('schema')!r}, expected {SCHEMA!r}")
         attrs = json.loads(file.attrs["attributes_json"])
         attrs["parents_sha256"] = json.loads(file.attrs["parents_json"])
         group = file["table"]

@@ -2,7 +2,7 @@
 
 Place in the data flow: ``pianorig attach`` copies the film beside its trial and writes this; tracking takes the number
 of the film's first frame, counted by the trial's frame clock, from it. A record that cannot be read is
-:class:`rig.errors.InputError`.
+:class:`rig.errors.RigInputError`.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 Place in the data flow: created by the recorder or an importer, opened by everything that comes after. The
 listing is read from disk each time it is asked for; trials are never rewritten. Failures are
-:class:`rig.errors.InputError`, one line each.
+:class:`rig.errors.RigInputError`, one line each.
 """
 
 from __future__ import annotations
@@ -15,10 +15,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rig.configuration import toml_file
-from rig.errors import InputError
+from rig.errors import RigInputError
 from rig.session import annotation_file, derived
 from rig.session.info import SessionInfo
-from rig.session.records import TrialData
+from rig.session.trial_data import TrialData
 from rig.session.trial_file import read_status, read_trial, write_trial
 from rig.storage.atomic_write import write_text
 
@@ -83,22 +83,22 @@ class Session:
 
         Raises
         ------
-        InputError
+        RigInputError
             When the folder, its ``session.toml`` or (unless ``require_trials`` is False) its trials are
             missing or unreadable.
         """
         folder = Path(path)
         if not folder.is_dir():
-            raise InputError(f"{folder}: no such session folder")
+            raise RigInputError(f"{folder}: no such session folder")
         file = folder / INFO_NAME
         if not file.is_file():
-            raise InputError(f"{folder}: not a session, {INFO_NAME} is missing")
+            raise RigInputError(f"{folder}: not a session, {INFO_NAME} is missing")
         info = toml_file.check(SessionInfo, toml_file.parse_toml(toml_file.read_text(file), str(file)), str(file))
         session = cls(folder, info)
         if require_trials and not session.trials:
             if session.journals:
-                raise InputError(f"{folder}: the recording was cut off; run  pianorig recover {folder}")
-            raise InputError(f"{folder}: the session has no trials (no file trial_0001.h5); record or import some")
+                raise RigInputError(f"{folder}: the recording was cut off; run  pianorig recover {folder}")
+            raise RigInputError(f"{folder}: the session has no trials (no file trial_0001.h5); record or import some")
         return session
 
     @classmethod
@@ -116,17 +116,17 @@ class Session:
 
         Raises
         ------
-        InputError
+        RigInputError
             When the folder holds something already or cannot be written; nothing is left behind then.
         """
         folder = Path(path)
         existed = folder.is_dir()
         try:
             if folder.exists() and (not existed or any(folder.iterdir())):
-                raise InputError(f"{folder}: exists already and is not an empty folder; choose another name")
+                raise RigInputError(f"{folder}: exists already and is not an empty folder; choose another name")
             folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
-            raise InputError(
+            raise RigInputError(
                 f"{folder}: cannot be created ({error.strerror or error}); choose a writable place"
             ) from error
         try:
@@ -186,7 +186,7 @@ class Session:
         for trial in self.trials:
             if trial.number == number:
                 return trial
-        raise InputError(f"{self.path}: no trial {number}; there are {[trial.number for trial in self.trials]}")
+        raise RigInputError(f"{self.path}: no trial {number}; there are {[trial.number for trial in self.trials]}")
 
     def trial_path(self, number: int) -> Path:
         """Path of the file of trial ``number``."""
@@ -218,7 +218,7 @@ class Session:
     def derived_path(self, step: str, trial_number: int) -> Path:
         """Path of the derived file of one step and trial."""
         if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9_.-]*", step):
-            raise InputError(f"{self.path}: derived step {step!r}: use letters, digits, '_', '-', '.'")
+            raise RigInputError(f"{self.path}: derived step {step!r}: use letters, digits, '_', '-', '.'")
         return self.path / "derived" / step / f"trial_{trial_number:04d}.h5"
 
     def write_derived(

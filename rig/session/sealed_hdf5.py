@@ -2,7 +2,7 @@
 
 The HDF5 library may crash the process on damaged metadata, so the seal is checked before the library sees the file. The
 seal is one line of text behind the last byte of HDF5, where the library and netCDF-4 tools do not look. Failures are
-:class:`rig.errors.InputError`, one line.
+:class:`rig.errors.RigInputError`, one line.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from pathlib import Path
 
 import h5py
 
-from rig.errors import InputError
+from rig.errors import RigInputError
 from rig.storage.atomic_write import replace_when_complete
 
 MARK = b"\npiano-action-rig sha256 "
@@ -41,18 +41,18 @@ def open_sealed(path: Path) -> Iterator[h5py.File]:
 
     Raises
     ------
-    InputError
+    RigInputError
         When the file is missing, unreadable, not sealed or altered, or lacks what the block looks for.
     """
     _check_seal(path)
     try:
         with h5py.File(path, "r") as file:
             yield file
-    except InputError:
+    except RigInputError:
         raise
     except (OSError, KeyError, RuntimeError, ValueError, TypeError) as error:
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise InputError(f"{path}: not a file of this program or version ({reason})") from error
+        raise RigInputError(f"{path}: not a file of this program or version ({reason})") from error
 
 
 def _check_seal(path: Path) -> None:
@@ -62,7 +62,7 @@ def _check_seal(path: Path) -> None:
             stream.seek(max(size - _TAIL, 0))
             tail = stream.read()
             if len(tail) != _TAIL or not tail.startswith(MARK):
-                raise InputError(
+                raise RigInputError(
                     f"{path}: has no seal at its end: truncated, or rewritten by another program; restore it"
                 )
             digest = hashlib.sha256()
@@ -72,6 +72,6 @@ def _check_seal(path: Path) -> None:
                 digest.update(chunk)
                 left -= len(chunk)
     except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror or error})") from error
+        raise RigInputError(f"{path}: cannot be read ({error.strerror or error})") from error
     if tail[len(MARK) : -1] != digest.hexdigest().encode():
-        raise InputError(f"{path}: altered since it was sealed (SHA-256 does not match); restore it from a copy")
+        raise RigInputError(f"{path}: altered since it was sealed (SHA-256 does not match); restore it from a copy")

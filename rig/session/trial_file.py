@@ -2,7 +2,7 @@
 
 Place in the data flow: written once and sealed when a trial ends; read by validation and vision. Every dataset
 carries its unit and the SHA-256 of its bytes; the root carries the SHA-256 of all content, which names the trial in
-derived results. A truncated or altered file is refused with :class:`rig.errors.InputError`, never half understood.
+derived results. A truncated or altered file is refused with :class:`rig.errors.RigInputError`, never half understood.
 """
 
 from __future__ import annotations
@@ -15,10 +15,10 @@ from typing import Any
 import h5py
 import numpy as np
 
-from rig.errors import InputError
-from rig.session.content import Content
-from rig.session.records import CameraInfo, ChannelInfo, EncoderInfo, ForceInfo, TrialData
+from rig.errors import RigInputError
+from rig.session.hdf5_content import Content
 from rig.session.sealed_hdf5 import open_sealed, write_sealed
+from rig.session.trial_data import CameraInfo, ChannelInfo, EncoderInfo, ForceInfo, TrialData
 
 SCHEMA = "piano-action-rig trial 1"
 STATUSES = ("complete", "not at rest", "interrupted", "fault", "incomplete")
@@ -27,7 +27,7 @@ STATUSES = ("complete", "not at rest", "interrupted", "fault", "incomplete")
 def write_trial(path: Path, data: TrialData) -> str:
     """Write and seal one trial; return its seal (SHA-256). An existing file is never replaced."""
     if path.exists():
-        raise InputError(f"{path}: exists already; a sealed trial is never replaced")
+        raise RigInputError(f"{path}: exists already; a sealed trial is never replaced")
     _check_shapes(path, data)
     content = Content()
     with write_sealed(path) as file:
@@ -45,13 +45,13 @@ def read_trial(path: Path) -> TrialData:
 
     Raises
     ------
-    InputError
+    RigInputError
         When the file is missing, truncated, of another kind, or altered since it was sealed.
     """
     with open_sealed(path) as file:
         if file.attrs.get("schema") != SCHEMA:
             found = file.attrs.get("schema")
-            raise InputError(f"{path}: schema {found!r}, expected {SCHEMA!r}; not a trial of this rig")
+            raise RigInputError(f"{path}: schema {found!r}, expected {SCHEMA!r}; not a trial of this rig")
         return _read(file, str(file.attrs["sha256"]))
 
 
@@ -73,11 +73,11 @@ def _check_shapes(path: Path, data: TrialData) -> None:
     shapes["channel_values"] = (values.shape if values is not None else (n, 0), (n, len(data.channels)))
     for name, (found, wanted) in shapes.items():
         if found != wanted:
-            raise InputError(f"{path}: {name} has shape {found}, expected {wanted}")
+            raise RigInputError(f"{path}: {name} has shape {found}, expected {wanted}")
     if not np.issubdtype(data.encoder_count.dtype, np.integer):
-        raise InputError(f"{path}: encoder_count is {data.encoder_count.dtype}, expected integers")
+        raise RigInputError(f"{path}: encoder_count is {data.encoder_count.dtype}, expected integers")
     if data.status not in STATUSES:
-        raise InputError(f"{path}: status {data.status!r}, allowed {', '.join(STATUSES)}")
+        raise RigInputError(f"{path}: status {data.status!r}, allowed {', '.join(STATUSES)}")
 
 
 def _write_root(content: Content, file: h5py.File, data: TrialData) -> None:
@@ -179,7 +179,7 @@ def _check_units(file: h5py.File) -> None:
     for name, expected in UNITS.items():
         found = file["daq"][name].attrs.get("units")
         if found != expected:
-            raise InputError(
+            raise RigInputError(
                 f"{file.filename}: daq/{name}: units {'missing' if found is None else repr(str(found))}, expected "
                 f"{expected!r}; write the trial again in SI units"
             )

@@ -14,7 +14,7 @@ from pathlib import Path
 from urllib.parse import urlencode
 
 from rig.configuration.rig_file import load_rig
-from rig.recording.interrupts import termination_as_interrupt
+from rig.safety.interrupts import termination_as_interrupt
 from rig.simulated.backend import open_backend
 from rig.simulated.device.device import SimulatedDevice
 from rig.simulated.rpc.tcp_server import serve

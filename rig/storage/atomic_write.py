@@ -2,7 +2,7 @@
 
 A file is written under a temporary name in its own folder and renamed when complete, so that a crash or a
 full disk never leaves something half-written that looks whole. Failures of the file system become
-:class:`rig.errors.InputError`.
+:class:`rig.errors.RigInputError`.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import os
 from collections.abc import Iterator
 from pathlib import Path
 
-from rig.errors import InputError
+from rig.errors import RigInputError
 from rig.storage import platform_calls
 
 
@@ -23,7 +23,7 @@ def replace_when_complete(path: Path) -> Iterator[Path]:
 
     Raises
     ------
-    InputError
+    RigInputError
         When the file system refuses to create, write or rename the file.
     """
     temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
@@ -33,7 +33,9 @@ def replace_when_complete(path: Path) -> Iterator[Path]:
             platform_calls.synchronise_whole(stream.fileno())
         os.replace(temporary, path)
     except OSError as error:
-        raise InputError(f"{path}: cannot be written ({error.strerror or error}); choose a writable place") from error
+        raise RigInputError(
+            f"{path}: cannot be written ({error.strerror or error}); choose a writable place"
+        ) from error
     finally:
         with contextlib.suppress(OSError):
             temporary.unlink(missing_ok=True)
@@ -55,7 +57,7 @@ def sha256_of_file(path: Path) -> str:
 
     Raises
     ------
-    InputError
+    RigInputError
         When the file cannot be read.
     """
     digest = hashlib.sha256()
@@ -64,5 +66,5 @@ def sha256_of_file(path: Path) -> str:
             while chunk := stream.read(1 << 20):
                 digest.update(chunk)
     except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror or error})") from error
+        raise RigInputError(f"{path}: cannot be read ({error.strerror or error})") from error
     return digest.hexdigest()

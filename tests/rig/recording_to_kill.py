@@ -18,9 +18,9 @@ from conftest import AlgebraicPlant, sensors
 
 from rig.configuration.profile import load_profile
 from rig.configuration.rig_file import load_rig, parse_rig
+from rig.recording.progress import Progress
 from rig.recording.recorder import record_session
-from rig.recording.trial_run import Progress
-from rig.session.journal import JournalWriter
+from rig.session.journal.writer import JournalWriter
 from rig.simulated.backend import SimulatedBackend, build_device
 from rig.simulated.bench.clock import PacedClock
 from rig.storage import platform_calls

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
-    from rig.session.following import View
+    from rig.session.journal.live_reader import View
 
 
 def command(

@@ -18,11 +18,11 @@ def rehearse(profile: str, rig: str, backend: str) -> dict[str, Any]:
     """
     from pianorig.workflows.model.predict_blow import predictor
     from rig.backend import open_backend
+    from rig.configuration.motor_command import motor_command
     from rig.configuration.profile import load_profile
     from rig.configuration.rig_file import load_rig
-    from rig.daq.plan import recording_plan
-    from rig.recording.dry_run import dry_run
-    from rig.recording.trial_run import motor_command
+    from rig.daq.task_plan import recording_plan
+    from rig.safety.dry_run import dry_run
 
     rig_file, chosen = load_rig(rig), load_profile(profile)
     command = motor_command(chosen, rig_file.config)

@@ -16,7 +16,7 @@ from pianorig.errors import InputError
 if TYPE_CHECKING:
     from rig.configuration.profile import Profile
     from rig.learning import Blow, Learned, Target
-    from rig.session.records import TrialData
+    from rig.session.trial_data import TrialData
 
 
 def load_target(
@@ -85,8 +85,8 @@ def learn_profile(
     from rig.backend import open_backend
     from rig.configuration.rig_file import load_rig
     from rig.learning import learn
-    from rig.recording.permission import permit
     from rig.recording.recorder import record_session
+    from rig.safety.permission import permit
 
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
         raise InputError(f"{out}: exists already and is not an empty folder; choose another --out")

@@ -124,9 +124,9 @@ def record(
     from rig.backend import open_backend
     from rig.configuration.profile import load_profile
     from rig.configuration.rig_file import load_rig
-    from rig.recording.permission import permit
     from rig.recording.recorder import record_session
     from rig.recording.trial_plan import load_plan, plain_plan
+    from rig.safety.permission import permit
 
     trial_plan = load_plan(plan) if plan is not None else plain_plan(load_profile(profile), trials)
     trials = len(trial_plan.entries)

@@ -27,9 +27,8 @@ def resume(
     """
     from pianorig.workflows.model.predict_blow import predictor
     from rig.backend import open_backend
-    from rig.recording.permission import permit
-    from rig.recording.plan_run import Attendance
     from rig.recording.resume import resume_session, session_rig
+    from rig.safety.permission import permit
     from rig.session import Session
 
     rig_file = session_rig(Session.open(folder, require_trials=False))
@@ -40,18 +39,14 @@ def resume(
         if bench.capabilities.hardware:
             permission = permit(rig_file, backend, selftests, yes=yes, ask=ask)
 
-        def opened(last: int) -> None:
-            before.append(last)
-            if hasattr(bench, "continue_after"):
-                bench.continue_after(last)
-
         session = resume_session(
             folder,
             bench,
-            attendance=Attendance(progress=progress, ask=ask),
+            progress=progress,
+            ask=ask,
             predict=predictor(rig_file),
             permission=permission,
-            opened=opened,
+            opened=before.append,
         )
     finally:
         bench.close()

@@ -29,8 +29,8 @@ def check_bench(
     """
     from rig.backend import open_backend
     from rig.configuration.rig_file import load_rig
-    from rig.recording.interrupts import termination_as_interrupt
-    from rig.recording.permission import confirm
+    from rig.safety.interrupts import termination_as_interrupt
+    from rig.safety.permission import confirm
     from rig.selftest.run import run_selftest
 
     rig_file = load_rig(rig)

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 if TYPE_CHECKING:
-    from rig.session.following import View
+    from rig.session.journal.live_reader import View
 
 
 def facts(view: View) -> dict[str, Any]:
     """Figures of what is seen."""
-    from rig.session.records import absent_bodies
+    from rig.session.trial_data import absent_bodies
 
     return {
         "trial": view.trial,
@@ -34,7 +34,7 @@ def facts(view: View) -> dict[str, Any]:
 def as_text(view: View, width: int = 72) -> str:
     """Force and the last body's angle, the hammer's, over time as lines of text."""
     from pianorig.console.braille_plot import curve
-    from rig.session.records import absent_bodies
+    from rig.session.trial_data import absent_bodies
 
     head = f"trial {view.trial} of {view.trials}  {view.state}" + (f"  {view.condition}" if view.condition else "")
     lines = [f"{head}  t = {view.time_s[-1]:.2f} s  force {view.force_n[-1]:.2f} N (peak {view.force_n.max():.1f})"]
@@ -56,7 +56,7 @@ def draw(path: Path, view: View) -> None:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    from rig.session.records import absent_bodies
+    from rig.session.trial_data import absent_bodies
     from rig.storage.atomic_write import replace_when_complete
 
     figure = Figure(figsize=(8.0, 5.0), layout="constrained")
@@ -91,7 +91,7 @@ def watch(
     ------
     rig.errors.InputError : no session there, or a trial that cannot be read
     """
-    from rig.session.following import SessionFollower
+    from rig.session.journal.live_reader import SessionFollower
 
     follower = SessionFollower(session)
     seen: tuple[int, str, int] | None = None

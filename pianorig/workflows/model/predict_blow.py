@@ -1,7 +1,7 @@
 """The model's prediction of a profile's blow on a bench, for the rig's dry run.
 
 The nominal action is played by the arm of the rig file, held command and all, from rest to half a second after the
-profile's end. `predictor` gives the callable that `rig.recording.dry_run` asks.
+profile's end. `predictor` gives the callable that `rig.safety.dry_run` asks.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import numpy as np
 if TYPE_CHECKING:
     from rig.configuration.profile import Profile
     from rig.configuration.rig_file import Rig
-    from rig.recording.dry_run import Predict, Prediction
+    from rig.safety.dry_run import Predict, Prediction
 
 AFTER_S = 0.5
 TOLERANCE = 1e-5
@@ -24,7 +24,7 @@ def predictor(rig: Rig, action_name: str = "hirschkorn2004") -> Predict:
     import model
     from rig.configuration.channels import BODIES
     from rig.errors import InputError
-    from rig.recording.dry_run import Prediction
+    from rig.safety.dry_run import Prediction
 
     config = rig.config
 

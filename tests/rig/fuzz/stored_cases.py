@@ -15,13 +15,14 @@ import numpy as np
 import pytest
 
 from rig.backend import Block, Timing
+from rig.configuration.motor_command import MotorCommand
 from rig.configuration.rig_file import load_rig
 from rig.foreign.reading import read_channels
-from rig.recording.trial_description import trial_head
 from rig.session import Session
-from rig.session.journal_format import BLOCK, COMMAND, HEAD, block_payload, encode
-from rig.session.journal_format import parse as parse_journal
-from rig.session.records import ChannelInfo
+from rig.session.journal.format import BLOCK, COMMAND, HEAD, block_payload, encode
+from rig.session.journal.format import parse as parse_journal
+from rig.session.journal.trial_head import TrialHead
+from rig.session.trial_data import ChannelInfo
 from tests.rig.foreign import tdms_bytes
 from tests.rig.fuzz.damage import Case, same_values
 
@@ -129,7 +130,8 @@ def journal_case(folder: Path) -> Case:
     """A journal is never refused, only read as far as it is whole."""
     config = load_rig("virtual").config
     further = ChannelInfo("current", "current of the motor", "A", "drive", "data sheet", (0.0, 1.0), (0.0, 3.0))
-    head = replace(trial_head(config, Timing(5000.0, 0), np.zeros(10), 0.1, True, 1), channels=(further,))
+    head = TrialHead.of(config, Timing(5000.0, 0), MotorCommand(np.zeros(10), 0.1, 0.2), number=1, simulated=True)
+    head = replace(head, channels=(further,))
     counts = np.arange(15, dtype=np.int64).reshape(5, 3)
     blocks = [
         Block(5 * k, np.arange(5.0) + k, np.arange(5.0) - k, counts * (k + 1), None, 0.1 * k + counts[:, :1])

@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 
 from rig.backend import Timing
+from rig.configuration.motor_command import motor_command
 from rig.configuration.profile import Profile, parse_profile
 from rig.errors import InputError
 from rig.learning import learn, make_target
 from rig.learning.correction import within_limits
 from rig.learning.learner import key_points, profile_of
 from rig.learning.target import key_bottom
-from rig.recording.trial_description import trial_head
-from rig.recording.trial_run import motor_command
-from rig.session.records import TrialData
+from rig.session.journal.trial_head import TrialHead
+from rig.session.trial_data import TrialData
 
 RATE = 5000.0
 BOTTOM_S = 0.12
@@ -51,7 +51,7 @@ def bench(config, *, gain: float = 0.8, lag_s: float = 0.0015, drift: float = 0.
         force += (
             0.15 + 0.03 * np.sin(2 * np.pi * 60 * time + number) + 0.01 * np.random.default_rng(number).normal(size=n)
         )
-        head = trial_head(config, timing, command.volts, command.blow_start_s, True, 1)
+        head = TrialHead.of(config, timing, command, number=1, simulated=True)
         return TrialData(
             1, "complete", "", True, RATE, time, force, force, volts, np.zeros((n, 3), dtype=np.int64),
             head.encoders, head.force_info, blow_start_s=command.blow_start_s,

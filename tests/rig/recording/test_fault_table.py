@@ -21,7 +21,7 @@ from rig.configuration.profile import Profile, parse_profile
 from rig.errors import HardwareFault, RecordingFault
 from rig.recording.recorder import record_session
 from rig.session import Session
-from rig.session.journal import JournalWriter
+from rig.session.journal.writer import JournalWriter
 from rig.simulated.backend import SimulatedBackend
 from rig.simulated.device.fault_injection import FaultPlan, parse_faults
 

@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 
 from rig.configuration.rig_file import load_rig, parse_rig
-from rig.daq.plan import recording_plan
+from rig.daq.task_plan import recording_plan
 from rig.errors import InputError
 from rig.recording.recorder import record_session
 from rig.recording.recover import recover_session
 from rig.session import Session
-from rig.session.following import SessionFollower
-from rig.session.journal import JournalWriter
-from rig.session.journal_format import read_journal
+from rig.session.journal.format import read_journal
+from rig.session.journal.live_reader import SessionFollower
+from rig.session.journal.writer import JournalWriter
 from rig.session.trial_file import read_trial, write_trial
 from tests.rig.lab_channels import READBACK
 

@@ -9,7 +9,6 @@ import pytest
 
 from rig.configuration.toml_file import dump_toml
 from rig.errors import InputError, NotPermitted
-from rig.recording.plan_run import Attendance
 from rig.recording.recorder import record_session
 from rig.recording.resume import due_entries, resume_session, session_rig
 from rig.recording.trial_plan import WARM_UP_REASON, parse_plan
@@ -143,7 +142,7 @@ def test_what_was_interrupted_or_rejected_is_played_again_under_new_numbers(
     assert [entry.number for entry in due_entries(session)] == [2, 3, 4, 5]
     backend = make_backend(session_rig(session).config)
     numbers: list[int] = []
-    resumed = resume_session(session.path, backend, opened=numbers.append, attendance=Attendance())
+    resumed = resume_session(session.path, backend, opened=numbers.append)
     assert numbers == [3] and [t.number for t in resumed.trials] == [1, 2, 3, 4, 5, 6, 7]
     assert [t.read().plan_entry for t in resumed.trials] == [1, 2, 3, 2, 3, 4, 5]
     assert [t.read().condition for t in resumed.trials[3:]] == ["loud", "loud", "soft", "soft"]

@@ -17,12 +17,12 @@ from pianorig.workflows.model.predict_blow import predictor
 from rig.configuration.profile import load_profile
 from rig.configuration.rig_file import load_rig
 from rig.errors import DeviceNotFound
-from rig.recording.permission import Permission
 from rig.recording.recorder import record_session
 from rig.recording.recover import recover_session
+from rig.safety.permission import Permission
 from rig.selftest.record import read_record
 from rig.session import Session
-from rig.session.journal_format import read_journal
+from rig.session.journal.format import read_journal
 
 STEP = Path(__file__).parents[1] / "step.toml"
 MOST_UNCOMMITTED = 500

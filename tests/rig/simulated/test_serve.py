@@ -13,8 +13,8 @@ from pianorig.workflows.model.predict_blow import predictor
 from rig.configuration.profile import load_profile
 from rig.configuration.rig_file import load_rig
 from rig.errors import NotPermitted
-from rig.recording.permission import Permission
 from rig.recording.recorder import record_session
+from rig.safety.permission import Permission
 from rig.selftest.record import read_record
 from rig.simulated.device.watchdog import LOW
 

@@ -1,7 +1,7 @@
 """The journal of the trial in progress: every block is on its way to the disk before anybody is told of it.
 
 Place in the data flow: recorder → queue → one writing thread → ``trial_NNNN.journal`` (format:
-:mod:`rig.session.journal_format`); removed once the trial is sealed in HDF5. *Committed* means that the operating
+:mod:`rig.session.journal.format`); removed once the trial is sealed in HDF5. *Committed* means that the operating
 system has taken the bytes: killing the program cannot lose them. They are forced onto the disk itself at least every
 second and when the journal is closed: a power failure loses no more than that.
 
@@ -20,13 +20,14 @@ import time
 from collections import deque
 from collections.abc import Callable
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 
 from rig.backend import Block
-from rig.errors import InputError, RecordingFault
-from rig.session.journal_format import BLOCK, COMMAND, END, HEAD, OVERHEAD, block_payload, bytes_per_sample, encode
-from rig.session.trial_head import TrialHead
+from rig.errors import RecordingFault, RigInputError
+from rig.session.journal.format import BLOCK, COMMAND, END, HEAD, OVERHEAD, block_payload, bytes_per_sample, encode
+from rig.session.journal.trial_head import TrialHead
 from rig.storage import platform_calls
 
 PATIENCE_S = 0.05
@@ -51,7 +52,7 @@ class JournalWriter:
 
     Raises
     ------
-    InputError
+    RigInputError
         When the file cannot be created, or the disk has no room for the trial.
     """
 
@@ -81,7 +82,7 @@ class JournalWriter:
         try:
             self._file = platform_calls.open_raw(path, os.O_RDWR | os.O_CREAT | os.O_EXCL)
         except OSError as error:
-            raise InputError(f"{path}: cannot be created ({error.strerror or error})") from error
+            raise RigInputError(f"{path}: cannot be created ({error.strerror or error})") from error
         try:
             platform_calls.lock(self._file)
             platform_calls.reserve(self._file, path, room)
@@ -90,7 +91,7 @@ class JournalWriter:
         except OSError as error:
             os.close(self._file)
             path.unlink(missing_ok=True)
-            raise InputError(
+            raise RigInputError(
                 f"{path}: no room for a trial of {room / 1e6:.1f} MB ({error.strerror or error}); free some space"
             ) from error
         self._thread = threading.Thread(target=self._run, name=f"journal {path.name}", daemon=True)
@@ -213,3 +214,11 @@ class JournalWriter:
         samples = self._committed
         self._synchronise(self._file)
         self._synced = samples
+
+
+class OpenJournal(Protocol):
+    """Creates the journal of a trial: path, head, largest number of samples and of blocks."""
+
+    def __call__(self, path: Path, head: TrialHead, most_samples: int, most_blocks: int) -> JournalWriter:
+        """Create it."""
+        ...

@@ -31,14 +31,6 @@ FORCE_GONE_N = 0.3
 """Less force than this above the baseline is no force."""
 
 
-def rms_force_n(force_n: NDArray[np.float64], sample_rate_hz: float, over_s: float) -> float:
-    """Return the largest root mean square of the force over any ``over_s``; outside the profile it is zero."""
-    n = max(int(round(over_s * sample_rate_hz)), 1)
-    summed = np.concatenate(([0.0], np.cumsum(np.square(force_n))))
-    first = np.maximum(np.arange(summed.size) - n, 0)
-    return float(np.sqrt(np.max(summed - summed[first]) / n))
-
-
 class Interlocks:
     """The limits of one trial; keeps no more of the data than the longest window needs.
 

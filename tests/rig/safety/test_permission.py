@@ -11,9 +11,9 @@ import pytest
 from pianorig.console import prompt as asking
 from rig.backend import Capabilities
 from rig.errors import InputError, LimitExceeded, NotPermitted
-from rig.recording.dry_run import Prediction
-from rig.recording.permission import Permission, confirm, demand, permit
 from rig.recording.recorder import record_session
+from rig.safety.dry_run import Prediction
+from rig.safety.permission import Permission, confirm, permit, require_permission
 from rig.selftest.record import Finding, SelftestRecord, read_record, valid_record
 from rig.session import Session
 
@@ -92,8 +92,8 @@ def test_the_self_test_is_looked_for_before_anybody_is_asked(rig, tmp_path) -> N
 
 def test_what_is_missing_is_named_and_the_virtual_bench_needs_nothing(rig, edited_rig) -> None:
     whole = Permission("typed", rig.sha256, record_of(rig))
-    demand(rig, CARD, whole, True)
-    demand(rig, Capabilities("virtual bench", True, {}), None, False)
+    require_permission(rig, CARD, whole, True)
+    require_permission(rig, Capabilities("virtual bench", True, {}), None, False)
     for permission, dry_run, said in (
         (None, True, "needs a permission"),
         (Permission("typed", "0" * 64, record_of(rig)), True, "for another rig file"),
@@ -103,7 +103,7 @@ def test_what_is_missing_is_named_and_the_virtual_bench_needs_nothing(rig, edite
         (whole, False, "needs a dry run"),
     ):
         with pytest.raises(NotPermitted, match=said) as refusal:
-            demand(rig, CARD, permission, dry_run)
+            require_permission(rig, CARD, permission, dry_run)
         assert refusal.value.exit_code == 3
 
 

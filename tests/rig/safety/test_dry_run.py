@@ -9,8 +9,8 @@ from pianorig.workflows.model.predict_blow import predictor
 from rig.configuration.profile import load_profile, parse_profile
 from rig.configuration.rig_file import load_rig
 from rig.errors import InputError
-from rig.recording.dry_run import Prediction, dry_run, free_arm
 from rig.recording.recorder import record_session
+from rig.safety.dry_run import Prediction, dry_run, free_arm
 
 RATE = 5000.0
 

@@ -21,8 +21,8 @@ from typing import NamedTuple
 import numpy as np
 
 from rig.backend import Block
-from rig.errors import InputError
-from rig.session.trial_head import TrialHead
+from rig.errors import RigInputError
+from rig.session.journal.trial_head import TrialHead
 
 MAGIC = b"PAJ1"
 HEAD, COMMAND, BLOCK, END = 1, 2, 3, 4
@@ -132,11 +132,11 @@ def parse(data: bytes) -> Journal:
 
 
 def read_journal(path: Path) -> Journal:
-    """Read a journal file; raises InputError only when the file itself cannot be read."""
+    """Read a journal file; raises RigInputError only when the file itself cannot be read."""
     try:
         return parse(path.read_bytes())
     except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror or error})") from error
+        raise RigInputError(f"{path}: cannot be read ({error.strerror or error})") from error
 
 
 def block_of(record: Record, head: TrialHead) -> Block:

@@ -8,13 +8,14 @@ first sample.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.configuration.channels import BODIES
+from rig.configuration.channels import BODIES, CertificateConfig, ChannelConfig, EncoderConfig, Table
+from rig.configuration.rig_file import RigConfig
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -24,6 +25,15 @@ def absent_bodies(names: Iterable[str]) -> tuple[str, ...]:
     """Return the bodies that no encoder of ``names`` reads."""
     present = set(names)
     return tuple(body for body in BODIES if body not in present)
+
+
+def _of_same_name(info: type, config: Table) -> dict[str, Any]:
+    """Return the values of a rig file's table that the record has fields of the same name for."""
+    return {field.name: getattr(config, field.name) for field in fields(info) if hasattr(config, field.name)}
+
+
+def _calibration(text: str, certificate: CertificateConfig | None) -> str:
+    return "; ".join(filter(None, (text, str(certificate or ""))))
 
 
 @dataclass(frozen=True)
@@ -45,6 +55,12 @@ class EncoderInfo:
     u_eccentricity_rad: float = 0.0
     u_pivot_shift_rad: float = 0.0
     calibration: str = ""
+
+    @classmethod
+    def of(cls, config: EncoderConfig) -> EncoderInfo:
+        """Return what the rig file says of an encoder."""
+        own = {"channel": config.counter, "calibration": _calibration("", config.certificate)}
+        return cls(**{**_of_same_name(cls, config), **own})
 
     @property
     def u_turn_relative(self) -> float:
@@ -88,6 +104,16 @@ class ForceInfo:
     u_preload_n: float = 0.0
     mains_frequency_hz: float = 60.0
 
+    @classmethod
+    def of(cls, config: RigConfig, group_delay_s: float) -> ForceInfo:
+        """Return what the rig file says of the force channel, with the delay the device really has, s."""
+        own = {
+            "calibration": _calibration(config.force.calibration, config.force.certificate),
+            "group_delay_s": group_delay_s,
+            "mains_frequency_hz": config.mains_frequency_hz,
+        }
+        return cls(**{**_of_same_name(cls, config.force), **own})
+
 
 @dataclass(frozen=True)
 class ChannelInfo:
@@ -108,6 +134,12 @@ class ChannelInfo:
     group_delay_s: float = 0.0
     u_noise: float = 0.0
     u_gain_relative: float = 0.0
+
+    @classmethod
+    def of(cls, config: ChannelConfig) -> ChannelInfo:
+        """Return what the rig file says of a further channel."""
+        own = {"calibration": _calibration(config.calibration, config.certificate)}
+        return cls(**{**_of_same_name(cls, config), **own})
 
     @classmethod
     def from_plain(cls, plain: dict[str, Any]) -> ChannelInfo:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rig.recording.recorder import record_session
-from rig.session.following import JournalFollower, SessionFollower
+from rig.session.journal.live_reader import JournalFollower, SessionFollower
 from rig.storage.platform_calls import remove
 
 

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from rig.backend import Block
 from rig.session.folder import Session
-from rig.session.journal_format import BLOCK, COMMAND, HEAD, OVERHEAD, block_of, parse, records
-from rig.session.trial_head import TrialHead
+from rig.session.journal.format import BLOCK, COMMAND, HEAD, OVERHEAD, block_of, parse, records
+from rig.session.journal.trial_head import TrialHead
 
 
 class JournalFollower:
@@ -108,7 +108,7 @@ class SessionFollower:
 
         Raises
         ------
-        InputError
+        RigInputError
             When a sealed trial cannot be read.
         """
         journals = self.session.journals

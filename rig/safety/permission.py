@@ -87,7 +87,7 @@ def permit(
     return Permission(confirm(rig, address, yes=yes, ask=ask), rig.sha256, record)
 
 
-def demand(rig: Rig, capabilities: Capabilities, permission: Permission | None, dry_run: bool) -> None:
+def require_permission(rig: Rig, capabilities: Capabilities, permission: Permission | None, dry_run: bool) -> None:
     """Refuse to go on with a backend that moves hardware unless everything was asked for.
 
     Raises
@@ -98,7 +98,7 @@ def demand(rig: Rig, capabilities: Capabilities, permission: Permission | None, 
     if not capabilities.hardware:
         return
     if permission is None:
-        raise NotPermitted(f"{capabilities.name}: moving hardware needs a permission (rig.recording.permission.permit)")
+        raise NotPermitted(f"{capabilities.name}: moving hardware needs a permission (rig.safety.permission.permit)")
     if permission.rig_sha256 != rig.sha256:
         raise NotPermitted(f"{capabilities.name}: the permission is for another rig file than {rig.source}")
     record = permission.selftest

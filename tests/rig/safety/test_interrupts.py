@@ -8,7 +8,7 @@ import threading
 
 import pytest
 
-from rig.recording.interrupts import deferred
+from rig.safety.interrupts import deferred
 
 
 @pytest.mark.usefixtures("keyboard")

@@ -11,7 +11,7 @@ from rig.errors import InputError, LimitExceeded, RecordingFault, ResourceBusy
 from rig.recording.recorder import record_session
 from rig.recording.recover import recover_session
 from rig.session import Session
-from rig.session.journal_format import read_journal
+from rig.session.journal.format import read_journal
 from rig.simulated.device.fault_injection import FaultPlan, parse_faults
 
 PUSHING_S = 0.39

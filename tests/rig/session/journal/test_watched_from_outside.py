@@ -22,14 +22,14 @@ TRIALS = 2
 # loaded before the recording begins, then waiting for its folder
 WATCH = """
 import pathlib, sys, time
-import pianorig.workflows.bench.watch, rig.session.following
+import pianorig.workflows.bench.watch, rig.session.journal.live_reader
 from pianorig.cli import main
 print("{}", flush=True)
 while not (pathlib.Path(sys.argv[2]) / "session.toml").exists():
     time.sleep(0.01)
 main(sys.argv[1:])
 """
-ROOT = Path(__file__).parents[3]
+ROOT = Path(__file__).parents[4]
 
 
 def record(folder: Path, backend: Any, rig: Any, profile: Any) -> tuple[Session, float]:

@@ -3,7 +3,7 @@
 Place in the data flow: ``pianorig`` puts a ``predict(profile)`` callable there, because the rig does not know the
 model; the recorder asks it once per session, before it touches the bench. Checked: force and its rate, travel, speed
 and the encoders' pulse rate of the predicted blow, and speed and energy of the arm if it met no key. What was predicted
-goes into ``session.toml``. Anything outside the limits is :class:`rig.errors.InputError`; nothing has moved then.
+goes into ``session.toml``. Anything outside the limits is :class:`rig.errors.RigInputError`; nothing has moved then.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from rig.configuration.channels import BODIES, ArmConfig
 from rig.configuration.profile import Profile
 from rig.configuration.rig_file import RigConfig
-from rig.errors import InputError
+from rig.errors import RigInputError
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,12 +58,12 @@ def dry_run(profile: Profile, config: RigConfig, predict: Predict) -> dict[str, 
 
     Raises
     ------
-    InputError
+    RigInputError
         Naming the quantity, the value predicted, when, and the limit; or a rig file without an arm.
     """
     where = profile.source or profile.name
     if config.arm is None:
-        raise InputError(f"rig {config.name}: the dry run needs the motor arm's data; add [arm] to the rig file")
+        raise RigInputError(f"rig {config.name}: the dry run needs the motor arm's data; add [arm] to the rig file")
     rate = config.device.sample_rate_hz
     free = free_arm(config.arm, profile.sample(rate), rate)
     _refuse_above(where, "speed of the arm without a key", "rad/s", free.speed_rad_per_s,
@@ -108,7 +108,7 @@ def free_arm(arm: ArmConfig, force_n: NDArray[np.float64], sample_rate_hz: float
 def _check_finite(where: str, predicted: Prediction) -> None:
     arrays = (predicted.force_n, predicted.angle_rad, predicted.speed_rad_per_s)
     if not all(np.all(np.isfinite(values)) for values in arrays):
-        raise InputError(f"{where}: dry run: {predicted.model} ends in values that are not finite; ease the profile")
+        raise RigInputError(f"{where}: dry run: {predicted.model} ends in values that are not finite; ease the profile")
 
 
 def _check_blow(where: str, config: RigConfig, predicted: Prediction) -> dict[str, float | str]:
@@ -147,7 +147,7 @@ def _refuse_above(
 ) -> None:
     if value > limit:
         when = "" if time_s is None else f" at {time_s:.4f} s"
-        raise InputError(
+        raise RigInputError(
             f"{where}: dry run: {what} {value:.4g} {unit}{when}, allowed {limit:.4g} {unit} ({key}); "
             "ease the profile, or change the rig file if the bench can take it"
         )

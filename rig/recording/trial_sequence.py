@@ -1,0 +1,119 @@
+"""The entries of a plan recorded one after the other into a session that exists.
+
+Place in the data flow: recorder and resume → this → :mod:`rig.recording.trial_run` for each blow. Before a condition
+with a prompt the operator is asked; between blows the bench rests as long as the plan says; a warm-up blow is recorded
+and rejected. What ends a trial early ends the session: earlier trials and the marked one stay, the exception goes on.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Sequence
+from dataclasses import replace
+
+from rig.backend import Backend
+from rig.configuration.motor_command import motor_command
+from rig.configuration.rig_file import RigConfig
+from rig.errors import NotPermitted, RecordingFault, RigInputError
+from rig.recording.options import RecordingOptions
+from rig.recording.progress import Progress, TimeLeft
+from rig.recording.trial_plan import Entry, reject_warm_up
+from rig.recording.trial_run import PlannedTrial, TrialOutcome, run_trial
+from rig.safety.interrupts import deferred, termination_as_interrupt
+from rig.session.folder import Session, Trial
+from rig.session.trial_data import TrialData
+
+
+def record_entries(
+    session: Session,
+    backend: Backend,
+    config: RigConfig,
+    entries: Sequence[Entry],
+    options: RecordingOptions,
+    *,
+    first_number: int = 1,
+) -> None:
+    """Record ``entries`` as the trials from ``first_number`` on, resting as the session's plan says.
+
+    Raises
+    ------
+    HardwareFault
+        The bench stopped; ``NotPermitted`` when a prompt found nobody.
+    KeyboardInterrupt
+        The operator stopped.
+    """
+    prompts = [entry for entry in entries if entry.prompt]
+    if prompts and options.ask is None:
+        raise _nobody(prompts[0])  # before the first blow, not in the middle of the plan
+    rest_s = session.info.plan.rest_s
+    commands = {entry.condition: motor_command(entry.profile, config) for entry in entries}
+    last = first_number + len(entries) - 1
+    prompted: str | None = None
+    clock = TimeLeft(options.now_s, rest_s, len(entries))
+    observed = _with_time_left(options, clock)
+    with termination_as_interrupt():
+        for number, entry in enumerate(entries, first_number):
+            if number > first_number and rest_s:
+                backend.wait(rest_s)
+            if entry.condition != prompted:
+                _prompt(entry, number, options)
+                prompted = entry.condition
+            clock.begin()
+            trial = PlannedTrial(
+                number, last, commands[entry.condition], session.journal_path(number),
+                entry.condition, entry.number if entry.condition else 0,
+            )  # fmt: skip
+            outcome = run_trial(backend, config, trial, observed)
+            _store(session, trial, outcome, options)
+            if outcome.error is not None:
+                raise outcome.error
+            clock.end()
+
+
+def _store(session: Session, trial: PlannedTrial, outcome: TrialOutcome, options: RecordingOptions) -> None:
+    if outcome.data is not None:
+        with deferred():
+            sealed = _seal(session, outcome.data)
+            if outcome.journal is not None:
+                outcome.journal.remove()
+        if outcome.error is None and options.after_trial is not None:
+            options.after_trial(sealed)
+    elif session.trials:
+        with contextlib.suppress(RigInputError):  # the fault itself is raised in any case
+            session.annotate(0, "note", f"trial {trial.number} did not begin: {outcome.reason}", author="recorder")
+
+
+def _seal(session: Session, data: TrialData) -> Trial:
+    """Seal a trial; what keeps it from being sealed is told together with what had ended it."""
+    try:
+        reject_warm_up(session, data)  # first: a warm-up blow never counts, whenever the program ends
+        return session.add_trial(data)
+    except RigInputError as failure:
+        kept = f"{failure}; its journal is kept: free some space, then run  pianorig recover {session.path}"
+        raise RecordingFault("; ".join(filter(None, (data.reason, kept))), phase="write") from failure
+
+
+def _prompt(entry: Entry, number: int, options: RecordingOptions) -> None:
+    if not entry.prompt:
+        return
+    question = f"Trial {number}, condition {entry.condition}: {entry.prompt}  Press Enter when done: "
+    if options.ask is None or options.ask(question) is None:
+        raise _nobody(entry)
+
+
+def _nobody(entry: Entry) -> NotPermitted:
+    return NotPermitted(
+        f"condition {entry.condition} asks the operator: {entry.prompt!r}, and nobody can be asked; record it at a "
+        "terminal, or take the prompt out of the plan"
+    )
+
+
+def _with_time_left(options: RecordingOptions, clock: TimeLeft) -> RecordingOptions:
+    show = options.progress
+    if show is None:
+        return options
+
+    def progress(at: Progress) -> None:
+        show(replace(at, left_s=clock.left_s()))
+
+    return replace(options, progress=progress)
