@@ -1,6 +1,13 @@
 """The bench: motor profiles, channels, backends, DAQ tasks, interlocks, the recorder and session files.
 
-Place in the data flow: profile → ``rig`` → session folder (raw, sealed) → ``vision`` → ``validation``.
-Importing this package loads nothing heavy; the NI-DAQmx client is loaded only when a backend is opened, the
-virtual bench (``rig.simulated``) only for a ``sim://`` address.
+Profiles and rig files in; sealed session folders out, for ``vision`` and ``validation`` to read. Public names stand in
+``__init__.pyi``, which type checkers and editors read; each is imported on first use: the NI-DAQmx client only when a
+backend is opened, the virtual bench (``rig.simulated``) only for a ``sim://`` address.
+
+    session = rig.record("sessions/try", profile="forte", trials=2, backend="sim://")
+    force_n = session.trial(1).read().force_n
 """
+
+import lazy_loader as _lazy
+
+__getattr__, __dir__, __all__ = _lazy.attach_stub(__name__, __file__)

@@ -1,7 +1,7 @@
 """Recordings made by other programs: channels of CSV, LabVIEW ``.lvm``, TDMS and HDF5 files, by name.
 
-Place in the data flow: ``learn`` takes a recorded force from here, ``import`` whole sessions. Every reader gives a
-:class:`ChannelTable` or refuses the file with :class:`rig.errors.RigInputError` in one line.
+In: such a file, and a mapping file that says which channel is what.
+Out: a :class:`~rig.foreign.channel_table.ChannelTable`, or a whole session folder.
 """
 
 from rig.foreign.channel_table import ChannelTable

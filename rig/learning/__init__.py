@@ -1,8 +1,7 @@
-"""Profiles that reproduce a recorded force: from a pianist's blow to a motor command, by iterative learning.
+"""Profiles that reproduce a recorded force: from a pianist's blow to a motor command, by iterative learning control.
 
-Place in the data flow: recorded force → :mod:`rig.learning.target` → blows on the normal record path, corrected by
-:mod:`rig.learning.correction` → a profile for ``record --profile``. After thesis Section 3.2.1, where the points were
-modified by hand.
+In: a recorded force; blows on the normal record path. After thesis Section 3.2.1, where the points were set by hand.
+Out: a profile for ``record --profile``.
 """
 
 from rig.learning.learner import Blow, Learned, learn

@@ -22,7 +22,7 @@ from rig.session.journal.writer import JournalWriter, OpenJournal
 
 
 class ResumeKeywords(TypedDict, total=False):
-    """Keywords of :func:`rig.recording.resume.resume_session`: what does not stand in the session already."""
+    """Keywords of :func:`rig.recording.resume.resume`: what does not stand in the session already."""
 
     progress: Callable[[Progress], None] | None
     after_trial: Callable[[Trial], None] | None
@@ -35,7 +35,7 @@ class ResumeKeywords(TypedDict, total=False):
 
 
 class RecordingKeywords(ResumeKeywords, total=False):
-    """Keywords of :func:`rig.recording.recorder.record_session`."""
+    """Keywords of :func:`rig.recording.recorder.record`."""
 
     profile: Profile | str | Path
     rig_config: Rig | str | Path
@@ -53,7 +53,7 @@ class RecordingKeywords(ResumeKeywords, total=False):
 class RecordingOptions:
     """What is recorded on which bench, who observes, and what must be in order before anything moves.
 
-    Each field is a keyword of :func:`rig.recording.recorder.record_session`, where it is described.
+    Each field is a keyword of :func:`rig.recording.recorder.record`, where it is described.
     """
 
     profile: Profile | str | Path = "forte"

@@ -34,9 +34,7 @@ from rig.session.info import ActionInfo, FileInfo, RoomInfo, SessionInfo
 PACKAGES = ("piano-action-rig", "numpy", "h5py", "nidaqmx", "grpcio")
 
 
-def record(
-    out: str | Path, options: RecordingOptions | None = None, /, **keywords: Unpack[RecordingKeywords]
-) -> Session:
+def record(out: str | Path, options: RecordingOptions | None = None, **keywords: Unpack[RecordingKeywords]) -> Session:
     """Record a session.
 
     Parameters

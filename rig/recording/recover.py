@@ -32,7 +32,7 @@ class Recovered:
     note: str
 
 
-def recover_session(path: str | Path) -> list[Recovered]:
+def recover(path: str | Path) -> list[Recovered]:
     """Recover every trial of a session that was not sealed.
 
     Parameters
@@ -66,6 +66,9 @@ def recover_session(path: str | Path) -> list[Recovered]:
     if refused:
         raise RigInputError("; ".join(refused))
     return found
+
+
+recover_session = recover
 
 
 def _refuse_if_in_use(file: Path) -> None:

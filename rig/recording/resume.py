@@ -18,7 +18,7 @@ from rig.configuration.profile import parse_profile
 from rig.configuration.rig_file import Rig, parse_rig
 from rig.errors import RigInputError
 from rig.recording.options import RecordingOptions, ResumeKeywords
-from rig.recording.recover import recover_session
+from rig.recording.recover import recover
 from rig.recording.trial_plan import WARM_UP_REASON, Entry
 from rig.recording.trial_sequence import record_entries
 from rig.safety.dry_run import dry_run
@@ -83,7 +83,7 @@ def session_rig(session: Session) -> Rig:
     return parse_rig(_copy(session, session.info.rig), str(session.path / session.info.rig.copy_name))
 
 
-def resume_session(
+def resume(
     path: str | Path,
     backend: Backend,
     *,
@@ -112,10 +112,10 @@ def resume_session(
         As when recording.
     """
     if unknown := sorted(set(keywords) - set(ResumeKeywords.__annotations__)):
-        raise TypeError(f"resume_session() got unexpected keyword arguments {', '.join(unknown)}")
+        raise TypeError(f"resume() got unexpected keyword arguments {', '.join(unknown)}")
     options = RecordingOptions(**keywords)
     check_contract(backend)
-    recover_session(path)
+    recover(path)
     session = Session.open(path, require_trials=False)
     if session.info.simulated != backend.capabilities.simulated:
         raise RigInputError(
@@ -137,3 +137,6 @@ def resume_session(
     backend.continue_after(last)
     record_entries(session, backend, config, due, options, first_number=last + 1)
     return session
+
+
+resume_session = resume

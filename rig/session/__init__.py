@@ -1,8 +1,8 @@
 """Session folders: raw trials sealed in HDF5, annotations, and results derived from them.
 
-Place in the data flow: the recorder writes a session, ``vision`` and ``validation`` read it. Reading imports
-neither the NI-DAQmx client nor numba. Conventions: SI units, time first, time zero is the AI start trigger of
-the trial.
+In: trials of the recorder or an import; films and annotations added later.
+Out: the same, for ``vision`` and ``validation``; reading imports neither the NI-DAQmx client nor numba.
+Conventions: SI units, time first, time zero is the AI start trigger of the trial.
 """
 
 from rig.session.annotation_file import Annotation
