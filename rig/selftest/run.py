@@ -35,7 +35,7 @@ INSTRUCTION = (
 )
 
 
-class TestedBackend(Backend, Protocol):
+class SelftestBackend(Backend, Protocol):
     """A backend with what only a self-test asks for (:mod:`rig.daq.bench_checks`)."""
 
     def shunt_step(self, config: RigConfig) -> float:
@@ -53,7 +53,7 @@ class TestedBackend(Backend, Protocol):
 
 def run_selftest(
     rig: Rig,
-    backend: TestedBackend,
+    backend: SelftestBackend,
     *,
     prompt: Callable[[str], None],
     operator: str = "unknown",
@@ -105,7 +105,7 @@ class _Test:
     """The steps, and what they found."""
 
     def __init__(
-        self, config: RigConfig, expected: SelftestConfig, backend: TestedBackend, tell: Callable[[Finding], None]
+        self, config: RigConfig, expected: SelftestConfig, backend: SelftestBackend, tell: Callable[[Finding], None]
     ) -> None:
         self.config, self.expected, self.backend, self._tell = config, expected, backend, tell
         self.rate = config.device.sample_rate_hz

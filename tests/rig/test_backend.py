@@ -13,7 +13,7 @@ from rig.configuration.profile import load_profile
 from rig.errors import InputError, RigInputError
 from rig.recording.recorder import record
 from rig.recording.resume import resume
-from rig.selftest.run import TestedBackend
+from rig.selftest.run import SelftestBackend
 
 
 @pytest.mark.parametrize("url", ["", "sim", "tcp://x", "//", "unknown://local"])
@@ -71,5 +71,5 @@ def test_a_backend_that_derives_from_the_contract_has_the_documented_defaults() 
 def test_both_backends_of_the_rig_have_what_a_recording_and_a_self_test_call(config, make_backend) -> None:
     backend = make_backend(config)
     check_contract(backend)
-    check_contract(backend, TestedBackend)
+    check_contract(backend, SelftestBackend)
     assert Backend in type(backend).__mro__
