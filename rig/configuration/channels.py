@@ -1,10 +1,8 @@
 """Tables of the rig file that say what is wired where: device, load cell, encoders, motor, arm, camera, drive.
 
-Place in the data flow: :mod:`rig.configuration.rig_file` puts them together to a checked rig file; the DAQ tasks are
-made from them.
 Conventions: SI units, names carry units, encoder order key, whippen, hammer, sign +1 when counts rise as the body
-turns counter-clockwise. A value outside its range is refused by pydantic, in one line by
-:mod:`rig.configuration.toml_file`.
+turns counter-clockwise. pydantic refuses a value outside its range, :mod:`rig.configuration.toml_file` says so in one
+line.
 """
 
 from __future__ import annotations

@@ -1,11 +1,8 @@
-"""Motor profiles: the force the motor is asked for, as key points in time joined by lines or by a monotone
-cubic.
+"""Motor profiles: the commanded force as key points in time, joined by lines or by a monotone cubic.
 
-Place in the data flow: profile → recorder → volts of the analog output. Conventions: time in s from the start
-of the profile, force at the key front in N, positive downwards; before the first and after the last point the
-force is zero. All values are nominal: the force the key feels depends on arm and action. The monotone cubic
-is the one of Fritsch & Carlson (1980) with the weighted harmonic mean of slopes (Fritsch & Butland 1984): it
-never overshoots its points. Bad files raise RigInputError.
+Conventions: time in s from the start of the profile, force at the key front in N, positive downwards; before the first
+and after the last point the force is zero. All values are nominal: the force the key feels depends on arm and action.
+The monotone cubic is scipy's PCHIP (Fritsch & Butland 1984): it never overshoots its points.
 """
 
 from __future__ import annotations

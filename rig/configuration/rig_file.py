@@ -1,9 +1,7 @@
 """The rig file: which device, channels, scales, signs and limits the bench has (TOML, checked, frozen).
 
-Place in the data flow: read before anything else; its text and SHA-256 go into every session. Conventions: SI
-units, names carry units, encoder order key, whippen, hammer, sign +1 when counts rise as the body turns
-counter-clockwise. A bad value is refused with file, key, value and allowed range
-(:class:`rig.errors.RigInputError`).
+It is read before anything else; its text and SHA-256 go into every session. Conventions as in
+:mod:`rig.configuration.channels`.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
 """TOML files read, checked against a pydantic model, and written.
 
-Every complaint is one line with file, key, value found and value allowed. Conventions: unknown keys are
-refused by the models (a typing error must not pass silently), NaN and infinity are never accepted as a
-setting.
+Every complaint is one line with file, key, value found and value allowed. The models refuse unknown keys (a misspelt
+key must not pass unnoticed), and NaN and infinity as a setting.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""AI tasks: load cell and further channels, the master of clock and trigger; and one voltage input of a self-test.
+"""AI tasks: load cell and further channels, the master of clock and trigger; and one voltage input for a self-test.
 
-NI-DAQmx's defaults are never relied on (pounds, 2.5 V): every argument is given.
+NI-DAQmx's defaults (pounds, 2.5 V) are never relied on: every argument is given.
 """
 
 from __future__ import annotations

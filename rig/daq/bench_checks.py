@@ -1,8 +1,7 @@
-"""What only a self-test asks of the hardware: the bridge's shunt step, edges on a terminal, the watchdog left alone.
+"""What only a self-test needs of the hardware: the bridge's shunt step, edges on a terminal, an expiring watchdog.
 
-Place in the data flow: ``rig.selftest.run`` → these methods of the backend → ``nidaqmx`` client. Each opens and closes
-tasks of its own, while those of the trials rest, except :meth:`BenchChecks.let_watchdog_expire`, which needs a running
-trial. Faults are typed.
+Each method opens and closes tasks of its own while those of the trials are idle, except
+:meth:`BenchChecks.let_watchdog_expire`, which needs a running trial.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Translation of what NI-DAQmx raises into the rig's typed faults.
 
-Every call of the client runs inside :func:`translated`, so that nothing of ``nidaqmx`` or ``grpc`` reaches
-the recorder. A message keeps the driver's code and the first sentences of its text on one line.
+Every call of the client runs inside :func:`translated`, so that no exception of ``nidaqmx`` or ``grpc`` reaches the
+recorder. A message has the driver's code and the first sentences of its text on one line.
 """
 
 from __future__ import annotations

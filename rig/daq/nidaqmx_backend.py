@@ -1,9 +1,7 @@
-"""The backend contract on NI-DAQmx: one set of tasks for all trials, slaves before the master, 0 V on every exit.
+"""The backend contract (:mod:`rig.backend`) on NI-DAQmx: one set of tasks for all trials, slaves before the master.
 
-Place in the data flow: recorder → this class → ``nidaqmx`` client → driver, gRPC Device Server, or the
-virtual bench. The contract is in :mod:`rig.backend`. Between trials the tasks hold nothing; after a fault all are
-cleared and made afresh. Software is the second safety layer only: the drive's own torque limit, hard stops and
-emergency stop are the first.
+Between trials the tasks reserve nothing; after a fault all are cleared and made again. Every way out ends at 0 V.
+Software is the second safety layer only: the drive's own torque limit, hard stops and emergency stop are the first.
 """
 
 from __future__ import annotations

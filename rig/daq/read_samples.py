@@ -1,7 +1,6 @@
-"""Reading the next samples of every input task, and what the driver says of how many there were.
+"""The next samples of every input task as one block, and the driver's own count of samples.
 
-Place in the data flow: tasks of the backend → this → a block for the recorder. Force comes calibrated and as measured,
-counts as whole numbers; a count that is none is a fault. Faults are typed, in phase "read".
+Force comes calibrated and as measured, counts as whole numbers; a count that is not whole is a fault.
 """
 
 from __future__ import annotations

@@ -1,9 +1,8 @@
 """The two outputs that decide whether the bench can move: motor at 0 V, drive enabled or not; written on demand.
 
-Place in the data flow: the backend calls it before it reserves anything, when it arms, and on every way out. A stopped
-DAC holds its last value, so that 0 V must be written; a static line keeps its state. The tasks are kept and hold no
-hardware between writes; where a kept one fails (a server that was started anew does not know it) a fresh one is tried
-before the failure is told. Errors are those of ``nidaqmx``, translated by the caller.
+A stopped DAC holds its last value, so 0 V must be written; a static line keeps its state. The tasks are reused and
+reserve nothing between writes. Where a reused task fails (a restarted server does not know it) a new one is tried
+before the failure is reported. Errors are those of ``nidaqmx``, translated by the caller.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """What a recording reserves: every task with its channels, clock, trigger and routes, as rows to print.
 
-Place in the data flow: ``pianorig record --dry-run`` prints it after the tasks were reserved for real. It says what
-:mod:`rig.daq.tasks` does; a test holds the two against each other on the virtual device.
+``pianorig record --dry-run`` prints it after the tasks were really reserved. It describes what :mod:`rig.daq.tasks`
+does; a test compares the two on the virtual device.
 """
 
 from __future__ import annotations

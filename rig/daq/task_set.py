@@ -1,9 +1,8 @@
-"""Tasks that are made once and used again: stopped and unreserved between two uses, cleared only at the end.
+"""Tasks that are made once and used for every trial: stopped and unreserved in between, cleared only at the end.
 
-Place in the data flow: the backend makes the tasks of its first trial here and starts them anew for each further one,
-as the state model of NI-DAQmx has it (verified → committed → running and back). A task at rest keeps its settings and
-holds no hardware: the watchdog of a chassis can start before the others, and other tasks can have the channels.
-Errors are those of ``nidaqmx``, translated by the caller.
+This follows the state model of NI-DAQmx (verified → committed → running and back). An unreserved task keeps its
+settings and reserves no hardware: the watchdog of a chassis can start before the others, and other tasks can have the
+channels. Errors are those of ``nidaqmx``, translated by the caller.
 """
 
 from __future__ import annotations

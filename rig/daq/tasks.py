@@ -1,9 +1,8 @@
-"""The tasks that follow the analog inputs' clock: encoders, motor, camera; each one function, every argument given.
+"""The tasks that follow the analog inputs' clock: encoders, motor, camera; one function each, every argument given.
 
-AI is the clock master. Counters and the motor output take their sample clock from ``ai/SampleClock``;
-counters arm on ``ai/StartTrigger`` and the frame pulses start on it; the motor output needs no trigger, since
-its clock does not tick before AI starts. NI-DAQmx's defaults are never relied on (pounds, 2.5 V, degrees, 24
-pulses).
+AI is the clock master. Counters and the motor output take their sample clock from ``ai/SampleClock``; counters arm on
+``ai/StartTrigger`` and the frame pulses start on it. The motor output needs no trigger: its clock does not tick before
+AI starts. NI-DAQmx's defaults (volts of range, degrees, 24 pulses) are never relied on.
 """
 
 from __future__ import annotations

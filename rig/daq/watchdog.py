@@ -1,8 +1,8 @@
-"""The device's watchdog timer: it makes the outputs safe when this program falls silent, even if it was killed.
+"""The device's watchdog timer: it puts the outputs in their safe state when this program stalls or is killed.
 
-Place in the data flow: the backend starts it before any other task holds a resource (a chassis demands that) and kicks
-it only when the data before have been read and judged. Which outputs it reaches depends on the product: on X Series
-cards the drive-enable line only, so that a rig on such a card needs that line.
+It starts before any other task reserves a resource (a chassis demands that), and is reset only when the previous data
+have been read and checked. Which outputs it reaches depends on the product: on X Series cards only the drive-enable
+line, so a rig on such a card needs that line.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""Channels as some program wrote them, and how their times are known.
+"""Channels as another program wrote them, and how their sample times are known.
 
-Conventions: values and units as in the file, nothing converted. A file may hold more than is asked for, also at other
-rates; what is asked for must be finite and whole, and channels used together must lie on one clock.
+Conventions: values and units as in the file, nothing converted. A file may have more channels than are used, also at
+other rates; those that are used must be finite and complete, and channels used together must share one clock.
 """
 
 from __future__ import annotations

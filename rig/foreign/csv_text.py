@@ -1,9 +1,9 @@
-"""CSV: one row of names, perhaps one of units, then one row per sample; ``#`` lines and empty lines are passed over.
+"""CSV: one row of names, optionally one of units, then one row per sample; ``#`` lines and empty lines are skipped.
 
-Conventions: UTF-8; separator and decimal sign are given, never guessed. A unit may also stand in brackets behind a
-name, ``Force (N)``; the name keeps it. A column of clock times (``10:15:00.0002``, ISO 8601 date and time) becomes
-seconds after its first row. A row that is too short or long is refused with its number (from 1 below the names), a
-column with a cell that is no number when it is asked for.
+Conventions: UTF-8; separator and decimal sign are given, never guessed. A unit may also stand in brackets after a name,
+``Force (N)``; the name keeps it. A column of clock times (``10:15:00.0002``, ISO 8601 date and time) becomes seconds
+after its first row. A row that is too short or long is refused with its number (from 1 below the names), a column with
+a cell that is not a number when that column is used.
 """
 
 from __future__ import annotations

@@ -3,9 +3,9 @@
 Separator and decimal sign are those the header states. Values of a segment header stand in the column of the channel
 they belong to. ``X_Columns`` ``One``, ``Multi`` and ``No`` (times from ``X0`` and ``Delta_X``) are read; where all
 channels have the same times these are channel ``X_Value``. Every segment becomes a table; with ``Multi_Headings``
-``No`` only the first has a header, and each as many rows as that says. Special blocks are passed over. Source:
-National Instruments, Specification for the LabVIEW Measurement File, 2.0. A count of rows other than ``Samples`` says
-is refused.
+``No`` only the first has a header, and the others as many rows as that says. Special blocks are skipped. A number of
+rows other than ``Samples`` says is refused. Source: National Instruments, Specification for the LabVIEW Measurement
+File, 2.0.
 """
 
 from __future__ import annotations

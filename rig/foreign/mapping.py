@@ -1,8 +1,7 @@
 """The mapping file of an import: which channel of a foreign recording is what, in which unit, with which scale (TOML).
 
-Place in the data flow: mapping and recordings → :mod:`rig.foreign.session_import` → session. Nothing is guessed: units,
-senses and counts per revolution are stated here, and a unit the recording itself states must agree. Bad files raise
-:class:`rig.errors.RigInputError`.
+Nothing is guessed: units, senses and counts per revolution are stated here, and a unit the recording itself states
+must agree.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""Choosing the reader by the ending of a file's name, and putting segments of a file together.
+"""Choosing the reader by the extension of a file's name, and joining the segments of a file.
 
-Segments are joined only where the file's own times go on from one to the next, or where it gives none that tell.
+Segments are joined only where the file's own times continue from one to the next, or where it states none.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Foreign recordings made into a session: one file, one trial; all are read and checked before anything is written.
 
-Place in the data flow: CSV, LVM, TDMS or HDF5 with a mapping file → session folder like a recorded one. Force keeps its
-values as they were (``force_raw``) beside newtons. Angles become counts of the stated resolution; a motor command that
-was not recorded is NaN. Where the mapping does not say when the blow starts, it is found in the force and noted.
+The force keeps its recorded values (``force_raw``) beside newtons. Angles become counts of the stated resolution; a
+motor command that was not recorded is NaN. Where the mapping does not say when the blow starts, it is detected in the
+force, and the session notes that.
 """
 
 from __future__ import annotations

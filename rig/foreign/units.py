@@ -1,7 +1,6 @@
-"""Units as recordings write them, told apart from those a mapping states.
+"""Units as recordings write them, compared with those a mapping states.
 
-Place in the data flow: readers keep a unit's text as it stands; the import compares it with the mapping's. A unit that
-is not known here contradicts any other: kgf is not N, although both are forces.
+A unit that is not known here contradicts any other: kgf is not N, although both are forces.
 """
 
 from __future__ import annotations

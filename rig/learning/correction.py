@@ -1,8 +1,8 @@
-"""One step of learning: what a blow measured is held against the target, and the command is corrected.
+"""One step of learning: the measured force is compared with the target, and the command corrected.
 
 Iterative learning control with a first-order law, u' = Q(u + gain · e): e is target less measured force, taken where
 the command of the same instant is felt (the force channel's delay and the sample from output to input are taken
-back); Q is a zero-phase low-pass, below the resonance of arm and load cell. Nothing is learned behind the earlier of
+back); Q is a zero-phase low-pass, below the resonance of arm and load cell. Nothing is learned after the earlier of
 the two key bottoms: the last correction fades there. Conventions: force in N, positive downwards; arrays on the sample
 clock from the start of the profile. Law and convergence: Bristow, Tharayil & Alleyne, IEEE Control Systems 26 (2006).
 """

@@ -1,8 +1,8 @@
 """The loop of learning: blow, compare, correct, until the measured force follows the target.
 
-Place in the data flow: target → profile → ``blow`` (a callable that records one trial on the normal path, with
-every interlock) → next profile. Each command is held inside the rig file's limits of force, slew rate, voltage and
-heating before it is played. The profile that was played best is the result, in the key points that were played.
+``blow`` is a callable that records one trial on the normal path, with every interlock. Each command is brought within
+the rig file's limits of force, slew rate, voltage and heating before it is played. The profile of the best blow is the
+result, in the key points that were played.
 """
 
 from __future__ import annotations

@@ -1,9 +1,8 @@
-"""The force that shall be reproduced: a recorded blow on the rig's sample clock, and where its key reaches bottom.
+"""The target of learning: a recorded force on the rig's sample clock, and when its key reaches bottom.
 
-Place in the data flow: channels of a recording → target of learning. Time zero is `LEAD_S` before the force first
-rises; the resting force before that is subtracted; the force ends at zero. Key bottom is the foot of the steepest rise
-(thesis Figs 3.6 to 3.8: the force rises gradually, then spikes at key bottom), or is given. What comes behind it in
-the command is the held force without the spike, since arm and finger differ there.
+Time zero is `LEAD_S` before the force first rises; the resting force before that is subtracted; the force ends at zero.
+Key bottom is the foot of the steepest rise (thesis Figs 3.6 to 3.8: the force rises gradually, then spikes at key
+bottom), or is given. After it the command is the sustained force without the spike, since arm and finger differ there.
 """
 
 from __future__ import annotations

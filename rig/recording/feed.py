@@ -1,4 +1,4 @@
-"""A bounded feed of recorded blocks for whoever wants to watch: it drops the oldest and never holds up the recorder."""
+"""A bounded feed of recorded blocks for live viewers: it drops the oldest and never blocks the recorder."""
 
 from __future__ import annotations
 

@@ -1,9 +1,8 @@
-"""Making trials out of the journals that a killed program, a crash or a full disk left behind.
+"""Trials made from the journals that a killed program, a crash or a full disk left behind.
 
-Place in the data flow: session folder with ``trial_NNNN.journal`` → the same folder with sealed trials, marked
-``incomplete`` unless the journal has its closing record. Nothing is deleted before what it holds is sealed and read
-back; a journal with damage in its middle is kept as ``.journal.damaged``, a sealed file that was damaged while its
-journal was still there as ``.h5.damaged``. Running it twice changes nothing more.
+They are marked ``incomplete`` unless the journal has its closing record. A journal is deleted only after its contents
+are sealed and read back; one that is damaged in its middle is renamed ``.journal.damaged``, a sealed file that was
+damaged while its journal was still there ``.h5.damaged``. A second run changes nothing more.
 """
 
 from __future__ import annotations

@@ -1,9 +1,8 @@
 """When is the action at rest again: encoders still, force back where it was before the blow.
 
-Place in the data flow: the recorder asks after each block whether a trial may end. Encoders are still when each
-stays within ±``counts`` of one value for the whole window; the force is back when its mean over the window is
-within a band about its mean over the quiet time before the blow. A body that rests a little off its first position
-(friction) is at rest all the same.
+Encoders are still when each stays within ±``counts`` of one value for the whole window; the force is back when its
+mean over the window is within a band about its mean over the quiet time before the blow. A body that rests slightly
+off its first position (friction) is at rest all the same.
 """
 
 from __future__ import annotations

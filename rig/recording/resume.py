@@ -1,9 +1,8 @@
-"""Going on with a session that was interrupted, or whose trials were rejected.
+"""Resuming a session that was interrupted, or whose trials were rejected.
 
-Place in the data flow: session folder → what of its plan is still to be done → further trials in the same folder. A
-trial is never rewritten: what is repeated gets the next free number, the earlier one stays. Done is an entry of the
-plan with a trial that ended by itself (``complete``, ``not at rest``) and is not rejected; a warm-up blow counts as
-done although it is rejected. Rig file and profiles are the copies in the session.
+A trial is never rewritten: a repeated one gets the next free number, the earlier one stays. An entry of the plan is
+done when it has a trial that ended by itself (``complete``, ``not at rest``) and is not rejected; a warm-up blow counts
+as done although it is rejected. Rig file and profiles are the copies in the session.
 """
 
 from __future__ import annotations

@@ -1,9 +1,8 @@
 """Trial plans: which profile is played in which trial, in what order, with how much rest in between (TOML, checked).
 
-Place in the data flow: plan file → entries → recorder; a plain number of trials is a plan of one unnamed condition.
-The order is drawn once, from the plan's seed, and written into ``session.toml``: an interrupted session is continued
-from there (:mod:`rig.recording.resume`). Warm-up blows come first, in the condition of the first trial; they are
-recorded and rejected. A bad file ends in :class:`rig.errors.RigInputError`.
+A plain number of trials is a plan of one unnamed condition. The order is drawn once, from the plan's seed, and written
+into ``session.toml``, from where an interrupted session is resumed (:mod:`rig.recording.resume`). Warm-up blows come
+first, in the condition of the first trial; they are recorded and rejected.
 """
 
 from __future__ import annotations

@@ -1,9 +1,8 @@
-"""The dry run: what a model says a profile will do, held against the limits of the rig file before anything moves.
+"""The dry run: a model's prediction of a profile's blow, checked against the rig file's limits before anything moves.
 
-Place in the data flow: ``pianorig`` puts a ``predict(profile)`` callable there, because the rig does not know the
-model; the recorder asks it once per session, before it touches the bench. Checked: force and its rate, travel, speed
-and the encoders' pulse rate of the predicted blow, and speed and energy of the arm if it met no key. What was predicted
-goes into ``session.toml``. Anything outside the limits is :class:`rig.errors.RigInputError`; nothing has moved then.
+``pianorig`` supplies the ``predict(profile)`` callable, because the rig does not know the model; the recorder calls it
+once per profile, before it touches the bench. Checked: force and its rate, travel, speed and the encoders' pulse rate
+of the predicted blow, and speed and energy of the arm if it met no key. The predicted values go into ``session.toml``.
 """
 
 from __future__ import annotations

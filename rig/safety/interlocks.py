@@ -1,10 +1,10 @@
-"""Interlocks in software: every block of data is judged before the next is asked for.
+"""Interlocks in software: every block of samples is checked before the next one is read.
 
-Place in the data flow: ``rig.recording.trial_run`` hands in each block once it is in the journal; a value outside the
-limits raises :class:`rig.errors.LimitExceeded`, which ends the trial with motor at 0 V and drive disabled and stands
-in the file as its reason. Checked: force and its rate, travel and speed of each body, sensors that are stuck or open,
-force missing where the motor is told to push; before the blow: everything still, force near zero, the arm's preload
-seen (where the unloaded reading is known); after it: encoders back.
+:mod:`rig.recording.trial_run` hands in each block once it is in the journal; a value outside the limits raises
+:class:`rig.errors.LimitExceeded`, which ends the trial with the motor at 0 V and the drive disabled and becomes the
+trial's reason. Checked: force and its rate, travel and speed of each body, sensors that are stuck or open, force
+missing while the motor is commanded to push; before the blow: everything still, force near zero, the arm's preload
+present (where the unloaded reading is known); after it: encoders back.
 
 This is the second layer only. It acts one block, the force's delay and a round trip after the event, 30 to 50 ms,
 longer than a blow takes. The first layer is hardware: torque limit and stop chain of the drive, hard stops,

@@ -1,7 +1,7 @@
-"""Ctrl-C and SIGTERM: turned into an exception, and put off while the bench is made safe or a trial is sealed.
+"""Ctrl-C and SIGTERM: turned into an exception, and deferred while the bench is made safe or a trial is sealed.
 
-Only the main thread receives signals; elsewhere the blocks run as they are. An interrupt that was put off is delivered
-when the block ends. A program that is killed outright runs none of this; that is what watchdog and journal are for.
+Only the main thread receives signals; elsewhere the blocks run as they are. A deferred interrupt is delivered when the
+block ends. A program that is killed outright runs none of this; watchdog and journal are for that.
 """
 
 from __future__ import annotations

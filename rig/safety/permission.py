@@ -1,8 +1,8 @@
 """Permission to move the motor of a real bench: somebody confirmed, and a self-test of this rig file passed.
 
-Place in the data flow: the command line asks the operator and gets a :class:`Permission`; the recorder refuses to touch
-hardware (``ni://``, ``ni-grpc://``) without one. The virtual bench needs none. Refusals are
-:class:`rig.errors.NotPermitted`; nothing has moved then.
+The command line asks the operator and gets a :class:`Permission`; without one the recorder refuses to touch hardware
+(``ni://``, ``ni-grpc://``). The virtual bench needs none. After a refusal (:class:`rig.errors.NotPermitted`) nothing has
+moved.
 """
 
 from __future__ import annotations
