@@ -1,7 +1,7 @@
 """One trial on a backend: quiet, blow, rest; whatever happens the bench is made safe and the data acquired are stored.
 
-Place in the data flow: :mod:`rig.recording.trial_sequence` → this → backend and journal; returns the trial's data with
-a status, and the exception that ended it, if any. A block is in the journal before any observer receives it.
+The result is the trial's data with a status, and the exception that ended it, if any. A block is in the journal before
+any observer receives it.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Permission to move the motor of a real bench: somebody confirmed, and a self-test of this rig file passed.
 
 The command line asks the operator and gets a :class:`Permission`; without one the recorder refuses to touch hardware
-(``ni://``, ``ni-grpc://``). The virtual bench needs none. After a refusal (:class:`rig.errors.NotPermitted`) nothing has
-moved.
+(``ni://``, ``ni-grpc://``). The virtual bench needs none. Nothing has moved after a refusal
+(:class:`rig.errors.NotPermitted`).
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
 """The dated record of a self-test: what was checked on the bench, what was found, whether it passed.
 
-Place in the data flow: ``pianorig selftest`` writes ``selftests/<UTC time>_<rig>.toml``; recording on hardware demands
-a record that passed, of the same rig file on the same device, young enough. A record that cannot be read is
-:class:`rig.errors.RigInputError`.
+``pianorig selftest`` writes ``selftests/<UTC time>_<rig>.toml``; recording on hardware demands a record that passed, of
+the same rig file on the same device, and recent enough.
 """
 
 from __future__ import annotations

@@ -1,11 +1,10 @@
 """The self-test of a bench: what is wired where, which way it counts, and whether it really stops.
 
-Place in the data flow: ``pianorig selftest`` → this → a backend; the findings become a dated
-:class:`rig.selftest.record.SelftestRecord` that recording on hardware demands. With the drive disabled the operator
-lifts the arm, presses the key by hand (unloaded reading, encoder signs, scales, counts below zero); the motor pushes
-gently, with the drive disabled, then enabled (drive-enable, polarity and scale of the motor, delay to the input in
-samples); the watchdog is left alone while the motor pushes; the bridge's shunt resistor is switched in; camera edges
-are counted. A check that fails says what to look for; a fault of the hardware becomes the finding of its step.
+With the drive disabled the operator lifts the arm and presses the key (unloaded reading, encoder signs, scales, counts
+below zero); the motor pushes gently, with the drive disabled, then enabled (drive-enable, polarity and scale of the
+motor, delay to the input in samples); the watchdog is not reset while the motor pushes; the bridge's shunt resistor is
+switched in; camera edges are counted. A check that fails says where to look; a fault of the hardware becomes the
+finding of its step.
 """
 
 from __future__ import annotations

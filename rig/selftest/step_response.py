@@ -1,7 +1,4 @@
-"""What a self-test makes of its data: joined blocks, the moment of a step, what a wrong stroke looks like.
-
-Place in the data flow: blocks of :mod:`rig.selftest.run` → numbers and advice in its findings.
-"""
+"""Evaluation of a self-test's data: joined blocks, the time of a step, the likely cause of a wrong stroke."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""``annotations.jsonl``: what people said about trials after they were sealed; append-only.
+"""``annotations.jsonl``: remarks on trials made after they were sealed; append-only.
 
-A rejected trial stays on disk; rejecting and accepting only add lines, the last of them counts. Raises
-:class:`rig.errors.RigInputError` on a line that cannot be read, naming its number.
+A rejected trial stays on disk; rejecting and accepting only add lines, the last of them counts. A line that cannot be
+read is refused with its number.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
-"""``derived/<step>/trial_NNNN.h5``: tables that can be made again, with the hashes of what they were made
-from.
+"""``derived/<step>/trial_NNNN.h5``: tables that can be made again, with the hashes of what they were made from.
 
-One dataset per column of the table in group ``/table``, dimension ``row``; opened by netCDF-4 tools.
-Attributes are kept as JSON. A file that cannot be read is refused with :class:`rig.errors.RigInputError`.
+One dataset per column of the table in group ``/table``, dimension ``row``; netCDF-4 tools open it. Attributes are
+stored as JSON.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
-"""``trial_NNNN.film.toml``: what is known of a film that came from another computer, checked when it was attached.
+"""``trial_NNNN.film.toml``: the origin of a film that came from another computer, checked when it was attached.
 
-Place in the data flow: ``pianorig attach`` copies the film beside its trial and writes this; tracking takes the number
-of the film's first frame, counted by the trial's frame clock, from it. A record that cannot be read is
-:class:`rig.errors.RigInputError`.
+``pianorig attach`` copies the film beside its trial and writes this; tracking reads the number of the film's first
+frame from it, counted by the trial's frame clock.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
 """The session folder: ``session.toml``, trials, films, annotations and derived results.
 
-Place in the data flow: created by the recorder or an importer, opened by everything that comes after. The
-listing is read from disk each time it is asked for; trials are never rewritten. Failures are
-:class:`rig.errors.RigInputError`, one line each.
+Created by the recorder or an importer. The listing is read from disk at every access; trials are never rewritten.
+Failures are :class:`rig.errors.RigInputError`, one line each.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
-"""Writing arrays and attributes to an HDF5 file, and the digest over all of them that names a trial.
+"""Arrays and attributes written to an HDF5 file, and the digest over all of them that identifies a trial.
 
-Place in the data flow: :mod:`rig.session.trial_file` writes through this; derived results carry the digest. HDF5's
-own bookkeeping, such as the attributes of dimension scales, does not pass here and is not in it: it is over what was
-meant, in the order of names, whatever the order of writing.
+Derived results carry the digest. HDF5's own bookkeeping, such as the attributes of dimension scales, is not in it: it
+covers only what is written through :class:`Content`, in the order of names, whatever the order of writing.
 """
 
 from __future__ import annotations

@@ -1,7 +1,6 @@
 """``session.toml``: who recorded what, on which action, with which rig, in which room, with which software.
 
-The file is written by the recorder and may be completed by hand; a value nobody measured is the word
-``unknown``.
+The recorder writes the file; it may be completed by hand. A value nobody measured is the word ``unknown``.
 """
 
 from __future__ import annotations

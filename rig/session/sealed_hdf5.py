@@ -1,8 +1,7 @@
 """HDF5 files that end with the SHA-256 of themselves: written whole, and never opened when a single byte has changed.
 
 The HDF5 library may crash the process on damaged metadata, so the seal is checked before the library sees the file. The
-seal is one line of text behind the last byte of HDF5, where the library and netCDF-4 tools do not look. Failures are
-:class:`rig.errors.RigInputError`, one line.
+seal is one line of text after the last byte of HDF5, which the library and netCDF-4 tools ignore.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What one trial holds: the arrays of the DAQ clock and what is needed to interpret them.
+"""One trial in memory: the arrays on the DAQ clock and what is needed to interpret them.
 
 Conventions: force positive downwards on the key, calibrated but not corrected for offset, channel delay or
 mains hum; encoder counts as integers exactly as the counters gave them; angles counter-clockwise, zero at the

@@ -1,8 +1,7 @@
 """One trial as an HDF5 file that netCDF-4 tools open: ``/daq`` on the sample clock, ``/camera`` on the frame clock.
 
-Place in the data flow: written once and sealed when a trial ends; read by validation and vision. Every dataset
-carries its unit and the SHA-256 of its bytes; the root carries the SHA-256 of all content, which names the trial in
-derived results. A truncated or altered file is refused with :class:`rig.errors.RigInputError`, never half understood.
+Written once and sealed when a trial ends. Every dataset carries its unit and the SHA-256 of its bytes; the root carries
+the SHA-256 of all content, which identifies the trial in derived results. A truncated or altered file is refused.
 """
 
 from __future__ import annotations

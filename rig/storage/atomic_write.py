@@ -1,8 +1,7 @@
-"""Writing files that are either whole or absent, and hashing what is in them.
+"""Files that are written whole or not at all, and hashes of their contents.
 
-A file is written under a temporary name in its own folder and renamed when complete, so that a crash or a
-full disk never leaves something half-written that looks whole. Failures of the file system become
-:class:`rig.errors.RigInputError`.
+A file is written under a temporary name in its own folder and renamed when complete, so that a crash or a full disk
+never leaves a partial file that looks complete. Failures of the file system become :class:`rig.errors.RigInputError`.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """What differs between operating systems: opening, syncing, reserving and locking files, signals that end a program.
 
-Place in the data flow: under the journal, the files written whole, and the interrupts. Failures of the file system come
-as OSError, for the caller to put into words. The branch of the other system is tested by substitution.
+Failures of the file system are OSError, for the caller to put into words. The branch of the other system is tested by
+substitution.
 """
 
 from __future__ import annotations

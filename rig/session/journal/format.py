@@ -1,11 +1,11 @@
-"""The bytes of ``trial_NNNN.journal``, and reading them back as far as they are whole.
+"""The bytes of ``trial_NNNN.journal``, and reading them back up to the first damage.
 
-A journal is a row of records: magic ``PAJ1``, kind, sequence number, first sample, number of samples, payload length,
-CRC-32 of all that and of the payload, payload; little-endian. Kinds in this order: the trial's head (JSON), the motor
-command (float64, V), blocks (force N, force raw, counts of three encoders and, where the camera is counted, of its
-exposures, as int64, then the further channels that the head names, as float64), the end (JSON: status, reason).
-Room set aside for later records is zero. Reading stops at the first record that is not whole and next in sequence:
-what comes out is always the beginning of what was written, whatever happened to the file.
+A journal is a sequence of records: magic ``PAJ1``, kind, sequence number, first sample, number of samples, payload
+length, CRC-32 of all that and of the payload, payload; little-endian. Kinds in this order: the trial's head (JSON), the
+motor command (float64, V), blocks (force N, force raw, counts of three encoders and, where the camera is counted, of
+its exposures, as int64, then the further channels that the head names, as float64), the end (JSON: status, reason).
+Space reserved for later records is zero. Reading stops at the first record that is not complete and next in sequence:
+the result is always the beginning of what was written, whatever happened to the file.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""Following a session while another process records it: the journal of the trial at work, then the sealed trial.
+"""A live view of a session while another process records it: the journal of the current trial, then the sealed trial.
 
-Place in the data flow: ``pianorig watch`` reads here. The journal is opened for reading, read from where the last look
-ended, and closed at once: no lock is taken and nothing is written, so that the recording cannot be disturbed. Only
-whole records in sequence are taken; what is on its way is seen at the next look.
+The journal is opened for reading, read from where the last read ended, and closed at once: no lock is taken and nothing
+is written, so the recording cannot be disturbed. Only complete records in sequence are taken; the rest is read next
+time.
 """
 
 from __future__ import annotations

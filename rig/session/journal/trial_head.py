@@ -1,7 +1,7 @@
 """What is known of a trial before its first sample, and how head and blocks become a trial.
 
-Place in the data flow: the head opens the journal; recorder and recovery both put trials together here, so that a
-recovered trial is the one that would have been sealed.
+The head opens the journal. Recorder and recovery both assemble trials here, so that a recovered trial is the one that
+would have been sealed.
 """
 
 from __future__ import annotations

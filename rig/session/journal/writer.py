@@ -1,14 +1,14 @@
-"""The journal of the trial in progress: every block is on its way to the disk before anybody is told of it.
+"""The journal of the trial in progress: every block is on its way to the disk before any observer receives it.
 
-Place in the data flow: recorder → queue → one writing thread → ``trial_NNNN.journal`` (format:
-:mod:`rig.session.journal.format`); removed once the trial is sealed in HDF5. *Committed* means that the operating
-system has taken the bytes: killing the program cannot lose them. They are forced onto the disk itself at least every
-second and when the journal is closed: a power failure loses no more than that.
+Recorder → queue → one writing thread → ``trial_NNNN.journal`` (:mod:`rig.session.journal.format`); removed once the
+trial is sealed in HDF5. *Committed* means that the operating system has taken the bytes: killing the program cannot
+lose them. They are forced onto the disk itself at least every second and when the journal is closed: a power failure
+loses no more than that.
 
 :meth:`JournalWriter.append` returns when its block is committed, normally within a millisecond. When the disk is slow
-it gives up waiting after 50 ms, so that the limits go on being watched, and does not wait again until the disk has
+it stops waiting after 50 ms, so that the limits go on being watched, and does not wait again until the disk has
 caught up; when a block has waited 5 s, or the disk refuses, it raises :class:`rig.errors.RecordingFault`. Room for the
-longest possible trial is set aside before the motor moves, so that a full disk is found then.
+longest possible trial is reserved before the motor moves, so that a full disk is noticed then.
 """
 
 from __future__ import annotations
