@@ -23,7 +23,7 @@ from rig.foreign.units import known
 from rig.session import Session, SessionInfo
 from rig.session.annotation_file import utc_now
 from rig.session.info import FileInfo, PlanInfo
-from rig.session.trial_data import EncoderInfo, ForceInfo, TrialData
+from rig.session.trial_data import EncoderInfo, ForceInfo, TrialData, of_same_name
 from rig.storage.atomic_write import sha256_of_bytes, sha256_of_file
 
 QUIET_S = 0.02
@@ -158,21 +158,13 @@ def make_trial(table: ChannelTable, mapping: Mapping, number: int, started_utc: 
     encoders = tuple(
         EncoderInfo(e.name, e.counts_per_revolution, e.sign, e.channel, e.u_scale_relative) for e in mapping.encoders
     )
-    info = ForceInfo(
-        sensor=wanted.sensor,
-        calibration=wanted.calibration,
-        electrical=(wanted.zero, wanted.zero + 1.0),
-        physical_n=(0.0, wanted.scale),
-        electrical_unit=wanted.unit,
-        channel=wanted.channel,
-        group_delay_s=wanted.group_delay_s,
-        u_group_delay_s=wanted.u_group_delay_s,
-        u_noise_n=wanted.u_noise_n,
-        u_gain_relative=wanted.u_gain_relative,
-        preload_n=wanted.preload_n,
-        u_preload_n=wanted.u_preload_n,
-        mains_frequency_hz=mapping.mains_frequency_hz,
-    )
+    info = {
+        **of_same_name(ForceInfo, wanted),
+        "electrical": (wanted.zero, wanted.zero + 1.0),
+        "physical_n": (0.0, wanted.scale),
+        "electrical_unit": wanted.unit,
+        "mains_frequency_hz": mapping.mains_frequency_hz,
+    }
     return TrialData(
         number=number,
         status="complete",
@@ -185,7 +177,7 @@ def make_trial(table: ChannelTable, mapping: Mapping, number: int, started_utc: 
         motor_command_v=volts,
         encoder_count=counts,
         encoders=encoders,
-        force_info=info,
+        force_info=ForceInfo(**info),
         blow_start_s=start_s,
     )
 

@@ -1,7 +1,8 @@
 """The recorder: a session of trials from one profile or a plan, checked before anything moves, safe on every way out.
 
-Ctrl-C, SIGTERM and faults stop the bench safely; what was recorded stays and is marked, and the exception goes on to the caller. When not one trial was recorded,
-no session folder is left. A program that is killed leaves a journal, see :mod:`rig.recording.recover`.
+Ctrl-C, SIGTERM and faults stop the bench safely; what was recorded stays and is marked, and the exception goes on to
+the caller. When not one trial was recorded, no session folder is left. A program that is killed leaves a journal, see
+:mod:`rig.recording.recover`.
 """
 
 from __future__ import annotations

@@ -1,7 +1,8 @@
 """The entries of a plan recorded one after the other into a session that exists.
 
-Recorder and resume use it. Before a condition with a prompt the operator is asked; between blows the bench rests as long as the plan says; a warm-up blow is recorded
-and rejected. What ends a trial early ends the session: earlier trials and the marked one stay, the exception goes on.
+Recorder and resume use it. Before a condition with a prompt the operator is asked; between blows the bench rests as
+long as the plan says; a warm-up blow is recorded and rejected. What ends a trial early ends the session: earlier trials
+and the marked one stay, the exception goes on.
 """
 
 from __future__ import annotations

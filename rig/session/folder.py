@@ -26,8 +26,7 @@ if TYPE_CHECKING:
 
 INFO_NAME = "session.toml"
 FILM_SUFFIXES = (".mraw", ".avi", ".tif", ".tiff", ".mp4")
-_TRIAL_NAME = re.compile(r"trial_(\d{4,})\.h5")
-_JOURNAL_NAME = re.compile(r"trial_(\d{4,})\.journal")
+_NUMBERED = re.compile(r"trial_(?P<number>\d{4,})\.(?P<suffix>h5|journal)")
 
 
 class Trial:
@@ -142,27 +141,25 @@ class Session:
     def trials(self) -> tuple[Trial, ...]:
         """Trials on disk in the order of their numbers, rejected ones included."""
         rejected = annotation_file.rejections(annotation_file.read(self.path))
-        found = []
-        with contextlib.suppress(FileNotFoundError):
-            for file in self.path.iterdir():
-                if match := _TRIAL_NAME.fullmatch(file.name):
-                    number = int(match.group(1))
-                    found.append(Trial(file, number, rejected.get(number)))
-        return tuple(sorted(found, key=lambda trial: trial.number))
+        return tuple(Trial(file, number, rejected.get(number)) for number, file in self._numbered("h5").items())
 
     @property
     def journals(self) -> dict[int, Path]:
-        """Journals of trials that were never sealed, by number; while a session is recorded, of the trial at work."""
+        """Journals of trials that are not sealed, by number; during a recording, of the current trial."""
+        return self._numbered("journal")
+
+    def _numbered(self, suffix: str) -> dict[int, Path]:
         found = {}
         with contextlib.suppress(FileNotFoundError):
             for file in self.path.iterdir():
-                if match := _JOURNAL_NAME.fullmatch(file.name):
-                    found[int(match.group(1))] = file
+                match = _NUMBERED.fullmatch(file.name)
+                if match and match["suffix"] == suffix:
+                    found[int(match["number"])] = file
         return dict(sorted(found.items()))
 
     def summary(self) -> pd.DataFrame:
         """Return one row per trial: number, status, rejected (reason or ""), duration, peak force, frames, film."""
-        import pandas as pd  # here, so that opening a session does not load pandas
+        import pandas as pd  # start-up: pandas costs 0.4 s, opening a session does not need it
 
         rows = []
         for trial in self.trials:

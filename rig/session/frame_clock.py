@@ -14,7 +14,7 @@ from rig.session.trial_data import CameraInfo
 
 @dataclass(frozen=True)
 class FrameClock:
-    """The camera's pulses: rate, Hz; first rising edge and exposure, s; standard uncertainty of their times, s."""
+    """Clock of the frame pulses: rate, Hz; first rising edge, exposure and standard uncertainty of the times, s."""
 
     frame_rate_hz: float
     first_pulse_s: float
@@ -35,7 +35,7 @@ class FrameClock:
         return cls(timing.frame_rate_hz, timing.first_pulse_s, camera.exposure_s, camera.u_time_s)
 
     def frames_counted(self, time_s: NDArray[np.float64], count: NDArray[np.int64]) -> CameraInfo | None:
-        """Return the frames whose exposures were counted by each sample, (n,); None with fewer than three.
+        """Return the frames of a camera whose exposures were counted at each sample, (n,); None with fewer than three.
 
         The k-th exposure began within the sample interval in which the count passed k. Every straight line through
         all these intervals is possible: the middle one is taken, and the standard uncertainty is that of a time that

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
-    from rig.session.journal.live_reader import View
+    from rig.session.journal.live_reader import LiveView
 
 
 def command(
@@ -35,7 +35,7 @@ def command(
     if png is not None:
         check_writable(png)
 
-    def show(view: View) -> None:
+    def show(view: LiveView) -> None:
         if png is not None:
             draw(png, view)
         if as_json:

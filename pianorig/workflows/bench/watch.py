@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 if TYPE_CHECKING:
-    from rig.session.journal.live_reader import View
+    from rig.session.journal.live_reader import LiveView
 
 
-def facts(view: View) -> dict[str, Any]:
+def facts(view: LiveView) -> dict[str, Any]:
     """Figures of what is seen."""
     from rig.session.trial_data import absent_bodies
 
@@ -31,7 +31,7 @@ def facts(view: View) -> dict[str, Any]:
     }
 
 
-def as_text(view: View, width: int = 72) -> str:
+def as_text(view: LiveView, width: int = 72) -> str:
     """Force and the last body's angle, the hammer's, over time as lines of text."""
     from pianorig.console.braille_plot import curve
     from rig.session.trial_data import absent_bodies
@@ -51,7 +51,7 @@ def as_text(view: View, width: int = 72) -> str:
     return "\n".join(lines)
 
 
-def draw(path: Path, view: View) -> None:
+def draw(path: Path, view: LiveView) -> None:
     """Force and angles over time as a PNG, whole or not at all."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -79,12 +79,12 @@ def draw(path: Path, view: View) -> None:
 
 def watch(
     session: Path,
-    show: Callable[[View], None],
+    show: Callable[[LiveView], None],
     *,
     every_s: float = 0.5,
     once: bool = False,
     wait: Callable[[float], None] = time.sleep,
-) -> View | None:
+) -> LiveView | None:
     """Show a session whenever there is something new, until its plan is done; return the last view.
 
     Raises
@@ -95,9 +95,9 @@ def watch(
 
     follower = SessionFollower(session)
     seen: tuple[int, str, int] | None = None
-    view: View | None = None
+    view: LiveView | None = None
     while True:
-        view = follower.look() or view
+        view = follower.poll() or view
         if view is not None and (now := (view.trial, view.state, view.time_s.size)) != seen:
             show(view)
             seen = now

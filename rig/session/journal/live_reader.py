@@ -20,7 +20,7 @@ from rig.session.journal.trial_head import TrialHead
 
 
 class JournalFollower:
-    """Reads a growing journal bit by bit; ``head`` is None until that is whole."""
+    """Reads a growing journal incrementally; ``head`` is None until it is complete."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -28,8 +28,8 @@ class JournalFollower:
         self.blocks: list[Block] = []
         self._at = self._sequence = 0
 
-    def look(self) -> bool:
-        """Take what came since the last look; False when the journal is gone."""
+    def poll(self) -> bool:
+        """Read what was written since the last poll; False when the journal is gone."""
         try:
             with self.path.open("rb") as stream:
                 if self.head is None:
@@ -63,13 +63,13 @@ class JournalFollower:
 
 
 @dataclass(frozen=True, eq=False)
-class View:
-    """What can be seen of a session at one moment.
+class LiveView:
+    """A session at one moment.
 
     Attributes
     ----------
     trial, trials : int
-        Number of the trial seen, and how many the plan has.
+        Number of the trial, and how many the plan has.
     state : str
         ``recording``, or the status of a sealed trial.
     condition : str
@@ -97,14 +97,14 @@ class View:
 
 
 class SessionFollower:
-    """Looks at a session again and again; one journal is read on from where the last look ended."""
+    """Reads a session repeatedly; one journal is read on from where the last poll ended."""
 
     def __init__(self, session: str | Path) -> None:
         self.session = Session.open(session, require_trials=False)
         self._journal: JournalFollower | None = None
 
-    def look(self) -> View | None:
-        """Return what there is to see; None before the first sample.
+    def poll(self) -> LiveView | None:
+        """Return the present view; None before the first sample.
 
         Raises
         ------
@@ -116,22 +116,22 @@ class SessionFollower:
             number, path = list(journals.items())[-1]
             if self._journal is None or self._journal.path != path:
                 self._journal = JournalFollower(path)
-            if self._journal.look() and self._journal.head is not None and self._journal.blocks:
+            if self._journal.poll() and self._journal.head is not None and self._journal.blocks:
                 return self._live(number, self._journal.head, self._journal.blocks)
         trials = self.session.trials
         if not trials:
             return None
         data = trials[-1].read()
-        return View(
+        return LiveView(
             data.number, self.session.info.plan.trials, data.status, data.condition, data.time_s, data.force_n,
             data.angle_rad(), tuple(encoder.name for encoder in data.encoders), len(trials),
         )  # fmt: skip
 
-    def _live(self, number: int, head: TrialHead, blocks: list[Block]) -> View:
+    def _live(self, number: int, head: TrialHead, blocks: list[Block]) -> LiveView:
         force = np.concatenate([block.force_n for block in blocks])
         count = np.concatenate([block.encoder_count for block in blocks])
         per_count = np.array([encoder.rad_per_count for encoder in head.encoders])
-        return View(
+        return LiveView(
             number, self.session.info.plan.trials, "recording", head.condition,
             np.arange(force.size) / head.sample_rate_hz, force, (count - count[:1]) * per_count,
             tuple(encoder.name for encoder in head.encoders), len(self.session.trials),

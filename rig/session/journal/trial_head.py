@@ -7,7 +7,7 @@ would have been sealed.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -24,7 +24,7 @@ from rig.session.trial_data import CameraInfo, ChannelInfo, EncoderInfo, ForceIn
 
 @dataclass(frozen=True, eq=False)
 class TrialHead:
-    """Everything of a trial but what the inputs read; ``command_v`` is the whole motor command, V."""
+    """All of a trial except the input samples; ``command_v`` is the whole motor command, V."""
 
     number: int
     started_utc: str
@@ -69,23 +69,13 @@ class TrialHead:
 
     def to_plain(self) -> dict[str, Any]:
         """Return all but the command as numbers, text and lists."""
-        return {
-            "number": self.number,
-            "started_utc": self.started_utc,
-            "simulated": self.simulated,
-            "sample_rate_hz": self.sample_rate_hz,
-            "blow_start_s": self.blow_start_s,
-            "encoders": [asdict(encoder) for encoder in self.encoders],
-            "force_info": asdict(self.force_info),
-            "frame_clock": asdict(self.frame_clock) if self.frame_clock else None,
-            "condition": self.condition,
-            "plan_entry": self.plan_entry,
-            "channels": [asdict(channel) for channel in self.channels],
-        }
+        plain = asdict(replace(self, command_v=np.empty(0)))
+        del plain["command_v"]
+        return plain
 
     @classmethod
     def from_plain(cls, plain: dict[str, Any], command_v: NDArray[np.float64]) -> TrialHead:
-        """Undo :meth:`to_plain`; raises KeyError, TypeError or ValueError for anything else."""
+        """Restore a head from :meth:`to_plain`; raises KeyError, TypeError or ValueError for anything else."""
         force: dict[str, Any] = {
             key: tuple(value) if isinstance(value, list) else value for key, value in plain["force_info"].items()
         }
@@ -113,45 +103,37 @@ class TrialHead:
         HardwareFault
             When they do not follow each other without a gap from sample 0.
         """
-        wanted = 0
+        n_samples = 0
         for block in blocks:
-            if block.first_sample != wanted:
+            if block.first_sample != n_samples:
                 raise HardwareFault(
-                    f"trial {self.number}: a block starts at sample {block.first_sample}, expected {wanted}; "
+                    f"trial {self.number}: a block starts at sample {block.first_sample}, expected {n_samples}; "
                     "samples are missing"
                 )
-            wanted += block.force_n.size
-        rate = self.sample_rate_hz
-        volts = np.zeros(wanted)
-        volts[: min(wanted, self.command_v.size)] = self.command_v[:wanted]
+            n_samples += block.force_n.size
+        volts = np.zeros(n_samples)
+        volts[: min(n_samples, self.command_v.size)] = self.command_v[:n_samples]
+        known = {field.name: getattr(self, field.name) for field in fields(self)}
+        del known["command_v"], known["frame_clock"]
         return TrialData(
-            number=self.number,
+            **known,
             status=status,
             reason=reason,
-            started_utc=self.started_utc,
-            simulated=self.simulated,
-            sample_rate_hz=rate,
-            time_s=np.arange(wanted) / rate,
+            time_s=np.arange(n_samples) / self.sample_rate_hz,
             force_n=np.concatenate([block.force_n for block in blocks]),
             force_raw=np.concatenate([block.force_raw for block in blocks]),
             motor_command_v=volts,
             encoder_count=np.concatenate([block.encoder_count for block in blocks]),
-            encoders=self.encoders,
-            force_info=self.force_info,
-            camera=self._camera(blocks, wanted),
-            blow_start_s=self.blow_start_s,
-            condition=self.condition,
-            plan_entry=self.plan_entry,
-            channels=self.channels,
+            camera=self._camera(blocks, n_samples),
             channel_values=np.concatenate([block.channel_values for block in blocks]) if self.channels else None,
         )
 
-    def _camera(self, blocks: Sequence[Block], wanted: int) -> CameraInfo | None:
+    def _camera(self, blocks: Sequence[Block], n_samples: int) -> CameraInfo | None:
         if self.frame_clock is None:
             return None
         if not self.frame_clock.counted:
-            return self.frame_clock.frames_until((wanted - 1) / self.sample_rate_hz)
+            return self.frame_clock.frames_until((n_samples - 1) / self.sample_rate_hz)
         counts = [block.exposure_count for block in blocks if block.exposure_count is not None]
         if len(counts) != len(blocks) or not counts:
             return None
-        return self.frame_clock.frames_counted(np.arange(wanted) / self.sample_rate_hz, np.concatenate(counts))
+        return self.frame_clock.frames_counted(np.arange(n_samples) / self.sample_rate_hz, np.concatenate(counts))

@@ -81,7 +81,7 @@ def test_a_recording_cut_off_is_recovered_with_them(rig, make_backend, step_prof
             open_journal=Keeping,
         )  # fmt: skip
         sealed = session.trials[0].read()
-        followed = SessionFollower(folder).look()
+        followed = SessionFollower(folder).poll()
         assert followed is not None and followed.force_n.size == sealed.n_valid
         session.trials[0].path.unlink()
         recover_session(folder)

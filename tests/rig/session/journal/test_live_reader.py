@@ -25,11 +25,11 @@ def test_a_journal_cut_anywhere_shows_its_whole_blocks_and_goes_on(tmp_path, mak
     data = session.trials[0].read()
     whole, live = kept.read_bytes(), tmp_path / "live"
     follower = JournalFollower(live)
-    assert not follower.look()
+    assert not follower.poll()
     sizes = []
     for end in sorted({*np.random.default_rng(1).integers(0, len(whole), 60).tolist(), len(whole)}):
         live.write_bytes(whole[:end])
-        assert follower.look()
+        assert follower.poll()
         sizes.append(sum(block.force_n.size for block in follower.blocks))
     assert sizes == sorted(sizes) and sizes[0] == 0 and sizes[-1] >= 2500 and len(set(sizes)) > 5
     force = np.concatenate([block.force_n for block in follower.blocks])
@@ -43,7 +43,7 @@ def test_a_session_is_seen_while_it_is_recorded(tmp_path, make_backend, rig, ste
     def look(at) -> None:
         follower[:] = follower or [SessionFollower(tmp_path / "s")]
         before = os.stat(tmp_path / "s" / f"trial_{at.trial:04d}.journal")
-        view = follower[0].look()
+        view = follower[0].poll()
         after = os.stat(tmp_path / "s" / f"trial_{at.trial:04d}.journal")
         assert before.st_size == after.st_size
         assert view.trial == at.trial and view.time_s.size == round(at.committed_s * 5000)
@@ -53,7 +53,7 @@ def test_a_session_is_seen_while_it_is_recorded(tmp_path, make_backend, rig, ste
         tmp_path / "s", profile=step_profile, rig_config=rig, backend=make_backend(rig.config), trials=2, progress=look
     )
     assert {view.state for view in views} == {"recording"} and not any(view.finished for view in views)
-    end = follower[0].look()
+    end = follower[0].poll()
     data = session.trials[1].read()
     assert end.finished and end.state == "complete" and (end.trial, end.sealed) == (2, 2)
     np.testing.assert_array_equal(end.force_n, data.force_n)
