@@ -18,6 +18,7 @@ from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
 from rig.errors import RigInputError
+from rig.storage.file_errors import refused
 
 Model = TypeVar("Model", bound=BaseModel)
 
@@ -25,9 +26,8 @@ Model = TypeVar("Model", bound=BaseModel)
 def read_text(path: Path) -> str:
     """Read a UTF-8 text file; raise :class:`RigInputError` in one line when that is impossible."""
     try:
-        return path.read_bytes().decode("utf-8")
-    except OSError as error:
-        raise RigInputError(f"{path}: cannot be read ({error.strerror or error})") from error
+        with refused(path, "read"):
+            return path.read_bytes().decode("utf-8")
     except UnicodeDecodeError as error:
         raise RigInputError(f"{path}: byte {error.start} is not UTF-8 text; save the file as UTF-8") from error
 

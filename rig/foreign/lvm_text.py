@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from rig.errors import RigInputError
 from rig.foreign.channel_table import JITTER, SECONDS, ChannelTable, Clock, even_interval, number, shown
 from rig.foreign.units import known
+from rig.storage.file_errors import refused
 
 END = "***End_of_Header***"
 SPECIAL, END_SPECIAL = "***Start_Special***", "***End_Special***"
@@ -57,10 +58,8 @@ def read_lvm(path: Path) -> tuple[ChannelTable, ...]:
     RigInputError
         When the file is no such file or is cut off.
     """
-    try:
+    with refused(path, "read"):
         data = path.read_bytes()
-    except OSError as error:
-        raise RigInputError(f"{path}: cannot be read ({error.strerror or error})") from None
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError:

@@ -19,6 +19,7 @@ from rig.session import Session
 from rig.session.journal.format import Journal, read_journal
 from rig.session.trial_data import TrialData
 from rig.storage import platform_calls
+from rig.storage.file_errors import refused
 
 
 @dataclass(frozen=True)
@@ -71,10 +72,8 @@ recover_session = recover
 
 
 def _refuse_if_in_use(file: Path) -> None:
-    try:
+    with refused(file, "opened"):
         descriptor = platform_calls.open_raw(file, os.O_RDWR)
-    except OSError as error:
-        raise RigInputError(f"{file}: cannot be opened ({error.strerror or error})") from error
     try:
         if not platform_calls.lock(descriptor):
             raise RigInputError(f"{file}: another program is recording this session; wait until it has ended")

@@ -15,8 +15,9 @@ from pydantic import Field
 from rig.configuration import toml_file
 from rig.configuration.channels import Number, Table, Text
 from rig.configuration.rig_file import Rig
-from rig.errors import NotPermitted, RigInputError
+from rig.errors import NotPermitted
 from rig.storage.atomic_write import write_text
+from rig.storage.file_errors import refused
 
 SCHEMA: Literal["piano-action-rig selftest 1"] = "piano-action-rig selftest 1"
 
@@ -57,10 +58,8 @@ class SelftestRecord(Table):
         """Write the record into a folder, made if need be; return its path."""
         stamp = self.created_utc.astimezone(UTC)
         path = folder / f"{stamp:%Y-%m-%dT%H%M%SZ}_{self.rig}.toml"
-        try:
+        with refused(folder, "created"):
             folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise RigInputError(f"{folder}: cannot be created ({error.strerror or error})") from error
         table = self.model_dump(by_alias=True)
         table["created_utc"] = stamp.isoformat(timespec="seconds")
         write_text(path, toml_file.dump_toml(table))

@@ -16,6 +16,7 @@ from typing import Literal, get_args
 
 from rig.errors import RigInputError
 from rig.storage import platform_calls
+from rig.storage.file_errors import refused
 
 FILE_NAME = "annotations.jsonl"
 Kind = Literal["reject", "accept", "note"]
@@ -46,7 +47,7 @@ def append(folder: Path, trial: int, kind: Kind, reason: str, author: str = "") 
     annotation = Annotation(trial=trial, kind=kind, reason=reason, author=author or "unknown", time_utc=utc_now())
     line = (json.dumps(asdict(annotation)) + "\n").encode("utf-8")
     path = folder / FILE_NAME
-    try:
+    with refused(path, "written"):
         descriptor = platform_calls.open_raw(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT)
         try:
             before = os.fstat(descriptor).st_size
@@ -55,8 +56,6 @@ def append(folder: Path, trial: int, kind: Kind, reason: str, author: str = "") 
                 raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
         finally:
             os.close(descriptor)
-    except OSError as error:
-        raise RigInputError(f"{path}: cannot be written ({error.strerror or error})") from error
     return annotation
 
 

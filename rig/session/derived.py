@@ -16,6 +16,7 @@ import numpy as np
 
 from rig.errors import RigInputError
 from rig.session.sealed_hdf5 import open_sealed, write_sealed
+from rig.storage.file_errors import refused
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -28,10 +29,8 @@ def write_table(path: Path, table: pd.DataFrame, attrs: Mapping[str, Any], paren
     names = [str(name) for name in table.columns]
     if len(set(names)) != len(names) or any(not name or "/" in name or name == "row" for name in names):
         raise RigInputError(f"{path}: column names {names} must be unique, not empty, not 'row' and without '/'")
-    try:
+    with refused(path.parent, "created"):
         path.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise RigInputError(f"{path.parent}: cannot be created ({error.strerror or error})") from error
     with write_sealed(path) as file:
         file.attrs["schema"] = SCHEMA
         file.attrs["attributes_json"] = json.dumps(dict(attrs), default=_plain)

@@ -20,6 +20,7 @@ from rig.session.info import SessionInfo
 from rig.session.trial_data import TrialData
 from rig.session.trial_file import read_status, read_trial, write_trial
 from rig.storage.atomic_write import write_text
+from rig.storage.file_errors import refused
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -119,14 +120,10 @@ class Session:
         """
         folder = Path(path)
         existed = folder.is_dir()
-        try:
+        with refused(folder, "created", "choose a writable place"):
             if folder.exists() and (not existed or any(folder.iterdir())):
                 raise RigInputError(f"{folder}: exists already and is not an empty folder; choose another name")
             folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise RigInputError(
-                f"{folder}: cannot be created ({error.strerror or error}); choose a writable place"
-            ) from error
         try:
             for name, text in (files or {}).items():
                 write_text(folder / name, text)

@@ -15,6 +15,7 @@ import h5py
 
 from rig.errors import RigInputError
 from rig.storage.atomic_write import replace_when_complete
+from rig.storage.file_errors import refused
 
 MARK = b"\npiano-action-rig sha256 "
 _TAIL = len(MARK) + 64 + 1
@@ -55,22 +56,19 @@ def open_sealed(path: Path) -> Iterator[h5py.File]:
 
 
 def _check_seal(path: Path) -> None:
-    try:
-        with path.open("rb") as stream:
-            size = stream.seek(0, 2)
-            stream.seek(max(size - _TAIL, 0))
-            tail = stream.read()
-            if len(tail) != _TAIL or not tail.startswith(MARK):
-                raise RigInputError(
-                    f"{path}: has no seal at its end: truncated, or rewritten by another program; restore it"
-                )
-            digest = hashlib.sha256()
-            stream.seek(0)
-            left = size - _TAIL
-            while left > 0 and (chunk := stream.read(min(left, 1 << 20))):
-                digest.update(chunk)
-                left -= len(chunk)
-    except OSError as error:
-        raise RigInputError(f"{path}: cannot be read ({error.strerror or error})") from error
+    with refused(path, "read"), path.open("rb") as stream:
+        size = stream.seek(0, 2)
+        stream.seek(max(size - _TAIL, 0))
+        tail = stream.read()
+        if len(tail) != _TAIL or not tail.startswith(MARK):
+            raise RigInputError(
+                f"{path}: has no seal at its end: truncated, or rewritten by another program; restore it"
+            )
+        digest = hashlib.sha256()
+        stream.seek(0)
+        left = size - _TAIL
+        while left > 0 and (chunk := stream.read(min(left, 1 << 20))):
+            digest.update(chunk)
+            left -= len(chunk)
     if tail[len(MARK) : -1] != digest.hexdigest().encode():
         raise RigInputError(f"{path}: altered since it was sealed (SHA-256 does not match); restore it from a copy")

@@ -12,8 +12,8 @@ import os
 from collections.abc import Iterator
 from pathlib import Path
 
-from rig.errors import RigInputError
 from rig.storage import platform_calls
+from rig.storage.file_errors import refused
 
 
 @contextlib.contextmanager
@@ -27,14 +27,11 @@ def replace_when_complete(path: Path) -> Iterator[Path]:
     """
     temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
-        yield temporary
-        with temporary.open("rb+") as stream:
-            platform_calls.synchronise_whole(stream.fileno())
-        os.replace(temporary, path)
-    except OSError as error:
-        raise RigInputError(
-            f"{path}: cannot be written ({error.strerror or error}); choose a writable place"
-        ) from error
+        with refused(path, "written", "choose a writable place"):
+            yield temporary
+            with temporary.open("rb+") as stream:
+                platform_calls.synchronise_whole(stream.fileno())
+            os.replace(temporary, path)
     finally:
         with contextlib.suppress(OSError):
             temporary.unlink(missing_ok=True)
@@ -59,11 +56,5 @@ def sha256_of_file(path: Path) -> str:
     RigInputError
         When the file cannot be read.
     """
-    digest = hashlib.sha256()
-    try:
-        with path.open("rb") as stream:
-            while chunk := stream.read(1 << 20):
-                digest.update(chunk)
-    except OSError as error:
-        raise RigInputError(f"{path}: cannot be read ({error.strerror or error})") from error
-    return digest.hexdigest()
+    with refused(path, "read"), path.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()

@@ -21,8 +21,8 @@ from typing import NamedTuple
 import numpy as np
 
 from rig.backend import Block
-from rig.errors import RigInputError
 from rig.session.journal.trial_head import TrialHead
+from rig.storage.file_errors import refused
 
 MAGIC = b"PAJ1"
 HEAD, COMMAND, BLOCK, END = 1, 2, 3, 4
@@ -133,10 +133,8 @@ def parse(data: bytes) -> Journal:
 
 def read_journal(path: Path) -> Journal:
     """Read a journal file; raises RigInputError only when the file itself cannot be read."""
-    try:
+    with refused(path, "read"):
         return parse(path.read_bytes())
-    except OSError as error:
-        raise RigInputError(f"{path}: cannot be read ({error.strerror or error})") from error
 
 
 def block_of(record: Record, head: TrialHead) -> Block:

@@ -29,6 +29,7 @@ from rig.errors import RecordingFault, RigInputError
 from rig.session.journal.format import BLOCK, COMMAND, END, HEAD, OVERHEAD, block_payload, bytes_per_sample, encode
 from rig.session.journal.trial_head import TrialHead
 from rig.storage import platform_calls
+from rig.storage.file_errors import refused
 
 PATIENCE_S = 0.05
 STALL_LIMIT_S = 5.0
@@ -79,10 +80,8 @@ class JournalWriter:
         command = np.ascontiguousarray(head.command_v, dtype="<f8").tobytes()
         beginning = first + self._record(COMMAND, head.command_v.size, command)
         room = len(beginning) + most_samples * bytes_per_sample(head) + (most_blocks + 1) * OVERHEAD + 4096
-        try:
+        with refused(path, "created"):
             self._file = platform_calls.open_raw(path, os.O_RDWR | os.O_CREAT | os.O_EXCL)
-        except OSError as error:
-            raise RigInputError(f"{path}: cannot be created ({error.strerror or error})") from error
         try:
             platform_calls.lock(self._file)
             platform_calls.reserve(self._file, path, room)
