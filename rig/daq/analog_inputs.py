@@ -15,13 +15,13 @@ from rig.configuration.rig_file import RigConfig
 from rig.daq.task_set import NewTask
 
 BUFFER_S = 20.0
-"""Length of the driver's buffers: how long the program may be late before samples are lost."""
+"""Length of the driver's buffers: how late the program may read before samples are lost."""
 MASTER = "force"
 """Name of the master task."""
 
 
 def buffer_samples(sample_rate_hz: float) -> int:
-    """Return the number of samples per channel the driver is told to keep."""
+    """Return the driver's buffer size in samples per channel."""
     return int(BUFFER_S * sample_rate_hz)
 
 

@@ -22,7 +22,7 @@ READ_TIMEOUT_S = 5.0
 
 
 class BenchChecks:
-    """Mixed into the backend; uses its way of making tasks."""
+    """Mixed into the backend, whose tasks it makes."""
 
     _watchdog: Watchdog | None
     _outputs: SafeOutputs
@@ -52,7 +52,7 @@ class BenchChecks:
                 AnalogSingleChannelReader(task.in_stream).read_many_sample(values, n, READ_TIMEOUT_S)
             finally:
                 task.close()
-        settled = values[n // 4 :]  # behind the module's filter
+        settled = values[n // 4 :]  # after the step response of the module's filter
         return float(np.mean(analog_inputs.volts_of_force(config, settled)))
 
     def count_edges(self, config: RigConfig, counter: str, terminal: str, duration_s: float, pulses: bool) -> int:
@@ -95,7 +95,7 @@ class BenchChecks:
         return values
 
     def let_watchdog_expire(self, n_samples: int, blocks: int) -> tuple[list[Block], int | None]:
-        """Read without keeping the watchdog quiet; return the blocks, and in which of them it tripped (None: never)."""
+        """Read without resetting the watchdog; return the blocks, and in which of them it expired (None: never)."""
         read: list[Block] = []
         tripped: int | None = None
         for index in range(blocks):

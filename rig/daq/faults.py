@@ -47,6 +47,19 @@ _FAULT_OF_CODE: dict[int, tuple[type[HardwareFault], str]] = {
     ),
 }
 
+_FAULT_OF_STATUS: dict[grpc.StatusCode, tuple[type[HardwareFault], str]] = {
+    grpc.StatusCode.UNAVAILABLE: (
+        DeviceNotFound,
+        "the NI gRPC Device Server does not answer ({phase}); check host and port",
+    ),
+    grpc.StatusCode.UNIMPLEMENTED: (NotSupported, "the server does not know a call that was needed ({phase})"),
+    grpc.StatusCode.ALREADY_EXISTS: (
+        ResourceBusy,
+        "the server has a session of that name, of another program or of one that died ({phase}); "
+        "close that program, or reset the server",
+    ),
+}
+
 
 @contextlib.contextmanager
 def translated(phase: str, what: str) -> Iterator[None]:
@@ -84,19 +97,9 @@ def _from_code(error: nidaqmx.errors.DaqError, phase: str, what: str) -> Hardwar
 
 
 def _from_rpc(error: nidaqmx.errors.RpcError, phase: str, what: str) -> HardwareFault:
-    status = error.rpc_code
-    if status in (grpc.StatusCode.UNAVAILABLE, grpc.StatusCode.UNAVAILABLE.value[0]):
-        return DeviceNotFound(
-            f"{what}: the NI gRPC Device Server does not answer ({phase}); check host and port", phase=phase
-        )
-    if status in (grpc.StatusCode.UNIMPLEMENTED, grpc.StatusCode.UNIMPLEMENTED.value[0]):
-        return NotSupported(f"{what}: the server does not know a call that was needed ({phase})", phase=phase)
-    if status in (grpc.StatusCode.ALREADY_EXISTS, grpc.StatusCode.ALREADY_EXISTS.value[0]):
-        return ResourceBusy(
-            f"{what}: the server has a session of that name, of another program or of one that died ({phase}); "
-            "close that program, or reset the server",
-            phase=phase,
-        )
+    for status, (kind, meaning) in _FAULT_OF_STATUS.items():
+        if error.rpc_code in (status, status.value[0]):
+            return kind(f"{what}: {meaning.format(phase=phase)}", phase=phase)
     return HardwareFault(f"{what}: {_first_words(str(error))} ({phase})", phase=phase)
 
 

@@ -6,7 +6,8 @@ Software is the second safety layer only: the drive's own torque limit, hard sto
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import partial
 from importlib.metadata import version
 
@@ -33,7 +34,7 @@ CLIENT_VERSION = version("nidaqmx")
 
 
 class NidaqmxBackend(BenchChecks, Backend):
-    """Acquisition on NI-DAQmx; what only a self-test does is in :mod:`rig.daq.bench_checks`.
+    """Acquisition on NI-DAQmx; what only a self-test needs is in :mod:`rig.daq.bench_checks`.
 
     Parameters
     ----------
@@ -53,11 +54,11 @@ class NidaqmxBackend(BenchChecks, Backend):
         self._outputs = SafeOutputs(self._new_task)
         self._watchdog: Watchdog | None = None
         self._timing: Timing | None = None
-        """What the tasks that are there give; None where they are not all made."""
+        """Timing of the tasks as made; None unless all of them exist."""
         self._live = False
         """Configured, and not stopped since."""
         self._safe = True
-        """Both outputs took their safe state when that was last written."""
+        """Both outputs accepted their safe state when it was last written."""
         self._next_sample = 0
 
     @property
@@ -67,7 +68,7 @@ class NidaqmxBackend(BenchChecks, Backend):
         return Capabilities(self._name, self._simulated, description, watchdog=True, hardware=True)
 
     def identify(self, config: RigConfig) -> None:
-        """Ask the device what it is; a simulated one is marked so in every session.
+        """Read the product type of the device; a simulated one is marked so in every session.
 
         Raises
         ------
@@ -102,7 +103,7 @@ class NidaqmxBackend(BenchChecks, Backend):
         if config != self._config or self._timing is None:
             self._clear()
         self._config = config
-        try:
+        with self._safe_on_failure():
             failures: list[BaseException] = []
             self._outputs_safe("configure", failures)
             if failures:
@@ -117,11 +118,8 @@ class NidaqmxBackend(BenchChecks, Backend):
                 tasks.load_command(self._tasks[tasks.MOTOR], config, command_v)
             for name in self._tasks:
                 with translated("configure", name):
-                    self._kick()
+                    self._reset_watchdog()
                     self._tasks[name].control(TaskMode.TASK_COMMIT)
-        except BaseException:
-            self._stop_quietly()
-            raise
         return timing
 
     def _make_tasks(self, config: RigConfig) -> Timing:
@@ -151,43 +149,33 @@ class NidaqmxBackend(BenchChecks, Backend):
     def arm(self, *, enable_drive: bool = True) -> None:
         """Start all slaves, which wait for the master's clock and trigger; enable the drive last, at 0 V."""
         config = self._ready()
-        try:
+        with self._safe_on_failure():
             for name in self._tasks:
                 if name != analog_inputs.MASTER:
                     with translated("arm", name):
-                        self._kick()
+                        self._reset_watchdog()
                         self._tasks[name].start()
             if config.drive_enable is not None and enable_drive:
                 with translated("arm", config.drive_enable.line):
                     self._outputs.enable_drive(config.drive_enable.line, True)
-        except BaseException:
-            self._stop_quietly()
-            raise
 
     def start(self) -> None:
         """Start the master task."""
         self._ready()
         self._next_sample = 0
-        try:
-            with translated("start", analog_inputs.MASTER):
-                self._kick()
-                self._tasks[analog_inputs.MASTER].start()
-        except BaseException:
-            self._stop_quietly()
-            raise
+        with self._safe_on_failure(), translated("start", analog_inputs.MASTER):
+            self._reset_watchdog()
+            self._tasks[analog_inputs.MASTER].start()
 
     def read_block(self, n_samples: int, timeout_s: float) -> Block:
-        """Read the next samples; on a fault the outputs are made safe first. Asking keeps the watchdog quiet."""
+        """Read the next samples; on a fault the outputs are made safe first. Each call resets the watchdog."""
         self._ready()
-        try:
+        with self._safe_on_failure():
             with translated("read", "watchdog"):
-                self._kick()
+                self._reset_watchdog()
             with translated("read", tasks.MOTOR):
                 self._tasks[tasks.MOTOR].is_task_done()  # raises if the generation has failed
             return self._read_inputs(n_samples, timeout_s)
-        except BaseException:
-            self._stop_quietly()
-            raise
 
     def _read_inputs(self, n_samples: int, timeout_s: float) -> Block:
         block = read_samples.next_block(self._tasks, self._ready(), self._next_sample, n_samples, timeout_s)
@@ -201,17 +189,17 @@ class NidaqmxBackend(BenchChecks, Backend):
     def safe_stop(self) -> None:
         """Stop all, motor at 0 V, drive disabled; each step is tried, then the first failure raised.
 
-        The tasks stay for the next trial, holding nothing, unless a step has failed. Where an output could not be
-        written the watchdog is left to run out: the device then makes it safe.
+        The tasks stay for the next trial, unreserved, unless a step has failed. Where an output could not be written
+        the watchdog is left to expire: the device then makes it safe.
         """
         failures: list[BaseException] = []
         self._live = False
-        self._put_to_rest(tasks.MOTOR, failures)
+        self._unreserve(tasks.MOTOR, failures)
         if self._watchdog is not None:
-            _attempt(self._watchdog.release_outputs, [])  # what stays locked is reported by the next step
+            _attempt(self._watchdog.release_outputs, [])  # if the outputs stay locked, the next step reports it
         self._outputs_safe("stop", failures)
         for name in self._tasks:
-            self._put_to_rest(name, failures)
+            self._unreserve(name, failures)
         if self._watchdog is not None and self._safe and not _attempt(self._watchdog.stop, []):
             self._close_watchdog()  # last: until here it watches over the steps above
         if failures:
@@ -228,13 +216,18 @@ class NidaqmxBackend(BenchChecks, Backend):
             if self._channel is not None:
                 self._channel.close()
 
-    def _stop_quietly(self) -> None:
-        """Make safe while another fault is on its way; that one is reported, and nothing is used again."""
-        _attempt(self.safe_stop, [])
-        self._clear()
+    @contextmanager
+    def _safe_on_failure(self) -> Iterator[None]:
+        """Make the bench safe when the block fails; its own fault is reported, and no task is used again."""
+        try:
+            yield
+        except BaseException:
+            _attempt(self.safe_stop, [])
+            self._clear()
+            raise
 
     def _clear(self) -> None:
-        """Clear all tasks, so that the next trial starts afresh."""
+        """Clear all tasks; the next trial makes them again."""
         self._timing = None
         for name in self._tasks:
             _attempt(partial(self._tasks.clear, name), [])
@@ -242,7 +235,7 @@ class NidaqmxBackend(BenchChecks, Backend):
         self._close_watchdog()
 
     def _close_watchdog(self) -> None:
-        """Give the timer up, unless it has to make the outputs safe."""
+        """Close the timer, unless it still has to make the outputs safe."""
         if self._watchdog is not None and self._safe:
             _attempt(self._watchdog.close, [])
             self._watchdog = None
@@ -265,18 +258,18 @@ class NidaqmxBackend(BenchChecks, Backend):
         written = [_attempt(step, failures) for step in (zero, disable)]
         self._safe = all(written)
 
-    def _put_to_rest(self, name: str, failures: list[BaseException]) -> None:
-        def rest() -> None:
+    def _unreserve(self, name: str, failures: list[BaseException]) -> None:
+        def unreserve() -> None:
             with translated("stop", name):
-                self._tasks.put_to_rest(name)
+                self._tasks.unreserve(name)
 
-        _attempt(rest, failures)
+        _attempt(unreserve, failures)
         if name not in self._tasks:
             self._timing = None
 
-    def _kick(self) -> None:
+    def _reset_watchdog(self) -> None:
         if self._watchdog is not None:
-            self._watchdog.kick()
+            self._watchdog.reset()
 
     def _ready(self) -> RigConfig:
         if self._config is None or not self._live:
@@ -285,7 +278,7 @@ class NidaqmxBackend(BenchChecks, Backend):
 
 
 def _attempt(step: Callable[[], None], failures: list[BaseException]) -> bool:
-    """Try one step of making safe; a second Ctrl-C must not keep the next from happening."""
+    """Try one step towards the safe state; a second Ctrl-C must not prevent the next."""
     try:
         step()
     except BaseException as error:

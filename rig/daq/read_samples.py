@@ -49,7 +49,7 @@ def _ticks(made: TaskSet, name: str, n_samples: int, timeout_s: float) -> NDArra
 
 
 def positions(made: TaskSet, config: RigConfig) -> dict[str, tuple[int, int]]:
-    """Return by input task the samples per channel handed out and acquired since its start, by the driver."""
+    """Return by input task the samples per channel the driver has handed out and acquired since its start."""
     found = {}
     for name in (analog_inputs.MASTER, *map(tasks.encoder_task_name, config.encoders), tasks.EDGES):
         if name in made:

@@ -76,6 +76,6 @@ class SafeOutputs:
         self._tasks[name].stop()  # it was started by the write: with that it gives its hardware back
 
     def _forget(self, name: str) -> None:
-        """Clear a task that has failed; that it cannot be cleared either says nothing new."""
+        """Clear a task that has failed; a failure to clear it tells nothing new."""
         with contextlib.suppress(nidaqmx.errors.Error):
             self._tasks.clear(name)

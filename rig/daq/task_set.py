@@ -25,7 +25,7 @@ class NewTask(Protocol):
 
 
 class TaskSet:
-    """Open tasks by name in the order they were made; kept from the moment they exist, so that none is lost."""
+    """Open tasks by name in the order they were made; registered as soon as they exist, so that none is lost."""
 
     def __init__(self, new_task: NewTask) -> None:
         self._new_task = new_task
@@ -41,12 +41,12 @@ class TaskSet:
         return iter(tuple(self._tasks))
 
     def make(self, name: str) -> nidaqmx.Task:
-        """Make an empty task and keep it."""
+        """Make an empty task and register it."""
         self._tasks[name] = task = self._new_task(name)
         return task
 
-    def put_to_rest(self, name: str) -> None:
-        """Stop a task and take its hardware from it; one that cannot is cleared; one that is not there rests."""
+    def unreserve(self, name: str) -> None:
+        """Stop a task and unreserve its hardware, or clear it where that fails; nothing happens without the task."""
         if name not in self._tasks:
             return
         task = self._tasks[name]
@@ -55,7 +55,7 @@ class TaskSet:
                 task.stop()
             task.control(TaskMode.TASK_UNRESERVE)
         except nidaqmx.errors.Error:
-            self.clear(name)  # e.g. a generation that failed says so when it is stopped
+            self.clear(name)  # e.g. a generation that failed reports it when it is stopped
 
     def clear(self, name: str) -> None:
         """Clear a task; it is forgotten even when the driver refuses."""

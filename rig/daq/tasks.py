@@ -101,7 +101,7 @@ def load_command(task: nidaqmx.Task, config: RigConfig, command_v: NDArray[np.fl
 
 
 def camera_task(new_task: NewTask, config: RigConfig, camera: CameraConfig) -> tuple[nidaqmx.Task, float, float]:
-    """CO with the frame pulses, started by the AI start trigger; also its real rate, Hz, and first edge, s."""
+    """CO with the frame pulses, started by the AI start trigger; also its coerced rate, Hz, and first edge, s."""
     task = new_task(CAMERA)
     channel = task.co_channels.add_co_pulse_chan_freq(
         camera.counter,
@@ -136,7 +136,7 @@ def edge_task(new_task: NewTask, config: RigConfig, counter: str, terminal: str)
 
 
 def check_command(config: RigConfig, command_v: NDArray[np.float64]) -> None:
-    """Last look at the motor command before it is loaded, whatever has been checked before."""
+    """Check the motor command once more before it is loaded, whatever was checked before."""
     if command_v.ndim != 1 or command_v.size < 2:
         raise RigInputError(f"motor command has shape {command_v.shape}, allowed one dimension and at least 2 samples")
     if not np.all(np.isfinite(command_v)):

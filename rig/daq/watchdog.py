@@ -23,7 +23,7 @@ ANALOG_REACH = ("cDAQ-9185", "cDAQ-9189")
 
 
 class Watchdog:
-    """A watchdog timer, to be started again and again; errors are those of ``nidaqmx``, translated by the caller."""
+    """A watchdog timer that can be started repeatedly; errors are those of ``nidaqmx``, translated by the caller."""
 
     def __init__(self, channel: object | None, config: RigConfig) -> None:
         timeout_s = config.watchdog.timeout_s if config.watchdog else 0.5
@@ -32,7 +32,7 @@ class Watchdog:
             behavior = SessionInitializationBehavior.INITIALIZE_SERVER_SESSION
             options = GrpcSessionOptions(channel, NAME, initialization_behavior=behavior)  # type: ignore[arg-type]
         self._task = WatchdogTask(config.device.name, NAME, timeout=timeout_s, grpc_options=options)
-        self._task._close_on_exit = False  # one that is left to run out is no mistake that the client should tell
+        self._task._close_on_exit = False  # a timer left to expire on purpose deserves no warning of the client
         try:
             if config.device.product in ANALOG_REACH:
                 self._task.cfg_watchdog_ao_expir_states(
@@ -45,15 +45,15 @@ class Watchdog:
             raise
 
     def start(self) -> None:
-        """Let the time run from here on."""
+        """Start the timer."""
         self._task.start()
 
     def stop(self) -> None:
-        """Stop the timer and give its hardware back; it stays configured."""
+        """Stop the timer and unreserve it; it stays configured."""
         self._task.stop()
 
-    def kick(self) -> None:
-        """Start the time anew; an expired timer refuses."""
+    def reset(self) -> None:
+        """Reset the timer; an expired one refuses."""
         self._task.reset_timer()
 
     @property
@@ -62,12 +62,12 @@ class Watchdog:
         return bool(self._task.expired)
 
     def release_outputs(self) -> None:
-        """Let outputs be written again if the timer has expired."""
+        """Make the outputs writable again if the timer has expired."""
         if self.expired:
             self._task.clear_expiration()
 
     def close(self) -> None:
-        """Stop the timer and forget it."""
+        """Stop the timer and clear it."""
         with contextlib.suppress(nidaqmx.errors.Error):
             self._task.stop()  # closing is what counts
         self._task.close()

@@ -46,7 +46,7 @@ Predict = Callable[[Profile], Prediction]
 
 @dataclass(frozen=True)
 class FreeArm:
-    """The arm that met no key: its largest speed and energy up to its hard stop."""
+    """The arm without a key: its largest speed and energy up to its hard stop."""
 
     speed_rad_per_s: float
     energy_j: float
@@ -82,7 +82,7 @@ def dry_run(profile: Profile, config: RigConfig, predict: Predict) -> dict[str, 
 
 
 def free_arm(arm: ArmConfig, force_n: NDArray[np.float64], sample_rate_hz: float) -> FreeArm:
-    """Return the largest speed and energy of an arm that is held by nothing until it reaches its hard stop.
+    """Return the largest speed and energy of an arm that meets nothing before its hard stop.
 
     The torque of each sample is held to the next, so that angle and speed follow exactly; spring and friction, which
     only slow it down, are left out. Both ways count: a pull away from the key is not stopped any sooner.
@@ -111,33 +111,36 @@ def _check_finite(where: str, predicted: Prediction) -> None:
 
 
 def _check_blow(where: str, config: RigConfig, predicted: Prediction) -> dict[str, float | str]:
-    limits, time_s, force = config.limits, predicted.time_s, predicted.force_n
-    at = int(np.argmax(force))
-    _refuse_above(where, "force", "N", float(force[at]), limits.force_max_n, "limits.force_max_n", time_s[at])
-    rate = np.abs(np.diff(force)) * config.device.sample_rate_hz
-    at = int(np.argmax(rate))
-    fastest = float(rate[at])
-    _refuse_above(where, "rate of force", "N/s", fastest, limits.force_rate_n_per_s, "limits.force_rate_n_per_s",
-                  time_s[at])  # fmt: skip
+    limits, force_n = config.limits, predicted.force_n
+
+    def largest(what: str, unit: str, values: NDArray[np.float64], limit: float, key: str) -> float:
+        at = int(np.argmax(values))
+        _refuse_above(where, what, unit, float(values[at]), limit, key, predicted.time_s[at])
+        return float(values[at])
+
+    rate = np.abs(np.diff(force_n)) * config.device.sample_rate_hz
     figures: dict[str, float | str] = {
-        "force_n": round(float(force.max()), 4),
-        "force_rate_n_per_s": round(fastest, 1),
+        "force_n": round(largest("force", "N", force_n, limits.force_max_n, "limits.force_max_n"), 4),
+        "force_rate_n_per_s": round(
+            largest("rate of force", "N/s", rate, limits.force_rate_n_per_s, "limits.force_rate_n_per_s"), 1
+        ),
     }
     for body, (name, encoder) in enumerate(zip(BODIES, config.encoders, strict=True)):
-        travel = np.abs(predicted.angle_rad[:, body] - predicted.angle_rad[0, body])
-        speed = np.abs(predicted.speed_rad_per_s[:, body])
-        a, v = int(np.argmax(travel)), int(np.argmax(speed))
-        _refuse_above(where, f"travel of the {name}", "rad", float(travel[a]), limits.travel_rad[body],
-                      "limits.travel_rad", time_s[a])  # fmt: skip
-        _refuse_above(where, f"speed of the {name}", "rad/s", float(speed[v]), limits.speed_rad_per_s[body],
-                      "limits.speed_rad_per_s", time_s[v])  # fmt: skip
-        pulses_hz = encoder.pulses_per_revolution / (2 * np.pi)
-        _refuse_above(where, f"pulse rate of the {name} encoder", "Hz", float(speed[v]) * pulses_hz,
-                      encoder.greatest_speed_rad_per_s * pulses_hz, f"encoders[{body}].max_pulse_rate_hz",
-                      time_s[v])  # fmt: skip
-        figures[f"{name}_travel_rad"] = round(float(travel[a]), 5)
-        figures[f"{name}_speed_rad_per_s"] = round(float(speed[v]), 4)
-        figures[f"{name}_pulse_rate_hz"] = round(float(speed[v]) * pulses_hz, 1)
+        angle, speed = predicted.angle_rad[:, body], np.abs(predicted.speed_rad_per_s[:, body])
+        per_rad = encoder.pulses_per_revolution / (2 * np.pi)
+        travel = largest(
+            f"travel of the {name}", "rad", np.abs(angle - angle[0]), limits.travel_rad[body], "limits.travel_rad"
+        )
+        fastest = largest(
+            f"speed of the {name}", "rad/s", speed, limits.speed_rad_per_s[body], "limits.speed_rad_per_s"
+        )
+        pulses_hz = largest(
+            f"pulse rate of the {name} encoder", "Hz", speed * per_rad, encoder.greatest_speed_rad_per_s * per_rad,
+            f"encoders[{body}].max_pulse_rate_hz",
+        )  # fmt: skip
+        figures[f"{name}_travel_rad"] = round(travel, 5)
+        figures[f"{name}_speed_rad_per_s"] = round(fastest, 4)
+        figures[f"{name}_pulse_rate_hz"] = round(pulses_hz, 1)
     return figures
 
 
