@@ -35,7 +35,7 @@ from .foreign.session_import import import_session as import_session
 from .learning.learner import Blow as Blow
 from .learning.learner import Learned as Learned
 from .learning.learner import learn as learn
-from .learning.target import Target as Target
+from .learning.target import TargetForce as TargetForce
 from .learning.target import make_target as make_target
 from .recording import recorder as recorder
 from .recording.feed import BlockFeed as BlockFeed
@@ -52,11 +52,11 @@ from .recording.resume import session_rig as session_rig
 from .recording.trial_plan import Plan as Plan
 from .recording.trial_plan import load_plan as load_plan
 from .recording.trial_plan import plain_plan as plain_plan
-from .safety.dry_run import Prediction as Prediction
+from .safety.dry_run import PredictedBlow as PredictedBlow
 from .safety.dry_run import dry_run as dry_run
 from .safety.permission import Permission as Permission
 from .safety.permission import permit as permit
-from .selftest.record import Finding as Finding
+from .selftest.record import SelftestFinding as SelftestFinding
 from .selftest.record import SelftestRecord as SelftestRecord
 from .selftest.run import run_selftest as run_selftest
 from .session.annotation_file import Annotation as Annotation

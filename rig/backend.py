@@ -52,7 +52,7 @@ class Capabilities:
     """What a backend is and can do.
 
     ``simulated`` goes into the session file. ``description`` is what a report shows (driver, product,
-    versions). ``hardware`` tells that something outside this program moves, so that permission is needed.
+    versions). ``hardware`` is True when something outside this program moves, so that permission is needed.
     """
 
     name: str
@@ -79,7 +79,7 @@ class Timing:
 class Block:
     """Successive samples: ``force_n`` (n,), ``force_raw`` (n,) in mV/V or V, ``encoder_count`` (n, 3).
 
-    ``exposure_count`` (n,) is there when the camera runs by itself and its exposures are counted, ``channel_values``
+    ``exposure_count`` (n,) is there when a free-running camera's exposures are counted, ``channel_values``
     (n, channels) when the rig file has further channels, each in its unit.
     """
 

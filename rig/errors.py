@@ -45,7 +45,7 @@ class HardwareFault(RigError):
 
 
 class ReadTimeout(HardwareFault):
-    """The samples asked for did not arrive in time; ``samples_read`` of them did."""
+    """The requested samples did not arrive in time; ``samples_read`` of them did."""
 
     def __init__(self, message: str, *, code: int | None = None, phase: str = "read", samples_read: int = 0) -> None:
         super().__init__(message, code=code, phase=phase)
@@ -69,15 +69,15 @@ class DeviceNotFound(HardwareFault):
 
 
 class NotSupported(HardwareFault):
-    """The device refuses what was asked for: channel, range, route, rate or call."""
+    """The device refuses a channel, range, route, rate or call."""
 
 
 class WatchdogTripped(HardwareFault):
-    """The program was silent for too long: the device itself has put the outputs in their safe state."""
+    """The watchdog was not reset in time: the device itself has put the outputs in their safe state."""
 
 
 class RecordingFault(HardwareFault):
-    """The disk does not take what is acquired (phase ``write``)."""
+    """The disk cannot store the acquired samples (phase ``write``)."""
 
 
 class LimitExceeded(HardwareFault):

@@ -37,7 +37,7 @@ class CertificateConfig(Table):
 
 
 class DeviceConfig(Table):
-    """The DAQ device or chassis that holds the clocks."""
+    """The DAQ device or chassis that provides the clocks."""
 
     product: Literal["cDAQ-9189", "PCIe-6363"]
     name: Text
@@ -65,7 +65,7 @@ class ForceConfig(Table):
     preload_n: Number = Field(ge=0, le=20)
     u_preload_n: Number = Field(ge=0, le=5)
     offset_n: Number | None = Field(default=None, ge=-100, le=100)
-    """What the channel reads with the arm lifted off the key, once known (``pianorig selftest`` measures it)."""
+    """Reading of the channel with the arm lifted off the key, once known (``pianorig selftest`` measures it)."""
     certificate: CertificateConfig | None = None
 
     @model_validator(mode="after")
@@ -101,7 +101,7 @@ RESERVED_NAMES = (
 
 
 class ChannelConfig(Table):
-    """A further voltage input, recorded beside the force on the same clock; what it measures is the lab's affair.
+    """A further voltage input on the clock of the force; what it measures is up to the lab.
 
     ``physical``, ``least`` and ``most`` are in ``unit``, the calibration's points ``electrical`` in V; noise likewise.
     """
@@ -137,7 +137,7 @@ class ChannelConfig(Table):
 class EncoderConfig(Table):
     """One angular encoder on one counter; ``counts_per_revolution`` counts all four edges (X4).
 
-    Budget, standard uncertainties beside the quantisation (one count / sqrt 12): ``u_scale_relative`` of the scale,
+    Standard uncertainties in addition to the quantisation (one count / sqrt 12): ``u_scale_relative`` of the scale,
     ``u_interpolation_rad`` of the divided line signal, ``u_eccentricity_rad`` of a scale off its centre (rad of error
     per rad turned, over the small arcs of an action), ``u_pivot_shift_rad`` of a pivot that moves in its bushing.
     """
@@ -158,18 +158,18 @@ class EncoderConfig(Table):
 
     @property
     def greatest_speed_rad_per_s(self) -> float:
-        """Speed at which pulses on A come as fast as the input takes them, or as its filter lets them pass."""
+        """Speed at which the pulse rate on A reaches the limit of the input or of its filter."""
         filtered_hz = 0.5 / self.filter_min_pulse_s if self.filter_min_pulse_s > 0 else math.inf
         return min(self.max_pulse_rate_hz, filtered_hz) * 2 * math.pi / self.pulses_per_revolution
 
     @property
     def pulses_per_revolution(self) -> int:
-        """Pulses on A (or B) per revolution, which is what NI-DAQmx asks for."""
+        """Pulses on A (or B) per revolution, the quantity NI-DAQmx expects."""
         return self.counts_per_revolution // 4
 
 
 class MotorConfig(Table):
-    """The analog output that commands the motor's torque, and the limits of what may be asked of it."""
+    """The analog output that commands the motor's torque, and the limits of the command."""
 
     channel: Text
     force_per_volt_n: Number = Field(gt=0, le=100)
@@ -194,7 +194,7 @@ class MotorConfig(Table):
 class ArmConfig(Table):
     """Rotor and arm of the motor, for the dry run: what the blow does, and what the arm does if it meets no key.
 
-    ``free_travel_rad`` is the way from the key's surface to the arm's hard stop.
+    ``free_travel_rad`` is the angle from the key's surface to the arm's hard stop.
     """
 
     length_m: Number = Field(gt=0, le=1)

@@ -92,7 +92,7 @@ class Profile:
         return force
 
     def check_limits(self, force_limit_n: float, slew_limit_n_per_s: float, sample_rate_hz: float = 5000.0) -> None:
-        """Refuse a profile that asks for more force, or a faster change of it, than allowed.
+        """Refuse a profile that exceeds the allowed force or slew rate.
 
         Raises
         ------

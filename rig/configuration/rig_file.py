@@ -55,7 +55,7 @@ class LimitsConfig(Table):
 
 
 class WatchdogConfig(Table):
-    """The device's watchdog timer: outputs made safe when the program has been silent for ``timeout_s``."""
+    """The device's watchdog timer: outputs made safe when the program has not reset it for ``timeout_s``."""
 
     timeout_s: Number = Field(default=0.5, ge=0.05, le=30)
 
@@ -125,7 +125,7 @@ class RigConfig(Table):
         counters = [encoder.counter for encoder in self.encoders]
         if self.camera is not None:
             counters.append(self.camera.counter)
-        # on a chassis, Mod3/ctr0 and Mod4/ctr0 are one and the same counter
+        # on a chassis, Mod3/ctr0 and Mod4/ctr0 are the same counter
         own = [counter.rsplit("/", 1)[-1].lower() for counter in counters]
         if len(set(own)) != len(own):
             raise ValueError(
@@ -182,7 +182,7 @@ def load_rig(name: str | Path = "virtual") -> Rig:
     Raises
     ------
     RigInputError
-        When the file is missing, not TOML, or holds a value outside its allowed range.
+        When the file is missing, not TOML, or has a value outside its allowed range.
     """
     path = FOLDER / f"{name}.toml" if str(name) in built_in_rigs() else Path(name)
     if not path.is_file():

@@ -79,7 +79,7 @@ def _one_line(error: ValidationError) -> str:
 
 
 def _branches(complaints: Sequence[ErrorDetails], first: ErrorDetails) -> list[ErrorDetails]:
-    """Complaints about one value that may be of several kinds; none where it may be of one."""
+    """Complaints about one value that may have several types; none where it may have one."""
     same = [c for c in complaints if c["loc"][:-1] == first["loc"][:-1] and c["input"] is first["input"]]
     kinds = [c["loc"][-1] for c in same]
     return same if any(str(kind).startswith("literal[") for kind in kinds) else []

@@ -24,7 +24,7 @@ SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
 
 
 class Clock(NamedTuple):
-    """Times of a channel by the file's own statement: sample k at ``start_s + k * interval_s`` after ``stamp_s``.
+    """Sample times of a channel as the file states them: sample k at ``start_s + k * interval_s`` after ``stamp_s``.
 
     ``stamp_s`` is the time of day or date it states beside, s from an origin of the file's; 0 where it states none.
     ``resolution_s`` is the decimal place the interval is written with; 0 where it is stated in binary.
@@ -36,7 +36,7 @@ class Clock(NamedTuple):
     resolution_s: float = 0.0
 
     def agrees(self, interval_s: float) -> bool:
-        """Whether the stated interval is this one, as far as its digits go: 0.000021 s may be 1/48000 s."""
+        """Whether the stated interval is this one to its number of digits: 0.000021 s may be 1/48000 s."""
         return abs(self.interval_s - interval_s) <= max(0.51 * self.resolution_s, 1e-5 * interval_s)
 
 
@@ -56,13 +56,13 @@ def number(cell: str, decimal: str = ".") -> float:
 
 
 def shown(cell: str) -> str:
-    """Return a cell of text for a message, cut where it is long."""
+    """Return a cell of text for a message, truncated if long."""
     return repr(cell if len(cell) <= 40 else cell[:37] + "...")
 
 
 @dataclass(frozen=True, eq=False)
 class ChannelTable:
-    """What a file, or one segment of it, holds.
+    """The channels of a file, or of one segment of it.
 
     Attributes
     ----------
@@ -73,7 +73,7 @@ class ChannelTable:
     units : mapping of name to unit text, where the file gives one
     clocks : mapping of name to Clock, where the file gives one
     unreadable : mapping of name to what is wrong with that channel
-        Refused when it is asked for.
+        Refused when it is used.
     """
 
     where: str
@@ -113,7 +113,7 @@ class ChannelTable:
         time_channel : str or None
             Channel of even times; None takes the file's own statement.
         where_else : str
-            What else can tell the interval, for the message.
+            Other source of the interval, for the message.
         unit : str
             Of the channel of times: s, ms or us.
         same_start : bool
@@ -137,7 +137,7 @@ class ChannelTable:
         return next((self.clocks[name] for name in names if name in self.clocks), None)
 
     def check_together(self, names: Sequence[str], same_start: bool = False) -> None:
-        """Refuse channels of several lengths or clocks: sample k of one would not belong to sample k of another."""
+        """Refuse channels of different lengths or clocks: their samples k would not belong together."""
         first = names[0]
         for name in names[1:]:
             sizes = self.channel(first).size, self.channel(name).size
@@ -165,7 +165,7 @@ class ChannelTable:
 def even_interval(time_s: NDArray[np.float64], what: str) -> float:
     """Return the interval of even times, s; ``what`` names file and channel in errors.
 
-    Text rounds times: what rounding explains is no jitter, as long as a lost sample would still show.
+    Text rounds times: rounding is not taken for jitter, as long as a lost sample would still show.
 
     Raises
     ------
@@ -182,7 +182,7 @@ def even_interval(time_s: NDArray[np.float64], what: str) -> float:
         row = int(np.argmax(steps < 0)) + 2
         raise RigInputError(f"{what} row {row}: {time_s[row - 1]:.9g} s comes after {time_s[row - 2]:.9g} s")
     uneven = np.abs(steps - step) / step
-    # what the line through the ends leaves: jitter, rounding at both, and a step that changes on the way
+    # residuals of the line through the ends: jitter, rounding at both, and a step that changes
     away = np.abs(time_s - (time_s[0] + step * np.arange(time_s.size))) / step
     if max(uneven.max(), away.max()) <= JITTER:
         return step
@@ -204,7 +204,7 @@ def even_interval(time_s: NDArray[np.float64], what: str) -> float:
 
 
 def _rounding(time_s: NDArray[np.float64]) -> float:
-    """Decimal place the times are written with, s, at least what floating point leaves of them."""
+    """Decimal place the times are written with, s, at least their floating-point resolution."""
     floor = float(4 * np.spacing(np.abs(time_s).max()))
     for digits in range(1, 9):
         if 10.0**-digits < floor:

@@ -23,7 +23,7 @@ def read_hdf5(path: Path) -> ChannelTable:
     Raises
     ------
     RigInputError
-        When the file cannot be read or holds no numbers.
+        When the file cannot be read or has no numbers.
     """
     try:
         with h5py.File(path, "r") as file:

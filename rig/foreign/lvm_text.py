@@ -28,7 +28,7 @@ SPECIAL, END_SPECIAL = "***Start_Special***", "***End_Special***"
 SEPARATORS = {"Tab": "\t", "Comma": ","}
 TIME = "X_Value"
 DELTA_RESOLUTION = 1e-6
-"""LabVIEW writes six decimals: less of ``Delta_X`` is not known."""
+"""LabVIEW writes six decimals: ``Delta_X`` has this resolution."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ def read_lvm(path: Path) -> tuple[ChannelTable, ...]:
     Raises
     ------
     RigInputError
-        When the file is no such file or is cut off.
+        When it is not such a file or is truncated.
     """
     with refused(path, "read"):
         data = path.read_bytes()
@@ -105,7 +105,7 @@ def _file_header(lines: list[str], where: str) -> _File:
     fields = _fields(lines, SEPARATORS[separator])
     stated = {key: value[0].strip() for key, value in fields.items() if value}
     decimal = stated.get("Decimal_Separator", ".")
-    # a decimal comma in a file separated by commas leaves an empty cell behind the tag: it cannot be read
+    # a decimal comma in a file separated by commas leaves an empty cell after the tag: it cannot be read
     if decimal not in (".", ",") or (decimal == "," and separator == "Comma"):
         raise RigInputError(f"{where}: Decimal_Separator {decimal!r}, allowed '.', or ',' where Separator is Tab")
     columns = stated.get("X_Columns", "One")
@@ -124,7 +124,7 @@ def _fields(lines: list[str], separator: str) -> dict[str, list[str]]:
 
 
 def _segments(file: _File, lines: list[str]) -> Iterator[_Segment]:
-    """Cut what is behind the file's header: the tags that stand before an end of header belong to its segment."""
+    """Split what follows the file's header: the tags before an end of header belong to its segment."""
     ends = [i for i, line in enumerate(lines) if line.startswith(END)]
     starts = []
     for end in ends:
@@ -258,7 +258,7 @@ def _table(
 
 
 def _clock(time: NDArray[np.float64], stated: float | None, what: str) -> Clock:
-    """Clock of a column of times, which ``Delta_X`` must agree with as far as the digits of both go."""
+    """Clock of a column of times, which must agree with ``Delta_X`` to the digits of both."""
     found = even_interval(time, what)
     if stated is None:
         return Clock(found, float(time[0]))
@@ -270,7 +270,7 @@ def _clock(time: NDArray[np.float64], stated: float | None, what: str) -> Clock:
 def _stamp(date: str, time: str, where: str) -> float:
     """Seconds of ``Date`` (YYYY/MM/DD) and ``Time`` (HH:MM:SS.XXX) after the beginning of 1904; 0 where not stated.
 
-    The fraction has either decimal sign, whatever the file's numbers have.
+    The fraction may have either decimal sign, independent of the file's numbers.
     """
     try:
         day = (datetime.strptime(date, "%Y/%m/%d") - datetime(1904, 1, 1)).days if date else 0

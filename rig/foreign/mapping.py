@@ -88,7 +88,7 @@ class MotorMapping(Table):
     volts_per_unit: Number = 1.0
 
 
-class Mapping(Table):
+class ImportMapping(Table):
     """A whole mapping file.
 
     Attributes
@@ -96,7 +96,7 @@ class Mapping(Table):
     absent_encoders : tuple of str
         Bodies that were not measured; with those of ``encoders`` they are all three.
     segments : "trials", "join" or None
-        What the segments of a file are: a trial each, or parts of one. None refuses files of several.
+        Meaning of a file's segments: one trial each, or parts of one. None refuses files of several.
     overrule_units : tuple of str
         Channels whose unit the file states wrongly: the mapping's is taken.
     """
@@ -119,7 +119,7 @@ class Mapping(Table):
     room: RoomInfo = RoomInfo()
 
     @model_validator(mode="after")
-    def _consistent(self) -> Mapping:
+    def _consistent(self) -> ImportMapping:
         names = tuple(encoder.name for encoder in self.encoders)
         if names != tuple(body for body in BODIES if body in names) or len(set(names)) != len(names):
             raise ValueError(f"encoders are named {names}, allowed once each, in this order: {BODIES}")
@@ -142,7 +142,7 @@ class Mapping(Table):
 
     @property
     def channels(self) -> list[str]:
-        """Channels that are measured, force first."""
+        """Measured channels, force first."""
         encoders = [encoder.channel for encoder in self.encoders]
         return [self.force.channel, *encoders, *([self.motor.channel] if self.motor else [])]
 
@@ -151,7 +151,7 @@ class Mapping(Table):
 class MappingFile:
     """A checked mapping with its text."""
 
-    config: Mapping
+    config: ImportMapping
     text: str
     where: str
 
@@ -163,11 +163,11 @@ def load_mapping(path: str | Path) -> MappingFile:
 
 def parse_mapping(text: str, where: str = "mapping") -> MappingFile:
     """Check TOML text as a mapping; ``where`` names it in errors."""
-    return MappingFile(toml_file.check(Mapping, toml_file.parse_toml(text, where), where), text, where)
+    return MappingFile(toml_file.check(ImportMapping, toml_file.parse_toml(text, where), where), text, where)
 
 
 def check_unit(table: ChannelTable, channel: str, unit: str, overruled: tuple[str, ...] = ()) -> None:
-    """Refuse a channel that states a unit itself, and another one, unless the mapping overrules it."""
+    """Refuse a channel whose file states another unit, unless the mapping overrules that."""
     stated = table.units.get(channel, "").strip()
     if known(stated) not in (None, unit) and channel not in overruled:
         raise RigInputError(

@@ -12,6 +12,10 @@ import numpy as np
 
 from rig.errors import RigInputError
 from rig.foreign.channel_table import ChannelTable
+from rig.foreign.csv_text import read_csv
+from rig.foreign.hdf5_file import read_hdf5
+from rig.foreign.lvm_text import read_lvm
+from rig.foreign.tdms_file import read_tdms
 
 SUFFIXES = (".csv", ".txt", ".lvm", ".tdms", ".h5", ".hdf5")
 
@@ -27,26 +31,18 @@ def read_segments(path: str | Path, *, separator: str = ",", decimal: str = ".")
     file = Path(path)
     suffix = file.suffix.lower()
     if suffix in (".csv", ".txt"):
-        from rig.foreign.csv_text import read_csv
-
         return (read_csv(file, separator, decimal),)
     if suffix == ".lvm":
-        from rig.foreign.lvm_text import read_lvm
-
         return read_lvm(file)
     if suffix == ".tdms":
-        from rig.foreign.tdms_file import read_tdms
-
         return (read_tdms(file),)
     if suffix in (".h5", ".hdf5"):
-        from rig.foreign.hdf5_file import read_hdf5
-
         return (read_hdf5(file),)
     raise RigInputError(f"{file}: ending {suffix!r}, allowed {', '.join(SUFFIXES)}")
 
 
 def read_channels(path: str | Path, *, separator: str = ",", decimal: str = ".") -> ChannelTable:
-    """Read a recording that must be of one segment; raises RigInputError."""
+    """Read a recording of one segment; raises RigInputError for others."""
     segments = read_segments(path, separator=separator, decimal=decimal)
     if len(segments) != 1:
         raise RigInputError(
@@ -83,8 +79,8 @@ def joined(segments: Sequence[ChannelTable], names: Sequence[str]) -> ChannelTab
                 )
             later = other.start_s - one.start_s, other.stamp_s - one.stamp_s
             if later == (0.0, 0.0):
-                continue  # times begin anew and no stamp tells: the mapping's word counts
-            # times run on from the first segment's stamp, or begin anew at each segment's own
+                continue  # times restart and no stamp is stated: the mapping decides
+            # times run on from the first segment's stamp, or restart at each segment's own
             spans = [sum(later)] if later[0] == 0.0 else [later[0], sum(later)]
             gap = min((span - n * one.interval_s for span in spans), key=abs)
             if abs(gap) > 0.5 * one.interval_s:

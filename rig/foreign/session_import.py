@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from rig.errors import RigInputError
 from rig.foreign.channel_table import SECONDS, ChannelTable, even_interval
-from rig.foreign.mapping import EncoderMapping, Mapping, MappingFile, check_unit
+from rig.foreign.mapping import EncoderMapping, ImportMapping, MappingFile, check_unit
 from rig.foreign.reading import joined, read_segments
 from rig.foreign.units import known
 from rig.session import Session, SessionInfo
@@ -30,10 +30,10 @@ QUIET_S = 0.02
 ONSET = 0.01
 LARGEST_COUNT = 2.0**53
 RATES_HZ = (100.0, 1e6)
-"""Sample rates a blow can have been recorded at; others come of a wrong unit of time."""
+"""Sample rates a blow can have been recorded at; others mean a wrong unit of time."""
 TIME_NAMES = re.compile(r"(t|time|zeit|temps|x_value)(_s)?", re.IGNORECASE)
 LARGEST_TURN_RAD = np.pi
-"""No part of an action turns so far; an angle beyond comes of a wrong unit or scale."""
+"""No part of an action turns this far; a larger angle means a wrong unit or scale."""
 
 
 def import_session(out: str | Path, files: Sequence[Path], mapping: MappingFile) -> Session:
@@ -89,8 +89,8 @@ def import_session(out: str | Path, files: Sequence[Path], mapping: MappingFile)
     return session
 
 
-def _recordings(file: Path, config: Mapping) -> tuple[ChannelTable, ...]:
-    """One table for each trial a file holds."""
+def _recordings(file: Path, config: ImportMapping) -> tuple[ChannelTable, ...]:
+    """Return one table for each trial of a file."""
     segments = read_segments(file, separator=config.separator, decimal=config.decimal)
     if len(segments) == 1 or config.segments == "trials":
         return segments
@@ -107,13 +107,13 @@ def _file_time(file: Path) -> str:
     return datetime.fromtimestamp(file.stat().st_mtime, UTC).isoformat(timespec="seconds")
 
 
-def make_trial(table: ChannelTable, mapping: Mapping, number: int, started_utc: str = "") -> TrialData:
+def make_trial(table: ChannelTable, mapping: ImportMapping, number: int, started_utc: str = "") -> TrialData:
     """Return a table's channels as a trial.
 
     Raises
     ------
     RigInputError
-        When a channel is missing, has another unit, holds what is no finite number, or is no whole count.
+        When a channel is missing, has another unit, or has a value that is not finite or not a whole count.
     """
     wanted, time = mapping.force, mapping.time
     check_unit(table, wanted.channel, wanted.unit, mapping.overrule_units)
@@ -183,7 +183,7 @@ def make_trial(table: ChannelTable, mapping: Mapping, number: int, started_utc: 
 
 
 def _check_unmapped_times(table: ChannelTable, size: int, interval_s: float) -> None:
-    """Refuse a rate of the mapping that an even column of times in the file, though not mapped, contradicts."""
+    """Refuse a rate of the mapping that contradicts an unmapped column of even times in the file."""
     for name, values in table.channels.items():
         unit = known(table.units.get(name, "")) or ("s" if TIME_NAMES.fullmatch(name) else "")
         if unit not in SECONDS or values.size != size:
@@ -200,7 +200,7 @@ def _check_unmapped_times(table: ChannelTable, size: int, interval_s: float) -> 
 
 
 def _check_pushes(force_n: NDArray[np.float64], interval_s: float, what: str) -> None:
-    """Refuse a force that goes from rest to the wrong side; a recording that begins within a push says nothing."""
+    """Refuse a force that leaves its rest in the wrong direction; a recording that begins within a push cannot tell."""
     rest = force_n[: max(int(round(QUIET_S / interval_s)), 1)]
     level = float(rest.mean())
     pull, push = level - float(force_n.min()), float(force_n.max()) - level
@@ -242,7 +242,7 @@ def find_start(force_n: NDArray[np.float64], interval_s: float, where: str) -> f
     Raises
     ------
     RigInputError
-        When the recording does not begin with rest, or holds no push.
+        When the recording does not begin with rest, or has no push.
     """
     quiet = int(round(QUIET_S / interval_s))
     if quiet < 5 or force_n.size < 2 * quiet:

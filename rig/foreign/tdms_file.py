@@ -26,14 +26,14 @@ _BIG_ENDIAN = 1 << 6
 
 
 class _Complaints(logging.Handler):
-    """Keeps what npTDMS warns of."""
+    """Collects the warnings of npTDMS."""
 
     def __init__(self) -> None:
         super().__init__(logging.WARNING)
         self.lines: list[str] = []
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Keep one line."""
+        """Store one line."""
         self.lines.append(record.getMessage())
 
 
@@ -46,7 +46,7 @@ def read_tdms(path: Path) -> ChannelTable:
         When npTDMS is not installed, or the file is damaged, cut off or without numeric channels of one length.
     """
     try:
-        from nptdms import TdmsFile, log
+        from nptdms import TdmsFile, log  # start-up: an optional package, only TDMS needs it
     except ImportError:
         raise RigInputError(f"{path}: reading TDMS needs npTDMS; pip install 'piano-action-rig[tdms]'") from None
     complaints = _Complaints()

@@ -21,7 +21,7 @@ _TAIL = re.compile(r"^(?P<name>.*\S)\s*[(\[](?P<unit>[^()\[\]]*)[)\]]$")
 
 
 def known(text: str) -> str | None:
-    """Return the unit a text states: ours where it is a known spelling, the text where not, None where it is silent."""
+    """Return the unit a text states: ours for a known spelling, else the text itself; None where none is stated."""
     stated = text.strip()
     return None if stated.lower() in SILENT else SYNONYMS.get(stated.lower(), stated)
 

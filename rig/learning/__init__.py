@@ -5,6 +5,6 @@ Out: a profile for ``record --profile``.
 """
 
 from rig.learning.learner import Blow, Learned, learn
-from rig.learning.target import Target, make_target
+from rig.learning.target import TargetForce, make_target
 
-__all__ = ["Blow", "Learned", "Target", "learn", "make_target"]
+__all__ = ["Blow", "Learned", "TargetForce", "learn", "make_target"]

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import butter, sosfiltfilt
 
-from rig.learning.target import Target, key_bottom
+from rig.learning.target import TargetForce, key_bottom
 from rig.session.trial_data import TrialData
 
 CUTOFF_HZ = 150.0
@@ -23,19 +23,19 @@ FADE_S = 0.01
 HARMONICS = (1, 2, 3)
 LATE_S = 0.0015
 GUARD_S = 0.001
-"""Learning stops so long before key bottom: a zero-phase filter spreads what it sees there."""
+"""Learning ends this long before key bottom: a zero-phase filter spreads the spike backwards."""
 
 
 @dataclass(frozen=True, eq=False)
 class Measured:
-    """A blow as the target sees it: force on the target's clock, N, and its key bottom, s (None: none found)."""
+    """A measured blow: force on the target's clock, N, and its key bottom, s (None: none found)."""
 
     force_n: NDArray[np.float64]
     bottom_s: float | None
 
 
-def measured_force(data: TrialData, target: Target, start_s: float) -> Measured:
-    """Take a trial's force to the clock of the target, whose time zero was put out at ``start_s`` of the trial.
+def measured_force(data: TrialData, target: TargetForce, start_s: float) -> Measured:
+    """Map a trial's force to the clock of the target, whose time zero was output at ``start_s`` of the trial.
 
     Resting force and mains hum, fitted to the time before the blow, are subtracted; the channel's delay and the sample
     between output and input are taken back.
@@ -58,13 +58,13 @@ def _resting(data: TrialData) -> NDArray[np.float64]:
     return np.asarray(basis @ fit)
 
 
-def window(target: Target, measured: Measured) -> NDArray[np.bool_]:
+def window(target: TargetForce, measured: Measured) -> NDArray[np.bool_]:
     """Where target and measured force are compared: from the onset to the earlier key bottom."""
     end_s = target.bottom_s if measured.bottom_s is None else min(target.bottom_s, measured.bottom_s)
     return (target.time_s >= target.onset_s) & (target.time_s <= end_s)
 
 
-def relative_rms(target: Target, measured: Measured) -> float:
+def relative_rms(target: TargetForce, measured: Measured) -> float:
     """RMS of target less measured force before key bottom, relative to the target's peak there."""
     inside = window(target, measured)
     if not inside.any():
@@ -73,8 +73,8 @@ def relative_rms(target: Target, measured: Measured) -> float:
     return float(np.sqrt(np.mean(error**2))) / target.peak_n
 
 
-def late_share(target: Target, measured: Measured) -> float:
-    """Part of the squared error before key bottom that lies in its last `LATE_S`."""
+def late_share(target: TargetForce, measured: Measured) -> float:
+    """Fraction of the squared error before key bottom that lies in its last `LATE_S`."""
     inside = window(target, measured)
     squared = np.where(inside, (target.force_n - measured.force_n) ** 2, 0.0)
     end_s = target.time_s[inside][-1] if inside.any() else 0.0
@@ -82,14 +82,14 @@ def late_share(target: Target, measured: Measured) -> float:
 
 
 def corrected(
-    command_n: NDArray[np.float64], target: Target, measured: Measured, gain: float, rate_hz: float
+    command_n: NDArray[np.float64], target: TargetForce, measured: Measured, gain: float, rate_hz: float
 ) -> NDArray[np.float64]:
     """Return the next command, (n,), N; zero at both ends."""
     time_s, inside = target.time_s, window(target, measured)
     error = target.force_n - measured.force_n
     error[time_s < target.onset_s - FADE_S] = 0.0
     last = max(int(np.flatnonzero(inside)[-1]) - int(GUARD_S * rate_hz), 0) if inside.any() else 0
-    error[last:] = error[last]  # so that the filter sees no edge
+    error[last:] = error[last]  # so that the filter meets no edge
     lowpass = butter(2, min(CUTOFF_HZ, 0.4 * rate_hz), fs=rate_hz, output="sos")
     error = sosfiltfilt(lowpass, error)
     error[last:] *= np.exp(-np.arange(error.size - last) / (FADE_S * rate_hz))
@@ -103,7 +103,7 @@ def corrected(
 def within_limits(
     command_n: NDArray[np.float64], force_limit_n: float, slew_limit_n_per_s: float, rate_hz: float
 ) -> NDArray[np.float64]:
-    """Return the nearest command that keeps the limits of force and of its rate, seen from both ends."""
+    """Return the nearest command within the limits of force and slew rate, from both ends."""
     step = 0.98 * slew_limit_n_per_s / rate_hz  # a little less: key points are rounded
     limited = np.clip(command_n, -0.98 * force_limit_n, 0.98 * force_limit_n)
     for order in (range(1, limited.size), range(limited.size - 2, -1, -1)):

@@ -19,21 +19,21 @@ from rig.configuration.profile import Profile, parse_profile
 from rig.configuration.rig_file import RigConfig
 from rig.errors import RigInputError
 from rig.learning.correction import LATE_S, Measured, corrected, late_share, measured_force, relative_rms, within_limits
-from rig.learning.target import Target
+from rig.learning.target import TargetForce
 from rig.session.trial_data import TrialData
 
 GAIN = 0.8
 GOAL = 0.03
 MARGIN = 0.75
-"""Learning goes on to this part of the goal while blows get better: the profile shall follow when played again."""
+"""Learning continues to this fraction of the goal while blows improve: a replay must follow as well."""
 MOST_BLOWS = 50
 POINT_TOLERANCE = 0.002
-"""Key points leave out what changes the command by less than this part of its peak."""
+"""Key points omit changes of the command below this fraction of its peak."""
 
 
 @dataclass(frozen=True, eq=False)
 class Blow:
-    """One blow of learning: what was played, what was felt, and its relative RMS error before key bottom.
+    """One blow of learning: what was played and measured, and its relative RMS error before key bottom.
 
     ``limited`` says that the motor's limits of force or slew rate cut the command before key bottom.
     """
@@ -49,7 +49,7 @@ class Blow:
 class Learned:
     """The blows in order; ``best`` is the one whose profile is the result."""
 
-    target: Target
+    target: TargetForce
     blows: tuple[Blow, ...]
     best: Blow
     goal: float
@@ -60,7 +60,7 @@ class Learned:
         return self.best.error <= self.goal
 
     def obstacle(self) -> str:
-        """Say in one clause what keeps the best blow from the goal, as far as it can be told."""
+        """Return in one clause what separates the best blow from the goal, as far as it is known."""
         if self.best.limited:
             return "the motor's limits of force or slew rate cut the command; give a smaller scale"
         share = late_share(self.target, self.best.measured)
@@ -73,7 +73,7 @@ class Learned:
 
 
 def learn(
-    target: Target,
+    target: TargetForce,
     config: RigConfig,
     blow: Callable[[Profile, int], TrialData],
     *,
@@ -85,7 +85,7 @@ def learn(
 
     Parameters
     ----------
-    target : Target
+    target : TargetForce
     config : RigConfig
         Its limits bound every command.
     blow : callable
@@ -126,7 +126,7 @@ def learn(
         best = min(done, key=lambda entry: entry.error)
         if best.error <= MARGIN * goal or (best.error <= goal and best is not done[-1]):
             break
-        if done[-1].error > 1.2 * best.error:  # it grew: back to the best one, in smaller steps
+        if done[-1].error > 1.2 * best.error:  # it grew: continue from the best one, in smaller steps
             gain *= 0.5
         played = np.zeros_like(target.time_s)
         sampled = best.profile.sample(rate)[: played.size]
@@ -135,7 +135,7 @@ def learn(
     return Learned(target, tuple(done), best, goal)
 
 
-def _check_reachable(target: Target, config: RigConfig, most_n: float) -> None:
+def _check_reachable(target: TargetForce, config: RigConfig, most_n: float) -> None:
     """Refuse a target that no number of blows can reach on this rig."""
     peak_n, slew = target.peak_n, config.motor.slew_limit_n_per_s
     if peak_n > most_n:

@@ -18,14 +18,14 @@ from rig.errors import RigInputError
 LEAD_S = 0.05
 """Time before the force rises, as in the thesis's profiles."""
 QUIET_S = 0.01
-"""The recording must begin with so much rest, s."""
+"""Rest that a recording must begin with, s."""
 ONSET = 0.02
-"""The force has risen when it has left its rest by this part of the peak before key bottom."""
+"""The force has risen when it has left its rest by this fraction of the peak before key bottom."""
 SMOOTH_S = 0.001
 SPIKE = 4.0
-"""A rise is the spike at key bottom when it is so many times steeper than the rise before it (median)."""
+"""A rise is the spike at key bottom when it is steeper than the rise before it (median) by this factor."""
 FIRST = 0.3
-"""Part of the steepest slope that the first spike has at least."""
+"""Least slope of the first spike, as a fraction of the steepest."""
 SPIKE_S = 0.06
 RELEASE_S = 0.02
 FIRST_CUTOFF_HZ = 60.0
@@ -33,7 +33,7 @@ FIRST_CUTOFF_HZ = 60.0
 
 
 @dataclass(frozen=True, eq=False)
-class Target:
+class TargetForce:
     """A force to reproduce.
 
     Attributes
@@ -71,7 +71,7 @@ def make_target(
     *,
     scale: float = 1.0,
     key_bottom_s: float | None = None,
-) -> Target:
+) -> TargetForce:
     """Put a recorded force on the rig's sample clock.
 
     Parameters
@@ -83,14 +83,14 @@ def make_target(
     sample_rate_hz : float
         The rig's.
     scale : float
-        Factor on the force: what the motor shall do of what the pianist did.
+        Factor on the force, to play the blow softer or louder than it was recorded.
     key_bottom_s : float, optional
         Time of key bottom in the recording; found by itself when not given.
 
     Raises
     ------
     RigInputError
-        When the recording does not begin at rest, holds no blow, or has no spike at key bottom.
+        When the recording does not begin at rest, has no blow, or no spike at key bottom.
     """
     if not (np.isfinite(scale) and scale > 0):
         raise RigInputError(f"{name}: scale = {scale:g}, allowed above 0")
@@ -170,7 +170,7 @@ def key_bottom(force_n: NDArray[np.float64], rate_hz: float) -> int | None:
     return foot
 
 
-def _cut(name: str, force: NDArray[np.float64], rest_n: float, onset: int, bottom: int, rate_hz: float) -> Target:
+def _cut(name: str, force: NDArray[np.float64], rest_n: float, onset: int, bottom: int, rate_hz: float) -> TargetForce:
     held = force.copy()
     after = min(bottom + int(SPIKE_S * rate_hz), force.size - 1)
     level = float(np.median(force[after : after + max(int(0.02 * rate_hz), 1)]))
@@ -184,12 +184,12 @@ def _cut(name: str, force: NDArray[np.float64], rest_n: float, onset: int, botto
     lead, tail = int(round(LEAD_S * rate_hz)), max(int(round(RELEASE_S * rate_hz)), 1)
     shown = np.concatenate((np.zeros(lead), force[onset:], np.zeros(tail)))[: lead + end - onset + tail]
     command = np.concatenate((np.zeros(lead), held[onset:end], held[end - 1] * np.linspace(1, 0, tail + 1)[1:]))
-    # what the recording rings with must not ring the arm as well
+    # oscillations of the recording must not excite the arm
     command = sosfiltfilt(butter(2, min(FIRST_CUTOFF_HZ, 0.4 * rate_hz), fs=rate_hz, output="sos"), command)
     command *= np.clip((np.arange(command.size) / rate_hz - 0.8 * LEAD_S) / (0.2 * LEAD_S), 0.0, 1.0)
     command[0] = command[-1] = 0.0
     n = min(shown.size, command.size)
-    return Target(
+    return TargetForce(
         name=name,
         time_s=np.arange(n) / rate_hz,
         force_n=shown[:n],

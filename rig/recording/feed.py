@@ -9,7 +9,7 @@ from rig.backend import Block
 
 
 class BlockFeed:
-    """Blocks waiting for a viewer, at most ``capacity`` of them; safe between threads."""
+    """At most ``capacity`` blocks waiting for a viewer; thread-safe."""
 
     def __init__(self, capacity: int = 50) -> None:
         self._blocks: deque[Block] = deque(maxlen=capacity)
@@ -18,7 +18,7 @@ class BlockFeed:
 
     @property
     def dropped(self) -> int:
-        """Blocks that nobody took before there was no room."""
+        """Blocks dropped because no viewer took them in time."""
         return self._dropped
 
     def publish(self, block: Block) -> None:
@@ -29,7 +29,7 @@ class BlockFeed:
             self._blocks.append(block)
 
     def take(self) -> list[Block]:
-        """Remove and return all blocks that wait, oldest first."""
+        """Remove and return all waiting blocks, oldest first."""
         with self._lock:
             blocks = list(self._blocks)
             self._blocks.clear()

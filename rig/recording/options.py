@@ -22,7 +22,7 @@ from rig.session.journal.writer import JournalWriter, OpenJournal
 
 
 class ResumeKeywords(TypedDict, total=False):
-    """Keywords of :func:`rig.recording.resume.resume`: what does not stand in the session already."""
+    """Keywords of :func:`rig.recording.resume.resume`: what is not in the session already."""
 
     progress: Callable[[Progress], None] | None
     after_trial: Callable[[Trial], None] | None

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 class Progress:
     """Trial of trials, time in the trial, and the largest force of the last block.
 
-    What lies before ``committed_s`` is in the journal and survives whatever happens to the program.
+    What was acquired before ``committed_s`` is in the journal and survives whatever happens to the program.
     """
 
     trial: int
@@ -20,7 +20,7 @@ class Progress:
     peak_force_n: float
     committed_s: float = 0.0
     left_s: float | None = None
-    """Time left for all trials, s; None as long as it is not known."""
+    """Time left for all trials, s; None until it is known."""
 
 
 class TimeLeft:

@@ -42,7 +42,7 @@ def record(out: str | Path, options: RecordingOptions | None = None, **keywords:
     out : path
         Session folder to create; must not exist, or be empty.
     options : RecordingOptions, optional
-        All that follows as one record; keywords given beside it replace its fields.
+        All that follows as one record; keywords given as well replace its fields.
     profile, rig_config : object, built-in name or path
         What the motor does (default ``forte``); the bench (``virtual``).
     backend : Backend or str

@@ -24,7 +24,7 @@ from rig.storage.file_errors import refused
 
 @dataclass(frozen=True)
 class Recovered:
-    """What became of one journal: the trial's status, or ``empty`` or ``unreadable``, its samples, and a note."""
+    """Outcome of one journal: the trial's status, or ``empty`` or ``unreadable``, its samples, and a note."""
 
     trial: int
     status: str
@@ -56,7 +56,7 @@ def recover(path: str | Path) -> list[Recovered]:
     for file in journals.values():
         _refuse_if_in_use(file)
     for part in session.path.glob(".trial_*.h5.*.part"):
-        part.unlink(missing_ok=True)  # half of a trial whose journal is still there
+        part.unlink(missing_ok=True)  # part of a trial whose journal is still there
     found, refused = [], []
     for number, file in journals.items():
         try:
@@ -126,7 +126,7 @@ def _sealed(session: Session, number: int) -> TrialData | None:
 
 
 def _already_sealed(session: Session, sealed: TrialData, file: Path, journal: Journal) -> Recovered:
-    """The program ended between sealing a trial and removing its journal, unless the two differ."""
+    """Remove the journal of a trial that was sealed just before the program ended, unless the two differ."""
     force_n = np.concatenate([np.empty(0), *(block.force_n for block in journal.blocks)])
     if not np.array_equal(sealed.force_n[: force_n.size], force_n):
         raise RigInputError(
@@ -137,5 +137,5 @@ def _already_sealed(session: Session, sealed: TrialData, file: Path, journal: Jo
 
 
 def _put_aside(file: Path) -> Path:
-    """Keep a damaged file under another name."""
+    """Rename a damaged file."""
     return file.replace(file.with_name(file.name + ".damaged"))

@@ -30,7 +30,7 @@ ENDED = ("complete", "not at rest")
 
 
 def due_entries(session: Session) -> list[Entry]:
-    """Return the entries of a session's plan that are still to be played, in their order."""
+    """Return the entries of a session's plan that are not yet recorded, in their order."""
     plan = session.info.plan
     every = _entries(session)
     done: set[int] = set()
@@ -65,7 +65,7 @@ def _entries(session: Session) -> list[Entry]:
 
 
 def _copy(session: Session, file: FileInfo) -> str:
-    """Text of a copy kept in the session, after checking that it is the one the session was made with."""
+    """Return the text of a copy in the session, after checking that it is the one the session was made with."""
     if not file.copy_name or Path(file.copy_name).name != file.copy_name:
         raise RigInputError(f"{session.path}: {file.name}: no copy is kept beside session.toml; record a new session")
     path = session.path / file.copy_name

@@ -31,7 +31,7 @@ Whole = Annotated[int, Field(strict=True)]
 
 
 class ConditionConfig(Table):
-    """One condition: its profile, how often it is played, and what the operator has to do before it."""
+    """One condition: its profile, how often it is played, and the operator's prompt before it."""
 
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,60}$")]
     profile: Text
@@ -93,7 +93,7 @@ class Plan:
         return {entry.condition: entry.profile for entry in self.entries}
 
     def files(self) -> dict[str, str]:
-        """Copies to keep beside ``session.toml``: names and texts."""
+        """Copies to store beside ``session.toml``: names and texts."""
         kept = {self.copies[name]: profile.text for name, profile in self.profiles.items()}
         return {**kept, **({"plan.toml": self.text} if self.text else {})}
 
@@ -118,7 +118,7 @@ class Plan:
 
 
 def reject_warm_up(session: Session, trial: TrialData) -> None:
-    """Reject a trial about to be sealed that its session's plan has as a warm-up blow, unless that is done."""
+    """Reject a trial about to be sealed if it is a warm-up blow of the plan and not rejected yet."""
     warm_up = 1 <= trial.plan_entry <= session.info.plan.warm_up
     if warm_up and trial.number not in annotation_file.rejections(session.annotations):
         annotation_file.append(session.path, trial.number, "reject", WARM_UP_REASON, "plan")

@@ -43,7 +43,7 @@ class PlannedTrial:
 
 @dataclass(frozen=True, eq=False)
 class TrialOutcome:
-    """Data of a trial (None when not one sample came), its journal, and what ended it early, with its one line."""
+    """Data of a trial (None without a sample), the exception that ended it early, its journal, the reason."""
 
     data: TrialData | None
     error: BaseException | None

@@ -84,7 +84,7 @@ def _store(session: Session, trial: PlannedTrial, outcome: TrialOutcome, options
 
 
 def _seal(session: Session, data: TrialData) -> Trial:
-    """Seal a trial; what keeps it from being sealed is told together with what had ended it."""
+    """Seal a trial; a failure to seal it is reported together with what had ended the trial."""
     try:
         reject_warm_up(session, data)  # first: a warm-up blow never counts, whenever the program ends
         return session.add_trial(data)

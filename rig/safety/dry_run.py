@@ -20,7 +20,7 @@ from rig.errors import RigInputError
 
 
 @dataclass(frozen=True, eq=False)
-class Prediction:
+class PredictedBlow:
     """A predicted blow at n successive samples.
 
     Attributes
@@ -41,7 +41,7 @@ class Prediction:
     model: str
 
 
-Predict = Callable[[Profile], Prediction]
+Predict = Callable[[Profile], PredictedBlow]
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class FreeArm:
 
 
 def dry_run(profile: Profile, config: RigConfig, predict: Predict) -> dict[str, float | str]:
-    """Predict a profile's blow and refuse what leaves the limits; return what was found, for the session file.
+    """Predict a profile's blow and refuse it outside the limits; return the predicted values, for the session file.
 
     Raises
     ------
@@ -104,13 +104,13 @@ def free_arm(arm: ArmConfig, force_n: NDArray[np.float64], sample_rate_hz: float
     return FreeArm(fastest, 0.5 * arm.inertia_kg_m2 * fastest**2)
 
 
-def _check_finite(where: str, predicted: Prediction) -> None:
+def _check_finite(where: str, predicted: PredictedBlow) -> None:
     arrays = (predicted.force_n, predicted.angle_rad, predicted.speed_rad_per_s)
     if not all(np.all(np.isfinite(values)) for values in arrays):
         raise RigInputError(f"{where}: dry run: {predicted.model} ends in values that are not finite; ease the profile")
 
 
-def _check_blow(where: str, config: RigConfig, predicted: Prediction) -> dict[str, float | str]:
+def _check_blow(where: str, config: RigConfig, predicted: PredictedBlow) -> dict[str, float | str]:
     limits, force_n = config.limits, predicted.force_n
 
     def largest(what: str, unit: str, values: NDArray[np.float64], limit: float, key: str) -> float:

@@ -26,13 +26,13 @@ STILL_S = 0.2
 SPEED_OVER_S = 1e-3
 STUCK_OVER_S = 0.01
 STUCK_WHILE_RAD = 0.01
-"""A body whose count does not change while another moves by so much within 10 ms is stuck."""
+"""A body whose count does not change while another turns by this much within 10 ms is stuck."""
 FORCE_GONE_N = 0.3
 """Less force than this above the baseline is no force."""
 
 
 class Interlocks:
-    """The limits of one trial; keeps no more of the data than the longest window needs.
+    """The limits of one trial; stores only the samples the longest window needs.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ class Interlocks:
         self._exposed = 0
 
     def check(self, block: Block) -> None:
-        """Judge the next block.
+        """Check the next block.
 
         Raises
         ------
@@ -87,7 +87,7 @@ class Interlocks:
         self._force, self._count = self._force[-self._keep :], self._count[-self._keep :]
 
     def check_returned(self) -> None:
-        """After the blow: refuse encoders that have not come back, which have lost counts or read a part that moved."""
+        """After the blow: refuse encoders that have not returned: they lost counts, or a part moved."""
         if self._zero is None:
             return
         off = (self._count[-1] - self._zero) * self._rad
@@ -143,7 +143,7 @@ class Interlocks:
                 )
 
     def _check_exposures(self, block: Block, count: NDArray[np.int64]) -> None:
-        """Refuse a camera that runs by itself and leaves exposures out: its film would be misread from there on."""
+        """Refuse a free-running camera that omits exposures: its film would be misread from there on."""
         camera = self._config.camera
         if camera is None:
             return

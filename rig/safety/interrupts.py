@@ -32,7 +32,7 @@ def termination_as_interrupt() -> Iterator[None]:
 
     previous: dict[int, Any] = {}
     for number in platform_calls.ending_signals():
-        if signal.getsignal(number) is signal.SIG_DFL:  # whoever installed a handler of his own keeps it
+        if signal.getsignal(number) is signal.SIG_DFL:  # a handler installed by somebody else stays
             previous[number] = signal.signal(number, terminate)
     try:
         yield
@@ -43,7 +43,7 @@ def termination_as_interrupt() -> Iterator[None]:
 
 @contextlib.contextmanager
 def deferred() -> Iterator[None]:
-    """Hold back Ctrl-C and the signals that end a program until the block has ended."""
+    """Defer Ctrl-C and the signals that end a program until the block has ended."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return

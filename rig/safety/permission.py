@@ -20,14 +20,14 @@ from rig.selftest.record import SelftestRecord, valid_record
 
 @dataclass(frozen=True)
 class Permission:
-    """How it was confirmed (``typed`` or ``--yes``), for which rig file, and the self-test it rests on."""
+    """How it was confirmed (``typed`` or ``--yes``), for which rig file, and on which self-test."""
 
     how: str
     rig_sha256: str
     selftest: SelftestRecord | None
 
     def noted(self) -> dict[str, str]:
-        """Return what goes into the notes of the session."""
+        """Return the notes for the session file."""
         record = self.selftest
         if record is None:
             return {"permission": self.how}
@@ -88,7 +88,7 @@ def permit(
 
 
 def require_permission(rig: Rig, capabilities: Capabilities, permission: Permission | None, dry_run: bool) -> None:
-    """Refuse to go on with a backend that moves hardware unless everything was asked for.
+    """Refuse a backend that moves hardware unless permission, self-test and dry run are there.
 
     Raises
     ------

@@ -22,7 +22,7 @@ from rig.storage.file_errors import refused
 SCHEMA: Literal["piano-action-rig selftest 1"] = "piano-action-rig selftest 1"
 
 
-class Finding(Table):
+class SelftestFinding(Table):
     """One check: what was found, what is allowed, and what to do if it did not pass."""
 
     check: Text
@@ -45,7 +45,7 @@ class SelftestRecord(Table):
     simulated: bool = Field(strict=True)
     operator: str = "unknown"
     unloaded_n: Number | None = None
-    findings: tuple[Finding, ...]
+    findings: tuple[SelftestFinding, ...]
 
     model_config = {"frozen": True, "extra": "forbid", "populate_by_name": True}
 
@@ -55,7 +55,7 @@ class SelftestRecord(Table):
         return bool(self.findings) and all(finding.passed for finding in self.findings)
 
     def write(self, folder: Path) -> Path:
-        """Write the record into a folder, made if need be; return its path."""
+        """Write the record into a folder, created if missing; return its path."""
         stamp = self.created_utc.astimezone(UTC)
         path = folder / f"{stamp:%Y-%m-%dT%H%M%SZ}_{self.rig}.toml"
         with refused(folder, "created"):
@@ -72,7 +72,7 @@ def read_record(path: Path) -> SelftestRecord:
 
 
 def valid_record(rig: Rig, place: Path, now: datetime | None = None) -> tuple[Path, SelftestRecord]:
-    """Find the newest record of this rig file and refuse it unless it passed and is young enough.
+    """Find the newest record of this rig file and refuse it unless it passed and is recent enough.
 
     Parameters
     ----------

@@ -20,22 +20,22 @@ from rig.backend import Backend, Block, Timing
 from rig.configuration.channels import BODIES
 from rig.configuration.rig_file import Rig, RigConfig, SelftestConfig
 from rig.errors import HardwareFault, RigInputError
-from rig.selftest.record import Finding, SelftestRecord
+from rig.selftest.record import SelftestFinding, SelftestRecord
 from rig.selftest.step_response import encoder_advice, first_crossing, joined
 
-HAND_S = 4.5
-LOOK_S = 0.3
+PRESS_S = 4.5
+REST_WINDOW_S = 0.3
 PUSHES, PUSH_S, PAUSE_S, LEAD_S = 4, 0.15, 0.15, 0.3
 CAMERA_S = 0.5
 READ_TIMEOUT_S = 5.0
 INSTRUCTION = (
     "drive disabled: lift the arm off the key for a second, put it back, then press the key slowly to its bottom and "
-    f"let it come up again, all within {HAND_S:g} s"
+    f"let it come up again, all within {PRESS_S:g} s"
 )
 
 
 class SelftestBackend(Backend, Protocol):
-    """A backend with what only a self-test asks for (:mod:`rig.daq.bench_checks`)."""
+    """A backend with the calls only a self-test makes (:mod:`rig.daq.bench_checks`)."""
 
     def shunt_step(self, config: RigConfig) -> float:
         """Return the change of the bridge's reading with its shunt resistor, mV/V."""
@@ -47,7 +47,7 @@ class SelftestBackend(Backend, Protocol):
         """Return what an input wired to the motor's output reads, V."""
 
     def let_watchdog_expire(self, n_samples: int, blocks: int) -> tuple[list[Block], int | None]:
-        """Read without keeping the watchdog quiet; the blocks, and in which it tripped."""
+        """Read without resetting the watchdog; the blocks, and in which it expired."""
 
 
 def run_selftest(
@@ -57,7 +57,7 @@ def run_selftest(
     prompt: Callable[[str], None],
     operator: str = "unknown",
     now: datetime | None = None,
-    tell: Callable[[Finding], None] = lambda finding: None,
+    tell: Callable[[SelftestFinding], None] = lambda finding: None,
 ) -> SelftestRecord:
     """Test a bench; ``prompt`` shows an instruction and returns when the operator is ready.
 
@@ -68,21 +68,21 @@ def run_selftest(
     """
     if rig.config.selftest is None:
         raise RigInputError(f"{rig.source}: has no [selftest]; add it, with stroke_rad, to say what a sound bench does")
-    test = _Test(rig.config, rig.config.selftest, backend, tell)
+    checks = _Checks(rig.config, rig.config.selftest, backend, tell)
     steps: tuple[tuple[str, Callable[[], None]], ...] = (
-        ("by hand", lambda: test.by_hand(prompt)),
-        ("drive disabled", test.pushed_disabled),
-        ("motor and force", test.pushed_enabled),
-        ("watchdog", test.watchdog),
-        ("bridge shunt", test.shunt),
-        ("output to input", test.loopback),
-        ("camera", test.camera),
+        ("by hand", lambda: checks.by_hand(prompt)),
+        ("drive disabled", checks.pushed_disabled),
+        ("motor and force", checks.pushed_enabled),
+        ("watchdog", checks.watchdog),
+        ("bridge shunt", checks.shunt),
+        ("output to input", checks.loopback),
+        ("camera", checks.camera),
     )
     for name, step in steps:
         try:
             step()
         except HardwareFault as fault:
-            test.add(name, False, " ".join(str(fault).split()), "no fault", "see the message")
+            checks.add(name, False, " ".join(str(fault).split()), "no fault", "see the message")
         finally:
             backend.safe_stop()
     capabilities = backend.capabilities
@@ -95,25 +95,31 @@ def run_selftest(
         backend=capabilities.name,
         simulated=capabilities.simulated,
         operator=operator,
-        unloaded_n=test.unloaded_n,
-        findings=tuple(test.findings),
+        unloaded_n=checks.unloaded_n,
+        findings=tuple(checks.findings),
     )
 
 
-class _Test:
+class _Checks:
     """The steps, and what they found."""
 
     def __init__(
-        self, config: RigConfig, expected: SelftestConfig, backend: SelftestBackend, tell: Callable[[Finding], None]
+        self,
+        config: RigConfig,
+        expected: SelftestConfig,
+        backend: SelftestBackend,
+        tell: Callable[[SelftestFinding], None],
     ) -> None:
         self.config, self.expected, self.backend, self._tell = config, expected, backend, tell
         self.rate = config.device.sample_rate_hz
-        self.findings: list[Finding] = []
+        self.findings: list[SelftestFinding] = []
         self.unloaded_n: float | None = None
-        self._hand_felt = self._reversed = False
+        self._push_felt = self._reversed = False
 
     def add(self, check: str, passed: bool, found: str, allowed: str, advice: str = "") -> None:
-        finding = Finding(check=check, passed=passed, found=found, allowed=allowed, advice="" if passed else advice)
+        finding = SelftestFinding(
+            check=check, passed=passed, found=found, allowed=allowed, advice="" if passed else advice
+        )
         self.findings.append(finding)
         self._tell(finding)
 
@@ -127,9 +133,9 @@ class _Test:
         return timing, joined(blocks)
 
     def by_hand(self, prompt: Callable[[str], None]) -> None:
-        """Unloaded reading, and what the encoders make of a key pressed by hand."""
+        """Unloaded reading, and the encoders' response to a key pressed by the operator."""
         prompt(INSTRUCTION)
-        _, block = self._acquire(np.zeros(int(HAND_S * self.rate)), enable_drive=False)
+        _, block = self._acquire(np.zeros(int(PRESS_S * self.rate)), enable_drive=False)
         turned = (block.encoder_count - block.encoder_count[:1]) * [e.sign for e in self.config.encoders]
         rad = turned * (2 * np.pi / np.array([e.counts_per_revolution for e in self.config.encoders]))
         self._force_by_hand(block)
@@ -152,12 +158,12 @@ class _Test:
         self.add("counts below zero", signed, found, "some below 0, none beyond 2^31", advice)
 
     def _force_by_hand(self, block: Block) -> None:
-        n = int(LOOK_S * self.rate)
+        n = int(REST_WINDOW_S * self.rate)
         mean = np.convolve(block.force_n, np.full(n, 1 / n), "valid")
         resting = float(np.median(mean[: max(n // 4, 1)]))
         up, down = float(block.force_n.max()) - resting, resting - float(block.force_n.min())
         felt = up if up >= down else -down
-        self._hand_felt, self._reversed = felt > 0.5, felt < -0.5
+        self._push_felt, self._reversed = felt > 0.5, felt < -0.5
         self.unloaded_n = round(float(mean.max() if self._reversed else mean.min()), 5)
         channel = self.config.force.channel
         limit = self.expected.offset_limit_n
@@ -170,7 +176,7 @@ class _Test:
         advice = f"{channel} does not feel the hand: swapped or open analog inputs"
         if self._reversed:
             advice = f"{channel} reads a push as a pull: exchange its signal wires, or the signs of force.physical_n"
-        self.add("load cell by hand", self._hand_felt, f"{felt:+.3f} N", "above 0.5 N", advice)
+        self.add("load cell by hand", self._push_felt, f"{felt:+.3f} N", "above 0.5 N", advice)
 
     def _pushes(self) -> NDArray[np.float64]:
         volts = self.expected.push_n / self.config.motor.force_per_volt_n
@@ -211,7 +217,7 @@ class _Test:
             advice = (
                 f"no force: {line} does not enable the drive, or {self.config.motor.channel} is not the motor's input"
             )
-            if not self._hand_felt:
+            if not self._push_felt:
                 advice = f"no force: {self.config.force.channel} is not the load cell; look for swapped analog inputs"
         elif force < 0 and self._reversed:
             advice = "the load cell reads a push as a pull: mend that first, and leave the motor as it is"
@@ -230,7 +236,7 @@ class _Test:
                  f"within {limit:g} samples", "force.module, group_delay_s or the clock's route are wrong")  # fmt: skip
 
     def watchdog(self) -> None:
-        """While the motor pushes nobody kicks the watchdog: it must cut the force."""
+        """While the motor pushes the watchdog is not reset: it must cut the force."""
         config = self.config
         if config.watchdog is None:
             self.add("watchdog", False, "none in the rig file", "a watchdog", "add [watchdog]")
@@ -261,7 +267,7 @@ class _Test:
         )
 
     def shunt(self) -> None:
-        """The bridge's reading must change by what its shunt resistor makes of it."""
+        """The bridge's reading must change by what its shunt resistor predicts."""
         force, shunt = self.config.force, self.expected.shunt_ohm
         if force.kind != "bridge" or shunt == 0:
             return

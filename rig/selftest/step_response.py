@@ -11,7 +11,7 @@ from rig.configuration.rig_file import RigConfig
 
 
 def encoder_advice(config: RigConfig, body: int, turned_rad: float) -> str:
-    """Say what a wrong stroke looks like, by the counts that each mistake would have given."""
+    """Return the likely cause of a wrong stroke, from the counts that each mistake would give."""
     if config.selftest is None:
         return ""
     encoders, strokes, tolerance = config.encoders, config.selftest.stroke_rad, config.selftest.stroke_tolerance

@@ -34,7 +34,7 @@ class Annotation:
 
 
 def utc_now() -> str:
-    """Return the present moment as ISO 8601 UTC text with seconds."""
+    """Return the present time as ISO 8601 UTC text with seconds."""
     return datetime.now(UTC).isoformat(timespec="seconds")
 
 

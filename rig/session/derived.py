@@ -44,7 +44,7 @@ def write_table(path: Path, table: pd.DataFrame, attrs: Mapping[str, Any], paren
 
 
 def _plain(value: object) -> Any:
-    """Return what JSON can hold of a NumPy value or a path."""
+    """Return a NumPy value or a path as JSON can store it."""
     if isinstance(value, np.ndarray | np.generic):
         return value.tolist()
     if isinstance(value, Path):

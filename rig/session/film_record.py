@@ -20,8 +20,8 @@ SCHEMA: Literal["piano-action-rig film 1"] = "piano-action-rig film 1"
 class FilmRecord(BaseModel):
     """One attached film; ``first_frame`` is the number of its first frame on the trial's frame clock, from 0.
 
-    ``frames_after`` is by how many frames the clock ran on behind its last one: the film was cut there, or frames were
-    dropped within it. With frame pulses nothing else tells which.
+    ``frames_after`` is by how many frames the clock ran on after its last one: the film was cut there, or frames were
+    dropped within it. With frame pulses nothing else distinguishes the two.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", populate_by_name=True)

@@ -116,7 +116,7 @@ class Session:
         Raises
         ------
         RigInputError
-            When the folder holds something already or cannot be written; nothing is left behind then.
+            When the folder is not empty or cannot be written; nothing is left behind then.
         """
         folder = Path(path)
         existed = folder.is_dir()

@@ -15,14 +15,14 @@ from numpy.typing import NDArray
 
 
 class Content:
-    """What has been written to one file."""
+    """What was written to one file, as digests."""
 
     def __init__(self) -> None:
         self._attributes: dict[str, dict[str, str]] = {}
         self._arrays: dict[str, str] = {}
 
     def describe(self, node: h5py.Group | h5py.Dataset, **attributes: Any) -> None:
-        """Give a group, a dataset or the file attributes."""
+        """Write attributes of a group, a dataset or the file."""
         target, hashed = node.attrs, self._attributes.setdefault(_name(node), {})
         for key, value in attributes.items():
             target[key] = value
@@ -44,7 +44,7 @@ class Content:
         return dataset
 
     def sha256(self) -> str:
-        """Return the digest over all that was written so far."""
+        """Return the digest over everything written."""
         digest = hashlib.sha256()
         for name in sorted(self._attributes):  # the file itself, "/", comes first
             digest.update(name.encode() + b"\0")

@@ -44,7 +44,7 @@ class AddedMassInfo(_Table):
 
 
 def _as_note(value: object) -> object:
-    """A text instead of a table is its note; ``unknown`` says nothing."""
+    """A text in place of a table is its note; ``unknown`` is an empty table."""
     if isinstance(value, str):
         return {} if value in ("", "unknown") else {"note": value}
     return value
@@ -68,7 +68,7 @@ class FileInfo(_Table):
 
 
 class PlanCondition(_Table):
-    """A condition of the trial plan: its name, what the operator was told, and the copy of its profile."""
+    """A condition of the trial plan: its name, the operator's prompt, and the copy of its profile."""
 
     name: str
     prompt: str = ""
@@ -76,7 +76,7 @@ class PlanCondition(_Table):
 
 
 class PlanInfo(_Table):
-    """What was to be recorded; ``order`` names the condition of each entry, the first ``warm_up`` are not to count."""
+    """What was planned; ``order`` names the condition of each entry, the first ``warm_up`` do not count."""
 
     trials: Annotated[int, Field(strict=True, ge=1)] = 1
     seed: Annotated[int, Field(strict=True, ge=0)] | None = None

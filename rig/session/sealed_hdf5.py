@@ -23,7 +23,7 @@ _TAIL = len(MARK) + 64 + 1
 
 @contextlib.contextmanager
 def write_sealed(path: Path) -> Iterator[h5py.File]:
-    """Give an empty HDF5 file to fill; seal it and put it at ``path`` when the block ends without an exception.
+    """Yield an empty HDF5 file to fill; seal it and put it at ``path`` when the block ends without an exception.
 
     It is filled in memory: on a full disk the library would leave objects behind that it cannot close.
     """
@@ -37,12 +37,12 @@ def write_sealed(path: Path) -> Iterator[h5py.File]:
 
 @contextlib.contextmanager
 def open_sealed(path: Path) -> Iterator[h5py.File]:
-    """Check the seal and give the HDF5 file for reading.
+    """Check the seal and yield the HDF5 file for reading.
 
     Raises
     ------
     RigInputError
-        When the file is missing, unreadable, not sealed or altered, or lacks what the block looks for.
+        When the file is missing, unreadable, not sealed or altered, or lacks what the block reads.
     """
     _check_seal(path)
     try:

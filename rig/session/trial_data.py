@@ -143,7 +143,7 @@ class ChannelInfo:
 
     @classmethod
     def from_plain(cls, plain: dict[str, Any]) -> ChannelInfo:
-        """Return it from what JSON keeps of it, lists for pairs."""
+        """Restore it from JSON, which has lists for pairs."""
         pairs = {key: tuple(plain[key]) for key in ("electrical", "physical")}
         return cls(**{**plain, **pairs})
 

@@ -139,7 +139,7 @@ def _write_daq(content: Content, group: h5py.Group, data: TrialData) -> None:
 
 
 def _write_channels(content: Content, group: h5py.Group, data: TrialData) -> list[h5py.Dataset]:
-    """Write the further channels, one dataset each; a trial without them has no trace of them."""
+    """Write the further channels, one dataset each; nothing where there are none."""
     if data.channel_values is None:
         return []
     content.describe(group, channels_json=json.dumps([asdict(channel) for channel in data.channels]))

@@ -18,7 +18,7 @@ from rig.storage.file_errors import refused
 
 @contextlib.contextmanager
 def replace_when_complete(path: Path) -> Iterator[Path]:
-    """Give a temporary path to write to, and rename it to ``path`` if the block ends without an exception.
+    """Yield a temporary path to write to, and rename it to ``path`` if the block ends without an exception.
 
     Raises
     ------

@@ -18,7 +18,7 @@ WINDOWS = sys.platform == "win32"
 _ENDING = ("SIGTERM", "SIGHUP", "SIGBREAK")
 
 _LOCK_AT = 2**40
-"""Byte that is locked on Windows, far behind any data, because a lock there also keeps readers out."""
+"""Byte that is locked on Windows, far beyond any data, because a lock there also keeps readers out."""
 
 
 def open_raw(path: Path, flags: int) -> int:
@@ -33,12 +33,12 @@ def ending_signals(*, with_keyboard: bool = False) -> list[int]:
 
 
 def synchronise_whole(descriptor: int) -> None:
-    """Have the file's data and its size on the disk itself before returning."""
+    """Flush the file's data and its size to the disk itself."""
     os.fsync(descriptor)
 
 
 def synchronise(descriptor: int) -> None:
-    """Have the file's data on the disk itself before returning (``fdatasync``, on Windows ``fsync``)."""
+    """Flush the file's data to the disk itself (``fdatasync``, on Windows ``fsync``)."""
     getattr(os, "fdatasync", os.fsync)(descriptor)
 
 
@@ -58,7 +58,7 @@ def reserve(descriptor: int, path: Path, size: int) -> None:
 
 
 def lock(descriptor: int) -> bool:
-    """Take the file for this process until it is closed, or the process ends; False when another one has it."""
+    """Lock the file for this process until it is closed, or the process ends; False when another one has it."""
     try:
         if WINDOWS:
             import msvcrt
@@ -78,9 +78,9 @@ def lock(descriptor: int) -> bool:
 
 
 def remove(path: Path, *, attempts: int = 20, wait: Callable[[float], None] = time.sleep) -> None:
-    """Delete a file that another program may be reading; Windows refuses as long as it does, so try for 0.2 s.
+    """Delete a file that another program may be reading; Windows refuses meanwhile, so retry for 0.2 s.
 
-    A file that cannot be deleted even then stays; who reads the folder later can tell that it is done with.
+    A file that cannot be deleted even then stays; a later reader of the folder recognises it as obsolete.
     """
     for attempt in range(attempts):
         try:

@@ -15,7 +15,7 @@ from pianorig.errors import InputError
 
 if TYPE_CHECKING:
     from rig.configuration.profile import Profile
-    from rig.learning import Blow, Learned, Target
+    from rig.learning import Blow, Learned, TargetForce
     from rig.session.trial_data import TrialData
 
 
@@ -29,7 +29,7 @@ def load_target(
     key_bottom_s: float | None = None,
     separator: str = ",",
     decimal: str = ".",
-) -> Target:
+) -> TargetForce:
     """A recorded force as a target of learning; CSV, LVM, TDMS, HDF5 or a sealed trial.
 
     A file that states its own sample interval needs no channel of times; one that states another unit than N needs a
@@ -60,7 +60,7 @@ def load_target(
 
 
 def learn_profile(
-    target: Target,
+    target: TargetForce,
     out: Path,
     *,
     rig: str | Path = "virtual",

@@ -11,7 +11,7 @@ import numpy as np
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from rig.learning import Learned, Target
+    from rig.learning import Learned, TargetForce
 
 
 def _figure(height_in: float) -> Figure:
@@ -30,7 +30,7 @@ def _save(figure: Figure, path: Path) -> None:
         figure.savefig(part, format="png", dpi=120)
 
 
-def draw_recorded(path: Path, targets: Sequence[Target]) -> None:
+def draw_recorded(path: Path, targets: Sequence[TargetForce]) -> None:
     """Draw the recorded forces over time, one line each, key bottoms marked (after Fig. 3.6)."""
     figure = _figure(3.6)
     axes = figure.subplots()

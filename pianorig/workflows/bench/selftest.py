@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from rig.selftest.record import Finding, SelftestRecord
+    from rig.selftest.record import SelftestFinding, SelftestRecord
 
 
 def check_bench(
@@ -40,7 +40,7 @@ def check_bench(
         if bench.capabilities.hardware:
             ask(f"{instruction}. Press Enter to begin: ")
 
-    def tell(finding: Finding) -> None:
+    def tell(finding: SelftestFinding) -> None:
         show(finding.check, finding.passed, finding.found, finding.allowed, finding.advice)
 
     try:

@@ -13,7 +13,7 @@ import numpy as np
 if TYPE_CHECKING:
     from rig.configuration.profile import Profile
     from rig.configuration.rig_file import Rig
-    from rig.safety.dry_run import Predict, Prediction
+    from rig.safety.dry_run import Predict, PredictedBlow
 
 AFTER_S = 0.5
 TOLERANCE = 1e-5
@@ -24,11 +24,11 @@ def predictor(rig: Rig, action_name: str = "hirschkorn2004") -> Predict:
     import model
     from rig.configuration.channels import BODIES
     from rig.errors import InputError
-    from rig.safety.dry_run import Prediction
+    from rig.safety.dry_run import PredictedBlow
 
     config = rig.config
 
-    def predict(profile: Profile) -> Prediction:
+    def predict(profile: Profile) -> PredictedBlow:
         if config.arm is None:
             raise InputError(f"rig {config.name}: the dry run needs the motor arm's data; add [arm] to the rig file")
         arm = {
@@ -55,6 +55,6 @@ def predictor(rig: Rig, action_name: str = "hirschkorn2004") -> Predict:
         change = np.concatenate([[True], np.diff(torque_nm) != 0.0])
         angle, speed = run.advance(edge_s[-1], edge_s[change], torque_nm[change], held=True, output_time_s=edge_s)
         body = [model.BODIES.index(name) for name in BODIES]
-        return Prediction(edge_s, run.probe_forces(angle, speed)[:, 0], angle[:, body], speed[:, body], action_name)
+        return PredictedBlow(edge_s, run.probe_forces(angle, speed)[:, 0], angle[:, body], speed[:, body], action_name)
 
     return predict

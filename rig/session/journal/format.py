@@ -30,11 +30,11 @@ ENCODERS = 3
 _FIXED = struct.Struct("<4sIQQII")
 _CRC = struct.Struct("<I")
 OVERHEAD = _FIXED.size + _CRC.size
-"""Bytes a record has beside its payload."""
+"""Bytes of a record without its payload."""
 
 
 class Record(NamedTuple):
-    """One whole record."""
+    """One complete record."""
 
     kind: int
     sequence: int
@@ -45,11 +45,11 @@ class Record(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Journal:
-    """The whole part of a journal.
+    """The undamaged beginning of a journal.
 
-    ``head`` is None when not even that is whole; ``ending`` is (status, reason) when the recorder wrote its closing
-    record; ``left_over`` counts bytes behind the last whole record that are not zero, e.g. of a torn record, and
-    ``records_behind`` tells that later records can be seen behind damage.
+    ``head`` is None when not even that is complete; ``ending`` is (status, reason) when the recorder wrote its closing
+    record; ``left_over`` counts bytes after the last complete record that are not zero, e.g. of a torn record, and
+    ``records_behind`` is True when later records follow the damage.
     """
 
     head: TrialHead | None
@@ -60,12 +60,12 @@ class Journal:
 
     @property
     def n_samples(self) -> int:
-        """Samples in the whole part."""
+        """Samples before the first damage."""
         return sum(block.force_n.size for block in self.blocks)
 
 
 def bytes_per_sample(head: TrialHead) -> int:
-    """Bytes of one sample of every channel, at most: without a camera that is counted there are 8 less."""
+    """Bytes of one sample of every channel, at most: 8 fewer without a counted camera."""
     return 8 * (2 + ENCODERS + 1 + len(head.channels))
 
 
@@ -88,7 +88,7 @@ def block_payload(block: Block) -> bytes:
 
 
 def records(data: bytes, first_sequence: int = 0) -> Iterator[Record]:
-    """Yield the whole records at the beginning of ``data``, in sequence from ``first_sequence``."""
+    """Yield the complete records at the beginning of ``data``, in sequence from ``first_sequence``."""
     at = 0
     for expected in range(first_sequence, first_sequence + len(data)):
         if len(data) - at < OVERHEAD:
@@ -104,7 +104,7 @@ def records(data: bytes, first_sequence: int = 0) -> Iterator[Record]:
 
 
 def parse(data: bytes) -> Journal:
-    """Read the whole part of a journal's bytes; never raises."""
+    """Read a journal's bytes up to the first damage; never raises."""
     head_json: bytes | None = None
     head: TrialHead | None = None
     blocks: list[Block] = []
@@ -138,7 +138,7 @@ def read_journal(path: Path) -> Journal:
 
 
 def block_of(record: Record, head: TrialHead) -> Block:
-    """Return the block a record holds; ValueError when its length is not what the head's channels take."""
+    """Return the block a record holds; ValueError when its length does not fit the head's channels."""
     n, further = record.n, len(head.channels)
     most = n * bytes_per_sample(head)
     if len(record.payload) not in (most - 8 * n, most):

@@ -47,7 +47,7 @@ class JournalWriter:
     head : TrialHead
         Written and committed before the constructor returns.
     most_samples, most_blocks : int
-        Largest trial that room is set aside for.
+        Largest trial for which room is reserved.
     write, synchronise, now_s : callable
         The system's calls, to be replaced in tests.
 
@@ -72,7 +72,7 @@ class JournalWriter:
         self._write, self._synchronise, self._now_s = write, synchronise, now_s
         self._condition = threading.Condition()
         self._waiting: deque[tuple[bytes, int, float]] = deque()
-        """(bytes, samples committed once they are written, when they came)"""
+        """(bytes, samples committed once they are written, time of arrival)"""
         self._committed = self._synced = self._samples = self._sequence = 0
         self._error: BaseException | None = None
         self._closing = self._stalled = False
@@ -98,7 +98,7 @@ class JournalWriter:
 
     @property
     def committed_samples(self) -> int:
-        """Samples that cannot be lost any more when the program is killed."""
+        """Samples that survive when the program is killed."""
         return self._committed
 
     @property
@@ -107,7 +107,7 @@ class JournalWriter:
         return self._synced
 
     def append(self, block: Block) -> int:
-        """Hand over the next block; return the number of samples committed so far.
+        """Queue the next block; return the number of samples committed.
 
         Raises
         ------
@@ -160,7 +160,7 @@ class JournalWriter:
         self._raise_error()
 
     def remove(self) -> None:
-        """Delete the journal of a trial that is sealed, or of which not one sample came."""
+        """Delete the journal of a trial that is sealed, or has no sample."""
         platform_calls.remove(self.path)
 
     def _record(self, kind: int, n: int, payload: bytes, first_sample: int = 0) -> bytes:
@@ -195,7 +195,7 @@ class JournalWriter:
                 self._condition.notify_all()
 
     def _step(self) -> bool:
-        """Write what waits; tell whether there may be more."""
+        """Write the next record; return whether more may follow."""
         with self._condition:
             if not self._waiting and not self._closing:
                 self._condition.wait(0.25 * SYNC_EVERY_S)

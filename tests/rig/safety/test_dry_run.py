@@ -10,18 +10,18 @@ from rig.configuration.profile import load_profile, parse_profile
 from rig.configuration.rig_file import load_rig
 from rig.errors import InputError
 from rig.recording.recorder import record_session
-from rig.safety.dry_run import Prediction, dry_run, free_arm
+from rig.safety.dry_run import PredictedBlow, dry_run, free_arm
 
 RATE = 5000.0
 
 
-def still(profile, **changes) -> Prediction:
+def still(profile, **changes) -> PredictedBlow:
     """A blow in which nothing moves, but for what is asked for, at sample 7."""
     n = 20
     arrays = {"force_n": np.zeros(n), "angle_rad": np.full((n, 3), 0.2), "speed_rad_per_s": np.zeros((n, 3))}
     for name, (where, value) in changes.items():
         arrays[name][where] += value
-    return Prediction(np.arange(n) / RATE, model="still", **arrays)
+    return PredictedBlow(np.arange(n) / RATE, model="still", **arrays)
 
 
 def test_an_arm_without_a_key_gains_what_the_constant_force_works_on_its_way(rig) -> None:

@@ -12,9 +12,9 @@ from pianorig.console import prompt as asking
 from rig.backend import Capabilities
 from rig.errors import InputError, LimitExceeded, NotPermitted
 from rig.recording.recorder import record_session
-from rig.safety.dry_run import Prediction
+from rig.safety.dry_run import PredictedBlow
 from rig.safety.permission import Permission, confirm, permit, require_permission
-from rig.selftest.record import Finding, SelftestRecord, read_record, valid_record
+from rig.selftest.record import SelftestFinding, SelftestRecord, read_record, valid_record
 from rig.session import Session
 
 NOW = datetime(2026, 11, 21, 12, 0, tzinfo=UTC)
@@ -30,7 +30,7 @@ def record_of(rig, *, hours_ago: float = 1.0, passed: bool = True, **changes) ->
         "device": "cDAQ1",
         "backend": "test",
         "simulated": True,
-        "findings": (Finding(check="drive", passed=passed, found="1", allowed="1"),),
+        "findings": (SelftestFinding(check="drive", passed=passed, found="1", allowed="1"),),
         **changes,
     }
     return SelftestRecord(**fields)
@@ -131,7 +131,7 @@ def test_with_the_unloaded_reading_known_the_arm_must_press_on_the_key(
     n = 10
 
     def predict(profile):
-        return Prediction(np.arange(n) / 5000, np.zeros(n), np.zeros((n, 3)), np.zeros((n, 3)), "nothing moves")
+        return PredictedBlow(np.arange(n) / 5000, np.zeros(n), np.zeros((n, 3)), np.zeros((n, 3)), "nothing moves")
 
     def record() -> Session:
         return record_session(

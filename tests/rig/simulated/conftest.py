@@ -20,7 +20,7 @@ from nidaqmx import constants as ni
 from nidaqmx.errors import DaqError
 
 from rig.configuration.rig_file import load_rig
-from rig.selftest.record import Finding, SelftestRecord
+from rig.selftest.record import SelftestFinding, SelftestRecord
 
 DEADLINE_S = 60.0
 
@@ -183,6 +183,6 @@ def permitted(tmp_path) -> list[str]:
     rig = load_rig(rig_file)
     record = SelftestRecord(
         created_utc=datetime.now(UTC), rig="virtual", rig_sha256=rig.sha256, product="cDAQ-9189", device="cDAQ1",
-        backend="test", simulated=True, findings=(Finding(check="all", passed=True, found="", allowed=""),),
+        backend="test", simulated=True, findings=(SelftestFinding(check="all", passed=True, found="", allowed=""),),
     )  # fmt: skip
     return ["--rig", str(rig_file), "--yes", "--selftest", str(record.write(tmp_path))]
