@@ -94,10 +94,7 @@ class Profile:
     def check_limits(self, force_limit_n: float, slew_limit_n_per_s: float, sample_rate_hz: float = 5000.0) -> None:
         """Refuse a profile that exceeds the allowed force or slew rate.
 
-        Raises
-        ------
-        RigInputError
-            Naming the key point, its value and the limit.
+        Raises RigInputError naming the key point, its value and the limit.
         """
         where = self.source or self.name
         worst = int(np.argmax(np.abs(self.force_n)))

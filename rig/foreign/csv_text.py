@@ -24,10 +24,7 @@ from rig.foreign.channel_table import ChannelTable, number, shown
 def read_csv(path: Path, separator: str = ",", decimal: str = ".") -> ChannelTable:
     """Read all columns of a CSV file.
 
-    Raises
-    ------
-    RigInputError
-        When the file cannot be read, has no rows, or rows of several lengths.
+    Raises RigInputError when the file cannot be read, has no rows, or rows of several lengths.
     """
     return parse_csv(toml_file.read_text(path), str(path), separator, decimal)
 

@@ -20,10 +20,7 @@ from rig.session.trial_file import SCHEMA, read_trial
 def read_hdf5(path: Path) -> ChannelTable:
     """Read the channels of a trial or of a plain HDF5 file.
 
-    Raises
-    ------
-    RigInputError
-        When the file cannot be read or has no numbers.
+    Raises RigInputError when the file cannot be read or has no numbers.
     """
     try:
         with h5py.File(path, "r") as file:

@@ -53,10 +53,7 @@ class _Segment:
 def read_lvm(path: Path) -> tuple[ChannelTable, ...]:
     """Read the segments of a LabVIEW measurement file.
 
-    Raises
-    ------
-    RigInputError
-        When it is not such a file or is truncated.
+    Raises RigInputError when it is not such a file or is truncated.
     """
     with refused(path, "read"):
         data = path.read_bytes()

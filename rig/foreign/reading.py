@@ -23,10 +23,7 @@ SUFFIXES = (".csv", ".txt", ".lvm", ".tdms", ".h5", ".hdf5")
 def read_segments(path: str | Path, *, separator: str = ",", decimal: str = ".") -> tuple[ChannelTable, ...]:
     """Read all channels of a recording, one table a segment; ``separator`` and ``decimal`` are for CSV only.
 
-    Raises
-    ------
-    RigInputError
-        When the ending is not known or the file cannot be used.
+    Raises RigInputError when the ending is not known or the file cannot be used.
     """
     file = Path(path)
     suffix = file.suffix.lower()
@@ -54,10 +51,8 @@ def read_channels(path: str | Path, *, separator: str = ",", decimal: str = ".")
 def joined(segments: Sequence[ChannelTable], names: Sequence[str]) -> ChannelTable:
     """Return segments as one table with the channels ``names``.
 
-    Raises
-    ------
-    RigInputError
-        When a channel is not in all of them, has several units or intervals, or time is missing between them.
+    Raises RigInputError when a channel is not in all of them, has several units or intervals, or time is missing
+    between them.
     """
     first = segments[0]
     whole = {name: np.concatenate([segment.channel(name) for segment in segments]) for name in names}

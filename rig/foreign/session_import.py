@@ -110,10 +110,8 @@ def _file_time(file: Path) -> str:
 def make_trial(table: ChannelTable, mapping: ImportMapping, number: int, started_utc: str = "") -> TrialData:
     """Return a table's channels as a trial.
 
-    Raises
-    ------
-    RigInputError
-        When a channel is missing, has another unit, or has a value that is not finite or not a whole count.
+    Raises RigInputError when a channel is missing, has another unit, or has a value that is not finite or not a whole
+    count.
     """
     wanted, time = mapping.force, mapping.time
     check_unit(table, wanted.channel, wanted.unit, mapping.overrule_units)
@@ -239,10 +237,7 @@ def _counts(table: ChannelTable, encoder: EncoderMapping, overruled: tuple[str, 
 def find_start(force_n: NDArray[np.float64], interval_s: float, where: str) -> float:
     """Return when the force first leaves its rest for good, s.
 
-    Raises
-    ------
-    RigInputError
-        When the recording does not begin with rest, or has no push.
+    Raises RigInputError when the recording does not begin with rest, or has no push.
     """
     quiet = int(round(QUIET_S / interval_s))
     if quiet < 5 or force_n.size < 2 * quiet:

@@ -40,10 +40,8 @@ class _Complaints(logging.Handler):
 def read_tdms(path: Path) -> ChannelTable:
     """Read all numeric channels of a TDMS file.
 
-    Raises
-    ------
-    RigInputError
-        When npTDMS is not installed, or the file is damaged, cut off or without numeric channels of one length.
+    Raises RigInputError when npTDMS is not installed, or the file is damaged, cut off or without numeric channels of
+    one length.
     """
     try:
         from nptdms import TdmsFile, log  # start-up: an optional package, only TDMS needs it

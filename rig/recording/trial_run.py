@@ -124,10 +124,7 @@ def run_trial(backend: Backend, config: RigConfig, trial: PlannedTrial, options:
 def _check_sample_count(backend: Backend, stored: int) -> None:
     """Compare the number of samples stored with the driver's own count, where the backend reports one.
 
-    Raises
-    ------
-    SamplesLost
-        When a task has handed out more or fewer samples than are stored.
+    Raises SamplesLost when a task has handed out more or fewer samples than are stored.
     """
     for name, (handed_out, acquired) in backend.read_positions().items():
         if handed_out != stored or acquired < stored:

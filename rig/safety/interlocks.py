@@ -61,13 +61,7 @@ class Interlocks:
         self._exposed = 0
 
     def check(self, block: Block) -> None:
-        """Check the next block.
-
-        Raises
-        ------
-        LimitExceeded
-            Naming channel, value, limit and time.
-        """
+        """Check the next block; raises LimitExceeded naming channel, value, limit and time."""
         if self._zero is None:
             self._zero = block.encoder_count[0].copy()
         old = self._force.size

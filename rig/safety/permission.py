@@ -90,10 +90,7 @@ def permit(
 def require_permission(rig: Rig, capabilities: Capabilities, permission: Permission | None, dry_run: bool) -> None:
     """Refuse a backend that moves hardware unless permission, self-test and dry run are there.
 
-    Raises
-    ------
-    NotPermitted
-        Naming what is missing.
+    Raises NotPermitted naming what is missing.
     """
     if not capabilities.hardware:
         return

@@ -80,11 +80,8 @@ class Session:
     def open(cls, path: str | Path, *, require_trials: bool = True) -> Session:
         """Open an existing session.
 
-        Raises
-        ------
-        RigInputError
-            When the folder, its ``session.toml`` or (unless ``require_trials`` is False) its trials are
-            missing or unreadable.
+        Raises RigInputError when the folder, its ``session.toml`` or (unless ``require_trials`` is False) its trials
+        are missing or unreadable.
         """
         folder = Path(path)
         if not folder.is_dir():

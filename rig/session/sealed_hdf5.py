@@ -39,10 +39,7 @@ def write_sealed(path: Path) -> Iterator[h5py.File]:
 def open_sealed(path: Path) -> Iterator[h5py.File]:
     """Check the seal and yield the HDF5 file for reading.
 
-    Raises
-    ------
-    RigInputError
-        When the file is missing, unreadable, not sealed or altered, or lacks what the block reads.
+    Raises RigInputError when the file is missing, unreadable, not sealed or altered, or lacks what the block reads.
     """
     _check_seal(path)
     try:

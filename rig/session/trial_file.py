@@ -42,10 +42,7 @@ def write_trial(path: Path, data: TrialData) -> str:
 def read_trial(path: Path) -> TrialData:
     """Read one trial after checking its seal.
 
-    Raises
-    ------
-    RigInputError
-        When the file is missing, truncated, of another kind, or altered since it was sealed.
+    Raises RigInputError when the file is missing, truncated, of another kind, or altered since it was sealed.
     """
     with open_sealed(path) as file:
         if file.attrs.get("schema") != SCHEMA:

@@ -20,10 +20,7 @@ from rig.storage.file_errors import refused
 def replace_when_complete(path: Path) -> Iterator[Path]:
     """Yield a temporary path to write to, and rename it to ``path`` if the block ends without an exception.
 
-    Raises
-    ------
-    RigInputError
-        When the file system refuses to create, write or rename the file.
+    Raises RigInputError when the file system refuses to create, write or rename the file.
     """
     temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
@@ -49,12 +46,6 @@ def sha256_of_bytes(data: bytes) -> str:
 
 
 def sha256_of_file(path: Path) -> str:
-    """Return the SHA-256 of a file's bytes.
-
-    Raises
-    ------
-    RigInputError
-        When the file cannot be read.
-    """
+    """Return the SHA-256 of a file's bytes; raises RigInputError when the file cannot be read."""
     with refused(path, "read"), path.open("rb") as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()

@@ -45,10 +45,7 @@ def synchronise(descriptor: int) -> None:
 def reserve(descriptor: int, path: Path, size: int) -> None:
     """Make sure that ``size`` bytes fit; where the system can, set them aside as zeros at the end of the file.
 
-    Raises
-    ------
-    OSError
-        When there is not enough room.
+    Raises OSError when there is not enough room.
     """
     allocate = getattr(os, "posix_fallocate", None)
     if allocate is not None:

@@ -106,10 +106,7 @@ class SessionFollower:
     def poll(self) -> LiveView | None:
         """Return the present view; None before the first sample.
 
-        Raises
-        ------
-        RigInputError
-            When a sealed trial cannot be read.
+        Raises RigInputError when a sealed trial cannot be read.
         """
         journals = self.session.journals
         if journals:

@@ -98,10 +98,7 @@ class TrialHead:
     def assemble(self, blocks: Sequence[Block], status: str, reason: str) -> TrialData:
         """Join the blocks to a trial.
 
-        Raises
-        ------
-        HardwareFault
-            When they do not follow each other without a gap from sample 0.
+        Raises HardwareFault when they do not follow each other without a gap from sample 0.
         """
         n_samples = 0
         for block in blocks:

@@ -109,10 +109,7 @@ class JournalWriter:
     def append(self, block: Block) -> int:
         """Queue the next block; return the number of samples committed.
 
-        Raises
-        ------
-        RecordingFault
-            When the disk refuses, is 5 s behind, or blocks do not follow each other.
+        Raises RecordingFault when the disk refuses, is 5 s behind, or blocks do not follow each other.
         """
         n = block.force_n.size
         if block.first_sample != self._samples:
@@ -141,10 +138,7 @@ class JournalWriter:
     def close(self, status: str, reason: str) -> None:
         """Write the closing record, force all onto the disk and close the file.
 
-        Raises
-        ------
-        RecordingFault
-            When the disk did not take everything; what it took can be recovered.
+        Raises RecordingFault when the disk did not take everything; what it took can be recovered.
         """
         with self._condition:
             if self._error is None:
