@@ -57,14 +57,14 @@ def recover(path: str | Path) -> list[Recovered]:
         _refuse_if_in_use(file)
     for part in session.path.glob(".trial_*.h5.*.part"):
         part.unlink(missing_ok=True)  # part of a trial whose journal is still there
-    found, refused = [], []
+    found, complaints = [], []
     for number, file in journals.items():
         try:
             found.append(_recover_trial(session, number, file))
         except RigInputError as error:
-            refused.append(str(error))
-    if refused:
-        raise RigInputError("; ".join(refused))
+            complaints.append(str(error))
+    if complaints:
+        raise RigInputError("; ".join(complaints))
     return found
 
 

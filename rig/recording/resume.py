@@ -33,16 +33,13 @@ def due_entries(session: Session) -> list[Entry]:
     """Return the entries of a session's plan that are not yet recorded, in their order."""
     plan = session.info.plan
     every = _entries(session)
-    done: set[int] = set()
-    plain_done = 0
-    for trial in session.trials:
-        if trial.status not in ENDED or (trial.rejected and trial.rejected != WARM_UP_REASON):
-            continue
-        entry = trial.read().plan_entry
-        done.add(entry)
-        plain_done += 1
+    done = [
+        trial.read().plan_entry
+        for trial in session.trials
+        if trial.status in ENDED and trial.rejected in (None, "", WARM_UP_REASON)
+    ]
     if not plan.order:
-        return every[min(plain_done, len(every)) :]
+        return every[len(done) :]
     return [entry for entry in every if entry.number not in done]
 
 

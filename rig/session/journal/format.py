@@ -49,7 +49,8 @@ class Journal:
 
     ``head`` is None when not even that is complete; ``ending`` is (status, reason) when the recorder wrote its closing
     record; ``left_over`` counts bytes after the last complete record that are not zero, e.g. of a torn record, and
-    ``records_behind`` is True when later records follow the damage.
+    ``records_behind`` is True when later
+    records follow the damage; ``n_bytes`` and ``n_records`` are what was read.
     """
 
     head: TrialHead | None
@@ -57,6 +58,8 @@ class Journal:
     ending: tuple[str, str] | None
     left_over: int
     records_behind: bool
+    n_bytes: int
+    n_records: int
 
     @property
     def n_samples(self) -> int:
@@ -109,7 +112,7 @@ def parse(data: bytes) -> Journal:
     head: TrialHead | None = None
     blocks: list[Block] = []
     ending: tuple[str, str] | None = None
-    at = samples = 0
+    at = count = samples = 0
     for record in records(data):
         try:
             if record.kind == HEAD and record.sequence == 0:
@@ -126,9 +129,9 @@ def parse(data: bytes) -> Journal:
                 break
         except (ValueError, TypeError, KeyError, AttributeError, OverflowError, RecursionError):
             break
-        at += OVERHEAD + len(record.payload)
+        at, count = at + OVERHEAD + len(record.payload), count + 1
     rest = data[at:].rstrip(b"\0")
-    return Journal(head, tuple(blocks), ending, len(rest), MAGIC in rest[1:])
+    return Journal(head, tuple(blocks), ending, len(rest), MAGIC in rest[1:], at, count)
 
 
 def read_journal(path: Path) -> Journal:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from rig.backend import Block
 from rig.session.folder import Session
-from rig.session.journal.format import BLOCK, COMMAND, HEAD, OVERHEAD, block_of, parse, records
+from rig.session.journal.format import BLOCK, OVERHEAD, block_of, parse, records
 from rig.session.journal.trial_head import TrialHead
 
 
@@ -26,40 +26,28 @@ class JournalFollower:
         self.path = path
         self.head: TrialHead | None = None
         self.blocks: list[Block] = []
-        self._at = self._sequence = 0
+        self._n_bytes = self._n_records = 0
 
     def poll(self) -> bool:
         """Read what was written since the last poll; False when the journal is gone."""
         try:
             with self.path.open("rb") as stream:
-                if self.head is None:
-                    data = stream.read()
-                    self._begin(data)
-                    data = data[self._at :]
-                else:
-                    stream.seek(self._at)
-                    data = stream.read()
+                stream.seek(self._n_bytes)
+                data = stream.read()
         except OSError:
             return False
         if self.head is None:
+            journal = parse(data)
+            if journal.head is not None:
+                self.head, self.blocks = journal.head, list(journal.blocks)
+                self._n_bytes, self._n_records = journal.n_bytes, journal.n_records
             return True
-        for record in records(data, self._sequence):
-            self._at += OVERHEAD + len(record.payload)
-            self._sequence += 1
+        for record in records(data, self._n_records):
+            self._n_bytes += OVERHEAD + len(record.payload)
+            self._n_records += 1
             if record.kind == BLOCK:
                 self.blocks.append(block_of(record, self.head))
         return True
-
-    def _begin(self, data: bytes) -> None:
-        at = 0
-        for count, record in enumerate(records(data), 1):
-            at += OVERHEAD + len(record.payload)
-            if (record.kind, record.sequence) not in ((HEAD, 0), (COMMAND, 1)):
-                return
-            if record.kind == COMMAND:
-                self.head = parse(data[:at]).head
-                self._at, self._sequence = at, count
-                return
 
 
 @dataclass(frozen=True, eq=False)
