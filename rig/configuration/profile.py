@@ -10,30 +10,28 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from rig.configuration import toml_file
+from rig.configuration.channels import Number, Table, Text
 from rig.errors import RigInputError
 from rig.storage.atomic_write import sha256_of_bytes
 
 FOLDER = Path(__file__).parents[1] / "profiles"
 MAX_DURATION_S = 60.0
-Finite = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 
 
-class _Point(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid")
-    time_s: Finite = Field(ge=0, le=MAX_DURATION_S)
-    force_n: Finite
+class _Point(Table):
+    time_s: Number = Field(ge=0, le=MAX_DURATION_S)
+    force_n: Number
 
 
-class _File(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid")
-    name: str = Field(min_length=1)
+class _File(Table):
+    name: Text
     description: str = ""
     interpolation: Literal["linear", "pchip"] = "linear"
     points: list[_Point] = Field(min_length=2)
@@ -118,7 +116,7 @@ class Profile:
 
 def built_in_profiles() -> tuple[str, ...]:
     """Return the names of the profiles that come with the package."""
-    return tuple(sorted(path.stem for path in FOLDER.glob("*.toml")))
+    return toml_file.built_in(FOLDER)
 
 
 def load_profile(name: str | Path) -> Profile:
@@ -129,13 +127,7 @@ def load_profile(name: str | Path) -> Profile:
     RigInputError
         When the file is missing, not TOML, or its key points are not a usable profile.
     """
-    path = Path(name)
-    if str(name) in built_in_profiles():
-        path = FOLDER / f"{name}.toml"
-    elif not path.is_file():
-        raise RigInputError(
-            f"{name}: no such profile; built in are {', '.join(built_in_profiles())}, or give the path of a TOML file"
-        )
+    path = toml_file.named(name, FOLDER, "profile")
     return parse_profile(toml_file.read_text(path), str(path))
 
 

@@ -28,7 +28,6 @@ from rig.configuration.channels import (
     Table,
     Text,
 )
-from rig.errors import RigInputError
 from rig.storage.atomic_write import sha256_of_bytes
 
 FOLDER = Path(__file__).parents[1] / "rigs"
@@ -171,11 +170,6 @@ class Rig:
     source: str
 
 
-def built_in_rigs() -> tuple[str, ...]:
-    """Return the names of the rig files that come with the package."""
-    return tuple(sorted(path.stem for path in FOLDER.glob("*.toml")))
-
-
 def load_rig(name: str | Path = "virtual") -> Rig:
     """Load a built-in rig file by name, or one by path.
 
@@ -184,11 +178,7 @@ def load_rig(name: str | Path = "virtual") -> Rig:
     RigInputError
         When the file is missing, not TOML, or has a value outside its allowed range.
     """
-    path = FOLDER / f"{name}.toml" if str(name) in built_in_rigs() else Path(name)
-    if not path.is_file():
-        raise RigInputError(
-            f"{name}: no such rig file; built in are {', '.join(built_in_rigs())}, or give the path of a TOML file"
-        )
+    path = toml_file.named(name, FOLDER, "rig file")
     return parse_rig(toml_file.read_text(path), str(path))
 
 

@@ -32,6 +32,20 @@ def read_text(path: Path) -> str:
         raise RigInputError(f"{path}: byte {error.start} is not UTF-8 text; save the file as UTF-8") from error
 
 
+def built_in(folder: Path) -> tuple[str, ...]:
+    """Return the names of the files that come with the package."""
+    return tuple(sorted(path.stem for path in folder.glob("*.toml")))
+
+
+def named(name: str | Path, folder: Path, what: str) -> Path:
+    """Return the path of a built-in file by name, or of one by path; raises RigInputError when there is none."""
+    path = folder / f"{name}.toml" if str(name) in built_in(folder) else Path(name)
+    if not path.is_file():
+        known = ", ".join(built_in(folder))
+        raise RigInputError(f"{name}: no such {what}; built in are {known}, or give the path of a TOML file")
+    return path
+
+
 def parse_toml(text: str, where: str) -> dict[str, Any]:
     """Parse TOML text; ``where`` names it in the one-line error."""
     try:

@@ -113,9 +113,9 @@ def make_trial(table: ChannelTable, mapping: ImportMapping, number: int, started
     Raises RigInputError when a channel is missing, has another unit, or has a value that is not finite or not a whole
     count.
     """
-    wanted, time = mapping.force, mapping.time
-    check_unit(table, wanted.channel, wanted.unit, mapping.overrule_units)
-    raw = table.channel(wanted.channel)
+    cell, time = mapping.force, mapping.time
+    check_unit(table, cell.channel, cell.unit, mapping.overrule_units)
+    raw = table.channel(cell.channel)
     time_channel = time.channel if time.channel in table.channels or not table.clocks else None
     if time_channel is not None:
         check_unit(table, time_channel, time.unit, mapping.overrule_units)
@@ -140,8 +140,8 @@ def make_trial(table: ChannelTable, mapping: ImportMapping, number: int, started
             f"{table.where}: sampled at {rate_hz:g} Hz, allowed {RATES_HZ[0]:g} to {RATES_HZ[1]:g} Hz; look at the "
             "unit of the times (time.unit in the mapping)"
         )
-    force = (raw - wanted.zero) * wanted.scale
-    _check_pushes(force, interval_s, f"{table.where}: {wanted.channel}")
+    force = (raw - cell.zero) * cell.scale
+    _check_pushes(force, interval_s, f"{table.where}: {cell.channel}")
     counts = np.empty((raw.size, len(mapping.encoders)), dtype=np.int64)
     for k, encoder in enumerate(mapping.encoders):
         counts[:, k] = _counts(table, encoder, mapping.overrule_units)
@@ -157,10 +157,10 @@ def make_trial(table: ChannelTable, mapping: ImportMapping, number: int, started
         EncoderInfo(e.name, e.counts_per_revolution, e.sign, e.channel, e.u_scale_relative) for e in mapping.encoders
     )
     info = {
-        **of_same_name(ForceInfo, wanted),
-        "electrical": (wanted.zero, wanted.zero + 1.0),
-        "physical_n": (0.0, wanted.scale),
-        "electrical_unit": wanted.unit,
+        **of_same_name(ForceInfo, cell),
+        "electrical": (cell.zero, cell.zero + 1.0),
+        "physical_n": (0.0, cell.scale),
+        "electrical_unit": cell.unit,
         "mains_frequency_hz": mapping.mains_frequency_hz,
     }
     return TrialData(

@@ -95,9 +95,9 @@ def corrected(
     error[last:] *= np.exp(-np.arange(error.size - last) / (FADE_S * rate_hz))
     # the profile begins with LEAD_S of zeros: the correction comes in smoothly before the onset
     error *= np.clip((time_s - (target.onset_s - FADE_S)) / FADE_S, 0.0, 1.0)
-    following = command_n + gain * error
-    following[0] = following[-1] = 0.0
-    return np.asarray(following)
+    corrected_n = command_n + gain * error
+    corrected_n[0] = corrected_n[-1] = 0.0
+    return np.asarray(corrected_n)
 
 
 def within_limits(

@@ -109,30 +109,30 @@ def learn(
     motor, rate = config.motor, config.device.sample_rate_hz
     most_n = min(motor.force_limit_n, motor.voltage_limit_v * motor.force_per_volt_n)
     _check_reachable(target, config, most_n)
-    command, gain, done = target.command_n, GAIN, list[Blow]()
+    command, gain, played_blows = target.command_n, GAIN, list[Blow]()
     for number in range(1, blows + 1):
-        wanted = command
-        command = within_limits(wanted, most_n, motor.slew_limit_n_per_s, rate)
-        limited = bool(np.any(np.abs(command - wanted)[target.time_s <= target.bottom_s] > goal * target.peak_n))
+        unlimited = command
+        command = within_limits(unlimited, most_n, motor.slew_limit_n_per_s, rate)
+        limited = bool(np.any(np.abs(command - unlimited)[target.time_s <= target.bottom_s] > goal * target.peak_n))
         profile = profile_of(target.name, command, rate, f"blow {number} of learning {target.name}")
         start_s = motor_command(profile, config).blow_start_s - profile.onset_s
         data = blow(profile, number)
         if data.status not in ("complete", "not at rest"):
             raise RigInputError(f"{target.name}: blow {number} ended as {data.status!r}; it cannot be learned from")
         measured = measured_force(data, target, start_s)
-        done.append(Blow(number, profile, measured, relative_rms(target, measured), limited))
+        played_blows.append(Blow(number, profile, measured, relative_rms(target, measured), limited))
         if progress is not None:
-            progress(done[-1])
-        best = min(done, key=lambda entry: entry.error)
-        if best.error <= MARGIN * goal or (best.error <= goal and best is not done[-1]):
+            progress(played_blows[-1])
+        best = min(played_blows, key=lambda entry: entry.error)
+        if best.error <= MARGIN * goal or (best.error <= goal and best is not played_blows[-1]):
             break
-        if done[-1].error > 1.2 * best.error:  # it grew: continue from the best one, in smaller steps
+        if played_blows[-1].error > 1.2 * best.error:  # it grew: continue from the best one, in smaller steps
             gain *= 0.5
         played = np.zeros_like(target.time_s)
         sampled = best.profile.sample(rate)[: played.size]
         played[: sampled.size] = sampled
         command = corrected(played, target, best.measured, gain, rate)
-    return Learned(target, tuple(done), best, goal)
+    return Learned(target, tuple(played_blows), best, goal)
 
 
 def _check_reachable(target: TargetForce, config: RigConfig, most_n: float) -> None:
@@ -160,8 +160,8 @@ def _check_reachable(target: TargetForce, config: RigConfig, most_n: float) -> N
 
 def profile_of(name: str, command_n: NDArray[np.float64], rate_hz: float, description: str) -> Profile:
     """Return a profile whose key points, joined by lines, give a command on the sample clock."""
-    kept = key_points(command_n, POINT_TOLERANCE * float(np.max(np.abs(command_n), initial=1e-9)))
-    points = [{"time_s": round(float(k / rate_hz), 7), "force_n": round(float(command_n[k]), 4)} for k in kept]
+    samples = key_points(command_n, POINT_TOLERANCE * float(np.max(np.abs(command_n), initial=1e-9)))
+    points = [{"time_s": round(float(k / rate_hz), 7), "force_n": round(float(command_n[k]), 4)} for k in samples]
     points[0]["force_n"] = points[-1]["force_n"] = 0.0
     head = toml_file.dump_toml({"name": name, "description": description, "interpolation": "linear"})
     rows = "".join(f"  {{ time_s = {p['time_s']!r}, force_n = {p['force_n']!r} }},\n" for p in points)
@@ -170,7 +170,7 @@ def profile_of(name: str, command_n: NDArray[np.float64], rate_hz: float, descri
 
 def key_points(values: NDArray[np.float64], tolerance: float) -> list[int]:
     """Return the samples to keep so that lines between them stay within ``tolerance`` (Ramer 1972)."""
-    kept, open_spans = {0, values.size - 1}, [(0, values.size - 1)]
+    points, open_spans = {0, values.size - 1}, [(0, values.size - 1)]
     while open_spans:
         low, high = open_spans.pop()
         if high - low < 2:
@@ -180,6 +180,6 @@ def key_points(values: NDArray[np.float64], tolerance: float) -> list[int]:
         worst = int(np.argmax(away))
         if away[worst] > tolerance:
             middle = int(inner[worst])
-            kept.add(middle)
+            points.add(middle)
             open_spans += [(low, middle), (middle, high)]
-    return sorted(kept)
+    return sorted(points)

@@ -94,8 +94,8 @@ class Plan:
 
     def files(self) -> dict[str, str]:
         """Copies to store beside ``session.toml``: names and texts."""
-        kept = {self.copies[name]: profile.text for name, profile in self.profiles.items()}
-        return {**kept, **({"plan.toml": self.text} if self.text else {})}
+        copies = {self.copies[name]: profile.text for name, profile in self.profiles.items()}
+        return {**copies, **({"plan.toml": self.text} if self.text else {})}
 
     def info(self) -> PlanInfo:
         """What goes into ``session.toml``."""

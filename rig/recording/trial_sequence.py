@@ -89,8 +89,8 @@ def _seal(session: Session, data: TrialData) -> Trial:
         reject_warm_up(session, data)  # first: a warm-up blow never counts, whenever the program ends
         return session.add_trial(data)
     except RigInputError as failure:
-        kept = f"{failure}; its journal is kept: free some space, then run  pianorig recover {session.path}"
-        raise RecordingFault("; ".join(filter(None, (data.reason, kept))), phase="write") from failure
+        advice = f"{failure}; its journal is kept: free some space, then run  pianorig recover {session.path}"
+        raise RecordingFault("; ".join(filter(None, (data.reason, advice))), phase="write") from failure
 
 
 def _prompt(entry: Entry, number: int, options: RecordingOptions) -> None:

@@ -202,15 +202,15 @@ class Interlocks:
 
     def _check_pushes(self, first: int, baseline_n: float) -> None:
         n = self._force.size
-        asked = np.zeros(n)
+        commanded_n = np.zeros(n)
         at = first + np.arange(n) - self._delay
         inside = (at >= 0) & (at < self._command_n.size)
-        asked[inside] = self._command_n[at[inside]]
-        gone = (asked > self._limits.push_n) & (self._force - baseline_n < FORCE_GONE_N)
+        commanded_n[inside] = self._command_n[at[inside]]
+        gone = (commanded_n > self._limits.push_n) & (self._force - baseline_n < FORCE_GONE_N)
         if longest_run(gone) > self._samples(self._limits.no_force_s):
             self._stop(
                 f"{self._config.force.channel}: no force for {self._limits.no_force_s:g} s before "
-                f"{(first + n) / self._rate:.3f} s while the motor was told to push with {asked.max():.3g} N; "
+                f"{(first + n) / self._rate:.3f} s while the motor was told to push with {commanded_n.max():.3g} N; "
                 "the arm has left the key, or drive or load cell are off"
             )
 

@@ -10,7 +10,7 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Literal
 
-from pydantic import Field
+from pydantic import ConfigDict, Field
 
 from rig.configuration import toml_file
 from rig.configuration.channels import Number, Table, Text
@@ -47,7 +47,7 @@ class SelftestRecord(Table):
     unloaded_n: Number | None = None
     findings: tuple[SelftestFinding, ...]
 
-    model_config = {"frozen": True, "extra": "forbid", "populate_by_name": True}
+    model_config = ConfigDict(populate_by_name=True)
 
     @property
     def passed(self) -> bool:

@@ -9,22 +9,23 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import ConfigDict, Field
 
 from rig.configuration import toml_file
+from rig.configuration.channels import Table
 from rig.storage.atomic_write import write_text
 
 SCHEMA: Literal["piano-action-rig film 1"] = "piano-action-rig film 1"
 
 
-class FilmRecord(BaseModel):
+class FilmRecord(Table):
     """One attached film; ``first_frame`` is the number of its first frame on the trial's frame clock, from 0.
 
     ``frames_after`` is by how many frames the clock ran on after its last one: the film was cut there, or frames were
     dropped within it. With frame pulses nothing else distinguishes the two.
     """
 
-    model_config = ConfigDict(frozen=True, extra="forbid", populate_by_name=True)
+    model_config = ConfigDict(populate_by_name=True)
 
     schema_name: Literal["piano-action-rig film 1"] = Field(default=SCHEMA, alias="schema")
     film: str

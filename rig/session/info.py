@@ -7,7 +7,9 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+from pydantic import BeforeValidator, ConfigDict, Field
+
+from rig.configuration.channels import Table
 
 SCHEMA: Literal["piano-action-rig session 1"] = "piano-action-rig session 1"
 Unknown = Literal["unknown"]
@@ -16,11 +18,7 @@ Mass = Annotated[float, Field(strict=True, ge=0, le=1)] | Unknown
 Digest = Annotated[str, Field(pattern=r"^([0-9a-f]{64})?$")]
 
 
-class _Table(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-
-class RegulationInfo(_Table):
+class RegulationInfo(Table):
     """The action's regulation as measured on the bench, m (the quantities of ``pianorig regulate``), or ``unknown``."""
 
     dip_m: Level = "unknown"
@@ -33,7 +31,7 @@ class RegulationInfo(_Table):
     note: str = ""
 
 
-class AddedMassInfo(_Table):
+class AddedMassInfo(Table):
     """What the sensors add to the bodies, kg: load cell at the key front, encoder scales; or ``unknown``."""
 
     load_cell_kg: Mass = "unknown"
@@ -50,7 +48,7 @@ def _as_note(value: object) -> object:
     return value
 
 
-class ActionInfo(_Table):
+class ActionInfo(Table):
     """The action on the bench: its name, key number, measured regulation and masses added by sensors."""
 
     name: str = "unknown"
@@ -59,7 +57,7 @@ class ActionInfo(_Table):
     added_masses: Annotated[AddedMassInfo, BeforeValidator(_as_note)] = AddedMassInfo()
 
 
-class FileInfo(_Table):
+class FileInfo(Table):
     """A file the session was made with: its name, the copy kept beside it, the SHA-256 of its text."""
 
     name: str
@@ -67,7 +65,7 @@ class FileInfo(_Table):
     sha256: Digest = ""
 
 
-class PlanCondition(_Table):
+class PlanCondition(Table):
     """A condition of the trial plan: its name, the operator's prompt, and the copy of its profile."""
 
     name: str
@@ -75,7 +73,7 @@ class PlanCondition(_Table):
     profile: FileInfo
 
 
-class PlanInfo(_Table):
+class PlanInfo(Table):
     """What was planned; ``order`` names the condition of each entry, the first ``warm_up`` do not count."""
 
     trials: Annotated[int, Field(strict=True, ge=1)] = 1
@@ -87,14 +85,14 @@ class PlanInfo(_Table):
     order: tuple[str, ...] = ()
 
 
-class RoomInfo(_Table):
+class RoomInfo(Table):
     """The room: each value in SI-derived units, or ``unknown``."""
 
     temperature_c: Annotated[float, Field(strict=True, ge=-40, le=60)] | Unknown = "unknown"
     relative_humidity_percent: Annotated[float, Field(strict=True, ge=0, le=100)] | Unknown = "unknown"
 
 
-class SessionInfo(_Table):
+class SessionInfo(Table):
     """Contents of ``session.toml``."""
 
     schema_name: Literal["piano-action-rig session 1"] = Field(default=SCHEMA, alias="schema")
@@ -113,7 +111,7 @@ class SessionInfo(_Table):
     dry_run: dict[str, float | str] = {}
     """What the model predicted of the profile before it was played."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", populate_by_name=True)
+    model_config = ConfigDict(populate_by_name=True)
 
     def to_table(self) -> dict[str, Any]:
         """Return nested plain values, ready for TOML."""

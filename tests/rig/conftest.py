@@ -160,14 +160,14 @@ def stated_s() -> dict[str, float]:
 
 
 @pytest.fixture(scope="session")
-def kept_journal() -> type[JournalWriter]:
+def undeleted_journal() -> type[JournalWriter]:
     """A journal that stays beside its sealed trial, as a program that died in between leaves it."""
 
-    class Kept(JournalWriter):
+    class Undeleted(JournalWriter):
         def remove(self) -> None:
             pass
 
-    return Kept
+    return Undeleted
 
 
 @pytest.fixture
@@ -178,8 +178,8 @@ def died_then(tmp_path: Path) -> Any:
         target = tmp_path / "died"
         shutil.copytree(folder, target)
         journal = target / f"trial_{number:04d}.journal"
-        kept = [r for r in records(journal.read_bytes()) if r.kind != END]
-        journal.write_bytes(b"".join(encode(r.kind, r.sequence, r.first_sample, r.n, r.payload) for r in kept))
+        open_records = [r for r in records(journal.read_bytes()) if r.kind != END]
+        journal.write_bytes(b"".join(encode(r.kind, r.sequence, r.first_sample, r.n, r.payload) for r in open_records))
         (target / f"trial_{number:04d}.h5").unlink()
         return target
 

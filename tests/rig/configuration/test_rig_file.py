@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import pytest
 
-from rig.configuration.rig_file import built_in_rigs, load_rig, parse_rig
+from rig.configuration.rig_file import FOLDER, load_rig, parse_rig
+from rig.configuration.toml_file import built_in
 from rig.errors import InputError
 
 
 def test_built_in_rig_files_load_and_declare_the_encoders_of_the_thesis() -> None:
-    assert built_in_rigs() == ("pcie6363", "virtual")
-    for name in built_in_rigs():
+    assert built_in(FOLDER) == ("pcie6363", "virtual")
+    for name in built_in(FOLDER):
         config = load_rig(name).config
         assert config.device.sample_rate_hz == 5000
         assert {e.counts_per_revolution for e in config.encoders} == {163_840, 327_680}

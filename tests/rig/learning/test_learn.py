@@ -74,7 +74,7 @@ def test_the_force_follows_within_a_few_blows_and_never_leaves_the_limits(config
     assert learned.follows and len(errors) <= 8 and errors[0] > 0.1 > 5 * learned.best.error
     for profile in played:
         profile.check_limits(config.motor.force_limit_n, config.motor.slew_limit_n_per_s, RATE)
-    # an independent look: what the best profile does on the noiseless plant follows the pianist
+    # independently: what the best profile does on the noiseless plant follows the pianist
     force = learned.best.profile.sample(RATE)
     felt, held = np.zeros_like(force), 0.0
     for k in range(1, force.size):
@@ -194,8 +194,8 @@ def test_limits_from_both_ends_and_key_points() -> None:
     limited = within_limits(raw, 100.0, 500.0, 1000.0)
     assert np.abs(np.diff(limited)).max() <= 0.5 and limited[0] == limited[-1] == 0
     values = np.sin(np.linspace(0, 3, 400)) ** 2
-    kept = key_points(values, 0.01)
-    assert len(kept) < 25
-    assert np.abs(np.interp(np.arange(400), kept, values[kept]) - values).max() <= 0.01
+    samples = key_points(values, 0.01)
+    assert len(samples) < 25
+    assert np.abs(np.interp(np.arange(400), samples, values[samples]) - values).max() <= 0.01
     profile = profile_of("a", np.concatenate(([0.0], values, [0.0])), RATE, 'with "quotes"')
     assert profile.description == 'with "quotes"' and profile.force_n[-1] == 0

@@ -110,13 +110,13 @@ class Watched:
 
 
 @pytest.fixture
-def watched(edited_rig, make_backend, step_profile, tmp_path, kept_journal) -> Callable[..., Watched]:
+def watched(edited_rig, make_backend, step_profile, tmp_path, undeleted_journal) -> Callable[..., Watched]:
     rig = edited_rig(*COUNTED)
 
     def make(faults: str = "", profile: Profile = step_profile, folder: str = "s") -> Watched:
         backend = make_backend(rig.config, noise_n=0.02)
         backend.device.faults = FaultPlan(parse_faults(faults))
-        return Watched(backend, rig, profile, tmp_path / folder, kept_journal)
+        return Watched(backend, rig, profile, tmp_path / folder, undeleted_journal)
 
     return make
 

@@ -16,11 +16,11 @@ from rig.session import Session
 
 
 @pytest.fixture
-def cut_off(tmp_path, make_backend, rig, step_profile, kept_journal):
+def cut_off(tmp_path, make_backend, rig, step_profile, undeleted_journal):
     """A session of two trials whose journals are still there: (folder, session as sealed)."""
     backend = make_backend(rig.config, noise_n=0.02)
     session = record_session(
-        tmp_path / "s", profile=step_profile, rig_config=rig, backend=backend, trials=2, open_journal=kept_journal
+        tmp_path / "s", profile=step_profile, rig_config=rig, backend=backend, trials=2, open_journal=undeleted_journal
     )
     return tmp_path / "s", session
 
@@ -144,7 +144,7 @@ def test_a_sealed_file_that_was_damaged_is_made_again_from_its_journal(cut_off, 
 
 
 def test_a_session_in_which_everything_went_wrong_is_recovered_at_once(
-    tmp_path, make_backend, rig, step_profile, kept_journal, recover
+    tmp_path, make_backend, rig, step_profile, undeleted_journal, recover
 ) -> None:
     plan = parse_plan(
         'schema = "piano-action-rig plan 1"\nname = "p"\nwarm_up = 2\n[[conditions]]\nname = "a"\n'
@@ -152,7 +152,7 @@ def test_a_session_in_which_everything_went_wrong_is_recovered_at_once(
     )
     plan = replace(plan, entries=tuple(replace(entry, profile=step_profile) for entry in plan.entries))
     folder, backend = tmp_path / "s", make_backend(rig.config, noise_n=0.02)
-    session = record_session(folder, plan=plan, rig_config=rig, backend=backend, open_journal=kept_journal)
+    session = record_session(folder, plan=plan, rig_config=rig, backend=backend, open_journal=undeleted_journal)
     said = folder / "annotations.jsonl"
     said.write_text(said.read_text().splitlines(keepends=True)[0])  # killed within the second warm-up blow
     whole = [trial.read() for trial in session.trials]

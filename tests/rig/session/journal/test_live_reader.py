@@ -13,17 +13,17 @@ from rig.storage.platform_calls import remove
 
 
 def test_a_journal_cut_anywhere_shows_its_whole_blocks_and_goes_on(tmp_path, make_backend, rig, step_profile) -> None:
-    kept = tmp_path / "kept"
+    snapshot = tmp_path / "snapshot"
 
     def copy(at) -> None:
-        if at.time_s > 0.5 and not kept.exists():
-            kept.write_bytes((tmp_path / "s" / "trial_0001.journal").read_bytes())
+        if at.time_s > 0.5 and not snapshot.exists():
+            snapshot.write_bytes((tmp_path / "s" / "trial_0001.journal").read_bytes())
 
     session = record_session(
         tmp_path / "s", profile=step_profile, rig_config=rig, backend=make_backend(rig.config), trials=1, progress=copy
     )
     data = session.trials[0].read()
-    whole, live = kept.read_bytes(), tmp_path / "live"
+    whole, live = snapshot.read_bytes(), tmp_path / "live"
     follower = JournalFollower(live)
     assert not follower.poll()
     sizes = []
@@ -40,7 +40,7 @@ def test_a_session_is_seen_while_it_is_recorded(tmp_path, make_backend, rig, ste
     views = []
     follower: list[SessionFollower] = []
 
-    def look(at) -> None:
+    def view(at) -> None:
         follower[:] = follower or [SessionFollower(tmp_path / "s")]
         before = os.stat(tmp_path / "s" / f"trial_{at.trial:04d}.journal")
         view = follower[0].poll()
@@ -50,7 +50,7 @@ def test_a_session_is_seen_while_it_is_recorded(tmp_path, make_backend, rig, ste
         views.append(view)
 
     session = record_session(
-        tmp_path / "s", profile=step_profile, rig_config=rig, backend=make_backend(rig.config), trials=2, progress=look
+        tmp_path / "s", profile=step_profile, rig_config=rig, backend=make_backend(rig.config), trials=2, progress=view
     )
     assert {view.state for view in views} == {"recording"} and not any(view.finished for view in views)
     end = follower[0].poll()
