@@ -87,6 +87,11 @@ def record(out: str | Path, options: RecordingOptions | None = None, **keywords:
         The bench stopped; earlier trials and the marked one are kept.
     KeyboardInterrupt
         The operator stopped; likewise.
+
+    Examples
+    --------
+    >>> session = rig.record("sessions/try", profile="forte", trials=2)
+    >>> session.trial(1).read().force_n.max()
     """
     given = replace(options or RecordingOptions(), **keywords)
     rig = given.rig_config if isinstance(given.rig_config, Rig) else load_rig(given.rig_config)

@@ -21,11 +21,10 @@ from rig.configuration.channels import BODIES
 from rig.configuration.rig_file import Rig, RigConfig, SelftestConfig
 from rig.errors import HardwareFault, RigInputError
 from rig.selftest.record import SelftestFinding, SelftestRecord
-from rig.selftest.step_response import encoder_advice, first_crossing, joined
+from rig.selftest.step_response import LEAD_S, encoder_advice, first_crossing, joined, push_response, push_train
 
 PRESS_S = 4.5
 REST_WINDOW_S = 0.3
-PUSHES, PUSH_S, PAUSE_S, LEAD_S = 4, 0.15, 0.15, 0.3
 CAMERA_S = 0.5
 READ_TIMEOUT_S = 5.0
 INSTRUCTION = (
@@ -115,6 +114,7 @@ class _Checks:
         self.findings: list[SelftestFinding] = []
         self.unloaded_n: float | None = None
         self._push_felt = self._reversed = False
+        self._delay_samples = 0.0
 
     def add(self, check: str, passed: bool, found: str, allowed: str, advice: str = "") -> None:
         finding = SelftestFinding(
@@ -178,40 +178,27 @@ class _Checks:
             advice = f"{channel} reads a push as a pull: exchange its signal wires, or the signs of force.physical_n"
         self.add("load cell by hand", self._push_felt, f"{felt:+.3f} N", "above 0.5 N", advice)
 
-    def _pushes(self) -> NDArray[np.float64]:
-        volts = self.expected.push_n / self.config.motor.force_per_volt_n
-        one = np.concatenate((np.full(int(PUSH_S * self.rate), volts), np.zeros(int(PAUSE_S * self.rate))))
-        return np.concatenate((np.zeros(int(LEAD_S * self.rate)), np.tile(one, PUSHES), np.zeros(int(0.1 * self.rate))))
-
-    def _response(self, timing: Timing, block: Block) -> NDArray[np.float64]:
-        """Return the mean answer to one push, N above what it was before, from the push on."""
-        delay = int(np.floor(timing.force_group_delay_s * self.rate))
-        lead, period = int(LEAD_S * self.rate), int(PUSH_S * self.rate) + int(PAUSE_S * self.rate)
-        rows = [block.force_n[lead + i * period + delay :][:period] for i in range(PUSHES)]
-        before = [block.force_n[lead + i * period - period // 4 : lead + i * period].mean() for i in range(PUSHES)]
-        shortest = min(row.size for row in rows)
-        return np.mean([row[:shortest] - zero for row, zero in zip(rows, before, strict=True)], axis=0)
+    def _push(self, *, enable_drive: bool) -> tuple[NDArray[np.float64], float]:
+        """Push gently; return the mean response to one push, N, and its plateau, N."""
+        volts = push_train(self.expected.push_n / self.config.motor.force_per_volt_n, self.rate)
+        timing, block = self._acquire(volts, enable_drive=enable_drive)
+        self._delay_samples = timing.force_group_delay_s * self.rate
+        return push_response(block.force_n, self.rate, int(np.floor(self._delay_samples)))
 
     def pushed_disabled(self) -> None:
         """With the drive disabled the motor's command must not reach the key."""
         if self.config.drive_enable is None:
             self.add("drive-enable line", False, "none in the rig file", "a line", "add [drive_enable] and wire it")
             return
-        answer = self._response(*self._acquire(self._pushes(), enable_drive=False))
-        force = self._plateau(answer)
+        _, force = self._push(enable_drive=False)
         self.add("drive disabled", abs(force) < 0.3 * self.expected.push_n, f"{force:+.4f} N",
                  f"below {0.3 * self.expected.push_n:.3g} N", "the motor pushes though its drive-enable is low: "
                  f"{self.config.drive_enable.line} does not reach the drive, or is bridged")  # fmt: skip
 
-    def _plateau(self, answer: NDArray[np.float64]) -> float:
-        n = int(PUSH_S * self.rate)
-        return float(answer[n // 3 : n - 2].mean())
-
     def pushed_enabled(self) -> None:
         """With the drive enabled force must follow the command: sign, size and delay."""
-        timing, block = self._acquire(self._pushes(), enable_drive=True)
-        answer = self._response(timing, block)
-        force, wanted = self._plateau(answer), self.expected.push_n
+        response, force = self._push(enable_drive=True)
+        wanted = self.expected.push_n
         if abs(force) < 0.3 * wanted:
             line = self.config.drive_enable.line if self.config.drive_enable else "its drive-enable"
             advice = (
@@ -228,8 +215,8 @@ class _Checks:
         tolerance = self.expected.push_tolerance
         self.add("motor and force", abs(force - wanted) <= tolerance * wanted, f"{force:+.4f} N",
                  f"{wanted:+.3g} N ± {tolerance:.0%}", advice)  # fmt: skip
-        crossing = first_crossing(answer, 0.5 * force) if force > 0.3 * wanted else None
-        delay = timing.force_group_delay_s * self.rate
+        crossing = first_crossing(response, 0.5 * force) if force > 0.3 * wanted else None
+        delay = self._delay_samples
         late = float("nan") if crossing is None else crossing + np.floor(delay) - delay
         limit = self.expected.latency_tolerance_samples
         self.add("output to force delay", bool(abs(late) <= limit), f"{late:+.2f} samples beside {delay:.2f}",

@@ -9,6 +9,25 @@ from rig.backend import Block
 from rig.configuration.channels import BODIES
 from rig.configuration.rig_file import RigConfig
 
+PUSHES, PUSH_S, PAUSE_S, LEAD_S = 4, 0.15, 0.15, 0.3
+
+
+def push_train(volts: float, rate_hz: float) -> NDArray[np.float64]:
+    """Return the motor command of a row of equal gentle pushes, V, on the sample clock."""
+    one = np.concatenate((np.full(int(PUSH_S * rate_hz), volts), np.zeros(int(PAUSE_S * rate_hz))))
+    return np.concatenate((np.zeros(int(LEAD_S * rate_hz)), np.tile(one, PUSHES), np.zeros(int(0.1 * rate_hz))))
+
+
+def push_response(force_n: NDArray[np.float64], rate_hz: float, delay: int) -> tuple[NDArray[np.float64], float]:
+    """Return the mean response to one push, N above the force before it, from the push on, and its plateau, N."""
+    lead, push = int(LEAD_S * rate_hz), int(PUSH_S * rate_hz)
+    period = push + int(PAUSE_S * rate_hz)
+    rows = [force_n[lead + i * period + delay :][:period] for i in range(PUSHES)]
+    before = [force_n[lead + i * period - period // 4 : lead + i * period].mean() for i in range(PUSHES)]
+    shortest = min(row.size for row in rows)
+    response = np.mean([row[:shortest] - zero for row, zero in zip(rows, before, strict=True)], axis=0)
+    return response, float(response[push // 3 : push - 2].mean())
+
 
 def encoder_advice(config: RigConfig, body: int, turned_rad: float) -> str:
     """Return the likely cause of a wrong stroke, from the counts that each mistake would give."""

@@ -58,7 +58,7 @@ def lock(descriptor: int) -> bool:
     """Lock the file for this process until it is closed, or the process ends; False when another one has it."""
     try:
         if WINDOWS:
-            import msvcrt
+            import msvcrt  # platform: Windows only
 
             os.lseek(descriptor, _LOCK_AT, os.SEEK_SET)
             try:
@@ -66,7 +66,7 @@ def lock(descriptor: int) -> bool:
             finally:
                 os.lseek(descriptor, 0, os.SEEK_SET)
         else:
-            import fcntl
+            import fcntl  # platform: POSIX only
 
             fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except OSError:
