@@ -7,7 +7,7 @@ time.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +17,7 @@ from rig.backend import Block
 from rig.session.folder import Session
 from rig.session.journal.format import BLOCK, OVERHEAD, block_of, parse, records
 from rig.session.journal.trial_head import TrialHead
+from rig.session.trial_data import TrialData
 
 
 class JournalFollower:
@@ -98,26 +99,17 @@ class SessionFollower:
         """
         journals = self.session.journals
         if journals:
-            number, path = list(journals.items())[-1]
+            path = list(journals.values())[-1]
             if self._journal is None or self._journal.path != path:
                 self._journal = JournalFollower(path)
             if self._journal.poll() and self._journal.head is not None and self._journal.blocks:
-                return self._live(number, self._journal.head, self._journal.blocks)
+                head = replace(self._journal.head, frame_clock=None)  # frames are not shown
+                return self._view(head.assemble(self._journal.blocks, "recording", ""), len(self.session.trials))
         trials = self.session.trials
-        if not trials:
-            return None
-        data = trials[-1].read()
+        return self._view(trials[-1].read(), len(trials)) if trials else None
+
+    def _view(self, data: TrialData, sealed: int) -> LiveView:
         return LiveView(
             data.number, self.session.info.plan.trials, data.status, data.condition, data.time_s, data.force_n,
-            data.angle_rad(), tuple(encoder.name for encoder in data.encoders), len(trials),
-        )  # fmt: skip
-
-    def _live(self, number: int, head: TrialHead, blocks: list[Block]) -> LiveView:
-        force = np.concatenate([block.force_n for block in blocks])
-        count = np.concatenate([block.encoder_count for block in blocks])
-        per_count = np.array([encoder.rad_per_count for encoder in head.encoders])
-        return LiveView(
-            number, self.session.info.plan.trials, "recording", head.condition,
-            np.arange(force.size) / head.sample_rate_hz, force, (count - count[:1]) * per_count,
-            tuple(encoder.name for encoder in head.encoders), len(self.session.trials),
+            data.angle_rad(), tuple(encoder.name for encoder in data.encoders), sealed,
         )  # fmt: skip
