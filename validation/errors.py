@@ -1,7 +1,7 @@
 """Errors of the `validation` package.
 
-One small hierarchy.  Each class carries the exit code the command line ends with: 2 for input a user can
-mend, 1 for a defect.  A message is one line: what, where, the value found, the value allowed, and what to do.
+Each class carries the exit code of the command line: 2 for input a user can mend, 1 for a defect. A message is one
+line: what, where, the value found, the value allowed, and what to do.
 """
 
 from __future__ import annotations
@@ -15,13 +15,16 @@ class ValidationError(Exception):
     exit_code: ClassVar[int] = 1
 
 
-class InputError(ValidationError, ValueError):
+class ValidationInputError(ValidationError, ValueError):
     """The session, the action or the output path cannot be used as given."""
 
     exit_code: ClassVar[int] = 2
 
 
-class TrialError(InputError):
+InputError = ValidationInputError
+
+
+class TrialError(ValidationInputError):
     """One trial cannot be used; the others still can, and the report states the reason."""
 
 

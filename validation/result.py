@@ -1,9 +1,6 @@
-"""`ValidationResult`: everything the report shows, as data frames.
+"""`ValidationResult`: everything the report shows, as data frames, for use in a notebook.
 
-Place in the data flow: made by `validation.pipeline.compare_session`, shown by `validation.report`, used directly in a
-notebook.
 Conventions: SI and rad; degrees and millimetres appear only in the report.
-Failure: none; a plain record.
 """
 
 from __future__ import annotations

@@ -167,7 +167,7 @@ HOSTILE = 'recalibrated $\\frac{ <b> & "quoted" ' + "x" * 120
 @pytest.fixture(scope="session")
 def side(compared):
     """Two sessions and two models, of one comparison: other names, the second model's errors half as large again."""
-    from validation.pipeline.compare_sessions import SideBySide
+    from validation.side_by_side import SideBySide
     from validation.statistics.model_comparison import paired_models
 
     def other(session, model, factor):

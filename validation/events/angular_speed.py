@@ -1,28 +1,26 @@
 """Angular speeds of the encoders' curves, differentiated on each side of a contact and never across it.
 
-Place in the data flow: one measurement and its events → here → trace table and derived step ``speeds``.
 Conventions: rad/s, positive counter-clockwise, on the DAQ's sample times; NaN where fewer than five samples lie
 between two contacts.
 Source: a cubic fitted to 21 samples (Savitzky–Golay; shorter where a stretch is shorter), one-sided towards its ends.
-A symmetric window across a string contact is wrong by tens of per cent.  The standard uncertainty holds the samples'
+A symmetric window across a string contact is wrong by tens of per cent. The standard uncertainty holds the samples'
 own, propagated through the fit at each place, and what half the window makes of the speed: a measure of what the cubic
-leaves out.  Where speeds change faster than a few samples it is large, and says so.
-Failure: none; a trial without contacts is one stretch.
+leaves out. Where speeds change faster than a few samples it is large, and says so.
 """
 
 from __future__ import annotations
 
 from functools import cache
-from typing import Any
 
 import numpy as np
 import pandas as pd
 from scipy.ndimage import maximum_filter1d
 
+from validation.cache.result_store import ResultStore
+from validation.conventions import ENCODER_CHANNELS, Array
 from validation.events.definitions import Event
 from validation.events.level_crossings import up_crossings
-from validation.measurement.geometry import Array
-from validation.measurement.trial import ENCODER_CHANNELS, Measurement
+from validation.measurement.trial import MeasuredTrial
 
 STEP = "speeds"
 WINDOW = 21
@@ -38,7 +36,7 @@ CONTACTS = {
 LEAVES_S = 6e-3
 
 
-def contact_times(m: Measurement, events: dict[str, Event], channel: str) -> list[float]:
+def contact_times(m: MeasuredTrial, events: dict[str, Event], channel: str) -> list[float]:
     """Times at which the speed of a channel may jump, s, increasing."""
     times = [events[name].value for name in CONTACTS[channel] if np.isfinite(events[name].value)]
     if channel == "hammer":
@@ -99,7 +97,7 @@ def split_speed(time_s: Array, angle_rad: Array, contact_s: list[float], u_sampl
     return speed, u
 
 
-def speed_table(m: Measurement, events: dict[str, Event]) -> pd.DataFrame:
+def speed_table(m: MeasuredTrial, events: dict[str, Event]) -> pd.DataFrame:
     """Speeds of key, whippen and hammer with their uncertainty: ``<channel>_rad_per_s``, ``<channel>_u_rad_per_s``."""
     columns = {"time_s": m.time_s}
     for i, name in enumerate(ENCODER_CHANNELS):
@@ -109,13 +107,8 @@ def speed_table(m: Measurement, events: dict[str, Event]) -> pd.DataFrame:
     return pd.DataFrame(columns)
 
 
-def keep_speeds(session: Any, m: Measurement, table: pd.DataFrame) -> str:
-    """Write the derived step ``speeds`` of one trial; why it could not be kept, or an empty text."""
-    from rig.errors import InputError as RigInputError
-
-    parents = {f"trial_{m.number:04d}.h5": m.seal}
-    try:
-        session.write_derived(STEP, m.number, table, {"window": WINDOW, "order": ORDER, "unit": "rad/s"}, parents)
-    except (RigInputError, OSError) as error:
-        return f"speeds not kept: {error}"
-    return ""
+def store_speeds(store: ResultStore, m: MeasuredTrial, table: pd.DataFrame) -> str:
+    """Write the derived step ``speeds`` of one trial; the reason why it could not be written, or an empty text."""
+    attributes = {"window": WINDOW, "order": ORDER, "unit": "rad/s"}
+    failure = store.write_table(STEP, m.number, m.seal, table, attributes, versioned=False)
+    return f"speeds not kept: {failure}" if failure else ""

@@ -1,12 +1,9 @@
-"""Events of holding and letting go: check, key bottom, key release, rest.
+"""Key bottom, check, key release and rest.
 
-Place in the data flow: `validation.measurement.stroke` → here → `validation.events.detect`.
 Conventions: levels in m; every time is a sub-sample crossing whose uncertainty comes from moving the level by
-its own.
-Source: thesis Section 3.2.2 for the course of a stroke; the bands are this project's definitions
+its own. An event at the edge of its definition is ``ambiguous`` with a note.
+Source: thesis Section 3.2.2 for the phases of a stroke; the bands are this project's definitions
 (`validation.events.definitions`).
-Failure: an event that did not happen is ``absent``; one at the edge of its definition is ``ambiguous`` with a
-note.
 """
 
 from __future__ import annotations
@@ -15,6 +12,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from validation.events.definitions import Event, Status, absent
 from validation.events.level_crossings import (
@@ -26,17 +24,28 @@ from validation.events.level_crossings import (
 )
 from validation.measurement.stroke import Motion
 
-HOLD_S = 0.02
+# A hammer that turns round in flight stays within half a millimetre for up to 2·√(2·0.5 mm/9 m/s²) ≈ 20 ms about the
+# top of its path: only what lasts longer is held. Half of that may be a check of short notes, and is reported as such.
+LEAST_HOLD_S = 0.02
 DOUBTFUL_HOLD_S = 0.01
+# Head and shank creep and swing by some tenths of a millimetre in the felt of the check.
 HOLD_RANGE_M = 0.5e-3
+# Half of that range: the hammer enters the check when it comes this close to the height it is then held at.
 CHECK_BAND_M = 0.25e-3
-CHECK_LOWEST = 0.85
+# Of the rest height: a hammer lower than this has fallen through the check onto the repetition lever or the rest rail.
+CHECK_LOWEST_SHARE = 0.85
+# A head this close to the string is not held but blocks it; the let-off distance of a regulated action is larger.
 CHECK_HIGHEST_M = 1e-3
+# Half way up the key moves fastest, so that the time hardly depends on the level.
 RELEASE_SHARE = 0.5
+# The key bounces on its front felt by a few tenths of a millimetre: one touch, not several.
 DIP_HYSTERESIS_M = 0.5e-3
+# Some 20 counts of the encoders: above their rounding and the slow recovery of the felt, below any motion one can see.
 REST_BAND_M = 0.1e-3
-REST_STAYS_S = 0.05
-DOUBTFUL_S = 0.01
+# Several periods of the slowest vibration left after a stroke: the hammer on its rest cushion.
+REST_LASTS_S = 0.05
+# A time that moves by more than the shortest hold within the uncertainty of its level says nothing about its order.
+DOUBTFUL_TIME_S = 0.01
 
 
 def key_bottom(motion: Motion) -> Event:
@@ -57,7 +66,7 @@ def key_bottom(motion: Motion) -> Event:
 
 @dataclass(frozen=True)
 class Hold:
-    """Height at which the hammer is held after ``after_s``, and where in the samples that was first told.
+    """Height at which the hammer is held after ``after_s``, and the first samples that show it.
 
     ``u_own_m`` is the height's standard uncertainty against other heights of the same record; a hold that is doubtful
     says why in its ``note``.
@@ -74,13 +83,13 @@ class Hold:
 def find_hold(motion: Motion, after_s: float, until_s: float = np.inf) -> Hold | None:
     """First stretch after an impact and before a time in which the hammer is held; None when there is none.
 
-    The height of a hammer that creeps while it is held hangs on where noise lets the hold begin and end: the hold is
-    found again in ranges narrower and wider by three standard uncertainties of a sample, and what the height changes by
+    The height of a hammer that creeps while it is held depends on where noise lets the hold begin and end: the hold is
+    found again in ranges narrower and wider by three standard uncertainties of a sample, and the change of the height
     is part of its uncertainty.
     """
     margin = 3 * motion.u_height_m
     ranges = (HOLD_RANGE_M, HOLD_RANGE_M - margin, HOLD_RANGE_M + margin)
-    for length, note in ((HOLD_S, ""), (DOUBTFUL_HOLD_S, "held for less than 20 ms")):
+    for length, note in ((LEAST_HOLD_S, ""), (DOUBTFUL_HOLD_S, "held for less than 20 ms")):
         found, *others = _held(motion, after_s, until_s, length, ranges)
         if found is None:
             continue
@@ -97,7 +106,7 @@ def _held(
 ) -> list[tuple[float, int, int, float] | None]:
     """First stretch of given length in which the hammer stays within each range between string and rest.
 
-    Median height over the whole hold, the stretch, and what a hold that begins a sample later changes of the height.
+    Median height over the whole hold, the stretch, and the change of the height when the hold begins a sample later.
     """
     time, height = motion.time_s, motion.hammer_height_m
     step = float(np.median(np.diff(time)))
@@ -105,13 +114,11 @@ def _held(
     begin, end = int(np.searchsorted(time, after_s)), int(np.searchsorted(time, until_s))
     if end - begin < n:
         return [None] * len(ranges_m)
-    from scipy.ndimage import maximum_filter1d, minimum_filter1d
-
     part = np.where(np.isfinite(height[begin:end]), height[begin:end], np.inf)
     origin = -(n // 2)  # windows that begin at the sample
     top = maximum_filter1d(part, n, mode="constant", cval=np.inf, origin=origin)
     low = minimum_filter1d(part, n, mode="constant", cval=-np.inf, origin=origin)
-    between = (low > CHECK_HIGHEST_M) & (top < CHECK_LOWEST * motion.rest_height_m)
+    between = (low > CHECK_HIGHEST_M) & (top < CHECK_LOWEST_SHARE * motion.rest_height_m)
     with np.errstate(invalid="ignore"):  # a window of lost samples only
         extent = np.where(between, top - low, np.inf)[: part.size - n + 1]
     found: list[tuple[float, int, int, float] | None] = []
@@ -193,7 +200,7 @@ def rest(motion: Motion, quiet_stop: int) -> Event:
         i = int(out[-1])
         share = (away[i] - level) / (away[i] - away[i + 1])
         when = float(time[i] + share * (time[i + 1] - time[i]))
-        return when if time[-1] - when >= REST_STAYS_S else None
+        return when if time[-1] - when >= REST_LASTS_S else None
 
     value, u = with_level_uncertainty(find, 0.0, 1.0)
     if value is None:
@@ -207,6 +214,6 @@ def _timed(name: str, value: float, u: float) -> Event:
     """A time event; one that jumps by more than 10 ms within its level's uncertainty is ambiguous."""
     if math.isnan(u):
         return Event(name, value, u, "ambiguous", "grazes its level: not found within the uncertainty of the level")
-    if u > DOUBTFUL_S:
+    if u > DOUBTFUL_TIME_S:
         return Event(name, value, u, "ambiguous", f"moves by {1e3 * u:.0f} ms within the uncertainty of its level")
     return Event(name, value, u, "found")

@@ -1,9 +1,7 @@
-"""What an event is: a value, its standard uncertainty, and whether it happened at all.
+"""What an event is: a value, its standard uncertainty, and whether it happened at all; the definition of each event.
 
-Place in the data flow: made by `validation.events.detect`, tabulated by `validation.pipeline.compare_session`, shown
-by the report.
-Conventions: times in s on the DAQ clock, heights in m, speeds in m/s; NaN when the event did not happen.
-Failure: none; an event that cannot be decided has status ``ambiguous`` and a note, never an exception.
+Conventions: times in s on the DAQ clock, heights in m, speeds in m/s; NaN when the event did not happen. An event that
+cannot be decided has status ``ambiguous`` and a note, never an exception.
 """
 
 from __future__ import annotations

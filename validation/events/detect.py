@@ -1,10 +1,4 @@
-"""All events of one keystroke, by the same definitions for a trial and for its prediction.
-
-Place in the data flow: `validation.measurement.stroke.Motion` → here → event tables of
-`validation.pipeline.compare_session`.
-Conventions: see `validation.events.definitions.EVENTS` for each definition, its unit and how it is shown.
-Failure: none; what did not happen is ``absent``.
-"""
+"""All events of one keystroke, by the definitions of `validation.events.definitions.EVENTS`."""
 
 from __future__ import annotations
 

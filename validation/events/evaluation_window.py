@@ -1,25 +1,20 @@
-"""The evaluation window: one interval for all trials and channels, fixed from measured events before anything
-is scored.
+"""The evaluation window: one interval for all trials and channels, fixed from measured events before any scoring.
 
-Place in the data flow: quiet intervals and measured events → here → every score, figure and repeatability of
-the report.
-Conventions: s on the DAQ clock.
-Source: padding a window with quiet samples improves any average; hence one printed rule, not a choice after
-the fact.
-Failure: an empty window is an `InputError`.
+Padding a window with quiet samples improves any average; hence one printed rule, not a choice after the fact.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from validation.errors import InputError
+from validation.conventions import Array
+from validation.errors import ValidationInputError
 from validation.events.definitions import Event
-from validation.measurement.geometry import Array
-from validation.measurement.trial import Measurement
+from validation.measurement.trial import MeasuredTrial
 
 LEAD_S = 0.02
 TAIL_S = 0.05
@@ -40,15 +35,19 @@ class Window:
         return (time >= self.start_s) & (time <= self.end_s)
 
 
-def common_window(measurements: list[Measurement], events: dict[int, dict[str, Event]]) -> Window:
-    """From 20 ms before the earliest force onset to 50 ms after the last trial is at rest, within every
-    record.
+def common_window(measurements: Sequence[MeasuredTrial], events: dict[int, dict[str, Event]]) -> Window:
+    """From 20 ms before the earliest force onset to 50 ms after the last trial is at rest, within every record.
 
     Parameters
     ----------
-    measurements : list of Measurement
+    measurements : sequence of MeasuredTrial
     events : dict
         Trial number → measured events.
+
+    Raises
+    ------
+    ValidationInputError
+        The records have no time in common.
     """
     start = max(min(m.quiet.onset_s for m in measurements) - LEAD_S, max(float(m.time_s[0]) for m in measurements))
     # the model knows no force for the last group delay of a record
@@ -61,5 +60,7 @@ def common_window(measurements: list[Measurement], events: dict[int, dict[str, E
     if end > record:
         end, rule = record, "end of the shortest record"
     if not end > start:
-        raise InputError(f"evaluation window: start {start:.4f} s, end {end:.4f} s; the trials do not overlap in time")
+        raise ValidationInputError(
+            f"evaluation window: start {start:.4f} s, end {end:.4f} s; the trials do not overlap in time"
+        )
     return Window(start, end, "20 ms before the earliest force onset", rule)

@@ -1,16 +1,14 @@
 """The hammer just before and just after the string: speed at contact and time of contact, from one side only.
 
-Place in the data flow: way of the hammer head on one side of a contact → here → `validation.events.string_impact`.
 Conventions: the way is the hammer's angle from the string times the head's lever there: m, 0 at the string, positive
-below it, free of the circle's curvature.  *Age* is the time from the contact, positive on both sides, so that one fit
+below it, free of the circle's curvature. *Age* is the time from the contact, positive on both sides, so that one fit
 serves arrival and departure; speeds are magnitudes.
-Source: samples of the last 2 to 5 ms, as far as they lie on the path of a free hammer.  A symmetric differentiator
-mixes both sides of a velocity that jumps within a millisecond.  In free flight gravity and joint friction slow the head
+Source: samples of the last 2 to 5 ms, as far as they lie on the path of a free hammer. A symmetric differentiator
+mixes both sides of a velocity that jumps within a millisecond. In free flight gravity and joint friction slow the head
 by about 10.5 m/s², and it falls back with 9 (a mass at the end of a light lever: about g), known beforehand to
-1.5 m/s²: over 2 ms that is a straight line carried to contact, over longer flights the deceleration is measured.  A
+1.5 m/s²: over 2 ms that is a straight line carried to contact, over longer flights the deceleration is measured. A
 flight that is not undisturbed for 3 ms is fitted together with one vibration (`validation.events.shank_vibration`),
-or with a parabola while still pushed.
-Failure: fewer than four samples give a NaN speed with a note.
+or with a parabola while still pushed. Fewer than four samples give a NaN speed with a note.
 """
 
 from __future__ import annotations
@@ -19,8 +17,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from validation.conventions import Array
 from validation.events.shank_vibration import Stretch, fit_vibration, is_seen
-from validation.measurement.geometry import Array
 
 WINDOW_S = 2e-3
 LONGEST_FLIGHT_S = 6e-3

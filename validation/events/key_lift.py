@@ -1,30 +1,27 @@
 """False readings of the key encoder: the key lifts off its balance rail, and its scale reads the lift as rotation.
 
-Place in the data flow: one trial and its prediction → here → marked intervals, left out of the key's scores.
-Conventions: m and s on the DAQ clock.  Gap: of capstan and whippen heel, as key and whippen encoder have it, negative
-where the felt is pressed in.  A scale of radius R whose centre rises by d reads d/R too much, so that a capstan r
+Conventions: m and s on the DAQ clock. Gap: of capstan and whippen heel, as key and whippen encoder have it, negative
+where the felt is pressed in. A scale of radius R whose centre rises by d reads d/R too much, so that a capstan r
 behind the pivot seems to drop by d·r/R and rises by d: a lift of 0.1 mm looks like a gap of half a millimetre.
-Source: thesis Sections 3.2.2 and 4.1, where film showed it.  Three things tell a lift from a capstan that really parts:
+Source: thesis Sections 3.2.2 and 4.1, where film showed it. Three things tell a lift from a capstan that really parts:
 
 - the gap is larger than the model's, at any time near enough for the model to be early or late;
 - the capstan is loaded: part of the time the whippen is accelerated upwards of its free fall, so something carries it,
   or the model's capstan is pressed in while its balance rail would have to pull the key down;
 - that pull of the model's rail is stated with each interval, and its absence too.
-
-Failure: none; without a prediction nothing is marked.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d
 
-from validation.measurement.geometry import WHIPPEN, Array
+import model
+from validation.conventions import WHIPPEN, Array
 
 EXCESS_M = 0.2e-3
 EDGE_M = 0.05e-3
@@ -39,8 +36,11 @@ SCALE_RADIUS_M = 0.02608
 
 
 @dataclass(frozen=True)
-class Lift:
-    """One marked interval: ends, when and how large the excess gap was, the lift it stands for, the rail's pull."""
+class KeyLift:
+    """One lift, an interval left out of the scores.
+
+    Its ends, when and how large the excess gap was, the lift it stands for, the pull of the model's rail.
+    """
 
     start_s: float
     end_s: float
@@ -52,22 +52,29 @@ class Lift:
 
 
 @dataclass(frozen=True)
+class RailPull:
+    """An interval in which the model's balance rail would have to pull the key down, and the largest pull."""
+
+    start_s: float
+    end_s: float
+    largest_n: float
+
+
+@dataclass(frozen=True)
 class Capstan:
     """What must be known of the action: the gap as a function of angles, the whippen's free fall, the lever ratio."""
 
-    gap_m: Any
+    gap_m: Callable[[Array], Array]
     free_fall_rad_per_s2: float
     gap_per_lift: float
 
 
-def capstan_of(action: Any, scale_radius_m: float = SCALE_RADIUS_M) -> Capstan:
+def capstan_of(action: model.Action, scale_radius_m: float = SCALE_RADIUS_M) -> Capstan:
     """Capstan of an action of the `model` package.
 
     The free fall is that of whippen, jack and repetition lever together about the whippen's pivot; a hammer resting on
     them only makes it faster.
     """
-    from model import observables
-
     moment = inertia = 0.0
     for body in ("whippen", "jack", "repetition"):
         at_x = at_y = 0.0
@@ -79,7 +86,11 @@ def capstan_of(action: Any, scale_radius_m: float = SCALE_RADIUS_M) -> Capstan:
         inertia += action[f"{body}.inertia"] + mass * reach**2
     fall = -action["gravity.g"] * moment / inertia
     lever = abs(action["contact01.first.x"])
-    return Capstan(lambda angle: observables.capstan_gap_m(action, angle), float(fall), 1 + lever / scale_radius_m)
+
+    def gap(angle: Array) -> Array:
+        return np.asarray(model.observables.capstan_gap_m(action, angle), dtype=float)
+
+    return Capstan(gap, float(fall), 1 + lever / scale_radius_m)
 
 
 def find_lifts(
@@ -90,8 +101,8 @@ def find_lifts(
     *,
     impact_s: float,
     release_s: float,
-    rail: Callable[[], list[Any]] | None = None,
-) -> list[Lift]:
+    rail: Callable[[], list[RailPull]] | None = None,
+) -> list[KeyLift]:
     """Intervals in which the key encoder disagrees with the whippen's while the capstan is loaded.
 
     Parameters
@@ -104,8 +115,7 @@ def find_lifts(
     impact_s, release_s : float
         Of the trial, NaN where absent.
     rail : callable, optional
-        Gives intervals in which the model's rail would have to pull (``start_s``, ``end_s``, ``largest_n``); asked only
-        when there is something to decide.
+        Gives intervals in which the model's rail would have to pull; called only when there is something to decide.
     """
     gap = capstan.gap_m(measured_rad)
     expected = _widened(time_s, capstan.gap_m(predicted_rad), impact_s, release_s)
@@ -129,7 +139,7 @@ def find_lifts(
     return _joined(found)
 
 
-def _near(pulls: list[Any] | None, start_s: float, end_s: float) -> list[Any]:
+def _near(pulls: list[RailPull] | None, start_s: float, end_s: float) -> list[RailPull]:
     return [t for t in pulls or [] if t.start_s - RAIL_NEAR_S <= end_s and t.end_s + RAIL_NEAR_S >= start_s]
 
 
@@ -146,7 +156,8 @@ def _widened(time: Array, gap: Array, impact_s: float, release_s: float) -> Arra
 
 def _carried(whippen_rad: Array, step: float, free_fall: float) -> NDArray[np.bool_]:
     """Samples at which the whippen is accelerated upwards of its free fall."""
-    from scipy.signal import savgol_filter  # a third of a second to import, needed for doubtful trials only
+    # start-up: scipy.signal costs a third of a second, only doubtful trials need it
+    from scipy.signal import savgol_filter
 
     window = max(2 * round(FALL_WINDOW_S / step / 2) + 1, 5)
     acceleration = savgol_filter(whippen_rad, window, 2, deriv=2, delta=step)
@@ -154,7 +165,7 @@ def _carried(whippen_rad: Array, step: float, free_fall: float) -> NDArray[np.bo
 
 
 def _edges(excess: Array, run: NDArray[np.intp], longest: int) -> tuple[int, int]:
-    """Ends of an interval: out to where encoders agree again, but not for ever."""
+    """Ends of an interval: out to where the encoders agree again, within a limit."""
     first, last = int(run[0]), int(run[-1])
     while first > 0 and run[0] - first < longest and excess[first - 1] > EDGE_M:
         first -= 1
@@ -163,7 +174,7 @@ def _edges(excess: Array, run: NDArray[np.intp], longest: int) -> tuple[int, int
     return first, last
 
 
-def _lift(capstan: Capstan, time: Array, excess: Array, first: int, last: int, pulls: list[Any] | None) -> Lift:
+def _lift(capstan: Capstan, time: Array, excess: Array, first: int, last: int, pulls: list[RailPull] | None) -> KeyLift:
     part = excess[first : last + 1]
     worst = first + int(np.nanargmax(part))
     gap = float(excess[worst])
@@ -177,31 +188,23 @@ def _lift(capstan: Capstan, time: Array, excess: Array, first: int, last: int, p
         near = _near(pulls, float(time[first]), float(time[last]))
         pull = max((float(t.largest_n) for t in near), default=0.0)
         reason += f"; the model's rail would have to pull with {pull:.1f} N" if near else "; not predicted by the model"
-    return Lift(float(time[first]), float(time[last]), float(time[worst]), gap, lift, pull, reason)
+    return KeyLift(float(time[first]), float(time[last]), float(time[worst]), gap, lift, pull, reason)
 
 
-def _joined(lifts: list[Lift]) -> list[Lift]:
+def _joined(lifts: list[KeyLift]) -> list[KeyLift]:
     """Intervals that overlap become one, with the larger gap's words."""
-    out: list[Lift] = []
+    out: list[KeyLift] = []
     for lift in lifts:
         if out and lift.start_s <= out[-1].end_s:
             larger = max(out[-1], lift, key=lambda x: x.gap_m)
-            out[-1] = Lift(
-                out[-1].start_s,
-                max(out[-1].end_s, lift.end_s),
-                larger.largest_at_s,
-                larger.gap_m,
-                larger.lift_m,
-                larger.rail_pull_n,
-                larger.reason,
-            )
+            out[-1] = replace(larger, start_s=out[-1].start_s, end_s=max(out[-1].end_s, lift.end_s))
         else:
             out.append(lift)
     return out
 
 
-def marked(time_s: Array, lifts: list[Lift]) -> NDArray[np.bool_]:
-    """Samples inside any marked interval."""
+def lifted_samples(time_s: Array, lifts: Sequence[KeyLift]) -> NDArray[np.bool_]:
+    """Samples inside any lift."""
     out = np.zeros(len(time_s), dtype=bool)
     for lift in lifts:
         out |= (time_s >= lift.start_s) & (time_s <= lift.end_s)

@@ -1,9 +1,7 @@
 """Level crossings of a sampled signal: hysteresis, sub-sample time, and the time's standard uncertainty.
 
-Place in the data flow: used by every event finder in `validation`.
-Conventions: time in s; a crossing is upward when the signal rises through the level.
+Conventions: time in s; a crossing is upward when the signal rises through the level; NaN samples are never part of one.
 Source: linear interpolation between the two samples around the level; without it the time would carry dt/√12.
-Failure: no crossing gives an empty list; NaN samples are never part of a crossing.
 """
 
 from __future__ import annotations
@@ -12,7 +10,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from validation.measurement.geometry import Array
+from validation.conventions import Array
 
 
 def up_crossings(time_s: Array, signal: Array, level: float, hysteresis: float = 0.0) -> list[float]:
@@ -26,7 +24,7 @@ def up_crossings(time_s: Array, signal: Array, level: float, hysteresis: float =
         After a crossing the signal must fall below ``level - hysteresis`` before the next one counts, so that
         noise around the level makes one crossing, not many.
     """
-    state = np.zeros(len(signal), dtype=np.int8)  # NaN stays 0: keep the state before
+    state = np.zeros(len(signal), dtype=np.int8)  # NaN stays 0: the state before goes on
     state[signal >= level] = 1
     state[signal < level - hysteresis] = -1
     if hysteresis == 0.0:

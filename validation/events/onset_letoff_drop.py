@@ -1,11 +1,9 @@
-"""Events of the course of a stroke between the large ones: onset, let-off, bounces before the check, drop, landing.
+"""Onset, let-off, bounces before the check, drop and landing.
 
-Place in the data flow: `validation.measurement.stroke` and the first strike → here → `validation.events.detect`.
 Conventions: levels in m, measured from the stroke's own rest or held height, so that the zero of the bench does not
 enter; every time is a sub-sample crossing whose uncertainty comes from moving the level by its own.
-Source: thesis Section 3.2.2 for the course of a stroke; the levels are this project's definitions
+Source: thesis Section 3.2.2 for the phases of a stroke; the levels are this project's definitions
 (`validation.events.definitions`).
-Failure: an event that did not happen is ``absent``.
 """
 
 from __future__ import annotations
@@ -14,12 +12,12 @@ import math
 
 import numpy as np
 
+from validation.conventions import Array
 from validation.events.check_and_rest import Hold
 from validation.events.definitions import Event, absent
 from validation.events.free_flight import DECELERATION_M_PER_S2
 from validation.events.level_crossings import bend_uncertainty_s, first_after, up_crossings, with_level_uncertainty
 from validation.events.string_impact import Strike
-from validation.measurement.geometry import Array
 from validation.measurement.stroke import Motion
 
 ONSET_M = 0.1e-3

@@ -1,15 +1,13 @@
 """A flying hammer whose shank vibrates: rigid flight and one damped vibration fitted together.
 
-Place in the data flow: called by `validation.events.free_flight` for a flight that no parabola describes.
-Conventions: as there; speed and way are those of the rigid flight, without the vibration.  The encoder sits at the
-butt, and in free flight a light butt swings against a heavy head: the head itself keeps to the rigid path within
+Conventions: speed and way are those of the rigid flight, without the vibration. The encoder sits at the
+butt, and in free flight a light butt swings against a heavy head: the head itself stays on the rigid path within
 `HEAD_SHARE` of the vibration, which is stated as uncertainty.
 Source: thesis Section 4.1, which saw the head vibrate on its shank; the first bending mode of a hammer shank lies at
 some hundreds of hertz, so that a 2 ms line holds only half a period of it and its slope is wrong by up to the
-vibration's own speed.  At least one whole period must lie in the flight, so that a push is not taken for one; the
+vibration's own speed. At least one whole period must lie in the flight, so that a push is not taken for one; the
 deceleration of free flight and the damping enter as measurements with their uncertainty, which keeps the fit
-determined.  The two parameters that are not linear are found on a grid and refined on ever smaller stencils.
-Failure: None when no stretch of 3 to 6 ms is described within the samples' uncertainty.
+determined. The two parameters that are not linear are found on a grid and refined on ever smaller stencils.
 """
 
 from __future__ import annotations
@@ -19,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from validation.measurement.geometry import Array
+from validation.conventions import Array
 
 Stretch = Callable[[float, float], tuple[Array, Array]]
 
@@ -32,7 +30,7 @@ MODEL_SHARE = 0.01  # of the vibration's amplitude that one damped sine leaves u
 HEAD_SHARE = 0.02  # of the butt's vibration that the head takes part in, about the ratio of their inertias
 ROUNDS = 8
 SEEN = 18.0  # chi-square of two parameters at the best of some frequencies: one clean flight in a thousand
-LOOK_HZ = np.arange(170.0, 420.0, 25.0)
+TEST_HZ = np.arange(170.0, 420.0, 25.0)
 
 
 @dataclass(frozen=True)
@@ -50,13 +48,13 @@ class ShakenFlight:
 
 def is_seen(age: Array, residual: Array, sigma: float) -> bool:
     """Whether what a rigid flight leaves holds a vibration that a chi-square of all samples overlooks."""
-    turn = np.exp(2j * np.pi * LOOK_HZ[:, None] * age)
+    turn = np.exp(2j * np.pi * TEST_HZ[:, None] * age)
     power = 2 * np.abs(turn @ (residual / sigma)) ** 2 / age.size
     return bool(power.max() > SEEN)
 
 
 def fit_vibration(stretch: Stretch, sigma: float, slowing: float, u_slowing: float, side: int) -> ShakenFlight | None:
-    """Fit the longest stretch that rigid flight and one vibration describe.
+    """Fit the longest stretch that rigid flight and one vibration describe; None when there is none of 3 to 6 ms.
 
     Parameters
     ----------

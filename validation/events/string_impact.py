@@ -1,12 +1,9 @@
 """String impacts: when the hammer touches, how fast it arrives and how fast it leaves.
 
-Place in the data flow: `validation.measurement.stroke` → here (with `validation.events.free_flight`) →
-`validation.events.detect`.
 Conventions: hammer height in m, 0 at the string; speeds of the head normal to the string, positive towards the string
 before contact and away from it after.
-Source: thesis Section 3.2.2 for the course of a stroke.  The time of contact is where the incoming flight reaches the
+Source: thesis Section 3.2.2 for the phases of a stroke. The time of contact is where the incoming flight reaches the
 string, not a crossing interpolated between a flying and an already braked sample.
-Failure: none; a contact that is not like one is reported as ambiguous with a note.
 """
 
 from __future__ import annotations
@@ -65,10 +62,10 @@ def _near_misses(motion: Motion, known: list[float]) -> list[Strike]:
         if any(abs(first - t) < 2 * REVERSAL_S for t in known):
             continue
         begin = int(np.searchsorted(time, first))
-        look = height[begin : begin + 5 * reach]
-        if look.size == 0 or not np.isfinite(look).any():
+        near = height[begin : begin + 5 * reach]
+        if near.size == 0 or not np.isfinite(near).any():
             continue
-        turn = begin + int(np.nanargmin(look))
+        turn = begin + int(np.nanargmin(near))
         if turn - reach < 0 or turn + reach >= time.size:
             continue
         speed_in = (height[turn - reach] - height[turn]) / (time[turn] - time[turn - reach])

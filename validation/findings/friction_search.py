@@ -1,10 +1,9 @@
 """Which friction of the model is wrong, if one is: the single coefficient whose change explains the difference best.
 
-Place in the data flow: one trial without other faults, run again with changed friction → here → findings.
 Conventions: differences of key, whippen and hammer angles in units of each channel's range, before the release only.
-Source: Gauss–Newton on one parameter at a time, in its logarithm; the change is then checked by a run.
-Failure: no finding when the difference is small, when the uncertainty of the force may make it (a soft blow amplifies a
-load cell's gain), or when no single coefficient takes nearly all of it away.  A finding is a
+Source: Gauss–Newton on one parameter at a time, in its logarithm; the change is then checked by a run. There is no
+finding when the difference is small, when the uncertainty of the force may make it (a soft blow amplifies a
+load cell's gain), or when no single coefficient takes nearly all of it away. A finding is a
 suspicion: other errors of the model can look like friction.
 """
 
@@ -17,11 +16,11 @@ from typing import Any
 
 import numpy as np
 
-from validation.findings.session_checks import Finding
-from validation.measurement.geometry import Array
-from validation.measurement.trial import ENCODER_CHANNELS, Measurement
-from validation.prediction.model_under_test import Predictor
-from validation.prediction.trial_prediction import BODIES
+from model.errors import ModelError
+from validation.conventions import ENCODER_BODIES, Array
+from validation.findings.finding import SessionFinding
+from validation.measurement.trial import MeasuredTrial
+from validation.prediction.model_under_test import ModelUnderTest
 
 STEP = 0.1  # of the logarithm
 LARGEST_FACTOR = 4.0
@@ -33,32 +32,32 @@ TAKES_AWAY = 0.95  # of the squared difference: with less, several things differ
 
 
 def wrong_friction(
-    predictor: Predictor, m: Measurement, until_s: float, *, run: Callable[..., Iterable[Any]] = map
-) -> list[Finding]:
-    """Suspect the one friction coefficient that explains the difference between model and trial, unless known already.
+    tested: ModelUnderTest, m: MeasuredTrial, until_s: float, *, run: Callable[..., Iterable[Any]] = map
+) -> list[SessionFinding]:
+    """Name the one friction coefficient that explains the difference between model and trial; known results are reused.
 
     Parameters
     ----------
-    predictor : Predictor
-    m : Measurement
+    tested : ModelUnderTest
+    m : MeasuredTrial
         A trial without other faults.
     until_s : float
-        End of what is looked at: the release, after which differences grow of themselves.
+        End of the differences taken into account: the release, after which they grow of themselves.
     run : callable
         ``map``, or the ``map`` of an executor.
     """
     force = m.force
-    found = predictor.kept.of(
+    found = tested.store.value(
         "friction search",
-        (predictor.identity, m.number, force.time_s, force.force_n, force.preload_n, m.time_s, m.change_rad, until_s),
-        lambda: [asdict(finding) for finding in _search(predictor, m, until_s, run)],
+        (tested.identity, m.number, force.time_s, force.force_n, force.preload_n, m.time_s, m.change_rad, until_s),
+        lambda: [asdict(finding) for finding in _search(tested, m, until_s, run)],
     )
-    return [Finding(**finding) for finding in found]
+    return [SessionFinding(**finding) for finding in found]
 
 
-def _search(predictor: Predictor, m: Measurement, until_s: float, run: Callable[..., Iterable[Any]]) -> list[Finding]:
-    from model.errors import ModelError
-
+def _search(
+    tested: ModelUnderTest, m: MeasuredTrial, until_s: float, run: Callable[..., Iterable[Any]]
+) -> list[SessionFinding]:
     force = m.force
     time = m.time_s[(m.time_s >= force.time_s[0]) & (m.time_s <= min(force.time_s[-1], until_s))]
     inside = np.isin(m.time_s, time)
@@ -66,41 +65,41 @@ def _search(predictor: Predictor, m: Measurement, until_s: float, run: Callable[
     extent = np.ptp(trial, axis=0)
     if time.size < 10 or not np.all(extent > 0):
         return []
-    order = [BODIES.index(name) for name in ENCODER_CHANNELS]
 
     def residual(changed: dict[str, float], gain: float = 1.0, level_n: float = 0.0) -> Array | None:
         try:
-            action = predictor.action.with_values(changed) if changed else predictor.action
-            rest = predictor.load_of(action, gain * force.preload_n + level_n).rest
-            found = predictor.simulate(
+            action = tested.action.with_values(changed) if changed else tested.action
+            rest = tested.load_of(action, gain * force.preload_n + level_n).rest
+            found = tested.simulate(
                 action,
                 force.time_s,
                 gain * force.force_n + level_n,
-                tolerance=predictor.tolerance,
+                tolerance=tested.tolerance,
                 output_time_s=time,
                 initial=rest,
             )
         except ModelError:
             return None
-        change = np.asarray(found.angle_rad, dtype=float)[:, order] - np.asarray(rest.angle_rad)[order]
+        change = (
+            np.asarray(found.angle_rad, dtype=float)[:, ENCODER_BODIES] - np.asarray(rest.angle_rad)[ENCODER_BODIES]
+        )
         return np.asarray((change - trial) / extent).ravel()
 
     start = residual({})
     if start is None or math.sqrt(float(np.mean(start**2))) < SMALLEST_DIFFERENCE:
         return []
-    u_level_n = math.hypot(force.u_preload_n, force.hum.u_offset_n)
-    by_force = (residual({}, gain=1 + force.gain_relative_u), residual({}, level_n=u_level_n))
+    by_force = (residual({}, gain=1 + force.channel.gain_relative_u), residual({}, level_n=force.u_level_n))
     if _explained_by_force(start, [moved - start for moved in by_force if moved is not None]):
         return []
-    paths = [p for p, q in sorted(predictor.action.quantities.items()) if p.endswith("friction.A") and q.value > 0]
-    stepped = list(run(residual, [{p: predictor.action[p] * math.exp(STEP)} for p in paths]))
+    paths = [p for p, q in sorted(tested.action.quantities.items()) if p.endswith("friction.A") and q.value > 0]
+    stepped = list(run(residual, [{p: tested.action[p] * math.exp(STEP)} for p in paths]))
     taken = {}
     for path, moved in zip(paths, stepped, strict=True):
         if moved is not None:
             slope = (moved - start) / STEP
             taken[path] = float((slope @ start) ** 2 / ((slope @ slope) * (start @ start))) if slope.any() else 0.0
     likely = sorted(taken, key=lambda p: -taken[p])[:3]
-    followed = list(run(lambda path: _follow(residual, path, predictor.action[path], start), likely))
+    followed = list(run(lambda path: _follow(residual, path, tested.action[path], start), likely))
     best: tuple[float, str, float] = (0.0, "", 1.0)
     for path, (factor, share) in zip(likely, followed, strict=True):
         best = max(best, (share, path, factor))
@@ -108,10 +107,10 @@ def _search(predictor: Predictor, m: Measurement, until_s: float, run: Callable[
     if share < TAKES_AWAY:
         return []
     text = (
-        f"model: {path} = {predictor.action[path]:.3g} is suspected: {factor:.2f} times as much takes away "
+        f"model: {path} = {tested.action[path]:.3g} is suspected: {factor:.2f} times as much takes away "
         f"{100 * share:.0f} % of the squared difference from trial {m.number} until the release; measure this friction"
     )
-    return [Finding("wrong friction", float("nan"), path, factor, 1.0, text)]
+    return [SessionFinding("wrong friction", float("nan"), path, factor, 1.0, text)]
 
 
 def _explained_by_force(start: Array, moved: list[Array]) -> bool:

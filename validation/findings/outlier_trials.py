@@ -1,24 +1,25 @@
-"""Trials that stand out from the others, each with a reason.  They are flagged and kept, never removed.
+"""Trials that stand out from the others, each with a reason. They are flagged and stay in, never removed.
 
-Place in the data flow: traces and events of all trials → here → findings of `validation.findings.session_checks`.
-Conventions: distances of curves as in `validation.statistics.repeatability.distance_ratios`.
+Conventions: distances of curves as in `validation.statistics.repeatability.distance_ratios`. With fewer than four
+trials one trial cannot be told from the others, and none is flagged.
 Source: with few trials no test of outliers has power (Grubbs at n = 5 can hardly reach its limit), so a trial is
 flagged by how far it lies from the median of the others, when that is also more than a hundredth of the channel's range
 (trials that agree perfectly make a small difference look large); the reason is looked for in what is known of its blow.
-Failure: fewer than four trials, where one trial cannot be told from the others, give none.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import pandas as pd
 
+from validation.conventions import ENCODER_CHANNELS, Array
 from validation.events.definitions import EVENTS, Event
-from validation.findings.session_checks import Finding
-from validation.measurement.geometry import Array
-from validation.measurement.trial import ENCODER_CHANNELS, Measurement
+from validation.findings.finding import SessionFinding
+from validation.measurement.trial import MeasuredTrial
+from validation.statistics.common_base import on_common_base
 from validation.statistics.repeatability import STANDS_OUT, distance_ratios
-from validation.tables.traces import on_common_base
 
 ODD = 5.0  # times the usual departure from the median
 FAR = 0.01  # of the channel's range, root mean square
@@ -30,10 +31,10 @@ SCALE_EXPLAINS = 0.9  # of the squared distance
 def outlying(
     base: Array,
     traces: dict[int, pd.DataFrame],
-    measured: list[Measurement],
+    measured: Sequence[MeasuredTrial],
     events: dict[int, dict[str, Event]],
     explained: set[tuple[int, str]],
-) -> list[Finding]:
+) -> list[SessionFinding]:
     """One finding per trial that stands out in channels nothing else explains.
 
     Parameters
@@ -63,7 +64,7 @@ def outlying(
             f"trial {number} stands out in {worst}{others}: {by_channel[worst]:.1f} times as far from the others as is "
             f"usual; {why}; it is kept, annotate it to leave it out"
         )
-        out.append(Finding("outlying trial", number, worst, by_channel[worst], STANDS_OUT, text))
+        out.append(SessionFinding("outlying trial", number, worst, by_channel[worst], STANDS_OUT, text))
     return out
 
 
@@ -87,7 +88,7 @@ def _scale(curves: Array, j: int) -> float:
     return factor if left < 1 - SCALE_EXPLAINS else float("nan")
 
 
-def _reason(number: int, measured: list[Measurement], events: dict[int, dict[str, Event]], scale: float) -> str:
+def _reason(number: int, measured: Sequence[MeasuredTrial], events: dict[int, dict[str, Event]], scale: float) -> str:
     """What is odd about a trial's readings, its blow or its events."""
     reasons = []
     if np.isfinite(scale):

@@ -1,32 +1,31 @@
 """Which trials are pooled for a channel or an event: all but those whose encoder is proven to be wired wrong.
 
-Place in the data flow: findings of `validation.findings.session_checks` → here → channel, score and event tables.
-Conventions: a pair is (trial, channel).  A channel that is reversed, swapped or dead measures something else, and a
+Conventions: a pair is (trial, channel). A channel that is reversed, swapped or dead measures something else, and a
 mean or scatter with it means nothing: the trial's own scores and curves are shown, pooled figures are without it, with
-the reason and "n of N".  A trial that only stands out stays in; what the scatter would be without it is said beside.
-Failure: none; a channel of which no trial is left has no pooled figures.
+the reason and "n of N". A trial that only stands out stays in; what the scatter would be without it is said beside.
+A channel of which no trial is left has no pooled figures.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import TypeVar
 
 import numpy as np
 import pandas as pd
 
+from validation.conventions import ENCODER_CHANNELS, Array
 from validation.events.definitions import EVENTS, Event
-from validation.findings.session_checks import WIRING, Finding
-from validation.measurement.geometry import Array
-from validation.measurement.trial import ENCODER_CHANNELS
+from validation.findings.finding import WIRING, SessionFinding
+from validation.measurement.trial import MeasuredTrial
+from validation.statistics.common_base import on_common_base
 from validation.statistics.repeatability import curve_repeatability
-from validation.tables.traces import on_common_base
 
 T = TypeVar("T")
 LeftOut = Collection[tuple[int, str]]
 
 
-def left_out(findings: Iterable[Finding]) -> frozenset[tuple[int, str]]:
+def left_out(findings: Iterable[SessionFinding]) -> frozenset[tuple[int, str]]:
     """Trials and channels that are no measurement of what they are named after."""
     return frozenset((int(f.trial), f.channel) for f in findings if f.kind in WIRING)
 
@@ -57,8 +56,14 @@ def state_of(numbers: Collection[int], channel: str, without: LeftOut) -> str:
     return f"{len(numbers) - len(missing)} of {len(numbers)}: {which} left out, wired wrong"
 
 
+def sound_trials(trials: Sequence[MeasuredTrial], findings: Iterable[SessionFinding]) -> list[MeasuredTrial]:
+    """Trials without a fault that spoils the comparison of one trial with the model."""
+    broken = {f.trial for f in findings if f.kind in (*WIRING, "outlying trial")}
+    return [m for m in trials if m.number not in broken]
+
+
 def with_and_without(
-    base: Array, traces: dict[int, pd.DataFrame], findings: list[Finding], without: LeftOut
+    base: Array, traces: dict[int, pd.DataFrame], findings: Iterable[SessionFinding], without: LeftOut
 ) -> list[str]:
     """What the scatter of each encoder would be without the trials that stand out, which stay in."""
     odd = sorted({int(f.trial) for f in findings if f.kind == "outlying trial"})

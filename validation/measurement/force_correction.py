@@ -1,26 +1,24 @@
-"""Quiet interval, force correction and encoder zero of one trial.
+"""Quiet baseline, force correction and encoder zero of one trial.
 
-Place in the data flow: `rig.session` trial data → here → the force that drives the model and the angles it is
-scored on.
 Conventions: force positive downwards; sample i of the force was taken at ``time_s[i] - group_delay_s``, so
 the delay moves the force's time axis and never its values; nothing is ever smoothed or resampled.
 Source: docs/decisions/0017-validation-hum.md and 0006-bench-preload-and-offset.md; mains hum in
 `validation.measurement.mains_hum`.
-Failure: a trial without a usable baseline is a `TrialError` that states how much is needed.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TypedDict, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
 
+from validation.conventions import Array
 from validation.errors import TrialError
-from validation.measurement.geometry import Array
 from validation.measurement.mains_hum import HumFit, fit_hum
 
-FIRST_LOOK_S = 0.02
+FIRST_BASELINE_S = 0.02
 MINIMUM_QUIET_S = 0.02
 MARGIN_S = 0.01
 ONSET_SIGMA = 5.0
@@ -50,19 +48,61 @@ class CorrectedForce:
     """The force on the key as the model must see it.
 
     ``time_s`` is when the force acted (group delay taken off); ``u_force_n`` the standard uncertainty of each
-    sample: noise, offset, hum and preload; ``gain_relative_u`` is common to all samples and kept apart.
+    sample: noise, offset, hum and preload; the gain's, ``channel.gain_relative_u``, is common to all samples and not
+    part of it.
     """
 
     time_s: Array
     force_n: Array
     u_force_n: Array
-    gain_relative_u: float
     hum: HumFit
     noise_n: float
+    channel: ForceChannel
+
+    @property
+    def preload_n(self) -> float:
+        """Declared force of the resting arm, N."""
+        return self.channel.preload_n
+
+    @property
+    def u_level_n(self) -> float:
+        """Standard uncertainty common to all samples, of the preload and the fitted offset, N."""
+        return float(np.hypot(self.channel.u_preload_n, self.hum.u_offset_n))
+
+
+class ForceChannelValues(TypedDict, total=False):
+    """Keywords of `correct_force`, see `ForceChannel`."""
+
+    group_delay_s: float
     preload_n: float
     u_preload_n: float
-    group_delay_s: float
     u_group_delay_s: float
+    gain_relative_u: float
+    mains_hz: float | None
+
+
+@dataclass(frozen=True)
+class ForceChannel:
+    """What is declared of the force channel.
+
+    Parameters
+    ----------
+    group_delay_s, u_group_delay_s : float
+        Sample i was taken at ``time_s[i] - group_delay_s``, known with this standard uncertainty.
+    preload_n, u_preload_n : float
+        Declared force of the resting arm and its standard uncertainty.
+    gain_relative_u : float
+        Relative standard uncertainty of the calibration factor.
+    mains_hz : float or None
+        Nominal mains frequency; None tries 50 and 60 Hz.
+    """
+
+    group_delay_s: float = 0.0
+    preload_n: float = 0.0
+    u_preload_n: float = 0.0
+    u_group_delay_s: float = 0.0
+    gain_relative_u: float = 0.0
+    mains_hz: float | None = None
 
 
 def _refuse_lost(time: Array, force: Array) -> None:
@@ -84,7 +124,7 @@ def _first_run(mask: NDArray[np.bool_], length: int) -> int | None:
 
 
 def _force_onset(force: Array, first: int) -> int | None:
-    """Sample at which the force leaves its first look, walked back to its last baseline crossing.
+    """Sample at which the force leaves its first baseline, walked back to its last crossing of it.
 
     It has left when it is 5 σ away, and at least a hundredth of its largest excursion, so that a slow drift is no blow.
     """
@@ -130,7 +170,7 @@ def find_quiet(
     time, force = np.asarray(time_s, dtype=float), np.asarray(force_n, dtype=float)
     _refuse_lost(time, force)
     step = float(np.median(np.diff(time)))
-    first = max(int(round(FIRST_LOOK_S / step)), 8)
+    first = max(int(round(FIRST_BASELINE_S / step)), 8)
     if time.size <= 2 * first:
         raise TrialError(
             f"record of {1e3 * step * time.size:.0f} ms is too short; record at least 0.3 s before the blow"
@@ -162,16 +202,7 @@ def find_quiet(
 
 
 def correct_force(
-    time_s: Array,
-    force_n: Array,
-    quiet: Quiet,
-    *,
-    group_delay_s: float = 0.0,
-    preload_n: float = 0.0,
-    u_preload_n: float = 0.0,
-    u_group_delay_s: float = 0.0,
-    gain_relative_u: float = 0.0,
-    mains_hz: float | None = None,
+    time_s: Array, force_n: Array, quiet: Quiet, **declared: Unpack[ForceChannelValues]
 ) -> CorrectedForce:
     """Correct a calibrated force for offset, mains hum and channel delay; never smooth it.
 
@@ -183,39 +214,24 @@ def correct_force(
     time_s, force_n : (n,) arrays
         DAQ time and calibrated force.
     quiet : Quiet
-    group_delay_s : float
-        Sample i was taken at ``time_s[i] - group_delay_s``.
-    preload_n, u_preload_n : float
-        Declared force of the resting arm and its standard uncertainty.
-    gain_relative_u : float
-        Relative standard uncertainty of the calibration factor.
-    mains_hz : float or None
-        None tries 50 and 60 Hz.
+    **declared
+        What is declared of the force channel: the fields of `ForceChannel`.
 
     Raises
     ------
     TrialError
         When force samples are lost (NaN).
     """
+    channel = ForceChannel(**declared)
     time, force = np.asarray(time_s, dtype=float), np.asarray(force_n, dtype=float)
     _refuse_lost(time, force)
-    hum = fit_hum(time[: quiet.stop], force[: quiet.stop], mains_hz)
-    corrected = force - hum.baseline_n(time) + preload_n
+    hum = fit_hum(time[: quiet.stop], force[: quiet.stop], channel.mains_hz)
+    corrected = force - hum.baseline_n(time) + channel.preload_n
     noise = hum.residual_after_n if hum.accepted else hum.residual_before_n
     slope = np.gradient(corrected, time)
-    u = np.sqrt(noise**2 + hum.u_baseline_n(time) ** 2 + u_preload_n**2 + (slope * u_group_delay_s) ** 2)
-    return CorrectedForce(
-        time - group_delay_s,
-        corrected,
-        u,
-        gain_relative_u,
-        hum,
-        noise,
-        preload_n,
-        u_preload_n,
-        group_delay_s,
-        u_group_delay_s,
-    )
+    u_delay = slope * channel.u_group_delay_s
+    u = np.sqrt(noise**2 + hum.u_baseline_n(time) ** 2 + channel.u_preload_n**2 + u_delay**2)
+    return CorrectedForce(time - channel.group_delay_s, corrected, u, hum, noise, channel)
 
 
 def encoder_change(angle_rad: Array, quiet: Quiet, resolution_rad: Array) -> tuple[Array, Array, Array]:

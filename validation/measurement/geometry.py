@@ -1,13 +1,10 @@
-"""Where the action touches: hammer height, key dip and the levels at which events happen.
+"""Where the action touches: hammer height, key dip and the levels at which events happen, for model and trial alike.
 
-Place in the data flow: the model's geometry → levels used by `validation.events.detect`, the same for model and
-trial.
 Conventions: SI, absolute angles counter-clockwise; the hammer height is the distance from the highest point
 of the hammer head to the string line, 0 at contact and positive below it; the key dip is the downward travel
 of the key front.
 Source: Hirschkorn (2004), Appendix A for the geometry and Section 2.3 for height and dip as technicians
 measure them.
-Failure: a level the model cannot give is an `InputError` that names it.
 """
 
 from __future__ import annotations
@@ -15,17 +12,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from validation.errors import InputError
-
-Array = NDArray[np.float64]
-
-KEY, WHIPPEN, JACK, REPETITION, HAMMER = range(5)
+import model
+from validation.conventions import HAMMER, KEY, Array
+from validation.errors import ValidationInputError
 
 
 @dataclass(frozen=True)
@@ -54,7 +47,7 @@ class ActionGeometry:
         height = self.hammer_height_m(self.absolute({HAMMER: turn}))
         above = np.flatnonzero(height <= 0)
         if above.size == 0 or above[0] == 0:
-            raise InputError(
+            raise ValidationInputError(
                 f"action: hammer height is {1e3 * height[0]:.2f} mm at rest and stays above 0 for 0.8 rad; "
                 "check the string contact and the rest state"
             )
@@ -97,34 +90,32 @@ class ActionGeometry:
         return float(abs(high - low) / (2 * step))
 
 
-def geometry_of(action: Any, rest_angle_rad: Array) -> ActionGeometry:
+def geometry_of(action: model.Action, rest_angle_rad: Array) -> ActionGeometry:
     """Geometry of an action of the `model` package.
 
     Parameters
     ----------
-    action : model action
-        As returned by ``model.load_action``.
+    action : model.Action
     rest_angle_rad : (5,) array
         Its rest state under the load the trials start from.
 
     Raises
     ------
-    InputError
+    ValidationInputError
         When the key of this action never reaches its felt within 0.2 rad.
     """
-    from model import observables
-
     rest = np.asarray(rest_angle_rad, dtype=float)
 
     def height(angle: Array) -> Array:
-        return np.asarray(observables.hammer_height_m(action, angle), dtype=float)
+        return np.asarray(model.observables.hammer_height_m(action, angle), dtype=float)
 
     def dip(angle: Array) -> Array:
-        return np.asarray(observables.key_dip_m(action, angle, rest), dtype=float)
+        return np.asarray(model.observables.key_dip_m(action, angle, rest), dtype=float)
 
-    return ActionGeometry(
-        rest, height, dip, touch_dip(rest, dip, lambda angle: observables.key_front_gap_m(action, angle))
-    )
+    def key_gap(angle: Array) -> Array:
+        return np.asarray(model.observables.key_front_gap_m(action, angle), dtype=float)
+
+    return ActionGeometry(rest, height, dip, touch_dip(rest, dip, key_gap))
 
 
 def touch_dip(rest_rad: Array, dip: Callable[[Array], Array], key_gap: Callable[[Array], Array]) -> float:
@@ -135,7 +126,7 @@ def touch_dip(rest_rad: Array, dip: Callable[[Array], Array], key_gap: Callable[
     gap = key_gap(angle)
     closed = np.flatnonzero(gap <= 0)
     if closed.size == 0 or closed[0] == 0:
-        raise InputError(
+        raise ValidationInputError(
             f"action: gap under the key front is {1e3 * gap[0]:.2f} mm at rest and {1e3 * gap[-1]:.2f} mm "
             "after 0.2 rad; it must start above 0 and close; check the key front contact"
         )

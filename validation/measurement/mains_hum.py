@@ -1,24 +1,22 @@
-"""Mains hum on the load cell: fitted on the quiet baseline, subtracted over the whole trial, refused when it
-does not help.
+"""Mains hum on the load cell: fitted on the quiet baseline, subtracted over the whole trial, unless it does not help.
 
-Place in the data flow: raw force → here → `validation.measurement.force_correction`.  The peak of the blow is never
-filtered: the sinusoids are subtracted as they were found, so a trial without hum passes through unchanged.
+The peak of the blow is never filtered: the sinusoids are subtracted as they were found, so a trial without hum passes
+through unchanged. A baseline shorter than two mains periods gets an offset only, and the result states the reason.
 Conventions: force in N, positive downwards; phase is that of a cosine at time 0 of the DAQ clock.
 Source: ordinary least squares of offset + sin/cos at 1, 2, 3 × mains; the frequency is a free parameter only
-on baselines of at least 0.2 s.  A notch run forwards and backwards changes the peak by up to newtons, which
+on baselines of at least 0.2 s. A notch run forwards and backwards changes the peak by up to newtons, which
 is why none is used.
-Failure: a baseline shorter than two mains periods gets an offset only, and the reason is stated in the
-result.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
+from scipy.special import fdtri
 
-from validation.measurement.geometry import Array
+from validation.conventions import Array
 
 HARMONICS = 3
 SEARCH_HZ = 0.2
@@ -49,7 +47,7 @@ class HumFit:
     residual_after_n: float
     accepted: bool
     reason: str
-    covariance: NDArray[np.float64]
+    covariance: Array
 
     def baseline_n(self, time_s: Array) -> Array:
         """What is subtracted from the raw force: the offset and, when accepted, the sinusoids, N."""
@@ -95,8 +93,6 @@ def _solve(time: Array, force: Array, frequency_hz: float) -> tuple[Array, float
 
 def _search(time: Array, force: Array, centre_hz: float) -> float:
     """Frequency of least residual within ± SEARCH_HZ of the nominal one."""
-    from scipy.optimize import minimize_scalar
-
     grid = np.linspace(centre_hz - SEARCH_HZ, centre_hz + SEARCH_HZ, 17)
     cost = [_solve(time, force, f)[1] for f in grid]
     best = int(np.argmin(cost))
@@ -149,21 +145,8 @@ def fit_hum(time_s: Array, force_n: Array, mains_hz: float | None = None) -> Hum
     u_mean = before * np.sqrt(correlation_inflation(force) / n)
 
     def refused(reason: str, f: float, coefficient: Array | None, after: float, searched: bool) -> HumFit:
-        c = np.zeros(2 * HARMONICS + 1) if coefficient is None else coefficient
-        amplitude, phase = _polar(c)
-        return HumFit(
-            offset,
-            float(u_mean),
-            f,
-            searched,
-            amplitude,
-            phase,
-            before,
-            after,
-            False,
-            reason,
-            np.zeros((0, 0)),
-        )
+        polar = _polar(np.zeros(2 * HARMONICS + 1) if coefficient is None else coefficient)
+        return HumFit(offset, float(u_mean), f, searched, *polar, before, after, False, reason, np.zeros((0, 0)))
 
     declared = min(nominal) if mains_hz is None else mains_hz
     if length < 2.0 / declared:
@@ -184,44 +167,20 @@ def fit_hum(time_s: Array, force_n: Array, mains_hz: float | None = None) -> Hum
         return refused(reason, frequency, coefficient, after, searched)
 
     coefficient = _shift(coefficient, frequency, float(middle))
-    amplitude, phase = _polar(coefficient)
+    polar = _polar(coefficient)
     fit = HumFit(
-        float(coefficient[0]),
-        0.0,
-        frequency,
-        searched,
-        amplitude,
-        phase,
-        before,
-        after,
-        True,
-        "",
-        np.zeros((0, 0)),
+        float(coefficient[0]), 0.0, frequency, searched, *polar, before, after, True, "", covariance=np.zeros((0, 0))
     )
     columns = _design(time, frequency)
     if searched:
         columns = np.column_stack([columns, fit._frequency_column(time)])
     inflation = correlation_inflation(force - fit.baseline_n(time))
     covariance = np.asarray(np.linalg.pinv(columns.T @ columns) * after**2 * inflation, dtype=float)
-    return HumFit(
-        float(coefficient[0]),
-        float(np.sqrt(covariance[0, 0])),
-        frequency,
-        searched,
-        amplitude,
-        phase,
-        before,
-        after,
-        True,
-        "",
-        covariance,
-    )
+    return replace(fit, u_offset_n=float(np.sqrt(covariance[0, 0])), covariance=covariance)
 
 
 def _refusal(time: Array, force: Array, f: float, before: float, after: float, parameters: int) -> str:
     """Why the sinusoids must not be subtracted, or an empty string."""
-    from scipy.special import fdtri
-
     n = time.size
     gained = before**2 * (n - 1) - after**2 * (n - parameters)
     if after == 0.0:

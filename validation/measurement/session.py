@@ -1,55 +1,60 @@
-"""Usable trials of a session, and the reason of each that is not.
+"""Usable trials of a session, and the reason for each that is not: the first stage of a comparison.
 
-Place in the data flow: `rig.session` → here (with `validation.measurement.trial`) →
-`validation.pipeline.compare_session`.
-Conventions: rejected, damaged and incomplete trials are named and kept out; the rest goes on.
-Failure: a session that cannot be opened is an error of `rig.session`.
+Rejected, damaged and incomplete trials are named and left out; the rest goes on.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
-from validation.errors import InputError, TrialError
+from rig.errors import RigError
+from rig.session import Session
+from validation.errors import TrialError, ValidationInputError
 from validation.measurement.geometry import ActionGeometry
-from validation.measurement.trial import Measurement, measure
+from validation.measurement.trial import MeasuredTrial, measure
 
 USABLE_STATUS = ("complete", "not at rest")
 
 
-def open_session(session: Any) -> Any:
+@dataclass(frozen=True)
+class MeasuredSession:
+    """Usable trials of a session, and by number the reason for each that is not."""
+
+    session: Session
+    trials: tuple[MeasuredTrial, ...]
+    refused: dict[int, str]
+
+
+def open_session(session: Session | str | Path) -> Session:
     """The session itself, or the session at a path."""
-    if not isinstance(session, str | Path):
-        return session
-    from rig.session import Session
-
-    return Session.open(session)
+    return Session.open(session) if isinstance(session, str | Path) else session
 
 
-def measure_all(
-    session: Any, geometry: Callable[[float], ActionGeometry], u_rest_level_m: float, condition: str | None = None
-) -> tuple[list[Measurement], dict[int, str]]:
-    """Usable trials, and the reason of each that is not, by number.
+def measure_session(
+    session: Session,
+    geometry: Callable[[float], ActionGeometry],
+    u_rest_level_m: float,
+    condition: str | None = None,
+) -> MeasuredSession:
+    """Measure every usable trial.
 
     Parameters
     ----------
-    session : rig.session.Session
+    session : Session
     geometry : callable
         Geometry of the action under test at a preload in N.
     u_rest_level_m : float
         Standard uncertainty of hammer height and key dip at rest on the bench.
     condition : str, optional
-        Condition of the trial plan to keep to.
+        The only condition of the trial plan to use.
 
     Raises
     ------
-    InputError
+    ValidationInputError
         The usable trials are of several conditions and none was chosen, or the chosen one was not recorded.
     """
-    from rig.errors import RigError
-
     measured, refused = [], {}
     conditions: dict[str, int] = {}
     for trial in session.trials:
@@ -65,23 +70,23 @@ def measure_all(
                 refused[trial.number] = f"recorded under the condition {data.condition!r}, not {condition!r}"
                 continue
             derived = session.read_derived("angles", trial.number)
-            measured.append(
-                measure(
-                    data,
-                    None if derived is None else derived[0],
-                    geometry(data.force_info.preload_n),
-                    u_rest_level_m=u_rest_level_m,
-                    seal=trial.sha256,
-                )
-            )
+            film = None if derived is None else derived[0]
+            action_geometry = geometry(data.force_info.preload_n)
+            measured.append(measure(data, film, action_geometry, u_rest_level_m=u_rest_level_m, seal=trial.sha256))
         except (RigError, TrialError) as error:
             refused[trial.number] = str(error)
     found = ", ".join(f"{name!r} ({n} trials)" for name, n in sorted(conditions.items()))
     if condition is None and len(conditions) > 1:
-        raise InputError(
+        raise ValidationInputError(
             f"{session.path}: trials of several conditions found: {found}; allowed one, for different motions have no "
             "common repeatability; choose it with --condition"
         )
     if condition is not None and conditions and condition not in conditions:
-        raise InputError(f"{session.path}: no usable trial of the condition {condition!r}; found {found}")
-    return measured, refused
+        raise ValidationInputError(f"{session.path}: no usable trial of the condition {condition!r}; found {found}")
+    return MeasuredSession(session, tuple(measured), refused)
+
+
+def representative(trials: tuple[MeasuredTrial, ...] | list[MeasuredTrial]) -> MeasuredTrial:
+    """The trial of median peak force, which stands for all where many runs of the model are needed."""
+    order = sorted(trials, key=lambda m: (float(m.force.force_n.max()), m.number))
+    return order[(len(order) - 1) // 2]

@@ -1,10 +1,7 @@
-"""The motion of one keystroke in the form the event finders read: one object for a trial, one for its
-prediction.
+"""The motion of one keystroke in the form the event finders read: one object for a trial, one for its prediction.
 
-Place in the data flow: measured encoder angles or predicted angles → `Motion` → `validation.events.detect`.
 Conventions: absolute angles in rad, counter-clockwise; lengths in m; the random part of an uncertainty
-(sample to sample) is kept apart from the part common to the whole trial (where zero was).
-Failure: shapes that disagree are a `ValueError` of numpy, not caught here.
+(sample to sample) is stated apart from the part common to the whole trial (where zero was).
 """
 
 from __future__ import annotations
@@ -13,7 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from validation.measurement.geometry import HAMMER, KEY, WHIPPEN, ActionGeometry, Array
+from validation.conventions import HAMMER, KEY, WHIPPEN, Array
+from validation.measurement.geometry import ActionGeometry
 
 
 @dataclass(frozen=True)

@@ -1,29 +1,24 @@
-"""One trial as validation sees it: corrected force, encoder angles with uncertainty, film angles, quiet
-interval, motion.
+"""One trial as validation sees it: corrected force, encoder angles with uncertainty, film angles, baseline, motion.
 
-Place in the data flow: `rig.session` trial and its derived film angles → `Measurement` →
-`validation.pipeline.compare_session`.
 Conventions: angles are changes since rest in rad, counter-clockwise; everything on the DAQ clock; encoder
 order key, whippen, hammer whatever the order in the file; jack and repetition lever relative to the whippen.
-Failure: a trial that cannot be used is a `TrialError`; the comparison then goes on without it and says so.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import pandas as pd
 
+from rig.session import TrialData
+from validation.conventions import ENCODER_CHANNELS, FILM_CHANNELS, Array
 from validation.errors import TrialError
 from validation.measurement.force_correction import CorrectedForce, Quiet, correct_force, encoder_change, find_quiet
-from validation.measurement.geometry import ActionGeometry, Array
+from validation.measurement.geometry import ActionGeometry
 from validation.measurement.mains_hum import TOO_SHORT
 from validation.measurement.stroke import Motion, motion_of
 
-ENCODER_CHANNELS = ("key", "whippen", "hammer")
-FILM_CHANNELS = ("jack", "repetition")
 # hammer height and key dip at rest are set with gauges to about 0.1 mm (rectangular, half width)
 U_REST_LEVEL_M = 0.1e-3 / np.sqrt(3)
 
@@ -43,7 +38,7 @@ class FilmAngles:
 
 
 @dataclass(frozen=True)
-class Measurement:
+class MeasuredTrial:
     """A usable trial."""
 
     number: int
@@ -62,13 +57,13 @@ class Measurement:
 
 
 def measure(
-    data: Any,
+    data: TrialData,
     film_table: pd.DataFrame | None,
     geometry: ActionGeometry,
     *,
     u_rest_level_m: float = U_REST_LEVEL_M,
     seal: str = "",
-) -> Measurement:
+) -> MeasuredTrial:
     """Correct the force, zero the angles and state the uncertainties of one trial.
 
     Parameters
@@ -81,7 +76,7 @@ def measure(
     u_rest_level_m : float
         Standard uncertainty with which hammer height and key dip at rest are known on the bench.
     seal : str
-        SHA-256 of the trial, kept for provenance.
+        SHA-256 of the trial, for provenance.
 
     Raises
     ------
@@ -126,7 +121,7 @@ def measure(
     film, notes = _film(film_table, data, quiet)
     if force.hum.reason.startswith(TOO_SHORT):
         notes.append(f"hum not subtracted: {force.hum.reason}")
-    return Measurement(
+    return MeasuredTrial(
         data.number,
         time,
         np.asarray(data.force_n, dtype=float),
@@ -143,7 +138,7 @@ def measure(
     )
 
 
-def _film(table: pd.DataFrame | None, data: Any, quiet: Quiet) -> tuple[FilmAngles | None, list[str]]:
+def _film(table: pd.DataFrame | None, data: TrialData, quiet: Quiet) -> tuple[FilmAngles | None, list[str]]:
     if table is None:
         return None, []
     needed = ["time_s"] + [f"{name}_relative{tail}" for name in FILM_CHANNELS for tail in ("_rad", "_u_rad")]
@@ -166,11 +161,14 @@ def _film(table: pd.DataFrame | None, data: Any, quiet: Quiet) -> tuple[FilmAngl
         lost = int((~np.isfinite(change[name])).sum())
         if lost:
             notes.append(f"film: {name} lost in {lost} of {time.size} frames")
-    camera = getattr(data, "camera", None)
-    return FilmAngles(time, change, u, camera.u_time_s if camera is not None else 0.0, whippen), notes
+    return FilmAngles(time, change, u, 0.0 if data.camera is None else data.camera.u_time_s, whippen), notes
 
 
 def _u_column(table: pd.DataFrame, name: str) -> str:
-    """Uncertainty with camera, shutter and codec where the tracker states it, else of noise and reference alone."""
+    """Column of the uncertainty: the total one, or that of noise and reference alone where there is no other.
+
+    Only tracks of films without a stated budget of camera, shutter and codec lack the total; the partial one is then
+    all that is known of them, and smaller than the truth.
+    """
     total = f"{name}_relative_u_total_rad"
     return total if total in table else f"{name}_relative_u_rad"

@@ -1,9 +1,7 @@
 """The first lines of the report: what was compared, how far apart, against which repeatability, which events differ.
 
-Place in the data flow: channel and event tables → here → top of the report and of `results.json`.
 Conventions: degrees for reading; the RMSE is set against the repeatability limit, the paired difference against its own
-uncertainty; no model is called valid.
-Failure: none; what is not known is left out or said to be unknown.
+uncertainty; no model is called valid; what is not known is left out or said to be unknown.
 """
 
 from __future__ import annotations
@@ -15,7 +13,7 @@ from typing import Any
 import pandas as pd
 
 from validation.events.definitions import EVENTS
-from validation.findings.session_checks import Finding, distorted_trials, summary_line
+from validation.findings.finding import SessionFinding, distorted_trials, summary_line
 
 
 def verdict_lines(
@@ -24,7 +22,7 @@ def verdict_lines(
     channels: pd.DataFrame,
     events: pd.DataFrame,
     n_trials: int,
-    findings: Sequence[Finding] = (),
+    findings: Sequence[SessionFinding] = (),
 ) -> list[str]:
     """The verdict as sentences, the most important first.
 
@@ -35,7 +33,7 @@ def verdict_lines(
         `ValidationResult.channels` and `ValidationResult.event_summary`.
     n_trials : int
         Trials used.
-    findings : sequence of Finding
+    findings : sequence of SessionFinding
         Faults of the session.
     """
     scored = channels[channels["rmse_rad"].notna()]

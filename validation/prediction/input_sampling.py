@@ -1,25 +1,23 @@
 """What the inputs of a prediction may have been: draws of the force and of the action's parameters within their u.
 
-Place in the data flow: a measurement and an action → here → `validation.statistics.event_budget`.
 Conventions: a *case* is an action, a force and a tolerance; parameters are drawn independently from normal
 distributions cut at three standard deviations, from lognormal ones where u is more than a quarter of the value, so
-that no friction turns negative.  Parameters whose u is this project's decision (basis ``assumed``) are a group of their
-own.
+that no friction turns negative. Parameters whose u is this project's decision (basis ``assumed``) are a group of their
+own. A draw the model cannot use is counted by `validation.statistics.event_budget`.
 Source: JCGM 101 (propagation of distributions); the force's budget is that of
 `validation.measurement.force_correction`.
-Failure: none here; a draw the model cannot use is counted by the budget.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from validation.measurement.geometry import Array
-from validation.measurement.trial import Measurement
+import model
+from validation.conventions import Array
+from validation.measurement.trial import MeasuredTrial
 
 ASSUMED = "assumed"
 PARAMETER_DRAWS = 24
@@ -31,7 +29,7 @@ SEED = 20
 
 @dataclass(frozen=True)
 class Case:
-    """Inputs of one run: its group, changed parameters, force over time, the tolerance asked for, the preload."""
+    """Inputs of one run: its group, changed parameters, force over time, requested tolerance, preload."""
 
     group: str
     changed: dict[str, float]
@@ -41,7 +39,7 @@ class Case:
     preload_n: float
 
 
-def cases(m: Measurement, action: Any, tolerance: float) -> list[Case]:
+def cases(m: MeasuredTrial, action: model.Action, tolerance: float) -> list[Case]:
     """All runs of a budget; the first is the case as it stands."""
     f = m.force
 
@@ -56,13 +54,13 @@ def cases(m: Measurement, action: Any, tolerance: float) -> list[Case]:
     ) -> Case:
         return Case(group, changed or {}, time_s, force_n, tol, preload)
 
-    u_level = float(np.hypot(f.u_preload_n, f.hum.u_offset_n))
+    gain = 1 + f.channel.gain_relative_u
     rng = np.random.default_rng([SEED, m.number])
     found = [case("base"), case("numerics", tol=tolerance / 10), case("numerics", tol=tolerance / 100)]
     found += [
-        case("force gain", force_n=f.force_n * (1 + f.gain_relative_u), preload=f.preload_n * (1 + f.gain_relative_u)),
-        case("force level", force_n=f.force_n + u_level, preload=f.preload_n + u_level),
-        case("force delay", time_s=f.time_s + f.u_group_delay_s),
+        case("force gain", force_n=f.force_n * gain, preload=f.preload_n * gain),
+        case("force level", force_n=f.force_n + f.u_level_n, preload=f.preload_n + f.u_level_n),
+        case("force delay", time_s=f.time_s + f.channel.u_group_delay_s),
     ]
     found += [
         case("force noise", force_n=f.force_n + f.noise_n * rng.standard_normal(f.force_n.size))
@@ -75,7 +73,7 @@ def cases(m: Measurement, action: Any, tolerance: float) -> list[Case]:
     return found
 
 
-def uncertain_parameters(action: Any, *, assumed: bool) -> dict[str, tuple[float, float]]:
+def uncertain_parameters(action: model.Action, *, assumed: bool) -> dict[str, tuple[float, float]]:
     """Value and standard uncertainty of every parameter with u > 0 whose basis is (not) an assumption."""
     return {
         path: (q.value, q.u)
@@ -98,7 +96,7 @@ def _draws(known: dict[str, tuple[float, float]], n: int, rng: np.random.Generat
         yield {path: float(x) for path, x in zip(known, drawn, strict=True)}
 
 
-def _unit_vectors(values: dict[str, float], action: Any) -> dict[str, float]:
+def _unit_vectors(values: dict[str, float], action: model.Action) -> dict[str, float]:
     """Directions drawn by their components, brought back to the length they have."""
     out = dict(values)
     for path in values:

@@ -1,103 +1,93 @@
-"""The model under test with everything its predictions depend on, and what it predicts for one trial.
+"""The model under test: an action, its tolerance, rest state and geometry, and the functions that simulate it.
 
-Place in the data flow: measurements → here (with `validation.prediction.trial_prediction`) →
-`validation.pipeline.compare_session`.
-Conventions: each trial's own corrected force drives the model from rest under the trial's declared preload.  Beside it
-stand two *rivals*: the null model (one degree of freedom, nothing fitted) under the same force, and the model itself
-under the force as recorded.
-Failure: a rival that cannot be predicted is left out with a note; the model itself must succeed.
+Conventions: each trial's own corrected force drives the model from rest under the trial's declared preload.
 """
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import Protocol
 
-import numpy as np
-
-from validation.cache.provenance import model_version
-from validation.cache.result_cache import Kept
-from validation.errors import PredictionError
-from validation.events.definitions import Event
-from validation.events.detect import find_events
-from validation.measurement.force_correction import CorrectedForce
+import model
+from validation.cache.content_hash import code_sha256
+from validation.cache.result_store import ResultStore
+from validation.conventions import Array
 from validation.measurement.geometry import ActionGeometry, geometry_of
-from validation.measurement.stroke import Motion, motion_of
-from validation.measurement.trial import ENCODER_CHANNELS, Measurement
-from validation.prediction.trial_prediction import Prediction, action_sha256, predict_trial
 
 RIVALS = ("null", "raw_force")
 
 
-@dataclass
+class Rest(Protocol):
+    """A rest state: absolute angles of the five bodies."""
+
+    @property
+    def angle_rad(self) -> Array:
+        """Angles, (5,) rad."""
+
+
+@dataclass(frozen=True)
+class StandIns:
+    """Functions that take the place of the project's own, for other models and for tests; None means its own.
+
+    Parameters
+    ----------
+    predict : callable
+        For ``model.simulate``.
+    rest_state : callable
+        For ``model.rest_state``.
+    geometry : callable
+        For `validation.measurement.geometry.geometry_of`.
+    """
+
+    predict: Callable[..., model.Solution] | None = None
+    rest_state: Callable[..., Rest] | None = None
+    geometry: Callable[[model.Action, Array], ActionGeometry] | None = None
+
+    @property
+    def none(self) -> bool:
+        """Whether everything is computed by this project; a stand-in's code is known by its name only."""
+        return self.predict is None and self.rest_state is None and self.geometry is None
+
+
+@dataclass(frozen=True)
 class Load:
     """Rest state and geometry of the action under one preload."""
 
-    rest: Any
+    rest: Rest
     geometry: ActionGeometry
 
 
 @dataclass
-class TrialPrediction:
-    """What is predicted for one trial: by the model, by its rivals, and the model's events."""
-
-    model: Prediction
-    rivals: dict[str, Prediction]
-    events: dict[str, Event]
-    notes: list[str]
-
-
-@dataclass
-class Predictor:
+class ModelUnderTest:
     """The model under test.
 
     Parameters
     ----------
-    action : model action
+    action : model.Action
     tolerance : float
         Requested largest error of any angle, rad.
-    predict, rest_state, geometry, null : callable, optional
-        Stand-ins for ``model.simulate``, ``model.rest_state``, `validation.measurement.geometry.geometry_of` and
-        ``model.null_model.simulate``.
+    stand_ins : StandIns
     rivals : tuple of str
-        Some of `RIVALS`.
-    session : rig.session.Session, optional
-        Where predictions are kept; None keeps none.
-    kept : Kept
-        Where what is computed from predictions and trials is kept.
+        What is predicted beside the model, some of `RIVALS`: the null model (one degree of freedom, nothing fitted)
+        under the same force, and the model itself under the force as recorded.
+    store : ResultStore
+        Results of earlier runs.
     """
 
-    action: Any
+    action: model.Action
     tolerance: float = 1e-5
-    predict: Callable[..., Any] | None = None
-    rest_state: Callable[..., Any] | None = None
-    geometry: Callable[[Any, Any], ActionGeometry] | None = None
-    null: Callable[..., Any] | None = None
+    stand_ins: StandIns = StandIns()
     rivals: tuple[str, ...] = RIVALS
-    session: Any = None
-    kept: Kept = field(default_factory=Kept)
+    store: ResultStore = field(default_factory=ResultStore)
     _loads: dict[float, Load] = field(default_factory=dict, init=False, repr=False)
 
     @cached_property
-    def simulate(self) -> Callable[..., Any]:
+    def simulate(self) -> Callable[..., model.Solution]:
         """``model.simulate`` or its stand-in."""
-        if self.predict is not None:
-            return self.predict
-        import model
-
-        found: Callable[..., Any] = model.simulate
-        return found
-
-    @cached_property
-    def simulate_null(self) -> Callable[..., Any]:
-        """``model.null_model.simulate`` or its stand-in."""
-        if self.null is not None:
-            return self.null
-        from model import null_model
-
-        return null_model.simulate
+        return self.stand_ins.predict or model.simulate
 
     @cached_property
     def action_hash(self) -> str:
@@ -106,7 +96,7 @@ class Predictor:
 
     @cached_property
     def version(self) -> str:
-        """Hash of the predictor's source."""
+        """Hash of the source of what simulates."""
         return model_version(self.simulate)
 
     @property
@@ -120,87 +110,24 @@ class Predictor:
             self._loads[preload_n] = self.load_of(self.action, preload_n)
         return self._loads[preload_n]
 
-    def load_of(self, action: Any, preload_n: float) -> Load:
+    def load_of(self, action: model.Action, preload_n: float) -> Load:
         """Rest and geometry of any action under a preload."""
-        rest_state = self.rest_state
-        if rest_state is None:
-            import model
+        rest = (self.stand_ins.rest_state or model.rest_state)(action, force_n=preload_n)
+        return Load(rest, (self.stand_ins.geometry or geometry_of)(action, rest.angle_rad))
 
-            rest_state = model.rest_state
-        rest = rest_state(action, force_n=preload_n)
-        return Load(rest, (self.geometry or geometry_of)(action, rest.angle_rad))
-
-    def rail_tensions(self, m: Measurement) -> list[Any]:
-        """Intervals in which the model's balance rail would have to pull the key down, under this trial's force.
-
-        A look inside costs some eighty times a prediction: asked for one trial, and only when there is a doubt.  A
-        stand-in for the model has no inside.
-        """
-        if self.predict is not None:
-            return []
-        from model.inside.rail import Tension
-
-        force = m.force
-        found = self.kept.of(
-            "look inside",
-            (self.identity, force.time_s, force.force_n, force.preload_n),
-            lambda: [asdict(tension) for tension in self._look_inside(force)],
-        )
-        return [Tension(**tension) for tension in found]
-
-    def _look_inside(self, force: CorrectedForce) -> list[Any]:
-        run = self.simulate(
-            self.action,
-            force.time_s,
-            force.force_n,
-            tolerance=self.tolerance,
-            initial=self.load(force.preload_n).rest,
-            inside=True,
-        )
-        return list(run.inside.key_tensions())
-
-    def trial(self, m: Measurement) -> TrialPrediction:
-        """Predict one trial by the model and its rivals; unchanged inputs are read, not simulated."""
-        from model.errors import ModelError
-
-        load = self.load(m.force.preload_n)
-        found = self._one(m, load, "model")
-        notes = []
-        rivals = {}
-        for name in self.rivals:
-            try:
-                rivals[name] = self._one(m, load, name)
-            except (ModelError, PredictionError) as error:
-                notes.append(f"{name.replace('_', ' ')} not predicted: {error}")
-        events = self.events(predicted_motion(found, load.geometry, self.tolerance), m.quiet.stop)
-        return TrialPrediction(found, rivals, events, notes)
-
-    def events(self, motion: Motion, quiet_stop: int) -> dict[str, Event]:
-        """Events of a trial or of a prediction, found once."""
-        found = self.kept.of(
-            "events",
-            (motion, quiet_stop),
-            lambda: [asdict(event) for event in find_events(motion, quiet_stop).values()],
-        )
-        return {event["name"]: Event(**event) for event in found}
-
-    def _one(self, m: Measurement, load: Load, variant: str) -> Prediction:
-        found, failure = predict_trial(
-            m,
-            self.action,
-            load.rest,
-            self.simulate_null if variant == "null" else self.simulate,
-            tolerance=self.tolerance,
-            action_hash=self.action_hash,
-            model_version=self.version,
-            session=self.session,
-            variant=variant,
-        )
-        self.kept.count("predictions", reused=found.reused, failure=failure)
-        return found
+    def geometry_at(self, preload_n: float) -> ActionGeometry:
+        """Geometry under a preload."""
+        return self.load(preload_n).geometry
 
 
-def predicted_motion(p: Prediction, geometry: ActionGeometry, tolerance: float) -> Motion:
-    """Motion of a prediction for the same event finders; a sample is as uncertain as the tolerance asked for."""
-    change = np.column_stack([p.change_rad(name) for name in ENCODER_CHANNELS])
-    return motion_of(geometry, p.time_s, change, np.full(3, tolerance), u_zero_rad=np.full(3, tolerance))
+def model_version(predict: Callable[..., model.Solution]) -> str:
+    """Hash of the source and libraries of what simulates, so that a changed model never meets an old prediction."""
+    if predict.__module__.split(".")[0] == "model":
+        return f"model {code_sha256('model')}"
+    return f"{predict.__module__}.{getattr(predict, '__qualname__', type(predict).__name__)}"
+
+
+def action_sha256(action: model.Action) -> str:
+    """Hash of all parameter values and of which bodies and shapes they belong to."""
+    structure = "\n".join(f"{path}={text}" for path, text in sorted(action.structure.items()))
+    return hashlib.sha256(f"{action.content()}\n{structure}".encode()).hexdigest()

@@ -1,12 +1,10 @@
 """The other way round: the measured motion of the key drives the model, and the force at the key front is predicted.
 
-Place in the data flow: one trial → ``model.simulate_motion`` → force table, figure and row of `ValidationResult`.
 Conventions: N, positive downwards; differences are predicted − measured on the DAQ's sample times, measured force
-corrected and taken at the time it acted.  Left out: samples where the model's rail would have to pull the key down,
-and marked lifts, with 5 ms on either side, because there the encoder's angle is no rotation.
+corrected and taken at the time it acted. Left out: samples where the model's rail would have to pull the key down,
+and lifts of the key, with 5 ms on either side, because there the encoder's angle is no rotation.
 Source: under a prescribed force the heavy key hides what the rest of the action does; only a prescribed motion tests
 the action (Thorin, Boutillon and Lozada 2014).
-Failure: a motion the model cannot follow gives no row and a note.
 """
 
 from __future__ import annotations
@@ -18,11 +16,10 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from validation.events.evaluation_window import Window
-from validation.events.key_lift import Lift, marked
-from validation.measurement.geometry import Array
-from validation.measurement.trial import Measurement
-from validation.prediction.model_under_test import Predictor
+import model
+from validation.conventions import Array
+from validation.measurement.trial import MeasuredTrial
+from validation.prediction.model_under_test import ModelUnderTest
 
 MEMBERS = 8  # of the ensemble that carries the uncertainty of the angle: u is then known to a quarter
 AROUND_S = 5e-3
@@ -41,33 +38,41 @@ COLUMNS = [
 
 
 def motion_driven(
-    predictor: Predictor,
-    m: Measurement,
-    lifts: list[Lift],
-    window: Window,
+    tested: ModelUnderTest,
+    m: MeasuredTrial,
+    at: Array,
+    lifted: NDArray[np.bool_],
     *,
     run: Callable[..., Iterable[Any]] = map,
 ) -> pd.DataFrame:
-    """Measured and predicted force of one trial inside the window; ``run``: ``map`` or the ``map`` of an executor.
+    """Measured and predicted force of one trial.
+
+    Parameters
+    ----------
+    tested : ModelUnderTest
+    m : MeasuredTrial
+    at : (n,) array
+        Sample times of the evaluation window, s.
+    lifted : (n,) array of bool
+        Samples at which the key lifts.
+    run : callable
+        ``map``, or the ``map`` of an executor.
 
     Returns
     -------
     DataFrame
         time_s, force_n (measured), u_force_n, predicted_force_n, u_predicted_n, factor (of 95 %), left_out.
     """
-    import model
-
-    rest = predictor.load(m.force.preload_n).rest.angle_rad
-    at = m.time_s[window.mask(m.time_s)]
+    rest = tested.load(m.force.preload_n).rest.angle_rad
     # a quantised encoder's own jitter is in the change's uncertainty beyond a count's
     resolution = float(m.resolution_rad[0])
 
     def drive() -> dict[str, object]:
         driven = model.simulate_motion(
-            predictor.action,
+            tested.action,
             m.time_s,
             m.change_rad[:, 0] + rest[0],
-            tolerance=predictor.tolerance,
+            tolerance=tested.tolerance,
             output_time_s=at,
             resolution_rad=resolution,
             members=MEMBERS,
@@ -80,11 +85,11 @@ def motion_driven(
             "coverage_factor": driven.coverage_factor,
         }
 
-    driven = predictor.kept.of(
-        "force from motion", (predictor.identity, MEMBERS, m.time_s, m.change_rad[:, 0], rest, at, resolution), drive
+    driven = tested.store.value(
+        "force from motion", (tested.identity, MEMBERS, m.time_s, m.change_rad[:, 0], rest, at, resolution), drive
     )
     step = float(np.median(np.diff(m.time_s)))
-    out = _around(np.asarray(driven["lifted"], dtype=bool) | marked(at, lifts), round(AROUND_S / step))
+    out = _around(np.asarray(driven["lifted"], dtype=bool) | lifted, round(AROUND_S / step))
     return pd.DataFrame(
         {
             "time_s": at,

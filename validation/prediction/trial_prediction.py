@@ -1,38 +1,33 @@
-"""Prediction of one trial: its own corrected force drives the model from rest; unchanged inputs are not
-simulated again.
+"""Prediction of one trial: its own force drives the model from rest; unchanged inputs are not simulated again.
 
-Place in the data flow: `validation.measurement.trial` → model → angles on the DAQ's sample times (and, by the same
-cubic, on film times).  Conventions: changes since the model's own rest under the declared preload, rad; NaN
-where the force is not known yet, that is for the last group delay of the record.
-Failure: a result of the wrong shape is a `PredictionError`; a cache that cannot be read or written only costs
-time.
+Conventions: angles on the DAQ's sample times (and, by the same cubic, on film times); changes since the model's own
+rest under the declared preload, rad; NaN where the force is not known yet, that is for the last group delay of the
+record.
 """
 
 from __future__ import annotations
 
-import hashlib
-import shutil
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pandas as pd
 
+import model
+from validation.cache.content_hash import result_key
+from validation.conventions import BODIES, Array
 from validation.errors import PredictionError
-from validation.measurement.geometry import Array
-from validation.measurement.trial import Measurement
+from validation.measurement.trial import MeasuredTrial
+from validation.prediction.model_under_test import ModelUnderTest
 
-BODIES = ("key", "whippen", "jack", "repetition", "hammer")
 STEP = "prediction"
-MOST_ACTIONS = 4  # whose predictions a session keeps, so that models side by side do not drive each other out
 # what drives and what predicts, and how the derived step of each begins
 VARIANTS = {"model": STEP, "raw_force": f"{STEP}_raw_force", "null": f"{STEP}_null"}
+COLUMNS = [f"{body}_rad" for body in BODIES], [f"{body}_rad_per_s" for body in BODIES]
 
 
 @dataclass(frozen=True)
-class Prediction:
+class PredictedAngles:
     """Predicted angles of one trial; ``reused`` says that no simulation was needed."""
 
     time_s: Array
@@ -50,6 +45,7 @@ class Prediction:
 
     def change_at(self, body: str, time_s: Array) -> Array:
         """The same at other times, by the cubic through angles and speeds; NaN outside the prediction."""
+        # start-up: scipy.interpolate costs 0.1 s, only filmed trials need it
         from scipy.interpolate import CubicHermiteSpline
 
         i = BODIES.index(body)
@@ -63,140 +59,61 @@ class Prediction:
         return np.asarray(curve(at) - self.rest_angle_rad[i], dtype=float)
 
 
-def action_sha256(action: Any) -> str:
-    """Hash of all parameter values and of which bodies and shapes they belong to."""
-    structure = "\n".join(f"{path}={text}" for path, text in sorted(action.structure.items()))
-    return hashlib.sha256(f"{action.content()}\n{structure}".encode()).hexdigest()
-
-
-def driving_force(measurement: Measurement, variant: str) -> tuple[Array, Array]:
-    """Times and values of the force that drives a variant: corrected, or as it was recorded."""
-    if variant == "raw_force":
-        return measurement.time_s, measurement.raw_force_n
-    return measurement.force.time_s, measurement.force.force_n
-
-
-def input_sha256(
-    measurement: Measurement,
-    action_hash: str,
-    tolerance: float,
-    model_version: str,
-    rest: Array,
-    variant: str = "model",
-) -> str:
-    """Hash of everything a prediction depends on."""
-    digest = hashlib.sha256()
-    for text in (action_hash, repr(float(tolerance)), model_version, variant):
-        digest.update(text.encode() + b"\0")
-    for array in (*driving_force(measurement, variant), measurement.time_s, rest):
-        digest.update(np.ascontiguousarray(array, dtype="<f8").tobytes() + b"\0")
-    return digest.hexdigest()
-
-
-def predict_trial(
-    measurement: Measurement,
-    action: Any,
-    rest: Any,
-    predict: Callable[..., Any],
-    *,
-    tolerance: float,
-    action_hash: str,
-    model_version: str,
-    session: Any = None,
-    variant: str = "model",
-) -> tuple[Prediction, str]:
+def predict_trial(m: MeasuredTrial, tested: ModelUnderTest, variant: str = "model") -> PredictedAngles:
     """Predict one trial, or read its prediction when nothing it depends on has changed.
 
     Parameters
     ----------
-    measurement : Measurement
-    action : model action
-    rest : object with ``angle_rad`` (5,)
-        Rest state under the preload of this trial.
-    predict : callable
-        ``model.simulate`` or a stand-in with the same call.
-    tolerance : float
-        Requested largest error of any angle, rad.
-    action_hash, model_version : str
-        Part of the cache key.
-    session : rig.session.Session, optional
-        Where predictions are kept (``derived/prediction_<action>``…); None keeps none.
+    m : MeasuredTrial
+    tested : ModelUnderTest
+        Its store keeps predictions as the derived step ``prediction_<action>``.
     variant : {"model", "raw_force", "null"}
-        Which force drives, and under which name the prediction is kept; ``predict`` must be the null model's for the
-        last.
+        Which force drives, and whether the null model takes the place of the model.
 
-    Returns
-    -------
-    prediction : Prediction
-    failure : str
-        Why the prediction could not be kept, or empty.
+    Raises
+    ------
+    PredictionError
+        The result has the wrong shape.
     """
-    rest_angle = np.asarray(rest.angle_rad, dtype=float)
-    key = input_sha256(measurement, action_hash, tolerance, model_version, rest_angle, variant)
-    step = f"{VARIANTS[variant]}_{action_hash[:12]}"
-    kept = _read(session, measurement, key, rest_angle, step)
-    if kept is not None:
-        return kept, ""
-    time = measurement.time_s
-    force_time, force = driving_force(measurement, variant)
-    inside = (time >= force_time[0]) & (time <= force_time[-1])
-    solution = predict(action, force_time, force, tolerance=tolerance, output_time_s=time[inside], initial=rest)
-    angle, speed = np.full((time.size, 5), np.nan), np.full((time.size, 5), np.nan)
+    load = tested.load(m.force.preload_n)
+    rest = np.asarray(load.rest.angle_rad, dtype=float)
+    force_s, force_n = (m.time_s, m.raw_force_n) if variant == "raw_force" else (m.force.time_s, m.force.force_n)
+    inputs = (tested.action_hash, float(tested.tolerance), variant, force_s, force_n, m.time_s, rest)
+    key = result_key("predictions", tested.version, inputs)
+    step = f"{VARIANTS[variant]}_{tested.action_hash[:12]}"
+    stored = _stored(tested, m, step, key, rest)
+    if stored is not None:
+        tested.store.count("predictions", reused=True)
+        return stored
+    inside = (m.time_s >= force_s[0]) & (m.time_s <= force_s[-1])
+    simulate = model.null_model.simulate if variant == "null" else tested.simulate
+    solution = simulate(
+        tested.action,
+        force_s,
+        force_n,
+        tolerance=tested.tolerance,
+        output_time_s=m.time_s[inside],
+        initial=load.rest,
+    )
+    angle, speed = np.full((m.time_s.size, 5), np.nan), np.full((m.time_s.size, 5), np.nan)
     got = np.asarray(solution.angle_rad, dtype=float)
     if got.shape != (int(inside.sum()), 5):
-        raise PredictionError(
-            f"trial {measurement.number}: prediction has shape {got.shape}, expected {(int(inside.sum()), 5)}"
-        )
-    angle[inside] = got
-    speed[inside] = np.asarray(solution.speed_rad_per_s, dtype=float)
+        raise PredictionError(f"trial {m.number}: prediction has shape {got.shape}, expected {(int(inside.sum()), 5)}")
+    angle[inside], speed[inside] = got, np.asarray(solution.speed_rad_per_s, dtype=float)
     counters = {name: float(value) for name, value in dict(getattr(solution, "counters", {})).items()}
-    prediction = Prediction(time, angle, speed, rest_angle, key, False, counters)
-    return prediction, _write(session, measurement, prediction, step)
+    columns = {"time_s": m.time_s} | dict(zip([*COLUMNS[0], *COLUMNS[1]], [*angle.T, *speed.T], strict=True))
+    attributes = {"input_sha256": key, "counters": counters}
+    failure = tested.store.write_table(step, m.number, m.seal, pd.DataFrame(columns), attributes, versioned=True)
+    tested.store.count("predictions", reused=False, failure=failure)
+    return PredictedAngles(m.time_s, angle, speed, rest, key, False, counters)
 
 
-def _read(session: Any, measurement: Measurement, key: str, rest: Array, step: str) -> Prediction | None:
-    if session is None:
+def _stored(tested: ModelUnderTest, m: MeasuredTrial, step: str, key: str, rest: Array) -> PredictedAngles | None:
+    found = tested.store.table(step, m.number, key)
+    if found is None:
         return None
-    from rig.errors import InputError as RigInputError
-
-    try:
-        found = session.read_derived(step, measurement.number)
-    except RigInputError:  # damaged: made again
+    table, attributes = found
+    if not all(name in table for group in COLUMNS for name in group) or len(table) != m.time_s.size:
         return None
-    if found is None or found[1].get("input_sha256") != key:
-        return None
-    table, attrs = found
-    columns = [f"{body}_rad" for body in BODIES], [f"{body}_rad_per_s" for body in BODIES]
-    if not all(name in table.columns for group in columns for name in group) or len(table) != measurement.time_s.size:
-        return None
-    angle, speed = (table[group].to_numpy(dtype=float) for group in columns)
-    return Prediction(measurement.time_s, angle, speed, rest, key, True, attrs.get("counters", {}))
-
-
-def _write(session: Any, measurement: Measurement, prediction: Prediction, step: str) -> str:
-    if session is None:
-        return ""
-    from rig.errors import InputError as RigInputError
-
-    columns = {"time_s": prediction.time_s}
-    columns |= {f"{body}_rad": prediction.angle_rad[:, i] for i, body in enumerate(BODIES)}
-    columns |= {f"{body}_rad_per_s": prediction.speed_rad_per_s[:, i] for i, body in enumerate(BODIES)}
-    attrs = {"input_sha256": prediction.input_sha256, "counters": dict(prediction.counters)}
-    parents = {f"trial_{measurement.number:04d}.h5": measurement.seal}
-    path = session.derived_path(step, measurement.number)
-    begun = path.parent.is_dir()
-    try:
-        session.write_derived(step, measurement.number, pd.DataFrame(columns), attrs, parents)
-        if not begun:
-            _forget(path.parent)
-    except (RigInputError, OSError) as error:
-        return str(error)
-    return ""
-
-
-def _forget(new: Path) -> None:
-    """Remove the predictions of the actions looked at longest ago, of the same variant as a new one."""
-    variant = new.name.rpartition("_")[0]
-    same = [folder for folder in new.parent.iterdir() if folder.name.rpartition("_")[0] == variant and folder != new]
-    for folder in sorted(same, key=lambda folder: folder.stat().st_mtime, reverse=True)[MOST_ACTIONS - 1 :]:
-        shutil.rmtree(folder, ignore_errors=True)
+    angle, speed = (table[group].to_numpy(dtype=float) for group in COLUMNS)
+    return PredictedAngles(m.time_s, angle, speed, rest, key, True, attributes.get("counters", {}))

@@ -1,9 +1,7 @@
 """Writing a set of text files together: all of them, or none.
 
-Place in the data flow: last step of `validation.report`.
-Conventions: UTF-8 with Unix line ends.
-Failure: anything the file system refuses becomes an `InputError`; temporary files and folders made on the way
-are removed.
+Conventions: UTF-8 with Unix line ends. Anything the file system refuses becomes a `ValidationInputError`; temporary
+files and folders made on the way are removed.
 """
 
 from __future__ import annotations

@@ -1,9 +1,6 @@
 """The page: tables, figures and text filled into ``report.html.j2``.
 
-Place in the data flow: `SideBySide` → HTML text, complete in itself.
-Conventions: text that comes from a session is escaped by the template engine; only our own SVG is passed
-through as it is.
-Failure: none of its own.
+Text that comes from a session is escaped by the template engine; only our own SVG is passed through as it is.
 """
 
 from __future__ import annotations
@@ -17,11 +14,11 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
 from validation.events.definitions import EVENTS
-from validation.pipeline.compare_sessions import SideBySide
 from validation.report.sections import is_simulated, session_section
 from validation.report.tables.models import matrix, pair_tables
 from validation.report.view import SessionView
 from validation.result import ValidationResult
+from validation.side_by_side import SideBySide
 
 HERE = Path(__file__).parent
 

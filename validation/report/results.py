@@ -1,10 +1,8 @@
 """``results.json`` and the CSV tables: every number of the report for programs.
 
-Place in the data flow: `SideBySide` → text.
-Conventions: SI units and radians.  One of ``results`` for each session and model; ``tables`` hold the rows of all,
-led by ``session`` and ``model``.  Every field, its meaning and unit: ``results.schema.json`` beside this file (JSON
-Schema 2020-12), as a page ``docs/results.md``.
-Failure: none; NaN and infinities become null, so that every JSON reader accepts the file.
+Conventions: SI units and radians. One of ``results`` for each session and model; ``tables`` hold the rows of all,
+led by ``session`` and ``model``. Every field, its meaning and unit: ``results.schema.json`` beside this file (JSON
+Schema 2020-12), as a page ``docs/results.md``. NaN and infinities become null, so that every JSON reader accepts it.
 """
 
 from __future__ import annotations
@@ -17,7 +15,7 @@ import numpy as np
 import pandas as pd
 
 from validation.events.definitions import EVENTS
-from validation.pipeline.compare_sessions import SideBySide
+from validation.side_by_side import SideBySide
 
 SCHEMA = "piano-action-rig results"
 SCHEMA_VERSION = 2

@@ -1,9 +1,6 @@
 """What the page shows of one session: tables and figures, ready for the template.
 
-Place in the data flow: results of one session → here → ``report.html.j2``.
-Conventions: tables that depend on the model are made for each, their caption names it; ids lead with the session's
-prefix.
-Failure: none.
+Tables that depend on the model are made for each, their caption names it; ids lead with the session's prefix.
 """
 
 from __future__ import annotations

@@ -1,15 +1,13 @@
 """One session on the page: its results, one for each model, and what its figures and tables are called there.
 
-Place in the data flow: `SideBySide.sessions` → here → figures and tables of one session.
-Conventions: what does not depend on the model (trials, repeatability) is taken from the first result.
-Failure: none.
+What does not depend on the model (trials, repeatability) is taken from the first result.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-from validation.report.figures.thesis import condition_of
+from validation.report.thesis import condition_of
 from validation.result import ValidationResult
 
 MOST_CHARACTERS = 30

@@ -1,34 +1,31 @@
 """All scores of one curve against another, by name: one function for model, null model and trial against trial.
 
-Place in the data flow: two curves on one time base → here → score table and scorecard.
-Conventions: SI and rad; difference = second − first; nothing is aligned.  Samples that are marked (NaN in either) are
-cut out of both curves; the ISO-style score then sees what is left as one curve.
+Conventions: SI and rad; difference = second − first; nothing is aligned. Samples that are left out (NaN in either) are
+cut out of both curves; the ISO-style score then sees what is left as one curve. A score that cannot be stated is NaN.
 Source: `validation.scores.metrics` and `validation.scores.iso18571`.
-Failure: a score that cannot be stated is NaN.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
 
-from validation.cache.result_cache import Kept, sha256_of
-from validation.measurement.geometry import Array
-from validation.scores.metrics import score_curve, sprague_geers
+from validation.cache.content_hash import sha256_of
+from validation.cache.result_store import ResultStore
+from validation.conventions import Array
+from validation.scores.iso18571 import FEWEST_SAMPLES, iso_score
+from validation.scores.metrics import score_curve, sprague_geers, trial_pairs
 
-MOST_PAIRS = 200
-PAIR_SEED = 20260101
 # film frames are lost one by one; a curve with more holes than this is not one curve any more
 MOST_CUT_FOR_ISO = 0.1
 
 
 @dataclass(frozen=True)
 class ScoreKind:
-    """How a score is called: unit, and whether a small or a large value is good."""
+    """Title of a score, its unit, and whether a small or a large value is good."""
 
     title: str
     unit: str
@@ -82,8 +79,6 @@ def all_scores(
 
 
 def _iso(trial: Array, model: Array, step_s: float) -> dict[str, float]:
-    from validation.scores.iso18571 import FEWEST_SAMPLES, iso_score
-
     if trial.size < FEWEST_SAMPLES:
         return {}
     s = iso_score(trial, model, step_s)
@@ -97,20 +92,11 @@ def _iso(trial: Array, model: Array, step_s: float) -> dict[str, float]:
     }
 
 
-def trial_pairs(n: int, most: int = MOST_PAIRS, seed: int = PAIR_SEED) -> list[tuple[int, int]]:
-    """Pairs of n trials, all of them or a seeded sample of `most`."""
-    pairs = list(combinations(range(n), 2))
-    if len(pairs) <= most:
-        return pairs
-    chosen = np.random.default_rng(seed).choice(len(pairs), most, replace=False)
-    return [pairs[i] for i in sorted(chosen)]
-
-
 def ceiling_scores(
     time: Array,
     curves: Array,
     early: NDArray[np.bool_],
-    kept: Kept,
+    store: ResultStore,
     *,
     run: Callable[..., Iterable[dict[str, float]]] = map,
 ) -> tuple[dict[str, float], int]:
@@ -124,7 +110,7 @@ def ceiling_scores(
     curves : (n, n_trials) array
     early : (n,) array of bool
         Samples before the string impact.
-    kept : Kept
+    store : ResultStore
     run : callable
         ``map`` or the ``map`` of an executor.
 
@@ -142,7 +128,7 @@ def ceiling_scores(
 
     def score(pair: tuple[int, int]) -> dict[str, float]:
         a, b = pair
-        scores: dict[str, float] = kept.of(
+        scores: dict[str, float] = store.value(
             "pair scores",
             (frame, hashes[a], hashes[b]),
             lambda: all_scores(time, columns[a], columns[b], early),

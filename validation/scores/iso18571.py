@@ -1,12 +1,11 @@
 """ISO/TS 18571-style score of a predicted against a measured curve: corridor, phase, magnitude, slope, overall.
 
-Place in the data flow: paired curves on one uniform time base → here → score table.  "Style", because the specification
-is meant for forces, moments and accelerations of vehicle safety; rotations are outside its scope.
+"Style", because the specification is meant for forces, moments and accelerations of vehicle safety; rotations are
+outside its scope.
 Conventions: test T is the measurement, CAE C the prediction; scores from 0 to 1; angles must be changes since rest,
 because an offset common to both curves raises corridor and magnitude; the shift is in samples of C against T.
 Source: constants and rules of ISO/TS 18571:2024 as in public implementations; R = 0.4 Z + 0.2 (EP + EM + ES).
 Ties of the warping path are broken up, left, diagonal; on signals with flat stretches scores are good to 1e-3 only.
-Failure: fewer than nine samples, unequal lengths or a NaN are a `ValueError`.
 """
 
 from __future__ import annotations
@@ -17,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from validation.measurement.geometry import Array
+from validation.conventions import Array
 
 INNER, OUTER, CORRIDOR_POWER = 0.05, 0.5, 2
 LARGEST_SHIFT = 0.2
@@ -49,6 +48,11 @@ def iso_score(test: Array, cae: Array, step_s: float) -> IsoScore:
         Measured and predicted curve, n ≥ 9, finite, on the same uniform grid.
     step_s : float
         Sampling interval, s.
+
+    Raises
+    ------
+    ValueError
+        Fewer than nine samples, unequal lengths or values that are not finite.
     """
     t, c = np.ascontiguousarray(test, dtype=float), np.ascontiguousarray(cae, dtype=float)
     if t.ndim != 1 or t.shape != c.shape or t.size < FEWEST_SAMPLES:
@@ -145,7 +149,7 @@ def _warp(a: Array, b: Array, window: int) -> tuple[float, float]:
     """Sum of |a − b| and of |b| along the cheapest warping path within a band (squared distance, equal steps).
 
     Cells are visited by diagonals i + j = s: those of one diagonal do not depend on each other, so that the compiler
-    can take several at once.  Costs are kept by i + 1, with infinity at either end of a diagonal.
+    can take several at once. Costs are stored by i + 1, with infinity at either end of a diagonal.
     """
     n = a.size
     backwards = b[::-1].copy()

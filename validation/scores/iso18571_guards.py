@@ -1,6 +1,5 @@
-"""Guards of the ISO-style score: what could make it look better or worse than it is.  They flag, they never alter.
+"""Guards of the ISO-style score: what could make it look better or worse than it is. They flag, they never alter.
 
-Place in the data flow: the curves a score was made from, and the score → here → a note beside the score.
 Conventions: curves are the test (trial) and the prediction on one uniform time base; NaN is left out.
 Source: traps of the algorithm, each measured on the pair at hand by scoring a changed copy of it:
 
@@ -9,8 +8,6 @@ Source: traps of the algorithm, each measured on the pair at hand by scoring a c
   the whole window;
 - *periodicity*: on a periodic curve the highest correlation may lie a whole period away, so that a small delay is
   charged as a large one; also when the highest correlation lies at the end of the search.
-
-Failure: none; an empty list means that no guard was raised.
 """
 
 from __future__ import annotations
@@ -19,7 +16,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from validation.measurement.geometry import Array
+from validation.conventions import Array
+from validation.scores.iso18571 import FEWEST_SAMPLES, iso_score
 
 MATTERS = 0.01  # of an overall score from 0 to 1
 QUIET_SHARE = 0.01  # of the test's range
@@ -43,8 +41,6 @@ def guard_notes(time: Array, trial: Array, model: Array, scores: Mapping[str, fl
     list of str
         One line per guard, with the numbers.
     """
-    from validation.scores.iso18571 import FEWEST_SAMPLES
-
     both = np.isfinite(trial) & np.isfinite(model)
     t, c = np.asarray(trial, dtype=float)[both], np.asarray(model, dtype=float)[both]
     if t.size < FEWEST_SAMPLES or not np.isfinite(scores.get("iso_overall", np.nan)):
@@ -63,8 +59,6 @@ def guard_notes(time: Array, trial: Array, model: Array, scores: Mapping[str, fl
 
 def _offset(t: Array, c: Array, step: float, extent: float, overall: float) -> str:
     """The largest magnitude of the test against its range tells whether it stands on an offset."""
-    from validation.scores.iso18571 import iso_score
-
     lift = float(np.abs(t).max()) - extent
     if lift <= OFFSET_SHARE * extent:
         return ""
@@ -77,8 +71,6 @@ def _offset(t: Array, c: Array, step: float, extent: float, overall: float) -> s
 
 def _window(t: Array, c: Array, step: float, extent: float, overall: float) -> str:
     """Quiet ends of the window: both curves where they begin, or where they end."""
-    from validation.scores.iso18571 import FEWEST_SAMPLES, iso_score
-
     band = QUIET_SHARE * extent
     begin = _still(t, c, band)
     end = t.size - _still(t[::-1], c[::-1], band)

@@ -1,20 +1,21 @@
-"""Scores of a predicted curve against a measured one.
+"""Differences of two curves in numbers: RMSE, bias, scatter, range, magnitude and phase; pairs of trials.
 
-Place in the data flow: paired curves on one time base, inside one window → here → score table.
 Conventions: difference = model − trial; samples lost in either are left out and counted; nothing is aligned
-or scaled first.
-Source: plain definitions; Sprague and Geers (2003) and Russell (1997) for magnitude, phase and combined
-error.
-Failure: no common sample gives NaN scores and n = 0.
+or scaled first. No common sample gives NaN scores and n = 0.
+Source: plain definitions; Sprague and Geers (2003) for magnitude, phase and combined error.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 
-from validation.measurement.geometry import Array
+from validation.conventions import Array
+
+MOST_PAIRS = 200
+PAIR_SEED = 20260101
 
 
 @dataclass(frozen=True)
@@ -67,7 +68,16 @@ def score_curve(time_s: Array, trial: Array, model: Array) -> CurveScore:
     )
 
 
-def pair_rmse(curves: Array, *, most_pairs: int = 200, seed: int = 20260101) -> tuple[float, int]:
+def trial_pairs(n: int, most: int = MOST_PAIRS, seed: int = PAIR_SEED) -> list[tuple[int, int]]:
+    """Pairs of n trials, all of them or a seeded sample of `most`."""
+    pairs = list(combinations(range(n), 2))
+    if len(pairs) <= most:
+        return pairs
+    chosen = np.random.default_rng(seed).choice(len(pairs), most, replace=False)
+    return [pairs[i] for i in sorted(chosen)]
+
+
+def pair_rmse(curves: Array, *, most_pairs: int = MOST_PAIRS, seed: int = PAIR_SEED) -> tuple[float, int]:
     """Repeatability ceiling of the RMSE: root mean square difference of one trial against another.
 
     Parameters
@@ -83,12 +93,7 @@ def pair_rmse(curves: Array, *, most_pairs: int = 200, seed: int = 20260101) -> 
     pairs : int
         Number of pairs used.
     """
-    n = curves.shape[1]
-    pairs = np.array([(i, j) for i in range(n) for j in range(i + 1, n)], dtype=int).reshape(-1, 2)
-    if len(pairs) == 0:
-        return float("nan"), 0
-    if len(pairs) > most_pairs:
-        pairs = pairs[np.random.default_rng(seed).choice(len(pairs), most_pairs, replace=False)]
+    pairs = np.array(trial_pairs(curves.shape[1], most_pairs, seed), dtype=int).reshape(-1, 2)
     difference = curves[:, pairs[:, 0]] - curves[:, pairs[:, 1]]
     if not np.isfinite(difference).any():
         return float("nan"), 0
@@ -104,36 +109,16 @@ class MagnitudePhase:
     combined: float
 
 
-def _moments(measured: Array, computed: Array) -> tuple[float, float, float]:
-    mm, cc, mc = float(measured @ measured), float(computed @ computed), float(measured @ computed)
-    return mm, cc, mc
-
-
-def _phase(mm: float, cc: float, mc: float) -> float:
-    # rounding can push the cosine past one for equal curves
-    return float(np.arccos(np.clip(mc / np.sqrt(mm * cc), -1.0, 1.0)) / np.pi)
-
-
 def sprague_geers(measured: Array, computed: Array) -> MagnitudePhase:
-    """Sprague–Geers errors on a uniform time base: M = √(I_cc/I_mm) − 1, P = acos(I_mc/√(I_mm I_cc))/π, C =
-    √(M² + P²).
+    """Sprague–Geers errors on a uniform time base: M = √(I_cc/I_mm) − 1, P = acos(I_mc/√(I_mm I_cc))/π, C = √(M² + P²).
 
     NaN when either curve is zero throughout.
     """
-    mm, cc, mc = _moments(np.asarray(measured, dtype=float), np.asarray(computed, dtype=float))
+    m, c = np.asarray(measured, dtype=float), np.asarray(computed, dtype=float)
+    mm, cc, mc = float(m @ m), float(c @ c), float(m @ c)
     if mm == 0 or cc == 0:
         return MagnitudePhase(float("nan"), float("nan"), float("nan"))
     magnitude = float(np.sqrt(cc / mm) - 1)
-    phase = _phase(mm, cc, mc)
+    # rounding can push the cosine past one for equal curves
+    phase = float(np.arccos(np.clip(mc / np.sqrt(mm * cc), -1.0, 1.0)) / np.pi)
     return MagnitudePhase(magnitude, phase, float(np.hypot(magnitude, phase)))
-
-
-def russell(measured: Array, computed: Array) -> MagnitudePhase:
-    """Russell errors: like `sprague_geers`, with a logarithmic magnitude, the same for k and 1/k times."""
-    mm, cc, mc = _moments(np.asarray(measured, dtype=float), np.asarray(computed, dtype=float))
-    if mm == 0 or cc == 0:
-        return MagnitudePhase(float("nan"), float("nan"), float("nan"))
-    ratio = (cc - mm) / np.sqrt(cc * mm)
-    magnitude = float(np.sign(ratio) * np.log10(1 + abs(ratio)))
-    phase = _phase(mm, cc, mc)
-    return MagnitudePhase(magnitude, phase, float(np.sqrt(np.pi / 4 * (magnitude**2 + phase**2))))

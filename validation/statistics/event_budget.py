@@ -1,14 +1,13 @@
 """Uncertainty budget of the comparison of events: is a difference between model and trials an error of the model?
 
-Place in the data flow: one representative trial, run again with changed inputs → here → `ValidationResult.budget`.
 Conventions: E = S − D, model minus trial, mean over trials; standard uncertainties in the unit of the event.
 u_val² = u_num² + u_input² + u_D² + u_repeat²; a model error is *resolved* when |E| > 2 u_val, and then lies within
-E ± 2 u_val.  When it is not, the model is not thereby shown to be right.
-Source: ASME V&V 20-2009.  u_num: the largest change when the tolerance is a tenth and a hundredth of the one asked for.
+E ± 2 u_val. When it is not, the model is not thereby shown to be right.
+Source: ASME V&V 20-2009. u_num: the largest change when the tolerance is a tenth and a hundredth of the requested one.
 u_input: force (gain, level, delay, noise) and parameters (draws), propagated through the model and through the levels
-of the trial's own events, which come from the same geometry, so that what both share cancels.  u_D: what the encoders
-and the levels of rest leave open in the trials' events.  u_repeat: scatter of the paired differences over √n.
-Failure: draws the model cannot use, and draws in which the event does not happen, are counted in the table.
+of the trial's own events, which come from the same geometry, so that what both share cancels. u_D: what the encoders
+and the levels of rest leave open in the trials' events. u_repeat: scatter of the paired differences over √n.
+Draws the model cannot use, and draws in which the event does not happen, are counted in the table.
 """
 
 from __future__ import annotations
@@ -19,15 +18,16 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from model.errors import ModelError
+from validation.conventions import ENCODER_BODIES, Array
 from validation.errors import PredictionError
 from validation.events.definitions import EVENTS, Event
 from validation.events.detect import find_events
-from validation.measurement.geometry import ActionGeometry, Array
+from validation.measurement.geometry import ActionGeometry
 from validation.measurement.stroke import motion_of
-from validation.measurement.trial import ENCODER_CHANNELS, Measurement
+from validation.measurement.trial import MeasuredTrial
 from validation.prediction.input_sampling import Case, cases
-from validation.prediction.model_under_test import Predictor
-from validation.prediction.trial_prediction import BODIES
+from validation.prediction.model_under_test import ModelUnderTest
 
 COVERAGE = 2.0
 COLUMNS = [
@@ -57,15 +57,9 @@ COLUMNS = [
 FORCE = ("force gain", "force level", "force delay", "force noise")
 
 
-def representative(measured: list[Measurement]) -> Measurement:
-    """The trial of median peak force."""
-    order = sorted(measured, key=lambda m: (float(m.force.force_n.max()), m.number))
-    return order[(len(order) - 1) // 2]
-
-
 def event_budget(
-    predictor: Predictor,
-    m: Measurement,
+    tested: ModelUnderTest,
+    m: MeasuredTrial,
     summary: pd.DataFrame,
     *,
     run: Callable[..., Iterable[Any]] = map,
@@ -74,8 +68,8 @@ def event_budget(
 
     Parameters
     ----------
-    predictor : Predictor
-    m : Measurement
+    tested : ModelUnderTest
+    m : MeasuredTrial
         The trial whose inputs are changed.
     summary : DataFrame
         `validation.tables.events.event_summary`.
@@ -89,11 +83,11 @@ def event_budget(
         u_d, u_repeat, u_val, ratio (|E| / u_val), low, high, resolved, trial (whose inputs were changed), runs, failed,
         absent (runs in which the event did not happen), reading.
     """
-    todo = cases(m, predictor.action, predictor.tolerance)
-    outcomes = predictor.kept.of(
+    inputs = cases(m, tested.action, tested.tolerance)
+    outcomes = tested.store.value(
         "uncertainty budget",
-        (predictor.identity, todo, m.time_s, m.change_rad, m.u_rad, m.quiet.stop),
-        lambda: list(run(lambda case: _outcome(predictor, m, case), todo)),
+        (tested.identity, inputs, m.time_s, m.change_rad, m.u_rad, m.quiet.stop),
+        lambda: list(run(lambda case: _outcome(tested, m, case), inputs)),
     )
     failed = sum(outcome is None for outcome in outcomes)
     rows = []
@@ -103,24 +97,22 @@ def event_budget(
             continue
         groups: dict[str, list[float]] = {}
         absent = 0
-        for case, outcome in zip(todo, outcomes, strict=True):
+        for case, outcome in zip(inputs, outcomes, strict=True):
             if outcome is None:
                 continue
             absent += not np.isfinite(outcome[name])
             groups.setdefault(case.group, []).append(outcome[name])
-        rows.append(_row(row, groups) | {"trial": m.number, "runs": len(todo), "failed": failed, "absent": absent})
+        rows.append(_row(row, groups) | {"trial": m.number, "runs": len(inputs), "failed": failed, "absent": absent})
     return pd.DataFrame(rows, columns=COLUMNS)
 
 
-def _outcome(predictor: Predictor, m: Measurement, case: Case) -> dict[str, float] | None:
+def _outcome(tested: ModelUnderTest, m: MeasuredTrial, case: Case) -> dict[str, float] | None:
     """Model minus trial of every event in one case; NaN where either does not happen; None when it cannot be run."""
-    from model.errors import ModelError
-
     try:
-        action = predictor.action.with_values(case.changed) if case.changed else predictor.action
-        load = predictor.load_of(action, case.preload_n)
+        action = tested.action.with_values(case.changed) if case.changed else tested.action
+        load = tested.load_of(action, case.preload_n)
         time = m.time_s[(m.time_s >= case.time_s[0]) & (m.time_s <= case.time_s[-1])]
-        solution = predictor.simulate(
+        solution = tested.simulate(
             action,
             case.time_s,
             case.force_n,
@@ -130,9 +122,8 @@ def _outcome(predictor: Predictor, m: Measurement, case: Case) -> dict[str, floa
         )
     except (ModelError, PredictionError):
         return None
-    bodies = [BODIES.index(name) for name in ENCODER_CHANNELS]
     rest = np.asarray(load.rest.angle_rad, dtype=float)
-    change = (np.asarray(solution.angle_rad, dtype=float) - rest)[:, bodies]
+    change = (np.asarray(solution.angle_rad, dtype=float) - rest)[:, ENCODER_BODIES]
     model = _events(load.geometry, time, change, np.full(3, case.tolerance), m.quiet.stop)
     trial = _events(load.geometry, m.time_s, m.change_rad, m.u_rad, m.quiet.stop)
     return {name: model[name].value - trial[name].value for name in EVENTS}

@@ -1,11 +1,10 @@
 """Two models on the same trials: is one closer than the other, and how much may so few trials say?
 
-Place in the data flow: `ValidationResult.scores` of several models on one session → here → `SideBySide.model_pairs`.
-Conventions: paired by trial, difference = second − first; only trials that both models have are used.
+Conventions: paired by trial, difference = second − first; only trials that both models have are used. What cannot be
+stated is NaN and ``claim`` says why.
 Source: Student's t for the mean of n paired differences (ISO 2854); exact two-sided sign-flip test (Fisher), whose
 smallest p is 2^(1−n): with five trials 0.0625, so that no five trials can reach 5 %; Holm's correction over the rows of
 one pair of models and one score.
-Failure: none; what cannot be stated is NaN and ``claim`` says why.
 """
 
 from __future__ import annotations
@@ -17,7 +16,7 @@ import numpy as np
 import pandas as pd
 from scipy.special import stdtrit
 
-from validation.measurement.geometry import Array
+from validation.conventions import Array
 from validation.result import ValidationResult
 from validation.scores.curve_scores import SCORES
 

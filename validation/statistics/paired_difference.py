@@ -1,12 +1,10 @@
 """Paired differences: is a difference between model and trials larger than what scatter and sensors can explain?
 
-Place in the data flow: measured and predicted curves of all trials on one time base → here → channels, verdict.
 Conventions: columns are trials; difference = model − trial of the same trial, so that the scatter of the blows, which
-both share through the force, cancels.
+both share through the force, cancels. Fewer than two trials give NaN.
 Source: Student's t for the mean of n paired differences at each instant, with the encoder's or film's own standard
 uncertainty added in quadrature (it is common to all trials at worst); instant by instant, and for the whole curve at
 once with the critical value of `validation.statistics.simultaneous_band`.
-Failure: fewer than two trials give NaN.
 """
 
 from __future__ import annotations
@@ -16,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import stdtrit
 
-from validation.measurement.geometry import Array
+from validation.conventions import Array
 from validation.statistics.simultaneous_band import FEWEST_FOR_BAND, simultaneous_band
 
 

@@ -1,11 +1,10 @@
 """Repeatability of curves and events over the trials of one session (thesis Section 3.2.2, in numbers).
 
-Place in the data flow: measured angles and events of all trials → here → tables and figures of the report.
-Conventions: curves are (n_samples, n_trials); NaN is lost and left out sample by sample.
+Conventions: curves are (n_samples, n_trials); NaN is lost and left out sample by sample. One trial gives NaN and a
+note, never zero.
 Source: ISO 5725-2 for s_r and for the limit r = t√2·s_r below which 95 % of differences of two trials should
 fall; with few trials Student's t replaces 1.96 (3.93 instead of 2.8 at n = 5); the interval of s is that of
 the chi-square distribution.
-Failure: one trial gives NaN and a note, never zero.
 """
 
 from __future__ import annotations
@@ -16,8 +15,8 @@ import numpy as np
 import pandas as pd
 from scipy.special import chdtri, stdtrit
 
+from validation.conventions import Array
 from validation.events.definitions import EVENTS, Event
-from validation.measurement.geometry import Array
 
 CONFIDENCE = 0.95
 RECOMMENDED_TRIALS = 10
@@ -68,15 +67,6 @@ def s_interval_factors(n: int) -> tuple[float, float]:
     low = np.sqrt(freedom / chdtri(freedom, tail))
     high = np.sqrt(freedom / chdtri(freedom, 1 - tail))
     return float(low), float(high)
-
-
-def pooled_s(groups: list[Array]) -> float:
-    """s_r pooled over conditions, √(Σ νⱼ sⱼ² / Σ νⱼ); with equal n this is ISO 5725's mean of variances."""
-    freedom = np.array([len(g) - 1 for g in groups], dtype=float)
-    if freedom.sum() <= 0:
-        return float("nan")
-    variance = np.array([np.var(g, ddof=1) if len(g) > 1 else 0.0 for g in groups])
-    return float(np.sqrt((freedom @ variance) / freedom.sum()))
 
 
 def curve_repeatability(curves: Array) -> CurveRepeatability:

@@ -1,14 +1,13 @@
 """Simultaneous 95 % band for the mean of a few curves: with that confidence the whole mean curve lies inside.
 
-Place in the data flow: curves of all trials, or paired differences, on one time base → here → spread table, verdict.
-Conventions: curves are (n_samples, n_trials); half widths in the unit of the curves.
-Source: random-field t.  A curve of t values with ν degrees of freedom exceeds ±u somewhere with a probability of about
+Conventions: curves are (n_samples, n_trials); half widths in the unit of the curves. Fewer than three trials give NaN;
+curves that are equal everywhere give a band of zero width.
+Source: random-field t. A curve of t values with ν degrees of freedom exceeds ±u somewhere with a probability of about
 2·[P(T > u) + L/(2π)·(1 + u²/ν)^(−(ν−1)/2)] (expected Euler characteristic in one dimension, Worsley 1994; Adler and
-Taylor 2007).  L, the length of the curve in units of its own roughness, is the length of the path which the residuals
+Taylor 2007). L, the length of the curve in units of its own roughness, is the length of the path which the residuals
 of all trials, scaled to unit length at each instant, describe on the sphere: free of bias for Gaussian curves whatever
 the number of trials, and of any assumption that roughness or scatter stay the same along the curve (Taylor and
-Worsley 2007).  Where independent samples would bound u lower (rough curves), their bound is taken (Bonferroni).
-Failure: fewer than three trials give NaN; curves that are equal everywhere give a band of zero width.
+Worsley 2007). Where independent samples would bound u lower (rough curves), their bound is taken (Bonferroni).
 """
 
 from __future__ import annotations
@@ -19,7 +18,7 @@ import numpy as np
 from scipy.optimize import brentq
 from scipy.special import stdtr, stdtrit
 
-from validation.measurement.geometry import Array
+from validation.conventions import Array
 
 CONFIDENCE = 0.95
 FEWEST_FOR_BAND = 3

@@ -1,1 +1,5 @@
-"""TODO."""
+"""Every table of the result: trials, channels, scores, events, budget, force from motion.
+
+In: the records of all stages before, and which further runs are wanted (`options.ComparisonOptions`).
+Out: `session.SessionTables`, data frames in SI units and radians.
+"""

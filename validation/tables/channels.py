@@ -1,8 +1,7 @@
 """Summary of every channel: repeatability, simultaneous band, paired difference between model and trials.
 
-Place in the data flow: traces of all trials → here → `ValidationResult.channels` and ``.spread``.
-Conventions: SI and rad; differences are model − trial, paired by trial; marked samples are NaN and left out.
-Failure: what cannot be stated is NaN, and the column ``state`` says why.
+Conventions: SI and rad; differences are model − trial, paired by trial; samples left out of the scores are NaN. What
+cannot be stated is NaN, and the column ``state`` says why.
 """
 
 from __future__ import annotations
@@ -13,15 +12,14 @@ from types import MappingProxyType
 import numpy as np
 import pandas as pd
 
-from validation.events.evaluation_window import Window
+from validation.conventions import CHANNEL_GROUPS, Array
 from validation.findings.pooling import LeftOut, pooled, state_of
-from validation.measurement.geometry import Array
-from validation.measurement.trial import ENCODER_CHANNELS, FILM_CHANNELS
 from validation.scores.metrics import pair_rmse
+from validation.scores.traces import SessionTraces
+from validation.statistics.common_base import on_common_base
 from validation.statistics.paired_difference import paired_difference
-from validation.statistics.repeatability import curve_repeatability, s_interval_factors
+from validation.statistics.repeatability import curve_repeatability
 from validation.statistics.simultaneous_band import simultaneous_band
-from validation.tables.traces import on_common_base
 
 COLUMNS = (
     "range_rad",
@@ -37,14 +35,11 @@ COLUMNS = (
     "resolved_share",
     "resolved_pointwise_share",
 )
-GROUPS = ((ENCODER_CHANNELS, "encoder"), (FILM_CHANNELS, "film"))
 
 
 def channel_tables(
-    traces: dict[int, pd.DataFrame],
-    film: dict[int, pd.DataFrame],
-    u_sample: dict[str, float],
-    window: Window,
+    traces: SessionTraces,
+    u_sample: Mapping[str, float],
     without: LeftOut = (),
     u_scale: Mapping[str, float] = MappingProxyType({}),
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
@@ -53,12 +48,11 @@ def channel_tables(
     ``u_sample`` is the standard uncertainty of one sample by channel; ``without`` the trials and channels not
     pooled; ``u_scale`` the relative standard uncertainty of each scale.
     """
-    base = next(iter(traces.values()))["time_s"].to_numpy()
-    base = base[window.mask(base)]
+    base = traces.base_s
     rows: list[dict[str, object]] = []
     spread: dict[str, Array] = {"time_s": base}
-    for names, source in GROUPS:
-        every = traces if source == "encoder" else film
+    for names, source in CHANNEL_GROUPS:
+        every = traces.of(source)
         for name in names:
             frames, state = pooled(every, name, without), state_of(every, name, without)
             if not frames:
@@ -80,7 +74,7 @@ def _channel(
     paired = paired_difference(on_common_base(base, frames, f"{name}_predicted_rad"), curves, u, u_scale)
     r = curve_repeatability(curves)
     band = simultaneous_band(curves, u_sample=u)
-    low, high = s_interval_factors(r.n_trials)
+    low, high = r.interval
     ceiling, pairs = pair_rmse(curves)
     extent = [float(np.ptp(c[np.isfinite(c)])) if np.isfinite(c).any() else np.nan for c in curves.T]
     spread = {
@@ -97,8 +91,8 @@ def _channel(
         "n_trials": r.n_trials,
         "range_rad": float(np.mean(extent)),
         "s_r_rad": r.pooled,
-        "s_r_low_rad": r.pooled * low,
-        "s_r_high_rad": r.pooled * high,
+        "s_r_low_rad": low,
+        "s_r_high_rad": high,
         "s_r_largest_rad": r.largest,
         "limit_rad": r.limit,
         "band_factor": band.factor,

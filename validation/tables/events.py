@@ -1,8 +1,7 @@
 """Tables of events: every event of every trial and prediction, and their paired comparison.
 
-Place in the data flow: events of `validation.events.detect` → here → `validation.pipeline.compare_session`.
-Conventions: SI; differences are model − trial, paired by trial; presence is judged before timing.
-Failure: an event that did not happen is NaN and its ``status`` says so.
+Conventions: SI; differences are model − trial, paired by trial; presence is judged before timing. An event that did not
+happen is NaN and its ``status`` says so.
 """
 
 from __future__ import annotations
@@ -11,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from validation.events.definitions import EVENTS, Event
-from validation.scores.area_metric import area_floor, area_metric
+from validation.statistics.area_metric import area_floor, area_metric
 
 
 def event_table(trial: dict[int, dict[str, Event]], model: dict[int, dict[str, Event]]) -> pd.DataFrame:

@@ -1,20 +1,31 @@
-"""Tables of trials: what was done with each before it was compared, and the stated uncertainty of its channels.
+"""Tables of trials: what was done with each before it was compared, what was left out, the stated uncertainties.
 
-Place in the data flow: `validation.measurement.trial` → here → `validation.pipeline.compare_session`.
-Conventions: SI and rad.
-Failure: a trial that is not used has only its reason.
+Conventions: SI and rad. A trial that is not used has only its reason.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+
 import numpy as np
 import pandas as pd
 
-from validation.measurement.trial import ENCODER_CHANNELS, FILM_CHANNELS, Measurement
-from validation.prediction.trial_prediction import Prediction
+from validation.conventions import ENCODER_CHANNELS, FILM_CHANNELS
+from validation.events.key_lift import KeyLift
+from validation.measurement.trial import MeasuredTrial
+from validation.prediction.session import PredictedSession
+
+LIFT_COLUMNS = ["trial", "channel", "start_s", "end_s", "largest_at_s", "gap_m", "lift_m", "rail_pull_n", "reason"]
 
 
-def uncertainty_table(measurements: list[Measurement], film: dict[int, pd.DataFrame]) -> pd.DataFrame:
+def lift_table(lifts: Mapping[int, Sequence[KeyLift]]) -> pd.DataFrame:
+    """Every interval left out of the scores."""
+    rows = [{"trial": number, "channel": "key", **asdict(lift)} for number, found in lifts.items() for lift in found]
+    return pd.DataFrame(rows, columns=LIFT_COLUMNS)
+
+
+def uncertainty_table(measurements: Sequence[MeasuredTrial], film: dict[int, pd.DataFrame]) -> pd.DataFrame:
     """Stated standard uncertainty of one sample of every channel; for film the median over frames."""
     rows: list[dict[str, object]] = []
     for m in measurements:
@@ -48,13 +59,22 @@ def uncertainty_table(measurements: list[Measurement], film: dict[int, pd.DataFr
     return pd.DataFrame(rows)
 
 
-def trial_row(number: int, m: Measurement | None, reason: str, p: Prediction | None) -> dict[str, object]:
-    """One row of the trial table; a trial that is not used has only its reason."""
-    if m is None or p is None:
-        return {"trial": number, "used": False, "reason": reason}
+def trial_table(predicted: PredictedSession) -> pd.DataFrame:
+    """Every trial of the session, used or not."""
+    measured = {m.number: m for m in predicted.trials}
+    rows = []
+    for number in sorted({*measured, *predicted.refused}):
+        if number in measured:
+            rows.append(_used(measured[number], predicted.predictions[number].model.reused))
+        else:
+            rows.append({"trial": number, "used": False, "reason": predicted.refused[number]})
+    return pd.DataFrame(rows)
+
+
+def _used(m: MeasuredTrial, reused: bool) -> dict[str, object]:
     hum = m.force.hum
     row: dict[str, object] = {
-        "trial": number,
+        "trial": m.number,
         "used": True,
         "reason": "",
         "quiet_s": m.quiet.length_s,
@@ -71,11 +91,11 @@ def trial_row(number: int, m: Measurement | None, reason: str, p: Prediction | N
     return row | {
         "noise_n": m.force.noise_n,
         "preload_n": m.force.preload_n,
-        "u_preload_n": m.force.u_preload_n,
-        "group_delay_s": m.force.group_delay_s,
+        "u_preload_n": m.force.channel.u_preload_n,
+        "group_delay_s": m.force.channel.group_delay_s,
         "peak_force_n": float(m.force.force_n.max()),
         "filmed": m.film is not None,
-        "reused": p.reused,
+        "reused": reused,
         "seal": m.seal,
         "notes": "; ".join(m.notes),
     }

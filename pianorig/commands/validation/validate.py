@@ -51,13 +51,13 @@ def command(
     Example:  pianorig validate sessions/forte sessions/piano --action hirschkorn2004 --action mine.toml --out report
     """
     from pianorig.console.output import print_json, print_verdict
-    from validation.cache.report_cache import inputs_sha256, keep_report, kept_report, report_folder
+    from validation.cache.report_cache import inputs_sha256, report_folder, store_report, stored_report
 
     folder = report_folder(sessions, out)
     actions = action or [DEFAULT_ACTION]
     options = {"set": set_ or [], "tolerance": tolerance, "by_motion": by_motion, "condition": condition}
     inputs = inputs_sha256(sessions, actions, options)
-    kept = None if again else kept_report(folder, inputs)
+    kept = None if again else stored_report(folder, inputs)
     refused: tuple[str, ...] = ()
     if kept is not None:
         verdict, files, reused = kept.verdict_lines, kept.files, f"everything, as made {kept.made_utc}"
@@ -69,7 +69,7 @@ def command(
         verdict, files, refused, reused = side.verdict_lines, side.files, side.refused, _reused(side)
         # what could not be read is to be named again, and what changed meanwhile to be read again
         if not refused and inputs_sha256(sessions, actions, options) == inputs:
-            note = keep_report(folder, inputs, files, verdict, side.results[0].provenance["created_utc"])
+            note = store_report(folder, inputs, files, verdict, side.results[0].provenance["created_utc"])
             reused += f"; {note}" if note else ""
     if as_json:
         names = {k: str(v) for k, v in files.items()}

@@ -6,7 +6,8 @@ import json
 
 import pytest
 
-from validation.cache.report_cache import NAME, code_sha256, inputs_sha256, keep_report, kept_report
+from validation.cache.content_hash import code_sha256
+from validation.cache.report_cache import NAME, inputs_sha256, store_report, stored_report
 
 
 @pytest.fixture
@@ -25,19 +26,19 @@ def session(tmp_path):
     return folder
 
 
-def kept(folder, inputs):
+def stored(folder, inputs):
     for name in ("report.html", "tables/trials.csv"):
         (folder / name).parent.mkdir(exist_ok=True)
         (folder / name).write_text(f"made from {inputs}")
     files = {name: folder / name for name in ("report.html", "tables/trials.csv")}
-    keep_report(folder, inputs, files, ["first", "second"], "2026-11-21T12:00:00Z")
+    store_report(folder, inputs, files, ["first", "second"], "2026-11-21T12:00:00Z")
 
 
-def test_the_same_inputs_give_the_kept_report(session):
+def test_the_same_inputs_give_the_stored_report(session):
     inputs = inputs_sha256([session], ["hirschkorn2004"], {"tolerance": 1e-5})
-    kept(session, inputs)
+    stored(session, inputs)
     again = inputs_sha256([session], ["hirschkorn2004"], {"tolerance": 1e-5})
-    found = kept_report(session, again)
+    found = stored_report(session, again)
     assert found is not None
     assert found.verdict_lines == ["first", "second"]
     assert found.files["tables/trials.csv"].read_text() == f"made from {inputs}"
@@ -67,17 +68,17 @@ def test_options_and_the_action_s_own_file_count(session, tmp_path):
 
 
 def test_a_touched_or_damaged_report_is_made_again(session):
-    kept(session, "abc")
-    assert kept_report(session, "abc") is not None
-    assert kept_report(session, "other") is None
+    stored(session, "abc")
+    assert stored_report(session, "abc") is not None
+    assert stored_report(session, "other") is None
     (session / "tables/trials.csv").write_text("by hand")
-    assert kept_report(session, "abc") is None
-    kept(session, "abc")
+    assert stored_report(session, "abc") is None
+    stored(session, "abc")
     (session / "report.html").unlink()
-    assert kept_report(session, "abc") is None
+    assert stored_report(session, "abc") is None
     for text in ("", "[]", "{}", json.dumps({"schema": 1, "inputs_sha256": "abc", "files_sha256": 3})):
         (session / NAME).write_text(text)
-        assert kept_report(session, "abc") is None
+        assert stored_report(session, "abc") is None
 
 
 def test_every_source_file_counts_but_those_left_out(tmp_path, monkeypatch):
@@ -103,6 +104,6 @@ def test_every_source_file_counts_but_those_left_out(tmp_path, monkeypatch):
         now = found()
         assert (now[0] != before[0], now[1] != before[1]) == changes
         before = now
-    monkeypatch.setattr("validation.cache.report_cache.LIBRARIES", ("numpy", "no such library"))
+    monkeypatch.setattr("validation.cache.content_hash.LIBRARIES", ("numpy", "no such library"))
     assert all(a != b for a, b in zip(found(), before, strict=True))
     code_sha256.cache_clear()

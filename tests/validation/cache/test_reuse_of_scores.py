@@ -12,7 +12,7 @@ import pytest
 import model
 from tests.validation.prediction.test_trial_prediction import Counting
 from validation import compare_session
-from validation.cache import result_cache as kept
+from validation.cache import result_store
 
 PAIRS = {2: 3, 3: 9, 4: 18}  # of trials, in three encoder channels
 SIMPLE = {"rivals": (), "budget": False, "suspect": False}
@@ -199,7 +199,7 @@ def test_another_action_tolerance_or_level_makes_again_what_depends_on_it(bench)
 def test_other_code_makes_scores_again_and_another_model_everything(bench, monkeypatch):
     folder, action = bench
     with monkeypatch.context() as patch:
-        patch.setattr(kept, "code_sha256", lambda *package: "changed")
+        patch.setattr(result_store, "code_sha256", lambda *package: "changed")
         found = again(folder, action)
     assert found == {name: count.replace(count.split()[0], "0", 1) for name, count in all_of(3).items()} | {
         "predictions": "3 of 3"
@@ -227,7 +227,7 @@ def test_budget_and_friction_search_are_done_once(bench, predict):
     assert found.provenance["reused"]["predictions"] == "3 of 3"
 
 
-def test_what_cannot_be_kept_is_said_once_and_changes_no_number(bench):
+def test_what_cannot_be_stored_is_said_once_and_changes_no_number(bench):
     folder, action = bench
     shutil.rmtree(folder / "derived" / "scores")
     (folder / "derived" / "scores").write_text("a file where a folder is needed")

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from validation.events.detect import find_events
-from validation.events.key_lift import SCALE_RADIUS_M, capstan_of, find_lifts, marked
-from validation.findings.excluded_samples import doubtful_events
+from validation.events.excluded_samples import with_doubtful_events
+from validation.events.key_lift import SCALE_RADIUS_M, capstan_of, find_lifts, lifted_samples
 from validation.measurement.geometry import geometry_of
 from validation.measurement.stroke import motion_of
-from validation.tables.traces import scored
+from validation.scores.traces import scored
 
 model = pytest.importorskip("model")
 COUNT = 2 * np.pi / 327_680
@@ -147,17 +147,17 @@ def test_marked_samples_leave_the_scores_and_key_events_inside_become_ambiguous(
     import pandas as pd
 
     from validation.events.definitions import Event
-    from validation.events.key_lift import Lift
+    from validation.events.key_lift import KeyLift
 
-    lift = Lift(0.19, 0.31, 0.25, 1e-3, 2e-4, float("nan"), "…")
+    lift = KeyLift(0.19, 0.31, 0.25, 1e-3, 2e-4, float("nan"), "…")
     time = np.arange(0, 0.5, 0.1)
-    flags = marked(time, [lift])
+    flags = lifted_samples(time, [lift])
     np.testing.assert_array_equal(flags, [False, False, True, True, False])
     frame = pd.DataFrame({"time_s": time, "key_measured_rad": time, "key_marked": flags, "hammer_measured_rad": time})
     assert np.isnan(scored(frame, "key")[2:4]).all()
     assert np.isfinite(scored(frame, "hammer")).all()
     events = {name: Event(name, 0.25, 1e-4, "found") for name in ("key_bottom", "key_release", "rest")}
-    out = doubtful_events({1: events, 2: events}, {1: [lift], 2: []})
+    out = with_doubtful_events({1: events, 2: events}, {1: [lift], 2: []})
     assert out[1]["key_bottom"].status == out[1]["key_release"].status == "ambiguous"
     assert out[1]["rest"].status == out[2]["key_bottom"].status == "found"
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from validation.conventions import HAMMER, KEY
 from validation.errors import InputError
-from validation.measurement.geometry import HAMMER, KEY, geometry_of, touch_dip
+from validation.measurement.geometry import geometry_of, touch_dip
 
 
 @pytest.fixture(scope="module")

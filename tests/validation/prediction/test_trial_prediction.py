@@ -8,11 +8,13 @@ import numpy as np
 import pytest
 
 from validation import PredictionError, compare_session
-from validation.prediction.trial_prediction import MOST_ACTIONS, Prediction, action_sha256
+from validation.cache.result_store import MOST_VERSIONS
+from validation.prediction.model_under_test import action_sha256
+from validation.prediction.trial_prediction import PredictedAngles
 
 
 class Counting:
-    """Stands for ``model.simulate`` and remembers its calls; module and name as a user's own predictor."""
+    """Stands for ``model.simulate`` and remembers its calls; module and name as those of a user's own model."""
 
     def __init__(self, shape=5):
         self.calls = []
@@ -88,7 +90,7 @@ def test_what_a_prediction_depends_on_makes_it_anew(small):
 def test_models_side_by_side_do_not_drive_each_other_out_and_old_ones_go(small):
     session, truth = small
     predict = Counting()
-    actions = [truth.action.with_values({"hammer.mass": 0.0118 + 1e-5 * i}) for i in range(MOST_ACTIONS + 1)]
+    actions = [truth.action.with_values({"hammer.mass": 0.0118 + 1e-5 * i}) for i in range(MOST_VERSIONS + 1)]
     options = {"predict": predict, "rivals": (), "budget": False, "suspect": False}
     for action in actions[:2]:
         compare_session(session, action, **options)
@@ -97,7 +99,7 @@ def test_models_side_by_side_do_not_drive_each_other_out_and_old_ones_go(small):
         assert compare_session(session, action, **options).trials["reused"].all()
     for action in actions[2:]:
         compare_session(session, action, **options)
-    assert len(list((session.path / "derived").glob("prediction_*"))) == MOST_ACTIONS
+    assert len(list((session.path / "derived").glob("prediction_*"))) == MOST_VERSIONS
     assert compare_session(session, actions[-1], **options).trials["reused"].all()
     assert not compare_session(session, actions[0], **options).trials["reused"].any()
 
@@ -134,7 +136,7 @@ def test_predicted_angles_between_samples_follow_angles_and_speeds():
     angle, speed = np.zeros((time.size, 5)), np.zeros((time.size, 5))
     angle[:, 2], speed[:, 2] = 0.3 + 0.1 * np.sin(turn), 0.1 * 2 * np.pi * 80 * np.cos(turn)
     angle[-10:] = np.nan
-    p = Prediction(time, angle, speed, np.array([0.0, 0.0, 0.3, 0.0, 0.0]), "", False, {})
+    p = PredictedAngles(time, angle, speed, np.array([0.0, 0.0, 0.3, 0.0, 0.0]), "", False, {})
     at = np.array([0.00513, 0.0421, 0.0995, 0.2])
     out = p.change_at("jack", at)
     np.testing.assert_allclose(out[:2], 0.1 * np.sin(2 * np.pi * 80 * at[:2]), atol=1e-7)

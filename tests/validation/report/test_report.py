@@ -14,7 +14,6 @@ import pytest
 
 from validation import InputError, compare_session, validate_session, write_report
 from validation.events.definitions import EVENTS
-from validation.pipeline.compare_sessions import alone
 from validation.report.figures.measured import all_figures
 from validation.report.figures.style import degrees, rotation_label
 from validation.report.figures.svg import decimate
@@ -22,6 +21,7 @@ from validation.report.files import write_files
 from validation.report.render import cannot_claim, render_html
 from validation.report.tables import scores as present
 from validation.report.view import SessionView
+from validation.side_by_side import alone
 
 
 @pytest.fixture(scope="module")

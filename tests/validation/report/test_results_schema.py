@@ -12,8 +12,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from validation.pipeline.compare_sessions import SideBySide, alone
 from validation.report.results import SCHEMA, SCHEMA_VERSION, results_json
+from validation.side_by_side import SideBySide, alone
 
 ROOT = Path(__file__).parents[3]
 FILE = ROOT / "validation" / "report" / "results.schema.json"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from validation.scores.metrics import pair_rmse, russell, score_curve, sprague_geers
+from validation.scores.metrics import pair_rmse, score_curve, sprague_geers
 
 
 def test_score_of_a_known_difference():
@@ -64,23 +64,21 @@ def reference_pair(scale=1.0, delay_s=0.0):
 
 
 @pytest.mark.parametrize(
-    ("scale", "delay_s", "m", "p", "c", "m_r", "c_r"),
+    ("scale", "delay_s", "m", "p", "c"),
     [
-        (1.2, 0.0, 0.2, 0.0, 0.2, 0.13566, 0.12023),
-        (1.0, 0.1, 0.0, 0.19581, 0.19581, 0.0, 0.17354),
-        (1.0, -0.1, 0.0, 0.19581, 0.19581, 0.0, 0.17354),
-        (1.2, 0.1, 0.2, 0.19581, 0.27990, 0.13566, 0.21112),
-        (-1.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.88623),
+        (1.2, 0.0, 0.2, 0.0, 0.2),
+        (1.0, 0.1, 0.0, 0.19581, 0.19581),
+        (1.0, -0.1, 0.0, 0.19581, 0.19581),
+        (1.2, 0.1, 0.2, 0.19581, 0.27990),
+        (-1.0, 0.0, 0.0, 1.0, 1.0),
     ],
 )
-def test_magnitude_and_phase_errors_of_the_published_cases(scale, delay_s, m, p, c, m_r, c_r):
+def test_magnitude_and_phase_errors_of_the_published_cases(scale, delay_s, m, p, c):
     measured, computed = reference_pair(scale, delay_s)
     s = sprague_geers(measured, computed)
     assert (s.magnitude, s.phase, s.combined) == pytest.approx((m, p, c), abs=1e-4)
-    r = russell(measured, computed)
-    assert (r.magnitude, r.phase, r.combined) == pytest.approx((m_r, p, c_r), abs=1e-4)
 
 
 def test_a_curve_of_zeros_has_no_magnitude_error():
     assert np.isnan(sprague_geers(np.zeros(5), np.ones(5)).magnitude)
-    assert np.isnan(russell(np.ones(5), np.zeros(5)).combined)
+    assert np.isnan(sprague_geers(np.ones(5), np.zeros(5)).combined)

@@ -8,12 +8,14 @@ import numpy as np
 import pytest
 
 from validation.events.detect import find_events
-from validation.measurement.session import measure_all
+from validation.events.session import predicted_motion
+from validation.measurement.session import measure_session, representative
 from validation.measurement.stroke import motion_of
 from validation.prediction.input_sampling import cases, uncertain_parameters
-from validation.prediction.model_under_test import Predictor
-from validation.scores.area_metric import area_floor, area_metric
-from validation.statistics.event_budget import _row, event_budget, representative
+from validation.prediction.model_under_test import ModelUnderTest
+from validation.prediction.trial_prediction import predict_trial
+from validation.statistics.area_metric import area_floor, area_metric
+from validation.statistics.event_budget import _row, event_budget
 from validation.tables.events import event_summary
 
 pytest.importorskip("model")
@@ -47,11 +49,15 @@ def test_parts_add_up_as_squares_and_decide():
 
 
 def budget_of(session, action):
-    predictor = Predictor(action, rivals=())
-    measured, _ = measure_all(session, lambda preload: predictor.load(preload).geometry, 5e-5)
+    tested = ModelUnderTest(action, rivals=())
+    measured = measure_session(session, tested.geometry_at, 5e-5).trials
     trial = {m.number: find_events(m.motion, m.quiet.stop) for m in measured}
-    summary = event_summary(trial, {m.number: predictor.trial(m).events for m in measured})
-    return event_budget(predictor, representative(measured), summary).set_index("event"), measured
+    model = {}
+    for m in measured:
+        motion = predicted_motion(predict_trial(m, tested), tested.geometry_at(m.force.preload_n), tested.tolerance)
+        model[m.number] = find_events(motion, m.quiet.stop)
+    summary = event_summary(trial, model)
+    return event_budget(tested, representative(measured), summary).set_index("event"), measured
 
 
 @pytest.fixture(scope="module")
@@ -87,7 +93,7 @@ def test_stated_uncertainty_is_the_error_of_models_whose_parameters_are_off_by_t
     _, truth = recorded
     b, measured = same
     m = representative(measured)
-    predictor = Predictor(truth.specimen, rivals=())
+    tested = ModelUnderTest(truth.specimen, rivals=())
     z = {name: [] for name in ("key_bottom", "string_impact", "hammer_speed", "rebound_speed", "check_height")}
     rng = np.random.default_rng(77)
     drawn = [c for c in cases(m, truth.specimen, 1e-5) if "parameters" in c.group]
@@ -99,7 +105,7 @@ def test_stated_uncertainty_is_the_error_of_models_whose_parameters_are_off_by_t
             path: value + u * rng.standard_normal() for path, (value, u) in known.items() if ".normal." not in path
         }
         off = truth.specimen.with_values(changed)
-        load = predictor.load_of(off, m.force.preload_n)
+        load = tested.load_of(off, m.force.preload_n)
         run = model.simulate(off, m.force.time_s, m.force.force_n, initial=load.rest)
         change = (run.angle_rad - load.rest.angle_rad)[:, [0, 1, 4]]
         s = find_events(motion_of(load.geometry, run.time_s, change, np.full(3, 1e-5)), m.quiet.stop)

@@ -13,7 +13,6 @@ from validation.statistics.repeatability import (
     event_repeatability,
     few_trials_warning,
     limit_factor,
-    pooled_s,
     s_interval_factors,
 )
 
@@ -98,11 +97,6 @@ def test_one_trial_that_stands_out_is_found_and_good_ones_are_not():
     assert np.delete(ratios, 3).max() < STANDS_OUT
     assert np.isnan(distance_ratios(bad[:3].T)).all()
     assert np.isnan(distance_ratios(np.ones((10, 5)))).all()
-
-
-def test_pooled_s_weighs_by_degrees_of_freedom():
-    assert pooled_s([np.array([0.0, 2.0]), np.array([1.0, 1.0, 1.0])]) == pytest.approx(np.sqrt(2.0 / 3.0))
-    assert np.isnan(pooled_s([np.array([1.0])]))
 
 
 def test_event_repeatability_counts_presence_and_uses_found_events_only():

@@ -8,16 +8,18 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from validation.cache.result_cache import Kept
+from validation.cache.result_store import ResultStore
 from validation.errors import InputError
 from validation.events.definitions import EVENTS, Event, absent
 from validation.events.evaluation_window import Window, common_window
 from validation.pipeline.verdict import verdict_lines
+from validation.scores.session import score_curves
+from validation.scores.traces import SessionTraces
+from validation.statistics.common_base import on_common_base
 from validation.statistics.paired_difference import paired_difference
 from validation.tables.channels import channel_tables
 from validation.tables.events import event_summary, event_table
-from validation.tables.scores import score_table, scorecard, with_scores
-from validation.tables.traces import on_common_base
+from validation.tables.scorecard import scorecard, with_repeatability, with_scores
 
 WINDOW = Window(0.0, 1.0, "test", "test")
 
@@ -38,9 +40,10 @@ def frames(time, scatter, model_offset=0.01, rate_of_last=None):
 
 
 def tables(traces, u=1e-4):
-    channels, spread = channel_tables(traces, {}, {"key": u, "whippen": u, "hammer": u}, WINDOW)
-    scores = score_table(traces, {}, {n: np.full(3, u) for n in traces}, channels, WINDOW, {1: 0.25}, Kept())
-    card = scorecard(scores, traces, {}, WINDOW, {1: 0.25}, Kept())
+    session = SessionTraces(traces, {}, WINDOW, {1: 0.25})
+    channels, spread = channel_tables(session, {"key": u, "whippen": u, "hammer": u})
+    scores = with_repeatability(score_curves(session, {n: np.full(3, u) for n in traces}, ResultStore()), channels)
+    card = scorecard(scores, session, ResultStore())
     return with_scores(channels, scores, card).set_index("channel"), scores, spread
 
 

@@ -1,9 +1,4 @@
-"""What every figure of the report shares: size, evaluation window, marked intervals, and how it becomes SVG.
-
-Place in the data flow: used by `validation.report.figures.measured` only.
-Conventions: s on the DAQ clock.
-Failure: none.
-"""
+"""What every figure of the report shares: size, evaluation window, lifts of the key, and how it becomes SVG."""
 
 from __future__ import annotations
 

@@ -1,11 +1,9 @@
 """Figures of what was measured, force and rotations of all trials with repeatability; and the list of all figures.
 
-Place in the data flow: traces and spread of a session's first result → SVG text for the page.
 Conventions: the thesis's signs (key, hammer, jack, repetition lever: rest − angle; whippen: angle − rest),
 degrees, seconds; Okabe–Ito colours and a dash pattern per line, so that nothing depends on colour alone; at
-most two points per pixel column.
+most two points per pixel column. A channel without data gets no figure.
 Source: thesis Figures 3.9–3.12.
-Failure: a channel without data gets no figure.
 """
 
 from __future__ import annotations
@@ -14,7 +12,7 @@ import numpy as np
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
-from validation.measurement.trial import ENCODER_CHANNELS
+from validation.conventions import ENCODER_CHANNELS
 from validation.report.figures.layout import (
     WIDTH_IN,
     ReportFigure,
@@ -44,7 +42,7 @@ from validation.report.figures.style import (
     shade_lifts,
 )
 from validation.report.figures.svg import STYLE
-from validation.report.figures.thesis import measured_anchor
+from validation.report.thesis import measured_anchor
 from validation.report.view import SessionView
 
 

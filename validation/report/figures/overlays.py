@@ -1,10 +1,8 @@
 """Figures of model against experiment: one trial with the predictions of every model, residuals of all trials below.
 
-Place in the data flow: traces and spread of one session's results → SVG text for the page.
 Conventions: as `validation.report.figures.measured`; the trial is a solid black line, each model has its own colour
 and dashes, the same in all figures; one panel of residuals for each model, all with the same scale.
 Source: thesis Figures 3.13 and 4.1–4.15.
-Failure: a channel without data gets no figure.
 """
 
 from __future__ import annotations
@@ -13,7 +11,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from validation.measurement.trial import FILM_CHANNELS
+from validation.conventions import FILM_CHANNELS
 from validation.report.figures.layout import (
     WIDTH_IN,
     ReportFigure,
@@ -41,7 +39,7 @@ from validation.report.figures.style import (
     shade_lifts,
     shared_legend,
 )
-from validation.report.figures.thesis import compared_anchor, measured_anchor
+from validation.report.thesis import compared_anchor, measured_anchor
 from validation.report.view import SessionView
 from validation.result import ValidationResult
 

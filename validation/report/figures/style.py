@@ -1,9 +1,7 @@
 """How curves are drawn in the report: colours, dashes, signs, labels, bands.
 
-Place in the data flow: used by `validation.report.figures.measured` only.
 Conventions: the thesis's signs in degrees; Okabe–Ito colours, darkened where white needs it, each with its own
 dash pattern.
-Failure: none.
 """
 
 from __future__ import annotations
@@ -17,7 +15,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from validation.measurement.geometry import Array
+from validation.conventions import Array
 from validation.report.figures.svg import COLUMNS, decimate
 
 BLACK, ORANGE, SKY, GREEN, BLUE, VERMILION, PURPLE = (

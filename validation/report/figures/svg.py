@@ -1,9 +1,7 @@
 """Turning a matplotlib figure into small, self-contained, accessible inline SVG; thinning curves for it.
 
-Place in the data flow: used by `validation.report.figures.measured` only.
 Conventions: every id carries the figure's key, so that many figures live on one page; no name space, document
 type or metadata is left, so the page holds no address of any kind.
-Failure: none.
 """
 
 from __future__ import annotations
@@ -20,7 +18,7 @@ from matplotlib import rc_context
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
-from validation.measurement.geometry import Array
+from validation.conventions import Array
 
 COLUMNS = 560
 STYLE: dict[Any, Any] = {

@@ -1,9 +1,4 @@
-"""The uncertainty budget and the area metric of the events on the page.
-
-Place in the data flow: `ValidationResult.budget` and ``.event_summary`` → `PageTable` → template.
-Conventions: times in ms, heights in mm, speeds in m/s.
-Failure: none; an empty table says that no budget was asked for.
-"""
+"""The uncertainty budget and the area metric of the events; an empty budget says that none was asked for."""
 
 from __future__ import annotations
 

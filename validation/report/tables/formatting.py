@@ -1,9 +1,4 @@
-"""Numbers as a reader sees them: significant digits, degrees, per cent, a dash for what does not exist.
-
-Place in the data flow: used by the tables of `validation.report`.
-Conventions: degrees, millimetres and milliseconds; as many digits as the number's uncertainty or its size justifies.
-Failure: none.
-"""
+"""Numbers as a reader sees them: significant digits, degrees, per cent, a dash for what does not exist."""
 
 from __future__ import annotations
 

@@ -1,9 +1,4 @@
-"""Tables that set sessions and models side by side: scores beside their ceiling, models paired by trial, events.
-
-Place in the data flow: `SideBySide` and the results of one session → `PageTable` → template.
-Conventions: as `validation.report.tables.scores`; the ceiling is what trials score against each other.
-Failure: none; a dash for what does not exist.
-"""
+"""Tables that set sessions and models side by side: scores beside their ceiling, models paired by trial, events."""
 
 from __future__ import annotations
 
@@ -11,13 +6,13 @@ import math
 
 import pandas as pd
 
+from validation.conventions import ENCODER_CHANNELS, FILM_CHANNELS
 from validation.events.definitions import EVENTS
-from validation.measurement.trial import ENCODER_CHANNELS, FILM_CHANNELS
-from validation.pipeline.compare_sessions import SideBySide
 from validation.report.tables.formatting import DASH, PageTable, degrees, number, with_u
 from validation.report.view import SessionView
 from validation.result import ValidationResult
 from validation.scores.curve_scores import SCORES
+from validation.side_by_side import SideBySide
 
 MATRIX_SCORES = {"rmse_rad": "RMSE (°)", "iso_overall": "ISO-style"}
 

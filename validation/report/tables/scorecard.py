@@ -1,9 +1,4 @@
-"""The scorecard on the page: every score of a channel beside its ceiling, the null model and the raw force.
-
-Place in the data flow: `ValidationResult.scorecard` → `PageTable` → template.
-Conventions: errors in degrees, the others without unit.
-Failure: none; a dash for what does not exist.
-"""
+"""The scorecard: every score of a channel beside its ceiling, the null model and the raw force."""
 
 from __future__ import annotations
 

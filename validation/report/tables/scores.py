@@ -1,10 +1,4 @@
-"""Tables of text with units, ready for the page.
-
-Place in the data flow: tables of a `ValidationResult` → `PageTable` → template.
-Conventions: degrees, millimetres and milliseconds; as many digits as the number's uncertainty or its size
-justifies; a dash for what does not exist.
-Failure: none.
-"""
+"""Tables of one result: scores, differences, events, repeatability, trials."""
 
 from __future__ import annotations
 

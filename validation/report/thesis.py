@@ -1,9 +1,8 @@
 """Which figure of the thesis a figure of the report repeats, for a reader who lays them side by side.
 
-Place in the data flow: names of a session and its profile → here → captions of `validation.report.figures.measured`.
+For a blow that the thesis does not have, the figure is said to be drawn like the forte's.
 Source: M. Hirschkorn (2004), Figures 3.9–3.13 (forte) and 4.1–4.15 (forte, piano, double; 4.9–4.11: piano with the
 damping calibrated anew beside the first calibration).
-Failure: none; for another blow the figure is said to be drawn like the forte's.
 """
 
 from __future__ import annotations

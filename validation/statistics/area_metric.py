@@ -1,11 +1,9 @@
 """Area metric of an event: how far the distribution over predictions lies from the distribution over trials.
 
-Place in the data flow: values of an event in all trials and predictions → here → `validation.tables.events`.
 Conventions: in the unit of the event; the area between the two empirical distribution functions.
 Source: Ferson, Oberkampf and Ginzburg (2008); for equally many values it is the mean distance of the sorted values.
-Few trials put a floor under it: two samples of one and the same distribution are apart by chance.  The floor is
+Few trials put a floor under it: two samples of one and the same distribution are apart by chance. The floor is
 simulated for independent normal samples (a model driven by the trials' own forces can lie below it).
-Failure: fewer than two values on either side give NaN.
 """
 
 from __future__ import annotations
@@ -14,7 +12,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from validation.measurement.geometry import Array
+from validation.conventions import Array
 
 DRAWS = 4000
 SEED = 2008

@@ -8,8 +8,9 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
-from validation.cache import result_cache as kept_module
-from validation.cache.result_cache import PLACE, Kept, sha256_of
+from validation.cache import result_store
+from validation.cache.content_hash import sha256_of
+from validation.cache.result_store import PLACE, ResultStore
 from validation.events.definitions import absent
 
 
@@ -27,12 +28,12 @@ class Made:
 
 def test_a_result_is_computed_once_and_given_as_it_is_read_back(tmp_path):
     made = Made({"a": (1, 2.5, float("nan"), None), "b": np.float64(1 / 3)})
-    first = Kept(tmp_path)
-    given = first.of("scores", (1.0, np.arange(3)), made)
-    again = first.of("scores", (1.0, np.arange(3)), made)
+    first = ResultStore(tmp_path)
+    given = first.value("scores", (1.0, np.arange(3)), made)
+    again = first.value("scores", (1.0, np.arange(3)), made)
     assert first.save() == []
-    later = Kept(tmp_path)
-    read = later.of("scores", (1.0, np.arange(3)), made)
+    later = ResultStore(tmp_path)
+    read = later.value("scores", (1.0, np.arange(3)), made)
     assert made.times == 1
     for value in (given, again, read):
         assert value["a"][:2] == [1, 2.5] and math.isnan(value["a"][2]) and value["a"][3] is None
@@ -63,27 +64,27 @@ def test_equal_content_has_equal_hash_whatever_its_layout():
 
 
 @pytest.mark.parametrize("value", [object(), np.array([object()]), {1, 2}, b"bytes", lambda: 0])
-def test_what_cannot_be_told_apart_is_refused(value):
-    with pytest.raises(TypeError, match="cannot be told"):
+def test_what_cannot_be_hashed_is_refused(value):
+    with pytest.raises(TypeError, match="cannot be hashed"):
         sha256_of((1, value))
 
 
 def test_another_kind_or_other_code_makes_it_again(tmp_path, monkeypatch):
     made = Made(1)
-    first = Kept(tmp_path)
-    first.of("scores", 1, made)
-    first.of("events", 1, made)
+    first = ResultStore(tmp_path)
+    first.value("scores", 1, made)
+    first.value("events", 1, made)
     first.save()
-    monkeypatch.setattr(kept_module, "code_sha256", lambda *package: "other code")
-    Kept(tmp_path).of("scores", 1, made)
+    monkeypatch.setattr(result_store, "code_sha256", lambda *package: "other code")
+    ResultStore(tmp_path).value("scores", 1, made)
     assert made.times == 3
 
 
 @pytest.mark.parametrize("damage", ["byte", "cut", "empty", "other", "folder"])
 def test_a_damaged_file_counts_as_none_and_is_replaced(tmp_path, damage):
     made = Made("right")
-    first = Kept(tmp_path)
-    first.of("scores", 1, made)
+    first = ResultStore(tmp_path)
+    first.value("scores", 1, made)
     first.save()
     file = tmp_path.joinpath(*PLACE)
     text = file.read_text()
@@ -93,8 +94,8 @@ def test_a_damaged_file_counts_as_none_and_is_replaced(tmp_path, damage):
     else:
         new = {"byte": text.replace("right", "wrong"), "cut": text[:-4], "empty": "", "other": "\n\n\t\n"}[damage]
         file.write_text(new)
-    second = Kept(tmp_path)
-    assert second.of("scores", 1, made) == "right"
+    second = ResultStore(tmp_path)
+    assert second.value("scores", 1, made) == "right"
     assert made.times == 2
     notes = second.save()
     assert ["not kept" in note for note in notes] == [True] * (damage == "folder")
@@ -103,30 +104,30 @@ def test_a_damaged_file_counts_as_none_and_is_replaced(tmp_path, damage):
 
 
 def test_two_runs_at_once_keep_what_both_have_made(tmp_path):
-    one, two = Kept(tmp_path), Kept(tmp_path)
-    one.of("scores", 1, Made("one"))
-    two.of("scores", 2, Made("two"))
+    one, two = ResultStore(tmp_path), ResultStore(tmp_path)
+    one.value("scores", 1, Made("one"))
+    two.value("scores", 2, Made("two"))
     one.save()
     two.save()
-    later = Kept(tmp_path)
-    assert [later.of("scores", i, Made("new")) for i in (1, 2)] == ["one", "two"]
+    later = ResultStore(tmp_path)
+    assert [later.value("scores", i, Made("new")) for i in (1, 2)] == ["one", "two"]
 
 
 def test_the_file_stays_small_and_what_was_used_last_stays(tmp_path, monkeypatch):
-    monkeypatch.setattr(kept_module, "LARGEST_CHARACTERS", 1000)
+    monkeypatch.setattr(result_store, "LARGEST_CHARACTERS", 1000)
     for i in range(20):
-        kept = Kept(tmp_path)
-        kept.of("scores", "used always", Made("x" * 100))
-        kept.of("scores", i, Made("y" * 100))
-        assert kept.save() == []
+        store = ResultStore(tmp_path)
+        store.value("scores", "used always", Made("x" * 100))
+        store.value("scores", i, Made("y" * 100))
+        assert store.save() == []
     file = tmp_path.joinpath(*PLACE)
     assert file.stat().st_size < 1200
-    last = Kept(tmp_path)
+    last = ResultStore(tmp_path)
     made = Made("new")
-    last.of("scores", "used always", made)
-    last.of("scores", 19, made)
+    last.value("scores", "used always", made)
+    last.value("scores", 19, made)
     assert made.times == 0
-    last.of("scores", 0, made)
+    last.value("scores", 0, made)
     assert made.times == 1
 
 
@@ -134,20 +135,20 @@ def test_what_cannot_be_written_is_said_and_nothing_half_written_stays(tmp_path,
     def full(self, data):
         raise OSError(28, "No space left on device")
 
-    kept = Kept(tmp_path)
-    kept.of("scores", 1, Made(1))
+    store = ResultStore(tmp_path)
+    store.value("scores", 1, Made(1))
     monkeypatch.setattr("pathlib.Path.write_bytes", full)
-    kept.count("predictions", reused=False, failure="no room")
-    kept.count("predictions", reused=False, failure="no room either")
-    first, second = kept.save()
+    store.count("predictions", reused=False, failure="no room")
+    store.count("predictions", reused=False, failure="no room either")
+    first, second = store.save()
     assert first == "2 predictions not kept for the next run: no room"
     assert second.startswith("scores not kept") and "No space left" in second
     assert list(tmp_path.joinpath(*PLACE).parent.iterdir()) == []
 
 
 def test_threads_may_ask_at_once(tmp_path):
-    kept = Kept(tmp_path)
+    store = ResultStore(tmp_path)
     with ThreadPoolExecutor(8) as pool:
-        found = list(pool.map(lambda i: kept.of("scores", i % 5, Made(i % 5)), range(200)))
+        found = list(pool.map(lambda i: store.value("scores", i % 5, Made(i % 5)), range(200)))
     assert found == [i % 5 for i in range(200)]
-    assert kept.summary() == {"scores": "0 of 200"}
+    assert store.summary() == {"scores": "0 of 200"}

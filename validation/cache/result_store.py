@@ -1,0 +1,181 @@
+"""Results of a session, of this run and of earlier ones: plain values in one text file, tables in derived steps.
+
+Events, curve scores, pair scores, budget, friction search and runs that record inner forces are values, in
+``derived/scores/kept.txt``; predicted angles are tables, in ``derived/prediction_…/trial_NNNN.h5``. Both are found by
+`validation.cache.content_hash.result_key`. A value is given as it would be read back, so that a first and a later run
+cannot differ. What is missing, altered or unreadable counts as not computed; what cannot be written costs only time.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import shutil
+from collections import Counter
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from threading import Lock
+from typing import Any
+
+import pandas as pd
+
+from rig.errors import InputError as RigInputError
+from rig.session import Session
+from rig.storage.atomic_write import write_text
+from validation.cache.content_hash import code_sha256, result_key
+
+PLACE = ("derived", "scores", "kept.txt")
+SCHEMA = "piano-action-rig kept results 1"
+LARGEST_CHARACTERS = 16_000_000  # of the file; the results used longest ago go first
+MOST_VERSIONS = 4  # of a derived step, so that models side by side do not drive out each other's predictions
+KINDS = (
+    "predictions",
+    "events",
+    "look inside",
+    "friction search",
+    "curve scores",
+    "pair scores",
+    "force from motion",
+    "uncertainty budget",
+)
+
+
+class ResultStore:
+    """Results of one session.
+
+    Parameters
+    ----------
+    folder : Path, optional
+        Session folder for values; None keeps none beyond this run.
+    session : Session, optional
+        Session for tables; None keeps none.
+    """
+
+    def __init__(self, folder: Path | None = None, session: Session | None = None) -> None:
+        self.session = session
+        self._file = None if folder is None else folder.joinpath(*PLACE)
+        self._before = {} if self._file is None else _read(self._file)
+        self._used: dict[str, str] = {}
+        self._counts: Counter[tuple[str, bool]] = Counter()
+        self._failures: dict[str, list[str]] = {}
+        self._lock = Lock()
+
+    def value(self, kind: str, inputs: object, make: Callable[[], Any]) -> Any:
+        """The stored value, or that of ``make``, which is called only when these inputs have not been met before.
+
+        Parameters
+        ----------
+        kind : str
+            What is computed.
+        inputs : arrays, numbers, text, and tuples, dicts and dataclasses of them
+            Everything the result depends on beside the code of `validation`.
+        make : callable
+            Gives plain data: numbers, text, lists, dicts with names as keys.
+        """
+        key = f"{kind}\t{result_key(kind, code_sha256('validation', 'report'), inputs)}"
+        text = self._used.get(key) or self._before.get(key)
+        if text is None:
+            text = json.dumps(make())
+        with self._lock:
+            self._used[key] = text
+            self._counts[kind, key in self._before] += 1
+        return json.loads(text)
+
+    def table(self, step: str, trial: int, key: str) -> tuple[pd.DataFrame, dict[str, Any]] | None:
+        """Table and attributes of a derived step of one trial, stored under a key; None when there are none."""
+        if self.session is None:
+            return None
+        try:
+            found = self.session.read_derived(step, trial)
+        except RigInputError:  # damaged: made again
+            return None
+        return found if found is not None and found[1].get("input_sha256") == key else None
+
+    def write_table(
+        self, step: str, trial: int, seal: str, table: pd.DataFrame, attributes: dict[str, Any], *, versioned: bool
+    ) -> str:
+        """Write a derived step of one trial; the reason why it could not be written, or an empty string.
+
+        Of a ``versioned`` step, ``<step>_<version>``, the oldest versions are removed when a new one begins.
+        """
+        if self.session is None:
+            return ""
+        folder = self.session.derived_path(step, trial).parent
+        is_new = not folder.is_dir()
+        try:
+            self.session.write_derived(step, trial, table, attributes, {f"trial_{trial:04d}.h5": seal})
+            if versioned and is_new:
+                _remove_oldest_versions(folder)
+        except (RigInputError, OSError) as error:
+            return str(error)
+        return ""
+
+    def count(self, kind: str, *, reused: bool, failure: str = "") -> None:
+        """Count a table that was reused or made, and note why it could not be stored."""
+        self._counts[kind, reused] += 1
+        if failure:
+            self._failures.setdefault(kind, []).append(failure)
+
+    def summary(self) -> dict[str, str]:
+        """How many results of each kind were reused, ``4 of 5``."""
+        kinds = dict.fromkeys(kind for kind, _ in self._counts)
+        ordered = sorted(kinds, key=lambda kind: KINDS.index(kind) if kind in KINDS else len(KINDS))
+        return {
+            kind: f"{self._counts[kind, True]} of {self._counts[kind, True] + self._counts[kind, False]}"
+            for kind in ordered
+        }
+
+    def save(self) -> list[str]:
+        """Write the values this run has used beside those of other runs; what could not be written, and why."""
+        lost = [f"{len(why)} {kind} not kept for the next run: {why[0]}" for kind, why in self._failures.items()]
+        failure = self._write()
+        return [*lost, f"scores not kept for the next run: {failure}"] if failure else lost
+
+    def _write(self) -> str:
+        if self._file is None or self._used.keys() <= self._before.keys():
+            return ""
+        lines = _read(self._file)  # again: another run may have written meanwhile
+        for key, text in self._used.items():
+            lines.pop(key, None)
+            lines[key] = text
+        body = "".join(reversed(list(_newest(lines))))
+        try:
+            self._file.parent.mkdir(parents=True, exist_ok=True)
+            write_text(self._file, _head(body) + body)
+        except (RigInputError, OSError) as error:
+            return str(error)
+        return ""
+
+
+def _newest(lines: dict[str, str]) -> Iterator[str]:
+    """Lines of the file from the newest on, as far as they fit."""
+    size = 0
+    for key, text in reversed(lines.items()):
+        size += len(key) + len(text) + 2
+        if size > LARGEST_CHARACTERS:
+            return
+        yield f"{key}\t{text}\n"
+
+
+def _head(body: str) -> str:
+    return f"{SCHEMA} {hashlib.sha256(body.encode()).hexdigest()}\n"
+
+
+def _read(file: Path) -> dict[str, str]:
+    """Key → text of every stored value; none when the file is not as it was written."""
+    try:
+        head, _, body = file.read_bytes().decode().partition("\n")
+    except (OSError, ValueError):
+        return {}
+    if f"{head}\n" != _head(body):
+        return {}
+    lines = (line.split("\t") for line in body.splitlines())
+    return {f"{kind}\t{key}": text for kind, key, text in lines}
+
+
+def _remove_oldest_versions(new: Path) -> None:
+    """Remove the versions of a derived step that were used longest ago, ``<step>_<version>`` beside a new one."""
+    step = new.name.rpartition("_")[0]
+    others = [folder for folder in new.parent.iterdir() if folder.name.rpartition("_")[0] == step and folder != new]
+    for folder in sorted(others, key=lambda folder: folder.stat().st_mtime, reverse=True)[MOST_VERSIONS - 1 :]:
+        shutil.rmtree(folder, ignore_errors=True)

@@ -1,0 +1,21 @@
+"""What every stage agrees on: the array type, the order of bodies and channels, the number of worker threads.
+
+Angles are in rad, counter-clockwise. A table of absolute angles has one column for each of `BODIES`; encoder angles
+have one for each of `ENCODER_CHANNELS`, whatever the order in the recorded file.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+BODIES = ("key", "whippen", "jack", "repetition", "hammer")
+KEY, WHIPPEN, JACK, REPETITION, HAMMER = range(5)
+ENCODER_CHANNELS = ("key", "whippen", "hammer")
+FILM_CHANNELS = ("jack", "repetition")
+CHANNEL_GROUPS = ((ENCODER_CHANNELS, "encoder"), (FILM_CHANNELS, "film"))
+ENCODER_BODIES = [BODIES.index(name) for name in ENCODER_CHANNELS]
+
+WORKERS = 2  # threads: simulations and warping paths run without the interpreter's lock

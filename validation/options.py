@@ -1,0 +1,98 @@
+"""Options of a comparison: keywords of the public functions, and the one frozen record they become at the door."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+from datetime import UTC, datetime
+from typing import Any, TypedDict
+
+import model
+from validation.conventions import Array
+from validation.measurement.geometry import ActionGeometry
+from validation.measurement.trial import U_REST_LEVEL_M
+from validation.prediction.model_under_test import RIVALS, Rest, StandIns
+
+
+class CompareOptions(TypedDict, total=False):
+    """Keywords of every comparison, see `ComparisonOptions` and `validation.prediction.model_under_test.StandIns`."""
+
+    tolerance: float
+    predict: Callable[..., model.Solution] | None
+    rest_state: Callable[..., Rest] | None
+    geometry: Callable[[model.Action, Array], ActionGeometry] | None
+    rivals: tuple[str, ...]
+    budget: bool
+    suspect: bool
+    by_motion: bool
+    keep_predictions: bool
+    u_rest_level_m: float
+    now: Callable[[], datetime]
+    condition: str | None
+    progress: Callable[[str], None] | None
+
+
+def utc_now() -> datetime:
+    """The time of day."""
+    return datetime.now(UTC)
+
+
+@dataclass(frozen=True)
+class ComparisonOptions:
+    """What is compared, how, and by which functions.
+
+    Parameters
+    ----------
+    tolerance : float
+        Requested largest error of any predicted angle, rad.
+    rivals : tuple of str
+        What is scored beside the model: ``null`` (the null model), ``raw_force`` (the model under the recorded force).
+    budget : bool
+        Make the uncertainty budget of the events, some fifty runs of one trial.
+    suspect : bool
+        Search for a wrong friction of the model, some thirty runs of one trial.
+    by_motion : bool
+        Also drive the model by the key's measured motion and compare the force, in the trial of median peak force.
+    keep_predictions : bool
+        Store predictions and scores in the session's ``derived`` and reuse them when their inputs have not changed.
+    u_rest_level_m : float
+        Standard uncertainty of hammer height and key dip at rest on the bench.
+    condition : str, optional
+        Condition of the session's trial plan to compare; needed where usable trials are of several.
+    stand_ins : StandIns
+        Functions that take the place of the project's own.
+    now : callable
+        The clock of the report's date.
+    progress : callable, optional
+        Called with a line of text per trial.
+    """
+
+    tolerance: float = 1e-5
+    rivals: tuple[str, ...] = RIVALS
+    budget: bool = True
+    suspect: bool = True
+    by_motion: bool = False
+    keep_predictions: bool = True
+    u_rest_level_m: float = U_REST_LEVEL_M
+    condition: str | None = None
+    stand_ins: StandIns = StandIns()
+    now: Callable[[], datetime] = utc_now
+    progress: Callable[[str], None] | None = None
+
+    @classmethod
+    def of(cls, keywords: CompareOptions) -> ComparisonOptions:
+        """The record of the keywords of a public function.
+
+        Raises
+        ------
+        TypeError
+            A keyword that is not known.
+        """
+        values: dict[str, Any] = dict(keywords)
+        injected = {field.name: values.pop(field.name) for field in fields(StandIns) if field.name in values}
+        return cls(stand_ins=StandIns(**injected), **values)
+
+    def say(self, text: str) -> None:
+        """Report progress."""
+        if self.progress is not None:
+            self.progress(text)

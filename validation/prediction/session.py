@@ -1,0 +1,87 @@
+"""Predictions of all trials of a session: the second stage of a comparison.
+
+A trial the model cannot predict is refused with the reason; a rival that cannot be predicted is left out with a note.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from model.errors import ModelError
+from validation.errors import PredictionError, ValidationInputError
+from validation.measurement.session import MeasuredSession
+from validation.measurement.trial import MeasuredTrial
+from validation.prediction.model_under_test import ModelUnderTest
+from validation.prediction.trial_prediction import PredictedAngles, predict_trial
+
+MOST_NAMED = 4
+"""Trials named of those that share a reason."""
+
+
+@dataclass(frozen=True)
+class PredictedTrial:
+    """What is predicted for one trial: by the model, and by its rivals."""
+
+    model: PredictedAngles
+    rivals: dict[str, PredictedAngles]
+    notes: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class PredictedSession:
+    """Trials that were measured and predicted, and by number the reason for each that was not."""
+
+    trials: tuple[MeasuredTrial, ...]
+    predictions: dict[int, PredictedTrial]
+    refused: dict[int, str]
+
+
+def predict_session(
+    measured: MeasuredSession, tested: ModelUnderTest, progress: Callable[[str], None] | None = None
+) -> PredictedSession:
+    """Predict every measured trial; unchanged ones are read, not simulated.
+
+    Raises
+    ------
+    ValidationInputError
+        No trial is left.
+    """
+    refused = dict(measured.refused)
+    predictions = {}
+    for m in measured.trials:
+        if progress is not None:
+            progress(f"predicting trial {m.number}")
+        try:
+            predictions[m.number] = _predict(m, tested)
+        except ModelError as error:
+            refused[m.number] = f"not predicted: {error}"
+    if not predictions:
+        raise ValidationInputError(
+            f"{measured.session.path}: no usable trial ({_reasons(refused)}); record or accept at least one"
+        )
+    return PredictedSession(tuple(m for m in measured.trials if m.number in predictions), predictions, refused)
+
+
+def _predict(m: MeasuredTrial, tested: ModelUnderTest) -> PredictedTrial:
+    found = predict_trial(m, tested)
+    notes, rivals = [], {}
+    for name in tested.rivals:
+        try:
+            rivals[name] = predict_trial(m, tested, name)
+        except (ModelError, PredictionError) as error:
+            notes.append(f"{name.replace('_', ' ')} not predicted: {error}")
+    return PredictedTrial(found, rivals, tuple(notes))
+
+
+def _reasons(refused: dict[int, str]) -> str:
+    """Why trials are not used, in one line however many they are."""
+    numbers: dict[str, list[int]] = {}
+    for number, reason in refused.items():
+        numbers.setdefault(reason, []).append(number)
+    lines = []
+    for reason, found in numbers.items():
+        named = ", ".join(map(str, found[:MOST_NAMED]))
+        more = f" and {len(found) - MOST_NAMED} more" if len(found) > MOST_NAMED else ""
+        lines.append(f"trial{'s' if found[1:] else ''} {named}{more}: {reason}")
+    return "; ".join(lines) or "it has no trials"

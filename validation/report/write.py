@@ -1,0 +1,33 @@
+"""Writing the report of a comparison into a folder, and the whole job: compare, then write."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from validation.report.files import check_folder, write_files
+from validation.report.render import render_html
+from validation.report.results import results_json, table_csv
+from validation.result import ValidationResult
+from validation.side_by_side import SideBySide, alone
+
+
+def write_report(result: ValidationResult | SideBySide, folder: str | Path) -> ValidationResult | SideBySide:
+    """Write the report of one result, or of several, into a folder and return it with its file names.
+
+    Raises
+    ------
+    ValidationInputError
+        The folder cannot be written; nothing new is left behind.
+    """
+    if isinstance(result, SideBySide):
+        return write_side_by_side(result, Path(folder))
+    return write_side_by_side(alone(result), Path(folder)).results[0]
+
+
+def write_side_by_side(side: SideBySide, folder: Path) -> SideBySide:
+    """Write the page, the results for programs and every table."""
+    check_folder(folder)
+    texts = {f"tables/{name}.csv": table_csv(table) for name, table in side.tables.items()}
+    texts["results.json"] = results_json(side)
+    texts["report.html"] = render_html(side)  # last: a page never points at tables that are not there yet
+    return side.with_files(write_files(folder, texts))

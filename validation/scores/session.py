@@ -1,0 +1,102 @@
+"""Traces of all trials and every score of every curve: the fourth stage of a comparison.
+
+Conventions: SI and rad; differences are model − trial; nothing is aligned; samples in which the key lifts are left out
+and counted; what cannot be stated is NaN.
+"""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from validation.cache.result_store import ResultStore
+from validation.conventions import CHANNEL_GROUPS, WORKERS, Array
+from validation.events.angular_speed import speed_table, store_speeds
+from validation.events.session import SessionEvents
+from validation.prediction.session import PredictedSession
+from validation.scores.curve_scores import SCORES, all_scores
+from validation.scores.iso18571_guards import guard_notes
+from validation.scores.metrics import score_curve
+from validation.scores.traces import INFIX, SessionTraces, film_trace_table, scored, trace_table
+
+
+@dataclass(frozen=True)
+class ScoredSession:
+    """Traces of a session, and the scores of each curve: trial, channel, source, every score, u_rms_rad."""
+
+    traces: SessionTraces
+    scores: pd.DataFrame
+    notes: tuple[str, ...]
+
+
+def score_session(predicted: PredictedSession, events: SessionEvents, store: ResultStore) -> ScoredSession:
+    """Put together the traces of every trial and score every curve inside the evaluation window."""
+    encoder, film, failures = {}, {}, set()
+    for m in predicted.trials:
+        p = predicted.predictions[m.number]
+        speeds = speed_table(m, events.trial[m.number])
+        encoder[m.number] = trace_table(m, p, events.lifts[m.number], speeds)
+        failures.add(store_speeds(store, m, speeds))
+        filmed = film_trace_table(m, p)
+        if filmed is not None:
+            film[m.number] = filmed
+    traces = SessionTraces(encoder, film, events.window, events.impact_s)
+    scores = score_curves(traces, {m.number: m.u_rad for m in predicted.trials}, store)
+    return ScoredSession(traces, scores, tuple(sorted(failures - {""})[:1]))
+
+
+def score_curves(traces: SessionTraces, u_encoder: dict[int, Array], store: ResultStore) -> pd.DataFrame:
+    """Scores of every trial and channel inside the window, with guards; null model and raw force beside."""
+    jobs = [
+        (number, name, i, source, frame[traces.window.mask(frame["time_s"].to_numpy())])
+        for names, source in CHANNEL_GROUPS
+        for number, frame in traces.of(source).items()
+        for i, name in enumerate(names)
+    ]
+
+    def row(job: tuple[int, str, int, str, pd.DataFrame]) -> dict[str, object]:
+        number, name, i, source, frame = job
+        u = float(u_encoder[number][i]) if source == "encoder" else _rms(frame[f"{name}_u_rad"].to_numpy())
+        time, trial, model = frame["time_s"].to_numpy(), scored(frame, name), frame[f"{name}_predicted_rad"].to_numpy()
+        early = time < traces.impact_s.get(number, np.inf)
+        columns = {label: f"{name}_{infix}_rad" for label, infix in INFIX.items()}
+        rivals = {label: frame[column].to_numpy() for label, column in columns.items() if column in frame}
+        scores = store.value(
+            "curve scores",
+            (time, trial, model, rivals, early),
+            lambda: _scores(time, trial, model, rivals, early),
+        )
+        return {"trial": number, "channel": name, "source": source, **scores, "u_rms_rad": u}
+
+    with ThreadPoolExecutor(WORKERS) as pool:
+        return pd.DataFrame(list(pool.map(row, jobs)))
+
+
+def _scores(
+    time: Array, trial: Array, model: Array, rivals: dict[str, Array], early: NDArray[np.bool_]
+) -> dict[str, object]:
+    whole = score_curve(time, trial, model)
+    scores = all_scores(time, trial, model, early)
+    out: dict[str, object] = dict(scores)
+    out |= {
+        "bias_rad": whole.bias,
+        "scatter_rad": whole.scatter,
+        "largest_rad": whole.largest,
+        "largest_at_s": whole.largest_at_s,
+        "n": whole.n,
+        "n_lost": whole.n_lost,
+        "iso_guards": "; ".join(guard_notes(time, trial, model, scores)),
+    }
+    for label in INFIX:
+        rival = all_scores(time, trial, rivals[label], early) if label in rivals else {}
+        out |= {f"{label}_{score}": rival.get(score, np.nan) for score in SCORES}
+    return out
+
+
+def _rms(values: Array) -> float:
+    known = values[np.isfinite(values)]
+    return float(np.sqrt(np.mean(known**2))) if known.size else float("nan")

@@ -1,0 +1,88 @@
+"""Every score of every channel beside its ceiling, the null model and the raw force.
+
+Conventions: scores of several trials are pooled without those whose encoder is wired wrong. The *ceiling* is the same
+score of trial against trial: no model can be asked for better. What cannot be stated is NaN.
+"""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pandas as pd
+
+from validation.cache.result_store import ResultStore
+from validation.conventions import CHANNEL_GROUPS, WORKERS
+from validation.findings.pooling import LeftOut, pooled
+from validation.scores.curve_scores import SCORES, ceiling_scores, together
+from validation.scores.traces import SessionTraces
+from validation.statistics.common_base import on_common_base
+
+
+def scorecard(scores: pd.DataFrame, traces: SessionTraces, store: ResultStore, without: LeftOut = ()) -> pd.DataFrame:
+    """Every score of every channel beside its repeatability ceiling, the null model, and the raw force.
+
+    Returns
+    -------
+    DataFrame
+        channel, score, title, unit, better (lower or higher), value, ceiling, pairs, null, raw_force.
+    """
+    base = traces.base_s
+    early = base < min(traces.impact_s.values(), default=np.inf)
+    rows = []
+    with ThreadPoolExecutor(WORKERS) as pool:
+        for names, source in CHANNEL_GROUPS:
+            every = traces.of(source)
+            for name in names if every else ():
+                frames = pooled(every, name, without)
+                curves = on_common_base(base, frames, f"{name}_measured_rad")
+                ceiling, pairs = ceiling_scores(base, curves, early, store, run=pool.map)
+                part = scores[(scores["channel"] == name) & scores["trial"].isin(frames)]
+                for score, kind in SCORES.items():
+                    rows.append(
+                        {
+                            "channel": name,
+                            "score": score,
+                            "title": kind.title,
+                            "unit": kind.unit,
+                            "better": kind.better,
+                            "value": together(score, part[score].to_numpy(dtype=float)),
+                            "ceiling": ceiling[score],
+                            "pairs": pairs,
+                            "null": together(score, part[f"null_{score}"].to_numpy(dtype=float)),
+                            "raw_force": together(score, part[f"raw_force_{score}"].to_numpy(dtype=float)),
+                        }
+                    )
+    return pd.DataFrame(rows)
+
+
+def with_repeatability(scores: pd.DataFrame, channels: pd.DataFrame) -> pd.DataFrame:
+    """Scores of every curve with the RMSE over the repeatability standard deviation of the channel."""
+    s_r = dict(zip(channels["channel"], channels["s_r_rad"], strict=True))
+    ratio = [
+        rmse / s_r[name] if s_r[name] > 0 else float("nan")
+        for name, rmse in zip(scores["channel"], scores["rmse_rad"], strict=True)
+    ]
+    out = scores.copy()
+    out.insert(out.columns.get_loc("source") + 1, "rmse_over_s_r", ratio)
+    return out
+
+
+def with_scores(
+    channels: pd.DataFrame, scores: pd.DataFrame, card: pd.DataFrame, without: LeftOut = ()
+) -> pd.DataFrame:
+    """Channel summary with the root mean square of its trials' RMSE, the ISO-style score and its ceiling."""
+    counts = [pair not in without for pair in zip(scores["trial"], scores["channel"], strict=True)]
+    rms = scores[counts].groupby("channel")["rmse_rad"].agg(lambda v: float(np.sqrt(np.mean(np.square(v)))))
+    overall = card[card["score"] == "iso_overall"].set_index("channel")
+    rmse = card[card["score"] == "rmse_rad"].set_index("channel")
+    out = channels.copy()
+    out["rmse_rad"] = out["channel"].map(rms)
+    out["null_rmse_rad"] = out["channel"].map(rmse["null"])
+    out["iso_overall"] = out["channel"].map(overall["value"])
+    out["iso_ceiling"] = out["channel"].map(overall["ceiling"])
+    out["iso_null"] = out["channel"].map(overall["null"])
+    out["rmse_over_range"] = out["rmse_rad"] / out["range_rad"]
+    out["rmse_over_s_r"] = out["rmse_rad"] / out["s_r_rad"].where(out["s_r_rad"] > 0)
+    first = ["channel", "source", "n_trials", "rmse_rad", "range_rad", "rmse_over_range", "s_r_rad", "rmse_over_s_r"]
+    return out[first + [c for c in out.columns if c not in first]]

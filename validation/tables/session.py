@@ -1,0 +1,151 @@
+"""All tables of a session: the sixth stage of a comparison."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import asdict, dataclass, replace
+
+import pandas as pd
+
+from model.errors import ModelError
+from validation.conventions import WORKERS
+from validation.events.evaluation_window import Window
+from validation.events.key_lift import lifted_samples
+from validation.events.session import SessionEvents
+from validation.findings.pooling import counting_events, sound_trials
+from validation.findings.session import SessionFindings
+from validation.measurement.session import representative
+from validation.options import ComparisonOptions
+from validation.prediction.model_under_test import ModelUnderTest
+from validation.prediction.motion_driven import COLUMNS as MOTION_COLUMNS
+from validation.prediction.motion_driven import motion_driven, motion_row
+from validation.prediction.session import PredictedSession
+from validation.scores.session import ScoredSession
+from validation.statistics.event_budget import COLUMNS as BUDGET_COLUMNS
+from validation.statistics.event_budget import event_budget
+from validation.statistics.repeatability import event_repeatability, few_trials_warning
+from validation.tables.channels import channel_tables
+from validation.tables.events import event_summary, event_table
+from validation.tables.scorecard import scorecard, with_repeatability, with_scores
+from validation.tables.trials import lift_table, trial_table, uncertainty_table
+
+FINDING_COLUMNS = ["kind", "trial", "channel", "value", "limit", "text"]
+
+
+@dataclass(frozen=True)
+class MotionComparison:
+    """Force predicted from the key's motion: the table's row, the trace over time, and why there is none."""
+
+    table: pd.DataFrame
+    trace: pd.DataFrame | None = None
+    notes: tuple[str, ...] = ()
+
+
+NO_MOTION = MotionComparison(pd.DataFrame(columns=MOTION_COLUMNS))
+
+
+@dataclass(frozen=True)
+class SessionTables:
+    """Tables and traces of a session, under their names in `validation.result.ValidationResult`."""
+
+    warnings: list[str]
+    window: Window
+    trials: pd.DataFrame
+    scores: pd.DataFrame
+    scorecard: pd.DataFrame
+    marked: pd.DataFrame
+    findings: pd.DataFrame
+    channels: pd.DataFrame
+    events: pd.DataFrame
+    event_summary: pd.DataFrame
+    event_repeatability: pd.DataFrame
+    budget: pd.DataFrame
+    uncertainty: pd.DataFrame
+    spread: pd.DataFrame
+    traces: dict[int, pd.DataFrame]
+    film_traces: dict[int, pd.DataFrame]
+    motion_driven: pd.DataFrame
+    motion_trace: pd.DataFrame | None
+
+
+def make_tables(
+    predicted: PredictedSession,
+    events: SessionEvents,
+    scored: ScoredSession,
+    findings: SessionFindings,
+    tested: ModelUnderTest,
+    options: ComparisonOptions,
+) -> SessionTables:
+    """Make every table, with the further runs that were asked for, and save what was computed for the next run."""
+    traces, without = scored.traces, findings.left_out
+    uncertainty = uncertainty_table(predicted.trials, traces.film)
+    by_channel = uncertainty.groupby("channel")
+    u_scale = by_channel["scale_relative_u"].mean().fillna(0.0).to_dict()
+    channels, spread = channel_tables(traces, by_channel["u_rad"].mean().to_dict(), without, u_scale)
+    card = scorecard(scored.scores, traces, tested.store, without)
+    counting = counting_events(events.trial, without)
+    summary = event_summary(counting, events.model)
+    motion = _by_motion(predicted, events, findings, tested) if options.by_motion else NO_MOTION
+    budget = _budget(predicted, summary, tested, options) if options.budget else pd.DataFrame(columns=BUDGET_COLUMNS)
+    warnings = [*_warnings(predicted, findings), *scored.notes, *motion.notes, *tested.store.save()]
+    return SessionTables(
+        warnings=warnings,
+        window=events.window,
+        trials=trial_table(predicted),
+        scores=with_repeatability(scored.scores, channels),
+        scorecard=card,
+        marked=lift_table(events.lifts),
+        findings=pd.DataFrame([asdict(f) for f in findings.faults], columns=FINDING_COLUMNS),
+        channels=with_scores(channels, scored.scores, card, without),
+        events=event_table(events.trial, events.model),
+        event_summary=summary,
+        event_repeatability=event_repeatability(counting),
+        budget=budget,
+        uncertainty=uncertainty,
+        spread=spread,
+        traces=traces.encoder,
+        film_traces=traces.film,
+        motion_driven=motion.table,
+        motion_trace=motion.trace,
+    )
+
+
+def _warnings(predicted: PredictedSession, findings: SessionFindings) -> Iterator[str]:
+    """What a reader must know before using the numbers, faults first."""
+    yield from (f.text for f in findings.faults)
+    yield from findings.notes
+    few = few_trials_warning(len(predicted.trials))
+    if few:
+        yield few
+    for m in predicted.trials:
+        notes = (*m.notes, *predicted.predictions[m.number].notes)
+        yield from (f"trial {m.number}: {text}" for text in notes)
+    yield from (f"trial {number} is not used: {reason}" for number, reason in predicted.refused.items())
+
+
+def _by_motion(
+    predicted: PredictedSession, events: SessionEvents, findings: SessionFindings, tested: ModelUnderTest
+) -> MotionComparison:
+    """Motion-driven comparison of the sound trial of median peak force."""
+    sound = sound_trials(predicted.trials, findings.faults)
+    if not sound:
+        return NO_MOTION
+    m = representative(sound)
+    at = m.time_s[events.window.mask(m.time_s)]
+    try:
+        with ThreadPoolExecutor(WORKERS) as pool:
+            trace = motion_driven(tested, m, at, lifted_samples(at, events.lifts[m.number]), run=pool.map)
+    except ModelError as error:
+        return replace(NO_MOTION, notes=(f"trial {m.number}: not driven by its motion: {error}",))
+    row = motion_row(m.number, trace, m.force.channel.gain_relative_u)
+    return MotionComparison(pd.DataFrame([row], columns=MOTION_COLUMNS), trace)
+
+
+def _budget(
+    predicted: PredictedSession, summary: pd.DataFrame, tested: ModelUnderTest, options: ComparisonOptions
+) -> pd.DataFrame:
+    """Budget of the events; the runs share the processors, a simulation holds no lock."""
+    options.say("uncertainty budget of the events")
+    with ThreadPoolExecutor(WORKERS) as pool:
+        return event_budget(tested, representative(predicted.trials), summary, run=pool.map)
