@@ -78,7 +78,8 @@ def compare(
     >>> result = validation.compare("sessions/example_forte", budget=False)  # doctest: +SKIP
     >>> print(result.verdict)  # doctest: +SKIP
     """
-    return compare_by(open_session(session), load_model(action), ComparisonOptions.of(options))
+    chosen = ComparisonOptions.of(options)
+    return compare_by(open_session(session), load_model(action), chosen)
 
 
 compare_session = compare
