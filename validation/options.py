@@ -39,33 +39,7 @@ def utc_now() -> datetime:
 
 @dataclass(frozen=True)
 class ComparisonOptions:
-    """What is compared, how, and by which functions.
-
-    Parameters
-    ----------
-    tolerance : float
-        Requested largest error of any predicted angle, rad.
-    rivals : tuple of str
-        What is scored beside the model: ``null`` (the null model), ``raw_force`` (the model under the recorded force).
-    budget : bool
-        Make the uncertainty budget of the events, some fifty runs of one trial.
-    suspect : bool
-        Search for a wrong friction of the model, some thirty runs of one trial.
-    by_motion : bool
-        Also drive the model by the key's measured motion and compare the force, in the trial of median peak force.
-    keep_predictions : bool
-        Store predictions and scores in the session's ``derived`` and reuse them when their inputs have not changed.
-    u_rest_level_m : float
-        Standard uncertainty of hammer height and key dip at rest on the bench.
-    condition : str, optional
-        Condition of the session's trial plan to compare; needed where usable trials are of several.
-    stand_ins : StandIns
-        Functions that take the place of the project's own.
-    now : callable
-        The clock of the report's date.
-    progress : callable, optional
-        Called with a line of text per trial.
-    """
+    """Options of a comparison, as documented by `validation.compare`; the stand-ins travel as a record of their own."""
 
     tolerance: float = 1e-5
     rivals: tuple[str, ...] = RIVALS

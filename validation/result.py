@@ -13,56 +13,56 @@ import pandas as pd
 
 from validation.events.evaluation_window import Window
 
+TABLES = (
+    "trials",
+    "scores",
+    "scorecard",
+    "marked",
+    "findings",
+    "motion_driven",
+    "channels",
+    "events",
+    "event_summary",
+    "event_repeatability",
+    "budget",
+    "uncertainty",
+)
+"""Tables that are also written as CSV files."""
 
-@dataclass(frozen=True, repr=False)
-class ValidationResult:
-    """Result of comparing one session with one model.
+
+@dataclass(frozen=True)
+class SessionTables:
+    """Tables and traces of one session compared with one model.
+
+    Columns of the tables and their units: ``docs/results.md``, made from ``validation/report/results.schema.json``.
 
     Attributes
     ----------
-    session_name, action_name : str
-    verdict_lines : list of str
-        What was compared, how many trials, RMSE against repeatability, worst channel, events that disagree.
     warnings : list of str
         What a reader must know before using the numbers.
     window : Window
         The evaluation window of every score.
     trials : DataFrame
-        One row per trial: trial, used, reason, quiet_s, onset_s, offset_n, u_offset_n, hum_hz, hum_1_n …
-        hum_3_n, hum_accepted, noise_n, preload_n, group_delay_s, peak_force_n, filmed, reused, notes.
+        One row per trial: whether it was used or why not, and what was done with its force.
     scores : DataFrame
-        One row per trial and channel: trial, channel, source, rmse_over_s_r, the scores of
-        `validation.scores.curve_scores.SCORES`, iso_shift_s, bias_rad, scatter_rad, largest_rad, largest_at_s, n,
-        n_lost, iso_guards (what makes the ISO-style score doubtful), the same scores of the null model (null_…) and
-        of the model driven by the raw force (raw_force_…), u_rms_rad.
+        One row per trial and channel: every score of the model, of the null model and of the model driven by the raw
+        force.
     scorecard : DataFrame
-        One row per channel and score: channel, score, title, unit, better (lower or higher), value (of the model,
-        over all trials), ceiling (the same score of trial against trial), pairs (how many of them), null (of the null
-        model), raw_force.
+        One row per channel and score: of all trials, beside its ceiling, the score of trial against trial.
     marked : DataFrame
-        Samples left out of the scores: trial, channel, start_s, end_s, largest_at_s, gap_m, lift_m, rail_pull_n,
-        reason.
+        Samples left out of the scores, because the key lifts.
     findings : DataFrame
-        Faults of the session that were recognised: kind, trial, channel, value, limit, text.
+        Faults of the session that were recognised.
     channels : DataFrame
-        One row per channel: channel, source, n_trials, rmse_rad (root mean square over trials), range_rad,
-        rmse_over_range, s_r_rad, s_r_low_rad, s_r_high_rad, s_r_largest_rad, limit_rad, rmse_over_s_r,
-        band_factor (of the simultaneous 95 % band), trial_to_trial_rmse_rad, pairs, null_rmse_rad, iso_overall,
-        iso_ceiling (trial against trial), iso_null, mean_difference_rad, resolved_share (of the window in which the
-        mean paired difference leaves its simultaneous 95 % band), resolved_pointwise_share (instant by instant), state.
+        One row per channel: RMSE, repeatability, and the share of the window in which model and trials differ.
     events : DataFrame
-        One row per trial, source (trial or model) and event: trial, source, event, value, u, unit, status,
-        note.
-    event_summary : DataFrame
-        One row per event: event, unit, n_trials, found_trial, found_model, agree, trial_mean, trial_s,
-        model_mean, difference, difference_s, u_difference, n_both, u_trial (stated, of one trial), area (area metric),
-        area_floor and area_floor_95 (its mean and 95th percentile for a perfect model and so many trials).
-    event_repeatability : DataFrame
-        See `validation.statistics.repeatability.event_repeatability`.
+        One row per trial, source (trial or model) and event.
+    event_summary, event_repeatability : DataFrame
+        One row per event: model against trials, and trials among themselves.
     budget : DataFrame
-        See `validation.statistics.event_budget.event_budget`; empty when it was not asked for.
+        One row per event: uncertainty budget of the difference; empty when none was requested.
     uncertainty : DataFrame
-        One row per trial and channel: trial, channel, source, quantisation_rad, u_rad (one sample), scale_relative_u.
+        One row per trial and channel: stated uncertainty of one sample.
     spread : DataFrame
         On the common time base inside the window: time_s, then <channel>_mean_rad, _s_r_rad, _band95_rad (half width
         of the simultaneous 95 % band of the mean), _difference_rad (mean paired difference), its _difference_u95_rad
@@ -75,19 +75,11 @@ class ValidationResult:
     film_traces : dict
         Trial → DataFrame of time_s, <channel>_measured_rad, <channel>_u_rad, <channel>_predicted_rad.
     motion_driven : DataFrame
-        Force predicted from the key's measured motion: see `validation.prediction.motion_driven.COLUMNS`; empty when
-        not asked for.
+        Force predicted from the key's measured motion, in one row; empty when not requested.
     motion_trace : DataFrame or None
-        See `validation.prediction.motion_driven.motion_driven`.
-    provenance : dict
-        Hashes, versions, tolerance and rules.
-    files : dict
-        What was written: name → path.
+        The same over time, see `validation.prediction.motion_driven.motion_driven`.
     """
 
-    session_name: str
-    action_name: str
-    verdict_lines: list[str]
     warnings: list[str]
     window: Window
     trials: pd.DataFrame
@@ -106,6 +98,31 @@ class ValidationResult:
     film_traces: dict[int, pd.DataFrame]
     motion_driven: pd.DataFrame
     motion_trace: pd.DataFrame | None
+
+    @property
+    def tables(self) -> dict[str, pd.DataFrame]:
+        """The tables that are also written as CSV files, by name."""
+        return {name: getattr(self, name) for name in TABLES}
+
+
+@dataclass(frozen=True, repr=False)
+class ValidationResult(SessionTables):
+    """Result of comparing one session with one model: its tables and traces, and what is said of them.
+
+    Attributes
+    ----------
+    session_name, action_name : str
+    verdict_lines : list of str
+        What was compared, how many trials, RMSE against repeatability, worst channel, events that disagree.
+    provenance : dict
+        Hashes, versions, tolerance and rules.
+    files : dict
+        What was written: name → path.
+    """
+
+    session_name: str
+    action_name: str
+    verdict_lines: list[str]
     provenance: dict[str, Any]
     files: dict[str, Path] = field(default_factory=dict)
 
@@ -116,24 +133,6 @@ class ValidationResult:
     def verdict(self) -> str:
         """The verdict as one paragraph."""
         return " ".join(self.verdict_lines)
-
-    @property
-    def tables(self) -> dict[str, pd.DataFrame]:
-        """The tables that are also written as CSV files, by name."""
-        return {
-            "trials": self.trials,
-            "scores": self.scores,
-            "scorecard": self.scorecard,
-            "marked": self.marked,
-            "findings": self.findings,
-            "motion_driven": self.motion_driven,
-            "channels": self.channels,
-            "events": self.events,
-            "event_summary": self.event_summary,
-            "event_repeatability": self.event_repeatability,
-            "budget": self.budget,
-            "uncertainty": self.uncertainty,
-        }
 
     def with_files(self, files: dict[str, Path]) -> ValidationResult:
         """A copy that names the files it was written to."""

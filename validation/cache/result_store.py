@@ -26,7 +26,7 @@ from validation.cache.content_hash import code_sha256, result_key
 
 PLACE = ("derived", "scores", "kept.txt")
 SCHEMA = "piano-action-rig kept results 1"
-LARGEST_CHARACTERS = 16_000_000  # of the file; the results used longest ago go first
+LARGEST_CHARACTERS = 16_000_000  # of the file; the results used longest ago are dropped first
 MOST_VERSIONS = 4  # of a derived step, so that models side by side do not drive out each other's predictions
 KINDS = (
     "predictions",

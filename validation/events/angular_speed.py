@@ -4,8 +4,8 @@ Conventions: rad/s, positive counter-clockwise, on the DAQ's sample times; NaN w
 between two contacts.
 Source: a cubic fitted to 21 samples (Savitzky–Golay; shorter where a stretch is shorter), one-sided towards its ends.
 A symmetric window across a string contact is wrong by tens of per cent. The standard uncertainty holds the samples'
-own, propagated through the fit at each place, and what half the window makes of the speed: a measure of what the cubic
-leaves out. Where speeds change faster than a few samples it is large, and says so.
+own, propagated through the fit at each place, and the change of the speed when the window is halved: a measure of what
+the cubic leaves out. Where speeds change faster than a few samples it is large, and says so.
 """
 
 from __future__ import annotations
@@ -92,7 +92,7 @@ def split_speed(time_s: Array, angle_rad: Array, contact_s: list[float], u_sampl
         if wide < WINDOW:  # a contact: all of it is one bend
             bend = np.maximum(bend, np.abs(slope - np.gradient(part)))
         speed[first:last] = slope / step
-        # where the two agree by chance, their neighbours tell
+        # where the two agree by chance, their neighbours decide
         u[first:last] = np.hypot(factor * u_sample_rad, maximum_filter1d(bend, NEIGHBOURS)) / step
     return speed, u
 

@@ -14,11 +14,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
-from validation.events.definitions import Event, Status, absent
+from validation.events.definitions import Event, Status, absent, crossing
 from validation.events.level_crossings import (
     bend_uncertainty_s,
     down_crossings,
     first_after,
+    last_fall,
     up_crossings,
     with_level_uncertainty,
 )
@@ -42,7 +43,7 @@ RELEASE_SHARE = 0.5
 DIP_HYSTERESIS_M = 0.5e-3
 # Some 20 counts of the encoders: above their rounding and the slow recovery of the felt, below any motion one can see.
 REST_BAND_M = 0.1e-3
-# Several periods of the slowest vibration left after a stroke: the hammer on its rest cushion.
+# Longer than a hammer that bounces on its rest takes to pass through the band.
 REST_LASTS_S = 0.05
 # A time that moves by more than the shortest hold within the uncertainty of its level says nothing about its order.
 DOUBTFUL_TIME_S = 0.01
@@ -194,13 +195,8 @@ def rest(motion: Motion, quiet_stop: int) -> Event:
     away = np.fmax((height - REST_BAND_M) / u_height, (dip - REST_BAND_M) / u_dip)
 
     def find(level: float) -> float | None:
-        out = np.flatnonzero(away > level)
-        if out.size == 0 or out[-1] + 1 >= time.size:
-            return None
-        i = int(out[-1])
-        share = (away[i] - level) / (away[i] - away[i + 1])
-        when = float(time[i] + share * (time[i + 1] - time[i]))
-        return when if time[-1] - when >= REST_LASTS_S else None
+        when = last_fall(time, away, level)
+        return when if when is not None and time[-1] - when >= REST_LASTS_S else None
 
     value, u = with_level_uncertainty(find, 0.0, 1.0)
     if value is None:
@@ -212,8 +208,6 @@ def rest(motion: Motion, quiet_stop: int) -> Event:
 
 def _timed(name: str, value: float, u: float) -> Event:
     """A time event; one that jumps by more than 10 ms within its level's uncertainty is ambiguous."""
-    if math.isnan(u):
-        return Event(name, value, u, "ambiguous", "grazes its level: not found within the uncertainty of the level")
     if u > DOUBTFUL_TIME_S:
         return Event(name, value, u, "ambiguous", f"moves by {1e3 * u:.0f} ms within the uncertainty of its level")
-    return Event(name, value, u, "found")
+    return crossing(name, value, u)

@@ -6,6 +6,7 @@ cannot be decided has status ``ambiguous`` and a note, never an exception.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Literal
 
@@ -22,11 +23,6 @@ class Event:
     status: Status
     note: str = ""
 
-    @property
-    def kind(self) -> EventKind:
-        """Title, unit and definition of this event."""
-        return EVENTS[self.name]
-
 
 @dataclass(frozen=True)
 class EventKind:
@@ -40,46 +36,38 @@ class EventKind:
     expected: bool = True
     bodies: tuple[str, ...] = ("hammer",)
 
+    @property
+    def label(self) -> str:
+        """Title with the unit it is shown in."""
+        return f"{self.title} ({self.display_unit})"
+
+
+def _time(title: str, definition: str, *, expected: bool = True, bodies: tuple[str, ...] = ("hammer",)) -> EventKind:
+    return EventKind(title, "s", "ms", 1e3, definition, expected, bodies)
+
+
+def _speed(title: str, definition: str) -> EventKind:
+    return EventKind(title, "m/s", "m/s", 1.0, definition)
+
 
 EVENTS: dict[str, EventKind] = {
-    "onset": EventKind("Onset", "s", "ms", 1e3, "key dip first rises through 0.1 mm above its rest", bodies=("key",)),
-    "let_off": EventKind(
+    "onset": _time("Onset", "key dip first rises through 0.1 mm above its rest", bodies=("key",)),
+    "let_off": _time(
         "Let-off",
-        "s",
-        "ms",
-        1e3,
         "free flight begins: last time before the impact at which the hammer is 0.1 mm off the path of its flight",
     ),
-    "key_bottom": EventKind(
+    "key_bottom": _time(
         "Key bottom",
-        "s",
-        "ms",
-        1e3,
         "key dip first rises through the dip at which the key front touches its felt",
         bodies=("key",),
     ),
-    "string_impact": EventKind(
-        "String impact",
-        "s",
-        "ms",
-        1e3,
-        "hammer height first falls to 0 and the hammer turns back within 4 ms",
+    "string_impact": _time("String impact", "hammer height first falls to 0 and the hammer turns back within 4 ms"),
+    "hammer_speed": _speed(
+        "Hammer speed at impact", "speed of the hammer head towards the string just before contact, one-sided fit"
     ),
-    "hammer_speed": EventKind(
-        "Hammer speed at impact",
-        "m/s",
-        "m/s",
-        1.0,
-        "speed of the hammer head towards the string just before contact, one-sided fit",
-    ),
-    "rebound_speed": EventKind(
-        "Rebound speed", "m/s", "m/s", 1.0, "speed of the hammer head away from the string just after contact"
-    ),
-    "check_time": EventKind(
+    "rebound_speed": _speed("Rebound speed", "speed of the hammer head away from the string just after contact"),
+    "check_time": _time(
         "Check begins",
-        "s",
-        "ms",
-        1e3,
         "hammer height enters the band of 0.25 mm around the height it is then held at",
     ),
     "check_height": EventKind(
@@ -92,36 +80,16 @@ EVENTS: dict[str, EventKind] = {
         1.0,
         "number of times the hammer turns round by at least 0.3 mm between impact and check",
     ),
-    "key_release": EventKind(
-        "Key release", "s", "ms", 1e3, "key dip falls for the last time through half the touching dip", bodies=("key",)
+    "key_release": _time(
+        "Key release", "key dip falls for the last time through half the touching dip", bodies=("key",)
     ),
-    "drop": EventKind(
-        "Drop",
-        "s",
-        "ms",
-        1e3,
-        "hammer first is 0.5 mm further from the string than where it was held",
+    "drop": _time("Drop", "hammer first is 0.5 mm further from the string than where it was held"),
+    "landing": _time(
+        "Landing", "after the drop, when the hammer is furthest from the string before it first comes back by 0.3 mm"
     ),
-    "landing": EventKind(
-        "Landing",
-        "s",
-        "ms",
-        1e3,
-        "after the drop, when the hammer is furthest from the string before it first comes back by 0.3 mm",
-    ),
-    "second_strike": EventKind(
-        "Second strike",
-        "s",
-        "ms",
-        1e3,
-        "a further string impact after the hammer was 5 mm away",
-        expected=False,
-    ),
-    "rest": EventKind(
+    "second_strike": _time("Second strike", "a further string impact after the hammer was 5 mm away", expected=False),
+    "rest": _time(
         "Rest",
-        "s",
-        "ms",
-        1e3,
         "hammer height and key dip stay within 0.1 mm of where they began, at least 50 ms",
         bodies=("key", "hammer"),
     ),
@@ -131,3 +99,10 @@ EVENTS: dict[str, EventKind] = {
 def absent(name: str, note: str = "") -> Event:
     """An event that did not happen."""
     return Event(name, float("nan"), float("nan"), "absent", note)
+
+
+def crossing(name: str, value: float, u: float) -> Event:
+    """A time at which a level is crossed; ambiguous when it is not crossed at all levels within the uncertainty."""
+    if math.isnan(u):
+        return Event(name, value, u, "ambiguous", "grazes its level: not found within the uncertainty of the level")
+    return Event(name, value, u, "found")

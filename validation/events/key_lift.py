@@ -1,6 +1,6 @@
 """False readings of the key encoder: the key lifts off its balance rail, and its scale reads the lift as rotation.
 
-Conventions: m and s on the DAQ clock. Gap: of capstan and whippen heel, as key and whippen encoder have it, negative
+Conventions: m and s on the DAQ clock. Gap: of capstan and whippen heel, computed from key and whippen encoder, negative
 where the felt is pressed in. A scale of radius R whose centre rises by d reads d/R too much, so that a capstan r
 behind the pivot seems to drop by d·r/R and rises by d: a lift of 0.1 mm looks like a gap of half a millimetre.
 Source: thesis Sections 3.2.2 and 4.1, where film showed it. Three things tell a lift from a capstan that really parts:
@@ -156,7 +156,7 @@ def _widened(time: Array, gap: Array, impact_s: float, release_s: float) -> Arra
 
 def _carried(whippen_rad: Array, step: float, free_fall: float) -> NDArray[np.bool_]:
     """Samples at which the whippen is accelerated upwards of its free fall."""
-    # start-up: scipy.signal costs a third of a second, only doubtful trials need it
+    # start-up: scipy.signal costs 0.3 to 0.6 s, only doubtful trials need it
     from scipy.signal import savgol_filter
 
     window = max(2 * round(FALL_WINDOW_S / step / 2) + 1, 5)

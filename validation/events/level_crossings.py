@@ -57,6 +57,16 @@ def bend_uncertainty_s(time_s: Array, signal: Array, at_s: float) -> float:
     return 0.73 * bend / slope if slope > 0 else 0.0
 
 
+def last_fall(time_s: Array, signal: Array, level: float) -> float | None:
+    """Time at which a signal falls through a level for good; None when it was never above, still is, or is lost."""
+    above = np.flatnonzero(signal > level)
+    if above.size == 0 or above[-1] + 1 >= signal.size or not np.isfinite(signal[above[-1] + 1]):
+        return None
+    i = int(above[-1])
+    share = (signal[i] - level) / (signal[i] - signal[i + 1])
+    return float(time_s[i] + share * (time_s[i + 1] - time_s[i]))
+
+
 def first_after(times: list[float], after_s: float) -> float | None:
     """First of increasing times that is not before `after_s`."""
     return next((t for t in times if t >= after_s), None)

@@ -14,9 +14,15 @@ import numpy as np
 
 from validation.conventions import Array
 from validation.events.check_and_rest import Hold
-from validation.events.definitions import Event, absent
+from validation.events.definitions import Event, absent, crossing
 from validation.events.free_flight import DECELERATION_M_PER_S2
-from validation.events.level_crossings import bend_uncertainty_s, first_after, up_crossings, with_level_uncertainty
+from validation.events.level_crossings import (
+    bend_uncertainty_s,
+    first_after,
+    last_fall,
+    up_crossings,
+    with_level_uncertainty,
+)
 from validation.events.string_impact import Strike
 from validation.measurement.stroke import Motion
 
@@ -54,21 +60,13 @@ def let_off(motion: Motion, strike: Strike | None) -> Event:
         path = speed * age + DECELERATION_M_PER_S2 * age**2 / 2
         return np.where(near, np.abs(motion.hammer_way_m - path), np.nan)
 
-    def last_beyond(off: Array, level: float) -> float | None:
-        beyond = np.flatnonzero(off > level)
-        if beyond.size == 0 or beyond[-1] + 1 >= off.size or not np.isfinite(off[beyond[-1] + 1]):
-            return None
-        i = int(beyond[-1])
-        share = (off[i] - level) / (off[i] - off[i + 1])
-        return float(motion.time_s[i] + share * (motion.time_s[i + 1] - motion.time_s[i]))
-
     # the deceleration of the path is part of the definition; the speed is not, and tilts it
     speed, u_speed = strike.arrival.speed, strike.arrival.u_speed
     off = off_path(speed)
-    value, u = with_level_uncertainty(lambda level: last_beyond(off, level), OFF_PATH_M, motion.u_height_m)
+    value, u = with_level_uncertainty(lambda level: last_fall(motion.time_s, off, level), OFF_PATH_M, motion.u_height_m)
     if value is None:
         return absent("let_off", "hammer is in free flight for longer than 50 ms, or never")
-    _, u_tilt = with_level_uncertainty(lambda v: last_beyond(off_path(v), OFF_PATH_M), speed, u_speed)
+    _, u_tilt = with_level_uncertainty(lambda v: last_fall(motion.time_s, off_path(v), OFF_PATH_M), speed, u_speed)
     return _at("let_off", value, math.hypot(u, u_tilt), motion.time_s, off)
 
 
@@ -138,7 +136,7 @@ def landing(motion: Motion, hold: Hold | None, drop_s: float) -> Event:
     narrow, u_narrow = _vertex(time, height, turn, 2 * reach // 3, motion.u_height_m)
     if math.isnan(wide) or math.isnan(narrow):
         return Event("landing", float(time[turn]), float(time[1] - time[0]), "ambiguous", "no clear turning point")
-    # felt is no parabola: what the width of the fit makes of the vertex is left in its uncertainty
+    # felt is no parabola: the change of the vertex with the width of the fit is part of its uncertainty
     u = math.hypot(max(u, u_narrow), wide - narrow)
     return Event("landing", narrow, u, "ambiguous" if hold.note else "found", hold.note)
 
@@ -156,6 +154,4 @@ def _vertex(time: Array, height: Array, turn: int, reach: int, sigma: float) -> 
 
 
 def _at(name: str, value: float, u: float, time: Array, signal: Array) -> Event:
-    if math.isnan(u):
-        return Event(name, value, u, "ambiguous", "grazes its level: not found within the uncertainty of the level")
-    return Event(name, value, math.hypot(u, bend_uncertainty_s(time, np.nan_to_num(signal), value)), "found")
+    return crossing(name, value, math.hypot(u, bend_uncertainty_s(time, np.nan_to_num(signal), value)))

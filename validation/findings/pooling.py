@@ -2,7 +2,7 @@
 
 Conventions: a pair is (trial, channel). A channel that is reversed, swapped or dead measures something else, and a
 mean or scatter with it means nothing: the trial's own scores and curves are shown, pooled figures are without it, with
-the reason and "n of N". A trial that only stands out stays in; what the scatter would be without it is said beside.
+the reason and "n of N". A trial that only stands out stays in; the scatter without it is stated beside.
 A channel of which no trial is left has no pooled figures.
 """
 

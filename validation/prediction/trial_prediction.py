@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
+from scipy.interpolate import CubicHermiteSpline
 
 import model
 from validation.cache.content_hash import result_key
@@ -45,9 +46,6 @@ class PredictedAngles:
 
     def change_at(self, body: str, time_s: Array) -> Array:
         """The same at other times, by the cubic through angles and speeds; NaN outside the prediction."""
-        # start-up: scipy.interpolate costs 0.1 s, only filmed trials need it
-        from scipy.interpolate import CubicHermiteSpline
-
         i = BODIES.index(body)
         known = np.isfinite(self.angle_rad[:, i])
         at = np.asarray(time_s, dtype=float)

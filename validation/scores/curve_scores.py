@@ -100,9 +100,9 @@ def ceiling_scores(
     *,
     run: Callable[..., Iterable[dict[str, float]]] = map,
 ) -> tuple[dict[str, float], int]:
-    """The same scores of one trial against another, put together over pairs: what a perfect model could be asked for.
+    """The same scores of one trial against another, pooled over pairs: the best that a perfect model could reach.
 
-    Errors in rad are put together by root mean square, the others by mean of magnitudes.
+    Errors in rad are pooled by root mean square, the others by mean of magnitudes.
 
     Parameters
     ----------
@@ -136,10 +136,10 @@ def ceiling_scores(
         return scores
 
     found = list(run(score, pairs))
-    return {name: together(name, np.array([f[name] for f in found])) for name in SCORES}, len(pairs)
+    return {name: pooled_score(name, np.array([f[name] for f in found])) for name in SCORES}, len(pairs)
 
 
-def together(name: str, values: Array) -> float:
+def pooled_score(name: str, values: Array) -> float:
     """One number for the scores of several trials or pairs."""
     known = values[np.isfinite(values)]
     if known.size == 0:

@@ -25,7 +25,7 @@ FEWEST_FOR_BAND = 3
 LARGEST_U = 1e6
 FEWEST_STEPS = 40  # of the path, however noisy the samples are
 CLEAR_OF_NOISE = 4.0
-TELLS = 3.0  # times the noise of a sample, from which on the scatter of few trials is that of the trials
+CLEAR_SCATTER = 3.0  # times the noise of a sample: above it the scatter of a few trials is that of the trials
 
 
 @dataclass(frozen=True)
@@ -136,13 +136,13 @@ def simultaneous_band(curves: Array, *, u_sample: float = 0.0, confidence: float
     residual = values[known] - mean[known, None]
     s = np.sqrt((residual**2).sum(axis=1) / (n - 1))
     scale = float(np.abs(values[known]).max())
-    tells = s > max(TELLS * u_sample, 1e-12 * scale)
-    if not tells.any():
+    is_clear = s > max(CLEAR_SCATTER * u_sample, 1e-12 * scale)
+    if not is_clear.any():
         half[known] = critical_value(n - 1, 0.0, 1, confidence) * u_sample / np.sqrt(n)
         return Band(mean, half, float("nan"), 0.0, n)
     path = np.full(values.shape, np.nan)
-    path[np.flatnonzero(known)[tells]] = residual[tells]
+    path[np.flatnonzero(known)[is_clear]] = residual[is_clear]
     length = roughness_length(path, u_sample)
-    factor = critical_value(n - 1, length, int(tells.sum()), confidence)
+    factor = critical_value(n - 1, length, int(is_clear.sum()), confidence)
     half[known] = factor * np.maximum(s, u_sample) / np.sqrt(n)
     return Band(mean, half, factor, length, n)

@@ -1,7 +1,7 @@
 """Every score of every channel beside its ceiling, the null model and the raw force.
 
 Conventions: scores of several trials are pooled without those whose encoder is wired wrong. The *ceiling* is the same
-score of trial against trial: no model can be asked for better. What cannot be stated is NaN.
+score of trial against trial: no model can do better. What cannot be stated is NaN.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import pandas as pd
 from validation.cache.result_store import ResultStore
 from validation.conventions import CHANNEL_GROUPS, WORKERS
 from validation.findings.pooling import LeftOut, pooled
-from validation.scores.curve_scores import SCORES, ceiling_scores, together
+from validation.scores.curve_scores import SCORES, ceiling_scores, pooled_score
 from validation.scores.traces import SessionTraces
 from validation.statistics.common_base import on_common_base
 
@@ -46,11 +46,11 @@ def scorecard(scores: pd.DataFrame, traces: SessionTraces, store: ResultStore, w
                             "title": kind.title,
                             "unit": kind.unit,
                             "better": kind.better,
-                            "value": together(score, part[score].to_numpy(dtype=float)),
+                            "value": pooled_score(score, part[score].to_numpy(dtype=float)),
                             "ceiling": ceiling[score],
                             "pairs": pairs,
-                            "null": together(score, part[f"null_{score}"].to_numpy(dtype=float)),
-                            "raw_force": together(score, part[f"raw_force_{score}"].to_numpy(dtype=float)),
+                            "null": pooled_score(score, part[f"null_{score}"].to_numpy(dtype=float)),
+                            "raw_force": pooled_score(score, part[f"raw_force_{score}"].to_numpy(dtype=float)),
                         }
                     )
     return pd.DataFrame(rows)

@@ -10,7 +10,6 @@ import pandas as pd
 
 from model.errors import ModelError
 from validation.conventions import WORKERS
-from validation.events.evaluation_window import Window
 from validation.events.key_lift import lifted_samples
 from validation.events.session import SessionEvents
 from validation.findings.pooling import counting_events, sound_trials
@@ -21,6 +20,7 @@ from validation.prediction.model_under_test import ModelUnderTest
 from validation.prediction.motion_driven import COLUMNS as MOTION_COLUMNS
 from validation.prediction.motion_driven import motion_driven, motion_row
 from validation.prediction.session import PredictedSession
+from validation.result import SessionTables
 from validation.scores.session import ScoredSession
 from validation.statistics.event_budget import COLUMNS as BUDGET_COLUMNS
 from validation.statistics.event_budget import event_budget
@@ -43,30 +43,6 @@ class MotionComparison:
 
 
 NO_MOTION = MotionComparison(pd.DataFrame(columns=MOTION_COLUMNS))
-
-
-@dataclass(frozen=True)
-class SessionTables:
-    """Tables and traces of a session, under their names in `validation.result.ValidationResult`."""
-
-    warnings: list[str]
-    window: Window
-    trials: pd.DataFrame
-    scores: pd.DataFrame
-    scorecard: pd.DataFrame
-    marked: pd.DataFrame
-    findings: pd.DataFrame
-    channels: pd.DataFrame
-    events: pd.DataFrame
-    event_summary: pd.DataFrame
-    event_repeatability: pd.DataFrame
-    budget: pd.DataFrame
-    uncertainty: pd.DataFrame
-    spread: pd.DataFrame
-    traces: dict[int, pd.DataFrame]
-    film_traces: dict[int, pd.DataFrame]
-    motion_driven: pd.DataFrame
-    motion_trace: pd.DataFrame | None
 
 
 def make_tables(

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from validation.cache.result_store import ResultStore
 
+from validation.cache.result_store import ResultStore
 from validation.scores.curve_scores import SCORES, all_scores, ceiling_scores
 from validation.scores.iso18571 import iso_score
 from validation.scores.iso18571_guards import guard_notes

@@ -38,13 +38,13 @@ def window(result: ValidationResult, frame: pd.DataFrame) -> pd.DataFrame:
     return frame[result.window.mask(frame["time_s"].to_numpy())]
 
 
-def marked_intervals(result: ValidationResult, channel: str) -> pd.DataFrame:
+def left_out_intervals(result: ValidationResult, channel: str) -> pd.DataFrame:
     """Intervals of a channel that are left out of the scores, of all trials."""
     return result.marked[result.marked["channel"] == channel]
 
 
 def lift_text(lifts: pd.DataFrame) -> str:
-    """The marked intervals in words, for who cannot see the shading."""
+    """The intervals left out, in words, for readers who cannot see the shading."""
     if not len(lifts):
         return ""
     trials = ", ".join(str(t) for t in sorted(set(lifts["trial"])))

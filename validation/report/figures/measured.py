@@ -17,8 +17,8 @@ from validation.report.figures.layout import (
     WIDTH_IN,
     ReportFigure,
     finish,
+    left_out_intervals,
     lift_text,
-    marked_intervals,
     window,
     zoom_on_impact,
 )
@@ -94,7 +94,7 @@ def rotation_of_all_trials(view: SessionView, channel: str) -> ReportFigure:
     base = result.spread["time_s"].to_numpy()
     mean = degrees(channel, result.spread[f"{channel}_mean_rad"])
     reach = np.degrees(result.spread[f"{channel}_band95_rad"].to_numpy())
-    lifts = marked_intervals(result, channel)
+    lifts = left_out_intervals(result, channel)
     banded = bool(np.isfinite(reach).any())
     for top, low in grid.T:
         band(top, base, mean - reach, mean + reach, "mean, 95 % band", fits=False)

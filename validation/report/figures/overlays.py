@@ -16,8 +16,8 @@ from validation.report.figures.layout import (
     WIDTH_IN,
     ReportFigure,
     finish,
+    left_out_intervals,
     lift_text,
-    marked_intervals,
     window,
     zoom_on_impact,
 )
@@ -70,7 +70,7 @@ def model_against_trial(view: SessionView, channel: str) -> ReportFigure:
     time = f["time_s"].to_numpy()
     measured = degrees(channel, f[f"{channel}_measured_rad"])
     limit = _limit(result, channel, time)
-    lifts = marked_intervals(result, channel)
+    lifts = left_out_intervals(result, channel)
     n = len(view.results)
     figure = Figure(figsize=(WIDTH_IN, 3.3 + 1.9 * n))
     grid = figure.subplots(n + 1, 2, sharex="col", height_ratios=(1.6, *[1] * n), width_ratios=(2.2, 1))
@@ -127,7 +127,7 @@ def _residuals(panels: np.ndarray, result: ValidationResult, channel: str, *, la
     base = result.spread["time_s"].to_numpy()
     mean = degrees(channel, result.spread[f"{channel}_difference_rad"])
     reach = np.degrees(result.spread[f"{channel}_difference_band95_rad"].to_numpy())
-    lifts = marked_intervals(result, channel)
+    lifts = left_out_intervals(result, channel)
     for low in panels:
         for i, frame in enumerate(result.traces.values()):
             part = window(result, frame)

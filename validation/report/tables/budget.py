@@ -18,7 +18,7 @@ def budget_table(result: ValidationResult) -> PageTable:
         parts = (b.u_num, b.u_force, b.u_parameters, b.u_assumed, b.u_d, b.u_repeat)
         rows.append(
             [
-                f"{kind.title} ({kind.display_unit})",
+                kind.label,
                 with_u(k * b.difference, k * b.u_val),
                 number(b.ratio, 2),
                 f"{number(k * b.low, 3)} to {number(k * b.high, 3)}" if b.resolved else "not resolved",
@@ -72,7 +72,7 @@ def area_table(result: ValidationResult) -> PageTable:
             continue
         rows.append(
             [
-                f"{kind.title} ({kind.display_unit})",
+                kind.label,
                 number(k * e.area, 3),
                 number(k * e.area_floor, 3),
                 number(k * e.area_floor_95, 3),

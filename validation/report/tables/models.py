@@ -115,7 +115,7 @@ def event_table(view: SessionView) -> PageTable:
     for name, e in models[0].iterrows():
         kind = EVENTS[str(name)]
         k = kind.display_factor
-        row = [f"{kind.title} ({kind.display_unit})", f"{e['found_trial']} of {n}"]
+        row = [kind.label, f"{e['found_trial']} of {n}"]
         row.append(with_u(k * e["trial_mean"], k * e["trial_s"]))
         for r, summary in zip(view.results, models, strict=True):
             m = summary.loc[name]

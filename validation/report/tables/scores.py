@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 
-import pandas as pd
-
 from validation.events.definitions import EVENTS
 from validation.report.tables.formatting import DASH, PageTable, between, degrees, number, percent, rms, with_u
 from validation.result import ValidationResult
@@ -120,7 +118,7 @@ def event_by_trial_table(result: ValidationResult) -> PageTable:
         kind = EVENTS[e.event]
         k = kind.display_factor
         shown = with_u(k * e.value, k * e.u)
-        rows.append([f"{kind.title} ({kind.display_unit})", str(e.trial), e.source, shown, e.status, e.note or ""])
+        rows.append([kind.label, str(e.trial), e.source, shown, e.status, e.note or ""])
     head = ["event", "trial", "source", "value ± u", "status", "note"]
     return PageTable("events-by-trial", "Every event of every trial", head, rows)
 
@@ -136,7 +134,7 @@ def repeatability_tables(result: ValidationResult) -> list[PageTable]:
             degrees(c.s_r_largest_rad),
             degrees(c.limit_rad),
         ]
-        for c in _complete(result.channels).itertuples()
+        for c in result.channels.itertuples()
     ]
     event_rows = []
     for e in result.event_repeatability.itertuples():
@@ -144,7 +142,7 @@ def repeatability_tables(result: ValidationResult) -> list[PageTable]:
         k = kind.display_factor
         event_rows.append(
             [
-                f"{kind.title} ({kind.display_unit})",
+                kind.label,
                 f"{e.n_found} found" + (f", {e.n_ambiguous} ambiguous" if e.n_ambiguous else ""),
                 with_u(k * e.mean, k * e.s),
                 between(number(k * e.s_low, 2), number(k * e.s_high, 2)),
@@ -171,7 +169,7 @@ def repeatability_tables(result: ValidationResult) -> list[PageTable]:
 def trial_page_table(result: ValidationResult) -> PageTable:
     """What was done with each trial before it was compared."""
     rows = []
-    for t in _complete(result.trials).itertuples():
+    for t in result.trials.itertuples():
         if not t.used:
             rows.append([str(t.trial), f"not used: {t.reason}", *[DASH] * 7])
             continue
@@ -201,13 +199,3 @@ def trial_page_table(result: ValidationResult) -> PageTable:
         "prediction",
     ]
     return PageTable("trials", "Trials and the correction of their force", head, rows)
-
-
-def _complete(table: pd.DataFrame) -> pd.DataFrame:
-    """Columns a table may lack when no trial could fill them, as NaN; missing text as empty."""
-    wanted = ("s_r_low_rad", "s_r_high_rad", "s_r_largest_rad", "limit_rad", "trial_to_trial_rmse_rad")
-    out = table.copy()
-    for name in wanted:
-        if name not in out:
-            out[name] = math.nan
-    return out
