@@ -11,7 +11,7 @@ import model
 from validation.conventions import Array
 from validation.measurement.geometry import ActionGeometry
 from validation.measurement.trial import U_REST_LEVEL_M
-from validation.prediction.model_under_test import RIVALS, Rest, StandIns
+from validation.prediction.model_under_test import RIVALS, StandIns
 
 
 class CompareOptions(TypedDict, total=False):
@@ -19,7 +19,7 @@ class CompareOptions(TypedDict, total=False):
 
     tolerance: float
     predict: Callable[..., model.Solution] | None
-    rest_state: Callable[..., Rest] | None
+    rest_state: Callable[..., model.RestState] | None
     geometry: Callable[[model.Action, Array], ActionGeometry] | None
     rivals: tuple[str, ...]
     budget: bool

@@ -104,7 +104,7 @@ def _unit_vectors(values: dict[str, float], action: model.Action) -> dict[str, f
         if not stem.endswith(".normal") or axis not in ("x", "y"):
             continue
         pair = f"{stem}.x", f"{stem}.y"
-        drawn = [out.get(p, action[p]) for p in pair]
-        share = float(np.hypot(*(action[p] for p in pair)) / np.hypot(*drawn))
-        out |= {p: share * x for p, x in zip(pair, drawn, strict=True) if p in values}
+        x, y = (out.get(p, action[p]) for p in pair)
+        share = float(np.hypot(action[pair[0]], action[pair[1]]) / np.hypot(x, y))
+        out |= {p: share * drawn for p, drawn in zip(pair, (x, y), strict=True) if p in values}
     return out

@@ -9,7 +9,6 @@ import hashlib
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Protocol
 
 import model
 from validation.cache.content_hash import code_sha256
@@ -18,14 +17,6 @@ from validation.conventions import Array
 from validation.measurement.geometry import ActionGeometry, geometry_of
 
 RIVALS = ("null", "raw_force")
-
-
-class Rest(Protocol):
-    """A rest state: absolute angles of the five bodies."""
-
-    @property
-    def angle_rad(self) -> Array:
-        """Angles, (5,) rad."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +34,7 @@ class StandIns:
     """
 
     predict: Callable[..., model.Solution] | None = None
-    rest_state: Callable[..., Rest] | None = None
+    rest_state: Callable[..., model.RestState] | None = None
     geometry: Callable[[model.Action, Array], ActionGeometry] | None = None
 
     @property
@@ -56,7 +47,7 @@ class StandIns:
 class Load:
     """Rest state and geometry of the action under one preload."""
 
-    rest: Rest
+    rest: model.RestState
     geometry: ActionGeometry
 
 
