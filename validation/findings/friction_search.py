@@ -10,14 +10,14 @@ suspicion: other errors of the model can look like friction.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict
-from typing import Any
 
 import numpy as np
 
 from model.errors import ModelError
-from validation.conventions import ENCODER_BODIES, Array
+from validation.conventions import ENCODER_BODIES, WORKERS, Array
 from validation.findings.finding import SessionFinding
 from validation.measurement.trial import MeasuredTrial
 from validation.prediction.model_under_test import ModelUnderTest
@@ -31,33 +31,26 @@ FORCE_LEAVES = 0.33  # of the squared difference
 TAKES_AWAY = 0.95  # of the squared difference: with less, several things differ, and naming one would mislead
 
 
-def wrong_friction(
-    tested: ModelUnderTest, m: MeasuredTrial, until_s: float, *, run: Callable[..., Iterable[Any]] = map
-) -> list[SessionFinding]:
+def wrong_friction(tested: ModelUnderTest, m: MeasuredTrial, until_s: float) -> list[SessionFinding]:
     """Name the one friction coefficient that explains the difference between model and trial; known results are reused.
 
     Parameters
     ----------
-    tested : ModelUnderTest
     m : MeasuredTrial
         A trial without other faults.
     until_s : float
         End of the differences taken into account: the release, after which they grow of themselves.
-    run : callable
-        ``map``, or the ``map`` of an executor.
     """
     force = m.force
     found = tested.store.value(
         "friction search",
         (tested.identity, m.number, force.time_s, force.force_n, force.preload_n, m.time_s, m.change_rad, until_s),
-        lambda: [asdict(finding) for finding in _search(tested, m, until_s, run)],
+        lambda: [asdict(finding) for finding in _search(tested, m, until_s)],
     )
     return [SessionFinding(**finding) for finding in found]
 
 
-def _search(
-    tested: ModelUnderTest, m: MeasuredTrial, until_s: float, run: Callable[..., Iterable[Any]]
-) -> list[SessionFinding]:
+def _search(tested: ModelUnderTest, m: MeasuredTrial, until_s: float) -> list[SessionFinding]:
     force = m.force
     time = m.time_s[(m.time_s >= force.time_s[0]) & (m.time_s <= min(force.time_s[-1], until_s))]
     inside = np.isin(m.time_s, time)
@@ -92,14 +85,16 @@ def _search(
     if _explained_by_force(start, [moved - start for moved in by_force if moved is not None]):
         return []
     paths = [p for p, q in sorted(tested.action.quantities.items()) if p.endswith("friction.A") and q.value > 0]
-    stepped = list(run(residual, [{p: tested.action[p] * math.exp(STEP)} for p in paths]))
+    with ThreadPoolExecutor(WORKERS) as pool:
+        stepped = list(pool.map(residual, [{p: tested.action[p] * math.exp(STEP)} for p in paths]))
     taken = {}
     for path, moved in zip(paths, stepped, strict=True):
         if moved is not None:
             slope = (moved - start) / STEP
             taken[path] = float((slope @ start) ** 2 / ((slope @ slope) * (start @ start))) if slope.any() else 0.0
     likely = sorted(taken, key=lambda p: -taken[p])[:3]
-    followed = list(run(lambda path: _follow(residual, path, tested.action[path], start), likely))
+    with ThreadPoolExecutor(WORKERS) as pool:
+        followed = list(pool.map(lambda path: _follow(residual, path, tested.action[path], start), likely))
     best: tuple[float, str, float] = (0.0, "", 1.0)
     for path, (factor, share) in zip(likely, followed, strict=True):
         best = max(best, (share, path, factor))

@@ -5,10 +5,8 @@ One sound trial of median peak force stands for all where many runs of the model
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
-from validation.conventions import WORKERS
 from validation.events.session import SessionEvents
 from validation.findings.camera_clock import camera_clock
 from validation.findings.finding import SessionFinding
@@ -52,8 +50,7 @@ def find_faults(
         m = representative(sound)
         release = events.trial[m.number]["key_release"]
         until = release.value if release.status == "found" else float(m.time_s[-1])
-        with ThreadPoolExecutor(WORKERS) as pool:
-            found += wrong_friction(tested, m, until, run=pool.map)
+        found += wrong_friction(tested, m, until)
     without = left_out(found)
     return SessionFindings(
         tuple(found), without, tuple(with_and_without(traces.base_s, traces.encoder, found, without))

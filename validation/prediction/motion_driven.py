@@ -9,7 +9,7 @@ the action (Thorin, Boutillon and Lozada 2014).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
@@ -17,7 +17,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 import model
-from validation.conventions import Array
+from validation.conventions import WORKERS, Array
 from validation.measurement.trial import MeasuredTrial
 from validation.prediction.model_under_test import ModelUnderTest
 
@@ -37,26 +37,15 @@ COLUMNS = [
 ]
 
 
-def motion_driven(
-    tested: ModelUnderTest,
-    m: MeasuredTrial,
-    at: Array,
-    lifted: NDArray[np.bool_],
-    *,
-    run: Callable[..., Iterable[Any]] = map,
-) -> pd.DataFrame:
+def motion_driven(tested: ModelUnderTest, m: MeasuredTrial, at: Array, lifted: NDArray[np.bool_]) -> pd.DataFrame:
     """Measured and predicted force of one trial.
 
     Parameters
     ----------
-    tested : ModelUnderTest
-    m : MeasuredTrial
     at : (n,) array
         Sample times of the evaluation window, s.
     lifted : (n,) array of bool
         Samples at which the key lifts.
-    run : callable
-        ``map``, or the ``map`` of an executor.
 
     Returns
     -------
@@ -68,16 +57,17 @@ def motion_driven(
     resolution = float(m.resolution_rad[0])
 
     def drive() -> dict[str, object]:
-        driven = model.simulate_motion(
-            tested.action,
-            m.time_s,
-            m.change_rad[:, 0] + rest[0],
-            tolerance=tested.tolerance,
-            output_time_s=at,
-            resolution_rad=resolution,
-            members=MEMBERS,
-            share=run,
-        )
+        with ThreadPoolExecutor(WORKERS) as pool:
+            driven = model.simulate_motion(
+                tested.action,
+                m.time_s,
+                m.change_rad[:, 0] + rest[0],
+                tolerance=tested.tolerance,
+                output_time_s=at,
+                resolution_rad=resolution,
+                members=MEMBERS,
+                share=pool.map,
+            )
         return {
             "force_n": driven.force_n.tolist(),
             "u_force_n": driven.u_force_n.tolist(),

@@ -7,7 +7,7 @@ Source: `validation.scores.metrics` and `validation.scores.iso18571`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from validation.cache.content_hash import sha256_of
 from validation.cache.result_store import ResultStore
-from validation.conventions import Array
+from validation.conventions import WORKERS, Array
 from validation.scores.iso18571 import FEWEST_SAMPLES, iso_score
 from validation.scores.metrics import score_curve, sprague_geers, trial_pairs
 
@@ -93,12 +93,7 @@ def _iso(trial: Array, model: Array, step_s: float) -> dict[str, float]:
 
 
 def ceiling_scores(
-    time: Array,
-    curves: Array,
-    early: NDArray[np.bool_],
-    store: ResultStore,
-    *,
-    run: Callable[..., Iterable[dict[str, float]]] = map,
+    time: Array, curves: Array, early: NDArray[np.bool_], store: ResultStore
 ) -> tuple[dict[str, float], int]:
     """The same scores of one trial against another, pooled over pairs: the best that a perfect model could reach.
 
@@ -111,8 +106,6 @@ def ceiling_scores(
     early : (n,) array of bool
         Samples before the string impact.
     store : ResultStore
-    run : callable
-        ``map`` or the ``map`` of an executor.
 
     Returns
     -------
@@ -135,7 +128,8 @@ def ceiling_scores(
         )
         return scores
 
-    found = list(run(score, pairs))
+    with ThreadPoolExecutor(WORKERS) as pool:
+        found = list(pool.map(score, pairs))
     return {name: pooled_score(name, np.array([f[name] for f in found])) for name in SCORES}, len(pairs)
 
 

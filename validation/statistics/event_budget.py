@@ -12,14 +12,14 @@ Draws the model cannot use, and draws in which the event does not happen, are co
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from model.errors import ModelError
-from validation.conventions import ENCODER_BODIES, Array
+from validation.conventions import ENCODER_BODIES, WORKERS, Array
 from validation.errors import PredictionError
 from validation.events.definitions import EVENTS, Event
 from validation.events.detect import find_events
@@ -57,24 +57,15 @@ COLUMNS = [
 FORCE = ("force gain", "force level", "force delay", "force noise")
 
 
-def event_budget(
-    tested: ModelUnderTest,
-    m: MeasuredTrial,
-    summary: pd.DataFrame,
-    *,
-    run: Callable[..., Iterable[Any]] = map,
-) -> pd.DataFrame:
+def event_budget(tested: ModelUnderTest, m: MeasuredTrial, summary: pd.DataFrame) -> pd.DataFrame:
     """Budget of every event both in the trials and in the model.
 
     Parameters
     ----------
-    tested : ModelUnderTest
     m : MeasuredTrial
         The trial whose inputs are changed.
     summary : DataFrame
         `validation.tables.events.event_summary`.
-    run : callable
-        ``map``, or the ``map`` of an executor.
 
     Returns
     -------
@@ -84,10 +75,15 @@ def event_budget(
         absent (runs in which the event did not happen), reading.
     """
     inputs = cases(m, tested.action, tested.tolerance)
+
+    def run_all() -> list[dict[str, float] | None]:
+        with ThreadPoolExecutor(WORKERS) as pool:
+            return list(pool.map(lambda case: _outcome(tested, m, case), inputs))
+
     outcomes = tested.store.value(
         "uncertainty budget",
         (tested.identity, inputs, m.time_s, m.change_rad, m.u_rad, m.quiet.stop),
-        lambda: list(run(lambda case: _outcome(tested, m, case), inputs)),
+        run_all,
     )
     failed = sum(outcome is None for outcome in outcomes)
     rows = []
@@ -112,14 +108,8 @@ def _outcome(tested: ModelUnderTest, m: MeasuredTrial, case: Case) -> dict[str, 
         action = tested.action.with_values(case.changed) if case.changed else tested.action
         load = tested.load_of(action, case.preload_n)
         time = m.time_s[(m.time_s >= case.time_s[0]) & (m.time_s <= case.time_s[-1])]
-        solution = tested.simulate(
-            action,
-            case.time_s,
-            case.force_n,
-            tolerance=case.tolerance,
-            output_time_s=time,
-            initial=load.rest,
-        )
+        options = {"tolerance": case.tolerance, "output_time_s": time, "initial": load.rest}
+        solution = tested.simulate(action, case.time_s, case.force_n, **options)
     except (ModelError, PredictionError):
         return None
     rest = np.asarray(load.rest.angle_rad, dtype=float)

@@ -6,13 +6,11 @@ score of trial against trial: no model can do better. What cannot be stated is N
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
-
 import numpy as np
 import pandas as pd
 
 from validation.cache.result_store import ResultStore
-from validation.conventions import CHANNEL_GROUPS, WORKERS
+from validation.conventions import CHANNEL_GROUPS
 from validation.findings.pooling import LeftOut, pooled
 from validation.scores.curve_scores import SCORES, ceiling_scores, pooled_score
 from validation.scores.traces import SessionTraces
@@ -30,29 +28,28 @@ def scorecard(scores: pd.DataFrame, traces: SessionTraces, store: ResultStore, w
     base = traces.base_s
     early = base < min(traces.impact_s.values(), default=np.inf)
     rows = []
-    with ThreadPoolExecutor(WORKERS) as pool:
-        for names, source in CHANNEL_GROUPS:
-            every = traces.of(source)
-            for name in names if every else ():
-                frames = pooled(every, name, without)
-                curves = on_common_base(base, frames, f"{name}_measured_rad")
-                ceiling, pairs = ceiling_scores(base, curves, early, store, run=pool.map)
-                part = scores[(scores["channel"] == name) & scores["trial"].isin(frames)]
-                for score, kind in SCORES.items():
-                    rows.append(
-                        {
-                            "channel": name,
-                            "score": score,
-                            "title": kind.title,
-                            "unit": kind.unit,
-                            "better": kind.better,
-                            "value": pooled_score(score, part[score].to_numpy(dtype=float)),
-                            "ceiling": ceiling[score],
-                            "pairs": pairs,
-                            "null": pooled_score(score, part[f"null_{score}"].to_numpy(dtype=float)),
-                            "raw_force": pooled_score(score, part[f"raw_force_{score}"].to_numpy(dtype=float)),
-                        }
-                    )
+    for names, source in CHANNEL_GROUPS:
+        every = traces.of(source)
+        for name in names if every else ():
+            frames = pooled(every, name, without)
+            curves = on_common_base(base, frames, f"{name}_measured_rad")
+            ceiling, pairs = ceiling_scores(base, curves, early, store)
+            part = scores[(scores["channel"] == name) & scores["trial"].isin(frames)]
+            for score, kind in SCORES.items():
+                rows.append(
+                    {
+                        "channel": name,
+                        "score": score,
+                        "title": kind.title,
+                        "unit": kind.unit,
+                        "better": kind.better,
+                        "value": pooled_score(score, part[score].to_numpy(dtype=float)),
+                        "ceiling": ceiling[score],
+                        "pairs": pairs,
+                        "null": pooled_score(score, part[f"null_{score}"].to_numpy(dtype=float)),
+                        "raw_force": pooled_score(score, part[f"raw_force_{score}"].to_numpy(dtype=float)),
+                    }
+                )
     return pd.DataFrame(rows)
 
 

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass, replace
 
 import pandas as pd
 
 from model.errors import ModelError
-from validation.conventions import WORKERS
 from validation.events.key_lift import lifted_samples
 from validation.events.session import SessionEvents
 from validation.findings.pooling import counting_events, sound_trials
@@ -63,7 +61,10 @@ def make_tables(
     counting = counting_events(events.trial, without)
     summary = event_summary(counting, events.model)
     motion = _by_motion(predicted, events, findings, tested) if options.by_motion else NO_MOTION
-    budget = _budget(predicted, summary, tested, options) if options.budget else pd.DataFrame(columns=BUDGET_COLUMNS)
+    budget = pd.DataFrame(columns=BUDGET_COLUMNS)
+    if options.budget:
+        options.say("uncertainty budget of the events")
+        budget = event_budget(tested, representative(predicted.trials), summary)
     warnings = [*_warnings(predicted, findings), *scored.notes, *motion.notes, *tested.store.save()]
     return SessionTables(
         warnings=warnings,
@@ -110,18 +111,8 @@ def _by_motion(
     m = representative(sound)
     at = m.time_s[events.window.mask(m.time_s)]
     try:
-        with ThreadPoolExecutor(WORKERS) as pool:
-            trace = motion_driven(tested, m, at, lifted_samples(at, events.lifts[m.number]), run=pool.map)
+        trace = motion_driven(tested, m, at, lifted_samples(at, events.lifts[m.number]))
     except ModelError as error:
         return replace(NO_MOTION, notes=(f"trial {m.number}: not driven by its motion: {error}",))
     row = motion_row(m.number, trace, m.force.channel.gain_relative_u)
     return MotionComparison(pd.DataFrame([row], columns=MOTION_COLUMNS), trace)
-
-
-def _budget(
-    predicted: PredictedSession, summary: pd.DataFrame, tested: ModelUnderTest, options: ComparisonOptions
-) -> pd.DataFrame:
-    """Budget of the events; the runs share the processors, a simulation holds no lock."""
-    options.say("uncertainty budget of the events")
-    with ThreadPoolExecutor(WORKERS) as pool:
-        return event_budget(tested, representative(predicted.trials), summary, run=pool.map)
