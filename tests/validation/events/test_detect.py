@@ -1,4 +1,4 @@
-"""Events of whole strokes: holds, release, rest, and the same definitions for model and trial."""
+"""Events of whole strokes: check, release, rest, and the same definitions for model and trial."""
 
 from __future__ import annotations
 

@@ -99,7 +99,7 @@ def test_planted_lifts_are_found_and_true_separations_are_none():
     assert false == 0
 
 
-@pytest.mark.slow  # a look inside the model costs a second per blow
+@pytest.mark.slow  # a run that records inner forces costs a second per blow
 def test_lifts_of_a_specimen_with_a_one_sided_rail_are_found_and_their_size_is_told():
     bench = Bench(2)
     hits = total = stray = 0

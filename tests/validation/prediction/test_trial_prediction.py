@@ -1,4 +1,4 @@
-"""Predictions: driven by the trial's own force, kept, reused only when nothing changed."""
+"""Predictions: driven by the trial's own force, stored, reused only when nothing changed."""
 
 from __future__ import annotations
 
@@ -108,8 +108,8 @@ def test_a_damaged_prediction_is_made_again(small):
     session, truth = small
     predict = Counting()
     compare_session(session, truth.action, predict=predict, rivals=(), budget=False, suspect=False)
-    kept = next((session.path / "derived").glob("prediction_*"))
-    (kept / "trial_0001.h5").write_bytes(b"not a file")
+    stored = next((session.path / "derived").glob("prediction_*"))
+    (stored / "trial_0001.h5").write_bytes(b"not a file")
     result = compare_session(session, truth.action, predict=predict, rivals=(), budget=False, suspect=False)
     assert len(predict.calls) == 3
     assert list(result.trials["reused"]) == [False, True]

@@ -75,13 +75,13 @@ def test_a_curve_that_does_not_move_has_no_meaning():
 def test_marked_samples_are_cut_out_of_both_curves():
     time = np.arange(1000) * STEP
     trial, model = stroke(time), stroke(time)
-    trial[400:440] += 0.02  # a false spike, marked
+    trial[400:440] += 0.02  # a false spike, left out
     spoiled, _ = raised(trial, model)
     trial[400:440] = np.nan
-    marked, _ = raised(trial, model)
+    cut, _ = raised(trial, model)
     assert spoiled["iso_overall"] < 0.98
-    assert marked["iso_overall"] == 1.0
-    assert marked["rmse_rad"] == 0.0
+    assert cut["iso_overall"] == 1.0
+    assert cut["rmse_rad"] == 0.0
     trial[::3] = np.nan
     assert np.isnan(all_scores(time, trial, model)["iso_overall"])
 
