@@ -12,7 +12,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from rig.errors import InputError as RigInputError
+from rig.errors import RigInputError
 from rig.storage.atomic_write import write_text
 from validation.cache.content_hash import code_sha256, file_sha256, result_key
 from validation.errors import ValidationInputError

@@ -19,7 +19,7 @@ from typing import Any
 
 import pandas as pd
 
-from rig.errors import InputError as RigInputError
+from rig.errors import RigInputError
 from rig.session import Session
 from rig.storage.atomic_write import write_text
 from validation.cache.content_hash import code_sha256, result_key

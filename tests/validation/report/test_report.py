@@ -167,7 +167,7 @@ def test_rejected_and_damaged_trials_are_named_and_the_rest_is_compared(make, tm
 
 
 def test_a_session_without_trials_and_a_missing_one_are_refused_in_one_line(make, tmp_path):
-    from rig.errors import InputError as RigInputError
+    from rig.errors import RigInputError
     from rig.session import Session
 
     empty = Session.create(tmp_path / "empty", make.info())
