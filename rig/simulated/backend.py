@@ -1,12 +1,14 @@
-"""Assembly of the virtual bench behind a ``sim://`` address: plant, sensors, device, service, in-process
-channel, real client.
+"""Assembly of the virtual bench behind a ``sim://`` address: plant, sensors, device, service, channel, real client.
 
-``sim://?bench=PATH&seed=3&clock=real`` : ``bench`` is a bench file (default: the built-in one), ``seed``
-overrides its seed, ``clock`` is
-``virtual`` (default), ``real``, or a speed such as ``10``; ``fault`` plants faults
-(:mod:`rig.simulated.device.fault_injection`); ``effects=balance_rail,shank`` lets the specimen's key lift and its
-shank bend (`model.parameters.effects`); ``hand=yes`` lets the operator's hand act when a self-test asks for it. The
-device takes product and name from the rig file.
+Options of the address, e.g. ``sim://?bench=PATH&seed=3&clock=real``:
+
+- ``bench``: bench file (default: the built-in one); ``seed`` overrides its seed;
+- ``clock``: ``virtual`` (default), ``real``, or a speed such as ``10``;
+- ``fault``: faults to inject (:mod:`rig.simulated.device.fault_injection`);
+- ``effects=balance_rail,shank``: the specimen's key can lift and its shank bend (`model.parameters.effects`);
+- ``hand=yes``: the virtual operator acts when a self-test asks for it.
+
+The device takes product and name from the rig file.
 """
 
 from __future__ import annotations
@@ -15,17 +17,19 @@ from dataclasses import replace
 from pathlib import Path
 from urllib.parse import parse_qsl, urlsplit
 
-from rig.backend import Capabilities
+from rig.backend import Capabilities, Opener
 from rig.configuration import toml_file
 from rig.configuration.rig_file import RigConfig
 from rig.daq import NidaqmxBackend
 from rig.errors import InputError
+from rig.simulated.bench.bench_time import BenchTime
 from rig.simulated.bench.clock import Clock, PacedClock, VirtualClock
+from rig.simulated.bench.plant import load_plant
 from rig.simulated.bench.plant_protocol import Plant
 from rig.simulated.bench.sensors import SensorSet, load_sensors
 from rig.simulated.bench.wiring import WIRING_OF_PRODUCT, Wiring, planted_wiring
-from rig.simulated.device.device import SimulatedDevice
 from rig.simulated.device.fault_injection import FaultPlan, parse_faults
+from rig.simulated.device.state import DeviceState
 from rig.simulated.product.capabilities import PRODUCTS
 from rig.simulated.product.inventory import Inventory
 from rig.simulated.rpc.in_process_channel import InProcessChannel
@@ -39,9 +43,9 @@ CAMERA_CLOCK_ERROR = 4e-5
 
 
 class SimulatedBackend(NidaqmxBackend):
-    """The NI-DAQmx backend on a virtual bench; ``plant`` and ``device`` can be looked at after a trial."""
+    """The NI-DAQmx backend on a virtual bench; ``plant`` and ``device`` can be inspected after a trial."""
 
-    def __init__(self, device: SimulatedDevice, description: dict[str, str] | None = None) -> None:
+    def __init__(self, device: DeviceState, description: dict[str, str] | None = None) -> None:
         self.device = device
         self.plant: Plant = device.bench.plant
         self.service = Service(device)
@@ -49,11 +53,11 @@ class SimulatedBackend(NidaqmxBackend):
         super().__init__(InProcessChannel(self.service), name="virtual bench")
 
     def wait(self, duration_s: float) -> None:
-        """Let time pass between two blows on the bench's own clock: none of the operator's on a virtual one."""
+        """Let time pass between two trials on the bench's own clock; a virtual clock costs the operator none."""
         self.device.bench.clock.advance(duration_s)
 
     def continue_after(self, trial: int) -> None:
-        """Go on behind a session's last trial, so that what is recorded next does not repeat its scatter."""
+        """Continue after a session's last trial, so that what is recorded next does not repeat its scatter."""
         self.device.trial = trial
 
     @property
@@ -72,11 +76,11 @@ def build_device(
     *,
     clock: Clock | None = None,
     wiring: Wiring | None = None,
-) -> SimulatedDevice:
+) -> DeviceState:
     """Assemble a virtual device for a rig file; without ``wiring`` the product's usual one."""
     inventory = Inventory(PRODUCTS[config.device.product], config.device.name)
     wiring = wiring or WIRING_OF_PRODUCT[config.device.product]
-    device = SimulatedDevice(inventory, plant, sensors, wiring, clock or VirtualClock())
+    device = DeviceState(inventory, BenchTime(plant, sensors, clock or VirtualClock()), wiring)
     if config.camera is not None and config.camera.mode == "counted":
         device.bench.camera_rate_hz = config.camera.frame_rate_hz * (1 + CAMERA_CLOCK_ERROR)
     return device
@@ -91,8 +95,6 @@ def open_backend(url: str, config: RigConfig) -> SimulatedBackend:
     seed, clock = _seed(url, options.get("seed")), _clock(url, options.get("clock", "virtual"))
     faults = parse_faults(options.get("fault", ""))
     sensors = load_sensors(bench, seed=seed)
-    from rig.simulated.bench.plant import load_plant  # here: only this path needs the model and its kernels
-
     effects = [name for name in options.get("effects", "").split(",") if name]
     plant = load_plant(bench, seed=seed, sample_rate_hz=config.device.sample_rate_hz, effects=effects)
     table = toml_file.parse_toml(toml_file.read_text(bench), str(bench)).get("wiring", {})
@@ -111,6 +113,10 @@ def open_backend(url: str, config: RigConfig) -> SimulatedBackend:
     )
     backend.identify(config)
     return backend
+
+
+OPENER: Opener = open_backend
+"""What the entry point ``sim`` promises, for the type checker."""
 
 
 def _options(url: str) -> dict[str, str]:

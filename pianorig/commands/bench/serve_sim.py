@@ -33,7 +33,7 @@ def command(
     import json
 
     from pianorig.console.output import print_json
-    from rig.simulated.serve import serve_until_interrupted
+    from rig.simulated.serve import ServeOptions, serve_until_interrupted
 
     def announce(at: str, product: str, name: str) -> None:
         if as_json:
@@ -46,18 +46,8 @@ def command(
         print(json.dumps(state))
         _flush()
 
-    serve_until_interrupted(
-        rig,
-        host=host,
-        port=port,
-        clock=clock,
-        seed=seed,
-        bench=bench,
-        fault=fault,
-        hand=hand,
-        announce=announce,
-        tell=tell if log else None,
-    )
+    options = ServeOptions(rig=rig, host=host, port=port, clock=clock, seed=seed, bench=bench, fault=fault, hand=hand)
+    serve_until_interrupted(options, announce, tell if log else None)
 
 
 def _flush() -> None:

@@ -1,9 +1,8 @@
-"""Faults of the virtual bench, planted by time or by call: what goes wrong in a lab, on demand.
+"""Faults injected into the virtual bench, by time or by call: what goes wrong in a lab, on demand.
 
-Place in the data flow: the service asks before each call, the bench changes what stands at the terminals. Written as
-``KIND@TRIAL/SECONDS``, ``KIND:BODY@TRIAL/SECONDS`` or ``KIND@CALL#NUMBER``, several with commas, in the option
-``fault`` of a ``sim://`` address; e.g. ``sim://?fault=stuck:hammer@2/0.4,reserved@TaskControl%231``. A bad one is
-InputError.
+The service asks the plan before each call; passing time lets it change what stands at the sensors' terminals. Faults
+are written ``KIND@TRIAL/SECONDS``, ``KIND:BODY@TRIAL/SECONDS`` or ``KIND@CALL#NUMBER``, several with commas, in the
+option ``fault`` of a ``sim://`` address; e.g. ``sim://?fault=stuck:hammer@2/0.4,reserved@TaskControl%231``.
 """
 
 from __future__ import annotations
@@ -11,18 +10,17 @@ from __future__ import annotations
 import re
 from collections import Counter
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rig.errors import InputError
 from rig.simulated import status
+from rig.simulated.bench.bench_time import BenchTime
 from rig.simulated.bench.plant_protocol import ENCODED_BODIES
+from rig.simulated.device.task import SimulatedTask
 from rig.simulated.status import DaqStatusError, ServerGone
-
-if TYPE_CHECKING:
-    from rig.simulated.device.device import SimulatedDevice
 
 STATUS = {
     "overwrite": status.SAMPLES_NO_LONGER_AVAILABLE,
@@ -71,6 +69,14 @@ def parse_faults(text: str) -> tuple[Fault, ...]:
     return tuple(faults)
 
 
+class FaultyDevice(Protocol):
+    """What a fault can see and change of the device (:class:`rig.simulated.device.state.DeviceState`)."""
+
+    bench: BenchTime
+    tasks: dict[str, SimulatedTask]
+    trial: int
+
+
 class FaultPlan:
     """The faults of a bench, and which of them have struck."""
 
@@ -80,7 +86,7 @@ class FaultPlan:
         self._struck: set[Fault] = set()
         self._held: dict[Fault, float] = {}
 
-    def before_call(self, call: str, device: SimulatedDevice, timeout_s: float = 0.0) -> None:
+    def before_call(self, call: str, device: FaultyDevice, timeout_s: float = 0.0) -> None:
         """Raise what is due before a call is answered that would wait ``timeout_s``."""
         self._calls[call] += 1
         for index, fault in enumerate(self.faults):
@@ -88,20 +94,19 @@ class FaultPlan:
                 if fault.kind in LASTING:
                     self._fail(fault, call)
             elif fault.kind in SENSORS and fault.call and self._due(fault, call, device):
-                now_s = device.bench.edge / device.bench.rate_hz
                 faults = list(self.faults)
-                faults[index] = replace(fault, call="", number=0, trial=device.trial, at_s=now_s)
+                faults[index] = replace(fault, call="", number=0, trial=device.trial, at_s=device.bench.now_s)
                 self.faults = tuple(faults)
             elif fault.kind not in SENSORS and self._due(fault, call, device):
                 if fault.kind == "underrun":
                     for task in device.tasks.values():
-                        task.live = task.live and task.type != "AO"  # the output keeps the volts it has
+                        task.progress.live &= task.type != "AO"  # the output keeps the volts it has
                 elif fault.kind == "timeout":
                     device.bench.clock.advance(max(timeout_s, 0.0))  # nothing ticks: the outputs hold what they have
                 self._struck.add(fault)
                 self._fail(fault, call)
 
-    def _due(self, fault: Fault, call: str, device: SimulatedDevice) -> bool:
+    def _due(self, fault: Fault, call: str, device: FaultyDevice) -> bool:
         if fault.call:
             return call == fault.call and self._calls[call] >= fault.number
         late = device.trial == fault.trial and device.bench.edge >= fault.at_s * device.bench.rate_hz
@@ -111,7 +116,7 @@ class FaultPlan:
         if fault.kind == "server-gone":
             raise ServerGone("planted")
         if fault.kind == "underrun" and call != "IsTaskDone":
-            return  # the driver tells it to whoever asks the output task
+            return  # the driver reports it to whoever asks the output task
         raise DaqStatusError(STATUS[fault.kind], "planted", samples_read=0 if call.startswith("Read") else None)
 
     def exposures(self, trial: int, time_s: NDArray[np.float64], count: NDArray[np.int64]) -> NDArray[np.int64]:

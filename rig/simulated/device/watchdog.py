@@ -1,141 +1,94 @@
-"""The watchdog timer of the virtual device: what the outputs do when the program that commands them falls silent.
+"""Watchdog timers of the virtual device: what the outputs do when the program that commands them stops calling.
 
-Place in the data flow: the service hands in the client's calls; the device looks at the timer with every call and every
-passage of time. Which outputs a watchdog reaches is a property of the product: analog and digital ones on a cDAQ-9189,
-only digital lines on an X Series card. An expired watchdog holds the outputs until it is cleared.
+Timers are checked with every call and every passage of time. Which outputs a watchdog reaches is a property of the
+product: analog and digital ones on a cDAQ-9189, only digital lines on an X Series card. After expiration the outputs
+stay in their expiration states until the timer is cleared.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from rig.simulated import status
+from rig.simulated.constants import HIGH, LOW, VOLTAGE
+from rig.simulated.device.state import DeviceState, WatchdogTimer
 from rig.simulated.device.task import SimulatedTask
 from rig.simulated.status import DaqStatusError
 
-if TYPE_CHECKING:
-    from rig.simulated.device.device import SimulatedDevice
-
-LOW, HIGH = 10214, 10192
-VOLTAGE_OUTPUT = 10322
 RESET_TIMER, CLEAR_EXPIRATION = 0, 1
 SHORTEST_S, LONGEST_S = 1e-3, 34.0
 
 
-class Watchdog:
-    """One watchdog timer task."""
-
-    def __init__(self, device: SimulatedDevice, name: str, timeout_s: float) -> None:
-        if not device.inventory.product.watchdog_reach:
-            raise DaqStatusError(status.WATCHDOG_NOT_SUPPORTED, f"Task: {name}")
-        if not SHORTEST_S <= timeout_s <= LONGEST_S:
-            raise DaqStatusError(status.WATCHDOG_TIMEOUT_OUT_OF_RANGE, f"Timeout: {timeout_s:g} s")
-        self.name = name
-        self.timeout_s = timeout_s
-        self.running = self.expired = False
-        self.volts: dict[str, float] = {}
-        self.lines: dict[str, bool] = {}
-        self._device = device
-        self._kicked_s = 0.0
-
-    def set_volts(self, channel: str, volts: float, output_type: int) -> None:
-        """Say what an analog output does on expiry."""
-        if "voltage_out" not in self._device.inventory.product.watchdog_reach:
-            raise DaqStatusError(status.WATCHDOG_NOT_SUPPORTED, f"Physical Channel: {channel} is analog")
-        physical = self._device.inventory.channel(channel, "voltage_out")
-        if output_type != VOLTAGE_OUTPUT or abs(volts) > self._device.inventory.product.ao_range_v:
-            raise DaqStatusError(status.INVALID_VALUE, f"Expiration state of {channel}: {volts:g}")
-        self.volts[physical.name] = volts
-
-    def set_line(self, line: str, level: int) -> None:
-        """Say what a digital line does on expiry."""
-        if level not in (LOW, HIGH):
-            raise DaqStatusError(status.INVALID_VALUE, f"Expiration state of {line}: {level}")
-        self.lines[self._device.inventory.channel(line, "line").name] = level == HIGH
-
-    def start(self) -> None:
-        """Start the timer; on a chassis no other task may hold anything then."""
-        others = [task.name for task in self._device.tasks.values() if task.state != "unreserved"]
-        if others and "voltage_out" in self._device.inventory.product.watchdog_reach:
-            raise DaqStatusError(status.WATCHDOG_WHILE_OTHERS_RESERVED, f"Task: {self.name}, reserved: {others[0]}")
-        self.running, self._kicked_s = True, self._device.bench.clock.elapsed_s
-
-    def control(self, action: int) -> None:
-        """Reset the timer, or clear an expiration."""
-        if action == CLEAR_EXPIRATION:
-            self.expired, self.running = False, False
-        elif action != RESET_TIMER:
-            raise DaqStatusError(status.INVALID_VALUE, f"Watchdog action {action}")
-        elif self.expired:
-            raise DaqStatusError(status.CANNOT_RESET_EXPIRED_WATCHDOG, f"Task: {self.name}")
-        else:
-            self._kicked_s = self._device.bench.clock.elapsed_s
-
-    def look(self) -> None:
-        """Expire when the timer has run out: outputs go to their states and generations end."""
-        if not self.running or self.expired or self._device.bench.clock.elapsed_s - self._kicked_s <= self.timeout_s:
-            return
-        self.expired = True
-        self._device.output_v.update(self.volts)
-        self._device.lines.update(self.lines)
-        for task in self._device.tasks.values():
-            if task.type in ("AO", "DO") and any(self.holds(channel.physical.name) for channel in task.channels):
-                task.live = False
-
-    def holds(self, channel: str) -> bool:
-        """Whether an output stands at its expiration state and cannot be written."""
-        return self.expired and (channel in self.volts or channel in self.lines)
+def refuse_bad_timer(device: DeviceState, name: str, timeout_s: float) -> None:
+    """Refuse a watchdog timer task the product does not have, or with a timeout out of range."""
+    if not device.inventory.product.watchdog_reach:
+        raise DaqStatusError(status.WATCHDOG_NOT_SUPPORTED, f"Task: {name}")
+    if not SHORTEST_S <= timeout_s <= LONGEST_S:
+        raise DaqStatusError(status.WATCHDOG_TIMEOUT_OUT_OF_RANGE, f"Timeout: {timeout_s:g} s")
 
 
-class Watchdogs:
-    """The watchdog timers of a device, by the names of their tasks."""
+def watchdog_timer(device: DeviceState, name: str) -> WatchdogTimer:
+    """Return the timer of a task."""
+    if name not in device.watchdogs:
+        raise DaqStatusError(status.NOT_A_WATCHDOG, f"Task: {name!r}")
+    return device.watchdogs[name]
 
-    def __init__(self, device: SimulatedDevice) -> None:
-        self._device = device
-        self._timers: dict[str, Watchdog] = {}
 
-    def create(self, name: str, timeout_s: float) -> SimulatedTask:
-        """Make a watchdog timer task."""
-        timer = Watchdog(self._device, name, timeout_s)
-        task = self._device.create_task(name)
-        self._timers[task.name] = timer
-        return task
+def set_expiration_volts(
+    device: DeviceState, timer: WatchdogTimer, channel: str, volts: float, output_type: int
+) -> None:
+    """Set the expiration state of an analog output."""
+    product = device.inventory.product
+    if "voltage_out" not in product.watchdog_reach:
+        raise DaqStatusError(status.WATCHDOG_NOT_SUPPORTED, f"Physical Channel: {channel} is analog")
+    physical = device.inventory.channel(channel, "voltage_out")
+    if output_type != VOLTAGE or abs(volts) > product.ao_range_v:
+        raise DaqStatusError(status.INVALID_VALUE, f"Expiration state of {channel}: {volts:g}")
+    timer.volts[physical.name] = volts
 
-    def timer(self, name: str) -> Watchdog:
-        """Return the timer of a task."""
-        if name not in self._timers:
-            raise DaqStatusError(status.NOT_A_WATCHDOG, f"Task: {name!r}")
-        return self._timers[name]
 
-    @property
-    def expired(self) -> bool:
-        """Whether any timer has run out."""
-        return any(timer.expired for timer in self._timers.values())
+def set_expiration_level(device: DeviceState, timer: WatchdogTimer, line: str, level: int) -> None:
+    """Set the expiration state of a digital line."""
+    if level not in (LOW, HIGH):
+        raise DaqStatusError(status.INVALID_VALUE, f"Expiration state of {line}: {level}")
+    timer.lines[device.inventory.channel(line, "line").name] = level == HIGH
 
-    def look(self) -> None:
-        """Let every timer that has run out expire."""
-        for timer in self._timers.values():
-            timer.look()
 
-    def started(self, task: SimulatedTask) -> bool:
-        """Start the task's timer; False when the task is of another kind."""
-        if task.name not in self._timers:
-            return False
-        self._timers[task.name].start()
-        task.state = "running"
-        return True
+def start_watchdog(device: DeviceState, task: SimulatedTask) -> None:
+    """Start the timer of a task; on a chassis no other task may have reserved anything then."""
+    others = [other.name for other in device.tasks.values() if other.state != "unreserved"]
+    if others and "voltage_out" in device.inventory.product.watchdog_reach:
+        raise DaqStatusError(status.WATCHDOG_WHILE_OTHERS_RESERVED, f"Task: {task.name}, reserved: {others[0]}")
+    timer = device.watchdogs[task.name]
+    timer.running, timer.reset_at_s = True, device.bench.clock.elapsed_s
+    task.state = "running"
 
-    def stopped(self, task: SimulatedTask) -> None:
-        """Stop the task's timer, if it is one."""
-        if task.name in self._timers:
-            self._timers[task.name].running = False
 
-    def forget(self, name: str) -> None:
-        """Remove the timer of a task that is cleared."""
-        self._timers.pop(name, None)
+def control_watchdog(device: DeviceState, timer: WatchdogTimer, action: int) -> None:
+    """Reset the timer, or clear an expiration."""
+    if action == CLEAR_EXPIRATION:
+        timer.expired, timer.running = False, False
+    elif action != RESET_TIMER:
+        raise DaqStatusError(status.INVALID_VALUE, f"Watchdog action {action}")
+    elif timer.expired:
+        raise DaqStatusError(status.CANNOT_RESET_EXPIRED_WATCHDOG, f"Task: {timer.name}")
+    else:
+        timer.reset_at_s = device.bench.clock.elapsed_s
 
-    def refuse_if_held(self, task: SimulatedTask) -> None:
-        """Refuse writing to an output that an expired timer holds."""
-        for channel in task.channels:
-            if any(timer.holds(channel.physical.name) for timer in self._timers.values()):
-                raise DaqStatusError(status.WRITE_AFTER_WATCHDOG, f"Physical Channel: {channel.physical.name}")
+
+def check_watchdogs(device: DeviceState) -> None:
+    """Let timers that have run out expire: outputs go to their expiration states and generations end."""
+    for timer in device.watchdogs.values():
+        if not timer.running or timer.expired or device.bench.clock.elapsed_s - timer.reset_at_s <= timer.timeout_s:
+            continue
+        timer.expired = True
+        device.output_v.update(timer.volts)
+        device.lines.update(timer.lines)
+        for task in device.tasks.values():
+            if task.type in ("AO", "DO") and any(timer.controls(channel.physical.name) for channel in task.channels):
+                task.progress.live = False
+
+
+def refuse_expired(device: DeviceState, task: SimulatedTask) -> None:
+    """Refuse to write to an output that an expired timer controls."""
+    for channel in task.channels:
+        if any(timer.controls(channel.physical.name) for timer in device.watchdogs.values()):
+            raise DaqStatusError(status.WRITE_AFTER_WATCHDOG, f"Physical Channel: {channel.physical.name}")

@@ -1,1 +1,5 @@
-"""TODO."""
+"""NI's RPC services on the virtual device: in process and over TCP, as the NI gRPC Device Server answers.
+
+In: protobuf requests of any DAQmx client.
+Out: protobuf responses, event streams, or the driver's status as gRPC metadata.
+"""

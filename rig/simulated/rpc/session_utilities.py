@@ -12,7 +12,8 @@ from collections import deque
 from collections.abc import Callable
 from typing import Any
 
-from rig.simulated.messages import utility_response
+from rig.simulated.driver.tasks import clear_task
+from rig.simulated.rpc.messages import utility_response
 from rig.simulated.rpc.service import Service
 from rig.simulated.status import NotImplementedByDevice, SessionRefused
 
@@ -98,8 +99,8 @@ class SessionUtilities:
         with self._changed:
             self._queues.clear()
             self._changed.notify_all()
-        with self._service.alone():
+        with self._service.exclusive():
             device = self._service.device
             for name in list(device.tasks):  # closing sessions stops their tasks; outputs keep what they hold
-                device.clear_task(name)
+                clear_task(device, name)
         return utility_response("ResetServer", is_server_reset=True)

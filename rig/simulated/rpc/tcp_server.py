@@ -11,9 +11,16 @@ from typing import Any
 import grpc
 
 from rig.errors import HardwareFault
-from rig.simulated.messages import CALLS, SERVICE, UTILITIES, UTILITY_CALLS, request_class, utility_request_class
 from rig.simulated.rpc.event_streams import EVENTS
 from rig.simulated.rpc.in_process_channel import REFUSALS, rpc_status
+from rig.simulated.rpc.messages import (
+    CALLS,
+    SERVICE,
+    UTILITIES,
+    UTILITY_CALLS,
+    request_class,
+    utility_request_class,
+)
 from rig.simulated.rpc.service import Service
 from rig.simulated.rpc.session_utilities import SessionUtilities
 

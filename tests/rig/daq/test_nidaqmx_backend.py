@@ -12,7 +12,9 @@ from rig.configuration.rig_file import load_rig
 from rig.daq import NidaqmxBackend, open_backend
 from rig.errors import DeviceNotFound, HardwareFault, InputError, NotSupported, ReadTimeout, SamplesLost
 from rig.simulated.rpc.tcp_server import serve
+from rig.simulated.signals.pulses import pulse_train
 from rig.simulated.status import NotImplementedByDevice
+from rig.simulated.timing.wait import advance
 
 RAD_PER_VOLT = np.array([-0.05, 0.02, 0.3])
 
@@ -87,7 +89,7 @@ def test_faults_come_through_tcp_with_their_codes(make_backend, assert_safe, unw
     assert (fault.value.code, fault.value.samples_read) == (-200284, 50)
     assert_safe(far)
     start(remote, config, command)
-    far.device.advance(100_001)
+    advance(far.device, 100_001)
     with pytest.raises(SamplesLost):
         remote.read_block(100, 1.0)
     assert_safe(far)
@@ -110,14 +112,24 @@ def test_every_task_runs_on_the_clock_and_trigger_of_the_force_input(name, make_
     tasks = {name: task for name, task in backend.device.tasks.items() if task.state != "unreserved"}
     assert tasks.pop("watchdog").state == "running"
     assert list(tasks) == ["force", "encoder_key", "encoder_whippen", "encoder_hammer", "motor", "camera"]
-    clocks = {task: t.clock.source if t.clock else None for task, t in tasks.items()}
+    clocks = {task: t.timing.clock.source if t.timing.clock else None for task, t in tasks.items()}
     slaves = ["encoder_key", "encoder_whippen", "encoder_hammer", "motor"]
     assert clocks == {"force": "", "camera": None, **dict.fromkeys(slaves, "ai/SampleClock")}
-    assert [tasks[s].arm_trigger for s in slaves] == ["ai/StartTrigger"] * 3 + [""]
-    assert tasks["camera"].start_trigger == "ai/StartTrigger"
+    assert [tasks[s].triggers.arm_start for s in slaves] == ["ai/StartTrigger"] * 3 + [""]
+    assert tasks["camera"].triggers.start == "ai/StartTrigger"
     assert all(t.state == "committed" for t in tasks.values())
-    np.testing.assert_array_equal(tasks["motor"].output[:, 0], command)
-    assert tasks["motor"].clock.samples == command.size and tasks["motor"].clock.mode == 10178  # finite
+    np.testing.assert_array_equal(tasks["motor"].output.samples[:, 0], command)
+    clock = tasks["motor"].timing.clock
+    assert clock.samples == command.size and clock.mode == 10178  # finite
+
+
+def pulse_edges_s(device, counter: str) -> np.ndarray:
+    """Rising edges a counter has generated since its trigger, s; none when it does not run."""
+    for task in device.tasks.values():
+        if task.type == "CO" and task.progress.live and any(c.physical.name == counter for c in task.channels):
+            train = pulse_train(task)
+            return train.first_s + np.arange(train.passed_at(device.bench.now_s)) / train.rate_hz
+    return np.empty(0)
 
 
 def test_the_frame_pulses_are_where_the_backend_says(make_backend, config, command) -> None:
@@ -126,15 +138,15 @@ def test_the_frame_pulses_are_where_the_backend_says(make_backend, config, comma
     backend = make_backend(config)
     timing = backend.configure(config, command)
     backend.arm()
-    assert backend.device.pulse_edges_s(camera.counter).size == 0
+    assert pulse_edges_s(backend.device, camera.counter).size == 0
     backend.start()
     backend.read_block(500, 1.0)
-    edges = backend.device.pulse_edges_s(camera.counter)
+    edges = pulse_edges_s(backend.device, camera.counter)
     assert edges[0] == timing.first_pulse_s == pytest.approx(0.0123, abs=1e-7)
     assert np.diff(edges) == pytest.approx(1 / timing.frame_rate_hz)
     assert edges[-1] <= 0.1 < edges[-1] + 1 / 2999
     backend.safe_stop()
-    assert backend.device.pulse_edges_s(camera.counter).size == 0
+    assert pulse_edges_s(backend.device, camera.counter).size == 0
 
 
 SWAPS = {

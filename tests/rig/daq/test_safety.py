@@ -16,7 +16,9 @@ from rig.errors import (
     ResourceBusy,
     SamplesLost,
 )
+from rig.simulated.device.watchdog import check_watchdogs
 from rig.simulated.status import DaqStatusError
+from rig.simulated.timing.wait import advance
 
 
 def run_into(backend: Any, config: Any, command: np.ndarray) -> None:
@@ -83,7 +85,7 @@ def test_a_program_that_reads_too_late_learns_that_samples_are_lost(
     backend.arm()
     backend.start()
     backend.read_block(100, 1.0)
-    backend.device.advance(100_001)  # 20 s at 5 kHz is what the driver was told to keep
+    advance(backend.device, 100_001)  # 20 s at 5 kHz is what the driver was told to keep
     with pytest.raises(SamplesLost, match="overwritten"):
         backend.read_block(100, 1.0)
     assert_safe(backend)
@@ -133,7 +135,7 @@ def test_when_zero_volts_cannot_be_written_the_drive_is_still_disabled_and_the_f
     assert not device.drive_enabled() and list(device.tasks) == ["watchdog"]  # left to make it safe
     assert device.output_v["cDAQ1Mod2/ao0"] != 0.0
     device.bench.clock.advance(0.51)
-    device.watchdogs.look()
+    check_watchdogs(device)
     assert device.output_v["cDAQ1Mod2/ao0"] == 0.0
     device.write = write
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from rig.errors import SamplesLost
+from rig.simulated.driver.tasks import clear_task
 from rig.simulated.status import DaqStatusError
 
 
@@ -100,7 +101,7 @@ def test_the_motor_is_put_at_zero_even_when_the_kept_task_is_gone(make_backend, 
     energise(backend, config, command)
     backend.read_block(250, 1.0)
     for task in ("motor_zero", "drive_enable"):
-        backend.device.clear_task(task)
+        clear_task(backend.device, task)
     assert backend.device.output_v["cDAQ1Mod2/ao0"] > 1.0 and backend.device.drive_enabled()
     backend.safe_stop()
     assert backend.device.output_v["cDAQ1Mod2/ao0"] == 0.0 and not backend.device.drive_enabled()

@@ -20,6 +20,8 @@ from rig.recording.recorder import record_session
 from rig.recording.recover import recover_session
 from rig.session import Session
 from rig.simulated.device.fault_injection import FaultPlan
+from rig.simulated.device.watchdog import check_watchdogs
+from rig.simulated.driver.tasks import reset_device
 from rig.simulated.status import DaqStatusError, ServerGone
 
 KEYBOARD = 0
@@ -81,12 +83,12 @@ def run_into(faults: FaultsByCount, backend: Any, rig: Any, profile: Any, folder
         fault = raised
         assert "\n" not in str(fault)
     device.bench.clock.advance(rig.config.watchdog.timeout_s + 0.01)
-    device.watchdogs.look()
+    check_watchdogs(device)
     assert device.output_v.get("cDAQ1Mod2/ao0", 0.0) == 0.0 and not device.drive_enabled()
     device.faults = FaultPlan()
     with contextlib.suppress(HardwareFault):
         backend.close()
-    device.reset()
+    reset_device(device)
     if not folder.exists():
         assert fault is not None and not committed
         return

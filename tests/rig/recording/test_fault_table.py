@@ -24,6 +24,8 @@ from rig.session import Session
 from rig.session.journal.writer import JournalWriter
 from rig.simulated.backend import SimulatedBackend
 from rig.simulated.device.fault_injection import FaultPlan, parse_faults
+from rig.simulated.device.watchdog import check_watchdogs
+from rig.simulated.driver.tasks import reset_device
 
 COUNTED = (('mode = "pulses"', 'mode = "counted"'), ('terminal = "/cDAQ1Mod4/PFI4"', 'terminal = "/cDAQ1Mod4/PFI0"'))
 FULL_BLOCK = 20
@@ -105,7 +107,7 @@ class Watched:
             if self.safe():
                 return clock.now_s - self.began_s[trial] - at_s
             clock.advance(0.01)
-            self.device.watchdogs.look()
+            check_watchdogs(self.device)
         raise AssertionError("never safe")
 
 
@@ -152,7 +154,7 @@ def test_the_bench_is_safe_in_time_and_nothing_committed_is_lost(
     assert row.words in data.reason and data.n_valid >= run.committed[2] > 0
     run.device.faults = FaultPlan()
     if fault in ("device lost", "server gone"):
-        run.device.reset()  # as a lab does: what the program had reserved is still held
+        reset_device(run.device)  # as a lab does: what the program had reserved is still held
     (_, entry) = recover(died := died_then(run.folder, 2))
     again = Session.open(died).trial(2).read()
     assert entry["status"] == again.status == "incomplete"

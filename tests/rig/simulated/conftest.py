@@ -21,6 +21,7 @@ from nidaqmx.errors import DaqError
 
 from rig.configuration.rig_file import load_rig
 from rig.selftest.record import SelftestFinding, SelftestRecord
+from rig.simulated.timing.wait import advance
 
 DEADLINE_S = 60.0
 
@@ -73,6 +74,10 @@ class Bench:
         task = nidaqmx.Task(name, grpc_options=nidaqmx.GrpcSessionOptions(self._channel, name))
         self._tasks.append(task)
         return task
+
+    def advance(self, edges: int) -> None:
+        """Let edges of the bench pass."""
+        advance(self.device, edges)
 
     def close(self) -> None:
         for task in self._tasks:

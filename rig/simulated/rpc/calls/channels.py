@@ -1,28 +1,28 @@
-"""Calls that create virtual channels: each checks what the product can do before the channel joins the
-task."""
+"""Calls that create virtual channels: each checks what the product can do before the channel joins the task."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Literal
 
 from rig.simulated import status
-from rig.simulated.device.device import SimulatedDevice
-from rig.simulated.device.input_readings import MILLIVOLTS_PER_VOLT, NEWTON_IN, VOLTS_PER_VOLT
+from rig.simulated.constants import MILLIVOLTS_PER_VOLT, VOLTS, VOLTS_PER_VOLT
+from rig.simulated.device.state import DeviceState
 from rig.simulated.device.task import SimulatedTask
-from rig.simulated.messages import enum
+from rig.simulated.driver.configuration import add_channels, add_lines
 from rig.simulated.rpc.calls.counter_inputs import COUNTER_INPUT_CALLS
 from rig.simulated.rpc.calls.counter_outputs import COUNTER_OUTPUT_CALLS
+from rig.simulated.rpc.messages import enum
+from rig.simulated.signals.input_readings import NEWTON_IN
 from rig.simulated.status import DaqStatusError, one_of
 
 INTERNAL_EXCITATION = 10200
 CHAN_FOR_ALL_LINES = 1
-VOLTS = 10348
 DEFAULT, RSE, NRSE, DIFFERENTIAL = -1, 10083, 10078, 10106
 BRIDGE_CONFIGURATIONS = (10182, 10187, 10270)
 
 
-def force_bridge_two_point(device: SimulatedDevice, task: SimulatedTask, request: Any) -> None:
+def force_bridge_two_point(device: DeviceState, task: SimulatedTask, request: Any) -> None:
     """AI force, bridge, straight line through two points."""
     units, physical = enum(request, "units"), enum(request, "physical_units")
     electrical = enum(request, "electrical_units")
@@ -44,8 +44,8 @@ def force_bridge_two_point(device: SimulatedDevice, task: SimulatedTask, request
         if product.bridge_range_mv_per_v and abs(reading) > product.bridge_range_mv_per_v * (1 + 1e-9):
             raise DaqStatusError(status.INVALID_VALUE, f"Limit {limit:g} needs {reading:.4g} mV/V of the input")
     _increasing(request)
-    device.add_channels(
-        task, "AI", "bridge", request.physical_channel, request.name_to_assign_to_channel,
+    add_channels(
+        device, task, "AI", "bridge", request.physical_channel, request.name_to_assign_to_channel,
         units=units, physical_units=physical, electrical_units=electrical, min_val=request.min_val,
         max_val=request.max_val,
         first_electrical_val=e0, second_electrical_val=e1, first_physical_val=p0, second_physical_val=p1,
@@ -57,15 +57,15 @@ def _increasing(request: Any) -> None:
         raise DaqStatusError(status.MIN_NOT_LESS_THAN_MAX, f"{request.min_val:g} to {request.max_val:g}")
 
 
-def ai_voltage(device: SimulatedDevice, task: SimulatedTask, request: Any) -> None:
+def ai_voltage(device: DeviceState, task: SimulatedTask, request: Any) -> None:
     """AI voltage within one of the device's ranges."""
     one_of(enum(request, "units"), (VOLTS,), "Units")
     if device.inventory.product.ai_ranges_v:
         device.inventory.voltage_range(request.min_val, request.max_val)
     _increasing(request)
     before = len(task.channels)
-    device.add_channels(
-        task, "AI", "voltage_in", request.physical_channel, request.name_to_assign_to_channel,
+    add_channels(
+        device, task, "AI", "voltage_in", request.physical_channel, request.name_to_assign_to_channel,
         min_val=request.min_val, max_val=request.max_val,
     )  # fmt: skip
     wanted = enum(request, "terminal_config") or DEFAULT
@@ -77,37 +77,35 @@ def ai_voltage(device: SimulatedDevice, task: SimulatedTask, request: Any) -> No
         channel.settings["terminal_config"] = (DIFFERENTIAL if paired else RSE) if wanted == DEFAULT else wanted
 
 
-def ao_voltage(device: SimulatedDevice, task: SimulatedTask, request: Any) -> None:
+def ao_voltage(device: DeviceState, task: SimulatedTask, request: Any) -> None:
     """AO voltage within the device's range."""
     one_of(enum(request, "units"), (VOLTS,), "Units")
     _increasing(request)
     reach = device.inventory.product.ao_range_v
     if not -reach <= request.min_val < request.max_val <= reach:
         raise DaqStatusError(status.INVALID_VALUE, f"Output limits {request.min_val:g} to {request.max_val:g} V")
-    device.add_channels(
-        task, "AO", "voltage_out", request.physical_channel, request.name_to_assign_to_channel,
+    add_channels(
+        device, task, "AO", "voltage_out", request.physical_channel, request.name_to_assign_to_channel,
         min_val=request.min_val, max_val=request.max_val,
     )  # fmt: skip
 
 
-def do_lines(device: SimulatedDevice, task: SimulatedTask, request: Any) -> None:
-    """DO on lines or ports."""
-    one = enum(request, "line_grouping") == CHAN_FOR_ALL_LINES
-    device.add_lines(task, "DO", request.lines, request.name_to_assign_to_lines, one_channel=one)
+def digital_lines(type_: Literal["DI", "DO"]) -> Callable[[DeviceState, SimulatedTask, Any], None]:
+    """DI or DO on lines or ports."""
+
+    def create(device: DeviceState, task: SimulatedTask, request: Any) -> None:
+        one = enum(request, "line_grouping") == CHAN_FOR_ALL_LINES
+        add_lines(device, task, type_, request.lines, request.name_to_assign_to_lines, one_channel=one)
+
+    return create
 
 
-def di_lines(device: SimulatedDevice, task: SimulatedTask, request: Any) -> None:
-    """DI on lines or ports."""
-    one = enum(request, "line_grouping") == CHAN_FOR_ALL_LINES
-    device.add_lines(task, "DI", request.lines, request.name_to_assign_to_lines, one_channel=one)
-
-
-CHANNEL_CALLS: dict[str, Callable[[SimulatedDevice, SimulatedTask, Any], None]] = {
+CHANNEL_CALLS: dict[str, Callable[[DeviceState, SimulatedTask, Any], None]] = {
     "CreateAIForceBridgeTwoPointLinChan": force_bridge_two_point,
     "CreateAIVoltageChan": ai_voltage,
     "CreateAOVoltageChan": ao_voltage,
-    "CreateDOChan": do_lines,
-    "CreateDIChan": di_lines,
+    "CreateDOChan": digital_lines("DO"),
+    "CreateDIChan": digital_lines("DI"),
     **COUNTER_INPUT_CALLS,
     **COUNTER_OUTPUT_CALLS,
 }

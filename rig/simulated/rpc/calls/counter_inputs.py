@@ -1,7 +1,7 @@
 """Calls that create counter inputs: encoders, counts of edges, and what can be measured of the pulses on a terminal.
 
 Each measurement has a default terminal per counter (:class:`rig.simulated.product.capabilities.CounterPins`); where
-the product has none here the terminal must be told.
+the product has none the client must set the terminal.
 """
 
 from __future__ import annotations
@@ -10,31 +10,35 @@ from collections.abc import Callable
 from typing import Any, Literal
 
 from rig.simulated import status
-from rig.simulated.device.device import SimulatedDevice
-from rig.simulated.device.input_readings import (
-    A_TERMINAL,
-    B_TERMINAL,
+from rig.simulated.constants import (
+    CI_ENCODER_A_INPUT_TERM,
+    CI_ENCODER_B_INPUT_TERM,
+    CI_TERM,
     DEGREES,
     EDGES,
+    FALLING,
     FREQUENCY,
-    MEASURED_ON,
+    HERTZ,
     PERIOD,
     PULSE_FREQUENCY,
     PULSE_TICKS,
     PULSE_TIME,
     RADIANS,
+    RISING,
+    SECONDS,
     TICKS,
     WIDTH,
     X1,
     X2,
     X4,
 )
+from rig.simulated.device.state import DeviceState
 from rig.simulated.device.task import SimulatedTask
-from rig.simulated.messages import enum
+from rig.simulated.driver.configuration import add_channels
+from rig.simulated.rpc.messages import enum
 from rig.simulated.status import DaqStatusError, NotImplementedByDevice, one_of
 
-SECONDS, HERTZ, METERS, INCHES = 10364, 10373, 10219, 10379
-RISING, FALLING = 10280, 10171
+METERS, INCHES = 10219, 10379
 COUNT_UP, COUNT_DOWN = 10128, 10124
 LOW_FREQUENCY, HIGH_FREQUENCY, LARGE_RANGE, DYNAMIC = 10105, 10157, 10205, 16065
 LINEAR_ENCODER = 10361
@@ -49,65 +53,65 @@ def _decoding(request: Any) -> int:
     return decoding
 
 
-def ci_angular_encoder(device: SimulatedDevice, task: SimulatedTask, request: Any) -> None:
+def ci_angular_encoder(device: DeviceState, task: SimulatedTask, request: Any) -> None:
     """CI on a quadrature encoder."""
     decoding, units = _decoding(request), enum(request, "units")
     one_of(units, (DEGREES, RADIANS, TICKS), "Units")
     if request.pulses_per_rev < 1:
         raise DaqStatusError(status.INVALID_VALUE, f"Pulses per revolution: {request.pulses_per_rev}")
-    device.add_channels(
-        task, "CI", "counter", request.counter, request.name_to_assign_to_channel,
+    add_channels(
+        device, task, "CI", "counter", request.counter, request.name_to_assign_to_channel,
         decoding_type=decoding, units=units, pulses_per_rev=request.pulses_per_rev,
         initial_angle=request.initial_angle,
     )  # fmt: skip
-    _tell_encoder_terminals(device, task)
+    _set_encoder_terminals(device, task)
 
 
-def ci_linear_encoder(device: SimulatedDevice, task: SimulatedTask, request: Any) -> None:
+def ci_linear_encoder(device: DeviceState, task: SimulatedTask, request: Any) -> None:
     """CI on a quadrature encoder of a length."""
     decoding, units = _decoding(request), enum(request, "units")
     one_of(units, (METERS, INCHES, TICKS), "Units")
     if not 0 < request.dist_per_pulse < float("inf"):
         raise DaqStatusError(status.INVALID_VALUE, f"Distance per pulse: {request.dist_per_pulse:g}")
-    device.add_channels(
-        task, "CI", "counter", request.counter, request.name_to_assign_to_channel,
+    add_channels(
+        device, task, "CI", "counter", request.counter, request.name_to_assign_to_channel,
         decoding_type=decoding, units=units, dist_per_pulse=request.dist_per_pulse, initial_pos=request.initial_pos,
         type=LINEAR_ENCODER,
     )  # fmt: skip
-    _tell_encoder_terminals(device, task)
+    _set_encoder_terminals(device, task)
 
 
-def _tell_encoder_terminals(device: SimulatedDevice, task: SimulatedTask) -> None:
-    _tell(device, task, A_TERMINAL, "source")
-    _tell(device, task, B_TERMINAL, "auxiliary")
+def _set_encoder_terminals(device: DeviceState, task: SimulatedTask) -> None:
+    _set_terminal(device, task, CI_ENCODER_A_INPUT_TERM, "source")
+    _set_terminal(device, task, CI_ENCODER_B_INPUT_TERM, "auxiliary")
 
 
-def _tell(
-    device: SimulatedDevice, task: SimulatedTask, attribute: int, pin: Literal["source", "gate", "auxiliary"]
+def _set_terminal(
+    device: DeviceState, task: SimulatedTask, attribute: int, pin: Literal["source", "gate", "auxiliary"]
 ) -> None:
     """Give the last channel of a task its default terminal, where it has one."""
     channel = task.channels[-1]
     if terminal := device.inventory.counter_terminal(channel.physical, pin):
-        task.attributes["Chan", channel.name, attribute] = "/" + device.inventory.full_name(terminal)
+        task.properties["Chan", channel.name, attribute] = "/" + device.inventory.full_name(terminal)
 
 
-def ci_count_edges(device: SimulatedDevice, task: SimulatedTask, request: Any) -> None:
+def ci_count_edges(device: DeviceState, task: SimulatedTask, request: Any) -> None:
     """CI counting edges on a terminal, up or down."""
     one_of(enum(request, "edge"), (RISING, FALLING), "Edge")
     one_of(enum(request, "count_direction"), (COUNT_UP, COUNT_DOWN), "Count direction")
     step = 1 if enum(request, "count_direction") == COUNT_UP else -1
-    device.add_channels(
-        task, "CI", "counter", request.counter, request.name_to_assign_to_channel,
+    add_channels(
+        device, task, "CI", "counter", request.counter, request.name_to_assign_to_channel,
         measures=EDGES, initial_count=int(request.initial_count), step=step, edge=enum(request, "edge"),
         count_direction=enum(request, "count_direction"),
     )  # fmt: skip
-    _tell(device, task, MEASURED_ON[EDGES], "source")
+    _set_terminal(device, task, CI_TERM[EDGES], "source")
 
 
-def _of_pulses(measures: str, *units: int) -> Callable[[SimulatedDevice, SimulatedTask, Any], None]:
+def _of_pulses(measures: str, *units: int) -> Callable[[DeviceState, SimulatedTask, Any], None]:
     """Return the creator of a channel that measures the pulses on a terminal in one of these units."""
 
-    def create(device: SimulatedDevice, task: SimulatedTask, request: Any) -> None:
+    def create(device: DeviceState, task: SimulatedTask, request: Any) -> None:
         names = request.DESCRIPTOR.fields_by_name
         unit = enum(request, "units") if "units" in names else TICKS
         one_of(unit, units, "Units")
@@ -125,15 +129,22 @@ def _of_pulses(measures: str, *units: int) -> Callable[[SimulatedDevice, Simulat
             one_of(method, (LOW_FREQUENCY, *TWO_COUNTERS, DYNAMIC), "Measurement method")
             if method in TWO_COUNTERS:
                 settings["two_counters"], pin = True, "source"
-        device.add_channels(
-            task, "CI", "counter", request.counter, request.name_to_assign_to_channel, measures=measures, **settings
-        )
-        _tell(device, task, MEASURED_ON[measures], pin)
+        add_channels(
+            device,
+            task,
+            "CI",
+            "counter",
+            request.counter,
+            request.name_to_assign_to_channel,
+            measures=measures,
+            **settings,
+        )  # fmt: skip
+        _set_terminal(device, task, CI_TERM[measures], pin)
 
     return create
 
 
-COUNTER_INPUT_CALLS: dict[str, Callable[[SimulatedDevice, SimulatedTask, Any], None]] = {
+COUNTER_INPUT_CALLS: dict[str, Callable[[DeviceState, SimulatedTask, Any], None]] = {
     "CreateCIAngEncoderChan": ci_angular_encoder,
     "CreateCILinEncoderChan": ci_linear_encoder,
     "CreateCICountEdgesChan": ci_count_edges,

@@ -14,18 +14,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.simulated import status
-from rig.simulated.device.device import SimulatedDevice
-from rig.simulated.device.pulse_trains import CO_DELAY, CO_DUTY, CO_FREQ, pulse_train
+from rig.simulated.constants import (
+    CO_PULSE_DUTY_CYC,
+    CO_PULSE_FREQ,
+    CO_PULSE_FREQ_INITIAL_DELAY,
+    HERTZ,
+    LOW,
+    SECONDS,
+)
+from rig.simulated.device.state import DeviceState
 from rig.simulated.device.task import SimulatedTask
-from rig.simulated.messages import enum, response
+from rig.simulated.driver.configuration import add_channels
+from rig.simulated.driver.tasks import start_task
+from rig.simulated.rpc.messages import enum, response
+from rig.simulated.signals.pulses import pulse_train
 from rig.simulated.status import DaqStatusError, NotImplementedByDevice, one_of
 
-SECONDS, HERTZ = 10364, 10373
 BY_FREQUENCY, BY_TIME, BY_TICKS = 10119, 10269, 10268
-LOW = 10214
 
 
-def co_pulse_frequency(device: SimulatedDevice, task: SimulatedTask, request: Any) -> None:
+def co_pulse_frequency(device: DeviceState, task: SimulatedTask, request: Any) -> None:
     """CO pulse train by its frequency and duty cycle."""
     one_of(enum(request, "units"), (HERTZ,), "Units")
     timebase = device.inventory.product.counter_timebase_hz
@@ -40,7 +48,7 @@ def co_pulse_frequency(device: SimulatedDevice, task: SimulatedTask, request: An
     _add_output(device, task, request, BY_FREQUENCY, rate_hz, request.duty_cycle, request.initial_delay)
 
 
-def co_pulse_time(device: SimulatedDevice, task: SimulatedTask, request: Any) -> None:
+def co_pulse_time(device: DeviceState, task: SimulatedTask, request: Any) -> None:
     """CO pulses by their high and low times, s."""
     one_of(enum(request, "units"), (SECONDS,), "Units")
     if not (request.high_time > 0 and request.low_time > 0 and request.initial_delay >= 0):
@@ -48,7 +56,7 @@ def co_pulse_time(device: SimulatedDevice, task: SimulatedTask, request: Any) ->
     _add_parts(device, task, request, BY_TIME, request.high_time, request.low_time, request.initial_delay)
 
 
-def co_pulse_ticks(device: SimulatedDevice, task: SimulatedTask, request: Any) -> None:
+def co_pulse_ticks(device: DeviceState, task: SimulatedTask, request: Any) -> None:
     """CO pulses by ticks of a timebase of the device."""
     source = device.inventory.terminal(request.source_terminal)
     match = re.fullmatch(r"(\d+)([Mk])HzTimebase", source)
@@ -63,7 +71,7 @@ def co_pulse_ticks(device: SimulatedDevice, task: SimulatedTask, request: Any) -
 
 
 def _add_parts(
-    device: SimulatedDevice,
+    device: DeviceState,
     task: SimulatedTask,
     request: Any,
     output_type: int,
@@ -79,7 +87,7 @@ def _add_parts(
 
 
 def _add_output(
-    device: SimulatedDevice,
+    device: DeviceState,
     task: SimulatedTask,
     request: Any,
     output_type: int,
@@ -92,17 +100,17 @@ def _add_output(
     timebase = device.inventory.product.counter_timebase_hz
     if not delay_s * timebase < 2**32:
         raise DaqStatusError(status.INVALID_VALUE, f"Initial delay {delay_s:g} s")
-    device.add_channels(
-        task, "CO", "counter", request.counter, request.name_to_assign_to_channel,
+    add_channels(
+        device, task, "CO", "counter", request.counter, request.name_to_assign_to_channel,
         output_type=output_type, idle_state=LOW,
     )  # fmt: skip
     name = task.channels[-1].name
-    task.attributes["Chan", name, CO_FREQ], task.attributes["Chan", name, CO_DUTY] = rate_hz, duty
-    task.attributes["Chan", name, CO_DELAY] = max(round(delay_s * timebase), 2) / timebase
+    task.properties["Chan", name, CO_PULSE_FREQ], task.properties["Chan", name, CO_PULSE_DUTY_CYC] = rate_hz, duty
+    task.properties["Chan", name, CO_PULSE_FREQ_INITIAL_DELAY] = max(round(delay_s * timebase), 2) / timebase
 
 
 def _write(
-    device: SimulatedDevice, task: SimulatedTask, request: Any, high_s: NDArray[np.float64], low_s: NDArray[np.float64]
+    device: DeviceState, task: SimulatedTask, request: Any, high_s: NDArray[np.float64], low_s: NDArray[np.float64]
 ) -> int:
     """Take pulses by their high and low times, (n,); return n."""
     if task.type != "CO":
@@ -116,20 +124,19 @@ def _write(
         raise DaqStatusError(status.INVALID_VALUE, f"Pulses of {high_s[0]:g} s high, {low_s[0]:g} s low")
     if np.ptp(high + low) > 0:
         raise NotImplementedByDevice("pulses of several frequencies in one buffer")
-    if high.size > 1 and task.pulses == 1:
+    if high.size > 1 and task.pulses.count == 1:
         raise DaqStatusError(status.WRONG_SIZE, f"Task: {task.name} has no implicit timing for {high.size} pulses")
-    if task.live:
-        now_s, train = device.bench.edge / device.bench.rate_hz, pulse_train(task)
-        task.pulses_before = int(train.passed(np.array([now_s]))[0])
-        task.next_pulse_s = train.next_after(now_s)
+    if task.progress.live:
+        now_s, train = device.bench.now_s, pulse_train(task)
+        task.pulses.passed, task.pulses.next_s = train.passed_at(now_s), train.next_after(now_s)
     name = task.channels[0].name
-    task.attributes["Chan", name, CO_FREQ] = float(timebase / (high[0] + low[0]))
-    task.attributes["Chan", name, CO_DUTY] = float(high[0] / (high[0] + low[0]))
-    task.pulse_highs_s = high / timebase
-    if task.live:
-        task.pulse_end_s = pulse_train(task).end_s
+    task.properties["Chan", name, CO_PULSE_FREQ] = float(timebase / (high[0] + low[0]))
+    task.properties["Chan", name, CO_PULSE_DUTY_CYC] = float(high[0] / (high[0] + low[0]))
+    task.pulses.high_times_s = high / timebase
+    if task.progress.live:
+        task.pulses.end_s = pulse_train(task).end_s
     elif request.auto_start:
-        device.start(task)
+        start_task(device, task)
     return int(high.size)
 
 
@@ -138,8 +145,8 @@ def _as_arrays(request: Any, *fields: str) -> tuple[NDArray[np.float64], NDArray
     return first, second
 
 
-def _write_frequency(call: str) -> Callable[[SimulatedDevice, SimulatedTask, Any], Any]:
-    def write(device: SimulatedDevice, task: SimulatedTask, request: Any) -> Any:
+def _write_frequency(call: str) -> Callable[[DeviceState, SimulatedTask, Any], Any]:
+    def write(device: DeviceState, task: SimulatedTask, request: Any) -> Any:
         frequency, duty = _as_arrays(request, "frequency", "duty_cycle")
         if frequency.size != duty.size or not ((frequency > 0) & (duty > 0) & (duty < 1)).all():
             raise DaqStatusError(status.INVALID_VALUE, "frequencies must be above 0, duty cycles within 0 and 1")
@@ -148,15 +155,15 @@ def _write_frequency(call: str) -> Callable[[SimulatedDevice, SimulatedTask, Any
     return write
 
 
-def _write_time(call: str) -> Callable[[SimulatedDevice, SimulatedTask, Any], Any]:
-    def write(device: SimulatedDevice, task: SimulatedTask, request: Any) -> Any:
+def _write_time(call: str) -> Callable[[DeviceState, SimulatedTask, Any], Any]:
+    def write(device: DeviceState, task: SimulatedTask, request: Any) -> Any:
         return _written(call, _write(device, task, request, *_as_arrays(request, "high_time", "low_time")))
 
     return write
 
 
-def _write_ticks(call: str) -> Callable[[SimulatedDevice, SimulatedTask, Any], Any]:
-    def write(device: SimulatedDevice, task: SimulatedTask, request: Any) -> Any:
+def _write_ticks(call: str) -> Callable[[DeviceState, SimulatedTask, Any], Any]:
+    def write(device: DeviceState, task: SimulatedTask, request: Any) -> Any:
         if task.type != "CO":
             raise DaqStatusError(status.WRONG_OUTPUT_TYPE, f"Task: {task.name} is {task.type}")
         tick_s = task.channels[0].settings.get("tick_s", 1 / device.inventory.product.counter_timebase_hz)
@@ -170,12 +177,12 @@ def _written(call: str, n: int) -> Any:
     return response(call) if call.endswith("Scalar") else response(call, num_samps_per_chan_written=n)
 
 
-COUNTER_OUTPUT_CALLS: dict[str, Callable[[SimulatedDevice, SimulatedTask, Any], None]] = {
+COUNTER_OUTPUT_CALLS: dict[str, Callable[[DeviceState, SimulatedTask, Any], None]] = {
     "CreateCOPulseChanFreq": co_pulse_frequency,
     "CreateCOPulseChanTime": co_pulse_time,
     "CreateCOPulseChanTicks": co_pulse_ticks,
 }
-PULSE_WRITES: dict[str, Callable[[SimulatedDevice, SimulatedTask, Any], Any]] = {
+PULSE_WRITES: dict[str, Callable[[DeviceState, SimulatedTask, Any], Any]] = {
     **{call: _write_frequency(call) for call in ("WriteCtrFreq", "WriteCtrFreqScalar")},
     **{call: _write_time(call) for call in ("WriteCtrTime", "WriteCtrTimeScalar")},
     **{call: _write_ticks(call) for call in ("WriteCtrTicks", "WriteCtrTicksScalar")},

@@ -13,18 +13,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.simulated import status
-from rig.simulated.device.device import SimulatedDevice
-from rig.simulated.device.input_readings import PULSE_FREQUENCY, PULSE_TICKS, PULSE_TIME
+from rig.simulated.constants import PULSE_FREQUENCY, PULSE_TICKS, PULSE_TIME
+from rig.simulated.device.state import DeviceState
 from rig.simulated.device.task import SimulatedTask
-from rig.simulated.messages import enum, response
+from rig.simulated.driver import reading, writing
 from rig.simulated.rpc.calls.counter_outputs import PULSE_WRITES
+from rig.simulated.rpc.messages import enum, response
 from rig.simulated.status import DaqStatusError
 
 _BY_SCAN = 1
 MOST_VALUES = 2**26
 """Values one call may move."""
 Converter = Callable[[SimulatedTask, NDArray[np.float64]], NDArray[Any]]
-Handler = Callable[[SimulatedDevice, SimulatedTask, Any], Any]
+Handler = Callable[[DeviceState, SimulatedTask, Any], Any]
 
 
 def refuse_other_type(task: SimulatedTask, type_: str) -> None:
@@ -80,11 +81,11 @@ def _counts(values: NDArray[np.float64]) -> NDArray[np.uint32]:
 
 
 def _read(call: str, type_: str, convert: Converter) -> Handler:
-    def read(device: SimulatedDevice, task: SimulatedTask, request: Any) -> Any:
+    def read(device: DeviceState, task: SimulatedTask, request: Any) -> Any:
         refuse_other_type(task, type_)
         per_sample = _most_lines(task) * len(task.channels) if call == "ReadDigitalLines" else None
         wanted = samples_to_read(task, request, per_sample)
-        values = convert(task, device.read(task, wanted, request.timeout))
+        values = convert(task, reading.read(device, task, wanted, request.timeout))
         came = values.shape[0]
         code = 0 if came >= wanted else status.SAMPLES_NOT_YET_AVAILABLE
         flat = _laid_out(values, wanted, _by_scan(request, "fill_mode"))
@@ -102,11 +103,11 @@ def _most_lines(task: SimulatedTask) -> int:
 def _read_scalar(
     call: str, type_: str, convert: Callable[[SimulatedTask, NDArray[np.float64]], NDArray[Any]]
 ) -> Handler:
-    def read(device: SimulatedDevice, task: SimulatedTask, request: Any) -> Any:
+    def read(device: DeviceState, task: SimulatedTask, request: Any) -> Any:
         refuse_other_type(task, type_)
         if len(task.channels) != 1:
             raise DaqStatusError(status.TASK_MIXES_TYPES, f"Task: {task.name}: a scalar read needs one channel")
-        values = device.read(task, 1, request.timeout)
+        values = reading.read(device, task, 1, request.timeout)
         if not values.size:
             raise DaqStatusError(status.SAMPLES_NOT_YET_AVAILABLE, f"Task: {task.name}", samples_read=0)
         return response(call, value=convert(task, values).ravel()[0])
@@ -133,10 +134,10 @@ def _register(task: SimulatedTask, values: NDArray[np.float64]) -> NDArray[np.ui
     return _counts(values)
 
 
-def _write_analog(device: SimulatedDevice, task: SimulatedTask, request: Any) -> Any:
+def _write_analog(device: DeviceState, task: SimulatedTask, request: Any) -> Any:
     refuse_other_type(task, "AO")
     values = _table(request, np.array(request.write_array, dtype=np.float64), len(task.channels))
-    device.write(task, values, request.auto_start, request.timeout)
+    writing.write_volts(device, task, values, request.auto_start, request.timeout)
     return response("WriteAnalogF64", samps_per_chan_written=values.shape[0])
 
 
@@ -147,13 +148,13 @@ def _table(request: Any, values: NDArray[Any], columns: int) -> NDArray[Any]:
     return values.reshape(n, columns) if _by_scan(request, "data_layout") else values.reshape(columns, n).T
 
 
-def _write_analog_scalar(device: SimulatedDevice, task: SimulatedTask, request: Any) -> Any:
+def _write_analog_scalar(device: DeviceState, task: SimulatedTask, request: Any) -> Any:
     refuse_other_type(task, "AO")
-    device.write(task, np.array([[request.value]]), request.auto_start, request.timeout)
+    writing.write_volts(device, task, np.array([[request.value]]), request.auto_start, request.timeout)
     return response("WriteAnalogScalarF64")
 
 
-def _write_lines(device: SimulatedDevice, task: SimulatedTask, request: Any) -> Any:
+def _write_lines(device: DeviceState, task: SimulatedTask, request: Any) -> Any:
     refuse_other_type(task, "DO")
     states = np.array([bool(value) for value in request.write_array], dtype=np.float64)
     n, most, channels = _wanted(request), _most_lines(task), len(task.channels)
@@ -166,12 +167,9 @@ def _write_lines(device: SimulatedDevice, task: SimulatedTask, request: Any) -> 
     return response("WriteDigitalLines", samps_per_chan_written=n)
 
 
-def put_levels(device: SimulatedDevice, task: SimulatedTask, levels: NDArray[np.float64], request: Any) -> None:
+def put_levels(device: DeviceState, task: SimulatedTask, levels: NDArray[np.float64], request: Any) -> None:
     """Take levels, (n, lines): put out at once without a clock, else buffered."""
-    if task.clock is None:
-        device.write_lines(task, [bool(level) for level in levels[-1]], request.auto_start)
-    else:
-        device.accept(task, levels, request.auto_start, request.timeout)
+    writing.write(device, task, levels, request.auto_start, request.timeout)
 
 
 def _levels(task: SimulatedTask, words: NDArray[np.int64]) -> NDArray[np.float64]:
@@ -184,7 +182,7 @@ def _levels(task: SimulatedTask, words: NDArray[np.int64]) -> NDArray[np.float64
 
 
 def _write_words(call: str) -> Handler:
-    def write(device: SimulatedDevice, task: SimulatedTask, request: Any) -> Any:
+    def write(device: DeviceState, task: SimulatedTask, request: Any) -> Any:
         refuse_other_type(task, "DO")
         array = request.write_array
         words = np.array(list(array), dtype=np.int64)
@@ -195,7 +193,7 @@ def _write_words(call: str) -> Handler:
     return write
 
 
-def _write_word(device: SimulatedDevice, task: SimulatedTask, request: Any) -> Any:
+def _write_word(device: DeviceState, task: SimulatedTask, request: Any) -> Any:
     refuse_other_type(task, "DO")
     put_levels(device, task, _levels(task, np.array([[request.value]], dtype=np.int64)), request)
     return response("WriteDigitalScalarU32")
@@ -204,13 +202,13 @@ def _write_word(device: SimulatedDevice, task: SimulatedTask, request: Any) -> A
 def _read_pairs(call: str, first: str, second: str, measures: str) -> Handler:
     """Return the reader of pulses: two arrays, or two scalars."""
 
-    def read(device: SimulatedDevice, task: SimulatedTask, request: Any) -> Any:
+    def read(device: DeviceState, task: SimulatedTask, request: Any) -> Any:
         refuse_other_type(task, "CI")
-        if task.channels[0].settings.get("measures") != measures:
+        if task.measures != measures:
             raise DaqStatusError(status.WRONG_MEASUREMENT_TYPE, f"Task: {task.name} does not measure {measures}")
         scalar = call.endswith("Scalar")
         wanted = 1 if scalar else samples_to_read(task, request)
-        values = device.read(task, wanted, request.timeout)
+        values = reading.read(device, task, wanted, request.timeout)
         came = values.shape[0]
         if measures == PULSE_TICKS:
             values = values.astype(np.uint32)

@@ -1,65 +1,79 @@
-"""Calls of a DAQmx client about the system and the device: versions, names, properties, reset."""
+"""Calls of a DAQmx client about the system and the device: new tasks, versions, names, properties, reset."""
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable
 from typing import Any
 
 from rig.simulated import status
-from rig.simulated.device.device import SimulatedDevice
-from rig.simulated.messages import CALLS, attribute_response, enum, response
-from rig.simulated.rpc.properties import task as attributes
+from rig.simulated.device.state import DeviceState
+from rig.simulated.driver.tasks import create_task, reset_device
+from rig.simulated.rpc.messages import CALLS, attribute_response, enum, property_number, response
 from rig.simulated.rpc.properties.device import device_property
+from rig.simulated.rpc.task_sessions import open_session
 from rig.simulated.status import DaqStatusError
 
-DEVICE_NAMES = 0x193B
-SAVED = (0x1265, 0x1266, 0x1267)
+DRIVER_VERSION = {"NIDAQ_MAJOR_VERSION": 26, "NIDAQ_MINOR_VERSION": 0, "NIDAQ_UPDATE_VERSION": 0}
+"""Version of NI-DAQmx that the virtual device behaves like."""
+_SYSTEM_NUMBERS = {property_number("System", name): value for name, value in DRIVER_VERSION.items()}
+_DEV_NAMES = property_number("System", "DEV_NAMES")
+_SAVED = tuple(property_number("System", name) for name in ("GLOBAL_CHANS", "SCALES", "TASKS"))
 """Global channels, scales and tasks saved on the system: there are none."""
 
 
-def _system_number(device: SimulatedDevice, request: Any) -> Any:
-    number = enum(request, "attribute")
-    if number not in attributes.DRIVER_VERSION:
-        raise DaqStatusError(status.ATTRIBUTE_NOT_SUPPORTED, f"Property: 0x{number:04X} (System)")
-    return response("GetSystemInfoAttributeUInt32", value=attributes.DRIVER_VERSION[number])
+def _create_task(device: DeviceState, request: Any) -> Any:
+    return open_session(device, "CreateTask", request, lambda: create_task(device, request.session_name))
 
 
-def _system_text(device: SimulatedDevice, request: Any) -> Any:
+def _error_string(device: DeviceState, request: Any) -> Any:
+    return response("GetErrorString", error_string=status.TEXTS.get(request.error_code, "Unknown status code."))
+
+
+def _system_number(device: DeviceState, request: Any) -> Any:
     number = enum(request, "attribute")
-    if number not in (DEVICE_NAMES, *SAVED):
+    if number not in _SYSTEM_NUMBERS:
         raise DaqStatusError(status.ATTRIBUTE_NOT_SUPPORTED, f"Property: 0x{number:04X} (System)")
-    names = ", ".join(device.inventory.devices()) if number == DEVICE_NAMES else ""
+    return response("GetSystemInfoAttributeUInt32", value=_SYSTEM_NUMBERS[number])
+
+
+def _system_text(device: DeviceState, request: Any) -> Any:
+    number = enum(request, "attribute")
+    if number not in (_DEV_NAMES, *_SAVED):
+        raise DaqStatusError(status.ATTRIBUTE_NOT_SUPPORTED, f"Property: 0x{number:04X} (System)")
+    names = ", ".join(device.inventory.devices()) if number == _DEV_NAMES else ""
     return response("GetSystemInfoAttributeString", value=names)
 
 
-def _device_attribute(call: str) -> Callable[[SimulatedDevice, Any], Any]:
-    def get(device: SimulatedDevice, request: Any) -> Any:
+def _device_attribute(call: str) -> Callable[[DeviceState, Any], Any]:
+    def get(device: DeviceState, request: Any) -> Any:
         return attribute_response(call, device_property(device, request.device_name, enum(request, "attribute")))
 
     return get
 
 
-def _refuse_other_device(device: SimulatedDevice, name: str) -> None:
+def refuse_other_device(device: DeviceState, name: str) -> None:
+    """Refuse the name of a device that is not the one served."""
     if name.lower() != device.inventory.name.lower():
         raise DaqStatusError(status.INVALID_DEVICE, f"Device: {name}")
 
 
-def _reset(device: SimulatedDevice, request: Any) -> Any:
-    _refuse_other_device(device, request.device_name)
-    device.reset()
+def _reset(device: DeviceState, request: Any) -> Any:
+    refuse_other_device(device, request.device_name)
+    reset_device(device)
     return response("ResetDevice")
 
 
-def _self_test(device: SimulatedDevice, request: Any) -> Any:
-    _refuse_other_device(device, request.device_name)
+def _self_test(device: DeviceState, request: Any) -> Any:
+    refuse_other_device(device, request.device_name)
     return response("SelfTestDevice")
 
 
-DEVICE_CALLS: dict[str, Callable[[SimulatedDevice, Any], Any]] = {
+DEVICE_CALLS: dict[str, Callable[[DeviceState, Any], Any]] = {
+    "CreateTask": _create_task,
+    "GetErrorString": _error_string,
     "GetSystemInfoAttributeUInt32": _system_number,
     "GetSystemInfoAttributeString": _system_text,
-    **{call: _device_attribute(call) for call in CALLS if re.match("GetDeviceAttribute", call)},
+    **{call: _device_attribute(call) for call in CALLS if call.startswith("GetDeviceAttribute")},
     "ResetDevice": _reset,
     "SelfTestDevice": _self_test,
 }

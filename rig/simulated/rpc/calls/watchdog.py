@@ -6,20 +6,29 @@ from collections.abc import Callable
 from typing import Any
 
 from rig.simulated import status
-from rig.simulated.device.device import SimulatedDevice
-from rig.simulated.messages import enum, response, session
+from rig.simulated.device.state import DeviceState
+from rig.simulated.device.watchdog import (
+    control_watchdog,
+    set_expiration_level,
+    set_expiration_volts,
+    watchdog_timer,
+)
+from rig.simulated.driver.tasks import create_watchdog_task
 from rig.simulated.product.inventory import channel_names
+from rig.simulated.rpc.calls.device import refuse_other_device
+from rig.simulated.rpc.messages import enum, property_number, response
+from rig.simulated.rpc.task_sessions import open_session
 from rig.simulated.status import DaqStatusError
 
-EXPIRED = 0x21A8
+HAS_EXPIRED = property_number("Watchdog", "HAS_EXPIRED")
 
 
-def _create(device: SimulatedDevice, request: Any) -> Any:
-    if request.device_name.lower() != device.inventory.name.lower():
-        raise DaqStatusError(status.INVALID_DEVICE, f"Device: {request.device_name}")
-    found = device.attached(request.session_name, request.initialization_behavior)
-    task = found or device.watchdogs.create(request.session_name, request.timeout)
-    return response("CreateWatchdogTimerTaskEx", task=session(task.name), new_session_initialized=found is None)
+def _create(device: DeviceState, request: Any) -> Any:
+    refuse_other_device(device, request.device_name)
+    name, timeout_s = request.session_name, request.timeout
+    return open_session(
+        device, "CreateWatchdogTimerTaskEx", request, lambda: create_watchdog_task(device, name, timeout_s)
+    )
 
 
 def _states(request: Any, *arrays: Any) -> Any:
@@ -29,32 +38,32 @@ def _states(request: Any, *arrays: Any) -> Any:
     return zip(names, *arrays, strict=True)
 
 
-def _analog_states(device: SimulatedDevice, request: Any) -> Any:
-    timer = device.watchdogs.timer(request.task.name)
+def _analog_states(device: DeviceState, request: Any) -> Any:
+    timer = watchdog_timer(device, request.task.name)
     for channel, volts, kind in _states(request, request.expir_state_array, request.output_type_array):
-        timer.set_volts(channel, volts, kind)
+        set_expiration_volts(device, timer, channel, volts, kind)
     return response("CfgWatchdogAOExpirStates")
 
 
-def _digital_states(device: SimulatedDevice, request: Any) -> Any:
-    timer = device.watchdogs.timer(request.task.name)
+def _digital_states(device: DeviceState, request: Any) -> Any:
+    timer = watchdog_timer(device, request.task.name)
     for line, level in _states(request, request.expir_state_array):
-        timer.set_line(line, level)
+        set_expiration_level(device, timer, line, level)
     return response("CfgWatchdogDOExpirStates")
 
 
-def _control(device: SimulatedDevice, request: Any) -> Any:
-    device.watchdogs.timer(request.task.name).control(enum(request, "action"))
+def _control(device: DeviceState, request: Any) -> Any:
+    control_watchdog(device, watchdog_timer(device, request.task.name), enum(request, "action"))
     return response("ControlWatchdogTask")
 
 
-def _expired(device: SimulatedDevice, request: Any) -> Any:
-    if enum(request, "attribute") != EXPIRED:
+def _expired(device: DeviceState, request: Any) -> Any:
+    if enum(request, "attribute") != HAS_EXPIRED:
         raise DaqStatusError(status.ATTRIBUTE_NOT_SUPPORTED, "Property (Watchdog)")
-    return response("GetWatchdogAttributeBool", value=device.watchdogs.timer(request.task.name).expired)
+    return response("GetWatchdogAttributeBool", value=watchdog_timer(device, request.task.name).expired)
 
 
-WATCHDOG_CALLS: dict[str, Callable[[SimulatedDevice, Any], Any]] = {
+WATCHDOG_CALLS: dict[str, Callable[[DeviceState, Any], Any]] = {
     "CreateWatchdogTimerTaskEx": _create,
     "CfgWatchdogAOExpirStates": _analog_states,
     "CfgWatchdogDOExpirStates": _digital_states,

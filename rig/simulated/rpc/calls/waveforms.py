@@ -13,11 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.simulated import status
-from rig.simulated.device.device import SimulatedDevice
+from rig.simulated.device.state import DeviceState
 from rig.simulated.device.task import SimulatedTask
-from rig.simulated.messages import enum, response
+from rig.simulated.driver import reading, writing
 from rig.simulated.rpc.calls.data import Handler, lines_by_channel, put_levels, refuse_other_type, samples_to_read
-from rig.simulated.rpc.properties.channel import CHANNEL_GETTABLE
+from rig.simulated.rpc.messages import enum, response
+from rig.simulated.rpc.properties.channel import volts_per_code
 from rig.simulated.status import DaqStatusError, NotImplementedByDevice
 
 NI_EPOCH_S = 2_082_844_800
@@ -25,19 +26,18 @@ NI_EPOCH_S = 2_082_844_800
 TIMING, EXTENDED = 1, 2
 """Bits of the waveform attribute mode."""
 _MADE_S = time.time()
-_COEFFICIENTS = 0x1930
 
 
-def _times(device: SimulatedDevice, task: SimulatedTask, came: int) -> dict[str, Any]:
-    if task.clock is None or task.changes or task.buffer is None:
+def _times(device: DeviceState, task: SimulatedTask, came: int) -> dict[str, Any]:
+    clock, progress = task.timing.clock, task.progress
+    if clock is None or task.timing.change_lines or task.buffer is None:
         return {}
-    bench = device.bench
-    first = task.buffer.read - came - task.before_trigger
-    since_s = task.since_s - bench.edge / bench.rate_hz + bench.clock.now_s
-    at_s = _MADE_S + since_s + first / task.clock.rate_hz + NI_EPOCH_S
+    first = task.buffer.read - came - progress.samples_before_trigger
+    since_s = progress.live_since_s - device.bench.now_s + device.bench.clock.now_s
+    at_s = _MADE_S + since_s + first / clock.rate_hz + NI_EPOCH_S
     whole = int(np.floor(at_s))
     t0 = {"seconds": whole, "fractional_seconds": min(int((at_s - whole) * 2.0**64), 2**64 - 1)}
-    return {"t0": t0, "dt": 1 / task.clock.rate_hz}
+    return {"t0": t0, "dt": 1 / clock.rate_hz}
 
 
 def _named(name: str, unit: str = "") -> dict[str, Any]:
@@ -45,17 +45,17 @@ def _named(name: str, unit: str = "") -> dict[str, Any]:
     return {**named, "NI_UnitDescription": {"string_value": unit}} if unit else named
 
 
-def _read(device: SimulatedDevice, task: SimulatedTask, request: Any, type_: str) -> tuple[NDArray[Any], int, Any]:
+def _read(device: DeviceState, task: SimulatedTask, request: Any, type_: str) -> tuple[NDArray[Any], int, Any]:
     refuse_other_type(task, type_)
     wanted = samples_to_read(task, request)
-    values = device.read(task, wanted, request.timeout)
+    values = reading.read(device, task, wanted, request.timeout)
     code = 0 if values.shape[0] >= wanted else status.SAMPLES_NOT_YET_AVAILABLE
     mode = enum(request, "waveform_attribute_mode")
     timing = _times(device, task, values.shape[0]) if mode & TIMING else {}
     return values, code, (timing, bool(mode & EXTENDED))
 
 
-def _read_analog(device: SimulatedDevice, task: SimulatedTask, request: Any) -> Any:
+def _read_analog(device: DeviceState, task: SimulatedTask, request: Any) -> Any:
     values, code, (timing, named) = _read(device, task, request, "AI")
     waveforms = []
     for column, channel in enumerate(task.channels):
@@ -65,7 +65,7 @@ def _read_analog(device: SimulatedDevice, task: SimulatedTask, request: Any) -> 
     return response("ReadAnalogWaveforms", status=code, waveforms=waveforms, samps_per_chan_read=values.shape[0])
 
 
-def _read_digital(device: SimulatedDevice, task: SimulatedTask, request: Any) -> Any:
+def _read_digital(device: DeviceState, task: SimulatedTask, request: Any) -> Any:
     values, code, (timing, named) = _read(device, task, request, "DI")
     levels, waveforms = lines_by_channel(task, values), []
     for index, channel in enumerate(task.channels):
@@ -86,14 +86,14 @@ def _columns(task: SimulatedTask, waveforms: list[NDArray[np.float64]]) -> NDArr
     return np.concatenate(waveforms, axis=1)
 
 
-def _write_analog(device: SimulatedDevice, task: SimulatedTask, request: Any) -> Any:
+def _write_analog(device: DeviceState, task: SimulatedTask, request: Any) -> Any:
     refuse_other_type(task, "AO")
     values = _columns(task, [np.array(w.y_data, dtype=np.float64)[:, None] for w in request.waveforms])
-    device.write(task, values, request.auto_start, request.timeout)
+    writing.write_volts(device, task, values, request.auto_start, request.timeout)
     return response("WriteAnalogWaveforms", samps_per_chan_written=values.shape[0])
 
 
-def _write_digital(device: SimulatedDevice, task: SimulatedTask, request: Any) -> Any:
+def _write_digital(device: DeviceState, task: SimulatedTask, request: Any) -> Any:
     refuse_other_type(task, "DO")
     tables = []
     for waveform, channel in zip(request.waveforms, task.channels, strict=False):
@@ -113,30 +113,30 @@ def _write_digital(device: SimulatedDevice, task: SimulatedTask, request: Any) -
 
 
 def _codes(
-    device: SimulatedDevice, task: SimulatedTask, request: Any, values_per_sample: int | None = None
+    device: DeviceState, task: SimulatedTask, request: Any, values_per_sample: int | None = None
 ) -> tuple[NDArray[np.int64], int]:
     """Return converter codes, (n, channels); channels of 24 bits or with a bridge's scaling are not there."""
     refuse_other_type(task, "AI")
     steps = []
     for channel in task.channels:
-        found = CHANNEL_GETTABLE[_COEFFICIENTS](device, task, channel)
-        if found is None:
+        step = volts_per_code(device, channel)
+        if step is None:
             raise NotImplementedByDevice(f"raw samples of {channel.physical.name}")
-        steps.append(found[1])
+        steps.append(step)
     wanted = samples_to_read(task, request, values_per_sample)
-    values = device.read(task, wanted, request.timeout)
+    values = reading.read(device, task, wanted, request.timeout)
     code = 0 if values.shape[0] >= wanted else status.SAMPLES_NOT_YET_AVAILABLE
     return np.rint(values / np.array(steps)).astype(np.int64), code
 
 
-def _read_raw(device: SimulatedDevice, task: SimulatedTask, request: Any) -> Any:
+def _read_raw(device: DeviceState, task: SimulatedTask, request: Any) -> Any:
     codes, code = _codes(device, task, request, 2 * len(task.channels))
     data = codes.astype("<i2").tobytes()  # interleaved, as the converter gives them
     return response("ReadRaw", status=code, read_array=data, samps_read=codes.shape[0], num_bytes_per_samp=2)
 
 
 def _read_codes(call: str) -> Handler:
-    def read(device: SimulatedDevice, task: SimulatedTask, request: Any) -> Any:
+    def read(device: DeviceState, task: SimulatedTask, request: Any) -> Any:
         codes, code = _codes(device, task, request)
         came = codes.shape[0]
         flat = (codes if enum(request, "fill_mode") == 1 else codes.T).ravel()

@@ -1,4 +1,4 @@
-"""Properties of tasks that a client may get and set, by the driver's category and number.
+"""Properties of tasks that a client may get and set, by the driver's category and name.
 
 What is not in these tables is refused, never answered with an invented value.
 """
@@ -6,185 +6,229 @@ What is not in these tables is refused, never answered with an invented value.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from rig.simulated import status
-from rig.simulated.device import wait as waiting
-from rig.simulated.device.input_readings import MEASURED_ON, SHUNT
-from rig.simulated.device.reservations import ARM_TYPE, NO_TRIGGER
-from rig.simulated.device.task import FINITE, RETRIGGERABLE, SimulatedTask
-from rig.simulated.rpc.properties.channel import CHANNEL_GETTABLE, LIMIT_NAMES, find_channels, set_limit
+from rig.simulated.constants import (
+    AI_BRIDGE_SHUNT_CAL_ENABLE,
+    ALLOW_REGENERATION,
+    ARM_START_TRIG_TYPE,
+    BUF_INPUT_BUF_SIZE,
+    BUF_OUTPUT_BUF_SIZE,
+    CI_ENCODER_A_INPUT_TERM,
+    CI_ENCODER_B_INPUT_TERM,
+    CI_TERM,
+    CO_PULSE_TERM,
+    DIG_EDGE_ARM_START_TRIG_EDGE,
+    DIG_EDGE_ARM_START_TRIG_SRC,
+    DIGITAL_EDGE,
+    NO_TRIGGER,
+    START_TRIG_RETRIGGERABLE,
+    WRITE_REGEN_MODE,
+)
+from rig.simulated.device.state import DeviceState
+from rig.simulated.device.task import SimulatedTask
+from rig.simulated.rpc.messages import property_number
+from rig.simulated.rpc.properties.channel import LIMITS, channel_property, find_channels, raw_sample_bits, set_limit
 from rig.simulated.status import DaqStatusError, NotImplementedByDevice
+from rig.simulated.timing.wait import catch_up
 
-if TYPE_CHECKING:
-    from rig.simulated.device.device import SimulatedDevice
-
-DRIVER_VERSION = {0x1272: 26, 0x1923: 0, 0x2F22: 0}
-"""Major, minor and update number of NI-DAQmx that the virtual device behaves like."""
-DIGITAL_EDGE = 10150
+Key = tuple[str, int]
+"""Category and the driver's number of a property."""
 DO_NOT_OVERWRITE = 10159
-CO_TERM, RAW_SAMPLE_SIZE = 0x18E1, 0x22DA
-ARM_EDGE, ARM_SOURCE = 0x1415, 0x1417
-ENCODER_TERMINALS = (0x219D, 0x219E)
-EDGE_TERMINALS = tuple(MEASURED_ON.values())
-CI_SETTABLE = (*ENCODER_TERMINALS, *EDGE_TERMINALS, 0x21FB, 0x21FC, 0x2200, 0x2201)
-
+IMPLICIT, CHANGE_DETECTION, SAMPLE_CLOCK, ON_DEMAND = 10451, 12504, 10388, 10390
+"""Sample timing types."""
+READ_OVERWRITE = property_number("Read", "OVERWRITE")
+READ_DEFAULT_SAMPLES = 0x31E8
+"""A property of newer drivers without a name in the service: samples a read takes when a client gives no number."""
+CI_INPUT_TERMS = (CI_ENCODER_A_INPUT_TERM, CI_ENCODER_B_INPUT_TERM, *CI_TERM.values())
+CI_FILTERS = tuple(
+    property_number("Chan", f"CI_ENCODER_{signal}_INPUT_DIG_FLTR_{what}")
+    for signal in "AB"
+    for what in ("ENABLE", "MIN_PULSE_WIDTH")
+)
 SETTABLE: dict[str, frozenset[int]] = {
-    "Read": frozenset({0x1211}),
-    "Buffer": frozenset({0x186C, 0x186D}),
-    "Write": frozenset({0x1453}),
-    "Chan": frozenset({*CI_SETTABLE, *LIMIT_NAMES, CO_TERM, SHUNT}),
-    "Trig": frozenset({ARM_TYPE, ARM_EDGE, ARM_SOURCE, RETRIGGERABLE}),
+    "Read": frozenset({READ_OVERWRITE}),
+    "Buffer": frozenset({BUF_INPUT_BUF_SIZE, BUF_OUTPUT_BUF_SIZE}),
+    "Write": frozenset({WRITE_REGEN_MODE}),
+    "Chan": frozenset({*CI_INPUT_TERMS, *CI_FILTERS, *LIMITS, CO_PULSE_TERM, AI_BRIDGE_SHUNT_CAL_ENABLE}),
+    "Trig": frozenset(
+        {ARM_START_TRIG_TYPE, DIG_EDGE_ARM_START_TRIG_EDGE, DIG_EDGE_ARM_START_TRIG_SRC, START_TRIG_RETRIGGERABLE}
+    ),
 }
-
-Getter = Callable[["SimulatedDevice", SimulatedTask], Any]
+Getter = Callable[[DeviceState, SimulatedTask], Any]
 
 
 def _clock(field: str) -> Getter:
-    def get(device: SimulatedDevice, task: SimulatedTask) -> Any:
-        if task.clock is None or (task.implicit and field in ("rate_hz", "source")):
+    def get(device: DeviceState, task: SimulatedTask) -> Any:
+        clock = task.timing.clock
+        if clock is None or (task.timing.implicit and field in ("rate_hz", "source")):
             raise DaqStatusError(status.ATTRIBUTE_NOT_SUPPORTED, f"Task: {task.name} has no sample clock")
-        return getattr(task.clock, field)
+        return getattr(clock, field)
 
     return get
 
 
-def _samples(field: str) -> Getter:
-    def get(device: SimulatedDevice, task: SimulatedTask) -> int:
-        if field == "available":
-            waiting.catch_up(device, task)
-        return getattr(task.buffer, field) if task.buffer is not None else 0
-
-    return get
+def _clock_source(device: DeviceState, task: SimulatedTask) -> str:
+    return _terminal(device, _clock("source")(device, task))
 
 
-def _default_samples_to_read(device: SimulatedDevice, task: SimulatedTask) -> int:
-    if task.clock is not None and task.clock.mode == FINITE:
-        return task.clock.samples
-    waiting.catch_up(device, task)
+def _input_buffer(field: str) -> Getter:
+    return lambda device, task: getattr(task.buffer, field) if task.buffer is not None else 0
+
+
+def _available(device: DeviceState, task: SimulatedTask) -> int:
+    catch_up(device, task)
     return task.buffer.available if task.buffer is not None else 0
 
 
-def _clock_source(device: SimulatedDevice, task: SimulatedTask) -> str:
-    source = _clock("source")(device, task)
-    return "/" + device.inventory.full_name(source) if source else ""
+def _default_samples_to_read(device: DeviceState, task: SimulatedTask) -> int:
+    clock = task.timing.clock
+    return clock.samples if clock is not None and task.timing.finite else _available(device, task)
 
 
-def _terminal(device: SimulatedDevice, relative: str) -> str:
+def _terminal(device: DeviceState, relative: str) -> str:
     return "/" + device.inventory.full_name(relative) if relative else ""
 
 
-def _start_terminal(device: SimulatedDevice, task: SimulatedTask) -> str:
+def _start_trigger_terminal(device: DeviceState, task: SimulatedTask) -> str:
     """Where the task's own start trigger can be taken from."""
     if task.type not in ("AI", "AO", "DI", "DO"):
         raise DaqStatusError(status.ATTRIBUTE_NOT_SUPPORTED, f"Task: {task.name}: start trigger terminal")
     return _terminal(device, f"{task.type.lower()}/StartTrigger")
 
 
-def _lines_per_channel(task: SimulatedTask) -> list[int]:
-    return [len(channel.settings.get("lines", "1")) for channel in task.channels] or [0]
+def _most_lines(device: DeviceState, task: SimulatedTask) -> int:
+    return max((len(channel.settings.get("lines", "1")) for channel in task.channels), default=0)
 
 
-def _space_available(device: SimulatedDevice, task: SimulatedTask) -> int:
-    written = task.output.shape[0] if task.output is not None else 0
-    size = task.capacity if task.state == "running" else int(task.setting("Buffer", "", 0x186D, written))
-    return max(size - max(written - task.generated, 0), 0)
+def _space_available(device: DeviceState, task: SimulatedTask) -> int:
+    output = task.output
+    running = task.state == "running"
+    size = output.size if running else int(task.setting("Buffer", "", BUF_OUTPUT_BUF_SIZE, output.written))
+    return max(size - max(output.written - output.generated, 0), 0)
 
 
-def _timing_type(device: SimulatedDevice, task: SimulatedTask) -> int:
-    if task.type == "CO" or task.implicit:
-        return 10451  # implicit
-    return 12504 if task.changes else 10388 if task.clock is not None else 10390
+def _timing_type(device: DeviceState, task: SimulatedTask) -> int:
+    if task.type == "CO" or task.timing.implicit:
+        return IMPLICIT
+    return CHANGE_DETECTION if task.timing.change_lines else SAMPLE_CLOCK if task.timing.clock else ON_DEMAND
 
 
-def _raw_width(device: SimulatedDevice, task: SimulatedTask) -> int:
+def _raw_width(device: DeviceState, task: SimulatedTask) -> int:
     """Bytes of one raw sample of all channels."""
-    sizes = [CHANNEL_GETTABLE[RAW_SAMPLE_SIZE](device, task, channel) for channel in task.channels]
-    if not sizes or None in sizes:
+    sizes = [raw_sample_bits(device, channel) for channel in task.channels]
+    known = [size for size in sizes if size is not None]
+    if not known or len(known) < len(sizes):
         raise DaqStatusError(status.ATTRIBUTE_NOT_SUPPORTED, f"Task: {task.name}: raw samples")
-    return sum(sizes) // 8
+    return sum(known) // 8
 
 
-GETTABLE: dict[tuple[str, int], Getter] = {
-    ("Task", 0x1276): lambda device, task: task.name,
-    ("Task", 0x1273): lambda device, task: ", ".join(channel.name for channel in task.channels),
-    ("Task", 0x2181): lambda device, task: len(task.channels),
-    ("Task", 0x1274): lambda device, task: task.done,
-    ("Task", 0x29BA): lambda device, task: 1 if task.channels else 0,
-    ("Task", 0x230E): lambda device, task: device.inventory.name,
-    ("Timing", 0x1344): _clock("rate_hz"),
-    ("Timing", 0x1852): _clock_source,
-    ("Timing", 0x1300): _clock("mode"),
-    ("Timing", 0x1310): _clock("samples"),
-    ("Read", 0x1823): lambda device, task: ", ".join(channel.name for channel in task.channels),
-    ("Write", 0x217F): lambda device, task: max(_lines_per_channel(task)),
-    ("Read", 0x217C): lambda device, task: max(_lines_per_channel(task)),
-    ("Write", 0x1453): lambda device, task: task.setting("Write", "", 0x1453, 10097),
-    ("Write", 0x1460): _space_available,
-    ("Write", 0x1458): lambda device, task: task.generated,
-    ("Trig", 0x190F): lambda device, task: task.retriggerable,
-    ("Trig", 0x2F1E): _start_terminal,
-    ("Trig", 0x1407): lambda device, task: _terminal(device, task.start_trigger),
-    ("Trig", 0x1393): lambda device, task: DIGITAL_EDGE if task.start_trigger else NO_TRIGGER,
-    ("Timing", 0x1347): _timing_type,
-    ("Read", 0x217A): _raw_width,
-    ("Read", 0x217B): lambda device, task: len(task.channels),
-    ("Read", 0x1223): _samples("available"),
-    ("Read", 0x192A): _samples("acquired"),
-    ("Read", 0x1221): _samples("read"),
-    ("Read", 0x31E8): _default_samples_to_read,
-    ("Read", 0x1211): lambda device, task: task.setting("Read", "", 0x1211, DO_NOT_OVERWRITE),
-    ("Buffer", 0x186C): lambda device, task: task.buffer_size,
-    ("Write", 0x217E): lambda device, task: len(task.channels),
-    ("Write", 0x192B): lambda device, task: task.generated,
+def _channel_names(device: DeviceState, task: SimulatedTask) -> str:
+    return ", ".join(channel.name for channel in task.channels)
+
+
+def _number_of_channels(device: DeviceState, task: SimulatedTask) -> int:
+    return len(task.channels)
+
+
+def _generated(device: DeviceState, task: SimulatedTask) -> int:
+    return task.output.generated
+
+
+_GETTERS: dict[tuple[str, str], Getter] = {
+    ("Task", "NAME"): lambda device, task: task.name,
+    ("Task", "CHANNELS"): _channel_names,
+    ("Task", "NUM_CHANS"): _number_of_channels,
+    ("Task", "COMPLETE"): lambda device, task: task.done,
+    ("Task", "NUM_DEVICES"): lambda device, task: 1 if task.channels else 0,
+    ("Task", "DEVICES"): lambda device, task: device.inventory.name,
+    ("Timing", "SAMP_TIMING_TYPE"): _timing_type,
+    ("Timing", "SAMP_CLK_RATE"): _clock("rate_hz"),
+    ("Timing", "SAMP_CLK_SRC"): _clock_source,
+    ("Timing", "SAMP_QUANT_SAMP_MODE"): _clock("mode"),
+    ("Timing", "SAMP_QUANT_SAMP_PER_CHAN"): _clock("samples"),
+    ("Trig", "START_TRIG_TYPE"): lambda device, task: DIGITAL_EDGE if task.triggers.start else NO_TRIGGER,
+    ("Trig", "DIG_EDGE_START_TRIG_SRC"): lambda device, task: _terminal(device, task.triggers.start),
+    ("Trig", "START_TRIG_RETRIGGERABLE"): lambda device, task: task.retriggerable,
+    ("Trig", "START_TRIG_TERM"): _start_trigger_terminal,
+    ("Buffer", "INPUT_BUF_SIZE"): lambda device, task: task.input_buffer_size,
+    ("Read", "CHANNELS_TO_READ"): _channel_names,
+    ("Read", "NUM_CHANS"): _number_of_channels,
+    ("Read", "DIGITAL_LINES_BYTES_PER_CHAN"): _most_lines,
+    ("Read", "RAW_DATA_WIDTH"): _raw_width,
+    ("Read", "AVAIL_SAMP_PER_CHAN"): _available,
+    ("Read", "TOTAL_SAMP_PER_CHAN_ACQUIRED"): _input_buffer("acquired"),
+    ("Read", "CURR_READ_POS"): _input_buffer("read"),
+    ("Read", "OVERWRITE"): lambda device, task: task.setting("Read", "", READ_OVERWRITE, DO_NOT_OVERWRITE),
+    ("Write", "NUM_CHANS"): _number_of_channels,
+    ("Write", "DIGITAL_LINES_BYTES_PER_CHAN"): _most_lines,
+    ("Write", "REGEN_MODE"): lambda device, task: task.setting("Write", "", WRITE_REGEN_MODE, ALLOW_REGENERATION),
+    ("Write", "SPACE_AVAIL"): _space_available,
+    ("Write", "CURR_WRITE_POS"): _generated,
+    ("Write", "TOTAL_SAMP_PER_CHAN_GENERATED"): _generated,
+}
+_GETTER_OF_NUMBER: dict[Key, Getter] = {
+    ("Read", READ_DEFAULT_SAMPLES): _default_samples_to_read,
+    **{(category, property_number(category, name)): getter for (category, name), getter in _GETTERS.items()},
 }
 
 
-def get(device: SimulatedDevice, task: SimulatedTask, category: str, channel: str, attribute: int) -> Any:
+def _unsupported(task: SimulatedTask, key: Key) -> DaqStatusError:
+    return DaqStatusError(status.ATTRIBUTE_NOT_SUPPORTED, f"Property: 0x{key[1]:04X} ({key[0]}) of {task.name}")
+
+
+def get(device: DeviceState, task: SimulatedTask, channel: str, key: Key) -> Any:
     """Return a property of a task or of one of its channels."""
-    if (category, attribute) in GETTABLE:
-        return GETTABLE[category, attribute](device, task)
+    if key in _GETTER_OF_NUMBER:
+        return _GETTER_OF_NUMBER[key](device, task)
+    category, number = key
     if category == "Chan":
         found = find_channels(task, channel)[0]
         channel = found.name
-        if attribute in CHANNEL_GETTABLE and (value := CHANNEL_GETTABLE[attribute](device, task, found)) is not None:
+        if (value := channel_property(device, task, found, number)) is not None:
             return value
-    if (category, channel, attribute) in task.attributes:
-        return task.attributes[category, channel, attribute]
-    raise DaqStatusError(status.ATTRIBUTE_NOT_SUPPORTED, f"Property: 0x{attribute:04X} ({category}) of {task.name}")
+    if (category, channel, number) in task.properties:
+        return task.properties[category, channel, number]
+    raise _unsupported(task, key)
 
 
-def put(device: SimulatedDevice, task: SimulatedTask, category: str, channel: str, attribute: int, value: Any) -> None:
+def put(device: DeviceState, task: SimulatedTask, channel: str, key: Key, value: Any) -> None:
     """Set a property, after checking terminals and trigger types; refused while the task runs."""
-    if attribute not in SETTABLE.get(category, frozenset()):
-        raise DaqStatusError(status.ATTRIBUTE_NOT_SUPPORTED, f"Property: 0x{attribute:04X} ({category}) of {task.name}")
-    if task.state == "running":
-        raise DaqStatusError(status.TASK_RUNNING, f"Task: {task.name}")
+    category, number = key
+    if number not in SETTABLE.get(category, frozenset()):
+        raise _unsupported(task, key)
+    task.refuse_while_running()
     names = [""]
     if category == "Chan":
         channels = find_channels(task, channel)
         names = [found.name for found in channels]
-        if attribute in LIMIT_NAMES:
+        if number in LIMITS:
             for found in channels:
-                set_limit(device, task, found, attribute, value)
+                set_limit(device, task, found, number, value)
             return
-        wanted = "CO" if attribute == CO_TERM else "AI" if attribute == SHUNT else "CI"
-        bridge = attribute != SHUNT or all(found.physical.kind == "bridge" for found in channels)
-        if task.type != wanted or not bridge:
-            raise DaqStatusError(status.ATTRIBUTE_NOT_SUPPORTED, f"Property: 0x{attribute:04X} of {channel}")
-    if attribute in (*ENCODER_TERMINALS, *EDGE_TERMINALS, ARM_SOURCE):
-        device.inventory.terminal(value)
-    if attribute == CO_TERM:
-        device.inventory.terminal(value, output=True)
-    if attribute == 0x1211 and value != DO_NOT_OVERWRITE:
-        raise DaqStatusError(status.ATTRIBUTE_NOT_SUPPORTED, "only DO_NOT_OVERWRITE_UNREAD_SAMPLES is simulated")
-    if attribute == ARM_TYPE and value not in (DIGITAL_EDGE, NO_TRIGGER):
-        raise DaqStatusError(status.INVALID_VALUE, f"Arm start trigger type {value}")
-    if attribute == RETRIGGERABLE and (task.type not in ("AI", "AO", "DI", "DO") or task.ref_trigger):
-        raise NotImplementedByDevice(f"retriggering a {task.type} task")
+        shunt = number == AI_BRIDGE_SHUNT_CAL_ENABLE
+        wanted = "CO" if number == CO_PULSE_TERM else "AI" if shunt else "CI"
+        if task.type != wanted or (shunt and any(found.physical.kind != "bridge" for found in channels)):
+            raise DaqStatusError(status.ATTRIBUTE_NOT_SUPPORTED, f"Property: 0x{number:04X} of {channel}")
+    _check(device, task, number, value)
     for name in names:
-        task.attributes[category, name, attribute] = value
-    if attribute in (ARM_TYPE, ARM_SOURCE):
-        armed = task.setting("Trig", "", ARM_TYPE, NO_TRIGGER) == DIGITAL_EDGE
-        source = task.setting("Trig", "", ARM_SOURCE, "")
-        task.arm_trigger = device.inventory.terminal(source) if armed and source else ""
+        task.properties[category, name, number] = value
+    if number in (ARM_START_TRIG_TYPE, DIG_EDGE_ARM_START_TRIG_SRC):
+        armed = task.setting("Trig", "", ARM_START_TRIG_TYPE, NO_TRIGGER) == DIGITAL_EDGE
+        source = task.setting("Trig", "", DIG_EDGE_ARM_START_TRIG_SRC, "")
+        task.triggers.arm_start = device.inventory.terminal(source) if armed and source else ""
+
+
+def _check(device: DeviceState, task: SimulatedTask, number: int, value: Any) -> None:
+    """Refuse a value that the product does not have, or the virtual device."""
+    if number in (*CI_INPUT_TERMS, DIG_EDGE_ARM_START_TRIG_SRC):
+        device.inventory.terminal(value)
+    if number == CO_PULSE_TERM:
+        device.inventory.terminal(value, output=True)
+    if number == READ_OVERWRITE and value != DO_NOT_OVERWRITE:
+        raise DaqStatusError(status.ATTRIBUTE_NOT_SUPPORTED, "only DO_NOT_OVERWRITE_UNREAD_SAMPLES is simulated")
+    if number == ARM_START_TRIG_TYPE and value not in (DIGITAL_EDGE, NO_TRIGGER):
+        raise DaqStatusError(status.INVALID_VALUE, f"Arm start trigger type {value}")
+    if number == START_TRIG_RETRIGGERABLE and (task.type not in ("AI", "AO", "DI", "DO") or task.triggers.reference):
+        raise NotImplementedByDevice(f"retriggering a {task.type} task")

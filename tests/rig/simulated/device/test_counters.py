@@ -75,7 +75,7 @@ def test_written_pulses_follow_each_other_and_none_is_lost_at_a_change(card) -> 
     seen = edges.read()
     assert seen >= 7
     output.write(CtrFreq(100.0, 0.5))
-    card.device.advance(5000)  # 1 s
+    card.advance(5000)  # 1 s
     assert edges.read() == pytest.approx(seen + 100, abs=1)
 
 

@@ -121,9 +121,9 @@ def test_unread_samples_beyond_the_buffer_are_lost_and_said_so(cdaq, refused, fo
     force = force_task(cdaq)
     force.start()
     force.read(10)
-    cdaq.device.advance(10_000)  # the driver keeps 10 kS at this rate
+    cdaq.advance(10_000)  # the driver keeps 10 kS at this rate
     assert force.in_stream.avail_samp_per_chan == 10_000
-    cdaq.device.advance(1)
+    cdaq.advance(1)
     with refused(-200279):
         force.read(10)
 

@@ -9,6 +9,8 @@ import pytest
 from nidaqmx import constants as ni
 from nidaqmx.errors import RpcError
 
+from rig.simulated.driver.tasks import clear_task
+
 
 def test_channels_that_do_not_exist_or_cannot_measure_this(cdaq, card, bridge, refused) -> None:
     with refused(-200170):
@@ -259,7 +261,7 @@ def test_a_second_client_attaches_and_a_cleared_task_is_gone(cdaq, refused) -> N
     assert cdaq.task().name != cdaq.task().name
     with refused(-200478):
         task.start()
-    cdaq.device.clear_task("a")
+    clear_task(cdaq.device, "a")
     with refused(-200088):
         task.start()
     cdaq._tasks.remove(task)

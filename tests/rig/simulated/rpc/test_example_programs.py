@@ -113,19 +113,19 @@ def test_a_continuous_output_repeats_its_buffer_and_one_without_regeneration_run
     task.timing.cfg_samp_clk_timing(1000.0, sample_mode=CONTINUOUS)
     task.write([float(i) for i in range(10)])
     task.start()
-    card.device.advance(23)
+    card.advance(23)
     assert card.device.output_v["Dev1/ao1"] == 2.0 and not task.is_task_done()
     task.stop()
     task.out_stream.regen_mode = ni.RegenerationMode.DONT_ALLOW_REGENERATION
     writer = AnalogSingleChannelWriter(task.out_stream, auto_start=False)
     writer.write_many_sample(np.linspace(0, 1, 100))
     task.start()
-    card.device.advance(50)
+    card.advance(50)
     writer.write_many_sample(np.linspace(1, 2, 100))
     assert card.device.bench.edge == pytest.approx(100, abs=11)  # the write waited for room in the buffer of 100
-    card.device.advance(99)
+    card.advance(99)
     assert not task.is_task_done() and 1.9 < card.device.output_v["Dev1/ao1"] < 2.0
-    card.device.advance(100)
+    card.advance(100)
     with pytest.raises(nidaqmx.errors.DaqError, match="-200290"):
         task.is_task_done()
     assert card.device.output_v["Dev1/ao1"] == 2.0  # the DAC holds its last value
@@ -178,7 +178,7 @@ def test_a_single_pulse_ends_and_a_train_is_counted_and_its_frequency_measured(c
     channel.ci_count_edges_term = "/Dev1/PFI12"
     train.start()
     count.start()
-    card.device.advance(5000)
+    card.advance(5000)
     assert count.read() == 7 + 100  # 1 s
     channel = frequency.ci_channels.add_ci_freq_chan("Dev1/ctr2", min_val=1.0, max_val=1e4)
     channel.ci_freq_term = "/Dev1/Ctr0InternalOutput"

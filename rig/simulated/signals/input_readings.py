@@ -1,5 +1,4 @@
-"""What an input channel reads from the bench: scaled force, angular position; an open input reads nothing but
-itself.
+"""What an analog input or an encoder channel reads from the bench; an open input reads nothing but itself.
 
 The scaling is the one the client set up in its task, so that a wrong calibration, swapped terminals or a
 wrong number of pulses show up in the data as they would in the lab.
@@ -7,45 +6,36 @@ wrong number of pulses show up in the data as they would in the lab.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.simulated import status
 from rig.simulated.bench.adc import quantise
+from rig.simulated.constants import (
+    AI_BRIDGE_SHUNT_CAL_ENABLE,
+    CI_ENCODER_A_INPUT_TERM,
+    CI_ENCODER_B_INPUT_TERM,
+    DEGREES,
+    KILOGRAM_FORCE,
+    NEWTONS,
+    POUNDS,
+    TICKS,
+    VOLTS_PER_VOLT,
+    X1,
+    X2,
+    X4,
+)
+from rig.simulated.device.state import DeviceState
 from rig.simulated.device.task import Channel, SimulatedTask
-from rig.simulated.status import DaqStatusError
 
-if TYPE_CHECKING:
-    from rig.simulated.device.device import SimulatedDevice
-
-A_TERMINAL, B_TERMINAL = 0x219D, 0x219E
-COUNT_EDGES_TERM, FREQ_TERM = 0x18C7, 0x18A2
-EDGES, FREQUENCY, PERIOD, WIDTH = "edges", "frequency", "period", "width"
-PULSE_FREQUENCY, PULSE_TIME, PULSE_TICKS = "pulse frequency", "pulse time", "pulse ticks"
-PAIRS = (PULSE_FREQUENCY, PULSE_TIME, PULSE_TICKS)
-"""Measurements that give two values a sample."""
-MEASURED_ON = {
-    EDGES: COUNT_EDGES_TERM, FREQUENCY: FREQ_TERM, PERIOD: 0x18A4, WIDTH: 0x18AA, PULSE_FREQUENCY: 0x2F04,
-    PULSE_TIME: 0x2F0C, PULSE_TICKS: 0x2F14,
-}  # fmt: skip
-"""Property that names the terminal of each measurement."""
-FALLING = 10171
-SHUNT = 0x94
 SHUNT_OHM = 100e3
 """Shunt resistor inside the NI 9237."""
 BRIDGE_OHM = 350.0
-X1, X2, X4 = 10090, 10091, 10092
-DEGREES, RADIANS, TICKS = 10146, 10273, 10304
-NEWTONS, POUNDS, KILOGRAM_FORCE = 15875, 15876, 15877
 NEWTON_IN = {NEWTONS: 1.0, POUNDS: 4.4482216152605, KILOGRAM_FORCE: 9.80665}
 """Newtons per unit of force."""
-VOLTS_PER_VOLT, MILLIVOLTS_PER_VOLT = 15896, 15897
 
 
 def analog_reading(
-    device: SimulatedDevice,
+    device: DeviceState,
     task: SimulatedTask,
     channel: Channel,
     cell_mv_per_v: NDArray[np.float64],
@@ -59,10 +49,10 @@ def analog_reading(
         volts = signal * device.wiring.conditioner_v_per_mv_per_v
         loopback = device.wiring.loopback
         if loopback is not None and channel.physical.name == device.inventory.full_name(loopback):
-            volts = device.bench.command_before(edge)
+            volts = device.bench.motor_volts_before(edge)
         half = device.inventory.voltage_range(settings["min_val"], settings["max_val"])
         return quantise(volts, half, product.ai_bits)
-    if task.setting("Chan", channel.name, SHUNT, False) and wired:
+    if task.setting("Chan", channel.name, AI_BRIDGE_SHUNT_CAL_ENABLE, False) and wired:
         # one arm of the bridge shunted; an input that is open has no bridge to unbalance
         signal = signal + 1e3 * BRIDGE_OHM / (4 * SHUNT_OHM + 2 * BRIDGE_OHM)
     reading = quantise(signal, product.bridge_range_mv_per_v, product.bridge_bits)
@@ -74,10 +64,13 @@ def analog_reading(
 
 
 def encoder_reading(
-    device: SimulatedDevice, task: SimulatedTask, channel: Channel, quarter: NDArray[np.int64]
+    device: DeviceState, task: SimulatedTask, channel: Channel, quarter: NDArray[np.int64]
 ) -> NDArray[np.float64]:
-    """Return what a counter gives for the scale wired to its A and B terminals, in its task's units."""
-    named = [task.setting("Chan", channel.name, attribute, "") for attribute in (A_TERMINAL, B_TERMINAL)]
+    """Return what a counter gives for the encoder wired to its A and B terminals, in its task's units."""
+    named = [
+        task.setting("Chan", channel.name, attribute, "")
+        for attribute in (CI_ENCODER_A_INPUT_TERM, CI_ENCODER_B_INPUT_TERM)
+    ]
     terminals = tuple(device.inventory.terminal(name) for name in named)
     counts = np.zeros(quarter.shape[0], dtype=np.int64)
     for column, wired in enumerate(device.wiring.encoders):
@@ -95,11 +88,3 @@ def encoder_reading(
         turn = 360.0 if settings["units"] == DEGREES else 2 * np.pi
         return ticks * (turn / (edges * settings["pulses_per_rev"])) + initial
     return ticks * (settings["dist_per_pulse"] / edges) + initial
-
-
-def edge_terminal(device: SimulatedDevice, task: SimulatedTask, channel: Channel) -> str:
-    """Return the terminal, relative to the device, whose edges a counter counts or measures."""
-    named = task.setting("Chan", channel.name, MEASURED_ON[channel.settings["measures"]], "")
-    if not named:
-        raise DaqStatusError(status.NO_SUCH_TERMINAL, f"Channel: {channel.name}: its input terminal must be told")
-    return device.inventory.terminal(named)

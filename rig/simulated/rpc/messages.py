@@ -1,8 +1,7 @@
-"""The protobuf messages of NI's DAQmx service and of its session utilities, found by the name of the call; the only
-module that touches them.
+"""The protobuf messages of NI's DAQmx service and of its session utilities, found by the name of the call.
 
-They are private parts of ``nidaqmx`` (pinned >= 1.7, < 2); a contract test checks that every call the virtual
-device answers exists.
+No other module touches the generated classes: they are private parts of ``nidaqmx`` (pinned >= 1.7, < 2). A test checks
+that every call the virtual device answers exists.
 """
 
 from __future__ import annotations
@@ -22,8 +21,6 @@ CALLS: frozenset[str] = frozenset(_METHODS)
 UTILITIES = "nidevice_grpc.SessionUtilities"
 _UTILITY_METHODS = session_pb2.DESCRIPTOR.services_by_name["SessionUtilities"].methods_by_name
 UTILITY_CALLS: frozenset[str] = frozenset(_UTILITY_METHODS)
-INITIALIZE_NEW, ATTACH_TO_EXISTING = 1, 2
-"""Whether a client wants a session of its own, or one that is there; 0 leaves it open."""
 
 
 def request_class(call: str) -> Any:
@@ -56,13 +53,14 @@ def attribute_response(call: str, value: Any) -> Any:
     kind = next(kind for kind in ("Array", "UInt32", "UInt64", *_KINDS) if call.endswith(kind))
     if not isinstance(value, _KINDS[kind]) or (kind != "Bool" and isinstance(value, bool)):
         raise DaqStatusError(status.ATTRIBUTE_NOT_SUPPORTED, f"{call}: the property is of another type")
-    numbered = "value_raw" in _METHODS[call].output_type.fields_by_name
-    return response(call, value=value, value_raw=value) if numbered else response(call, value=value)
+    has_raw = "value_raw" in _METHODS[call].output_type.fields_by_name
+    return response(call, value=value, value_raw=value) if has_raw else response(call, value=value)
 
 
-def session(name: str) -> Any:
-    """Return the handle by which a client refers to a task."""
-    return session_pb2.Session(name=name)
+def property_number(category: str, name: str) -> int:
+    """Return the driver's number of a property, e.g. of ``SAMP_CLK_RATE`` in category ``Timing``."""
+    prefix = {"Chan": "CHANNEL", "Trig": "TRIGGER"}.get(category, category.upper())
+    return int(getattr(nidaqmx_pb2, f"{prefix}_ATTRIBUTE_{name}"))
 
 
 def enum(request: Any, field: str) -> int:

@@ -1,8 +1,8 @@
 """The mechanics and sensors of the bench between two edges of the sample clock that runs.
 
-Place in the data flow: the device says how many edges pass and what its analog output holds at each; this asks the
-plant and turns its state into what stands at the terminals: the load cell's millivolts per volt and the scales'
-counts. A new trial begins, at rest, each time a task with a clock of its own starts.
+The device says how many edges pass and what volts its analog output is at; the plant answers, and its state becomes
+what stands at the terminals: the load cell's millivolts per volt and the encoders' counts. A new trial begins, at rest,
+whenever a task with a sample clock of its own starts while nothing else runs.
 """
 
 from __future__ import annotations
@@ -10,18 +10,18 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.simulated.bench import operator_hand as hand
+from rig.simulated.bench import operator_hand
 from rig.simulated.bench.adc import DelayLine
 from rig.simulated.bench.clock import Clock
 from rig.simulated.bench.plant_protocol import Plant
+from rig.simulated.bench.pulse_train import PulseTrain
 from rig.simulated.bench.sensors import EncoderSignals, ForceSignal, SensorSet
-from rig.simulated.device.pulse_trains import PulseTrain
 
 _CAMERA_STREAM = 4
 
 
 class BenchTime:
-    """Plant, sensors and clock of the virtual bench; ``trial`` and ``edge`` tell where it is."""
+    """Plant, sensors and clock of the virtual bench, at edge ``edge`` of trial ``trial``."""
 
     def __init__(self, plant: Plant, sensors: SensorSet, clock: Clock) -> None:
         self.plant = plant
@@ -33,7 +33,7 @@ class BenchTime:
         self._force: ForceSignal | None = None
         self._encoders: EncoderSignals | None = None
         self.hand = False
-        """Whether the operator's hand acts when asked to (:mod:`rig.simulated.bench.operator_hand`)."""
+        """Whether the virtual operator acts in a self-test (:mod:`rig.simulated.bench.operator_hand`)."""
         self.force_per_volt_n = 12.0
         self._by_hand = False
         self.camera_rate_hz = 0.0
@@ -41,7 +41,7 @@ class BenchTime:
         self.exposures: PulseTrain | None = None
         self._a_passed = np.zeros((1, 3), dtype=np.int64)
         self._a_first = 0
-        self._held_v = np.zeros(1)
+        self._motor_v = np.zeros(1)
         self._quarter = np.zeros((1, 3), dtype=np.int64)
         self._last_force_n = np.zeros(1)
         self._last_angle_rad = np.zeros((1, 3))
@@ -51,6 +51,11 @@ class BenchTime:
     def rate_hz(self) -> float:
         """Rate of the edges, Hz."""
         return self.plant.sample_rate_hz
+
+    @property
+    def now_s(self) -> float:
+        """Time since the trial began, s."""
+        return self.edge / self.rate_hz
 
     def begin(self, trial: int, rate_hz: float, input_delay_s: float, *, by_hand: bool = False) -> None:
         """Put the bench at rest for a new trial whose edges come at ``rate_hz``."""
@@ -62,7 +67,7 @@ class BenchTime:
         self._encoders = EncoderSignals(self.sensors.encoders, self.sensors.seed, trial)
         self._delay = DelayLine(input_delay_s * rate_hz)
         self._a_passed, self._a_first, self._quarter = np.zeros((1, 3), dtype=np.int64), 0, self._quarter[:1] * 0
-        self._held_v = np.zeros(1)
+        self._motor_v = np.zeros(1)
         if self.camera_rate_hz > 0:
             phase = np.random.default_rng([self.sensors.seed, trial, _CAMERA_STREAM]).uniform()
             self.exposures = PulseTrain(self.camera_rate_hz, phase / self.camera_rate_hz, float("inf"), 0.0)
@@ -74,9 +79,9 @@ class BenchTime:
         n = command_v.size
         time_s = (self.edge + np.arange(n)) / self.rate_hz
         if self._by_hand:
-            command_v = command_v + hand.press_n(time_s) / self.force_per_volt_n
+            command_v = command_v + operator_hand.press_n(time_s) / self.force_per_volt_n
         block = self.plant.advance(command_v)
-        felt_n = np.where(hand.lifted(time_s), 0.0, block.force_n) if self._by_hand else block.force_n
+        felt_n = np.where(operator_hand.lifted(time_s), 0.0, block.force_n) if self._by_hand else block.force_n
         cell = self._force.millivolts_per_volt(self._delay.push(felt_n), time_s)
         self._last_force_n, self._last_angle_rad = block.force_n[-1:], block.angle_rad[-1:]
         self._last_lift_m = None if block.key_lift_m is None else block.key_lift_m[-1:]
@@ -86,16 +91,16 @@ class BenchTime:
         self.clock.advance(n / self.rate_hz)
         return cell, quarter
 
-    def remember(self, command_v: NDArray[np.float64]) -> None:
-        """Keep what the motor's output holds from each of the next edges on, for an input wired to it."""
-        self._held_v = np.concatenate((self._held_v[-1:], command_v))
+    def set_motor_volts(self, command_v: NDArray[np.float64]) -> None:
+        """Take what the motor's output is at from each of the next edges on, V, for an input wired to it."""
+        self._motor_v = np.concatenate((self._motor_v[-1:], command_v))
 
-    def command_before(self, edge: NDArray[np.int64]) -> NDArray[np.float64]:
-        """Return what the motor's output held just before each of the last edges, V: a DAC settles after its edge."""
-        return self._held_v[np.clip(edge - self._a_first, 0, self._held_v.size - 1)]
+    def motor_volts_before(self, edge: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Return what the motor's output was at just before each of the last edges, V: a DAC settles after its edge."""
+        return self._motor_v[np.clip(edge - self._a_first, 0, self._motor_v.size - 1)]
 
     def a_edges(self, body: int, edge: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Return the rising edges on the A signal of a scale by each of the last edges of the bench."""
+        """Return the rising edges on an encoder's A signal by each of the last edges of the bench."""
         rows = np.clip(edge - self._a_first, 0, self._a_passed.shape[0] - 1)
         return self._a_passed[rows, body]
 
@@ -114,5 +119,5 @@ class BenchTime:
         if self._force is None or self._encoders is None:
             self.begin(0, self.rate_hz, 0.0)
             return self.step(np.zeros(1))
-        cell = self._force.millivolts_per_volt(self._last_force_n, np.array([self.edge / self.rate_hz]))
+        cell = self._force.millivolts_per_volt(self._last_force_n, np.array([self.now_s]))
         return cell, self._encoders.quarter_counts(self._last_angle_rad, self._last_lift_m)

@@ -1,0 +1,99 @@
+"""The state of the virtual device: tasks, reservations, outputs, faults, watchdogs, and the bench it is wired to.
+
+Everything else in the device is a function that takes this state: :mod:`rig.simulated.signals` (what stands on which
+terminal), :mod:`rig.simulated.timing` (how time passes) and :mod:`rig.simulated.driver` (what a client may ask).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig.simulated import status
+from rig.simulated.bench.bench_time import BenchTime
+from rig.simulated.bench.wiring import Wiring
+from rig.simulated.device.fault_injection import FaultPlan
+from rig.simulated.device.reservations import Reservations
+from rig.simulated.device.task import SimulatedTask
+from rig.simulated.product.inventory import Inventory
+from rig.simulated.status import DaqStatusError
+
+
+@dataclass(eq=False)
+class WatchdogTimer:
+    """The timer of a watchdog timer task, and the expiration states of the outputs it reaches."""
+
+    name: str
+    timeout_s: float
+    volts: dict[str, float] = field(default_factory=dict)
+    """By full name of the analog output."""
+    lines: dict[str, bool] = field(default_factory=dict)
+    running: bool = False
+    expired: bool = False
+    reset_at_s: float = 0.0
+    """Time on the bench's clock of the start or last reset, s."""
+
+    def controls(self, channel: str) -> bool:
+        """Whether an output stands at its expiration state and cannot be written."""
+        return self.expired and (channel in self.volts or channel in self.lines)
+
+
+@dataclass(eq=False)
+class DeviceState:
+    """One device under its name in the system, with its wiring and the bench behind the terminals."""
+
+    inventory: Inventory
+    bench: BenchTime
+    wiring: Wiring
+    faults: FaultPlan = field(default_factory=FaultPlan)
+    trial: int = 0
+    tasks: dict[str, SimulatedTask] = field(default_factory=dict)
+    watchdogs: dict[str, WatchdogTimer] = field(default_factory=dict)
+    """By the name of their task."""
+    output_v: dict[str, float] = field(default_factory=dict)
+    """Volts each analog output is at, by full channel name; a stopped output stays at its last value."""
+    lines: dict[str, bool] = field(default_factory=dict)
+    """Levels of the digital lines that were written, by full name."""
+    line_history: dict[str, NDArray[np.float64]] = field(default_factory=dict)
+    """Levels before the edges that passed last, and after the last one, of lines with a sample clock."""
+    exports: dict[str, str] = field(default_factory=dict)
+    """Terminals that carry another terminal's signal."""
+    let_clients_call: Callable[[], None] = lambda: None
+    """Called between stretches of time within one call, so that other clients get a turn."""
+    reservations: Reservations = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.reservations = Reservations(self.inventory)
+
+    @property
+    def edge(self) -> int:
+        """Edges of the bench since the trial began."""
+        return self.bench.edge
+
+    @property
+    def motor(self) -> str:
+        """Full name of the analog output the motor is wired to."""
+        return self.inventory.full_name(self.wiring.motor)
+
+    def drive_enabled(self) -> bool:
+        """Whether the motor drive follows the analog output."""
+        line = self.wiring.drive_enable
+        return line is None or self.lines.get(self.inventory.full_name(line), False)
+
+
+def commit(device: DeviceState, task: SimulatedTask) -> None:
+    """Reserve the task's resources; refuses what another task has reserved."""
+    if not task.channels:
+        raise DaqStatusError(status.NO_CHANNELS, f"Task: {task.name}")
+    device.reservations.reserve(task)
+    if task.state == "unreserved":
+        task.state = "committed"
+
+
+def release(device: DeviceState, task: SimulatedTask) -> None:
+    """Release the task's resources."""
+    device.reservations.release(task)
+    task.state, task.committed = "unreserved", False

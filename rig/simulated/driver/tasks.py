@@ -1,0 +1,97 @@
+"""Tasks as the driver manages them: created, started, stopped, cleared; and the reset of the device."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from rig.simulated import status
+from rig.simulated.constants import BUF_OUTPUT_BUF_SIZE, PULSE_PAIRS
+from rig.simulated.device.sample_buffers import InputBuffer
+from rig.simulated.device.state import DeviceState, WatchdogTimer, commit, release
+from rig.simulated.device.task import SimulatedTask
+from rig.simulated.device.watchdog import refuse_bad_timer, start_watchdog
+from rig.simulated.status import DaqStatusError
+from rig.simulated.timing.triggers import await_trigger, go_live
+
+
+def find_task(device: DeviceState, name: str) -> SimulatedTask:
+    """Return a task by name."""
+    if name not in device.tasks:
+        raise DaqStatusError(status.INVALID_TASK, f"Task: {name!r}")
+    return device.tasks[name]
+
+
+def create_task(device: DeviceState, name: str) -> SimulatedTask:
+    """Make an empty task; an empty name gets a free one."""
+    name = name or next(f"_unnamedTask<{i}>" for i in range(10**6) if f"_unnamedTask<{i}>" not in device.tasks)
+    if name in device.tasks:
+        raise DaqStatusError(status.DUPLICATE_TASK, f"Task: {name}")
+    device.tasks[name] = SimulatedTask(name)
+    return device.tasks[name]
+
+
+def create_watchdog_task(device: DeviceState, name: str, timeout_s: float) -> SimulatedTask:
+    """Make a watchdog timer task."""
+    refuse_bad_timer(device, name, timeout_s)
+    task = create_task(device, name)
+    device.watchdogs[task.name] = WatchdogTimer(name, timeout_s)
+    return task
+
+
+def clear_task(device: DeviceState, name: str) -> None:
+    """Stop a task, release its resources and forget it."""
+    task = find_task(device, name)
+    stop_task(device, task)
+    release(device, task)
+    for terminal in task.exported:
+        device.exports.pop(terminal, None)
+    del device.tasks[name]
+    device.watchdogs.pop(name, None)
+
+
+def start_task(device: DeviceState, task: SimulatedTask) -> None:
+    """Start a task: reserve what it needs, then go live or wait for its trigger."""
+    task.refuse_while_running()
+    if task.name in device.watchdogs:
+        start_watchdog(device, task)
+        return
+    output = task.output
+    if task.type in ("AO", "DO") and output.samples is None and task.timing.clock is not None:
+        raise DaqStatusError(status.NO_DATA_WRITTEN, f"Task: {task.name}")
+    commit(device, task)
+    if output.samples is not None:
+        output.size = max(int(task.setting("Buffer", "", BUF_OUTPUT_BUF_SIZE, 0)), output.written)
+    task.state, output.generated, task.pulses.finished = "running", 0, False
+    task.progress = replace(task.progress, error=0, samples_before_trigger=0, reference_edges=None, reference_end=None)
+    if task.type in ("AI", "CI", "DI"):
+        columns = len(task.lines) if task.type == "DI" else len(task.channels)
+        if task.measures in PULSE_PAIRS:
+            columns = 2
+        task.buffer = InputBuffer(task.input_buffer_size, columns, drops_oldest=bool(task.triggers.reference))
+    # a trigger that is waited for must still come; one that has passed never comes again
+    if task.triggers.begin:
+        await_trigger(device, task)
+    else:
+        go_live(device, task)
+
+
+def stop_task(device: DeviceState, task: SimulatedTask) -> None:
+    """Stop a task; an output keeps the value it has."""
+    if task.state != "running":
+        return
+    task.progress.live = False
+    if task.name in device.watchdogs:
+        device.watchdogs[task.name].running = False
+    if task.committed:
+        task.state = "committed"
+    else:
+        release(device, task)
+
+
+def reset_device(device: DeviceState) -> None:
+    """Clear all tasks and put the outputs where they are after power-up."""
+    for name in list(device.tasks):
+        clear_task(device, name)
+    device.output_v = dict.fromkeys(device.output_v, 0.0)
+    device.lines = dict.fromkeys(device.lines, False)
+    device.exports.clear()

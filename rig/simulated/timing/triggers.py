@@ -1,0 +1,87 @@
+"""Start and arm start triggers: what waits for one, what begins to tick when it comes.
+
+Whenever time has passed the triggers are checked. A task with a sample clock of its own sends a start trigger as it
+begins; counter outputs, the camera's exposures and the encoders' A signals trigger by the edges on their terminals.
+Where nothing is connected no trigger ever comes.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rig.simulated.constants import EDGES
+from rig.simulated.device.state import DeviceState
+from rig.simulated.device.task import SimulatedTask
+from rig.simulated.signals.pulses import edges_now, input_terminal, pulse_train, pulses_on
+from rig.simulated.timing.engine import engine_of
+
+
+def await_trigger(device: DeviceState, task: SimulatedTask) -> None:
+    """Let a task wait for the next edge on its trigger's terminal."""
+    task.progress.live = False
+    task.progress.trigger_edges = edges_now(device, task.triggers.begin)
+
+
+def _makes_time_pass(task: SimulatedTask) -> bool:
+    return task.timing.own_clock or task.type == "CO"
+
+
+def go_live(device: DeviceState, task: SimulatedTask) -> None:
+    """Let a task's clock tick from here on, and those of the tasks that waited for it."""
+    if _makes_time_pass(task) and not any(t.progress.live and _makes_time_pass(t) for t in device.tasks.values()):
+        _begin_trial(device, task)
+    progress = task.progress
+    progress.live, progress.live_since_s = True, device.bench.now_s
+    progress.samples_before_trigger = task.total_samples
+    engine = None if task.timing.own_clock else engine_of(device, task)
+    progress.first_tick = engine.passed(device.bench.edge) if engine else 0
+    if task.type == "CO":
+        task.pulses.passed, task.pulses.next_s = 0, None
+        task.pulses.end_s = pulse_train(task).end_s
+    if task.measures == EDGES:
+        progress.initial_edges = edges_now(device, input_terminal(device, task, task.channels[0]))
+    if task.timing.own_clock:
+        trigger = f"{str(task.type).lower()}/StartTrigger"
+        for other in _waiting(device):
+            if device.exports.get(other.triggers.begin, other.triggers.begin) == trigger:
+                go_live(device, other)
+
+
+def _begin_trial(device: DeviceState, task: SimulatedTask) -> None:
+    bench, clock = device.bench, task.timing.clock
+    rate_hz = clock.rate_hz if clock is not None else bench.rate_hz
+    device.trial += 1
+    delay_s = device.inventory.input_delay_s(task.channels[0].physical.kind, rate_hz)
+    written = [t.output.samples for t in device.tasks.values() if t.type == "AO" and t.output.samples is not None]
+    bench.begin(device.trial, rate_hz, delay_s, by_hand=bool(written) and not any(v.any() for v in written))
+    for other in _waiting(device):
+        other.progress.trigger_edges = 0
+
+
+def _waiting(device: DeviceState) -> list[SimulatedTask]:
+    tasks = device.tasks.values()
+    return [task for task in tasks if task.state == "running" and not task.progress.live and task.triggers.begin]
+
+
+def edges_to_trigger(device: DeviceState) -> float:
+    """Return how many edges of the bench pass before the next trigger a task waits for; infinite for none."""
+    bench, nearest = device.bench, float("inf")
+    for task in _waiting(device):
+        terminal = task.triggers.begin
+        train = pulses_on(device, terminal)
+        if train is not None:
+            at_s = train.next_after(bench.now_s)
+            nearest = min(nearest, max(np.ceil(at_s * bench.rate_hz - 1e-6) - bench.edge, 1.0))
+        elif any(terminal == a_terminal for a_terminal, _ in device.wiring.encoders):
+            nearest = 1.0  # when an encoder moves on is known only afterwards
+    return nearest
+
+
+def check_triggers(device: DeviceState) -> None:
+    """Start what waited for an edge that has come; a finished retriggerable task waits for the next one."""
+    for task in _waiting(device):
+        if edges_now(device, task.triggers.begin) > task.progress.trigger_edges:
+            go_live(device, task)
+    for task in device.tasks.values():
+        if task.progress.live and task.retriggerable and task.samples_remaining <= 0:
+            await_trigger(device, task)

@@ -1,0 +1,167 @@
+"""Waiting on the virtual device: time passes until there are samples, a task is done, or a timeout ends.
+
+Time moves nowhere else. Where the bench's clock is paced it moves in stretches of 20 ms, between which other clients
+and the watchdogs get a turn.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig.simulated import status
+from rig.simulated.device.state import DeviceState
+from rig.simulated.device.task import SimulatedTask
+from rig.simulated.status import DaqStatusError
+from rig.simulated.timing.engine import engine_of
+from rig.simulated.timing.sample_clock import pass_edges
+from rig.simulated.timing.triggers import check_triggers, edges_to_trigger
+
+STRETCH_S = 0.02
+POLL_S = 0.01
+ENDLESS = np.iinfo(np.int64).max
+
+
+def edges_in(device: DeviceState, duration_s: float) -> int:
+    """Return how many edges of the bench to let pass for a short time: at least one."""
+    return max(int(duration_s * device.bench.rate_hz), 1)
+
+
+def advance(device: DeviceState, n: int) -> int:
+    """Let at most n edges of the bench pass, return how many did; none do when no task has anything left to do."""
+    left = n
+    stretch = edges_in(device, STRETCH_S) if device.bench.clock.paced else n
+    while left > 0:
+        now = int(min(left, stretch, _edges_to_end(device), edges_to_trigger(device)))
+        if now <= 0:
+            break
+        pass_edges(device, now)
+        check_triggers(device)
+        left -= now
+        if left > 0:
+            device.let_clients_call()
+    return n - left
+
+
+def _edges_to_end(device: DeviceState) -> float:
+    """Return how many edges pass before the last task that makes time pass has ended."""
+    left = 0.0
+    for task in device.tasks.values():
+        if not task.progress.live:
+            continue
+        if task.type == "CO":
+            left = max(left, 0.0 if task.pulses.finished else _edges_to_pulse_end(device, task))
+        elif task.timing.own_clock and (engine := engine_of(device, task)) is not None:
+            ended = float("inf") if np.isinf(engine.limit) else engine.edge_after(int(engine.limit))
+            left = max(left, ended - device.bench.edge)
+    return left
+
+
+def _edges_to_pulse_end(device: DeviceState, task: SimulatedTask) -> float:
+    return float(np.ceil(task.pulses.end_s * device.bench.rate_hz) - device.bench.edge) + 1
+
+
+def wait_until_done(device: DeviceState, task: SimulatedTask, timeout_s: float) -> None:
+    """Let time pass until a task is done, at most ``timeout_s``; a negative one waits for ever."""
+    allowed = _edges_of_timeout(device, timeout_s)
+    live, remaining = task.progress.live, task.samples_remaining
+    left = 0.0
+    if task.type == "CO":
+        left = _edges_to_pulse_end(device, task) if live else 0.0
+    elif live and np.isfinite(remaining) and (engine := engine_of(device, task)) is not None:
+        ticks = task.progress.first_tick + task.samples_since_trigger + int(remaining)
+        left = engine.edge_after(ticks) - device.bench.edge
+    elif live:
+        left = float("inf")
+    if np.isfinite(left):
+        advance(device, int(min(left, allowed)))
+    elif timeout_s > 0:
+        advance(device, int(allowed))
+
+
+def wait_for_samples(device: DeviceState, task: SimulatedTask, missing: int, timeout_s: float) -> None:
+    """Let time pass until a task has ``missing`` more samples, or the timeout has ended."""
+    if task.buffer is not None:
+        allowed = _edges_of_timeout(device, timeout_s)
+        wanted = task.buffer.acquired + missing
+        while allowed > 0 and task.state == "running" and _incomplete(task, wanted):
+            passed = advance(device, int(min(_edges_to_sample(device, task, wanted), allowed)))
+            if not passed:
+                break
+            allowed -= passed
+        if not _incomplete(task, wanted):
+            return
+        timeout_s = allowed / device.bench.rate_hz
+    wait_for_timeout(device, task, timeout_s)
+
+
+def wait_for_timeout(device: DeviceState, task: SimulatedTask, timeout_s: float) -> None:
+    """Let a timeout pass for a task for which nothing ticks; other clients get a turn, and may end it."""
+    if timeout_s < 0:
+        timeout_s = float(ENDLESS) / device.bench.rate_hz
+    while timeout_s > 0 and task.state == "running":
+        now_s = min(timeout_s, STRETCH_S) if device.bench.clock.paced else timeout_s
+        device.bench.clock.advance(now_s)
+        timeout_s -= now_s
+        device.let_clients_call()
+
+
+def _incomplete(task: SimulatedTask, wanted: int) -> bool:
+    if task.triggers.reference:
+        return task.samples_remaining > 0
+    return task.buffer is not None and task.buffer.acquired < wanted
+
+
+def _edges_to_sample(device: DeviceState, task: SimulatedTask, wanted: int) -> float:
+    """Return after how many edges of the bench to check whether a task has acquired ``wanted`` samples."""
+    poll = edges_in(device, POLL_S)
+    if not task.progress.live:
+        to_trigger = edges_to_trigger(device)
+        return to_trigger if np.isfinite(to_trigger) else poll
+    engine = engine_of(device, task)
+    if engine is None or task.triggers.reference:
+        return poll
+    ticks = wanted - task.progress.samples_before_trigger
+    if task.retriggerable and task.timing.clock is not None:
+        ticks = min(ticks, task.timing.clock.samples)
+    return max(engine.edge_after(task.progress.first_tick + ticks) - device.bench.edge, 1)
+
+
+def write_as_room_comes(
+    device: DeviceState, task: SimulatedTask, values: NDArray[np.float64], timeout_s: float
+) -> None:
+    """Append samples, (n, columns), to a running generation without regeneration, as its buffer has room for them.
+
+    Raises DaqStatusError when the timeout ends first, or the generation has.
+    """
+    allowed = _edges_of_timeout(device, timeout_s)
+    written, output = 0, task.output
+    while written < values.shape[0] and output.samples is not None:
+        if task.progress.error:
+            raise DaqStatusError(task.progress.error, f"Task: {task.name}", samples_written=written)
+        room = output.size - (output.written - output.generated)
+        if room > 0:
+            output.samples = np.concatenate((output.samples, values[written : written + room]))
+            written = min(written + room, values.shape[0])
+        elif allowed <= 0 or task.state != "running":
+            raise DaqStatusError(status.NOT_YET_WRITTEN, f"Task: {task.name}", samples_written=written)
+        else:
+            step = min(edges_in(device, POLL_S), allowed)
+            if not advance(device, step):
+                device.bench.clock.advance(step / device.bench.rate_hz)
+                device.let_clients_call()
+            allowed -= step
+
+
+def _edges_of_timeout(device: DeviceState, timeout_s: float) -> int:
+    """Return a timeout in edges of the bench; a negative one has no end, one that is not a number has ended."""
+    if timeout_s < 0 or timeout_s * device.bench.rate_hz > ENDLESS:
+        return int(ENDLESS)
+    return int(timeout_s * device.bench.rate_hz + 1e-9) if timeout_s > 0 else 0
+
+
+def catch_up(device: DeviceState, task: SimulatedTask) -> None:
+    """Let the time pass that should have passed by itself, for a client that asks what is available."""
+    clock = device.bench.clock
+    if task.progress.live and task.buffer is not None and (clock.paced or not task.buffer.available):
+        advance(device, int(clock.due_s * device.bench.rate_hz))
