@@ -6,7 +6,8 @@ import json
 import re
 import shutil
 import signal
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -92,6 +93,27 @@ def make_backend() -> Iterator[Any]:
     yield make
     for backend in opened:
         backend.close()
+
+
+@pytest.fixture
+def intercept() -> Any:
+    """Let a function see each call of a client (name, request) before it is answered; it may raise instead."""
+
+    @contextmanager
+    def calls(backend: SimulatedBackend, before: Callable[[str, Any], None]) -> Iterator[None]:
+        handle = backend.service.handle
+
+        def intercepted(call: str, request: Any) -> Any:
+            before(call, request)
+            return handle(call, request)
+
+        backend.service.handle = intercepted
+        try:
+            yield
+        finally:
+            backend.service.handle = handle
+
+    return calls
 
 
 @pytest.fixture

@@ -2,14 +2,7 @@
 
 from __future__ import annotations
 
-from rig.simulated import status
-from rig.simulated.constants import (
-    ARM_START_TRIG_TYPE,
-    CI_ENCODER_A_INPUT_TERM,
-    CI_ENCODER_B_INPUT_TERM,
-    CO_PULSE_TERM,
-    NO_TRIGGER,
-)
+from rig.simulated import daqmx, status
 from rig.simulated.device.task import SimulatedTask
 from rig.simulated.product.inventory import Inventory
 from rig.simulated.status import DaqStatusError
@@ -32,16 +25,19 @@ class Reservations:
         multiplexed = task.type == "AI" and not self._inventory.product.modules  # one converter, also on demand
         if (task.timing.clock is not None and (digital or task.type in ("AI", "AO"))) or multiplexed:
             needed.append(f"{task.type} timing engine")
-        if task.setting("Trig", "", ARM_START_TRIG_TYPE, NO_TRIGGER) != NO_TRIGGER and not task.triggers.arm_start:
+        if (
+            task.setting("Trig", "", daqmx.ARM_START_TRIG_TYPE, daqmx.NO_TRIGGER) != daqmx.NO_TRIGGER
+            and not task.triggers.arm_start
+        ):
             raise DaqStatusError(status.NO_SUCH_TERMINAL, f"Task: {task.name}: arm start trigger without a source")
         for channel in task.channels:
             if channel.settings.get("two_counters"):
                 number = int(channel.physical.resource.removeprefix("ctr"))
                 needed.append(f"ctr{number ^ 1}")  # the paired counter makes the time base
             if task.type == "CI" and "decoding_type" in channel.settings:
-                for terminal in (CI_ENCODER_A_INPUT_TERM, CI_ENCODER_B_INPUT_TERM):
+                for terminal in (daqmx.CI_ENCODER_A_INPUT_TERM, daqmx.CI_ENCODER_B_INPUT_TERM):
                     self._inventory.terminal(task.setting("Chan", channel.name, terminal, ""))
-            if task.type == "CO" and (named := task.setting("Chan", channel.name, CO_PULSE_TERM, "")):
+            if task.type == "CO" and (named := task.setting("Chan", channel.name, daqmx.CO_PULSE_TERM, "")):
                 relative = self._inventory.terminal(named, output=True)
                 # on the 9401 a terminal and a line of the same number are one pin
                 needed.append("pin4." + relative[-1] if relative.startswith("Mod4") else "PFI " + relative)
@@ -59,7 +55,7 @@ class Reservations:
             for line in channel.settings.get("lines", ())
         }
         for channel in task.channels:
-            if value := task.setting("Chan", channel.name, CO_PULSE_TERM, ""):
+            if value := task.setting("Chan", channel.name, daqmx.CO_PULSE_TERM, ""):
                 module, _, pin = self._inventory.terminal(value).partition("/PFI")
                 pins[f"{module.replace('Mod', 'pin')}.{pin}"] = True
         groups = self._inventory.product.lines_in_group

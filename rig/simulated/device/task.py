@@ -12,15 +12,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.simulated import status
-from rig.simulated.constants import (
-    ALLOW_REGENERATION,
-    BUF_INPUT_BUF_SIZE,
-    DO_NOT_ALLOW_REGENERATION,
-    FINITE,
-    START_TRIG_RETRIGGERABLE,
-    WRITE_REGEN_MODE,
-)
+from rig.simulated import daqmx, status
 from rig.simulated.device.sample_buffers import InputBuffer, OutputBuffer
 from rig.simulated.product.inventory import PhysicalChannel
 from rig.simulated.status import DaqStatusError
@@ -61,7 +53,7 @@ class Timing:
     @property
     def finite(self) -> bool:
         """Whether a set number of samples is acquired or generated."""
-        return self.clock is not None and self.clock.mode == FINITE
+        return self.clock is not None and self.clock.mode == daqmx.FINITE
 
     @property
     def own_clock(self) -> bool:
@@ -181,7 +173,7 @@ class SimulatedTask:
     def input_buffer_size(self) -> int:
         """Samples per channel the input buffer holds: what the client set, else what the driver chooses."""
         clock = self.timing.clock
-        if size := int(self.setting("Buffer", "", BUF_INPUT_BUF_SIZE, 0)):
+        if size := int(self.setting("Buffer", "", daqmx.BUF_INPUT_BUF_SIZE, 0)):
             return size
         if clock is None or (self.timing.finite and not self.retriggerable):
             return clock.samples if clock else 1
@@ -238,13 +230,13 @@ class SimulatedTask:
     @property
     def retriggerable(self) -> bool:
         """Whether a finite task begins again with each edge of its start trigger."""
-        return bool(self.triggers.start and self.setting("Trig", "", START_TRIG_RETRIGGERABLE, False))
+        return bool(self.triggers.start and self.setting("Trig", "", daqmx.START_TRIG_RETRIGGERABLE, False))
 
     @property
     def regenerates(self) -> bool:
         """Whether written samples may be generated again."""
-        mode = self.setting("Write", "", WRITE_REGEN_MODE, ALLOW_REGENERATION)
-        return bool(mode != DO_NOT_ALLOW_REGENERATION)
+        mode = self.setting("Write", "", daqmx.WRITE_REGEN_MODE, daqmx.ALLOW_REGENERATION)
+        return bool(mode != daqmx.DO_NOT_ALLOW_REGENERATION)
 
     @property
     def done(self) -> bool:

@@ -7,8 +7,7 @@ stay in their expiration states until the timer is cleared.
 
 from __future__ import annotations
 
-from rig.simulated import status
-from rig.simulated.constants import HIGH, LOW, VOLTAGE
+from rig.simulated import daqmx, status
 from rig.simulated.device.state import DeviceState, WatchdogTimer
 from rig.simulated.device.task import SimulatedTask
 from rig.simulated.status import DaqStatusError
@@ -40,16 +39,16 @@ def set_expiration_volts(
     if "voltage_out" not in product.watchdog_reach:
         raise DaqStatusError(status.WATCHDOG_NOT_SUPPORTED, f"Physical Channel: {channel} is analog")
     physical = device.inventory.channel(channel, "voltage_out")
-    if output_type != VOLTAGE or abs(volts) > product.ao_range_v:
+    if output_type != daqmx.VOLTAGE or abs(volts) > product.ao_range_v:
         raise DaqStatusError(status.INVALID_VALUE, f"Expiration state of {channel}: {volts:g}")
     timer.volts[physical.name] = volts
 
 
 def set_expiration_level(device: DeviceState, timer: WatchdogTimer, line: str, level: int) -> None:
     """Set the expiration state of a digital line."""
-    if level not in (LOW, HIGH):
+    if level not in (daqmx.LOW, daqmx.HIGH):
         raise DaqStatusError(status.INVALID_VALUE, f"Expiration state of {line}: {level}")
-    timer.lines[device.inventory.channel(line, "line").name] = level == HIGH
+    timer.lines[device.inventory.channel(line, "line").name] = level == daqmx.HIGH
 
 
 def start_watchdog(device: DeviceState, task: SimulatedTask) -> None:

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from rig.simulated import status
-from rig.simulated.constants import BUF_OUTPUT_BUF_SIZE, PULSE_PAIRS
+from rig.simulated import daqmx, status
 from rig.simulated.device.sample_buffers import InputBuffer
 from rig.simulated.device.state import DeviceState, WatchdogTimer, commit, release
 from rig.simulated.device.task import SimulatedTask
@@ -60,12 +59,12 @@ def start_task(device: DeviceState, task: SimulatedTask) -> None:
         raise DaqStatusError(status.NO_DATA_WRITTEN, f"Task: {task.name}")
     commit(device, task)
     if output.samples is not None:
-        output.size = max(int(task.setting("Buffer", "", BUF_OUTPUT_BUF_SIZE, 0)), output.written)
+        output.size = max(int(task.setting("Buffer", "", daqmx.BUF_OUTPUT_BUF_SIZE, 0)), output.written)
     task.state, output.generated, task.pulses.finished = "running", 0, False
     task.progress = replace(task.progress, error=0, samples_before_trigger=0, reference_edges=None, reference_end=None)
     if task.type in ("AI", "CI", "DI"):
         columns = len(task.lines) if task.type == "DI" else len(task.channels)
-        if task.measures in PULSE_PAIRS:
+        if task.measures in daqmx.PULSE_PAIRS:
             columns = 2
         task.buffer = InputBuffer(task.input_buffer_size, columns, drops_oldest=bool(task.triggers.reference))
     # a trigger that is waited for must still come; one that has passed never comes again

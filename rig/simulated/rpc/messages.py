@@ -48,13 +48,13 @@ _KINDS: dict[str, type | tuple[type, ...]] = {
 }  # fmt: skip
 
 
-def attribute_response(call: str, value: Any) -> Any:
-    """Return the response of a Get…Attribute call; a property of another type than the call asks for is refused."""
+def attribute_fields(call: str, value: Any) -> dict[str, Any]:
+    """Return the response's fields of a Get…Attribute call; refuses a property of another type than the call's."""
     kind = next(kind for kind in ("Array", "UInt32", "UInt64", *_KINDS) if call.endswith(kind))
     if not isinstance(value, _KINDS[kind]) or (kind != "Bool" and isinstance(value, bool)):
         raise DaqStatusError(status.ATTRIBUTE_NOT_SUPPORTED, f"{call}: the property is of another type")
     has_raw = "value_raw" in _METHODS[call].output_type.fields_by_name
-    return response(call, value=value, value_raw=value) if has_raw else response(call, value=value)
+    return {"value": value, "value_raw": value} if has_raw else {"value": value}
 
 
 def property_number(category: str, name: str) -> int:

@@ -10,7 +10,6 @@ from __future__ import annotations
 import re
 import sys
 import threading
-from collections.abc import Callable
 from contextlib import AbstractContextManager
 from typing import Any
 
@@ -26,7 +25,8 @@ from rig.simulated.rpc.calls.timing import TIMING_CALLS
 from rig.simulated.rpc.calls.watchdog import WATCHDOG_CALLS
 from rig.simulated.rpc.calls.waveforms import WAVEFORM_CALLS
 from rig.simulated.rpc.event_streams import EVENTS, UNREGISTER, EventStream, EventStreams
-from rig.simulated.rpc.messages import CALLS, attribute_response, attribute_value, enum, response
+from rig.simulated.rpc.handlers import DeviceHandler, Fields, TaskHandler
+from rig.simulated.rpc.messages import CALLS, attribute_fields, attribute_value, enum, response
 from rig.simulated.rpc.properties import task as task_properties
 from rig.simulated.status import NotImplementedByDevice
 from rig.simulated.timing.wait import advance, edges_in
@@ -68,27 +68,27 @@ class Service:
         NotImplementedByDevice
             When the virtual device does not have the call.
         """
-        device = self.device
         with self._lock:
-            check_watchdogs(device)
-            device.faults.before_call(call, device, getattr(request, "timeout", 0.0))
+            check_watchdogs(self.device)
+            self.device.faults.before_call(call, self.device, getattr(request, "timeout", 0.0))
             self._remember(call)
-            if call in _DEVICE_CALLS:
-                return _DEVICE_CALLS[call](device, request)
-            if call in UNREGISTER:
-                self._events.unregister(UNREGISTER[call], request)
-                return response(call)
-            if call == "IsTaskDone":
-                return self._is_task_done(request)
-            if call in _TASK_CALLS:
-                return _TASK_CALLS[call](device, find_task(device, request.task.name), request)
-            if call in _CONFIGURE_CALLS:
-                _CONFIGURE_CALLS[call](device, find_task(device, request.task.name), request)
-                return response(call)
-            match = _ATTRIBUTE_CALL.fullmatch(call)
-            if match and call in CALLS:
-                return self._attribute(call, match.group(1), match.group(2), request)
-            raise NotImplementedByDevice(call)
+            return response(call, **(self._answer(call, request) or {}))
+
+    def _answer(self, call: str, request: Any) -> Fields | None:
+        device = self.device
+        if call in _DEVICE_CALLS:
+            return _DEVICE_CALLS[call](device, request)
+        if call in UNREGISTER:
+            self._events.unregister(UNREGISTER[call], request)
+            return None
+        if call in _TASK_CALLS:
+            return _TASK_CALLS[call](device, find_task(device, request.task.name), request)
+        if call == "IsTaskDone":
+            return self._is_task_done(find_task(device, request.task.name))
+        match = _ATTRIBUTE_CALL.fullmatch(call)
+        if match and call in CALLS:
+            return self._attribute(call, match.group(1), match.group(2), request)
+        raise NotImplementedByDevice(call)
 
     def stream(self, call: str, request: Any) -> EventStream:
         """Register an event and return the stream of its responses; raises as :meth:`handle`."""
@@ -104,26 +104,21 @@ class Service:
         if len(self.trace) > TRACE_LENGTH:
             del self.trace[: TRACE_LENGTH // 2]
 
-    def _is_task_done(self, request: Any) -> Any:
-        task = find_task(self.device, request.task.name)
+    def _is_task_done(self, task: SimulatedTask) -> Fields:
         refuse_failed(task)
         # polling takes time, where nothing else lets it pass
         if not task.done and self.trace[-2:-1] == ["IsTaskDone"]:
             advance(self.device, edges_in(self.device, POLL_S))
-        return response("IsTaskDone", is_task_done=task.done)
+        return {"is_task_done": task.done}
 
-    def _attribute(self, call: str, action: str, category: str, request: Any) -> Any:
+    def _attribute(self, call: str, action: str, category: str, request: Any) -> Fields | None:
         task, channel = find_task(self.device, request.task.name), getattr(request, "channel", "")
         key = (category, enum(request, "attribute"))
         if action == "Set":
             task_properties.put(self.device, task, channel, key, attribute_value(request))
-            return response(call)
-        return attribute_response(call, task_properties.get(self.device, task, channel, key))
+            return None
+        return attribute_fields(call, task_properties.get(self.device, task, channel, key))
 
 
-_DEVICE_CALLS: dict[str, Callable[[DeviceState, Any], Any]] = {**DEVICE_CALLS, **WATCHDOG_CALLS}
-_TASK_CALLS: dict[str, Callable[[DeviceState, SimulatedTask, Any], Any]] = {
-    **TASK_CALLS, **DATA_CALLS, **WAVEFORM_CALLS,
-}  # fmt: skip
-_CONFIGURE_CALLS: dict[str, Callable[[DeviceState, SimulatedTask, Any], None]] = {**TIMING_CALLS, **CHANNEL_CALLS}
-"""Their responses are empty."""
+_DEVICE_CALLS: dict[str, DeviceHandler] = {**DEVICE_CALLS, **WATCHDOG_CALLS}
+_TASK_CALLS: dict[str, TaskHandler] = {**TASK_CALLS, **CHANNEL_CALLS, **TIMING_CALLS, **DATA_CALLS, **WAVEFORM_CALLS}

@@ -7,15 +7,15 @@ from typing import Any
 
 from rig.simulated.device.state import DeviceState
 from rig.simulated.device.task import SimulatedTask
-from rig.simulated.rpc.messages import response
+from rig.simulated.rpc.handlers import Fields
 from rig.simulated.status import SessionRefused
 
 INITIALIZE_NEW, ATTACH_TO_EXISTING = 1, 2
 """Initialization behaviors; 0 attaches where a session exists."""
 
 
-def open_session(device: DeviceState, call: str, request: Any, create: Callable[[], SimulatedTask]) -> Any:
-    """Return the response with the task that a client attaches to, or a new one, as NI's server decides; may refuse."""
+def open_session(device: DeviceState, request: Any, create: Callable[[], SimulatedTask]) -> Fields:
+    """Return the task that a client attaches to, or a new one, as NI's server decides; may refuse."""
     name, behavior = request.session_name, request.initialization_behavior
     if behavior == INITIALIZE_NEW and name in device.tasks:
         raise SessionRefused("ALREADY_EXISTS", f"Cannot initialize '{name}' when a session already exists.")
@@ -23,4 +23,4 @@ def open_session(device: DeviceState, call: str, request: Any, create: Callable[
         detail = f"Cannot attach to '{name}' because a session has not been initialized."
         raise SessionRefused("FAILED_PRECONDITION", detail)
     found = device.tasks.get(name)
-    return response(call, task={"name": (found or create()).name}, new_session_initialized=found is None)
+    return {"task": {"name": (found or create()).name}, "new_session_initialized": found is None}

@@ -8,8 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.simulated import status
-from rig.simulated.constants import FALLING, FREQUENCY, PERIOD, PULSE_FREQUENCY, PULSE_TIME, TICKS, WIDTH
+from rig.simulated import daqmx, status
 from rig.simulated.device.state import DeviceState
 from rig.simulated.device.task import Channel, SimulatedTask
 from rig.simulated.signals.pulses import high_times, input_terminal, pulses_on
@@ -33,13 +32,13 @@ def pulse_reading(
     high = high_times(device, terminal, train, number)
     period = np.full(edge.size, 1 / train.rate_hz)
     measures = settings["measures"]
-    if measures == PULSE_FREQUENCY:
+    if measures == daqmx.PULSE_FREQUENCY:
         return np.column_stack((1 / period, high / period))
-    if measures == PULSE_TIME:
+    if measures == daqmx.PULSE_TIME:
         return np.column_stack((high, period - high))
-    if measures in (FREQUENCY, PERIOD, WIDTH):
-        part = period if measures != WIDTH else period - high if settings["edge"] == FALLING else high
-        if settings["units"] == TICKS:
+    if measures in (daqmx.FREQUENCY, daqmx.PERIOD, daqmx.WIDTH):
+        part = period if measures != daqmx.WIDTH else period - high if settings["edge"] == daqmx.FALLING else high
+        if settings["units"] == daqmx.TICKS:
             return np.rint(part * timebase)[:, None]
-        return (1 / part if measures == FREQUENCY else part)[:, None]
+        return (1 / part if measures == daqmx.FREQUENCY else part)[:, None]
     return np.rint(np.column_stack((high, period - high)) * timebase)

@@ -9,28 +9,15 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from rig.simulated import daqmx
 from rig.simulated.bench.adc import quantise
-from rig.simulated.constants import (
-    AI_BRIDGE_SHUNT_CAL_ENABLE,
-    CI_ENCODER_A_INPUT_TERM,
-    CI_ENCODER_B_INPUT_TERM,
-    DEGREES,
-    KILOGRAM_FORCE,
-    NEWTONS,
-    POUNDS,
-    TICKS,
-    VOLTS_PER_VOLT,
-    X1,
-    X2,
-    X4,
-)
 from rig.simulated.device.state import DeviceState
 from rig.simulated.device.task import Channel, SimulatedTask
 
 SHUNT_OHM = 100e3
 """Shunt resistor inside the NI 9237."""
 BRIDGE_OHM = 350.0
-NEWTON_IN = {NEWTONS: 1.0, POUNDS: 4.4482216152605, KILOGRAM_FORCE: 9.80665}
+NEWTON_IN = {daqmx.NEWTONS: 1.0, daqmx.POUNDS: 4.4482216152605, daqmx.KILOGRAM_FORCE: 9.80665}
 """Newtons per unit of force."""
 
 
@@ -52,11 +39,11 @@ def analog_reading(
             volts = device.bench.motor_volts_before(edge)
         half = device.inventory.voltage_range(settings["min_val"], settings["max_val"])
         return quantise(volts, half, product.ai_bits)
-    if task.setting("Chan", channel.name, AI_BRIDGE_SHUNT_CAL_ENABLE, False) and wired:
+    if task.setting("Chan", channel.name, daqmx.AI_BRIDGE_SHUNT_CAL_ENABLE, False) and wired:
         # one arm of the bridge shunted; an input that is open has no bridge to unbalance
         signal = signal + 1e3 * BRIDGE_OHM / (4 * SHUNT_OHM + 2 * BRIDGE_OHM)
     reading = quantise(signal, product.bridge_range_mv_per_v, product.bridge_bits)
-    per_mv = 1e-3 if settings["electrical_units"] == VOLTS_PER_VOLT else 1.0
+    per_mv = 1e-3 if settings["electrical_units"] == daqmx.VOLTS_PER_VOLT else 1.0
     e0, e1 = settings["first_electrical_val"], settings["second_electrical_val"]
     p0, p1 = settings["first_physical_val"], settings["second_physical_val"]
     physical = p0 + (reading * per_mv - e0) * ((p1 - p0) / (e1 - e0))
@@ -69,7 +56,7 @@ def encoder_reading(
     """Return what a counter gives for the encoder wired to its A and B terminals, in its task's units."""
     named = [
         task.setting("Chan", channel.name, attribute, "")
-        for attribute in (CI_ENCODER_A_INPUT_TERM, CI_ENCODER_B_INPUT_TERM)
+        for attribute in (daqmx.CI_ENCODER_A_INPUT_TERM, daqmx.CI_ENCODER_B_INPUT_TERM)
     ]
     terminals = tuple(device.inventory.terminal(name) for name in named)
     counts = np.zeros(quarter.shape[0], dtype=np.int64)
@@ -79,12 +66,12 @@ def encoder_reading(
         elif terminals == wired[::-1]:  # A and B exchanged count backwards
             counts = -quarter[:, column]
     settings = channel.settings
-    edges = {X1: 1, X2: 2, X4: 4}[settings["decoding_type"]]
+    edges = {daqmx.X1: 1, daqmx.X2: 2, daqmx.X4: 4}[settings["decoding_type"]]
     ticks = (counts * edges) // 4
     initial = settings["initial_angle"] if "pulses_per_rev" in settings else settings["initial_pos"]
-    if settings["units"] == TICKS:
+    if settings["units"] == daqmx.TICKS:
         return ticks + initial
     if "pulses_per_rev" in settings:
-        turn = 360.0 if settings["units"] == DEGREES else 2 * np.pi
+        turn = 360.0 if settings["units"] == daqmx.DEGREES else 2 * np.pi
         return ticks * (turn / (edges * settings["pulses_per_rev"])) + initial
     return ticks * (settings["dist_per_pulse"] / edges) + initial

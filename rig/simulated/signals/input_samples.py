@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.simulated.constants import EDGES
+from rig.simulated import daqmx
 from rig.simulated.device.state import DeviceState
 from rig.simulated.device.task import SimulatedTask
 from rig.simulated.signals.counter_readings import pulse_reading
@@ -28,7 +28,7 @@ def latch(
     channel = task.channels[0]
     if task.measures is None:
         return encoder_reading(device, task, channel, quarter)[:, None]
-    if task.measures != EDGES:
+    if task.measures != daqmx.EDGES:
         return pulse_reading(device, task, channel, edge)
     passed = edges_passed(device, input_terminal(device, task, channel), edge) - task.progress.initial_edges
     return (channel.settings["initial_count"] + channel.settings["step"] * passed)[:, None].astype(np.float64)

@@ -9,15 +9,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.simulated import status
+from rig.simulated import daqmx, status
 from rig.simulated.bench.pulse_train import PulseTrain
-from rig.simulated.constants import (
-    CI_TERM,
-    CO_PULSE_DUTY_CYC,
-    CO_PULSE_FREQ,
-    CO_PULSE_FREQ_INITIAL_DELAY,
-    CO_PULSE_TERM,
-)
 from rig.simulated.device.state import DeviceState
 from rig.simulated.device.task import Channel, SimulatedTask
 from rig.simulated.status import DaqStatusError
@@ -26,13 +19,13 @@ from rig.simulated.status import DaqStatusError
 def pulse_train(task: SimulatedTask) -> PulseTrain:
     """Return the pulses a counter output generates from the moment it became live."""
     name, pulses = task.channels[0].name, task.pulses
-    rate_hz = task.setting("Chan", name, CO_PULSE_FREQ, 1.0)
+    rate_hz = task.setting("Chan", name, daqmx.CO_PULSE_FREQ, 1.0)
     first_s = pulses.next_s
     if first_s is None:
-        first_s = task.progress.live_since_s + task.setting("Chan", name, CO_PULSE_FREQ_INITIAL_DELAY, 0.0)
+        first_s = task.progress.live_since_s + task.setting("Chan", name, daqmx.CO_PULSE_FREQ_INITIAL_DELAY, 0.0)
     count = float("inf") if pulses.count is None else float(pulses.count)
     return PulseTrain(
-        rate_hz, first_s, count, task.setting("Chan", name, CO_PULSE_DUTY_CYC, 0.5) / rate_hz, pulses.passed
+        rate_hz, first_s, count, task.setting("Chan", name, daqmx.CO_PULSE_DUTY_CYC, 0.5) / rate_hz, pulses.passed
     )
 
 
@@ -40,7 +33,7 @@ def output_terminals(device: DeviceState, task: SimulatedTask) -> set[str]:
     """Return the terminals that carry a counter output's pulses."""
     channel = task.channels[0]
     found = {f"Ctr{channel.physical.resource.removeprefix('ctr')}InternalOutput"}
-    if named := task.setting("Chan", channel.name, CO_PULSE_TERM, ""):
+    if named := task.setting("Chan", channel.name, daqmx.CO_PULSE_TERM, ""):
         found.add(device.inventory.terminal(named))
     elif default := device.inventory.counter_terminal(channel.physical, "out"):
         found.add(default)
@@ -49,7 +42,7 @@ def output_terminals(device: DeviceState, task: SimulatedTask) -> set[str]:
 
 def input_terminal(device: DeviceState, task: SimulatedTask, channel: Channel) -> str:
     """Return the terminal whose edges a counter counts or measures."""
-    named = task.setting("Chan", channel.name, CI_TERM[channel.settings["measures"]], "")
+    named = task.setting("Chan", channel.name, daqmx.CI_TERM[channel.settings["measures"]], "")
     if not named:
         raise DaqStatusError(status.NO_SUCH_TERMINAL, f"Channel: {channel.name}: its input terminal must be told")
     return device.inventory.terminal(named)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from rig.simulated.constants import EDGES
+from rig.simulated import daqmx
 from rig.simulated.device.state import DeviceState
 from rig.simulated.device.task import SimulatedTask
 from rig.simulated.signals.pulses import edges_now, input_terminal, pulse_train, pulses_on
@@ -38,7 +38,7 @@ def go_live(device: DeviceState, task: SimulatedTask) -> None:
     if task.type == "CO":
         task.pulses.passed, task.pulses.next_s = 0, None
         task.pulses.end_s = pulse_train(task).end_s
-    if task.measures == EDGES:
+    if task.measures == daqmx.EDGES:
         progress.initial_edges = edges_now(device, input_terminal(device, task, task.channels[0]))
     if task.timing.own_clock:
         trigger = f"{str(task.type).lower()}/StartTrigger"

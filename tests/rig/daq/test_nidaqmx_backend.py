@@ -246,11 +246,12 @@ def test_calls_out_of_order_are_faults_not_crashes(make_backend, config, command
 
 def test_a_call_the_server_does_not_know_is_not_supported(make_backend, config, command) -> None:
     backend = make_backend(config)
-    commit = backend.device.commit
-    backend.device.commit = lambda task: (_ for _ in ()).throw(NotImplementedByDevice("commit"))
+    reservations = backend.device.reservations
+    reserve = reservations.reserve
+    reservations.reserve = lambda task: (_ for _ in ()).throw(NotImplementedByDevice("commit"))
     with pytest.raises(NotSupported):
         backend.configure(config, command)
-    backend.device.commit = commit
+    reservations.reserve = reserve
 
 
 def test_without_the_driver_or_the_device_ni_local_says_so(config) -> None:

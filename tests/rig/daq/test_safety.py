@@ -17,6 +17,7 @@ from rig.errors import (
     SamplesLost,
 )
 from rig.simulated.device.watchdog import check_watchdogs
+from rig.simulated.driver.tasks import stop_task
 from rig.simulated.status import DaqStatusError
 from rig.simulated.timing.wait import advance
 
@@ -43,21 +44,17 @@ def run_into(backend: Any, config: Any, command: np.ndarray) -> None:
 )
 @pytest.mark.parametrize("phase", ["configure", "arm", "start", "read"])
 def test_every_fault_is_typed_with_code_and_phase_and_leaves_the_bench_safe(
-    code, kind, phase, make_backend, assert_safe, config, command
+    code, kind, phase, make_backend, assert_safe, intercept, config, command
 ) -> None:
     backend = make_backend(config)
-    device = backend.device
 
-    def fail(*args: Any, **kwargs: Any) -> None:
-        raise DaqStatusError(code)
+    def fail(call: str, request: Any) -> None:
+        if phase == "configure" and call == "CfgSampClkTiming" or phase == "read" and call.startswith("Read"):
+            raise DaqStatusError(code)
+        if call == "StartTask" and request.task.name == {"arm": "encoder_hammer", "start": "force"}.get(phase):
+            raise DaqStatusError(code)
 
-    target = {"configure": "configure_clock", "read": "read"}.get(phase)
-    if target:
-        setattr(device, target, fail)
-    else:
-        starting, real = {"arm": "encoder_hammer", "start": "force"}[phase], device.start
-        device.start = lambda task: fail() if task.name == starting else real(task)
-    with pytest.raises(kind) as fault:
+    with intercept(backend, fail), pytest.raises(kind) as fault:
         run_into(backend, config, command)
     assert type(fault.value) is kind
     assert (fault.value.code, fault.value.phase, fault.value.exit_code) == (code, phase, 3)
@@ -113,22 +110,21 @@ def test_a_stopped_output_would_hold_its_last_value(make_backend, config, comman
     backend.arm()
     backend.start()
     backend.read_block(250, 1.0)
-    backend.device.stop(backend.device.task("motor"))
+    stop_task(backend.device, backend.device.tasks["motor"])
     assert backend.device.output_v["cDAQ1Mod2/ao0"] == command[249] > 1.0
 
 
 def test_when_zero_volts_cannot_be_written_the_drive_is_still_disabled_and_the_fault_reported(
-    make_backend, config, command
+    make_backend, intercept, config, command
 ) -> None:
     backend = make_backend(config)
     energised(backend, config, command)
-    write = backend.device.write
 
-    def refuse(*args: Any) -> None:
-        raise DaqStatusError(-201003)
+    def refuse(call: str, request: Any) -> None:
+        if call.startswith("WriteAnalog"):
+            raise DaqStatusError(-201003)
 
-    backend.device.write = refuse
-    with pytest.raises(DeviceNotFound) as fault:
+    with intercept(backend, refuse), pytest.raises(DeviceNotFound) as fault:
         backend.safe_stop()
     assert fault.value.phase == "stop"
     device = backend.device
@@ -137,7 +133,6 @@ def test_when_zero_volts_cannot_be_written_the_drive_is_still_disabled_and_the_f
     device.bench.clock.advance(0.51)
     check_watchdogs(device)
     assert device.output_v["cDAQ1Mod2/ao0"] == 0.0
-    device.write = write
 
 
 def energised(backend: Any, config: Any, command: np.ndarray) -> None:
@@ -149,38 +144,33 @@ def energised(backend: Any, config: Any, command: np.ndarray) -> None:
 
 
 @pytest.mark.parametrize("way_out", ["end", "close", "fault", "exception", "limit", "next configure"])
-def test_every_way_out_de_energises_in_the_same_order(way_out, make_backend, assert_safe, config, command) -> None:
+def test_every_way_out_de_energises_in_the_same_order(
+    way_out, make_backend, assert_safe, intercept, config, command
+) -> None:
     backend = make_backend(config)
-    device, steps = backend.device, []
+    steps = []
     energised(backend, config, command)
-    write, lines, stop = device.write, device.write_lines, device.stop
+    names = {"WriteAnalog": "volts", "WriteDigit": "line", "StopTask": "stop", "ClearTask": "stop"}
+    error = DaqStatusError(-200279) if way_out == "fault" else ZeroDivisionError("program")
 
-    def noted(name: str, call: Any) -> Any:
-        def step(first: Any, *rest: Any) -> Any:
-            steps.append((name, getattr(first, "name", first)))
-            return call(first, *rest)
-
-        return step
-
-    device.write, device.write_lines = noted("volts", write), noted("line", lines)
-    device.stop = noted("stop", stop)
-    if way_out in ("end", "limit"):  # after a limit the recorder calls safe_stop, as at the end
-        backend.safe_stop()
-    elif way_out == "close":
-        backend.close()
-    elif way_out == "next configure":
-        backend.configure(config, command)
-        steps = steps[: steps.index(("stop", "watchdog")) + 1]
-        backend.safe_stop()
-    else:
-        error = DaqStatusError(-200279) if way_out == "fault" else ZeroDivisionError("program")
-
-        def fail(*arguments: Any) -> None:
+    def note(call: str, request: Any) -> None:
+        if step := next((step for name, step in names.items() if call.startswith(name)), None):
+            steps.append((step, request.task.name))
+        if call.startswith("Read"):
             raise error
 
-        device.read = fail
-        with pytest.raises(SamplesLost if way_out == "fault" else ZeroDivisionError):
-            backend.read_block(100, 1.0)
+    with intercept(backend, note):
+        if way_out in ("end", "limit"):  # after a limit the recorder calls safe_stop, as at the end
+            backend.safe_stop()
+        elif way_out == "close":
+            backend.close()
+        elif way_out == "next configure":
+            backend.configure(config, command)
+            steps = steps[: steps.index(("stop", "watchdog")) + 1]
+            backend.safe_stop()
+        else:
+            with pytest.raises(SamplesLost if way_out == "fault" else ZeroDivisionError):
+                backend.read_block(100, 1.0)
     wanted = [
         ("stop", "motor"),
         ("volts", "motor_zero"),

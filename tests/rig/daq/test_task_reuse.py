@@ -64,20 +64,18 @@ def test_trials_leave_nothing_for_the_garbage_collector(make_backend, config, co
     assert grown < 200, f"{grown} objects more after five trials"
 
 
-def test_after_a_fault_all_tasks_are_made_afresh(make_backend, config, command) -> None:
+def test_after_a_fault_all_tasks_are_made_afresh(make_backend, intercept, config, command) -> None:
     backend = make_backend(config)
     blow(backend, config, command)
     energise(backend, config, command)
-    read = backend.device.read
 
-    def fail(*arguments: Any) -> None:
-        raise DaqStatusError(-200279)
+    def fail(call: str, request: Any) -> None:
+        if call.startswith("Read"):
+            raise DaqStatusError(-200279)
 
-    backend.device.read = fail
-    with pytest.raises(SamplesLost):
+    with intercept(backend, fail), pytest.raises(SamplesLost):
         backend.read_block(100, 1.0)
     assert backend.device.tasks == {}
-    backend.device.read = read
     tasks = made(backend)
     backend.continue_after(0)
     np.testing.assert_array_equal(blow(backend, config, command)[1], blow(make_backend(config), config, command)[1])

@@ -145,17 +145,14 @@ def test_an_exception_of_the_program_keeps_and_marks_too(record, assert_safe) ->
     assert_safe(backend)
 
 
-def test_a_fault_of_the_bench_keeps_and_marks_with_its_reason(record, assert_safe) -> None:
+def test_a_fault_of_the_bench_keeps_and_marks_with_its_reason(record, intercept, assert_safe) -> None:
     folder, backend, call = record
-    read = backend.device.read
 
-    def failing(task, n, timeout_s):
-        if backend.device.trial == 2 and backend.device.edge > 2000 and task.type == "CI":
+    def fail(name, request):
+        if backend.device.trial == 2 and backend.device.edge > 2000 and name.startswith("ReadCounter"):
             raise DaqStatusError(-200279)
-        return read(task, n, timeout_s)
 
-    backend.device.read = failing
-    with pytest.raises(SamplesLost):
+    with intercept(backend, fail), pytest.raises(SamplesLost):
         call()
     trials = Session.open(folder).trials
     assert [t.status for t in trials] == ["complete", "fault"]
@@ -163,14 +160,18 @@ def test_a_fault_of_the_bench_keeps_and_marks_with_its_reason(record, assert_saf
     assert_safe(backend)
 
 
-def test_a_fault_before_the_first_sample_leaves_no_session(record, assert_safe) -> None:
+def test_a_fault_before_the_first_sample_leaves_no_session(record, intercept, assert_safe) -> None:
     folder, backend, call = record
-    backend.device.configure_clock = lambda *a: (_ for _ in ()).throw(DaqStatusError(-50103))
-    with pytest.raises(HardwareFault):
+
+    def fail(name, request):
+        if name == "CfgSampClkTiming":
+            raise DaqStatusError(-50103)
+
+    with intercept(backend, fail), pytest.raises(HardwareFault):
         call()
     assert not folder.exists()
     folder.mkdir()
-    with pytest.raises(HardwareFault):
+    with intercept(backend, fail), pytest.raises(HardwareFault):
         call()
     assert list(folder.iterdir()) == []
     assert_safe(backend)

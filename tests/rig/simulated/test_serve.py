@@ -16,7 +16,7 @@ from rig.errors import NotPermitted
 from rig.recording.recorder import record_session
 from rig.safety.permission import Permission
 from rig.selftest.record import read_record
-from rig.simulated.constants import LOW
+from rig.simulated import daqmx
 
 DEADLINE_S = 60.0
 STEP = Path(__file__).parents[1] / "step.toml"
@@ -72,7 +72,7 @@ def test_the_watchdog_reaches_what_the_product_lets_it_reach(cdaq, card, refused
     ):
         task = watchdog_task(bench, device)
         task.cfg_watchdog_do_expir_states([DOExpirationState(line, Level.LOW)])
-        assert bench.device.watchdogs["dog"].lines == {line: False} and Level.LOW.value == LOW
+        assert bench.device.watchdogs["dog"].lines == {line: False} and Level.LOW.value == daqmx.LOW
         states = [AOExpirationState(ao, 0.0, WatchdogAOExpirState.VOLTAGE)]
         if bench is card:
             with refused(-200662):

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any, Literal
 
-from rig.simulated import status
-from rig.simulated.constants import MILLIVOLTS_PER_VOLT, VOLTS, VOLTS_PER_VOLT
+from rig.simulated import daqmx, status
 from rig.simulated.device.state import DeviceState
 from rig.simulated.device.task import SimulatedTask
 from rig.simulated.driver.configuration import add_channels, add_lines
 from rig.simulated.rpc.calls.counter_inputs import COUNTER_INPUT_CALLS
 from rig.simulated.rpc.calls.counter_outputs import COUNTER_OUTPUT_CALLS
+from rig.simulated.rpc.handlers import TaskHandler
 from rig.simulated.rpc.messages import enum
 from rig.simulated.signals.input_readings import NEWTON_IN
 from rig.simulated.status import DaqStatusError, one_of
@@ -28,7 +27,7 @@ def force_bridge_two_point(device: DeviceState, task: SimulatedTask, request: An
     electrical = enum(request, "electrical_units")
     one_of(units, tuple(NEWTON_IN), "Units")
     one_of(physical, tuple(NEWTON_IN), "Physical units")
-    one_of(electrical, (VOLTS_PER_VOLT, MILLIVOLTS_PER_VOLT), "Electrical units")
+    one_of(electrical, (daqmx.VOLTS_PER_VOLT, daqmx.MILLIVOLTS_PER_VOLT), "Electrical units")
     one_of(enum(request, "bridge_config"), BRIDGE_CONFIGURATIONS, "Bridge configuration")
     product = device.inventory.product
     if enum(request, "voltage_excit_source") == INTERNAL_EXCITATION and product.bridge_excitation_v:
@@ -38,7 +37,7 @@ def force_bridge_two_point(device: DeviceState, task: SimulatedTask, request: An
     if e0 == e1 or p0 == p1:
         raise DaqStatusError(status.INVALID_VALUE, "Two-point scaling with equal points")
     scale = NEWTON_IN[units] / NEWTON_IN[physical]
-    per_mv = 1e-3 if electrical == VOLTS_PER_VOLT else 1.0
+    per_mv = 1e-3 if electrical == daqmx.VOLTS_PER_VOLT else 1.0
     for limit in (request.min_val, request.max_val):
         reading = (e0 + (limit * scale - p0) * (e1 - e0) / (p1 - p0)) / per_mv
         if product.bridge_range_mv_per_v and abs(reading) > product.bridge_range_mv_per_v * (1 + 1e-9):
@@ -59,7 +58,7 @@ def _increasing(request: Any) -> None:
 
 def ai_voltage(device: DeviceState, task: SimulatedTask, request: Any) -> None:
     """AI voltage within one of the device's ranges."""
-    one_of(enum(request, "units"), (VOLTS,), "Units")
+    one_of(enum(request, "units"), (daqmx.VOLTS,), "Units")
     if device.inventory.product.ai_ranges_v:
         device.inventory.voltage_range(request.min_val, request.max_val)
     _increasing(request)
@@ -79,7 +78,7 @@ def ai_voltage(device: DeviceState, task: SimulatedTask, request: Any) -> None:
 
 def ao_voltage(device: DeviceState, task: SimulatedTask, request: Any) -> None:
     """AO voltage within the device's range."""
-    one_of(enum(request, "units"), (VOLTS,), "Units")
+    one_of(enum(request, "units"), (daqmx.VOLTS,), "Units")
     _increasing(request)
     reach = device.inventory.product.ao_range_v
     if not -reach <= request.min_val < request.max_val <= reach:
@@ -90,7 +89,7 @@ def ao_voltage(device: DeviceState, task: SimulatedTask, request: Any) -> None:
     )  # fmt: skip
 
 
-def digital_lines(type_: Literal["DI", "DO"]) -> Callable[[DeviceState, SimulatedTask, Any], None]:
+def digital_lines(type_: Literal["DI", "DO"]) -> TaskHandler:
     """DI or DO on lines or ports."""
 
     def create(device: DeviceState, task: SimulatedTask, request: Any) -> None:
@@ -100,7 +99,7 @@ def digital_lines(type_: Literal["DI", "DO"]) -> Callable[[DeviceState, Simulate
     return create
 
 
-CHANNEL_CALLS: dict[str, Callable[[DeviceState, SimulatedTask, Any], None]] = {
+CHANNEL_CALLS: dict[str, TaskHandler] = {
     "CreateAIForceBridgeTwoPointLinChan": force_bridge_two_point,
     "CreateAIVoltageChan": ai_voltage,
     "CreateAOVoltageChan": ao_voltage,

@@ -6,35 +6,13 @@ the product has none the client must set the terminal.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any, Literal
 
-from rig.simulated import status
-from rig.simulated.constants import (
-    CI_ENCODER_A_INPUT_TERM,
-    CI_ENCODER_B_INPUT_TERM,
-    CI_TERM,
-    DEGREES,
-    EDGES,
-    FALLING,
-    FREQUENCY,
-    HERTZ,
-    PERIOD,
-    PULSE_FREQUENCY,
-    PULSE_TICKS,
-    PULSE_TIME,
-    RADIANS,
-    RISING,
-    SECONDS,
-    TICKS,
-    WIDTH,
-    X1,
-    X2,
-    X4,
-)
+from rig.simulated import daqmx, status
 from rig.simulated.device.state import DeviceState
 from rig.simulated.device.task import SimulatedTask
 from rig.simulated.driver.configuration import add_channels
+from rig.simulated.rpc.handlers import TaskHandler
 from rig.simulated.rpc.messages import enum
 from rig.simulated.status import DaqStatusError, NotImplementedByDevice, one_of
 
@@ -49,14 +27,14 @@ def _decoding(request: Any) -> int:
     if request.zidx_enable:
         raise NotImplementedByDevice("Z index of an encoder")
     decoding = enum(request, "decoding_type")
-    one_of(decoding, (X1, X2, X4), "Decoding type")
+    one_of(decoding, (daqmx.X1, daqmx.X2, daqmx.X4), "Decoding type")
     return decoding
 
 
 def ci_angular_encoder(device: DeviceState, task: SimulatedTask, request: Any) -> None:
     """CI on a quadrature encoder."""
     decoding, units = _decoding(request), enum(request, "units")
-    one_of(units, (DEGREES, RADIANS, TICKS), "Units")
+    one_of(units, (daqmx.DEGREES, daqmx.RADIANS, daqmx.TICKS), "Units")
     if request.pulses_per_rev < 1:
         raise DaqStatusError(status.INVALID_VALUE, f"Pulses per revolution: {request.pulses_per_rev}")
     add_channels(
@@ -70,7 +48,7 @@ def ci_angular_encoder(device: DeviceState, task: SimulatedTask, request: Any) -
 def ci_linear_encoder(device: DeviceState, task: SimulatedTask, request: Any) -> None:
     """CI on a quadrature encoder of a length."""
     decoding, units = _decoding(request), enum(request, "units")
-    one_of(units, (METERS, INCHES, TICKS), "Units")
+    one_of(units, (METERS, INCHES, daqmx.TICKS), "Units")
     if not 0 < request.dist_per_pulse < float("inf"):
         raise DaqStatusError(status.INVALID_VALUE, f"Distance per pulse: {request.dist_per_pulse:g}")
     add_channels(
@@ -82,8 +60,8 @@ def ci_linear_encoder(device: DeviceState, task: SimulatedTask, request: Any) ->
 
 
 def _set_encoder_terminals(device: DeviceState, task: SimulatedTask) -> None:
-    _set_terminal(device, task, CI_ENCODER_A_INPUT_TERM, "source")
-    _set_terminal(device, task, CI_ENCODER_B_INPUT_TERM, "auxiliary")
+    _set_terminal(device, task, daqmx.CI_ENCODER_A_INPUT_TERM, "source")
+    _set_terminal(device, task, daqmx.CI_ENCODER_B_INPUT_TERM, "auxiliary")
 
 
 def _set_terminal(
@@ -97,23 +75,23 @@ def _set_terminal(
 
 def ci_count_edges(device: DeviceState, task: SimulatedTask, request: Any) -> None:
     """CI counting edges on a terminal, up or down."""
-    one_of(enum(request, "edge"), (RISING, FALLING), "Edge")
+    one_of(enum(request, "edge"), (daqmx.RISING, daqmx.FALLING), "Edge")
     one_of(enum(request, "count_direction"), (COUNT_UP, COUNT_DOWN), "Count direction")
     step = 1 if enum(request, "count_direction") == COUNT_UP else -1
     add_channels(
         device, task, "CI", "counter", request.counter, request.name_to_assign_to_channel,
-        measures=EDGES, initial_count=int(request.initial_count), step=step, edge=enum(request, "edge"),
+        measures=daqmx.EDGES, initial_count=int(request.initial_count), step=step, edge=enum(request, "edge"),
         count_direction=enum(request, "count_direction"),
     )  # fmt: skip
-    _set_terminal(device, task, CI_TERM[EDGES], "source")
+    _set_terminal(device, task, daqmx.CI_TERM[daqmx.EDGES], "source")
 
 
-def _of_pulses(measures: str, *units: int) -> Callable[[DeviceState, SimulatedTask, Any], None]:
+def _of_pulses(measures: str, *units: int) -> TaskHandler:
     """Return the creator of a channel that measures the pulses on a terminal in one of these units."""
 
     def create(device: DeviceState, task: SimulatedTask, request: Any) -> None:
         names = request.DESCRIPTOR.fields_by_name
-        unit = enum(request, "units") if "units" in names else TICKS
+        unit = enum(request, "units") if "units" in names else daqmx.TICKS
         one_of(unit, units, "Units")
         if not 0 < request.min_val < request.max_val:
             detail = f"Limits {request.min_val:g} to {request.max_val:g}"
@@ -121,7 +99,7 @@ def _of_pulses(measures: str, *units: int) -> Callable[[DeviceState, SimulatedTa
         settings: dict[str, Any] = {"units": unit, "min_val": request.min_val, "max_val": request.max_val}
         for edge in ("edge", "starting_edge"):
             if edge in names:
-                one_of(enum(request, edge), (RISING, FALLING), "Edge")
+                one_of(enum(request, edge), (daqmx.RISING, daqmx.FALLING), "Edge")
                 settings["edge"] = enum(request, edge)
         pin: Literal["source", "gate"] = "gate"
         if "meas_method" in names:
@@ -139,19 +117,19 @@ def _of_pulses(measures: str, *units: int) -> Callable[[DeviceState, SimulatedTa
             measures=measures,
             **settings,
         )  # fmt: skip
-        _set_terminal(device, task, CI_TERM[measures], pin)
+        _set_terminal(device, task, daqmx.CI_TERM[measures], pin)
 
     return create
 
 
-COUNTER_INPUT_CALLS: dict[str, Callable[[DeviceState, SimulatedTask, Any], None]] = {
+COUNTER_INPUT_CALLS: dict[str, TaskHandler] = {
     "CreateCIAngEncoderChan": ci_angular_encoder,
     "CreateCILinEncoderChan": ci_linear_encoder,
     "CreateCICountEdgesChan": ci_count_edges,
-    "CreateCIFreqChan": _of_pulses(FREQUENCY, HERTZ, TICKS),
-    "CreateCIPeriodChan": _of_pulses(PERIOD, SECONDS, TICKS),
-    "CreateCIPulseWidthChan": _of_pulses(WIDTH, SECONDS, TICKS),
-    "CreateCIPulseChanFreq": _of_pulses(PULSE_FREQUENCY, HERTZ),
-    "CreateCIPulseChanTime": _of_pulses(PULSE_TIME, SECONDS),
-    "CreateCIPulseChanTicks": _of_pulses(PULSE_TICKS, TICKS),
+    "CreateCIFreqChan": _of_pulses(daqmx.FREQUENCY, daqmx.HERTZ, daqmx.TICKS),
+    "CreateCIPeriodChan": _of_pulses(daqmx.PERIOD, daqmx.SECONDS, daqmx.TICKS),
+    "CreateCIPulseWidthChan": _of_pulses(daqmx.WIDTH, daqmx.SECONDS, daqmx.TICKS),
+    "CreateCIPulseChanFreq": _of_pulses(daqmx.PULSE_FREQUENCY, daqmx.HERTZ),
+    "CreateCIPulseChanTime": _of_pulses(daqmx.PULSE_TIME, daqmx.SECONDS),
+    "CreateCIPulseChanTicks": _of_pulses(daqmx.PULSE_TICKS, daqmx.TICKS),
 }

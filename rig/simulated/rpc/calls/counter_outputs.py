@@ -7,26 +7,19 @@ next pulse on; a buffer of them, one sample a pulse, may vary the duty cycle but
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.simulated import status
-from rig.simulated.constants import (
-    CO_PULSE_DUTY_CYC,
-    CO_PULSE_FREQ,
-    CO_PULSE_FREQ_INITIAL_DELAY,
-    HERTZ,
-    LOW,
-    SECONDS,
-)
+from rig.simulated import daqmx, status
 from rig.simulated.device.state import DeviceState
 from rig.simulated.device.task import SimulatedTask
 from rig.simulated.driver.configuration import add_channels
 from rig.simulated.driver.tasks import start_task
-from rig.simulated.rpc.messages import enum, response
+from rig.simulated.rpc.calls.data import refuse_other_type
+from rig.simulated.rpc.handlers import Fields, TaskHandler
+from rig.simulated.rpc.messages import enum
 from rig.simulated.signals.pulses import pulse_train
 from rig.simulated.status import DaqStatusError, NotImplementedByDevice, one_of
 
@@ -35,7 +28,7 @@ BY_FREQUENCY, BY_TIME, BY_TICKS = 10119, 10269, 10268
 
 def co_pulse_frequency(device: DeviceState, task: SimulatedTask, request: Any) -> None:
     """CO pulse train by its frequency and duty cycle."""
-    one_of(enum(request, "units"), (HERTZ,), "Units")
+    one_of(enum(request, "units"), (daqmx.HERTZ,), "Units")
     timebase = device.inventory.product.counter_timebase_hz
     if not (
         timebase / 2**33 <= request.freq <= timebase / 4 and 0 < request.duty_cycle < 1 and request.initial_delay >= 0
@@ -50,7 +43,7 @@ def co_pulse_frequency(device: DeviceState, task: SimulatedTask, request: Any) -
 
 def co_pulse_time(device: DeviceState, task: SimulatedTask, request: Any) -> None:
     """CO pulses by their high and low times, s."""
-    one_of(enum(request, "units"), (SECONDS,), "Units")
+    one_of(enum(request, "units"), (daqmx.SECONDS,), "Units")
     if not (request.high_time > 0 and request.low_time > 0 and request.initial_delay >= 0):
         raise DaqStatusError(status.INVALID_VALUE, f"High {request.high_time:g} s, low {request.low_time:g} s")
     _add_parts(device, task, request, BY_TIME, request.high_time, request.low_time, request.initial_delay)
@@ -95,26 +88,28 @@ def _add_output(
     duty: float,
     delay_s: float,
 ) -> None:
-    if enum(request, "idle_state") != LOW:
+    if enum(request, "idle_state") != daqmx.LOW:
         raise NotImplementedByDevice("pulses from a high idle state")
     timebase = device.inventory.product.counter_timebase_hz
     if not delay_s * timebase < 2**32:
         raise DaqStatusError(status.INVALID_VALUE, f"Initial delay {delay_s:g} s")
     add_channels(
         device, task, "CO", "counter", request.counter, request.name_to_assign_to_channel,
-        output_type=output_type, idle_state=LOW,
+        output_type=output_type, idle_state=daqmx.LOW,
     )  # fmt: skip
     name = task.channels[-1].name
-    task.properties["Chan", name, CO_PULSE_FREQ], task.properties["Chan", name, CO_PULSE_DUTY_CYC] = rate_hz, duty
-    task.properties["Chan", name, CO_PULSE_FREQ_INITIAL_DELAY] = max(round(delay_s * timebase), 2) / timebase
+    task.properties["Chan", name, daqmx.CO_PULSE_FREQ], task.properties["Chan", name, daqmx.CO_PULSE_DUTY_CYC] = (
+        rate_hz,
+        duty,
+    )
+    task.properties["Chan", name, daqmx.CO_PULSE_FREQ_INITIAL_DELAY] = max(round(delay_s * timebase), 2) / timebase
 
 
 def _write(
     device: DeviceState, task: SimulatedTask, request: Any, high_s: NDArray[np.float64], low_s: NDArray[np.float64]
-) -> int:
-    """Take pulses by their high and low times, (n,); return n."""
-    if task.type != "CO":
-        raise DaqStatusError(status.WRONG_OUTPUT_TYPE, f"Task: {task.name} is {task.type}")
+) -> Fields | None:
+    """Take pulses by their high and low times, (n,); the response of a scalar write is empty."""
+    refuse_other_type(task, "CO")
     if high_s.size < 1 or high_s.size != low_s.size:
         raise DaqStatusError(status.WRONG_SIZE, f"{high_s.size} high and {low_s.size} low parts")
     timebase = device.inventory.product.counter_timebase_hz
@@ -130,14 +125,15 @@ def _write(
         now_s, train = device.bench.now_s, pulse_train(task)
         task.pulses.passed, task.pulses.next_s = train.passed_at(now_s), train.next_after(now_s)
     name = task.channels[0].name
-    task.properties["Chan", name, CO_PULSE_FREQ] = float(timebase / (high[0] + low[0]))
-    task.properties["Chan", name, CO_PULSE_DUTY_CYC] = float(high[0] / (high[0] + low[0]))
+    task.properties["Chan", name, daqmx.CO_PULSE_FREQ] = float(timebase / (high[0] + low[0]))
+    task.properties["Chan", name, daqmx.CO_PULSE_DUTY_CYC] = float(high[0] / (high[0] + low[0]))
     task.pulses.high_times_s = high / timebase
     if task.progress.live:
         task.pulses.end_s = pulse_train(task).end_s
     elif request.auto_start:
         start_task(device, task)
-    return int(high.size)
+    scalar = "num_samps_per_chan" not in request.DESCRIPTOR.fields_by_name
+    return None if scalar else {"num_samps_per_chan_written": int(high.size)}
 
 
 def _as_arrays(request: Any, *fields: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -145,45 +141,32 @@ def _as_arrays(request: Any, *fields: str) -> tuple[NDArray[np.float64], NDArray
     return first, second
 
 
-def _write_frequency(call: str) -> Callable[[DeviceState, SimulatedTask, Any], Any]:
-    def write(device: DeviceState, task: SimulatedTask, request: Any) -> Any:
-        frequency, duty = _as_arrays(request, "frequency", "duty_cycle")
-        if frequency.size != duty.size or not ((frequency > 0) & (duty > 0) & (duty < 1)).all():
-            raise DaqStatusError(status.INVALID_VALUE, "frequencies must be above 0, duty cycles within 0 and 1")
-        return _written(call, _write(device, task, request, duty / frequency, (1 - duty) / frequency))
-
-    return write
+def _write_frequency(device: DeviceState, task: SimulatedTask, request: Any) -> Fields | None:
+    frequency, duty = _as_arrays(request, "frequency", "duty_cycle")
+    if frequency.size != duty.size or not ((frequency > 0) & (duty > 0) & (duty < 1)).all():
+        raise DaqStatusError(status.INVALID_VALUE, "frequencies must be above 0, duty cycles within 0 and 1")
+    return _write(device, task, request, duty / frequency, (1 - duty) / frequency)
 
 
-def _write_time(call: str) -> Callable[[DeviceState, SimulatedTask, Any], Any]:
-    def write(device: DeviceState, task: SimulatedTask, request: Any) -> Any:
-        return _written(call, _write(device, task, request, *_as_arrays(request, "high_time", "low_time")))
-
-    return write
+def _write_time(device: DeviceState, task: SimulatedTask, request: Any) -> Fields | None:
+    return _write(device, task, request, *_as_arrays(request, "high_time", "low_time"))
 
 
-def _write_ticks(call: str) -> Callable[[DeviceState, SimulatedTask, Any], Any]:
-    def write(device: DeviceState, task: SimulatedTask, request: Any) -> Any:
-        if task.type != "CO":
-            raise DaqStatusError(status.WRONG_OUTPUT_TYPE, f"Task: {task.name} is {task.type}")
-        tick_s = task.channels[0].settings.get("tick_s", 1 / device.inventory.product.counter_timebase_hz)
-        high, low = _as_arrays(request, "high_ticks", "low_ticks")
-        return _written(call, _write(device, task, request, high * tick_s, low * tick_s))
-
-    return write
+def _write_ticks(device: DeviceState, task: SimulatedTask, request: Any) -> Fields | None:
+    refuse_other_type(task, "CO")
+    tick_s = task.channels[0].settings.get("tick_s", 1 / device.inventory.product.counter_timebase_hz)
+    high, low = _as_arrays(request, "high_ticks", "low_ticks")
+    return _write(device, task, request, high * tick_s, low * tick_s)
 
 
-def _written(call: str, n: int) -> Any:
-    return response(call) if call.endswith("Scalar") else response(call, num_samps_per_chan_written=n)
-
-
-COUNTER_OUTPUT_CALLS: dict[str, Callable[[DeviceState, SimulatedTask, Any], None]] = {
+COUNTER_OUTPUT_CALLS: dict[str, TaskHandler] = {
     "CreateCOPulseChanFreq": co_pulse_frequency,
     "CreateCOPulseChanTime": co_pulse_time,
     "CreateCOPulseChanTicks": co_pulse_ticks,
-}
-PULSE_WRITES: dict[str, Callable[[DeviceState, SimulatedTask, Any], Any]] = {
-    **{call: _write_frequency(call) for call in ("WriteCtrFreq", "WriteCtrFreqScalar")},
-    **{call: _write_time(call) for call in ("WriteCtrTime", "WriteCtrTimeScalar")},
-    **{call: _write_ticks(call) for call in ("WriteCtrTicks", "WriteCtrTicksScalar")},
+    "WriteCtrFreq": _write_frequency,
+    "WriteCtrFreqScalar": _write_frequency,
+    "WriteCtrTime": _write_time,
+    "WriteCtrTimeScalar": _write_time,
+    "WriteCtrTicks": _write_ticks,
+    "WriteCtrTicksScalar": _write_ticks,
 }

@@ -1,7 +1,7 @@
 """Calls of a DAQmx client that move samples: reading and writing of analog, counter and digital tasks.
 
-Place in the data flow: the service finds the task, these put samples into the layout the call asks for: by channel,
-or by scan. A read that times out returns what came, with the driver's status, as the real server does.
+Samples are put into the layout the call asks for: by channel, or by scan. A read that times out returns what came, with
+the driver's status, as the real server does.
 """
 
 from __future__ import annotations
@@ -12,26 +12,24 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.simulated import status
-from rig.simulated.constants import PULSE_FREQUENCY, PULSE_TICKS, PULSE_TIME
+from rig.simulated import daqmx, status
 from rig.simulated.device.state import DeviceState
 from rig.simulated.device.task import SimulatedTask
 from rig.simulated.driver import reading, writing
-from rig.simulated.rpc.calls.counter_outputs import PULSE_WRITES
-from rig.simulated.rpc.messages import enum, response
+from rig.simulated.rpc.handlers import Fields, TaskHandler
+from rig.simulated.rpc.messages import enum
 from rig.simulated.status import DaqStatusError
 
 _BY_SCAN = 1
 MOST_VALUES = 2**26
 """Values one call may move."""
 Converter = Callable[[SimulatedTask, NDArray[np.float64]], NDArray[Any]]
-Handler = Callable[[DeviceState, SimulatedTask, Any], Any]
 
 
 def refuse_other_type(task: SimulatedTask, type_: str) -> None:
     """Refuse to read or write a task of another type than the call moves."""
     if task.type != type_:
-        code = status.WRONG_OUTPUT_TYPE if type_ in ("AO", "DO") else status.WRONG_MEASUREMENT_TYPE
+        code = status.WRONG_OUTPUT_TYPE if type_ in ("AO", "DO", "CO") else status.WRONG_MEASUREMENT_TYPE
         raise DaqStatusError(code, f"Task: {task.name} is {task.type}")
 
 
@@ -75,44 +73,53 @@ def _words(task: SimulatedTask, levels: NDArray[np.float64]) -> NDArray[np.uint3
     return out
 
 
-def _counts(values: NDArray[np.float64]) -> NDArray[np.uint32]:
+def _register(task: SimulatedTask, values: NDArray[np.float64]) -> NDArray[np.uint32]:
     """Return counts as a 32-bit counter register holds them."""
     return (values.astype(np.int64) % 2**32).astype(np.uint32)
 
 
-def _read(call: str, type_: str, convert: Converter) -> Handler:
-    def read(device: DeviceState, task: SimulatedTask, request: Any) -> Any:
+def _read(type_: str, convert: Converter, *, as_bytes: bool = False) -> TaskHandler:
+    def read(device: DeviceState, task: SimulatedTask, request: Any) -> Fields:
         refuse_other_type(task, type_)
-        per_sample = _most_lines(task) * len(task.channels) if call == "ReadDigitalLines" else None
-        wanted = samples_to_read(task, request, per_sample)
+        by_line = convert is lines_by_channel
+        wanted = samples_to_read(task, request, _most_lines(task) * len(task.channels) if by_line else None)
         values = convert(task, reading.read(device, task, wanted, request.timeout))
-        came = values.shape[0]
-        code = 0 if came >= wanted else status.SAMPLES_NOT_YET_AVAILABLE
         flat = _laid_out(values, wanted, _by_scan(request, "fill_mode"))
-        packed = bytes(flat.astype(np.uint8)) if call in ("ReadDigitalLines", "ReadDigitalU8") else flat
-        extra = {"num_bytes_per_samp": _most_lines(task)} if call == "ReadDigitalLines" else {}
-        return response(call, status=code, read_array=packed, samps_per_chan_read=came, **extra)
+        fields = {
+            "read_array": bytes(flat.astype(np.uint8)) if as_bytes else flat,
+            **({"num_bytes_per_samp": _most_lines(task)} if by_line else {}),
+        }
+        return {**fields, **came(values, wanted)}
 
     return read
+
+
+def came(values: NDArray[Any], wanted: int) -> Fields:
+    """Return status and number of the samples per channel a read gives: fewer than wanted when it timed out."""
+    n = values.shape[0]
+    return {"status": 0 if n >= wanted else status.SAMPLES_NOT_YET_AVAILABLE, "samps_per_chan_read": n}
 
 
 def _most_lines(task: SimulatedTask) -> int:
     return max(len(channel.settings["lines"]) for channel in task.channels)
 
 
-def _read_scalar(
-    call: str, type_: str, convert: Callable[[SimulatedTask, NDArray[np.float64]], NDArray[Any]]
-) -> Handler:
-    def read(device: DeviceState, task: SimulatedTask, request: Any) -> Any:
+def _read_scalar(type_: str, convert: Converter) -> TaskHandler:
+    def read(device: DeviceState, task: SimulatedTask, request: Any) -> Fields:
         refuse_other_type(task, type_)
         if len(task.channels) != 1:
             raise DaqStatusError(status.TASK_MIXES_TYPES, f"Task: {task.name}: a scalar read needs one channel")
-        values = reading.read(device, task, 1, request.timeout)
-        if not values.size:
-            raise DaqStatusError(status.SAMPLES_NOT_YET_AVAILABLE, f"Task: {task.name}", samples_read=0)
-        return response(call, value=convert(task, values).ravel()[0])
+        values = _one_sample(device, task, request)
+        return {"value": convert(task, values).ravel()[0]}
 
     return read
+
+
+def _one_sample(device: DeviceState, task: SimulatedTask, request: Any) -> NDArray[np.float64]:
+    values = reading.read(device, task, 1, request.timeout)
+    if not values.size:
+        raise DaqStatusError(status.SAMPLES_NOT_YET_AVAILABLE, f"Task: {task.name}", samples_read=0)
+    return values
 
 
 def _as_is(task: SimulatedTask, values: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -130,15 +137,11 @@ def lines_by_channel(task: SimulatedTask, levels: NDArray[np.float64]) -> NDArra
     return out
 
 
-def _register(task: SimulatedTask, values: NDArray[np.float64]) -> NDArray[np.uint32]:
-    return _counts(values)
-
-
-def _write_analog(device: DeviceState, task: SimulatedTask, request: Any) -> Any:
+def _write_analog(device: DeviceState, task: SimulatedTask, request: Any) -> Fields:
     refuse_other_type(task, "AO")
     values = _table(request, np.array(request.write_array, dtype=np.float64), len(task.channels))
     writing.write_volts(device, task, values, request.auto_start, request.timeout)
-    return response("WriteAnalogF64", samps_per_chan_written=values.shape[0])
+    return {"samps_per_chan_written": values.shape[0]}
 
 
 def _table(request: Any, values: NDArray[Any], columns: int) -> NDArray[Any]:
@@ -148,13 +151,13 @@ def _table(request: Any, values: NDArray[Any], columns: int) -> NDArray[Any]:
     return values.reshape(n, columns) if _by_scan(request, "data_layout") else values.reshape(columns, n).T
 
 
-def _write_analog_scalar(device: DeviceState, task: SimulatedTask, request: Any) -> Any:
+def _write_analog_scalar(device: DeviceState, task: SimulatedTask, request: Any) -> Fields:
     refuse_other_type(task, "AO")
     writing.write_volts(device, task, np.array([[request.value]]), request.auto_start, request.timeout)
-    return response("WriteAnalogScalarF64")
+    return {}
 
 
-def _write_lines(device: DeviceState, task: SimulatedTask, request: Any) -> Any:
+def _write_lines(device: DeviceState, task: SimulatedTask, request: Any) -> Fields:
     refuse_other_type(task, "DO")
     states = np.array([bool(value) for value in request.write_array], dtype=np.float64)
     n, most, channels = _wanted(request), _most_lines(task), len(task.channels)
@@ -164,7 +167,7 @@ def _write_lines(device: DeviceState, task: SimulatedTask, request: Any) -> Any:
     grid = states.reshape(n, channels, most) if by_scan else states.reshape(channels, n, most).swapaxes(0, 1)
     columns = [grid[:, i, : len(c.settings["lines"])] for i, c in enumerate(task.channels)]
     put_levels(device, task, np.concatenate(columns, axis=1), request)
-    return response("WriteDigitalLines", samps_per_chan_written=n)
+    return {"samps_per_chan_written": n}
 
 
 def put_levels(device: DeviceState, task: SimulatedTask, levels: NDArray[np.float64], request: Any) -> None:
@@ -181,81 +184,61 @@ def _levels(task: SimulatedTask, words: NDArray[np.int64]) -> NDArray[np.float64
     return np.stack(bits, axis=1).astype(np.float64)
 
 
-def _write_words(call: str) -> Handler:
-    def write(device: DeviceState, task: SimulatedTask, request: Any) -> Any:
-        refuse_other_type(task, "DO")
-        array = request.write_array
-        words = np.array(list(array), dtype=np.int64)
-        table = _table(request, words, len(task.channels))
-        put_levels(device, task, _levels(task, table), request)
-        return response(call, samps_per_chan_written=table.shape[0])
-
-    return write
+def _write_words(device: DeviceState, task: SimulatedTask, request: Any) -> Fields:
+    refuse_other_type(task, "DO")
+    table = _table(request, np.array(list(request.write_array), dtype=np.int64), len(task.channels))
+    put_levels(device, task, _levels(task, table), request)
+    return {"samps_per_chan_written": table.shape[0]}
 
 
-def _write_word(device: DeviceState, task: SimulatedTask, request: Any) -> Any:
+def _write_word(device: DeviceState, task: SimulatedTask, request: Any) -> Fields:
     refuse_other_type(task, "DO")
     put_levels(device, task, _levels(task, np.array([[request.value]], dtype=np.int64)), request)
-    return response("WriteDigitalScalarU32")
+    return {}
 
 
-def _read_pairs(call: str, first: str, second: str, measures: str) -> Handler:
+def _read_pairs(first: str, second: str, measures: str, *, scalar: bool) -> TaskHandler:
     """Return the reader of pulses: two arrays, or two scalars."""
 
-    def read(device: DeviceState, task: SimulatedTask, request: Any) -> Any:
+    def read(device: DeviceState, task: SimulatedTask, request: Any) -> Fields:
         refuse_other_type(task, "CI")
         if task.measures != measures:
             raise DaqStatusError(status.WRONG_MEASUREMENT_TYPE, f"Task: {task.name} does not measure {measures}")
-        scalar = call.endswith("Scalar")
-        wanted = 1 if scalar else samples_to_read(task, request)
-        values = reading.read(device, task, wanted, request.timeout)
-        came = values.shape[0]
-        if measures == PULSE_TICKS:
-            values = values.astype(np.uint32)
+        type_ = np.uint32 if measures == daqmx.PULSE_TICKS else np.float64
         if scalar:
-            if not came:
-                raise DaqStatusError(status.SAMPLES_NOT_YET_AVAILABLE, f"Task: {task.name}", samples_read=0)
-            return response(call, **{first: values[0, 0], second: values[0, 1]})
-        code = 0 if came >= wanted else status.SAMPLES_NOT_YET_AVAILABLE
+            pair = _one_sample(device, task, request).astype(type_)[0]
+            return {first: pair[0], second: pair[1]}
+        wanted = samples_to_read(task, request)
+        values = reading.read(device, task, wanted, request.timeout).astype(type_)
         filled = _laid_out(values, wanted, True).reshape(-1, 2)
-        arrays = {f"read_array_{first}": filled[:, 0], f"read_array_{second}": filled[:, 1]}
-        return response(call, status=code, samps_per_chan_read=came, **arrays)
+        return {f"read_array_{first}": filled[:, 0], f"read_array_{second}": filled[:, 1], **came(values, wanted)}
 
     return read
 
 
-_READS: dict[str, tuple[str, Converter]] = {
-    "ReadAnalogF64": ("AI", _as_is),
-    "ReadCounterF64Ex": ("CI", _as_is),
-    "ReadCounterF64": ("CI", _as_is),
-    "ReadCounterU32": ("CI", _register),
-    "ReadCounterU32Ex": ("CI", _register),
-    "ReadDigitalU32": ("DI", _words),
-    "ReadDigitalU16": ("DI", _words),
-    "ReadDigitalU8": ("DI", _words),
-    "ReadDigitalLines": ("DI", lines_by_channel),
-}
-_SCALARS: dict[str, tuple[str, Converter]] = {
-    "ReadAnalogScalarF64": ("AI", _as_is),
-    "ReadCounterScalarF64": ("CI", _as_is),
-    "ReadCounterScalarU32": ("CI", _register),
-    "ReadDigitalScalarU32": ("DI", _words),
-}
-_PAIRS: dict[str, tuple[str, str, str]] = {
-    "ReadCtrFreq": ("frequency", "duty_cycle", PULSE_FREQUENCY),
-    "ReadCtrTime": ("high_time", "low_time", PULSE_TIME),
-    "ReadCtrTicks": ("high_ticks", "low_ticks", PULSE_TICKS),
-}
-DATA_CALLS: dict[str, Handler] = {
-    **{call + end: _read_pairs(call + end, *how) for call, how in _PAIRS.items() for end in ("", "Scalar")},
-    **PULSE_WRITES,
-    **{call: _read(call, *how) for call, how in _READS.items()},
-    **{call: _read_scalar(call, *how) for call, how in _SCALARS.items()},
+DATA_CALLS: dict[str, TaskHandler] = {
+    "ReadAnalogF64": _read("AI", _as_is),
+    "ReadAnalogScalarF64": _read_scalar("AI", _as_is),
+    "ReadCounterF64": _read("CI", _as_is),
+    "ReadCounterF64Ex": _read("CI", _as_is),
+    "ReadCounterScalarF64": _read_scalar("CI", _as_is),
+    "ReadCounterU32": _read("CI", _register),
+    "ReadCounterU32Ex": _read("CI", _register),
+    "ReadCounterScalarU32": _read_scalar("CI", _register),
+    "ReadCtrFreq": _read_pairs("frequency", "duty_cycle", daqmx.PULSE_FREQUENCY, scalar=False),
+    "ReadCtrFreqScalar": _read_pairs("frequency", "duty_cycle", daqmx.PULSE_FREQUENCY, scalar=True),
+    "ReadCtrTime": _read_pairs("high_time", "low_time", daqmx.PULSE_TIME, scalar=False),
+    "ReadCtrTimeScalar": _read_pairs("high_time", "low_time", daqmx.PULSE_TIME, scalar=True),
+    "ReadCtrTicks": _read_pairs("high_ticks", "low_ticks", daqmx.PULSE_TICKS, scalar=False),
+    "ReadCtrTicksScalar": _read_pairs("high_ticks", "low_ticks", daqmx.PULSE_TICKS, scalar=True),
+    "ReadDigitalU32": _read("DI", _words),
+    "ReadDigitalU16": _read("DI", _words),
+    "ReadDigitalU8": _read("DI", _words, as_bytes=True),
+    "ReadDigitalScalarU32": _read_scalar("DI", _words),
+    "ReadDigitalLines": _read("DI", lines_by_channel, as_bytes=True),
     "WriteAnalogF64": _write_analog,
     "WriteAnalogScalarF64": _write_analog_scalar,
     "WriteDigitalLines": _write_lines,
-    "WriteDigitalU32": _write_words("WriteDigitalU32"),
-    "WriteDigitalU16": _write_words("WriteDigitalU16"),
-    "WriteDigitalU8": _write_words("WriteDigitalU8"),
+    **dict.fromkeys(("WriteDigitalU32", "WriteDigitalU16", "WriteDigitalU8"), _write_words),
     "WriteDigitalScalarU32": _write_word,
 }

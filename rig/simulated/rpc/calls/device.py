@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 from rig.simulated import status
 from rig.simulated.device.state import DeviceState
 from rig.simulated.driver.tasks import create_task, reset_device
-from rig.simulated.rpc.messages import CALLS, attribute_response, enum, property_number, response
+from rig.simulated.rpc.handlers import DeviceHandler, Fields
+from rig.simulated.rpc.messages import CALLS, attribute_fields, enum, property_number
 from rig.simulated.rpc.properties.device import device_property
 from rig.simulated.rpc.task_sessions import open_session
 from rig.simulated.status import DaqStatusError
@@ -21,34 +21,24 @@ _SAVED = tuple(property_number("System", name) for name in ("GLOBAL_CHANS", "SCA
 """Global channels, scales and tasks saved on the system: there are none."""
 
 
-def _create_task(device: DeviceState, request: Any) -> Any:
-    return open_session(device, "CreateTask", request, lambda: create_task(device, request.session_name))
-
-
-def _error_string(device: DeviceState, request: Any) -> Any:
-    return response("GetErrorString", error_string=status.TEXTS.get(request.error_code, "Unknown status code."))
-
-
-def _system_number(device: DeviceState, request: Any) -> Any:
+def _system_number(device: DeviceState, request: Any) -> Fields:
     number = enum(request, "attribute")
     if number not in _SYSTEM_NUMBERS:
         raise DaqStatusError(status.ATTRIBUTE_NOT_SUPPORTED, f"Property: 0x{number:04X} (System)")
-    return response("GetSystemInfoAttributeUInt32", value=_SYSTEM_NUMBERS[number])
+    return {"value": _SYSTEM_NUMBERS[number]}
 
 
-def _system_text(device: DeviceState, request: Any) -> Any:
+def _system_text(device: DeviceState, request: Any) -> Fields:
     number = enum(request, "attribute")
     if number not in (_DEV_NAMES, *_SAVED):
         raise DaqStatusError(status.ATTRIBUTE_NOT_SUPPORTED, f"Property: 0x{number:04X} (System)")
-    names = ", ".join(device.inventory.devices()) if number == _DEV_NAMES else ""
-    return response("GetSystemInfoAttributeString", value=names)
+    return {"value": ", ".join(device.inventory.devices()) if number == _DEV_NAMES else ""}
 
 
-def _device_attribute(call: str) -> Callable[[DeviceState, Any], Any]:
-    def get(device: DeviceState, request: Any) -> Any:
-        return attribute_response(call, device_property(device, request.device_name, enum(request, "attribute")))
-
-    return get
+def _device_attribute(call: str) -> DeviceHandler:
+    return lambda device, request: attribute_fields(
+        call, device_property(device, request.device_name, enum(request, "attribute"))
+    )
 
 
 def refuse_other_device(device: DeviceState, name: str) -> None:
@@ -57,23 +47,21 @@ def refuse_other_device(device: DeviceState, name: str) -> None:
         raise DaqStatusError(status.INVALID_DEVICE, f"Device: {name}")
 
 
-def _reset(device: DeviceState, request: Any) -> Any:
+def _reset(device: DeviceState, request: Any) -> None:
     refuse_other_device(device, request.device_name)
     reset_device(device)
-    return response("ResetDevice")
 
 
-def _self_test(device: DeviceState, request: Any) -> Any:
-    refuse_other_device(device, request.device_name)
-    return response("SelfTestDevice")
-
-
-DEVICE_CALLS: dict[str, Callable[[DeviceState, Any], Any]] = {
-    "CreateTask": _create_task,
-    "GetErrorString": _error_string,
+DEVICE_CALLS: dict[str, DeviceHandler] = {
+    "CreateTask": lambda device, request: open_session(
+        device, request, lambda: create_task(device, request.session_name)
+    ),
+    "GetErrorString": lambda device, request: {
+        "error_string": status.TEXTS.get(request.error_code, "Unknown status code.")
+    },
     "GetSystemInfoAttributeUInt32": _system_number,
     "GetSystemInfoAttributeString": _system_text,
     **{call: _device_attribute(call) for call in CALLS if call.startswith("GetDeviceAttribute")},
     "ResetDevice": _reset,
-    "SelfTestDevice": _self_test,
+    "SelfTestDevice": lambda device, request: refuse_other_device(device, request.device_name),
 }

@@ -9,29 +9,15 @@ from rig.simulated import status
 from rig.simulated.device.state import DeviceState, commit, release
 from rig.simulated.device.task import SimulatedTask
 from rig.simulated.driver.tasks import clear_task, start_task, stop_task
-from rig.simulated.rpc.messages import enum, response
+from rig.simulated.rpc.handlers import Fields, TaskHandler
+from rig.simulated.rpc.messages import enum
 from rig.simulated.status import DaqStatusError
 from rig.simulated.timing.wait import wait_until_done
 
 START, STOP, VERIFY, COMMIT, RESERVE, UNRESERVE, ABORT = range(7)
 
 
-def _clear(device: DeviceState, task: SimulatedTask, request: Any) -> Any:
-    clear_task(device, task.name)
-    return response("ClearTask")
-
-
-def _start(device: DeviceState, task: SimulatedTask, request: Any) -> Any:
-    start_task(device, task)
-    return response("StartTask")
-
-
-def _stop(device: DeviceState, task: SimulatedTask, request: Any) -> Any:
-    stop_task(device, task)
-    return response("StopTask")
-
-
-def _control(device: DeviceState, task: SimulatedTask, request: Any) -> Any:
+def _control(device: DeviceState, task: SimulatedTask, request: Any) -> None:
     action = enum(request, "action")
     if action == START:
         start_task(device, task)
@@ -45,7 +31,6 @@ def _control(device: DeviceState, task: SimulatedTask, request: Any) -> Any:
         task.output.samples = None  # the buffer goes with the reservation
     elif action != VERIFY:
         raise DaqStatusError(status.INVALID_VALUE, f"Task action {action}")
-    return response("TaskControl")
 
 
 def refuse_failed(task: SimulatedTask) -> None:
@@ -54,35 +39,33 @@ def refuse_failed(task: SimulatedTask) -> None:
         raise DaqStatusError(task.progress.error, f"Task: {task.name}")
 
 
-def _wait_until_done(device: DeviceState, task: SimulatedTask, request: Any) -> Any:
+def _wait_until_done(device: DeviceState, task: SimulatedTask, request: Any) -> None:
     if not task.done and not task.progress.error:
         wait_until_done(device, task, request.time_to_wait)
     refuse_failed(task)
     if not task.done:
         raise DaqStatusError(status.OPERATION_TIMED_OUT, f"Task: {task.name}")
-    return response("WaitUntilTaskDone")
 
 
-def _nth(call: str, names: Callable[[DeviceState, SimulatedTask], list[str]]) -> Any:
-    def get(device: DeviceState, task: SimulatedTask, request: Any) -> Any:
+def _nth(names: Callable[[DeviceState, SimulatedTask], list[str]]) -> TaskHandler:
+    def get(device: DeviceState, task: SimulatedTask, request: Any) -> Fields:
         found = names(device, task)
         if not 1 <= request.index <= len(found):
             raise DaqStatusError(status.INVALID_VALUE, f"Index {request.index} of {len(found)}, counted from 1")
-        return response(call, buffer=found[request.index - 1])
+        return {"buffer": found[request.index - 1]}
 
     return get
 
 
-def _channel_names(device: DeviceState, task: SimulatedTask) -> list[str]:
-    return [channel.name for channel in task.channels]
+_nth_channel = _nth(lambda device, task: [channel.name for channel in task.channels])
 
-
-TASK_CALLS: dict[str, Callable[[DeviceState, SimulatedTask, Any], Any]] = {
-    "ClearTask": _clear,
-    "StartTask": _start,
-    "StopTask": _stop,
+TASK_CALLS: dict[str, TaskHandler] = {
+    "ClearTask": lambda device, task, request: clear_task(device, task.name),
+    "StartTask": lambda device, task, request: start_task(device, task),
+    "StopTask": lambda device, task, request: stop_task(device, task),
     "TaskControl": _control,
     "WaitUntilTaskDone": _wait_until_done,
-    **{call: _nth(call, _channel_names) for call in ("GetNthTaskChannel", "GetNthTaskReadChannel")},
-    "GetNthTaskDevice": _nth("GetNthTaskDevice", lambda device, task: [device.inventory.name][: len(task.channels)]),
+    "GetNthTaskChannel": _nth_channel,
+    "GetNthTaskReadChannel": _nth_channel,
+    "GetNthTaskDevice": _nth(lambda device, task: [device.inventory.name][: len(task.channels)]),
 }

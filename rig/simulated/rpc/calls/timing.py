@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
-from rig.simulated import status
-from rig.simulated.constants import BUF_INPUT_BUF_SIZE, BUF_OUTPUT_BUF_SIZE, CONTINUOUS, EDGES, FINITE
+from rig.simulated import daqmx, status
 from rig.simulated.device.state import DeviceState
 from rig.simulated.device.task import SampleClock, SimulatedTask, Timing
 from rig.simulated.driver.configuration import configure_clock
+from rig.simulated.rpc.handlers import TaskHandler
 from rig.simulated.rpc.messages import enum
 from rig.simulated.status import DaqStatusError, NotImplementedByDevice
 
@@ -20,7 +19,7 @@ SIGNALS = {12487: "SampleClock", 12491: "StartTrigger"}
 
 def _sample_clock(device: DeviceState, task: SimulatedTask, request: Any) -> None:
     mode = enum(request, "sample_mode")
-    if mode not in (FINITE, CONTINUOUS):
+    if mode not in (daqmx.FINITE, daqmx.CONTINUOUS):
         raise NotImplementedByDevice(f"sample mode {mode}")
     configure_clock(device, task, request.rate, request.source, mode, int(request.samps_per_chan))
 
@@ -30,12 +29,12 @@ def _implicit(device: DeviceState, task: SimulatedTask, request: Any) -> None:
     if task.type not in ("CI", "CO") or (task.type == "CI" and "decoding_type" in task.channels[0].settings):
         raise DaqStatusError(status.ATTRIBUTE_NOT_SUPPORTED, f"Task: {task.name}: implicit timing")
     task.refuse_while_running()
-    if samples < 1 or mode not in (FINITE, CONTINUOUS):
+    if samples < 1 or mode not in (daqmx.FINITE, daqmx.CONTINUOUS):
         raise DaqStatusError(status.INVALID_VALUE, f"Samples per channel {samples}, sample mode {mode}")
     if task.type == "CO":
-        task.pulses.count = samples if mode == FINITE else None
+        task.pulses.count = samples if mode == daqmx.FINITE else None
         return
-    if task.measures == EDGES:
+    if task.measures == daqmx.EDGES:
         raise DaqStatusError(status.ATTRIBUTE_NOT_SUPPORTED, f"Task: {task.name}: edges are counted by a sample clock")
     task.timing = Timing(SampleClock(UNKNOWN_RATE_HZ, "", mode, samples), implicit=True)
 
@@ -76,7 +75,7 @@ def _no_reference_trigger(device: DeviceState, task: SimulatedTask, request: Any
     task.triggers.reference = ""
 
 
-def _buffer(number: int) -> Callable[[DeviceState, SimulatedTask, Any], None]:
+def _buffer(number: int) -> TaskHandler:
     def configure(device: DeviceState, task: SimulatedTask, request: Any) -> None:
         task.properties["Buffer", "", number] = int(request.num_samps_per_chan)
 
@@ -95,7 +94,7 @@ def _export(device: DeviceState, task: SimulatedTask, request: Any) -> None:
     task.exported.add(target)
 
 
-TIMING_CALLS: dict[str, Callable[[DeviceState, SimulatedTask, Any], None]] = {
+TIMING_CALLS: dict[str, TaskHandler] = {
     "CfgSampClkTiming": _sample_clock,
     "CfgImplicitTiming": _implicit,
     "CfgChangeDetectionTiming": _change_detection,
@@ -103,7 +102,7 @@ TIMING_CALLS: dict[str, Callable[[DeviceState, SimulatedTask, Any], None]] = {
     "DisableStartTrig": _no_start_trigger,
     "CfgDigEdgeRefTrig": _reference_trigger,
     "DisableRefTrig": _no_reference_trigger,
-    "CfgInputBuffer": _buffer(BUF_INPUT_BUF_SIZE),
-    "CfgOutputBuffer": _buffer(BUF_OUTPUT_BUF_SIZE),
+    "CfgInputBuffer": _buffer(daqmx.BUF_INPUT_BUF_SIZE),
+    "CfgOutputBuffer": _buffer(daqmx.BUF_OUTPUT_BUF_SIZE),
     "ExportSignal": _export,
 }

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 from rig.simulated import status
@@ -16,19 +15,18 @@ from rig.simulated.device.watchdog import (
 from rig.simulated.driver.tasks import create_watchdog_task
 from rig.simulated.product.inventory import channel_names
 from rig.simulated.rpc.calls.device import refuse_other_device
-from rig.simulated.rpc.messages import enum, property_number, response
+from rig.simulated.rpc.handlers import DeviceHandler, Fields
+from rig.simulated.rpc.messages import enum, property_number
 from rig.simulated.rpc.task_sessions import open_session
 from rig.simulated.status import DaqStatusError
 
 HAS_EXPIRED = property_number("Watchdog", "HAS_EXPIRED")
 
 
-def _create(device: DeviceState, request: Any) -> Any:
+def _create(device: DeviceState, request: Any) -> Fields:
     refuse_other_device(device, request.device_name)
     name, timeout_s = request.session_name, request.timeout
-    return open_session(
-        device, "CreateWatchdogTimerTaskEx", request, lambda: create_watchdog_task(device, name, timeout_s)
-    )
+    return open_session(device, request, lambda: create_watchdog_task(device, name, timeout_s))
 
 
 def _states(request: Any, *arrays: Any) -> Any:
@@ -38,32 +36,29 @@ def _states(request: Any, *arrays: Any) -> Any:
     return zip(names, *arrays, strict=True)
 
 
-def _analog_states(device: DeviceState, request: Any) -> Any:
+def _analog_states(device: DeviceState, request: Any) -> None:
     timer = watchdog_timer(device, request.task.name)
     for channel, volts, kind in _states(request, request.expir_state_array, request.output_type_array):
         set_expiration_volts(device, timer, channel, volts, kind)
-    return response("CfgWatchdogAOExpirStates")
 
 
-def _digital_states(device: DeviceState, request: Any) -> Any:
+def _digital_states(device: DeviceState, request: Any) -> None:
     timer = watchdog_timer(device, request.task.name)
     for line, level in _states(request, request.expir_state_array):
         set_expiration_level(device, timer, line, level)
-    return response("CfgWatchdogDOExpirStates")
 
 
-def _control(device: DeviceState, request: Any) -> Any:
+def _control(device: DeviceState, request: Any) -> None:
     control_watchdog(device, watchdog_timer(device, request.task.name), enum(request, "action"))
-    return response("ControlWatchdogTask")
 
 
-def _expired(device: DeviceState, request: Any) -> Any:
+def _expired(device: DeviceState, request: Any) -> Fields:
     if enum(request, "attribute") != HAS_EXPIRED:
         raise DaqStatusError(status.ATTRIBUTE_NOT_SUPPORTED, "Property (Watchdog)")
-    return response("GetWatchdogAttributeBool", value=watchdog_timer(device, request.task.name).expired)
+    return {"value": watchdog_timer(device, request.task.name).expired}
 
 
-WATCHDOG_CALLS: dict[str, Callable[[DeviceState, Any], Any]] = {
+WATCHDOG_CALLS: dict[str, DeviceHandler] = {
     "CreateWatchdogTimerTaskEx": _create,
     "CfgWatchdogAOExpirStates": _analog_states,
     "CfgWatchdogDOExpirStates": _digital_states,

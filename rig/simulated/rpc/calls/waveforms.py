@@ -1,7 +1,7 @@
 """Calls of a DAQmx client that move waveforms (samples with their times, names and units) and raw converter codes.
 
-Place in the data flow: beside :mod:`rig.simulated.rpc.calls.data`, with the same samples in other clothes. Times are
-those of the bench's clock, counted from the moment the device was made.
+The samples are those of :mod:`rig.simulated.rpc.calls.data`. Times are those of the bench's clock, counted from the
+moment the device was made.
 """
 
 from __future__ import annotations
@@ -16,8 +16,9 @@ from rig.simulated import status
 from rig.simulated.device.state import DeviceState
 from rig.simulated.device.task import SimulatedTask
 from rig.simulated.driver import reading, writing
-from rig.simulated.rpc.calls.data import Handler, lines_by_channel, put_levels, refuse_other_type, samples_to_read
-from rig.simulated.rpc.messages import enum, response
+from rig.simulated.rpc.calls.data import came, lines_by_channel, put_levels, refuse_other_type, samples_to_read
+from rig.simulated.rpc.handlers import Fields, TaskHandler
+from rig.simulated.rpc.messages import enum
 from rig.simulated.rpc.properties.channel import volts_per_code
 from rig.simulated.status import DaqStatusError, NotImplementedByDevice
 
@@ -28,11 +29,11 @@ TIMING, EXTENDED = 1, 2
 _MADE_S = time.time()
 
 
-def _times(device: DeviceState, task: SimulatedTask, came: int) -> dict[str, Any]:
+def _times(device: DeviceState, task: SimulatedTask, n: int) -> dict[str, Any]:
     clock, progress = task.timing.clock, task.progress
     if clock is None or task.timing.change_lines or task.buffer is None:
         return {}
-    first = task.buffer.read - came - progress.samples_before_trigger
+    first = task.buffer.read - n - progress.samples_before_trigger
     since_s = progress.live_since_s - device.bench.now_s + device.bench.clock.now_s
     at_s = _MADE_S + since_s + first / clock.rate_hz + NI_EPOCH_S
     whole = int(np.floor(at_s))
@@ -45,28 +46,27 @@ def _named(name: str, unit: str = "") -> dict[str, Any]:
     return {**named, "NI_UnitDescription": {"string_value": unit}} if unit else named
 
 
-def _read(device: DeviceState, task: SimulatedTask, request: Any, type_: str) -> tuple[NDArray[Any], int, Any]:
+def _read(device: DeviceState, task: SimulatedTask, request: Any, type_: str) -> tuple[NDArray[Any], Fields, Any]:
     refuse_other_type(task, type_)
     wanted = samples_to_read(task, request)
     values = reading.read(device, task, wanted, request.timeout)
-    code = 0 if values.shape[0] >= wanted else status.SAMPLES_NOT_YET_AVAILABLE
     mode = enum(request, "waveform_attribute_mode")
     timing = _times(device, task, values.shape[0]) if mode & TIMING else {}
-    return values, code, (timing, bool(mode & EXTENDED))
+    return values, came(values, wanted), (timing, bool(mode & EXTENDED))
 
 
-def _read_analog(device: DeviceState, task: SimulatedTask, request: Any) -> Any:
-    values, code, (timing, named) = _read(device, task, request, "AI")
+def _read_analog(device: DeviceState, task: SimulatedTask, request: Any) -> Fields:
+    values, read, (timing, named) = _read(device, task, request, "AI")
     waveforms = []
     for column, channel in enumerate(task.channels):
         unit = "Volts" if channel.physical.kind == "voltage_in" else ""
         extra = {"attributes": _named(channel.name, unit)} if named else {}
         waveforms.append({"y_data": values[:, column], **timing, **extra})
-    return response("ReadAnalogWaveforms", status=code, waveforms=waveforms, samps_per_chan_read=values.shape[0])
+    return {"waveforms": waveforms, **read}
 
 
-def _read_digital(device: DeviceState, task: SimulatedTask, request: Any) -> Any:
-    values, code, (timing, named) = _read(device, task, request, "DI")
+def _read_digital(device: DeviceState, task: SimulatedTask, request: Any) -> Fields:
+    values, read, (timing, named) = _read(device, task, request, "DI")
     levels, waveforms = lines_by_channel(task, values), []
     for index, channel in enumerate(task.channels):
         lines = channel.settings["lines"]
@@ -76,7 +76,7 @@ def _read_digital(device: DeviceState, task: SimulatedTask, request: Any) -> Any
             extra["attributes"]["NI_LineNames"] = {"string_value": signals}
         data = levels[:, index, : len(lines)].astype(np.uint8).tobytes()
         waveforms.append({"y_data": data, "signal_count": len(lines), **timing, **extra})
-    return response("ReadDigitalWaveforms", status=code, waveforms=waveforms, samps_per_chan_read=values.shape[0])
+    return {"waveforms": waveforms, **read}
 
 
 def _columns(task: SimulatedTask, waveforms: list[NDArray[np.float64]]) -> NDArray[np.float64]:
@@ -86,14 +86,14 @@ def _columns(task: SimulatedTask, waveforms: list[NDArray[np.float64]]) -> NDArr
     return np.concatenate(waveforms, axis=1)
 
 
-def _write_analog(device: DeviceState, task: SimulatedTask, request: Any) -> Any:
+def _write_analog(device: DeviceState, task: SimulatedTask, request: Any) -> Fields:
     refuse_other_type(task, "AO")
     values = _columns(task, [np.array(w.y_data, dtype=np.float64)[:, None] for w in request.waveforms])
     writing.write_volts(device, task, values, request.auto_start, request.timeout)
-    return response("WriteAnalogWaveforms", samps_per_chan_written=values.shape[0])
+    return {"samps_per_chan_written": values.shape[0]}
 
 
-def _write_digital(device: DeviceState, task: SimulatedTask, request: Any) -> Any:
+def _write_digital(device: DeviceState, task: SimulatedTask, request: Any) -> Fields:
     refuse_other_type(task, "DO")
     tables = []
     for waveform, channel in zip(request.waveforms, task.channels, strict=False):
@@ -109,12 +109,12 @@ def _write_digital(device: DeviceState, task: SimulatedTask, request: Any) -> An
         tables = []
     values = _columns(task, tables)
     put_levels(device, task, values, request)
-    return response("WriteDigitalWaveforms", samps_per_chan_written=values.shape[0])
+    return {"samps_per_chan_written": values.shape[0]}
 
 
 def _codes(
     device: DeviceState, task: SimulatedTask, request: Any, values_per_sample: int | None = None
-) -> tuple[NDArray[np.int64], int]:
+) -> tuple[NDArray[np.int64], Fields]:
     """Return converter codes, (n, channels); channels of 24 bits or with a bridge's scaling are not there."""
     refuse_other_type(task, "AI")
     steps = []
@@ -125,32 +125,26 @@ def _codes(
         steps.append(step)
     wanted = samples_to_read(task, request, values_per_sample)
     values = reading.read(device, task, wanted, request.timeout)
-    code = 0 if values.shape[0] >= wanted else status.SAMPLES_NOT_YET_AVAILABLE
-    return np.rint(values / np.array(steps)).astype(np.int64), code
+    return np.rint(values / np.array(steps)).astype(np.int64), came(values, wanted)
 
 
-def _read_raw(device: DeviceState, task: SimulatedTask, request: Any) -> Any:
-    codes, code = _codes(device, task, request, 2 * len(task.channels))
+def _read_raw(device: DeviceState, task: SimulatedTask, request: Any) -> Fields:
+    codes, read = _codes(device, task, request, 2 * len(task.channels))
     data = codes.astype("<i2").tobytes()  # interleaved, as the converter gives them
-    return response("ReadRaw", status=code, read_array=data, samps_read=codes.shape[0], num_bytes_per_samp=2)
+    return {"read_array": data, "status": read["status"], "samps_read": codes.shape[0], "num_bytes_per_samp": 2}
 
 
-def _read_codes(call: str) -> Handler:
-    def read(device: DeviceState, task: SimulatedTask, request: Any) -> Any:
-        codes, code = _codes(device, task, request)
-        came = codes.shape[0]
-        flat = (codes if enum(request, "fill_mode") == 1 else codes.T).ravel()
-        return response(call, status=code, read_array=flat, samps_per_chan_read=came)
-
-    return read
+def _read_codes(device: DeviceState, task: SimulatedTask, request: Any) -> Fields:
+    codes, read = _codes(device, task, request)
+    return {"read_array": (codes if enum(request, "fill_mode") == 1 else codes.T).ravel(), **read}
 
 
-WAVEFORM_CALLS: dict[str, Handler] = {
+WAVEFORM_CALLS: dict[str, TaskHandler] = {
     "ReadAnalogWaveforms": _read_analog,
     "ReadDigitalWaveforms": _read_digital,
     "WriteAnalogWaveforms": _write_analog,
     "WriteDigitalWaveforms": _write_digital,
     "ReadRaw": _read_raw,
-    "ReadBinaryI16": _read_codes("ReadBinaryI16"),
-    "ReadBinaryI32": _read_codes("ReadBinaryI32"),
+    "ReadBinaryI16": _read_codes,
+    "ReadBinaryI32": _read_codes,
 }

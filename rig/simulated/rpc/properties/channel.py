@@ -11,21 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from rig.simulated import status
-from rig.simulated.constants import (
-    CO_PULSE_DUTY_CYC,
-    CO_PULSE_FREQ,
-    CO_PULSE_FREQ_INITIAL_DELAY,
-    EDGES,
-    FREQUENCY,
-    PERIOD,
-    PULSE_FREQUENCY,
-    PULSE_TICKS,
-    PULSE_TIME,
-    VOLTAGE,
-    VOLTS,
-    WIDTH,
-)
+from rig.simulated import daqmx, status
 from rig.simulated.device.state import DeviceState
 from rig.simulated.device.task import Channel, SimulatedTask
 from rig.simulated.product.inventory import channel_names
@@ -35,11 +21,16 @@ from rig.simulated.status import DaqStatusError
 
 CHANNEL_TYPE = {"AI": 10100, "AO": 10102, "DI": 10151, "DO": 10153, "CI": 10131, "CO": 10132}
 CI_TYPE = {
-    EDGES: 10125, FREQUENCY: 10179, PERIOD: 10256, WIDTH: 10359, PULSE_FREQUENCY: 15864, PULSE_TIME: 15865,
-    PULSE_TICKS: 15866,
+    daqmx.EDGES: 10125, daqmx.FREQUENCY: 10179, daqmx.PERIOD: 10256, daqmx.WIDTH: 10359,
+    daqmx.PULSE_FREQUENCY: 15864, daqmx.PULSE_TIME: 15865, daqmx.PULSE_TICKS: 15866,
 }  # fmt: skip
 FORCE_BRIDGE, ANGULAR_ENCODER = 15899, 10360
-MEASUREMENT_TYPE = {"bridge": FORCE_BRIDGE, "voltage_in": VOLTAGE, "voltage_out": VOLTAGE, "counter": ANGULAR_ENCODER}
+MEASUREMENT_TYPE = {
+    "bridge": FORCE_BRIDGE,
+    "voltage_in": daqmx.VOLTAGE,
+    "voltage_out": daqmx.VOLTAGE,
+    "counter": ANGULAR_ENCODER,
+}
 BITS, RIGHT_JUSTIFIED = 10109, 10279
 LIMITS = {
     property_number("Chan", f"{type_}_{end}"): (type_, f"{end.lower()}_val")
@@ -98,7 +89,7 @@ def _lines(type_: str) -> Property:
 
 
 def _count(device: DeviceState, task: SimulatedTask, channel: Channel) -> int | None:
-    if task.type != "CI" or task.measures not in (None, EDGES):
+    if task.type != "CI" or task.measures not in (None, daqmx.EDGES):
         return None
     return int(latch_now(device, task)[0, 0]) % 2**32 if task.progress.live else 0
 
@@ -107,14 +98,14 @@ def _high_time(device: DeviceState, task: SimulatedTask, channel: Channel) -> fl
     if task.type != "CO":
         return None
     return float(
-        task.setting("Chan", channel.name, CO_PULSE_DUTY_CYC, 0.5)
-        / task.setting("Chan", channel.name, CO_PULSE_FREQ, 1.0)
+        task.setting("Chan", channel.name, daqmx.CO_PULSE_DUTY_CYC, 0.5)
+        / task.setting("Chan", channel.name, daqmx.CO_PULSE_FREQ, 1.0)
     )
 
 
 def _low_time(device: DeviceState, task: SimulatedTask, channel: Channel) -> float | None:
     high = _high_time(device, task, channel)
-    return None if high is None else float(1 / task.setting("Chan", channel.name, CO_PULSE_FREQ, 1.0) - high)
+    return None if high is None else float(1 / task.setting("Chan", channel.name, daqmx.CO_PULSE_FREQ, 1.0) - high)
 
 
 _GETTERS: dict[str, Property] = {
@@ -133,7 +124,7 @@ _GETTERS: dict[str, Property] = {
     "AI_MAX": _setting("max_val", "AI"),
     "AI_MIN": _setting("min_val", "AI"),
     "AI_TERM_CFG": _setting("terminal_config", "AI"),
-    "AI_VOLTAGE_UNITS": _fixed(VOLTS, "voltage_in"),
+    "AI_VOLTAGE_UNITS": _fixed(daqmx.VOLTS, "voltage_in"),
     "AI_FORCE_UNITS": _setting("units", "AI"),
     "AI_RNG_HIGH": _range(1.0),
     "AI_RNG_LOW": _range(-1.0),
@@ -144,8 +135,8 @@ _GETTERS: dict[str, Property] = {
     "AI_DEV_SCALING_COEFF": _coefficients,
     "AO_MAX": _setting("max_val", "AO"),
     "AO_MIN": _setting("min_val", "AO"),
-    "AO_OUTPUT_TYPE": _fixed(VOLTAGE, "voltage_out"),
-    "AO_VOLTAGE_UNITS": _fixed(VOLTS, "voltage_out"),
+    "AO_OUTPUT_TYPE": _fixed(daqmx.VOLTAGE, "voltage_out"),
+    "AO_VOLTAGE_UNITS": _fixed(daqmx.VOLTS, "voltage_out"),
     "AO_RESOLUTION": _fixed(16.0, "voltage_out"),
     "AO_RESOLUTION_UNITS": _fixed(BITS, "voltage_out"),
     "AO_DAC_RNG_HIGH": _reach(1.0),
@@ -160,11 +151,11 @@ _GETTERS: dict[str, Property] = {
     "CI_ENCODER_DECODING_TYPE": _setting("decoding_type", "CI"),
     "CI_ANG_ENCODER_UNITS": _setting("units", "CI"),
     "CI_ANG_ENCODER_INITIAL_ANGLE": _setting("initial_angle", "CI"),
-    "CI_FREQ_UNITS": _unit(FREQUENCY),
-    "CI_PERIOD_UNITS": _unit(PERIOD),
-    "CI_PULSE_WIDTH_UNITS": _unit(WIDTH),
-    "CI_PULSE_FREQ_UNITS": _unit(PULSE_FREQUENCY),
-    "CI_PULSE_TIME_UNITS": _unit(PULSE_TIME),
+    "CI_FREQ_UNITS": _unit(daqmx.FREQUENCY),
+    "CI_PERIOD_UNITS": _unit(daqmx.PERIOD),
+    "CI_PULSE_WIDTH_UNITS": _unit(daqmx.WIDTH),
+    "CI_PULSE_FREQ_UNITS": _unit(daqmx.PULSE_FREQUENCY),
+    "CI_PULSE_TIME_UNITS": _unit(daqmx.PULSE_TIME),
     "CI_MAX": _setting("max_val", "CI"),
     "CI_MIN": _setting("min_val", "CI"),
     "CI_LIN_ENCODER_DIST_PER_PULSE": _setting("dist_per_pulse", "CI"),
@@ -173,7 +164,7 @@ _GETTERS: dict[str, Property] = {
     "CO_PULSE_HIGH_TIME": _high_time,
     "CO_PULSE_LOW_TIME": _low_time,
     "CO_PULSE_TIME_INITIAL_DELAY": lambda device, task, channel: task.setting(
-        "Chan", channel.name, CO_PULSE_FREQ_INITIAL_DELAY, None
+        "Chan", channel.name, daqmx.CO_PULSE_FREQ_INITIAL_DELAY, None
     ),
     "CO_PULSE_IDLE_STATE": _setting("idle_state", "CO"),
     "CO_PULSE_DONE": lambda device, task, channel: task.done if task.type == "CO" else None,

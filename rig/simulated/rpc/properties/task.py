@@ -8,24 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from rig.simulated import status
-from rig.simulated.constants import (
-    AI_BRIDGE_SHUNT_CAL_ENABLE,
-    ALLOW_REGENERATION,
-    ARM_START_TRIG_TYPE,
-    BUF_INPUT_BUF_SIZE,
-    BUF_OUTPUT_BUF_SIZE,
-    CI_ENCODER_A_INPUT_TERM,
-    CI_ENCODER_B_INPUT_TERM,
-    CI_TERM,
-    CO_PULSE_TERM,
-    DIG_EDGE_ARM_START_TRIG_EDGE,
-    DIG_EDGE_ARM_START_TRIG_SRC,
-    DIGITAL_EDGE,
-    NO_TRIGGER,
-    START_TRIG_RETRIGGERABLE,
-    WRITE_REGEN_MODE,
-)
+from rig.simulated import daqmx, status
 from rig.simulated.device.state import DeviceState
 from rig.simulated.device.task import SimulatedTask
 from rig.simulated.rpc.messages import property_number
@@ -41,7 +24,7 @@ IMPLICIT, CHANGE_DETECTION, SAMPLE_CLOCK, ON_DEMAND = 10451, 12504, 10388, 10390
 READ_OVERWRITE = property_number("Read", "OVERWRITE")
 READ_DEFAULT_SAMPLES = 0x31E8
 """A property of newer drivers without a name in the service: samples a read takes when a client gives no number."""
-CI_INPUT_TERMS = (CI_ENCODER_A_INPUT_TERM, CI_ENCODER_B_INPUT_TERM, *CI_TERM.values())
+CI_INPUT_TERMS = (daqmx.CI_ENCODER_A_INPUT_TERM, daqmx.CI_ENCODER_B_INPUT_TERM, *daqmx.CI_TERM.values())
 CI_FILTERS = tuple(
     property_number("Chan", f"CI_ENCODER_{signal}_INPUT_DIG_FLTR_{what}")
     for signal in "AB"
@@ -49,11 +32,16 @@ CI_FILTERS = tuple(
 )
 SETTABLE: dict[str, frozenset[int]] = {
     "Read": frozenset({READ_OVERWRITE}),
-    "Buffer": frozenset({BUF_INPUT_BUF_SIZE, BUF_OUTPUT_BUF_SIZE}),
-    "Write": frozenset({WRITE_REGEN_MODE}),
-    "Chan": frozenset({*CI_INPUT_TERMS, *CI_FILTERS, *LIMITS, CO_PULSE_TERM, AI_BRIDGE_SHUNT_CAL_ENABLE}),
+    "Buffer": frozenset({daqmx.BUF_INPUT_BUF_SIZE, daqmx.BUF_OUTPUT_BUF_SIZE}),
+    "Write": frozenset({daqmx.WRITE_REGEN_MODE}),
+    "Chan": frozenset({*CI_INPUT_TERMS, *CI_FILTERS, *LIMITS, daqmx.CO_PULSE_TERM, daqmx.AI_BRIDGE_SHUNT_CAL_ENABLE}),
     "Trig": frozenset(
-        {ARM_START_TRIG_TYPE, DIG_EDGE_ARM_START_TRIG_EDGE, DIG_EDGE_ARM_START_TRIG_SRC, START_TRIG_RETRIGGERABLE}
+        {
+            daqmx.ARM_START_TRIG_TYPE,
+            daqmx.DIG_EDGE_ARM_START_TRIG_EDGE,
+            daqmx.DIG_EDGE_ARM_START_TRIG_SRC,
+            daqmx.START_TRIG_RETRIGGERABLE,
+        }
     ),
 }
 Getter = Callable[[DeviceState, SimulatedTask], Any]
@@ -105,7 +93,7 @@ def _most_lines(device: DeviceState, task: SimulatedTask) -> int:
 def _space_available(device: DeviceState, task: SimulatedTask) -> int:
     output = task.output
     running = task.state == "running"
-    size = output.size if running else int(task.setting("Buffer", "", BUF_OUTPUT_BUF_SIZE, output.written))
+    size = output.size if running else int(task.setting("Buffer", "", daqmx.BUF_OUTPUT_BUF_SIZE, output.written))
     return max(size - max(output.written - output.generated, 0), 0)
 
 
@@ -148,7 +136,7 @@ _GETTERS: dict[tuple[str, str], Getter] = {
     ("Timing", "SAMP_CLK_SRC"): _clock_source,
     ("Timing", "SAMP_QUANT_SAMP_MODE"): _clock("mode"),
     ("Timing", "SAMP_QUANT_SAMP_PER_CHAN"): _clock("samples"),
-    ("Trig", "START_TRIG_TYPE"): lambda device, task: DIGITAL_EDGE if task.triggers.start else NO_TRIGGER,
+    ("Trig", "START_TRIG_TYPE"): lambda device, task: daqmx.DIGITAL_EDGE if task.triggers.start else daqmx.NO_TRIGGER,
     ("Trig", "DIG_EDGE_START_TRIG_SRC"): lambda device, task: _terminal(device, task.triggers.start),
     ("Trig", "START_TRIG_RETRIGGERABLE"): lambda device, task: task.retriggerable,
     ("Trig", "START_TRIG_TERM"): _start_trigger_terminal,
@@ -163,7 +151,9 @@ _GETTERS: dict[tuple[str, str], Getter] = {
     ("Read", "OVERWRITE"): lambda device, task: task.setting("Read", "", READ_OVERWRITE, DO_NOT_OVERWRITE),
     ("Write", "NUM_CHANS"): _number_of_channels,
     ("Write", "DIGITAL_LINES_BYTES_PER_CHAN"): _most_lines,
-    ("Write", "REGEN_MODE"): lambda device, task: task.setting("Write", "", WRITE_REGEN_MODE, ALLOW_REGENERATION),
+    ("Write", "REGEN_MODE"): lambda device, task: task.setting(
+        "Write", "", daqmx.WRITE_REGEN_MODE, daqmx.ALLOW_REGENERATION
+    ),
     ("Write", "SPACE_AVAIL"): _space_available,
     ("Write", "CURR_WRITE_POS"): _generated,
     ("Write", "TOTAL_SAMP_PER_CHAN_GENERATED"): _generated,
@@ -207,28 +197,30 @@ def put(device: DeviceState, task: SimulatedTask, channel: str, key: Key, value:
             for found in channels:
                 set_limit(device, task, found, number, value)
             return
-        shunt = number == AI_BRIDGE_SHUNT_CAL_ENABLE
-        wanted = "CO" if number == CO_PULSE_TERM else "AI" if shunt else "CI"
+        shunt = number == daqmx.AI_BRIDGE_SHUNT_CAL_ENABLE
+        wanted = "CO" if number == daqmx.CO_PULSE_TERM else "AI" if shunt else "CI"
         if task.type != wanted or (shunt and any(found.physical.kind != "bridge" for found in channels)):
             raise DaqStatusError(status.ATTRIBUTE_NOT_SUPPORTED, f"Property: 0x{number:04X} of {channel}")
     _check(device, task, number, value)
     for name in names:
         task.properties[category, name, number] = value
-    if number in (ARM_START_TRIG_TYPE, DIG_EDGE_ARM_START_TRIG_SRC):
-        armed = task.setting("Trig", "", ARM_START_TRIG_TYPE, NO_TRIGGER) == DIGITAL_EDGE
-        source = task.setting("Trig", "", DIG_EDGE_ARM_START_TRIG_SRC, "")
+    if number in (daqmx.ARM_START_TRIG_TYPE, daqmx.DIG_EDGE_ARM_START_TRIG_SRC):
+        armed = task.setting("Trig", "", daqmx.ARM_START_TRIG_TYPE, daqmx.NO_TRIGGER) == daqmx.DIGITAL_EDGE
+        source = task.setting("Trig", "", daqmx.DIG_EDGE_ARM_START_TRIG_SRC, "")
         task.triggers.arm_start = device.inventory.terminal(source) if armed and source else ""
 
 
 def _check(device: DeviceState, task: SimulatedTask, number: int, value: Any) -> None:
     """Refuse a value that the product does not have, or the virtual device."""
-    if number in (*CI_INPUT_TERMS, DIG_EDGE_ARM_START_TRIG_SRC):
+    if number in (*CI_INPUT_TERMS, daqmx.DIG_EDGE_ARM_START_TRIG_SRC):
         device.inventory.terminal(value)
-    if number == CO_PULSE_TERM:
+    if number == daqmx.CO_PULSE_TERM:
         device.inventory.terminal(value, output=True)
     if number == READ_OVERWRITE and value != DO_NOT_OVERWRITE:
         raise DaqStatusError(status.ATTRIBUTE_NOT_SUPPORTED, "only DO_NOT_OVERWRITE_UNREAD_SAMPLES is simulated")
-    if number == ARM_START_TRIG_TYPE and value not in (DIGITAL_EDGE, NO_TRIGGER):
+    if number == daqmx.ARM_START_TRIG_TYPE and value not in (daqmx.DIGITAL_EDGE, daqmx.NO_TRIGGER):
         raise DaqStatusError(status.INVALID_VALUE, f"Arm start trigger type {value}")
-    if number == START_TRIG_RETRIGGERABLE and (task.type not in ("AI", "AO", "DI", "DO") or task.triggers.reference):
+    if number == daqmx.START_TRIG_RETRIGGERABLE and (
+        task.type not in ("AI", "AO", "DI", "DO") or task.triggers.reference
+    ):
         raise NotImplementedByDevice(f"retriggering a {task.type} task")
