@@ -33,7 +33,7 @@ from filmed_blow import blow
 from numpy.typing import NDArray
 from tracking_peers import by_lucas_kanade, by_pyidi, by_templates
 
-from rig.simulated.bench.camera import CameraSettings, FilmTruth, film_bodies, film_trial
+from rig.simulated import CameraSettings, FilmTruth, film_bodies, film_trial
 from vision.angles import picture_to_ccw
 from vision.film.source import Film, open_film
 from vision.fitting.template import Template

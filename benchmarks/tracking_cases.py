@@ -14,7 +14,7 @@ import numpy as np
 from filmed_blow import REST, blow, smooth_step
 from numpy.typing import NDArray
 
-from rig.simulated.bench.camera import CameraSettings, film_bodies, film_trial
+from rig.simulated import CameraSettings, film_bodies, film_trial
 from vision.angles import ccw_to_picture
 from vision.bodies.outlines import Body, build_masks
 from vision.film.avi_writer import write_avi

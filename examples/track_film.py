@@ -9,8 +9,7 @@ from pathlib import Path
 import numpy as np
 
 import vision
-from rig.simulated.bench.camera import film_trial
-from rig.simulated.bench.camera_view import ActionGeometry, CameraSettings, film_bodies
+from rig.simulated import ActionGeometry, CameraSettings, film_bodies, film_trial
 
 geometry, camera = ActionGeometry(), CameraSettings()
 times_s = np.arange(120) / camera.frame_rate_hz

@@ -18,10 +18,10 @@ from pathlib import Path
 from urllib.parse import parse_qsl, urlsplit
 
 from rig.backend import Capabilities, Opener
-from rig.configuration import toml_file
 from rig.configuration.rig_file import RigConfig
 from rig.daq import NidaqmxBackend
 from rig.errors import InputError
+from rig.simulated.bench.bench_file import read_bench
 from rig.simulated.bench.bench_time import BenchTime
 from rig.simulated.bench.clock import Clock, PacedClock, VirtualClock
 from rig.simulated.bench.plant import load_plant
@@ -97,11 +97,11 @@ def open_backend(url: str, config: RigConfig) -> SimulatedBackend:
     sensors = load_sensors(bench, seed=seed)
     effects = [name for name in options.get("effects", "").split(",") if name]
     plant = load_plant(bench, seed=seed, sample_rate_hz=config.device.sample_rate_hz, effects=effects)
-    table = toml_file.parse_toml(toml_file.read_text(bench), str(bench)).get("wiring", {})
+    table = read_bench(bench).get("wiring", {})
     wiring = planted_wiring(table if isinstance(table, dict) else {"": table}, config.device.product, str(bench))
     device = build_device(config, plant, sensors, clock=clock, wiring=wiring)
     device.faults = FaultPlan(faults)
-    device.bench.hand = _hand(url, options.get("hand", "no"))
+    device.bench.operator_acts = _yes_or_no(url, options.get("hand", "no"))
     backend = SimulatedBackend(
         device,
         {
@@ -138,7 +138,7 @@ def _seed(url: str, text: str | None) -> int | None:
     return int(text)
 
 
-def _hand(url: str, text: str) -> bool:
+def _yes_or_no(url: str, text: str) -> bool:
     if text not in ("yes", "no"):
         raise InputError(f"{url}: hand = {text!r}, allowed yes or no")
     return text == "yes"

@@ -63,7 +63,7 @@ def output_state(device: DeviceState) -> dict[str, object]:
 
 
 def _keep_up(device: DeviceState) -> None:
-    """Let outputs go on while nobody waits; an acquisition waits for its reader, so that its samples can be counted."""
+    """Let outputs go on while no client waits; an acquisition waits for its reader, so that none is lost."""
     clock = device.bench.clock
     acquiring = any(task.progress.live and task.buffer is not None for task in device.tasks.values())
     if clock.paced and clock.due_s > BEHIND_S and not acquiring:

@@ -1,8 +1,8 @@
 """Analog-to-digital conversion of the virtual device: input delay, range, quantisation.
 
-The 9237's decimation filter is modelled by its group delay only (linear interpolation between sample edges);
-before the start of a trial the force is what it is at the first edge. Noise and hum are added after the
-delay, so that their stated size is what is read.
+The 9237's decimation filter is modelled by its group delay only (linear interpolation between sample edges); before a
+trial starts the force has its value at the first edge. Noise and hum are added after the delay, so that they are read
+in their stated size.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ class DelayLine:
         """Take the next n values and return the n delayed ones."""
         if values.size == 0 or self._delay == 0.0:
             return values
-        kept = int(np.ceil(self._delay)) + 1
+        length = int(np.ceil(self._delay)) + 1
         if self._history is None:
-            self._history = np.full(kept, values[0])
+            self._history = np.full(length, values[0])
         line = np.concatenate((self._history, values))
         position = np.arange(self._history.size, line.size) - self._delay
-        self._history = line[-kept:]
+        self._history = line[-length:]
         return np.interp(position, np.arange(line.size), line)
 
 

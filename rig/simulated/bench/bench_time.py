@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.simulated.bench import operator_hand
+from rig.simulated.bench import virtual_operator
 from rig.simulated.bench.adc import DelayLine
 from rig.simulated.bench.clock import Clock
 from rig.simulated.bench.plant_protocol import Plant
@@ -32,10 +32,10 @@ class BenchTime:
         self._delay = DelayLine(0.0)
         self._force: ForceSignal | None = None
         self._encoders: EncoderSignals | None = None
-        self.hand = False
-        """Whether the virtual operator acts in a self-test (:mod:`rig.simulated.bench.operator_hand`)."""
+        self.operator_acts = False
+        """Whether the virtual operator acts in a self-test (:mod:`rig.simulated.bench.virtual_operator`)."""
         self.force_per_volt_n = 12.0
-        self._by_hand = False
+        self._by_operator = False
         self.camera_rate_hz = 0.0
         """Rate of a camera that runs by itself; 0 without one."""
         self.exposures: PulseTrain | None = None
@@ -57,9 +57,9 @@ class BenchTime:
         """Time since the trial began, s."""
         return self.edge / self.rate_hz
 
-    def begin(self, trial: int, rate_hz: float, input_delay_s: float, *, by_hand: bool = False) -> None:
+    def begin(self, trial: int, rate_hz: float, input_delay_s: float, *, by_operator: bool = False) -> None:
         """Put the bench at rest for a new trial whose edges come at ``rate_hz``."""
-        self.trial, self.edge, self._by_hand = trial, 0, by_hand and self.hand
+        self.trial, self.edge, self._by_operator = trial, 0, by_operator and self.operator_acts
         self.plant.sample_rate_hz = rate_hz
         self.plant.start_trial(trial)
         self.clock.begin()
@@ -78,10 +78,10 @@ class BenchTime:
             raise RuntimeError("the bench has no trial yet")
         n = command_v.size
         time_s = (self.edge + np.arange(n)) / self.rate_hz
-        if self._by_hand:
-            command_v = command_v + operator_hand.press_n(time_s) / self.force_per_volt_n
+        if self._by_operator:
+            command_v = command_v + virtual_operator.press_n(time_s) / self.force_per_volt_n
         block = self.plant.advance(command_v)
-        felt_n = np.where(operator_hand.lifted(time_s), 0.0, block.force_n) if self._by_hand else block.force_n
+        felt_n = np.where(virtual_operator.lifted(time_s), 0.0, block.force_n) if self._by_operator else block.force_n
         cell = self._force.millivolts_per_volt(self._delay.push(felt_n), time_s)
         self._last_force_n, self._last_angle_rad = block.force_n[-1:], block.angle_rad[-1:]
         self._last_lift_m = None if block.key_lift_m is None else block.key_lift_m[-1:]

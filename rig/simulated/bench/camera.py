@@ -1,14 +1,11 @@
 """The virtual bench's high-speed camera: films whippen, jack and repetition lever into a Photron MRAW file.
 
-Place in the data flow: the virtual bench hands over the true angles of its action as a function of time and
-the frame times; the film goes to disk frame by frame, in the format of a real one; `film_bodies` gives the
-outlines that a user would draw. What the camera sees stands in `camera_view`.
+It takes the true angles of the action as a function of time, and the frame times; the film goes to disk frame by frame,
+in the format of a real one. What the camera sees is defined in `camera_view`.
 
-Conventions: angles counter-clockwise in rad (whippen from ground, jack and repetition lever from the
-whippen); `frame_time_s` is the middle of each exposure. Flicker is a sinusoidal ripple of the light, averaged
-over the exposure.
-
-Failure: times or angles that no film can have raise `vision.errors.InputError`; nothing half-written is left.
+Angles are counter-clockwise in rad (whippen from ground, jack and repetition lever from the whippen); `frame_time_s` is
+the middle of each exposure. Flicker is a sinusoidal ripple of the light, averaged over the exposure. No half-written
+file is left behind by an error.
 """
 
 from __future__ import annotations
@@ -25,7 +22,6 @@ from rig.simulated.bench.camera_view import (
     NAMES,
     ActionGeometry,
     CameraSettings,
-    film_bodies,
     film_bounds,
     film_scene,
     poses,
@@ -40,7 +36,7 @@ MAX_INSTANTS = 24
 
 @dataclass(frozen=True)
 class FilmTruth:
-    """What the film really shows.
+    """The true contents of a film.
 
     Attributes
     ----------
@@ -115,21 +111,21 @@ def film_trial(
     if times.ndim != 1 or times.size == 0 or not np.all(np.isfinite(times)) or np.any(np.diff(times) <= 0.0):
         raise InputError(f"{path}: frame times must be finite and increasing, one per frame; found shape {times.shape}")
     scene = film_scene(settings, seed)
-    shoot = _Shooting(scene, geometry, settings, times, angle_rad_of_time, seed, progress)
+    exposures = _Exposures(scene, geometry, settings, times, angle_rad_of_time, seed, progress)
     write_mraw(
-        path, shoot.frames(), settings.frame_rate_hz, bit_depth=settings.bit_depth, exposure_s=settings.exposure_s,
+        path, exposures.frames(), settings.frame_rate_hz, bit_depth=settings.bit_depth, exposure_s=settings.exposure_s,
         start_frame=start_frame, comment="synthetic film of the virtual bench",
     )  # fmt: skip
     noise = total_noise(settings.noise_grey, settings.bit_depth)
     bound = film_bounds(scene, geometry, settings, noise)
     relative = np.hypot(bound, bound[0])
     relative[0] = bound[0]
-    return FilmTruth(times, shoot.centre, shoot.mean, NAMES, bound, relative, noise, shoot.n_instants)
+    return FilmTruth(times, exposures.centre, exposures.mean, NAMES, bound, relative, noise, exposures.n_instants)
 
 
 @dataclass
-class _Shooting:
-    """One run of the camera; keeps the truth while the frames stream to disk."""
+class _Exposures:
+    """The exposures of one film; collects the truth while the frames stream to disk."""
 
     scene: Scene
     geometry: ActionGeometry
@@ -179,6 +175,3 @@ class _Shooting:
                 f"angle_rad_of_time gave shape {angles.shape} for {time_s.size} times; needs finite ({time_s.size}, 3)"
             )
         return angles
-
-
-__all__ = ["ActionGeometry", "CameraSettings", "FilmTruth", "film_bodies", "film_trial"]

@@ -1,13 +1,10 @@
 """What the virtual camera sees: the filmed bodies' geometry, outlines and textures, and its settings.
 
-Place in the data flow: `camera` renders the scene built here; the tracker gets the outlines of `film_bodies`.
+`camera` renders the scene built here; the tracker gets the outlines of `film_bodies`. Geometry is in metres, x right, y
+up, angles counter-clockwise in rad. The picture is fixed to the ground; the place of its corner is in the ground frame.
+The jack lies in front of the repetition lever, both in front of the whippen.
 
-Conventions: geometry in metres, x right, y up, angles counter-clockwise in rad. The picture is fixed to the
-ground; its corner is given in the ground frame. The jack lies in front of the repetition lever, both in front
-of the whippen.
-
-Source of the pivots and rest angles: Hirschkorn 2004, as carried by the thesis; the outlines are drawn for
-this bench. Failure: settings that no camera can have raise `vision.errors.InputError`.
+Pivots and rest angles are those of Hirschkorn 2004, as the thesis uses them; the outlines are drawn for this bench.
 """
 
 from __future__ import annotations
@@ -48,7 +45,7 @@ class ActionGeometry:
 
 @dataclass(frozen=True)
 class CameraSettings:
-    """What a user sets on the camera, and what the bodies look like.
+    """Settings of the camera, and how the bodies look.
 
     Attributes
     ----------
@@ -95,8 +92,7 @@ class CameraSettings:
         if self.exposure_s * self.frame_rate_hz > 1.0:
             raise InputError(
                 f"camera exposure_s = {self.exposure_s:g} is longer than a frame, "
-                f"{1.0 / self.frame_rate_hz:g} s; "
-                "shorten it"
+                f"{1.0 / self.frame_rate_hz:g} s; shorten it"
             )
         if not (64 <= self.width <= 4096 and 64 <= self.height <= 4096):
             raise InputError(f"camera width x height = {self.width} x {self.height}; each side must be 64..4096 px")
@@ -125,8 +121,7 @@ def film_scene(settings: CameraSettings, seed: int) -> Scene:
 
 
 def film_bodies(geometry: ActionGeometry | None = None, settings: CameraSettings | None = None) -> list[Body]:
-    """Outlines of the three bodies at ``geometry.rest_angle_rad``, as a user would draw them on the first
-    frame.
+    """Outlines of the three bodies at ``geometry.rest_angle_rad``, as a user would draw them on the first frame.
 
     Returns
     -------

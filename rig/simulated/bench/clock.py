@@ -1,4 +1,4 @@
-"""Clocks of the virtual bench: time moves only when a read asks for samples that do not exist yet.
+"""Clocks of the virtual bench: time moves only when a read needs samples that have not been acquired yet.
 
 The virtual clock just counts; the paced clock also waits, so that the bench runs at wall-clock speed or a
 multiple of it. Wait and clock functions are injected, nothing here sleeps by itself in a test.
@@ -10,14 +10,14 @@ import time
 from collections.abc import Callable
 from typing import Protocol
 
-ASKING_S = 0.01
+POLL_S = 0.01
 
 
 class Clock(Protocol):
-    """What the device asks of a clock."""
+    """What the device needs of a clock."""
 
     paced: bool
-    """Whether time takes its time."""
+    """Whether the clock follows the wall clock."""
 
     @property
     def now_s(self) -> float:
@@ -25,21 +25,21 @@ class Clock(Protocol):
 
     @property
     def elapsed_s(self) -> float:
-        """The same as somebody sees it who does not wait for a read: a watchdog timer, s."""
+        """Time since the clock was made, as a watchdog timer counts it: also while nothing is read, s."""
 
     @property
     def due_s(self) -> float:
-        """Time that should have passed by itself for somebody who only asks what is there, s."""
+        """Time that should have passed by itself when a client only asks what is available, s."""
 
     def begin(self) -> None:
-        """Begin an acquisition: time in which nothing ran is not made up for."""
+        """Begin an acquisition: time in which nothing ran is not caught up on."""
 
     def advance(self, duration_s: float) -> None:
         """Let ``duration_s`` pass."""
 
 
 class VirtualClock:
-    """Time that passes in no time."""
+    """Time that is only counted."""
 
     paced = False
 
@@ -58,8 +58,8 @@ class VirtualClock:
 
     @property
     def due_s(self) -> float:
-        """A little: asking takes its time where nothing else lets it pass."""
-        return ASKING_S
+        """A little: polling takes time where nothing else lets it pass."""
+        return POLL_S
 
     def begin(self) -> None:
         """Do nothing: time only counts."""
@@ -69,7 +69,7 @@ class VirtualClock:
         self._now_s += duration_s
 
 
-class PacedClock:
+class PacedClock(VirtualClock):
     """Virtual time that never runs ahead of ``speed`` times the wall clock."""
 
     paced = True
@@ -81,20 +81,15 @@ class PacedClock:
         wall_s: Callable[[], float] = time.monotonic,
         wait: Callable[[float], None] = time.sleep,
     ) -> None:
+        super().__init__()
         self._speed = speed
         self._wall_s = wall_s
         self._wait = wait
         self._origin_s = wall_s()
-        self._now_s = 0.0
-
-    @property
-    def now_s(self) -> float:
-        """Virtual time, s."""
-        return self._now_s
 
     @property
     def elapsed_s(self) -> float:
-        """Wall-clock time, s, slowed down with the bench but never sped up; goes on when nobody reads."""
+        """Wall-clock time, s, slowed down with the bench but never sped up; goes on while nothing is read."""
         return (self._wall_s() - self._origin_s) * min(self._speed, 1.0)
 
     @property

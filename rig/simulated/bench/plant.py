@@ -1,18 +1,16 @@
 """The mechanics of the virtual bench: specimen action and motor arm, integrated with the model's kernels.
 
-The simulated device asks for the state at each edge of its sample clock; camera and tests read the whole
-truth of a trial afterwards. The command is a zero-order hold in volts; the force spike at key bottom arises
-from the arm's inertia. How the specimen differs from the model under test and what scatters from trial to trial
-stand in bench.toml. Same seed and trial, same trial. A bad bench file ends in ``InputError``.
+The device steps it from edge to edge of the sample clock; camera and tests read the whole truth of a trial afterwards.
+The command is a zero-order hold in volts; the force spike at key bottom arises from the arm's inertia. bench.toml
+declares how the specimen differs from the model under test, and what scatters from trial to trial; the same seed and
+trial number give the same trial.
 """
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 import model
 from model.parameters.effects import EFFECTS, KEY_LIFT, MOTOR
 from rig.errors import InputError
+from rig.simulated.bench.bench_file import bench_table, read_bench
 from rig.simulated.bench.plant_protocol import ENCODED_BODIES, PlantBlock
 
 TOLERANCE = 1e-6
@@ -116,15 +115,15 @@ class ActionPlant:
         self._record: list[tuple[NDArray[np.float64], ...]] = []
 
     def advance(self, command_v: NDArray[np.float64]) -> PlantBlock:
-        """Hold each of the (n,) volts for one sample period; return the state at the n edges before them."""
+        """Apply each of the (n,) volts for one sample period; return the state at the n edges before them."""
         count = len(command_v)
         edges = np.arange(self._edge, self._edge + count + 1) / self.sample_rate_hz
         torque = self._gain * np.asarray(command_v, dtype=float)
-        kept = np.concatenate([[True], np.diff(torque) != 0.0])  # equal values hold on: one stop less each
+        changes = np.concatenate([[True], np.diff(torque) != 0.0])  # no stop where the value stays
         angles, speeds = self._run.advance(
             edges[-1],
-            np.append(edges[:-1][kept], edges[-1]),
-            np.append(torque[kept], torque[-1]),
+            np.append(edges[:-1][changes], edges[-1]),
+            np.append(torque[changes], torque[-1]),
             held=True,
             output_time_s=edges[:-1],
         )
@@ -147,23 +146,6 @@ class ActionPlant:
         return PlantTruth(time, angles, speeds, force, self._specimen, self._gain, self._names)
 
 
-def _table(table: Mapping[str, Any], key: str, where: Path) -> dict[str, Any]:
-    item = table.get(key)
-    if not isinstance(item, dict):
-        raise InputError(f"{where}: [{key}]: missing; the virtual bench needs this table")
-    return item
-
-
-def read_bench(path: Path) -> dict[str, Any]:
-    """Parse a bench file."""
-    try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as problem:
-        raise InputError(f"{path}: cannot be read ({problem.strerror})") from None
-    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as problem:
-        raise InputError(f"{path}: is not valid TOML: {problem}") from None
-
-
 def load_plant(bench_path: Path, seed: int | None, sample_rate_hz: float, effects: Collection[str] = ()) -> ActionPlant:
     """Build the plant a bench file describes; ``seed`` wins over the file's.
 
@@ -171,15 +153,15 @@ def load_plant(bench_path: Path, seed: int | None, sample_rate_hz: float, effect
     """
     path = Path(bench_path)
     bench = read_bench(path)
-    specimen = _table(bench, "specimen", path)
-    _table(bench, "motor_arm", path)
+    specimen = bench_table(bench, "specimen", path)
+    bench_table(bench, "motor_arm", path)
     tables = {effect: bench[effect] for effect in EFFECTS if effect in bench}
     choice = model.scene_of({"effects": [*effects], **tables}, str(path))
-    scatter = _table(bench, "scatter", path)
+    scatter = bench_table(bench, "scatter", path)
     for key, value in scatter.items():
         if isinstance(value, bool) or not isinstance(value, (int, float)) or not 0.0 <= value <= 0.3:
             raise InputError(f"{path}: scatter.{key}: found {value!r}, allowed 0 to 0.3 (relative)")
-    torque = _table(bench, "motor", path).get("torque_per_volt_nm")
+    torque = bench_table(bench, "motor", path).get("torque_per_volt_nm")
     if isinstance(torque, bool) or not isinstance(torque, (int, float)) or not 0 < torque <= 100:
         raise InputError(f"{path}: motor.torque_per_volt_nm: found {torque!r}, allowed above 0 to 100 N m/V")
     action = choice.on(model.load_action(specimen.get("action", "hirschkorn2004"), specimen.get("set", {})))

@@ -1,11 +1,9 @@
-"""What the simulated DAQ device asks of a plant: the interface between electronics and mechanics of the
-virtual bench.
+"""What the virtual device needs of a plant: the interface between electronics and mechanics of the virtual bench.
 
-Place in the data flow: the device hands over the volts its analog output holds and gets back the state at
-each edge of its sample clock; sensors turn that state into millivolts per volt and counts.
-Conventions: time zero is the AI start trigger; the output is a zero-order hold, sample k is put out at edge k
-and held to edge k+1; the state reported for edge k is the one the command of edge k has not yet acted on.
-Force on the key is positive downwards; angles are absolute, in rad, counter-clockwise; encoder order is key,
+The device passes in the volts its analog output is at and gets back the state at each edge of the sample clock; sensors
+turn that state into millivolts per volt and counts. Time zero is the AI start trigger. The output is a zero-order hold:
+sample k is generated at edge k and stays until edge k+1; the command of edge k has not yet acted on the state at edge
+k. Force on the key is positive downwards; angles are absolute, in rad, counter-clockwise; encoder order is key,
 whippen, hammer.
 """
 
@@ -56,7 +54,7 @@ class Plant(Protocol):
         """Put the plant at rest for trial ``trial`` (1, 2, …) and draw that trial's scatter from the seed."""
 
     def advance(self, command_v: NDArray[np.float64]) -> PlantBlock:
-        """Apply ``command_v`` (n,), held from edge k to edge k+1, and return the state at the n edges k."""
+        """Apply ``command_v`` (n,), each from edge k to edge k+1, and return the state at the n edges k."""
 
     def truth(self) -> Any:
-        """Return the whole record of the trial, for films and tests; the device never looks at it."""
+        """Return the whole record of the trial, for films and tests; the device never uses it."""

@@ -1,10 +1,8 @@
-"""The sensors of the virtual bench: a load cell that gives millivolts per volt, scales that give encoder
-counts.
+"""The sensors of the virtual bench: a load cell with an output in millivolts per volt, encoders that count.
 
-Place in the data flow: plant state → sensors → converters and counters of the virtual device. What is set
-here is the truth of the bench; the rig file holds what the lab believes. Conventions: force positive
-downwards, counts rise with counter-clockwise rotation when the sign is +1; everything that scatters from
-trial to trial is drawn from (bench seed, trial). Bad settings raise InputError.
+What is set here is the truth of the bench; the rig file states what the lab believes. Force is positive downwards,
+counts rise with counter-clockwise rotation when the sign is +1; everything that scatters from trial to trial is drawn
+from (bench seed, trial).
 """
 
 from __future__ import annotations
@@ -21,6 +19,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from model.observables import encoder_rad
 from rig.configuration import toml_file
+from rig.simulated.bench.bench_file import read_bench
 from rig.simulated.bench.plant_protocol import ENCODED_BODIES
 
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
@@ -93,7 +92,7 @@ class SensorSet:
 def load_sensors(bench: Path | Mapping[str, Any], *, seed: int | None = None) -> SensorSet:
     """Read the sensor tables of a bench file (path or parsed TOML); ``seed`` overrides the file's."""
     if isinstance(bench, Path):
-        where, data = str(bench), toml_file.parse_toml(toml_file.read_text(bench), str(bench))
+        where, data = str(bench), read_bench(bench)
     else:
         where, data = "bench", dict(bench)
     tables = toml_file.check(_BenchTables, data, where)

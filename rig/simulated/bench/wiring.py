@@ -17,8 +17,7 @@ from rig.simulated.bench.plant_protocol import ENCODED_BODIES
 
 @dataclass(frozen=True)
 class Wiring:
-    """Names relative to the device (``Mod1/ai0``, ``PFI3``); encoders as (A, B) terminals for key, whippen,
-    hammer.
+    """Names relative to the device (``Mod1/ai0``, ``PFI3``); encoders as (A, B) terminals for key, whippen, hammer.
 
     ``drive_enable`` None means that the drive's enable input is bridged. ``conditioner_v_per_mv_per_v`` is
     the gain of the bridge amplifier where the force goes to a voltage input.

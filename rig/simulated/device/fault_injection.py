@@ -102,7 +102,7 @@ class FaultPlan:
                     for task in device.tasks.values():
                         task.progress.live &= task.type != "AO"  # the output keeps the volts it has
                 elif fault.kind == "timeout":
-                    device.bench.clock.advance(max(timeout_s, 0.0))  # nothing ticks: the outputs hold what they have
+                    device.bench.clock.advance(max(timeout_s, 0.0))  # nothing ticks: the outputs keep their values
                 self._struck.add(fault)
                 self._fail(fault, call)
 
@@ -116,7 +116,7 @@ class FaultPlan:
         if fault.kind == "server-gone":
             raise ServerGone("planted")
         if fault.kind == "underrun" and call != "IsTaskDone":
-            return  # the driver reports it to whoever asks the output task
+            return  # the driver reports it to a client that asks about the output task
         raise DaqStatusError(STATUS[fault.kind], "planted", samples_read=0 if call.startswith("Read") else None)
 
     def exposures(self, trial: int, time_s: NDArray[np.float64], count: NDArray[np.int64]) -> NDArray[np.int64]:

@@ -73,9 +73,9 @@ class Reservations:
             holder = self._reserved.get(resource)
             if holder not in (None, task.name):
                 raise DaqStatusError(status.RESOURCE_RESERVED, f"Resource: {resource}, held by task {holder}")
-        for name, held in self._directions.items():
+        for name, others in self._directions.items():
             for group, is_output in directions.items():
-                if name != task.name and held.get(group, is_output) != is_output:
+                if name != task.name and others.get(group, is_output) != is_output:
                     raise DaqStatusError(status.LINE_DIRECTION_CONFLICT, f"Task: {task.name}, {group}, task {name}")
         self._reserved.update(dict.fromkeys(needed, task.name))
         self._directions[task.name] = directions

@@ -1,6 +1,6 @@
 """The state of the virtual device: tasks, reservations, outputs, faults, watchdogs, and the bench it is wired to.
 
-Everything else in the device is a function that takes this state: :mod:`rig.simulated.signals` (what stands on which
+Everything else in the device is a function that takes this state: :mod:`rig.simulated.signals` (what is on which
 terminal), :mod:`rig.simulated.timing` (how time passes) and :mod:`rig.simulated.driver` (what a client may ask).
 """
 

@@ -69,7 +69,7 @@ class Triggers:
     arm_start: str = ""
     reference: str = ""
     pretrigger_samples: int = 0
-    """Samples acquired before the reference trigger that are handed over."""
+    """Samples to keep from before the reference trigger."""
 
     @property
     def begin(self) -> str:
@@ -171,7 +171,7 @@ class SimulatedTask:
 
     @property
     def input_buffer_size(self) -> int:
-        """Samples per channel the input buffer holds: what the client set, else what the driver chooses."""
+        """Samples per channel the input buffer has room for: what the client set, else what the driver chooses."""
         clock = self.timing.clock
         if size := int(self.setting("Buffer", "", daqmx.BUF_INPUT_BUF_SIZE, 0)):
             return size

@@ -21,8 +21,8 @@ def add_channels(
     names = channel_names(physical)
     for index, part in enumerate(names):
         channel = device.inventory.channel(part, kind)
-        given = name if len(names) == 1 else f"{name}{index}"
-        task.add_channel(type_, Channel(given if name else channel.name, channel, dict(settings)))
+        assigned = name if len(names) == 1 else f"{name}{index}"
+        task.add_channel(type_, Channel(assigned if name else channel.name, channel, dict(settings)))
 
 
 def add_lines(
@@ -32,11 +32,11 @@ def add_lines(
     found = device.inventory.lines(lines)
     groups = [found] if one_channel else [[line] for line in found]
     for index, group in enumerate(groups):
-        given = name if len(groups) == 1 else f"{name}{index}"
+        assigned = name if len(groups) == 1 else f"{name}{index}"
         port = group[0].name.rsplit("/", 1)[0]
         several = port if lines.strip().lower() == port.lower() else group[0].name + "..."
         own = several if len(group) > 1 else group[0].name
-        task.add_channel(type_, Channel(given if name else own, group[0], {"lines": [line.name for line in group]}))
+        task.add_channel(type_, Channel(assigned if name else own, group[0], {"lines": [line.name for line in group]}))
 
 
 def configure_clock(

@@ -20,7 +20,7 @@ class CounterPins:
     """Default terminals of counters 0 to 3; A, Z and B of an encoder are source, gate and auxiliary.
 
     X Series manual, default counter pins; NI-DAQmx Help, "CompactDAQ counter signal connections" (NI 9401). Counters
-    named by the NI 9411 must be told theirs.
+    named by the NI 9411 have none.
     """
 
     source: tuple[str, ...] = ()
@@ -55,7 +55,7 @@ class Product:
     bridge_excitation_v: tuple[float, ...] = ()
     ai_ranges_v: tuple[float, ...] = ()
     counter_pins: Mapping[str, CounterPins] = field(default_factory=dict)
-    """Default terminals of the counters, by the module that names the counter ("" on a card); without: to be told."""
+    """Default terminals of the counters, by the module that names the counter ("" on a card)."""
     clocked_lines: bool = False
     """Whether digital lines can have a sample clock."""
     change_detection: bool = False

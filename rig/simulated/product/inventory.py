@@ -51,7 +51,7 @@ class Inventory:
             for relative, kind, resource in product.channels
         }
         self._terminals: dict[tuple[str, bool], str] = {}
-        """Terminals that were looked up: every read asks for those of its scale."""
+        """Terminals looked up so far: every read needs those of its encoder."""
 
     def full_name(self, relative: str) -> str:
         """Name of a channel or terminal in the system: a module's name follows its chassis's, no slash."""
@@ -149,7 +149,7 @@ class Inventory:
         elif kind == "voltage_out":
             most = product.ao_rates_hz[channels - 1] if product.ao_rates_hz else product.ao_max_rate_hz
         elif kind == "counter":
-            return rate_hz  # told, not generated: the clock comes from a terminal
+            return rate_hz  # not generated: the clock comes from a terminal
         if rate_hz > most * (1 + 1e-9):
             raise DaqStatusError(status.RATE_TOO_HIGH, f"Requested {rate_hz:g}, maximum {most:g}")
         if kind == "bridge":

@@ -1,55 +1,23 @@
-"""A ``grpc.Channel`` that dispatches in process: the real client on the virtual device, without socket or
-serialisation.
+"""A ``grpc.Channel`` that dispatches in process: the real client on the virtual device without a socket.
 
-Unary calls and event streams exist; calls the device does not have are answered with UNIMPLEMENTED.
+There are unary calls and event streams; calls the device does not have are answered with UNIMPLEMENTED.
 """
 
 from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable, Iterator
-from typing import Any, NamedTuple
+from typing import Any
 
 import grpc
 
 from rig.simulated.rpc.event_streams import EventStream
+from rig.simulated.rpc.grpc_status import REFUSALS, Metadatum, rpc_status
 from rig.simulated.rpc.service import Service
-from rig.simulated.status import DaqStatusError, NotImplementedByDevice, ServerGone, SessionRefused
-
-
-class Metadatum(NamedTuple):
-    """One entry of trailing metadata."""
-
-    key: str
-    value: str
-
-
-def trailing_metadata(error: DaqStatusError) -> tuple[Metadatum, ...]:
-    """Return the metadata by which NI's server tells a driver status."""
-    entries = [Metadatum("ni-error", str(error.code))]
-    if error.samples_read is not None:
-        entries.append(Metadatum("ni-samps-per-chan-read", str(error.samples_read)))
-    if error.samples_written is not None:
-        entries.append(Metadatum("ni-samps-per-chan-written", str(error.samples_written)))
-    return tuple(entries)
-
-
-REFUSALS = (DaqStatusError, SessionRefused, ServerGone, NotImplementedByDevice)
-
-
-def rpc_status(error: Exception) -> tuple[grpc.StatusCode, str, tuple[Metadatum, ...]]:
-    """Return the gRPC status, text and trailing metadata by which a client sees one of :data:`REFUSALS`."""
-    if isinstance(error, DaqStatusError):
-        return grpc.StatusCode.UNKNOWN, str(error), trailing_metadata(error)
-    if isinstance(error, SessionRefused):
-        return grpc.StatusCode[error.code], str(error), ()
-    if isinstance(error, ServerGone):
-        return grpc.StatusCode.UNAVAILABLE, f"failed to connect: {error}", ()
-    return grpc.StatusCode.UNIMPLEMENTED, f"not simulated: {error}", ()
 
 
 class InProcessError(grpc.RpcError):
-    """What a failed call raises: status, text and trailing metadata, as a call over a socket would."""
+    """What a failed call raises: status, text and trailing metadata, as over a socket."""
 
     def __init__(self, code: grpc.StatusCode, details: str, metadata: tuple[Metadatum, ...] = ()) -> None:
         super().__init__(details)
@@ -108,7 +76,7 @@ class InProcessChannel(grpc.Channel):
         self._calls: dict[str, Callable[..., Any]] = {}
 
     def unary_unary(self, method: str, *args: Any, **kwargs: Any) -> Callable[..., Any]:
-        """Return a callable for one call of the service; the client asks for all of them for each of its tasks."""
+        """Return a callable for one call of the service; the client requests all of them for each of its tasks."""
         if method not in self._calls:
             self._calls[method] = self._unary_call(method)
         return self._calls[method]
@@ -122,14 +90,8 @@ class InProcessChannel(grpc.Channel):
 
         return call
 
-    def _no_streams(self, method: str) -> Callable[..., Any]:
-        def call(*args: Any, **kwargs: Any) -> Any:
-            raise InProcessError(grpc.StatusCode.UNIMPLEMENTED, f"not simulated: {method}")
-
-        return call
-
     def unary_stream(self, method: str, *args: Any, **kwargs: Any) -> Callable[..., Any]:
-        """Return a callable that registers an event and gives its stream."""
+        """Return a callable that registers an event and returns its stream."""
         name = method.rsplit("/", 1)[-1]
 
         def call(request: Any, timeout: float | None = None, metadata: Any = None, **options: Any) -> InProcessStream:
@@ -138,13 +100,15 @@ class InProcessChannel(grpc.Channel):
 
         return call
 
-    def stream_unary(self, method: str, *args: Any, **kwargs: Any) -> Callable[..., Any]:
-        """Return a callable that refuses."""
-        return self._no_streams(method)
-
     def stream_stream(self, method: str, *args: Any, **kwargs: Any) -> Callable[..., Any]:
-        """Return a callable that refuses."""
-        return self._no_streams(method)
+        """Return a callable that refuses: NI's service has no streams of requests."""
+
+        def call(*args: Any, **kwargs: Any) -> Any:
+            raise InProcessError(grpc.StatusCode.UNIMPLEMENTED, f"not simulated: {method}")
+
+        return call
+
+    stream_unary = stream_stream
 
     def subscribe(self, callback: Callable[..., Any], try_to_connect: bool | None = False) -> None:
         """Do nothing: this channel is always connected."""
@@ -153,7 +117,7 @@ class InProcessChannel(grpc.Channel):
         """Do nothing."""
 
     def close(self) -> None:
-        """Do nothing; the device lives on, so that its state can be looked at."""
+        """Do nothing; the device lives on, so that its state can be inspected."""
 
     def __enter__(self) -> InProcessChannel:
         return self

@@ -1,5 +1,4 @@
-"""The same virtual device over TCP: what a client of the NI gRPC Device Server talks to. Loopback unless told
-otherwise."""
+"""The virtual device over TCP, as a client of the NI gRPC Device Server sees it; on the loopback by default."""
 
 from __future__ import annotations
 
@@ -12,7 +11,7 @@ import grpc
 
 from rig.errors import HardwareFault
 from rig.simulated.rpc.event_streams import EVENTS
-from rig.simulated.rpc.in_process_channel import REFUSALS, rpc_status
+from rig.simulated.rpc.grpc_status import REFUSALS, rpc_status
 from rig.simulated.rpc.messages import (
     CALLS,
     SERVICE,

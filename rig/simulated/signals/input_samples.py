@@ -1,4 +1,4 @@
-"""The samples an input task acquires: what stands at its terminals, latched at edges of the bench or on demand."""
+"""The samples an input task acquires: what is on its terminals, latched at edges of the bench or on demand."""
 
 from __future__ import annotations
 

@@ -44,7 +44,7 @@ def input_terminal(device: DeviceState, task: SimulatedTask, channel: Channel) -
     """Return the terminal whose edges a counter counts or measures."""
     named = task.setting("Chan", channel.name, daqmx.CI_TERM[channel.settings["measures"]], "")
     if not named:
-        raise DaqStatusError(status.NO_SUCH_TERMINAL, f"Channel: {channel.name}: its input terminal must be told")
+        raise DaqStatusError(status.NO_SUCH_TERMINAL, f"Channel: {channel.name}: its input terminal must be set")
     return device.inventory.terminal(named)
 
 

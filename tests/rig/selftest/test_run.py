@@ -27,7 +27,7 @@ def run(make_backend, edited_rig):
         sound = load_rig("virtual")
         rig = edited_rig(STROKES, *edits)
         backend = make_backend(sound.config, noise_n=0.02, offset_n=0.15, **force)
-        backend.device.bench.hand = True
+        backend.device.bench.operator_acts = True
         change(backend.device)
         prompts = []
         record = run_selftest(rig, backend, prompt=prompts.append)

@@ -44,7 +44,7 @@ def _wanted(request: Any) -> int:
 def samples_to_read(task: SimulatedTask, request: Any, values_per_sample: int | None = None) -> int:
     """Return the samples per channel to read; refuses more than the client has room for.
 
-    ``values_per_sample`` is for all channels of the task, one each unless told.
+    ``values_per_sample`` counts all channels of the task; by default there is one value a channel.
     """
     wanted, fields = _wanted(request), request.DESCRIPTOR.fields_by_name
     needed = max(wanted, 0) * (values_per_sample or len(task.channels))

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from rig.simulated.bench.camera import ActionGeometry, CameraSettings, FilmTruth, film_bodies, film_trial
+from rig.simulated import ActionGeometry, CameraSettings, FilmTruth, film_bodies, film_trial
 from rig.simulated.bench.camera_view import film_scene, poses
 from vision.bodies.outlines import build_masks
 from vision.errors import InputError

@@ -10,7 +10,8 @@ import pytest
 import model
 from rig.configuration.profile import load_profile
 from rig.errors import InputError
-from rig.simulated.bench.plant import ActionPlant, PlantTruth, load_plant, read_bench
+from rig.simulated.bench.bench_file import read_bench
+from rig.simulated.bench.plant import ActionPlant, PlantTruth, load_plant
 from rig.simulated.bench.plant_protocol import Plant
 
 BENCH = Path(__file__).parents[4] / "rig" / "simulated" / "bench.toml"
@@ -123,7 +124,7 @@ def test_command_can_change_while_under_way(plant: ActionPlant) -> None:
         ("torque_per_volt_nm = 1.2", "torque_per_volt_nm = 0", "motor.torque_per_volt_nm: found 0"),
         ('"contact04.friction.A" = 0.36', '"contact44.friction.A" = 0.36', "contact44.friction.A"),
         ("\n[scatter]", "\n[scattered]", "[scatter]: missing"),
-        ("seed = 52", "seed = = 52", "not valid TOML"),
+        ("seed = 52", "seed = = 52", "not a TOML file"),
     ],
 )
 def test_bad_bench_files_are_refused(tmp_path: Path, old: str, new: str, words: str) -> None:
