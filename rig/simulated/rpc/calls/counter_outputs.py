@@ -98,10 +98,8 @@ def _add_output(
         output_type=output_type, idle_state=daqmx.LOW,
     )  # fmt: skip
     name = task.channels[-1].name
-    task.properties["Chan", name, daqmx.CO_PULSE_FREQ], task.properties["Chan", name, daqmx.CO_PULSE_DUTY_CYC] = (
-        rate_hz,
-        duty,
-    )
+    task.properties["Chan", name, daqmx.CO_PULSE_FREQ] = rate_hz
+    task.properties["Chan", name, daqmx.CO_PULSE_DUTY_CYC] = duty
     task.properties["Chan", name, daqmx.CO_PULSE_FREQ_INITIAL_DELAY] = max(round(delay_s * timebase), 2) / timebase
 
 

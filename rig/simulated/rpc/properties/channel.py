@@ -25,12 +25,7 @@ CI_TYPE = {
     daqmx.PULSE_FREQUENCY: 15864, daqmx.PULSE_TIME: 15865, daqmx.PULSE_TICKS: 15866,
 }  # fmt: skip
 FORCE_BRIDGE, ANGULAR_ENCODER = 15899, 10360
-MEASUREMENT_TYPE = {
-    "bridge": FORCE_BRIDGE,
-    "voltage_in": daqmx.VOLTAGE,
-    "voltage_out": daqmx.VOLTAGE,
-    "counter": ANGULAR_ENCODER,
-}
+AI_TYPE = {"bridge": FORCE_BRIDGE, "voltage_in": daqmx.VOLTAGE}
 BITS, RIGHT_JUSTIFIED = 10109, 10279
 LIMITS = {
     property_number("Chan", f"{type_}_{end}"): (type_, f"{end.lower()}_val")
@@ -40,43 +35,56 @@ LIMITS = {
 """Task type and setting of the properties that hold a channel's limits."""
 Property = Callable[[DeviceState, SimulatedTask, Channel], Any]
 
+SETTINGS = {
+    "AI_MAX": "max_val",
+    "AI_MIN": "min_val",
+    "AI_TERM_CFG": "terminal_config",
+    "AI_FORCE_UNITS": "units",
+    "AO_MAX": "max_val",
+    "AO_MIN": "min_val",
+    "CI_MAX": "max_val",
+    "CI_MIN": "min_val",
+    "CI_COUNT_EDGES_ACTIVE_EDGE": "edge",
+    "CI_COUNT_EDGES_DIR": "count_direction",
+    "CI_COUNT_EDGES_INITIAL_CNT": "initial_count",
+    "CI_ENCODER_DECODING_TYPE": "decoding_type",
+    "CI_ANG_ENCODER_UNITS": "units",
+    "CI_ANG_ENCODER_PULSES_PER_REV": "pulses_per_rev",
+    "CI_ANG_ENCODER_INITIAL_ANGLE": "initial_angle",
+    "CI_LIN_ENCODER_DIST_PER_PULSE": "dist_per_pulse",
+    "CI_LIN_ENCODER_INITIAL_POS": "initial_pos",
+    "CO_OUTPUT_TYPE": "output_type",
+    "CO_PULSE_IDLE_STATE": "idle_state",
+}
+"""Properties that are the settings a channel was created with."""
+UNITS_OF = {
+    "CI_FREQ_UNITS": daqmx.FREQUENCY,
+    "CI_PERIOD_UNITS": daqmx.PERIOD,
+    "CI_PULSE_WIDTH_UNITS": daqmx.WIDTH,
+    "CI_PULSE_FREQ_UNITS": daqmx.PULSE_FREQUENCY,
+    "CI_PULSE_TIME_UNITS": daqmx.PULSE_TIME,
+}
+"""Units of each measurement; a channel that measures something else does not have the property."""
 
-def _setting(name: str, *types: str) -> Property:
-    return lambda device, task, channel: channel.settings.get(name) if task.type in types else None
+
+def _half_range(device: DeviceState, channel: Channel) -> float | None:
+    if channel.physical.kind != "voltage_in":
+        return None
+    return device.inventory.voltage_range(channel.settings["min_val"], channel.settings["max_val"])
 
 
-def _unit(measures: str) -> Property:
-    return lambda device, task, channel: (
-        channel.settings["units"] if channel.settings.get("measures") == measures else None
-    )
+def _range_low(device: DeviceState, task: SimulatedTask, channel: Channel) -> float | None:
+    half = _half_range(device, channel)
+    return None if half is None else -half
 
 
-def _fixed(value: int | float, kind: str) -> Property:
-    return lambda device, task, channel: value if channel.physical.kind == kind else None
-
-
-def _range(sign: float) -> Property:
-    def get(device: DeviceState, task: SimulatedTask, channel: Channel) -> float | None:
-        if channel.physical.kind != "voltage_in":
-            return None
-        settings = channel.settings
-        return sign * device.inventory.voltage_range(settings["min_val"], settings["max_val"])
-
-    return get
-
-
-def _reach(sign: float) -> Property:
-    return lambda device, task, channel: sign * device.inventory.product.ao_range_v if task.type == "AO" else None
-
-
-def _bits(device: DeviceState, channel: Channel) -> int | None:
+def _bits(device: DeviceState, channel: Channel) -> int:
     product = device.inventory.product
-    return {"voltage_in": product.ai_bits, "bridge": product.bridge_bits}.get(channel.physical.kind)
+    return product.ai_bits if channel.physical.kind == "voltage_in" else product.bridge_bits
 
 
-def _resolution(device: DeviceState, task: SimulatedTask, channel: Channel) -> float | None:
-    bits = _bits(device, channel)
-    return None if bits is None else float(bits)
+def _of_voltage(value: int | float) -> Property:
+    return lambda device, task, channel: value if channel.physical.kind.startswith("voltage") else None
 
 
 def _coefficients(device: DeviceState, task: SimulatedTask, channel: Channel) -> list[float] | None:
@@ -84,28 +92,28 @@ def _coefficients(device: DeviceState, task: SimulatedTask, channel: Channel) ->
     return None if step is None else [0.0, step]
 
 
-def _lines(type_: str) -> Property:
-    return lambda device, task, channel: len(channel.settings["lines"]) if task.type == type_ else None
+def _measurement(device: DeviceState, task: SimulatedTask, channel: Channel) -> int:
+    return CI_TYPE.get(channel.settings.get("measures", ""), channel.settings.get("type", ANGULAR_ENCODER))
 
 
 def _count(device: DeviceState, task: SimulatedTask, channel: Channel) -> int | None:
-    if task.type != "CI" or task.measures not in (None, daqmx.EDGES):
+    if task.measures not in (None, daqmx.EDGES):
         return None
     return int(latch_now(device, task)[0, 0]) % 2**32 if task.progress.live else 0
 
 
-def _high_time(device: DeviceState, task: SimulatedTask, channel: Channel) -> float | None:
-    if task.type != "CO":
-        return None
-    return float(
-        task.setting("Chan", channel.name, daqmx.CO_PULSE_DUTY_CYC, 0.5)
-        / task.setting("Chan", channel.name, daqmx.CO_PULSE_FREQ, 1.0)
-    )
+def _high_time(device: DeviceState, task: SimulatedTask, channel: Channel) -> float:
+    duty = task.setting("Chan", channel.name, daqmx.CO_PULSE_DUTY_CYC, 0.5)
+    return float(duty / task.setting("Chan", channel.name, daqmx.CO_PULSE_FREQ, 1.0))
 
 
-def _low_time(device: DeviceState, task: SimulatedTask, channel: Channel) -> float | None:
-    high = _high_time(device, task, channel)
-    return None if high is None else float(1 / task.setting("Chan", channel.name, daqmx.CO_PULSE_FREQ, 1.0) - high)
+def _low_time(device: DeviceState, task: SimulatedTask, channel: Channel) -> float:
+    period = 1 / task.setting("Chan", channel.name, daqmx.CO_PULSE_FREQ, 1.0)
+    return float(period - _high_time(device, task, channel))
+
+
+def _delay(device: DeviceState, task: SimulatedTask, channel: Channel) -> Any:
+    return task.setting("Chan", channel.name, daqmx.CO_PULSE_FREQ_INITIAL_DELAY, None)
 
 
 _GETTERS: dict[str, Property] = {
@@ -113,83 +121,56 @@ _GETTERS: dict[str, Property] = {
     "PHYSICAL_CHAN_NAME": lambda device, task, channel: channel.physical.name,
     "CHAN_DESCR": lambda device, task, channel: "",
     "CHAN_IS_GLOBAL": lambda device, task, channel: False,
-    "AI_MEAS_TYPE": lambda device, task, channel: (
-        MEASUREMENT_TYPE[channel.physical.kind] if task.type == "AI" else None
-    ),
-    "CI_MEAS_TYPE": lambda device, task, channel: (
-        CI_TYPE.get(channel.settings.get("measures", ""), channel.settings.get("type", ANGULAR_ENCODER))
-        if task.type == "CI"
-        else None
-    ),
-    "AI_MAX": _setting("max_val", "AI"),
-    "AI_MIN": _setting("min_val", "AI"),
-    "AI_TERM_CFG": _setting("terminal_config", "AI"),
-    "AI_VOLTAGE_UNITS": _fixed(daqmx.VOLTS, "voltage_in"),
-    "AI_FORCE_UNITS": _setting("units", "AI"),
-    "AI_RNG_HIGH": _range(1.0),
-    "AI_RNG_LOW": _range(-1.0),
-    "AI_RESOLUTION": _resolution,
-    "AI_RESOLUTION_UNITS": lambda device, task, channel: BITS if task.type == "AI" else None,
-    "AI_RAW_SAMP_SIZE": lambda device, task, channel: raw_sample_bits(device, channel),
-    "AI_RAW_SAMP_JUSTIFICATION": lambda device, task, channel: RIGHT_JUSTIFIED if task.type == "AI" else None,
+    "AI_MEAS_TYPE": lambda device, task, channel: AI_TYPE[channel.physical.kind],
+    "AI_VOLTAGE_UNITS": _of_voltage(daqmx.VOLTS),
+    "AI_RNG_HIGH": lambda device, task, channel: _half_range(device, channel),
+    "AI_RNG_LOW": _range_low,
+    "AI_RESOLUTION": lambda device, task, channel: float(_bits(device, channel)),
+    "AI_RESOLUTION_UNITS": lambda device, task, channel: BITS,
+    "AI_RAW_SAMP_SIZE": lambda device, task, channel: raw_sample_bits(device, task, channel),
+    "AI_RAW_SAMP_JUSTIFICATION": lambda device, task, channel: RIGHT_JUSTIFIED,
     "AI_DEV_SCALING_COEFF": _coefficients,
-    "AO_MAX": _setting("max_val", "AO"),
-    "AO_MIN": _setting("min_val", "AO"),
-    "AO_OUTPUT_TYPE": _fixed(daqmx.VOLTAGE, "voltage_out"),
-    "AO_VOLTAGE_UNITS": _fixed(daqmx.VOLTS, "voltage_out"),
-    "AO_RESOLUTION": _fixed(16.0, "voltage_out"),
-    "AO_RESOLUTION_UNITS": _fixed(BITS, "voltage_out"),
-    "AO_DAC_RNG_HIGH": _reach(1.0),
-    "AO_DAC_RNG_LOW": _reach(-1.0),
-    "DI_NUM_LINES": _lines("DI"),
-    "DO_NUM_LINES": _lines("DO"),
+    "AO_OUTPUT_TYPE": _of_voltage(daqmx.VOLTAGE),
+    "AO_VOLTAGE_UNITS": _of_voltage(daqmx.VOLTS),
+    "AO_RESOLUTION": _of_voltage(16.0),
+    "AO_RESOLUTION_UNITS": _of_voltage(BITS),
+    "AO_DAC_RNG_HIGH": lambda device, task, channel: device.inventory.product.ao_range_v,
+    "AO_DAC_RNG_LOW": lambda device, task, channel: -device.inventory.product.ao_range_v,
+    "DI_NUM_LINES": lambda device, task, channel: len(channel.settings["lines"]),
+    "DO_NUM_LINES": lambda device, task, channel: len(channel.settings["lines"]),
+    "CI_MEAS_TYPE": _measurement,
     "CI_COUNT": _count,
-    "CI_COUNT_EDGES_ACTIVE_EDGE": _setting("edge", "CI"),
-    "CI_COUNT_EDGES_DIR": _setting("count_direction", "CI"),
-    "CI_COUNT_EDGES_INITIAL_CNT": _setting("initial_count", "CI"),
-    "CI_ANG_ENCODER_PULSES_PER_REV": _setting("pulses_per_rev", "CI"),
-    "CI_ENCODER_DECODING_TYPE": _setting("decoding_type", "CI"),
-    "CI_ANG_ENCODER_UNITS": _setting("units", "CI"),
-    "CI_ANG_ENCODER_INITIAL_ANGLE": _setting("initial_angle", "CI"),
-    "CI_FREQ_UNITS": _unit(daqmx.FREQUENCY),
-    "CI_PERIOD_UNITS": _unit(daqmx.PERIOD),
-    "CI_PULSE_WIDTH_UNITS": _unit(daqmx.WIDTH),
-    "CI_PULSE_FREQ_UNITS": _unit(daqmx.PULSE_FREQUENCY),
-    "CI_PULSE_TIME_UNITS": _unit(daqmx.PULSE_TIME),
-    "CI_MAX": _setting("max_val", "CI"),
-    "CI_MIN": _setting("min_val", "CI"),
-    "CI_LIN_ENCODER_DIST_PER_PULSE": _setting("dist_per_pulse", "CI"),
-    "CI_LIN_ENCODER_INITIAL_POS": _setting("initial_pos", "CI"),
-    "CO_OUTPUT_TYPE": _setting("output_type", "CO"),
     "CO_PULSE_HIGH_TIME": _high_time,
     "CO_PULSE_LOW_TIME": _low_time,
-    "CO_PULSE_TIME_INITIAL_DELAY": lambda device, task, channel: task.setting(
-        "Chan", channel.name, daqmx.CO_PULSE_FREQ_INITIAL_DELAY, None
-    ),
-    "CO_PULSE_IDLE_STATE": _setting("idle_state", "CO"),
-    "CO_PULSE_DONE": lambda device, task, channel: task.done if task.type == "CO" else None,
+    "CO_PULSE_TIME_INITIAL_DELAY": _delay,
+    "CO_PULSE_DONE": lambda device, task, channel: task.done,
 }
-_GETTER_OF_NUMBER = {property_number("Chan", name): getter for name, getter in _GETTERS.items()}
+_NAME_OF_NUMBER = {property_number("Chan", name): name for name in (*_GETTERS, *SETTINGS, *UNITS_OF)}
 
 
 def channel_property(device: DeviceState, task: SimulatedTask, channel: Channel, number: int) -> Any:
     """Return a property of a channel by the driver's number; None where the channel does not have it."""
-    getter = _GETTER_OF_NUMBER.get(number)
-    return getter(device, task, channel) if getter else None
+    name = _NAME_OF_NUMBER.get(number, "")
+    if name[:2] in CHANNEL_TYPE and name[:2] != task.type:
+        return None
+    if name in SETTINGS:
+        return channel.settings.get(SETTINGS[name])
+    if name in UNITS_OF:
+        return channel.settings["units"] if channel.settings.get("measures") == UNITS_OF[name] else None
+    return _GETTERS[name](device, task, channel) if name else None
 
 
-def raw_sample_bits(device: DeviceState, channel: Channel) -> int | None:
+def raw_sample_bits(device: DeviceState, task: SimulatedTask, channel: Channel) -> int | None:
     """Return the bits of a raw sample of an analog input: whole words; None for other channels."""
-    bits = _bits(device, channel)
-    return None if bits is None else 16 if bits <= 16 else 32
+    if task.type != "AI":
+        return None
+    return 16 if _bits(device, channel) <= 16 else 32
 
 
 def volts_per_code(device: DeviceState, channel: Channel) -> float | None:
     """Return the converter's step of a voltage input, V; None for other channels."""
-    if channel.physical.kind != "voltage_in":
-        return None
-    half = device.inventory.voltage_range(channel.settings["min_val"], channel.settings["max_val"])
-    return 2 * half / 2**device.inventory.product.ai_bits
+    half = _half_range(device, channel)
+    return None if half is None else 2 * half / 2**device.inventory.product.ai_bits
 
 
 def set_limit(device: DeviceState, task: SimulatedTask, channel: Channel, attribute: int, value: float) -> None:

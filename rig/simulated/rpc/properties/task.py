@@ -105,7 +105,7 @@ def _timing_type(device: DeviceState, task: SimulatedTask) -> int:
 
 def _raw_width(device: DeviceState, task: SimulatedTask) -> int:
     """Bytes of one raw sample of all channels."""
-    sizes = [raw_sample_bits(device, channel) for channel in task.channels]
+    sizes = [raw_sample_bits(device, task, channel) for channel in task.channels]
     known = [size for size in sizes if size is not None]
     if not known or len(known) < len(sizes):
         raise DaqStatusError(status.ATTRIBUTE_NOT_SUPPORTED, f"Task: {task.name}: raw samples")
