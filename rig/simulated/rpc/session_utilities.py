@@ -13,6 +13,7 @@ from collections.abc import Callable
 from typing import Any
 
 from rig.simulated.driver.tasks import clear_task
+from rig.simulated.rpc.handlers import Fields
 from rig.simulated.rpc.messages import utility_response
 from rig.simulated.rpc.service import Service
 from rig.simulated.status import NotImplementedByDevice, SessionRefused
@@ -29,9 +30,8 @@ class SessionUtilities:
         self._queues: dict[str, deque[str]] = {}
         """Clients by reservation; the first has it, the others wait for their turn."""
         self._changed = threading.Condition()
-        self._handlers: dict[str, Callable[[Any, Callable[[], bool]], Any]] = {
+        self._handlers: dict[str, Callable[[Any], Fields]] = {
             "EnumerateDevices": self._devices,
-            "Reserve": self._reserve,
             "IsReservedByClient": self._is_reserved,
             "Unreserve": self._unreserve,
             "ResetServer": self._reset,
@@ -47,18 +47,17 @@ class SessionUtilities:
         NotImplementedByDevice
             Any other call.
         """
+        if call == "Reserve":
+            return utility_response(call, **self._reserve(request, is_waiting))
         if call not in self._handlers:
             raise NotImplementedByDevice(call)
-        return self._handlers[call](request, is_waiting)
+        return utility_response(call, **self._handlers[call](request))
 
-    def _devices(self, request: Any, is_waiting: Callable[[], bool]) -> Any:
-        found = [
-            {"name": name, "model": model, "vendor": VENDOR}
-            for name, model in self._service.device.inventory.devices().items()
-        ]
-        return utility_response("EnumerateDevices", devices=found)
+    def _devices(self, request: Any) -> Fields:
+        devices = self._service.device.inventory.devices()
+        return {"devices": [{"name": name, "model": model, "vendor": VENDOR} for name, model in devices.items()]}
 
-    def _reserve(self, request: Any, is_waiting: Callable[[], bool]) -> Any:
+    def _reserve(self, request: Any, is_waiting: Callable[[], bool]) -> Fields:
         name, client = request.reservation_id, request.client_id
         if not (name and client):
             raise SessionRefused("INVALID_ARGUMENT", "reservation_id and client_id must not be empty")
@@ -74,17 +73,17 @@ class SessionUtilities:
                 self._changed.wait(POLL_S)
             if self._queues.get(name) is not queue:
                 raise SessionRefused("ABORTED", f"reservation {name!r} ended: the server was reset")
-        return utility_response("Reserve", is_reserved=True)
+        return {"is_reserved": True}
 
     def _is_first(self, request: Any) -> bool:
         queue = self._queues.get(request.reservation_id)
         return bool(queue) and queue[0] == request.client_id  # type: ignore[index]
 
-    def _is_reserved(self, request: Any, is_waiting: Callable[[], bool]) -> Any:
+    def _is_reserved(self, request: Any) -> Fields:
         with self._changed:
-            return utility_response("IsReservedByClient", is_reserved=self._is_first(request))
+            return {"is_reserved": self._is_first(request)}
 
-    def _unreserve(self, request: Any, is_waiting: Callable[[], bool]) -> Any:
+    def _unreserve(self, request: Any) -> Fields:
         with self._changed:
             reserved = self._is_first(request)
             if reserved:
@@ -93,9 +92,9 @@ class SessionUtilities:
                 if not queue:
                     del self._queues[request.reservation_id]
                 self._changed.notify_all()
-        return utility_response("Unreserve", is_unreserved=reserved)
+        return {"is_unreserved": reserved}
 
-    def _reset(self, request: Any, is_waiting: Callable[[], bool]) -> Any:
+    def _reset(self, request: Any) -> Fields:
         with self._changed:
             self._queues.clear()
             self._changed.notify_all()
@@ -103,4 +102,4 @@ class SessionUtilities:
             device = self._service.device
             for name in list(device.tasks):  # closing sessions stops their tasks; outputs stay at their values
                 clear_task(device, name)
-        return utility_response("ResetServer", is_server_reset=True)
+        return {"is_server_reset": True}
