@@ -20,7 +20,7 @@ from urllib.parse import parse_qsl, urlsplit
 from rig.backend import Capabilities, Opener
 from rig.configuration.rig_file import RigConfig
 from rig.daq import NidaqmxBackend
-from rig.errors import InputError
+from rig.errors import RigInputError
 from rig.simulated.bench.bench_file import read_bench
 from rig.simulated.bench.bench_time import BenchTime
 from rig.simulated.bench.clock import Clock, PacedClock, VirtualClock
@@ -87,11 +87,11 @@ def build_device(
 
 
 def open_backend(url: str, config: RigConfig) -> SimulatedBackend:
-    """Open the virtual bench; raises InputError for an unknown option or a bad bench file."""
+    """Open the virtual bench; raises RigInputError for an unknown option or a bad bench file."""
     options = _options(url)
     bench = Path(options["bench"]) if options.get("bench") else DEFAULT_BENCH
     if not bench.is_file():
-        raise InputError(f"{url}: bench file {bench} does not exist")
+        raise RigInputError(f"{url}: bench file {bench} does not exist")
     seed, clock = _seed(url, options.get("seed")), _clock(url, options.get("clock", "virtual"))
     faults = parse_faults(options.get("fault", ""))
     sensors = load_sensors(bench, seed=seed)
@@ -124,7 +124,7 @@ def _options(url: str) -> dict[str, str]:
     pairs = parse_qsl(parts.query, keep_blank_values=True)
     unknown = sorted({key for key, _ in pairs} - set(OPTIONS))
     if parts.scheme != "sim" or parts.netloc or parts.path.strip("/") or unknown or len(dict(pairs)) != len(pairs):
-        raise InputError(
+        raise RigInputError(
             f"backend address {url!r}: allowed is sim://?… with the options {', '.join(OPTIONS)}, each once"
         )
     return dict(pairs)
@@ -134,13 +134,13 @@ def _seed(url: str, text: str | None) -> int | None:
     if text is None:
         return None
     if not (text.isascii() and text.isdigit()):
-        raise InputError(f"{url}: seed = {text!r}, allowed a whole number from 0")
+        raise RigInputError(f"{url}: seed = {text!r}, allowed a whole number from 0")
     return int(text)
 
 
 def _yes_or_no(url: str, text: str) -> bool:
     if text not in ("yes", "no"):
-        raise InputError(f"{url}: hand = {text!r}, allowed yes or no")
+        raise RigInputError(f"{url}: hand = {text!r}, allowed yes or no")
     return text == "yes"
 
 
@@ -152,5 +152,5 @@ def _clock(url: str, text: str) -> Clock:
     except ValueError:
         speed = 0.0
     if not 0 < speed < float("inf"):
-        raise InputError(f"{url}: clock = {text!r}, allowed virtual, real, or a speed above 0")
+        raise RigInputError(f"{url}: clock = {text!r}, allowed virtual, real, or a speed above 0")
     return PacedClock(speed)

@@ -91,7 +91,7 @@ def serve_until_interrupted(
 
     Raises
     ------
-    InputError
+    RigInputError
         Bad rig file, bench file, clock or fault.
     HardwareFault
         When the address cannot be bound.

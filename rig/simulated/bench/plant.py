@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 import model
 from model.parameters.effects import EFFECTS, KEY_LIFT, MOTOR
-from rig.errors import InputError
+from rig.errors import RigInputError
 from rig.simulated.bench.bench_file import bench_table, read_bench
 from rig.simulated.bench.plant_protocol import ENCODED_BODIES, PlantBlock
 
@@ -160,10 +160,10 @@ def load_plant(bench_path: Path, seed: int | None, sample_rate_hz: float, effect
     scatter = bench_table(bench, "scatter", path)
     for key, value in scatter.items():
         if isinstance(value, bool) or not isinstance(value, (int, float)) or not 0.0 <= value <= 0.3:
-            raise InputError(f"{path}: scatter.{key}: found {value!r}, allowed 0 to 0.3 (relative)")
+            raise RigInputError(f"{path}: scatter.{key}: found {value!r}, allowed 0 to 0.3 (relative)")
     torque = bench_table(bench, "motor", path).get("torque_per_volt_nm")
     if isinstance(torque, bool) or not isinstance(torque, (int, float)) or not 0 < torque <= 100:
-        raise InputError(f"{path}: motor.torque_per_volt_nm: found {torque!r}, allowed above 0 to 100 N m/V")
+        raise RigInputError(f"{path}: motor.torque_per_volt_nm: found {torque!r}, allowed above 0 to 100 N m/V")
     action = choice.on(model.load_action(specimen.get("action", "hirschkorn2004"), specimen.get("set", {})))
     for key in scatter:
         if key != "motor_gain":

@@ -2,7 +2,7 @@
 
 The wiring belongs to the bench, not to the rig file: a rig file that names another channel reads an open
 input, as in the lab. ``[wiring]`` of a bench file plants other wiring: ``force``, ``motor``, ``drive_enable`` (a line,
-or "bridged"), ``key``, ``whippen``, ``hammer`` (A and B terminal). A bad table is :class:`rig.errors.InputError`.
+or "bridged"), ``key``, ``whippen``, ``hammer`` (A and B terminal). A bad table is :class:`rig.errors.RigInputError`.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-from rig.errors import InputError
+from rig.errors import RigInputError
 from rig.simulated.bench.plant_protocol import ENCODED_BODIES
 
 
@@ -64,7 +64,7 @@ def planted_wiring(table: Mapping[str, Any], product: str, where: str) -> Wiring
         elif name in ("force", "motor", "drive_enable") and isinstance(value, str):
             changed[name] = None if (name, value) == ("drive_enable", "bridged") else value
         else:
-            raise InputError(
+            raise RigInputError(
                 f"{where}: wiring.{name} = {value!r}: allowed are force, motor, drive_enable with a name, and "
                 f"{', '.join(ENCODED_BODIES)} with [A, B]"
             )

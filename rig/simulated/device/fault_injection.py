@@ -15,7 +15,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.errors import InputError
+from rig.errors import RigInputError
 from rig.simulated import status
 from rig.simulated.bench.bench_time import BenchTime
 from rig.simulated.bench.plant_protocol import ENCODED_BODIES
@@ -55,13 +55,13 @@ class Fault:
 
 
 def parse_faults(text: str) -> tuple[Fault, ...]:
-    """Read faults from text; raises InputError in one line."""
+    """Read faults from text; raises RigInputError in one line."""
     faults = []
     for part in filter(None, text.split(",")):
         match = _FORM.fullmatch(part)
         kind, body, trial, at_s, call, number = match.groups() if match else ("",) * 6
         if match is None or kind not in KINDS or (kind in SCALE) != (body in ENCODED_BODIES):
-            raise InputError(
+            raise RigInputError(
                 f"fault {part!r}: write KIND@TRIAL/SECONDS or KIND@CALL#NUMBER with a kind of {', '.join(KINDS)}, "
                 f"and :BODY ({', '.join(ENCODED_BODIES)}) behind {' and '.join(SCALE)}"
             )
