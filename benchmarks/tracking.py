@@ -35,7 +35,8 @@ from tracking_peers import by_lucas_kanade, by_pyidi, by_templates
 
 from rig.simulated import CameraSettings, FilmTruth, film_bodies, film_trial
 from vision.angles import picture_to_ccw
-from vision.film.source import Film, open_film
+from vision.film.open import open_film
+from vision.film.source import Film
 from vision.fitting.template import Template
 from vision.tracking.prepare import prepare
 from vision.tracking.track_film import track_film

@@ -20,10 +20,11 @@ from vision.bodies.outlines import Body, build_masks
 from vision.film.avi_writer import write_avi
 from vision.film.mmap_window import FileWindow
 from vision.film.mraw_writer import write_mraw
-from vision.film.source import ArrayFilm, open_film
+from vision.film.open import open_film
+from vision.film.source import ArrayFilm
 from vision.fitting.template import design_columns
+from vision.results.flags import FrameFlag
 from vision.synthetic import Scene, Sensor, SyntheticBody, background, box, speckle, total_noise, wood_grain
-from vision.tracking.flags import FrameFlag
 from vision.tracking.track_film import track_film
 
 HEIGHT, WIDTH, N_STILL, NOISE = 220, 260, 40, 2.0

@@ -1,8 +1,7 @@
 """Errors and warnings of the vision package.
 
-Place in the data flow: raised by the readers (film), by `bodies` (outlines) and by the tracker, caught by the
-command line, which prints the one-line message and leaves with ``exit_code``: 2 for bad input, 1 for a
-defect. A message says what is wrong, in which file, the value found, the value allowed, and what to do.
+The command line prints the message in one line and leaves with ``exit_code``: 2 for bad input, 1 for a defect. A
+message says what is wrong, in which file, the value found, the value allowed, and what to do.
 """
 
 from __future__ import annotations
@@ -14,23 +13,27 @@ class VisionError(Exception):
     exit_code = 1
 
 
-class InputError(VisionError, ValueError):
+class VisionInputError(VisionError, ValueError):
     """What the user gave cannot be used."""
 
     exit_code = 2
 
 
-class FilmError(InputError):
+InputError = VisionInputError
+"""Older name of `VisionInputError`."""
+
+
+class FilmError(VisionInputError):
     """A film that is missing, unreadable, cut short, or whose header contradicts its data."""
 
 
-class BodyError(InputError):
+class BodyError(VisionInputError):
     """Body outlines that cannot be tracked: bad file, too small, outside the picture, unknown parent."""
 
 
-class TrackingError(InputError):
-    """A film on which the bodies cannot be followed at all, for example because nothing stands still."""
+class TrackingError(VisionInputError):
+    """A film on which the bodies cannot be tracked at all, for example because nothing is at rest."""
 
 
 class VisionWarning(UserWarning):
-    """A film or a setting that can be used but will cost accuracy."""
+    """A film or a setting that can be used but costs accuracy."""

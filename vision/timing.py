@@ -4,7 +4,7 @@ Place in the data flow: `pianorig` and `validation` hand over arrays, nothing he
 starts on a rising edge of the frame clock, a fixed delay later where the camera has one; the time of a frame is
 the middle of its exposure. `estimate_offset` compares a tracked angle with an encoder on the same body.
 
-Failure: arrays that cannot be a clock, or motion too small to tell an offset, raise `InputError`.
+Failure: arrays that cannot be a clock, or motion too small to tell an offset, raise `VisionInputError`.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from vision.errors import InputError
+from vision.errors import VisionInputError
 
 MAX_OFFSET_FRAMES = 20.0
 MIN_MOVED_U = 20.0
@@ -42,13 +42,15 @@ def times_of_edges(edge_time_s: ArrayLike, exposure_s: float = 0.0, delay_s: flo
     """
     edges = np.asarray(edge_time_s, dtype=float)
     if edges.ndim != 1 or not np.all(np.isfinite(edges)) or np.any(np.diff(edges) <= 0.0):
-        raise InputError("frame clock: its edges must be finite and increase; check the counter's recording")
+        raise VisionInputError("frame clock: its edges must be finite and increase; check the counter's recording")
     if not (0.0 <= exposure_s < np.inf and np.isfinite(delay_s)):
-        raise InputError(
+        raise VisionInputError(
             f"frame clock: exposure {exposure_s} s and delay {delay_s} s; needs finite values, none below 0"
         )
     if edges.size > 1 and exposure_s > np.diff(edges).min() * 1.0001:
-        raise InputError(f"frame clock: exposure {exposure_s:g} s is longer than a frame, {np.diff(edges).min():g} s")
+        raise VisionInputError(
+            f"frame clock: exposure {exposure_s:g} s is longer than a frame, {np.diff(edges).min():g} s"
+        )
     return edges + delay_s + 0.5 * exposure_s
 
 
@@ -73,16 +75,20 @@ def times_of_counts(
     """
     time, counted = np.asarray(sample_time_s, dtype=float), np.asarray(count)
     if time.ndim != 1 or counted.shape != time.shape or time.size < 3 or np.any(np.diff(time) <= 0.0):
-        raise InputError("counted frames: needs increasing sample times and one count for each")
+        raise VisionInputError("counted frames: needs increasing sample times and one count for each")
     steps = np.diff(counted.astype(np.int64))
     if counted.dtype.kind not in "iu" or np.any(steps < 0):
-        raise InputError("counted frames: counts must be whole numbers that never fall; check the counter's channel")
+        raise VisionInputError(
+            "counted frames: counts must be whole numbers that never fall; check the counter's channel"
+        )
     rise = np.flatnonzero(steps)
     if rise.size < 3:
-        raise InputError(f"counted frames: {rise.size} counts within the samples; needs at least 3")
+        raise VisionInputError(f"counted frames: {rise.size} counts within the samples; needs at least 3")
     if steps.max() > 1:
         at = float(time[int(np.argmax(steps)) + 1])
-        raise InputError(f"counted frames: {steps.max()} counts in one sample at {at:g} s; read the counter faster")
+        raise VisionInputError(
+            f"counted frames: {steps.max()} counts in one sample at {at:g} s; read the counter faster"
+        )
     number = counted[rise + 1].astype(float)
     early, late = time[rise], time[rise + 1]
     line = np.polyval(np.polyfit(number, 0.5 * (early + late), 1), number)
@@ -92,7 +98,7 @@ def times_of_counts(
     width = float((late - early).mean())
     if lowest - highest > 0.5 * width:
         worst = int(np.argmax(np.abs(0.5 * (early + late) - line)))
-        raise InputError(
+        raise VisionInputError(
             f"counted frames: pulse {int(number[worst])} lies {(lowest - highest) * 1e6:.0f} us off a regular clock; "
             "pulses were lost, or the frame clock is not regular"
         )
@@ -156,17 +162,17 @@ def estimate_offset(
     time, angle, u = (np.asarray(v, dtype=float) for v in (time_s, angle_rad, u_angle_rad))
     clock, reading = np.asarray(encoder_time_s, dtype=float), np.asarray(encoder_rad, dtype=float)
     if not (time.shape == angle.shape == u.shape and time.ndim == 1 and clock.shape == reading.shape):
-        raise InputError("clock offset: film columns must have one length, encoder columns another")
+        raise VisionInputError("clock offset: film columns must have one length, encoder columns another")
     if clock.size < 8 or np.any(np.diff(clock) <= 0.0) or not np.all(np.isfinite(reading)):
-        raise InputError("clock offset: the encoder needs at least 8 finite samples at increasing times")
+        raise VisionInputError("clock offset: the encoder needs at least 8 finite samples at increasing times")
     frame_s = float(np.median(np.diff(time)))
     reach = MAX_OFFSET_FRAMES * frame_s
     known = np.isfinite(angle) & (u > 0.0) & (time > clock[0] + reach) & (time < clock[-1] - reach)
     if np.count_nonzero(known) < 8:
-        raise InputError(f"clock offset: {np.count_nonzero(known)} frames within the encoder's record; needs 8")
+        raise VisionInputError(f"clock offset: {np.count_nonzero(known)} frames within the encoder's record; needs 8")
     time, angle, u = time[known], angle[known], u[known]
     if np.ptp(angle) < MIN_MOVED_U * np.median(u):
-        raise InputError("clock offset: the body hardly moves on the film; use a film with a blow")
+        raise VisionInputError("clock offset: the body hardly moves on the film; use a film with a blow")
     grid, level, slope = _running_line(clock, reading, smooth_s or 2.0 * frame_s)
 
     def design(offset: float) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
@@ -194,7 +200,9 @@ def estimate_offset(
         change = float(solution[0]) / scale
         offset += change
         if not abs(offset) < reach:
-            raise InputError("clock offset: film and encoder do not fit each other; are they of one body and trial?")
+            raise VisionInputError(
+                "clock offset: film and encoder do not fit each other; are they of one body and trial?"
+            )
         if abs(change) < 1e-4 * frame_s / MAX_OFFSET_FRAMES:
             break
     weighted, target, _ = design(offset)
@@ -221,7 +229,7 @@ def _running_line(
     half = max(1, round(0.5 * width_s / float(np.median(np.diff(time)))))
     span = np.arange(-half, half + 1)
     if time.size < 2 * span.size:
-        raise InputError("clock offset: the encoder's record is too short")
+        raise VisionInputError("clock offset: the encoder's record is too short")
     kernel = np.ones(span.size)
 
     def mean(x: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from rig.session import Session
     from rig.simulated.bench.camera import FilmTruth
     from validation import ValidationResult
-    from vision.tracking.result import TrackResult
+    from vision.results.track_result import TrackResult
 
 FILMED = 1
 

@@ -1,11 +1,10 @@
 """Pixels of a body that another body hides in a frame.
 
-Place in the data flow: `track` asks before each fit which template pixels to leave out. The outlines of the
-bodies in front, widened by the clearance, are carried along with their predicted poses, so that a lever that
+The outlines of the bodies in front, widened by the clearance, move with their predicted poses, so that a lever that
 sweeps over the whippen never counts as whippen. What no outline describes is left to the weights of the fit.
 
-Conventions: picture axes (y down); ``pose`` is (phi, tx, ty) as in `fit`. `mark_covered` is compiled and
-calls no other compiled function (see `kernels`).
+Conventions: picture axes (y down); ``pose`` is (phi, tx, ty) as in `vision.fitting.base`. `mark_covered` is compiled
+and calls no other compiled function (see `vision.fitting.kernels`).
 """
 
 from __future__ import annotations
@@ -33,8 +32,7 @@ def mark_covered(
     other_pose: NDArray[np.float64],
     covered: NDArray[np.uint8],
 ) -> int:
-    """Mark template pixels that a body in front hides; its reference mask is moved with it. Returns how
-    many."""
+    """Mark template pixels that a body in front hides; its reference mask is moved with it. Returns their number."""
     cosine, sine = math.cos(pose[0]), math.sin(pose[0])
     other_cosine, other_sine = math.cos(other_pose[0]), math.sin(other_pose[0])
     shift_x = centre[0] + pose[1] - other_centre[0] - other_pose[1]
@@ -52,7 +50,7 @@ def mark_covered(
     return count
 
 
-class Covering:
+class Occlusion:
     """Who can hide whom, and the outlines of those in front.
 
     Parameters
@@ -76,8 +74,7 @@ class Covering:
         ]
 
     def covered(self, body: int, pose: NDArray[np.float64], poses: dict[int, NDArray[np.float64]]) -> NDArray[np.uint8]:
-        """Template pixels of a body, at ``pose``, that bodies in front hide at theirs; shape (n,), 1 is
-        hidden."""
+        """Template pixels of a body, at ``pose``, that bodies in front hide at theirs; shape (n,), 1 is hidden."""
         template = self._templates[body]
         covered = np.zeros(template.n_pixels, dtype=np.uint8)
         for other, there in poses.items():

@@ -1,7 +1,6 @@
-"""The bodies to follow: outline polygons on the first picture, their file, and the pixels that may be used.
+"""The bodies to track: outline polygons on the reference, their file, and the pixels that may be used.
 
-Place in the data flow: `load_bodies` reads what the user drew, `build_masks` turns it into one pixel mask per
-body, the tracker and the uncertainty prediction work on those masks.
+`load_bodies` reads what the user drew, `build_masks` turns it into one pixel mask per body.
 
 Conventions: polygon points are picture coordinates (x right, y down, pixel centres at whole numbers) on the
 still frames. ``parent`` names the body relative to which the angle is wanted and through whose motion the
@@ -234,10 +233,8 @@ def build_masks(
         found = int(np.count_nonzero(mask))
         if found < MIN_PIXELS:
             raise BodyError(
-                f"body {body.name}: {found} usable pixels in the {width} x {height} picture, at "
-                f"least {MIN_PIXELS} "
-                f"needed after {erosion_px:g} px of rim and the bodies in front; draw it larger or "
-                "set its layer"
+                f"body {body.name}: {found} usable pixels in the {width} x {height} picture, at least {MIN_PIXELS} "
+                f"needed after {erosion_px:g} px of rim and the bodies in front; draw it larger or set its layer"
             )
         masks.append(mask)
     return masks

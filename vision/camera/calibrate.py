@@ -1,15 +1,12 @@
 """Measure how the camera sees the plane of motion, from a film of a target held in that plane.
 
-Place in the data flow: ``pianorig calibrate-camera`` calls `calibrate`; its `CalibratedCamera` corrects the
-angles in `track_film`. OpenCV finds the target's corners or dots; one view of a plane cannot tell a lens from a
-tilt well enough for its full calibration, so only what bends the plane itself is fitted: stretch, shear,
-perspective and radial distortion, the same in all frames, and the target's turn and place in each.
+OpenCV finds the target's corners or dots; views of one plane cannot separate lens from tilt well enough for a full
+calibration, so only what distorts the plane itself is fitted: stretch, shear, perspective and radial distortion, the
+same in all frames, and the target's turn and place in each.
 
-Method: least squares over all points with SciPy; the covariance is that of the residuals. Frames in which the
-target rests are averaged first, since their errors are not independent. The target may be moved within the
-plane between frames, which also shows whether it stayed in it: the residual then stays small.
-
-Failure: a target that is not found, or too few or badly spread points, raise `InputError`.
+Method: least squares over all points with SciPy; the covariance is that of the residuals. Frames in which the target
+is at rest are averaged first, since their errors are not independent. The target may be moved within the plane between
+frames, which also shows whether it stayed in it: the residual then stays small.
 """
 
 from __future__ import annotations
@@ -21,19 +18,20 @@ from typing import Any
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import least_squares
 
 from vision.camera.model import CalibratedCamera, projection_of
-from vision.errors import InputError
+from vision.errors import VisionInputError
 from vision.film.source import FrameSource
 
 TARGETS = ("checkerboard", "dots")
-RESTS_PX = 0.3
-"""Frames whose points moved less than this since the last one are averaged with it."""
+AT_REST_PX = 0.3
+"""Frames whose points moved less than this since the last view are averaged with it."""
 MAX_VIEWS = 40
 MISTAKEN = 3.0
 """Residual of a view, over the usual one, above which it is left out."""
 CORRELATED = 2.0
-"""Points err alike in parts of a view: variance of the parameters over that from independent points, as found on
+"""Neighbouring points have correlated errors: variance of the parameters over that from independent points, as found on
 synthetic targets (root mean square of error over uncertainty 1.4 without)."""
 BLOCK_PX = (120.0, 40.0)
 """Body for which the effect on angles is stated."""
@@ -59,11 +57,11 @@ class Target:
 
     def __post_init__(self) -> None:
         if self.kind not in TARGETS:
-            raise InputError(f"target {self.kind!r} is not known; choose {' or '.join(TARGETS)}")
+            raise VisionInputError(f"target {self.kind!r} is not known; choose {' or '.join(TARGETS)}")
         if not (3 <= self.columns <= 200 and 3 <= self.rows <= 200):
-            raise InputError(f"target of {self.columns} x {self.rows} points; each side needs 3 to 200")
+            raise VisionInputError(f"target of {self.columns} x {self.rows} points; each side needs 3 to 200")
         if not 0.0 < self.pitch_m < 10.0:
-            raise InputError(f"target pitch {self.pitch_m} m; needs a positive length below 10 m")
+            raise VisionInputError(f"target pitch {self.pitch_m} m; needs a positive length below 10 m")
 
     def points_m(self) -> NDArray[np.float64]:
         """Points in their own axes, shape (rows * columns, 2), row by row, y as in the picture."""
@@ -102,7 +100,7 @@ class Calibration:
 
 
 def find_points(picture: NDArray[Any], target: Target) -> NDArray[np.float64] | None:
-    """Points of the target in a picture, shape (rows * columns, 2), px; None when it is not all in sight."""
+    """Points of the target in a picture, shape (rows * columns, 2), px; None unless all of them are in sight."""
     top = float(np.quantile(picture, 0.999))
     grey = np.clip(np.asarray(picture, dtype=float) * (255.0 / max(top, 1.0)), 0, 255).astype(np.uint8)
     size = (target.columns, target.rows)
@@ -127,7 +125,12 @@ def calibrate(film: FrameSource, target: Target, every: int = 1) -> Calibration:
     film : FrameSource
     target : Target
     every : int
-        Look at every so manieth frame.
+        Use one frame out of this many.
+
+    Raises
+    ------
+    VisionInputError
+        The target is not found, or its points are too few or badly spread.
     """
     views: list[list[NDArray[np.float64]]] = []
     n_frames = 0
@@ -136,18 +139,18 @@ def calibrate(film: FrameSource, target: Target, every: int = 1) -> Calibration:
         if points is None:
             continue
         n_frames += 1
-        if views and np.abs(points - views[-1][0]).max() < RESTS_PX:
+        if views and np.abs(points - views[-1][0]).max() < AT_REST_PX:
             views[-1].append(points)
         elif len(views) < MAX_VIEWS:
             views.append([points])
     if not views:
-        raise InputError(
+        raise VisionInputError(
             f"{film.path}: no {target.kind} of {target.columns} x {target.rows} points found in "
             f"{len(range(0, film.n_frames, every))} frames; count inner corners, and keep all of it in sight"
         )
     seen = [np.mean(view, axis=0) for view in views]
     fit = _fit(film, target, seen)
-    # a view in which a point was mistaken for another spoils all; the others tell which one
+    # a view in which a point was mistaken for another spoils the fit; its residual stands out
     spread = np.sqrt(np.mean(fit.rest**2, axis=(1, 2)))
     good = [points for points, own in zip(seen, spread, strict=True) if own <= MISTAKEN * np.median(spread)]
     if len(good) < len(seen):
@@ -199,8 +202,6 @@ class _Fit:
 
 def _fit(film: FrameSource, target: Target, seen: Sequence[NDArray[np.float64]]) -> _Fit:
     """Five parameters of the view with their covariance, scale, and the residuals, shape (views, points, 2)."""
-    from scipy.optimize import least_squares
-
     board = target.points_m() - target.points_m().mean(axis=0)
     centre = projection_of(np.zeros(5), film.width, film.height).centre_px
     start = [np.zeros(5)]
@@ -226,13 +227,17 @@ def _fit(film: FrameSource, target: Target, seen: Sequence[NDArray[np.float64]])
     rest = found.fun
     freedom = rest.size - found.x.size
     if freedom < 8:
-        raise InputError(f"{film.path}: {rest.size // 2} points are too few; use a target with more")
+        raise VisionInputError(f"{film.path}: {rest.size // 2} points are too few; use a target with more")
     scaled = found.jac * step
     if np.linalg.cond(scaled) > 1e9:
-        raise InputError(f"{film.path}: the points do not fix the view; use a larger target, spread over the picture")
+        raise VisionInputError(
+            f"{film.path}: the points do not fix the view; use a larger target, spread over the picture"
+        )
     covariance = CORRELATED * np.outer(step, step) * np.linalg.inv(scaled.T @ scaled) * float(rest @ rest) / freedom
     if abs(found.x[4]) >= 0.2:
-        raise InputError(f"{film.path}: distortion of {100 * found.x[4]:.0f} % at the corner; is it the right target?")
+        raise VisionInputError(
+            f"{film.path}: distortion of {100 * found.x[4]:.0f} % at the corner; is it the right target?"
+        )
     return _Fit(
         found.x[:5],
         covariance[:5, :5],

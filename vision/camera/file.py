@@ -1,8 +1,6 @@
 """The camera file that ``pianorig calibrate-camera`` writes and ``track --calibration`` reads (TOML).
 
-Place in the data flow: `calibration` finds a `CalibratedCamera`; this file keeps it. Lengths in m, pixels of the
-film, standard uncertainties as a covariance. Failure: a file that is missing or incomplete raises `InputError`
-with the key.
+Lengths in m, pixels of the film, standard uncertainties as a covariance.
 """
 
 from __future__ import annotations
@@ -15,7 +13,7 @@ from typing import Any
 
 from vision.atomic_write import whole_file
 from vision.camera.model import CalibratedCamera
-from vision.errors import InputError
+from vision.errors import VisionInputError
 
 
 def save_calibration(path: str | os.PathLike[str], camera: CalibratedCamera, notes: Mapping[str, Any]) -> None:
@@ -40,27 +38,27 @@ def save_calibration(path: str | os.PathLike[str], camera: CalibratedCamera, not
         lines.append(
             f"{name} = {value if isinstance(value, int) else float(value)!r}" if number else f'{name} = "{text}"'
         )
-    with whole_file(path, InputError, "choose a writable folder") as temporary:
+    with whole_file(path, VisionInputError, "choose a writable folder") as temporary:
         temporary.write_text("\n".join(lines) + "\n", encoding="utf-8", newline="\n")
 
 
 def load_calibration(path: str | os.PathLike[str]) -> CalibratedCamera:
-    """Read a camera file."""
+    """Read a camera file; raises `VisionInputError`, with the key, for one that is missing or incomplete."""
     path = Path(path)
     try:
         with path.open("rb") as file:
             document = tomllib.load(file)
     except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror}); give a file of calibrate-camera") from None
+        raise VisionInputError(f"{path}: cannot be read ({error.strerror}); give a file of calibrate-camera") from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: not valid TOML ({error}); run calibrate-camera again") from None
+        raise VisionInputError(f"{path}: not valid TOML ({error}); run calibrate-camera again") from None
     table = document.get("camera")
     if not isinstance(table, dict):
-        raise InputError(f"{path}: holds no [camera] table; give a file of calibrate-camera")
+        raise VisionInputError(f"{path}: holds no [camera] table; give a file of calibrate-camera")
     try:
         width, height = table["width_px"], table["height_px"]
         if not (isinstance(width, int) and isinstance(height, int) and width > 0 and height > 0):
-            raise InputError(f"width_px and height_px are {width!r} and {height!r}, need whole numbers above 0")
+            raise VisionInputError(f"width_px and height_px are {width!r} and {height!r}, need whole numbers above 0")
         return CalibratedCamera(
             width,
             height,
@@ -70,6 +68,6 @@ def load_calibration(path: str | os.PathLike[str]) -> CalibratedCamera:
             float(table["u_scale_px_per_m"]),
         )
     except KeyError as error:
-        raise InputError(f"{path}: key camera.{error.args[0]} is missing; run calibrate-camera again") from None
+        raise VisionInputError(f"{path}: key camera.{error.args[0]} is missing; run calibrate-camera again") from None
     except (TypeError, ValueError) as error:
-        raise InputError(f"{path}: {error}; run calibrate-camera again") from None
+        raise VisionInputError(f"{path}: {error}; run calibrate-camera again") from None

@@ -1,7 +1,6 @@
 """What is known of the camera's view of the plane of motion: nothing, or a calibration.
 
-Place in the data flow: given to `track_film`; `error_budget` turns it into uncertainty, and a calibrated one
-also into a correction of the angles. Read from the file that ``pianorig calibrate-camera`` writes.
+Every camera model contributes to the uncertainty of the angles; a calibrated one also corrects them.
 
 A model lists *variants*: projections one standard uncertainty away from the nominal one, each with a weight and
 the budget term it belongs to. The variance of an angle is the weighted sum of its squared differences.
@@ -17,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.camera.projection import MAX_DISTORTION, Projection, tilted
-from vision.errors import InputError
+from vision.errors import VisionInputError
 
 DIRECTIONS = 8
 
@@ -32,7 +31,7 @@ class Variant:
 
 
 class CameraModel(Protocol):
-    """Nominal projection and its doubt."""
+    """Nominal projection and its uncertainty."""
 
     def nominal(self, width: int, height: int) -> Projection | None:
         """Projection to correct the angles with; None when nothing is known."""
@@ -42,7 +41,7 @@ class CameraModel(Protocol):
         """Projections one standard uncertainty away."""
         ...
 
-    def words(self) -> str:
+    def description(self) -> str:
         """What is assumed or known, for the user."""
         ...
 
@@ -67,11 +66,11 @@ class AssumedCamera:
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.u_tilt_rad <= math.radians(30.0):
-            raise InputError(f"assumed tilt {math.degrees(self.u_tilt_rad):g} deg; allowed 0 to 30")
+            raise VisionInputError(f"assumed tilt {math.degrees(self.u_tilt_rad):g} deg; allowed 0 to 30")
         if not 0.0 <= self.u_radial <= MAX_DISTORTION:
-            raise InputError(f"assumed distortion {self.u_radial:g}; allowed 0 to {MAX_DISTORTION}")
+            raise VisionInputError(f"assumed distortion {self.u_radial:g}; allowed 0 to {MAX_DISTORTION}")
         if not 1.0 <= self.distance_widths < math.inf:
-            raise InputError(f"camera distance of {self.distance_widths:g} picture widths; needs at least 1")
+            raise VisionInputError(f"camera distance of {self.distance_widths:g} picture widths; needs at least 1")
 
     def nominal(self, width: int, height: int) -> Projection | None:
         """Nothing to correct with."""
@@ -91,7 +90,7 @@ class AssumedCamera:
             made.append(Variant("tilt", 1.0 / (3.0 * DIRECTIONS), Projection(width, height, lean)))
         return [*made, Variant("distortion", 1.0, Projection(width, height, radial=self.u_radial))]
 
-    def words(self) -> str:
+    def description(self) -> str:
         """What is assumed."""
         return (
             f"camera not calibrated: assumed tilt {math.degrees(self.u_tilt_rad):.2g} deg, distortion "
@@ -128,16 +127,16 @@ class CalibratedCamera:
         good = parameters.shape == (5,) and covariance.shape == (5, 5)
         good = good and bool(np.all(np.isfinite(parameters)) and np.all(np.isfinite(covariance)))
         if not good or np.linalg.eigvalsh(0.5 * (covariance + covariance.T)).min() < -1e-9 * np.abs(covariance).max():
-            raise InputError("camera calibration: needs 5 finite parameters and their 5 x 5 covariance")
+            raise VisionInputError("camera calibration: needs 5 finite parameters and their 5 x 5 covariance")
         if not self.scale_px_per_m > 0.0:
-            raise InputError(f"camera calibration: scale {self.scale_px_per_m} px/m; needs a positive number")
+            raise VisionInputError(f"camera calibration: scale {self.scale_px_per_m} px/m; needs a positive number")
         object.__setattr__(self, "parameters", parameters)
         object.__setattr__(self, "covariance", 0.5 * (covariance + covariance.T))
 
     def nominal(self, width: int, height: int) -> Projection | None:
         """The measured projection; refuses a film of another size."""
         if (width, height) != (self.width, self.height):
-            raise InputError(
+            raise VisionInputError(
                 f"camera calibration is for pictures of {self.width} x {self.height}, the film has {width} x {height}; "
                 "calibrate with the film's own settings"
             )
@@ -154,7 +153,7 @@ class CalibratedCamera:
             made.append(Variant(term, 1.0, projection_of(self.parameters + step * scale, width, height)))
         return made
 
-    def words(self) -> str:
+    def description(self) -> str:
         """What was measured."""
         return f"camera calibrated: {self.scale_px_per_m / 1e3:.3f} px/mm, distortion {100 * self.parameters[4]:.3f} %"
 

@@ -1,8 +1,5 @@
 """From the plane of motion to the picture: a planar homography, then radial distortion.
 
-Place in the data flow: `calibration` finds one from a target, `error_budget` assumes one of unknown direction,
-`synthetic` films through one, `pose_response` asks what it does to a tracked pose.
-
 Conventions: points (x, y) in pixels, y down. *Rectified* points are what a perfect camera, square to the
 plane, would show; *seen* points are those of the film. About the picture's centre c: ``h = H (q - c)``
 (homogeneous, 3 x 3), then ``p = c + h (1 + k |h|^2 / R^2)`` with R half the picture's diagonal, so that ``k``
@@ -18,7 +15,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from vision.errors import InputError
+from vision.errors import VisionInputError
 
 MAX_DISTORTION = 0.25
 
@@ -45,9 +42,9 @@ class Projection:
     def __post_init__(self) -> None:
         matrix = np.array(self.homography, dtype=float)
         if matrix.shape != (3, 3) or not np.all(np.isfinite(matrix)) or abs(np.linalg.det(matrix)) < 1e-12:
-            raise InputError("homography must be a finite, invertible 3 x 3 matrix")
+            raise VisionInputError("homography must be a finite, invertible 3 x 3 matrix")
         if not abs(self.radial) <= MAX_DISTORTION:
-            raise InputError(f"radial distortion {self.radial:g} at the corner; allowed up to {MAX_DISTORTION}")
+            raise VisionInputError(f"radial distortion {self.radial:g} at the corner; allowed up to {MAX_DISTORTION}")
         object.__setattr__(self, "homography", matrix)
 
     @property

@@ -1,18 +1,15 @@
-"""Own reader of AVI films with MJPEG or uncompressed frames, what most high-speed cameras write.
+"""Own reader of AVI films with MJPEG or uncompressed frames, which most high-speed cameras write.
 
-Place in the data flow: opened by `frames.open_film`; other codecs go to `video`. Every frame is found by
-walking the container, so that any frame can be read at once and exactly, and uncompressed films give a
-region without reading the rest. OpenCV only decodes single JPEG pictures: its FFmpeg reader breaks off the
-whole process on uncompressed bottom-up films and fills up missing halves of frames in silence (OpenCV 5.0,
-found by tests).
+Other codecs go to `vision.film.opencv_video`. Every frame is found by walking the container, so that any frame can be
+read directly and exactly, and uncompressed films give a region without reading the rest. OpenCV only decodes single
+JPEG pictures: its FFmpeg reader aborts the whole process on uncompressed bottom-up films and fills up missing halves
+of frames silently (OpenCV 5.0, found by tests).
 
 Format: RIFF lists ``hdrl`` (``strh``, ``strf`` of the first video stream) and ``movi`` with chunks ``##dc``
 or ``##db``, also inside ``rec`` lists and in the ``AVIX`` segments of large files. Uncompressed: 8 bit with
-palette, 24 and 32 bit (bottom row first unless the height is negative), Y800, GREY and Y16. Colour becomes
-grey.
-
-Failure: chunks that reach beyond the file, fewer frames than announced, dropped frames, JPEG pictures
-without an end or of another size raise `FilmError`.
+palette, 24 and 32 bit (bottom row first unless the height is negative), Y800, GREY and Y16. Colour becomes grey.
+Chunks that reach beyond the file, fewer frames than announced, dropped frames, and JPEG pictures without an end or of
+another size raise `FilmError`.
 """
 
 from __future__ import annotations
@@ -42,10 +39,10 @@ NOTHING: tuple[int, NDArray[Any]] = (-1, np.empty((0, 0), dtype=np.uint8))
 
 
 class AviFilm(Film):
-    """An AVI film with frames that stand by themselves.
+    """An AVI film whose frames are coded independently of each other.
 
-    ``frame_rate_hz`` is what the file says, often the play-back rate. ``readable`` is False when the
-    codec is not one of this reader's. ``allow_truncated`` reads a film that was cut short to its last whole frame.
+    ``frame_rate_hz`` is what the file says, often the play-back rate. ``readable`` is False when the codec is not one
+    of this reader's. ``allow_truncated`` reads a film that was cut short up to its last whole frame.
     """
 
     _row_bytes: int
@@ -97,7 +94,7 @@ class AviFilm(Film):
         self.n_frames = len(self._offset)
         if self.readable:
             self._check_frames()
-            self._look_at_compression()
+            self._read_compression()
 
     def read(self, index: int) -> NDArray[Any]:
         """Whole frame, shape (height, width)."""
@@ -110,7 +107,7 @@ class AviFilm(Film):
         start = self._offset[index]
         if not self._pixel_bytes:
             if self._last[0] != index:
-                # let go of first: one decoded picture at a time
+                # released first: one decoded picture at a time
                 self._last = NOTHING
                 self._last = (index, self._jpeg(index, self._file.view(start, start + self._size[index])))
             return self._last[1][y0:y1, x0:x1]
@@ -131,6 +128,7 @@ class AviFilm(Film):
         self._file.close()
 
     def _jpeg(self, index: int, data: NDArray[np.uint8]) -> NDArray[Any]:
+        # start-up: OpenCV costs 0.12 s, MRAW and uncompressed films do without
         import cv2
 
         # decoders fill up a picture that breaks off; its end mark shows that it is whole
@@ -143,7 +141,7 @@ class AviFilm(Film):
         return np.asarray(picture)
 
     def _fits(self, data: NDArray[np.uint8]) -> bool:
-        """Whether a JPEG says it has the film's size: a decoder would believe any other and allocate for it."""
+        """Whether a JPEG states the film's size: a decoder would believe any other and allocate for it."""
         at = 2
         while at + 9 <= data.size and data[at] == 0xFF:
             kind, length = int(data[at + 1]), int(data[at + 2]) * 256 + int(data[at + 3])
@@ -166,8 +164,8 @@ class AviFilm(Film):
                     "describe these frames"
                 )
 
-    def _look_at_compression(self) -> None:
-        """Keep the first JPEG's steps; warn when its pictures are too coarse for the stated accuracy."""
+    def _read_compression(self) -> None:
+        """Note the first JPEG's steps; warn when its pictures are too coarse for the stated accuracy."""
         if self._pixel_bytes:
             return
         steps = jpeg_steps(self._file.view(self._offset[0], self._offset[0] + self._size[0]).tobytes())

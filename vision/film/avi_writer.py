@@ -1,15 +1,11 @@
-"""Write AVI films: MJPEG with a chosen quality, or without loss. Own container, OpenCV encodes the pictures.
+"""Write AVI films: MJPEG with a chosen quality, or lossless. Own container, OpenCV encodes the pictures.
 
-Place in the data flow: overlay films, exports and tests. OpenCV's video writers are not used: the one on
-FFmpeg ignores the quality and drops frames above 1000 frames/s, the built-in one spoils grey pictures
-(OpenCV 5.0, found by tests).
+OpenCV's video writers are not used: the one on FFmpeg ignores the quality and drops frames above 1000 frames/s, the
+built-in one spoils grey pictures (OpenCV 5.0, found by tests). The film appears under its name only when complete.
 
-Format: AVI 1.0 (RIFF): header list, ``movi`` list with one ``00dc`` chunk per frame, ``idx1`` index. Grey
-films without loss are ``Y800`` (8 bit per pixel, top row first), colour ones uncompressed BGR (bottom row
-first, rows padded to four bytes).
-
-Failure: frames that do not fit, a film beyond 2 GB, or a folder that cannot be written raise `FilmError`;
-the film appears under its name only when it is complete.
+Format: AVI 1.0 (RIFF): header list, ``movi`` list with one ``00dc`` chunk per frame, ``idx1`` index. Lossless grey
+films are ``Y800`` (8 bit per pixel, top row first), colour ones uncompressed BGR (bottom row first, rows padded to
+four bytes).
 """
 
 from __future__ import annotations
@@ -20,12 +16,13 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any, BinaryIO
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from vision.atomic_write import whole_file
 from vision.errors import FilmError
-from vision.film.mraw_writer import check_frame
+from vision.film.frame_check import check_frame
 
 MAX_BYTES = 2**31 - 2**20
 HEADER_BYTES = 12 + 8 + 4 + (8 + 56) + (8 + 4 + (8 + 56) + (8 + 40)) + 12
@@ -49,7 +46,7 @@ def write_avi(
     frame_rate_hz : float
         Rate written into the file.
     quality : int or None
-        JPEG quality 1..100; None stores without loss.
+        JPEG quality 1..100; None stores losslessly.
     progress : callable, optional
         Called with the number of frames written.
 
@@ -57,6 +54,11 @@ def write_avi(
     -------
     int
         Number of frames written.
+
+    Raises
+    ------
+    FilmError
+        Frames that do not fit, a film beyond 2 GB, or a folder that cannot be written.
     """
     path = Path(path)
     if path.suffix.lower() != ".avi":
@@ -85,8 +87,6 @@ def write_avi(
 
 
 def _encode(path: Path, frame: NDArray[Any], quality: int | None) -> bytes:
-    import cv2
-
     if quality is not None:
         ok, data = cv2.imencode(".jpg", np.ascontiguousarray(frame), [cv2.IMWRITE_JPEG_QUALITY, quality])
         if not ok:
@@ -106,10 +106,9 @@ def _finish(
     """Append the index and write the header, whose sizes are known only now."""
     movi_bytes = file.tell() - HEADER_BYTES
     offset = 4
+    file.write(b"idx1" + struct.pack("<I", 16 * len(sizes)))
     for size in sizes:
-        # every frame stands by itself (key frame)
-        if offset == 4:
-            file.write(b"idx1" + struct.pack("<I", 16 * len(sizes)))
+        # 0x10: every frame is a key frame
         file.write(b"00dc" + struct.pack("<III", 0x10, offset, size))
         offset += 8 + size + size % 2
     total = file.tell()
@@ -120,40 +119,10 @@ def _finish(
     scale = 1000
     rate = max(1, round(frame_rate_hz * scale))
     largest = max(sizes)
-    main = struct.pack(
-        "<14I",
-        max(1, round(1e6 / frame_rate_hz)),
-        0,
-        0,
-        0x10,
-        len(sizes),
-        0,
-        1,
-        largest,
-        width,
-        height,
-        0,
-        0,
-        0,
-        0,
-    )
-    stream = b"vids" + struct.pack(
-        "<4sIIIIIIIIII4H",
-        code,
-        0,
-        0,
-        0,
-        scale,
-        rate,
-        0,
-        len(sizes),
-        largest,
-        0xFFFFFFFF,
-        0,
-        0,
-        0,
-        width,
-        height,
+    microseconds = max(1, round(1e6 / frame_rate_hz))
+    main = struct.pack("<14I", microseconds, 0, 0, 0x10, len(sizes), 0, 1, largest, width, height, 0, 0, 0, 0)
+    stream = struct.pack(
+        "<4s4s10I4H", b"vids", code, 0, 0, 0, scale, rate, 0, len(sizes), largest, 0xFFFFFFFF, 0, 0, 0, width, height
     )
     picture = struct.pack("<IiiHH4sIiiII", 40, width, height, 1, bits, code, largest, 0, 0, 0, 0)
     stream_list = b"strl" + _chunk(b"strh", stream) + _chunk(b"strf", picture)

@@ -1,14 +1,10 @@
-"""Is a video file as long as its container says? AVI (RIFF) and MP4/MOV (ISO base media) top-level chunks are
-walked.
+"""Is a video file as long as its container says? Walks the top-level chunks of AVI (RIFF) and MP4/MOV (ISO base media).
 
-Place in the data flow: called by `video` before decoding, because decoders hide a missing end: they fill up a
-half frame in silence. Only sizes are looked at, nothing is loaded. Other containers (Matroska) are left to
-the decoder.
+Needed before decoding because decoders hide a missing end: they fill up half a frame silently. Only sizes are read,
+nothing is loaded. Other containers (Matroska) are left to the decoder.
 
-Formats: RIFF chunk = four letters, 32-bit size, data, padded to even; ISO box = 32-bit big-endian size, four
-letters, with size 1 for a 64-bit size behind and 0 for "to the end".
-
-Failure: a chunk that reaches beyond the end of the file raises `FilmError` with both sizes.
+Formats: RIFF chunk = four letters, 32-bit size, data, padded to even; ISO box = 32-bit big-endian size, four letters,
+with size 1 for a 64-bit size that follows and 0 for "to the end".
 """
 
 from __future__ import annotations
@@ -22,7 +18,7 @@ MAX_CHUNKS = 100_000
 
 
 def check_whole(path: Path) -> None:
-    """Raise `FilmError` when the file ends before its container does."""
+    """Raise `FilmError`, with both sizes, when the file ends before its container does."""
     try:
         size = path.stat().st_size
         with path.open("rb") as file:

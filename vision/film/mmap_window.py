@@ -1,10 +1,8 @@
 """Bytes of a large file through a memory-mapped window that moves along it.
 
-Place in the data flow: under the readers `mraw` and `avi_film`. Only the pages that are looked at are read
-from disk, and pages already seen count as used memory only until their window is let go, so that memory in
-use does not grow with the file.
-
-Failure: a range outside the file, or a file that cannot be mapped, raises `FilmError`.
+Used by the MRAW and AVI readers. Only the pages that are accessed are read from disk, and they count as used memory
+only until their window is released, so that memory in use does not grow with the file. A range outside the file, or a
+file that cannot be mapped, raises `FilmError`.
 """
 
 from __future__ import annotations
@@ -18,7 +16,7 @@ from numpy.typing import NDArray
 from vision.errors import FilmError
 
 WINDOW_BYTES = 32 * 1024 * 1024
-"""Mapped at a time, unless more is asked for at once."""
+"""Mapped at a time, unless one request needs more."""
 
 
 class FileWindow:
@@ -47,7 +45,7 @@ class FileWindow:
     def view(self, start: int, end: int) -> NDArray[np.uint8]:
         """Bytes ``start..end-1``; the array stays valid after the window has moved on or the file was closed."""
         if not 0 <= start <= end <= self.size:
-            raise FilmError(f"{self.path}: bytes {start}..{end} asked for, the file has {self.size}; it is cut short")
+            raise FilmError(f"{self.path}: bytes {start}..{end} requested, the file has {self.size}; it is cut short")
         if not (self._offset <= start and end <= self._offset + self._window.size):
             offset = start // mmap.ALLOCATIONGRANULARITY * mmap.ALLOCATIONGRANULARITY
             length = min(max(WINDOW_BYTES, end - offset), self.size - offset)

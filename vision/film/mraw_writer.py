@@ -1,9 +1,7 @@
-"""Write films as Photron MRAW with the CIHX header that real viewers read.
+"""Write films as Photron MRAW with the CIHX header that Photron's viewers read.
 
-Place in the data flow: the virtual camera and the tests write films frame by frame, so memory does not grow
-with the film. A file appears under its name only when it is complete: it is written under a temporary name
-and renamed, the data before the header that makes it readable. Failure: frames that do not fit the stated
-format, or a folder that cannot be written, raise `FilmError` and leave nothing behind.
+Films are written frame by frame, so memory does not grow with them. A file appears under its name only when it is
+complete: it is written under a temporary name and renamed, the data before the header that makes it readable.
 """
 
 from __future__ import annotations
@@ -18,7 +16,8 @@ from numpy.typing import NDArray
 
 from vision.atomic_write import remove, temporary_name
 from vision.errors import FilmError
-from vision.film.cih import FilmHeader, cihx_bytes
+from vision.film.cih_header import FilmHeader, cihx_bytes
+from vision.film.frame_check import check_frame
 
 
 def write_mraw(
@@ -55,6 +54,7 @@ def write_mraw(
     Raises
     ------
     FilmError
+        Frames that do not fit the stated format, or a folder that cannot be written; nothing is left behind.
     """
     path = Path(path)
     if path.suffix != ".mraw":
@@ -117,32 +117,8 @@ def pack12(values: NDArray[np.uint16]) -> bytes:
     return out.tobytes()
 
 
-def check_frame(
-    path: Path,
-    frame: NDArray[Any],
-    shape: tuple[int, ...] | None,
-    bit_depth: int,
-    number: int,
-    colour: bool = False,
-) -> tuple[int, ...]:
-    """Shape of a frame that fits the film so far; raises `FilmError` for any other."""
-    if shape is not None and frame.shape != shape:
-        raise FilmError(f"{path}: frame {number} has shape {frame.shape}, the first has {shape}")
-    if shape is None and (frame.ndim not in (2, 3) or 0 in frame.shape or frame.shape[2:] not in ((), (3,) * colour)):
-        raise FilmError(f"{path}: frame {number} has shape {frame.shape}, needs (height, width)")
-    if frame.dtype.kind not in "ui":
-        raise FilmError(f"{path}: frame {number} is of type {frame.dtype}, needs whole numbers")
-    top = (1 << bit_depth) - 1
-    if 8 * frame.dtype.itemsize > bit_depth or frame.dtype.kind == "i":
-        low, high = int(frame.min()), int(frame.max())
-        if low < 0 or high > top:
-            raise FilmError(f"{path}: frame {number} holds {low}..{high}, {bit_depth} bit hold 0..{top}")
-    return frame.shape
-
-
 def _swap(path: Path, new_data: Path, header_path: Path, new_header: Path) -> None:
-    """Put a new film in place of an old one; an old header never describes new data, not even for a
-    moment."""
+    """Put a new film in place of an old one; an old header never describes new data, not even for a moment."""
     old_header = header_path.with_name(f".{header_path.name}.{os.getpid()}.old")
     had_header = header_path.exists()
     if had_header:

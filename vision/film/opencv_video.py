@@ -1,27 +1,27 @@
 """AVI, MP4 and similar films, decoded by OpenCV.
 
-Place in the data flow: opened by `frames.open_film`. Frames are decoded in order and counted, since a seek
-inside a compressed film may land on another frame; going back reopens the file. Colour is converted to grey
-by OpenCV's weights.
-
-Failure: an unreadable file, or one that ends before the number of frames it announces, raises `FilmError`.
-Codecs that predict a frame from its neighbours draw a `VisionWarning`: they hide noise on still frames and
-bias moving ones (errors of 9 to 55 mdeg where raw film gives 2, measured with H.264).
+Frames are decoded in order and counted, since a seek inside a compressed film may land on another frame; going back
+reopens the file. Colour is converted to grey with OpenCV's weights. An unreadable file, or one that ends before the
+number of frames it announces, raises `FilmError`. Codecs that predict a frame from its neighbours draw a
+`VisionWarning`: they hide noise on still frames and bias moving ones (errors of 9 to 55 mdeg where raw film gives 2,
+measured with H.264).
 """
 
 from __future__ import annotations
 
 import warnings
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, NoReturn
 
-import cv2
 from numpy.typing import NDArray
 
 from vision.errors import FilmError, VisionWarning
 from vision.film.compression import Compression
 from vision.film.container_check import check_whole
 from vision.film.source import Film
+
+if TYPE_CHECKING:
+    import cv2
 
 # codecs that store every frame by itself, and raw formats; an empty code is uncompressed film
 _INTRA = """MJPG MJPA AVRN LJPG JPGL FFV1 HFYU FFVH MPNG DIB RAW Y800 Y8 GREY I420 IYUV YV12 YUY2 UYVY ULRG
@@ -32,11 +32,14 @@ INTRA_CODECS = frozenset(["", *_INTRA.split()])
 class VideoFilm(Film):
     """A film in a video container.
 
-    ``frame_rate_hz`` is what the container says, which for high-speed film is often the play-back rate: hand
-    the tracker the true frame times.
+    ``frame_rate_hz`` is what the container says, which for high-speed film is often the play-back rate: give the
+    tracker the true frame times.
     """
 
     def __init__(self, path: Path, *, allow_truncated: bool = False) -> None:
+        # start-up: OpenCV costs 0.12 s, MRAW films do without
+        import cv2
+
         self.path = path
         if not allow_truncated:
             check_whole(path)
@@ -46,27 +49,29 @@ class VideoFilm(Film):
         announced = self._capture.get(cv2.CAP_PROP_FRAME_COUNT)
         if not (0 < self.width <= 65535 and 0 < self.height <= 65535 and 1 <= announced < 1e9):
             raise FilmError(
-                f"{path}: says {announced:g} frames of {self.width} x {self.height}; the file is "
-                "cut short or not a video"
+                f"{path}: says {announced:g} frames of {self.width} x {self.height}; the file is cut short or not a "
+                "video"
             )
         self.n_frames = self._countable(int(announced), allow_truncated)
         rate = float(self._capture.get(cv2.CAP_PROP_FPS))
         self.frame_rate_hz = rate if 0.0 < rate < 1e9 else None
-        self.codec = _fourcc(self._capture)
+        self.codec = _four_letters(int(self._capture.get(cv2.CAP_PROP_FOURCC)))
         self._next = 0
         self._last: tuple[int, NDArray[Any]] | None = None
         if self.codec.strip().upper() not in INTRA_CODECS:
             self.compression = Compression(None)
             warnings.warn(
-                f"{path}: codec {self.codec} predicts frames from their neighbours, so angles will "
-                "be worse than stated; "
-                "export raw or MJPEG film",
+                f"{path}: codec {self.codec} predicts frames from their neighbours, so angles will be worse than "
+                "stated; export raw or MJPEG film",
                 VisionWarning,
                 stacklevel=3,
             )
 
     def read(self, index: int) -> NDArray[Any]:
         """Whole frame, shape (height, width), uint8; fastest in order."""
+        # start-up: as above
+        import cv2
+
         self._check_index(index)
         if self._last is not None and self._last[0] == index:
             return self._last[1]
@@ -78,7 +83,7 @@ class VideoFilm(Film):
             if not self._capture.grab():
                 self._ended(self._next)
             self._next += 1
-        # let go of first: the colour picture is three times as large already
+        # released first: the colour picture is three times as large already
         self._last = None
         ok, picture = self._capture.read()
         if not ok or picture is None:
@@ -98,6 +103,9 @@ class VideoFilm(Film):
         self._capture.release()
 
     def _open(self) -> cv2.VideoCapture:
+        # start-up: as above
+        import cv2
+
         if not self.path.is_file():
             raise FilmError(f"{self.path}: cannot be opened; give an existing film")
         try:
@@ -109,25 +117,23 @@ class VideoFilm(Film):
         return capture
 
     def _countable(self, announced: int, allow_truncated: bool) -> int:
-        """Number of frames after checking that the last one is there; an AVI cut short still announces
-        all."""
+        """Number of frames, after checking that the last one is there; a film cut short still announces all."""
         present = 0
         while present < announced and self._capture.grab():
             present += 1
         self._capture.release()
         if present < announced and not (allow_truncated and present > 0):
             raise FilmError(
-                f"{self.path}: announces {announced} frames but ends after {present}; the film is "
-                "cut short, copy it again"
+                f"{self.path}: announces {announced} frames but ends after {present}; the film is cut short, copy it "
+                "again"
             )
         self._capture = self._open()
         return present
 
-    def _ended(self, index: int) -> None:
+    def _ended(self, index: int) -> NoReturn:
         raise FilmError(f"{self.path}: frame {index} of {self.n_frames} cannot be decoded; the film is damaged")
 
 
-def _fourcc(capture: cv2.VideoCapture) -> str:
-    code = int(capture.get(cv2.CAP_PROP_FOURCC))
+def _four_letters(code: int) -> str:
     text = code.to_bytes(4, "little", signed=code < 0).decode("latin-1")
     return text if text.isprintable() and text.strip("\0") else ""

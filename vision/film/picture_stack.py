@@ -1,10 +1,8 @@
 """Films stored as pictures: a TIFF with one frame per page, or a folder with one PNG or TIFF per frame.
 
-Place in the data flow: opened by `frames.open_film`; OpenCV decodes one picture at a time, so memory does not
-grow with the film. A folder is read in the order of the numbers in the file names. These formats carry no
-frame rate: the caller gives the frame times.
-
-Failure: pictures that cannot be decoded, or differ in size or depth from the first, raise `FilmError`.
+OpenCV decodes one picture at a time, so memory does not grow with the film. A folder is read in the order of the
+numbers in the file names. These formats carry no frame rate: the caller gives the frame times. Pictures that cannot be
+decoded, or differ in size or depth from the first, raise `FilmError`.
 """
 
 from __future__ import annotations
@@ -13,12 +11,13 @@ import re
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from vision.errors import FilmError
-from vision.film.source import PICTURE_SUFFIXES, Film
+from vision.film.source import Film
+
+PICTURE_SUFFIXES = (".png", ".tif", ".tiff", ".bmp")
 
 
 class PictureFolder(Film):
@@ -34,20 +33,16 @@ class PictureFolder(Film):
             raise FilmError(f"{path}: holds no picture ({', '.join(PICTURE_SUFFIXES)}); give a film or such a folder")
         self._files = sorted(found, key=_by_number)
         self.n_frames = len(self._files)
-        first = self.read_first()
+        first = _decode(self._files[0])
         self.height, self.width = first.shape
         self.bit_depth = 8 * first.dtype.itemsize
         self._type = first.dtype
-
-    def read_first(self) -> NDArray[Any]:
-        """Decode the first picture, which sets size and depth."""
-        return _grey(cv2.imread(str(self._files[0]), cv2.IMREAD_UNCHANGED), self._files[0])
 
     def read(self, index: int) -> NDArray[Any]:
         """Whole frame, shape (height, width)."""
         self._check_index(index)
         file = self._files[index]
-        picture = _grey(cv2.imread(str(file), cv2.IMREAD_UNCHANGED), file)
+        picture = _decode(file)
         if picture.shape != (self.height, self.width) or picture.dtype != self._type:
             raise FilmError(
                 f"{file}: {picture.shape[1]} x {picture.shape[0]} {picture.dtype}, the first picture is "
@@ -60,6 +55,9 @@ class PagedPicture(Film):
     """A TIFF file with one frame per page, or a single picture."""
 
     def __init__(self, path: Path, *, allow_truncated: bool = False) -> None:
+        # start-up: OpenCV costs 0.12 s, MRAW films do without
+        import cv2
+
         self.path = path
         try:
             self.n_frames = int(cv2.imcount(str(path), cv2.IMREAD_UNCHANGED))
@@ -91,6 +89,9 @@ class PagedPicture(Film):
         return page
 
     def _page(self, index: int) -> NDArray[Any]:
+        # start-up: as above
+        import cv2
+
         try:
             ok, pages = cv2.imreadmulti(str(self.path), start=index, count=1, flags=cv2.IMREAD_UNCHANGED)
         except cv2.error as error:
@@ -104,12 +105,22 @@ def _by_number(file: Path) -> tuple[list[int], str]:
     return [int(digits) for digits in re.findall(r"\d+", file.stem)], file.name
 
 
+def _decode(file: Path) -> NDArray[Any]:
+    # start-up: as above
+    import cv2
+
+    return _grey(cv2.imread(str(file), cv2.IMREAD_UNCHANGED), file)
+
+
 def _grey(picture: NDArray[Any] | None, file: Path) -> NDArray[Any]:
     if picture is None:
         raise FilmError(f"{file}: cannot be decoded; the file is damaged or not a picture")
     if picture.dtype not in (np.uint8, np.uint16):
         raise FilmError(f"{file}: pixel type {picture.dtype}, readable are 8 and 16 bit; convert the picture")
     if picture.ndim == 3:
+        # start-up: as above
+        import cv2
+
         code = cv2.COLOR_BGRA2GRAY if picture.shape[2] == 4 else cv2.COLOR_BGR2GRAY
         picture = cv2.cvtColor(picture, code)
     return picture

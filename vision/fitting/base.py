@@ -1,7 +1,6 @@
 """What a fit of one body in one frame returns, and the region of the frame it reads.
 
-Place in the data flow: the two engines `icgn` and `ecc` produce `Fit`, the `follower` judges it. A pose is
-(phi, tx, ty): turn in picture axes (rad, clockwise to the eye) and shift (px) of the template's centre from
+A pose is (phi, tx, ty): turn in picture axes (rad, clockwise to the eye) and shift (px) of the template's centre from
 its place in the reference.
 """
 
@@ -25,10 +24,10 @@ MARGIN_PX = 14
 class Fit:
     """Result of fitting one body in one frame.
 
-    ``covariance`` (3, 3) holds this frame's noise only, in rad and px. ``zncc`` is the correlation of fitted
-    and seen grey values over the pixels in use, ``inlier`` the fraction of the template's pixels that agree
-    with the fit, ``seen`` the fraction that is inside the picture and not covered. ``converged`` False means
-    that nothing else counts.
+    ``covariance`` (3, 3) is from this frame's noise only, in rad and px. ``zncc`` is the correlation of fitted and
+    observed grey values over the pixels in use, ``inlier`` the fraction of the template's pixels that agree with the
+    fit, ``seen`` the fraction that is inside the picture and not covered. Where ``converged`` is False the other values
+    mean nothing.
     """
 
     pose: NDArray[np.float64]
@@ -51,28 +50,26 @@ class Fitter(Protocol):
     template: Template
 
     def fit(self, film: FrameSource, index: int, pose: NDArray[np.float64], covered: NDArray[np.uint8] | None) -> Fit:
-        """Fit the body in frame ``index``, starting from ``pose``; ``covered`` marks template pixels to leave
-        out."""
+        """Fit the body in frame ``index``, starting from ``pose``; ``covered`` marks template pixels to leave out."""
         ...
 
     def reset(self) -> None:
-        """Forget what was carried over from the previous frame."""
+        """Forget the state carried over from the previous frame."""
         ...
 
-    def carried(self) -> dict[str, NDArray[Any]]:
+    def state(self) -> dict[str, NDArray[Any]]:
         """What is carried over from frame to frame, as arrays."""
         ...
 
-    def carry(self, arrays: dict[str, NDArray[Any]]) -> None:
-        """Go on from what `carried` gave."""
+    def restore(self, arrays: dict[str, NDArray[Any]]) -> None:
+        """Continue from what `state` gave."""
         ...
 
 
 def region_of(
     template: Template, pose: NDArray[np.float64], height: int, width: int, margin_px: int = MARGIN_PX
 ) -> tuple[int, int, int, int] | None:
-    """Rectangle (y0, y1, x0, x1) of the frame that holds the body at a pose, or None when too little is
-    inside."""
+    """Rectangle (y0, y1, x0, x1) of the frame that holds the body at a pose, or None when too little is inside."""
     cosine, sine = math.cos(pose[0]), math.sin(pose[0])
     left, right, top, bottom = template.box_px
     xs = [cosine * x - sine * y for x in (left, right) for y in (top, bottom)]

@@ -1,8 +1,7 @@
 """Cubic B-spline representation of a picture: prefilter, gradient, and how much sampling smooths the noise.
 
-Place in the data flow: the template takes its gradient from here, the tracker prefilters each region of
-interest before the kernel samples it. OpenCV does the two-pass filter; sampling itself is in `kernels`, since
-OpenCV's own warps round coordinates to 1/32 pixel.
+OpenCV does the two-pass filter; sampling itself is in `vision.fitting.kernels`, since OpenCV's own warps round
+coordinates to 1/32 pixel.
 
 Source: M. Unser, Splines: a perfect fit for signal and image processing, IEEE Signal Process. Mag. 16(6),
 1999: the interpolating prefilter has the impulse response ``sqrt(3) * z**|k|`` with pole ``z = sqrt(3) - 2``.

@@ -1,14 +1,11 @@
 """Fit by OpenCV's masked enhanced correlation coefficient: an engine that needs no compiled kernel of ours.
 
-Place in the data flow: chosen with ``method="ecc"``; same interface as `icgn`. The averaged template is
-32-bit, which halves the error of a one-frame template; frames are sampled bilinearly by OpenCV, so the noise
-gain is that of linear interpolation.
+Chosen with ``method="ecc"``. The averaged template is 32-bit, which halves the error of a one-frame template; frames
+are sampled bilinearly by OpenCV, so the noise gain is that of linear interpolation.
 
-Source: G. D. Evangelidis and E. Z. Psarakis, IEEE Trans. Pattern Anal. Mach. Intell. 30(10), 2008. Limits: no
-weights, so a body that is partly covered by something unknown is lost or biased; about three times slower
-than the default engine.
-
-Failure: OpenCV raises when it does not converge; here that is ``converged = False``.
+Source: G. D. Evangelidis and E. Z. Psarakis, IEEE Trans. Pattern Anal. Mach. Intell. 30(10), 2008. Limits: no weights,
+so a body that is partly covered by something unknown is lost or biased; about three times slower than the default
+engine. OpenCV raises when it does not converge; here that is ``converged = False``.
 """
 
 from __future__ import annotations
@@ -20,7 +17,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.errors import InputError
+from vision.errors import VisionInputError
 from vision.film.source import FrameSource
 from vision.fitting.base import FAILED, Fit, region_of
 from vision.fitting.pose_covariance import pose_covariance
@@ -36,7 +33,7 @@ class EccFitter:
 
     def __init__(self, template: Template) -> None:
         if not hasattr(cv2, "findTransformECCWithMask"):
-            raise InputError(
+            raise VisionInputError(
                 f'method "ecc": OpenCV {cv2.__version__} has no masked ECC, OpenCV 5 has; '
                 'install it or use method "icgn"'
             )
@@ -55,12 +52,12 @@ class EccFitter:
     def reset(self) -> None:
         """Nothing is carried over."""
 
-    def carried(self) -> dict[str, NDArray[Any]]:
+    def state(self) -> dict[str, NDArray[Any]]:
         """Nothing."""
         return {}
 
-    def carry(self, arrays: dict[str, NDArray[Any]]) -> None:
-        """Nothing to go on from."""
+    def restore(self, arrays: dict[str, NDArray[Any]]) -> None:
+        """Nothing to continue from."""
 
     def fit(self, film: FrameSource, index: int, pose: NDArray[np.float64], covered: NDArray[np.uint8] | None) -> Fit:
         """Fit the body in frame ``index``, starting from ``pose``."""
@@ -83,7 +80,7 @@ class EccFitter:
             )
         except cv2.error:
             return FAILED
-        return self._judge(view, np.asarray(found, dtype=float), mask, float(correlation), x0, y0)
+        return self._assess(view, np.asarray(found, dtype=float), mask, float(correlation), x0, y0)
 
     def _warp_of(self, pose: NDArray[np.float64], x0: int, y0: int) -> NDArray[np.float32]:
         """Matrix from crop coordinates of the template to coordinates of the region read."""
@@ -93,7 +90,7 @@ class EccFitter:
         y = self.template.centre_px[1] + pose[2] - y0 + sine * left + cosine * top
         return np.array([[cosine, -sine, x], [sine, cosine, y]], dtype=np.float32)
 
-    def _judge(
+    def _assess(
         self,
         view: NDArray[np.float32],
         warp: NDArray[np.float32],

@@ -1,9 +1,9 @@
 """The compiled loops of the pose fit (numba).
 
-Place in the data flow: `icgn` calls `fit_rigid` once per body and frame. Private to `vision`. They stay in
-one file because numba's disk cache only notices changes of the file in which the cached function stands: a
-jitted function called from another file would go stale without a word. The other compiled loops of this
-package, `covering.mark_covered` and `synthetic.kernels.composite`, call nothing and stand alone.
+`vision.fitting.icgn` calls `fit_rigid` once per body and frame. All loops and the named tuples they take stay in one
+file, because numba's disk cache only notices changes of the file that holds the cached function: a compiled function
+called from another file would go stale silently. The other compiled loops of this package, `mark_covered` in
+`vision.bodies.occlusion` and `composite` in `vision.synthetic.kernels`, call no compiled function.
 
 Conventions: picture axes (x right, y down). A template pixel at offset ``(dx, dy)`` from the body's centre
 ``(cx, cy)`` lies in a frame at ``centre + (tx, ty) + R(phi) (dx, dy)``, ``R = [[cos, -sin], [sin, cos]]``.
@@ -13,6 +13,7 @@ Coefficients are those of `bspline`; failure is a status number.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -22,13 +23,65 @@ TUKEY = 4.685
 """Tukey's constant: 95 % efficiency on normal noise."""
 SCALE_BINS = 512
 FAST = {"reassoc", "contract", "arcp", "nsz"}
-# module constants are frozen into the compiled code; they stand in this file, as the cache needs
+# module constants are frozen into the compiled code, so they are defined in this file, as the cache needs
+
+
+class Region(NamedTuple):
+    """Part of a frame as B-spline coefficients; its first pixel lies at (``origin_x``, ``origin_y``) of the frame."""
+
+    coefficient: NDArray[np.float32]
+    origin_x: float
+    origin_y: float
+
+
+class Subset(NamedTuple):
+    """Pixels of the template: ``offset`` (2, n), ``columns`` (4, n) their sensitivities to turn, x, y and gain, and
+    ``covered`` (n), 1 for those another body hides; the centre of the body in the reference."""
+
+    offset: NDArray[np.float32]
+    columns: NDArray[np.float32]
+    covered: NDArray[np.uint8]
+    centre_x: float
+    centre_y: float
+
+
+class Settings(NamedTuple):
+    """How the fit weights and when it stops; ``gain_table`` is `bspline.noise_gain`."""
+
+    gain_table: NDArray[np.float64]
+    scale_floor: float
+    tolerance_px: float
+    max_iterations: int
+    robust: bool
+
+
+class ResidualSums(NamedTuple):
+    """Sums over the visible pixels, with their Tukey weights w: of w, w r^2, w v and w v^2 (residual r, grey value v);
+    the pixels within three times the robust ``scale``, and the visible ones."""
+
+    scale: float
+    weight: float
+    squares: float
+    inlier: float
+    seen: float
+    value: float
+    value2: float
+
+
+class RigidFit(NamedTuple):
+    """End of a fit: ``iterations``, negative where it broke down; gain of the frame; weighted normal matrix (5, 5);
+    sums of the last iteration; mean noise gain of the samples."""
+
+    iterations: int
+    gain: float
+    normal: NDArray[np.float64]
+    sums: ResidualSums
+    noise_gain: float
 
 
 @njit(cache=True, nogil=True)
 def solve5(matrix: NDArray[np.float64], right: NDArray[np.float64], solution: NDArray[np.float64]) -> bool:
-    """Solve a symmetric positive 5 x 5 system by Cholesky with Jacobi scaling; False when it is not
-    positive."""
+    """Solve a symmetric positive 5 x 5 system by Cholesky with Jacobi scaling; False when it is not positive."""
     scale = np.empty(5)
     factor = np.zeros((5, 5))
     for i in range(5):
@@ -63,25 +116,21 @@ def solve5(matrix: NDArray[np.float64], right: NDArray[np.float64], solution: ND
 
 @njit(cache=True, nogil=True, fastmath=FAST)
 def warp_template(
-    coefficient: NDArray[np.float32],
-    origin_x: float,
-    origin_y: float,
-    offset: NDArray[np.float32],
-    covered: NDArray[np.uint8],
-    cx: float,
-    cy: float,
-    phi: float,
+    region: Region,
+    subset: Subset,
+    pose: NDArray[np.float64],
     gain_table: NDArray[np.float64],
     value: NDArray[np.float32],
     visible: NDArray[np.float32],
 ) -> float:
-    """Sample the frame at every template pixel; ``visible`` is 1 or 0. Returns the mean noise gain of the
-    samples."""
+    """Sample the frame at every template pixel; ``visible`` is 1 or 0. Returns the mean noise gain of the samples."""
+    coefficient, offset, covered = region.coefficient, subset.offset, subset.covered
+    cx, cy, phi = subset.centre_x + pose[1], subset.centre_y + pose[2], pose[0]
     height, width = coefficient.shape
     cosine, sine = math.cos(phi), math.sin(phi)
     dx, dy = offset[0], offset[1]
     gain_sum, gain_count = 0.0, 0
-    base_x, base_y = cx - origin_x, cy - origin_y
+    base_x, base_y = cx - region.origin_x, cy - region.origin_y
     for i in range(dx.size):
         x = base_x + cosine * dx[i] - sine * dy[i]
         y = base_y + sine * dx[i] + cosine * dy[i]
@@ -164,8 +213,8 @@ def accumulate(
 
 @njit(cache=True, nogil=True, fastmath=FAST)
 def robust_scale(residual: NDArray[np.float32], visible: NDArray[np.float32], top: float) -> float:
-    """1.4826 times the median of ``|residual|`` over the visible pixels, from a histogram up to ``top`` (0:
-    none visible)."""
+    """1.4826 times the median of ``|residual|`` over the visible pixels, from a histogram up to ``top``; 0 when none is
+    visible."""
     bins = np.zeros(SCALE_BINS, dtype=np.int64)
     per_grey = np.float32(SCALE_BINS / top)
     count = 0
@@ -194,10 +243,8 @@ def update_weights(
     scale_floor: float,
     residual: NDArray[np.float32],
     weight: NDArray[np.float32],
-    stats: NDArray[np.float64],
-) -> float:
-    """Residuals of the linear fit ``q``, their robust scale, Tukey weights, and sums over them. Returns the
-    scale."""
+) -> ResidualSums:
+    """Residuals of the linear fit ``q``, their robust scale, Tukey weights, and sums over them."""
     at, ax, ay, ref = columns[0], columns[1], columns[2], columns[3]
     q0, q1, q2 = np.float32(q[0]), np.float32(q[1]), np.float32(q[2])
     q3, q4 = np.float32(q[3]), np.float32(q[4])
@@ -231,70 +278,51 @@ def update_weights(
         sum_wvv += wv * v * v
         inlier += seen_here * (one if u2 < near else zero)
         seen += seen_here
-    stats[0], stats[1], stats[2], stats[3], stats[4], stats[5] = sum_w, sum_wr2, inlier, seen, sum_wv, sum_wvv
-    return scale
+    return ResidualSums(scale, sum_w, sum_wr2, inlier, seen, sum_wv, sum_wvv)
 
 
 @njit(cache=True, nogil=True)
 def fit_rigid(
-    coefficient: NDArray[np.float32],
-    origin_x: float,
-    origin_y: float,
-    offset: NDArray[np.float32],
-    columns: NDArray[np.float32],
-    covered: NDArray[np.uint8],
-    centre_x: float,
-    centre_y: float,
-    gain_table: NDArray[np.float64],
-    scale_floor: float,
-    tolerance_px: float,
-    max_iterations: int,
-    robust: bool,
+    region: Region,
+    subset: Subset,
+    settings: Settings,
     pose: NDArray[np.float64],
     weight: NDArray[np.float32],
     scale: float,
-    q: NDArray[np.float64],
-    matrix: NDArray[np.float64],
-    stats: NDArray[np.float64],
-) -> int:
+) -> RigidFit:
     """Inverse-compositional Gauss-Newton fit of one body in one frame.
 
-    ``offset`` (2, n) holds the template's pixels, ``columns`` (4, n) their sensitivities to turn, x, y and
-    gain. ``pose`` (phi, tx, ty) and ``weight`` hold the start and receive the result; ``q`` receives (gain
-    times the last step, gain, offset), ``matrix`` the weighted normal matrix, ``stats`` the sums of
-    `update_weights`, then scale and noise gain. Returns the number of iterations, negative when the fit broke
-    down.
+    ``pose`` (phi, tx, ty) and ``weight`` hold the start and receive the result; ``scale`` is the robust scale of the
+    residuals to start from.
     """
-    n = offset.shape[1]
+    n = subset.offset.shape[1]
     value = np.empty(n, dtype=np.float32)
     visible = np.empty(n, dtype=np.float32)
     residual = np.empty(n, dtype=np.float32)
-    right = np.empty(5)
+    # q: gain times the step (turn, x, y), gain, offset
+    matrix, right, q = np.zeros((5, 5)), np.empty(5), np.zeros(5)
+    sums, noise_gain = ResidualSums(scale, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0), 1.0
     radius = 0.0
     for i in range(n):
-        radius = max(radius, math.hypot(offset[0, i], offset[1, i]))
-    for iteration in range(1, max_iterations + 1):
-        x, y = centre_x + pose[1], centre_y + pose[2]
-        gain = warp_template(
-            coefficient, origin_x, origin_y, offset, covered, x, y, pose[0], gain_table, value, visible
-        )
-        accumulate(columns, value, weight, visible, matrix, right)
+        radius = max(radius, math.hypot(subset.offset[0, i], subset.offset[1, i]))
+    for iteration in range(1, settings.max_iterations + 1):
+        noise_gain = warp_template(region, subset, pose, settings.gain_table, value, visible)
+        accumulate(subset.columns, value, weight, visible, matrix, right)
         if not solve5(matrix, right, q) or abs(q[3]) < 1e-3:
-            return -iteration
-        scale = update_weights(columns, value, visible, q, scale, scale_floor, residual, weight, stats)
-        if not robust:
+            return RigidFit(-iteration, q[3], matrix, sums, noise_gain)
+        sums = update_weights(subset.columns, value, visible, q, sums.scale, settings.scale_floor, residual, weight)
+        if not settings.robust:
             weight[:] = 1.0
         turn, step_x, step_y = q[0] / q[3], q[1] / q[3], q[2] / q[3]
         if not (abs(turn) < 1.0 and abs(step_x) < 100.0 and abs(step_y) < 100.0):
-            return -iteration
+            return RigidFit(-iteration, q[3], matrix, sums, noise_gain)
         # compose with the inverse of the template's own motion
         pose[0] -= turn
         cosine, sine = math.cos(pose[0]), math.sin(pose[0])
         pose[1] -= cosine * step_x - sine * step_y
         pose[2] -= sine * step_x + cosine * step_y
-        stats[6], stats[7] = scale, gain
-        # one round at least in which the weights follow from this frame's own residuals
-        small = max(abs(turn) * radius, max(abs(step_x), abs(step_y))) < tolerance_px
-        if small and (iteration > 1 or not robust):
-            return iteration
-    return -max_iterations
+        # at least one round in which the weights follow from this frame's own residuals
+        small = max(abs(turn) * radius, max(abs(step_x), abs(step_y))) < settings.tolerance_px
+        if small and (iteration > 1 or not settings.robust):
+            return RigidFit(iteration, q[3], matrix, sums, noise_gain)
+    return RigidFit(-settings.max_iterations, q[3], matrix, sums, noise_gain)

@@ -1,18 +1,12 @@
 """Standard uncertainty of tracked poses: before tracking, per frame, and the physical limit.
 
-Place in the data flow: `predicted_u_angle` is shown before tracking; the tracker calls `pose_covariance` for
-every frame; films with known truth are judged against `cramer_rao_bound`.
-
 Model: independent grey noise of variance s2 per pixel. A spline sample between pixels carries only ``kappa *
 s2`` (`bspline.noise_gain`) but the samples are correlated, so that the pose keeps the covariance of white
 noise; the residual variance must therefore be divided by kappa. The averaged reference of n frames adds ``s2
 / n`` to each residual, and its own noise looks like texture: its expected share N of the normal matrix M
 tells nothing about the pose, so the covariance is ``(M - N)^-1 M (M - N)^-1`` and not ``M^-1``. After the
 zero is set on the mean of the n still frames, the common error of all angles is that of the mean of n single
-ones.
-
-Common part and per-frame part are kept apart: the first cancels in differences between frames, the second
-does not.
+ones. Common and per-frame part stay separate: the first cancels in differences between frames, the second does not.
 """
 
 from __future__ import annotations
@@ -26,11 +20,11 @@ from vision.errors import BodyError
 from vision.fitting.template import Template, design_columns, invert_normal
 
 TUKEY = 4.685
+"""As in `vision.fitting.kernels`, whose import would cost 0.5 s of numba here."""
 
 
 def _tukey_factor() -> float:
-    """Factor from (weighted residual variance, inverse weighted normal matrix) to the covariance of Tukey's
-    estimate.
+    """Factor from (weighted residual variance, inverse weighted normal matrix) to the covariance of Tukey's estimate.
 
     For normal noise of variance one: covariance = E[psi^2] / E[psi']^2 (Huber, Robust Statistics, 1981, ch.
     7) in units of the inverse unweighted matrix, which is E[w] times the inverse weighted one.

@@ -1,7 +1,6 @@
 """The template of a body: the pixels of the averaged still picture that are fitted, with their sensitivities.
 
-Place in the data flow: `reference` gives the averaged picture, `bodies` the mask; the template is built once
-per film and used for every frame, by the tracker and by the uncertainty prediction.
+Built once per film and used for every frame, by the tracker and by the prediction of uncertainty.
 
 Conventions: picture axes (y down), the body's centre is the centroid of its mask. Column order of the normal
 matrix: turn (rad), x, y (px), gain, offset (grey). The reference grey values are centred, so that gain and
@@ -104,7 +103,7 @@ def build_template(
     n_averaged : int
         Frames averaged in ``picture``.
     max_pixels : int or None
-        Keep only the pixels that tell most about the angle (Fisher score). None keeps all.
+        Select only the pixels that tell most about the angle (Fisher score). None takes all.
     noise_grey : float
         Standard deviation of one frame's noise, as found in the still frames.
 
@@ -120,8 +119,8 @@ def build_template(
     if inverse is None:
         raise BodyError(f"body {name}: its region has no texture to follow; draw it over a textured surface")
     if max_pixels is not None and max_pixels < dx.size:
-        keep = _best_pixels(columns, inverse, max_pixels)
-        columns, dx, dy = columns[keep], dx[keep], dy[keep]
+        best = _best_pixels(columns, inverse, max_pixels)
+        columns, dx, dy = columns[best], dx[best], dy[best]
         inverse = invert_normal(columns.T @ columns)
         if inverse is None:
             raise BodyError(f"body {name}: {max_pixels} pixels do not fix its pose; allow more")
@@ -143,7 +142,7 @@ def build_template(
 def invert_normal(normal: NDArray[np.float64]) -> NDArray[np.float64] | None:
     """Inverse of a normal matrix, or None when the columns do not fix all five parameters."""
     diagonal = normal.diagonal()
-    # one number that is not finite makes the sum so
+    # a single number that is not finite makes the sum non-finite
     if not (diagonal.min() > 0.0 and math.isfinite(normal.sum())):
         return None
     scale = 1.0 / np.sqrt(diagonal)

@@ -1,10 +1,7 @@
 """Pictures to judge a tracking by eye: an overlay film, and a contact sheet of the worst frames.
 
-Place in the data flow: after tracking, from the film, the outlines and the result; drawn with OpenCV. The
-outlines are moved to the found poses; a body lost in a frame is drawn red where it was last seen. Nothing is
-computed from these pictures.
-
-Failure: a result that does not belong to the film, or a path that cannot be written, raises `InputError`.
+Drawn with OpenCV: the outlines are moved to the poses found; a body lost in a frame is drawn red where it was last
+seen. A result that does not belong to the film, or a path that cannot be written, raises `VisionInputError`.
 """
 
 from __future__ import annotations
@@ -19,12 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.angles import ccw_to_picture
-from vision.atomic_write import whole_file
 from vision.bodies.outlines import Body, build_masks
-from vision.errors import FilmError, InputError
+from vision.errors import VisionInputError
 from vision.film.avi_writer import write_avi
 from vision.film.source import FrameSource
-from vision.tracking.result import TrackResult
+from vision.output.outline_drawing import write_picture
+from vision.results.track_result import TrackResult
 
 COLOURS = ((0, 220, 255), (120, 255, 60), (255, 180, 40), (255, 80, 255), (200, 200, 200))
 LOST = (60, 60, 255)
@@ -50,7 +47,7 @@ def write_overlay(
     film, bodies, result
         What was tracked and what came out.
     every : int
-        Take every so manieth tracked frame.
+        Show one tracked frame out of this many.
     playback_hz : float
     progress : callable, optional
         Called with (frames done, frames in all).
@@ -98,19 +95,10 @@ def write_contact_sheet(
     return [int(result.frame[row]) for row in rows]
 
 
-def write_picture(path: Path, picture: NDArray[np.uint8]) -> None:
-    """Write a picture, grey or colour (h, w, 3) in the order of OpenCV, as PNG: whole or not at all."""
-    ok, data = cv2.imencode(".png", picture)
-    if not ok:
-        raise FilmError(f"{path}: the picture cannot be encoded as PNG")
-    with whole_file(path, FilmError, "check the folder") as temporary:
-        temporary.write_bytes(data.tobytes())
-
-
 def worst_rows(result: TrackResult, count: int) -> list[int]:
     """Rows of the result to look at first: most bodies lost, then lowest correlation of any body.
 
-    Neighbours show the same, so of the rows that are not lost those close to one taken already come last.
+    Neighbours show the same, so rows that are not lost and close to one already chosen come last.
     """
     lost = result.failed.sum(axis=1)
     correlation = np.where(np.isfinite(result.zncc), result.zncc, 1.0).min(axis=1)
@@ -131,19 +119,20 @@ class _Drawer:
 
     def __init__(self, film: FrameSource, bodies: Sequence[Body], result: TrackResult) -> None:
         if tuple(body.name for body in bodies) != result.bodies:
-            raise InputError(
+            raise VisionInputError(
                 f"{film.path}: the result is of {', '.join(result.bodies)}, the outlines of "
                 f"{', '.join(body.name for body in bodies)}; give those that were tracked"
             )
         if result.frame.size and int(result.frame.max()) >= film.n_frames:
-            raise InputError(f"{film.path}: has {film.n_frames} frames, the result goes to {int(result.frame.max())}")
+            raise VisionInputError(
+                f"{film.path}: has {film.n_frames} frames, the result goes to {int(result.frame.max())}"
+            )
         self._film, self._result = film, result
         self._shapes = []
         for body, mask in zip(bodies, build_masks(bodies, film.height, film.width), strict=True):
             rows, cols = np.nonzero(mask)
             self._shapes.append(body.polygon_px - (cols.mean(), rows.mean()))
-        first = [np.flatnonzero(np.isfinite(result.angle_rad[:, i])) for i in range(len(bodies))]
-        self._seen = first
+        self._found = [np.flatnonzero(np.isfinite(result.angle_rad[:, i])) for i in range(len(bodies))]
 
     def picture(self, row: int) -> NDArray[Any]:
         """Frame of a row of the result in colour, shape (height, width, 3)."""
@@ -153,7 +142,7 @@ class _Drawer:
         colour = cv2.cvtColor(np.ascontiguousarray(grey), cv2.COLOR_GRAY2BGR)
         for i, shape in enumerate(self._shapes):
             lost = bool(result.failed[row, i])
-            before = self._seen[i][self._seen[i] <= row]
+            before = self._found[i][self._found[i] <= row]
             if before.size == 0:
                 continue
             at = int(before[-1])

@@ -1,7 +1,6 @@
 """Plots of a tracked film: angles with their uncertainty, residual noise, share of agreeing pixels.
 
-Place in the data flow: after tracking, from the result alone; drawn with Matplotlib. Angles in degrees, time in
-seconds, relative to the parent where there is one. Lost frames leave a gap and a tick below.
+Angles in degrees, time in seconds, relative to the parent where there is one. Lost frames leave a gap and a tick below.
 """
 
 from __future__ import annotations
@@ -10,17 +9,16 @@ import os
 from pathlib import Path
 
 import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
 
 from vision.atomic_write import whole_file
 from vision.errors import FilmError
-from vision.tracking.result import TrackResult
+from vision.results.track_result import TrackResult
 
 
 def write_plot(path: str | os.PathLike[str], result: TrackResult) -> None:
     """Write angles, standard uncertainty and residuals of every body as one picture (.png, .svg or .pdf)."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     path = Path(path)
     if path.suffix.lower() not in (".png", ".svg", ".pdf"):
         raise FilmError(f"{path}: a plot must end in .png, .svg or .pdf")

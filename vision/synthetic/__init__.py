@@ -1,6 +1,7 @@
 """Synthetic films with known truth: textures, outlines, scenes, lens, sensor.
 
-Public: used by the tests, by the benchmarks and by the virtual camera. Nothing here is part of tracking.
+In: bodies with a texture, poses, a lens. Out: noise-free pictures and stored frames. Used by the virtual camera, the
+tests and the benchmarks; nothing here is part of tracking.
 """
 
 from __future__ import annotations

@@ -1,12 +1,13 @@
 """The compiled loop that draws synthetic films (numba).
 
-Place in the data flow: `render` calls `composite` once per body and exposure step. It stands alone: numba's
-disk cache would not notice a change of a jitted function in another file.
+`Scene.light` calls `composite` once per body and exposure step. It calls no other compiled function: numba's disk cache
+would not notice a change of one in another file.
 """
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -15,27 +16,41 @@ from numpy.typing import NDArray
 FAST = {"reassoc", "contract", "arcp", "nsz"}
 
 
-@njit(cache=True, nogil=True, fastmath=FAST)
-def composite(
-    picture: NDArray[np.float32],
-    coefficient: NDArray[np.float32],
-    alpha: NDArray[np.float32],
-    oversampling: float,
-    table_x: float,
-    table_y: float,
-    pivot_x: float,
-    pivot_y: float,
-    phi: float,
-    flat_x: NDArray[np.float64],
-    flat_y: NDArray[np.float64],
-    bend: int,
-) -> None:
-    """Draw a textured body over a picture: its texture table is sampled by splines, its edge blended by
-    ``alpha``.
+class TextureTable(NamedTuple):
+    """Spline coefficients of a body's texture and its opacity ``alpha``, tabulated in the body's axes with
+    ``oversampling`` points per pixel; the first point lies at (``x``, ``y``)."""
 
-    ``flat_x``, ``flat_y`` (height, width) give the point of the plane of motion that each pixel shows, at most
-    ``bend`` px from the pixel itself.
-    """
+    coefficient: NDArray[np.float32]
+    alpha: NDArray[np.float32]
+    oversampling: float
+    x: float
+    y: float
+
+
+class PlanePoints(NamedTuple):
+    """Point (``x``, ``y``) of the plane of motion that each pixel shows, each (height, width), at most ``bend`` px from
+    the pixel itself."""
+
+    x: NDArray[np.float64]
+    y: NDArray[np.float64]
+    bend: int
+
+
+class PlanarPose(NamedTuple):
+    """Place of the body's origin, px, and its turn in picture axes, rad."""
+
+    x: float
+    y: float
+    phi: float
+
+
+@njit(cache=True, nogil=True, fastmath=FAST)
+def composite(picture: NDArray[np.float32], table: TextureTable, shown: PlanePoints, pose: PlanarPose) -> None:
+    """Draw a textured body over a picture: its table is sampled by cubic splines, its edge blended by ``alpha``."""
+    coefficient, alpha, oversampling = table.coefficient, table.alpha, table.oversampling
+    table_x, table_y = table.x, table.y
+    pivot_x, pivot_y, phi = pose.x, pose.y, pose.phi
+    flat_x, flat_y, bend = shown.x, shown.y, shown.bend
     height, width = picture.shape
     rows, columns = coefficient.shape
     cosine, sine = math.cos(phi), math.sin(phi)

@@ -1,7 +1,7 @@
 """Synthetic bodies and the pictures they make: exact poses, motion blur, flicker, noise.
 
-Place in the data flow: tests, benchmarks and the virtual camera build a `Scene`, ask for frames and hand them
-to a writer; the tracker then has to find the poses again.
+Tests, benchmarks and the virtual camera build a `Scene`, render frames and give them to a writer; the tracker then has
+to find the poses again.
 
 Truth: a texture is tabulated from its formula at four points per pixel and sampled by cubic splines, which
 differs from the formula by less than 0.01 grey; whatever the table holds *is* the body, so the pose is exact.
@@ -17,17 +17,20 @@ Conventions: picture axes (y down); bodies are listed from back to front; a pose
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from vision.angles import ccw_to_picture
 from vision.bodies.outlines import signed_distance
 from vision.camera.projection import Projection
-from vision.errors import InputError
+from vision.errors import VisionInputError
 from vision.fitting.bspline import coefficients
+from vision.synthetic.kernels import PlanarPose, PlanePoints, TextureTable, composite
 from vision.synthetic.shapes import turned
 from vision.synthetic.textures import BlobTexture
 
@@ -51,25 +54,18 @@ class SyntheticBody:
     name: str
     polygon_px: NDArray[np.float64]
     texture: BlobTexture
-    _table: dict[str, Any] = field(default_factory=dict, repr=False, compare=False)
 
-    def table(self) -> tuple[NDArray[np.float32], NDArray[np.float32], float, float]:
-        """Spline table of the texture, edge blend, and the place of the table's first point; made once."""
-        if not self._table:
-            margin = RIM_PX + 8.0 / OVERSAMPLING
-            x0, y0 = np.floor(self.polygon_px.min(axis=0) - margin)
-            x1, y1 = np.ceil(self.polygon_px.max(axis=0) + margin)
-            columns, rows = int((x1 - x0) * OVERSAMPLING) + 1, int((y1 - y0) * OVERSAMPLING) + 1
-            grey = self.texture.on_grid(float(x0), float(y0), 1.0 / OVERSAMPLING, rows, columns)
-            distance = signed_distance((self.polygon_px - (x0, y0)) * OVERSAMPLING, rows, columns) / OVERSAMPLING
-            self._table["all"] = (
-                coefficients(grey),
-                np.clip(0.5 + distance, 0.0, 1.0).astype(np.float32),
-                float(x0),
-                float(y0),
-            )
-        result: tuple[NDArray[np.float32], NDArray[np.float32], float, float] = self._table["all"]
-        return result
+    @cached_property
+    def table(self) -> TextureTable:
+        """Spline table of the texture with the opacity of the edge."""
+        margin = RIM_PX + 8.0 / OVERSAMPLING
+        x0, y0 = (float(v) for v in np.floor(self.polygon_px.min(axis=0) - margin))
+        x1, y1 = np.ceil(self.polygon_px.max(axis=0) + margin)
+        columns, rows = int((x1 - x0) * OVERSAMPLING) + 1, int((y1 - y0) * OVERSAMPLING) + 1
+        grey = self.texture.on_grid(x0, y0, 1.0 / OVERSAMPLING, rows, columns)
+        distance = signed_distance((self.polygon_px - (x0, y0)) * OVERSAMPLING, rows, columns) / OVERSAMPLING
+        alpha = np.clip(0.5 + distance, 0.0, 1.0).astype(np.float32)
+        return TextureTable(coefficients(grey), alpha, float(OVERSAMPLING), x0, y0)
 
     def outline(self, angle_rad: float, x_px: float, y_px: float) -> NDArray[np.float64]:
         """Outline in the picture at a pose."""
@@ -93,26 +89,22 @@ class Scene:
     bodies: Sequence[SyntheticBody]
     background: NDArray[np.float32]
     lens: Projection | None = None
-    _flat: dict[str, Any] = field(default_factory=dict, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         if self.lens is not None and (self.lens.height, self.lens.width) != self.background.shape:
-            raise InputError(
+            raise VisionInputError(
                 f"lens for {self.lens.width} x {self.lens.height} px before a background of shape "
                 f"{self.background.shape}; make both the same"
             )
 
-    def _points_shown(self) -> tuple[NDArray[np.float64], NDArray[np.float64], int]:
-        """Point of the plane that each pixel shows, and the largest distance between the two; made once."""
-        if not self._flat:
-            y, x = np.indices(self.background.shape, dtype=float)
-            flat = np.stack([x, y], axis=-1)
-            if self.lens is not None:
-                flat = self.lens.rectified(flat)
-            bend = int(np.ceil(np.abs(flat - np.stack([x, y], axis=-1)).max()))
-            self._flat["all"] = np.ascontiguousarray(flat[..., 0]), np.ascontiguousarray(flat[..., 1]), bend
-        result: tuple[NDArray[np.float64], NDArray[np.float64], int] = self._flat["all"]
-        return result
+    @cached_property
+    def _points_shown(self) -> PlanePoints:
+        """Point of the plane that each pixel shows."""
+        y, x = np.indices(self.background.shape, dtype=float)
+        pixel = np.stack([x, y], axis=-1)
+        point = pixel if self.lens is None else self.lens.rectified(pixel)
+        bend = int(np.ceil(np.abs(point - pixel).max()))
+        return PlanePoints(np.ascontiguousarray(point[..., 0]), np.ascontiguousarray(point[..., 1]), bend)
 
     def light(self, poses: NDArray[np.float64]) -> NDArray[np.float32]:
         """Noise-free picture averaged over the instants of one exposure.
@@ -126,19 +118,13 @@ class Scene:
         -------
         ndarray of float32, shape (height, width)
         """
-        from vision.synthetic.kernels import composite
-
         poses = np.asarray(poses, dtype=float)
-        flat_x, flat_y, bend = self._points_shown()
         total: NDArray[np.float32] | None = None
         for instant in poses:
             picture = self.background.copy()
             for body, (angle, x, y) in zip(self.bodies, instant, strict=True):
-                coefficient, alpha, table_x, table_y = body.table()
-                phi = float(ccw_to_picture(angle))
-                composite(
-                    picture, coefficient, alpha, float(OVERSAMPLING), table_x, table_y, x, y, phi, flat_x, flat_y, bend
-                )
+                pose = PlanarPose(float(x), float(y), float(ccw_to_picture(angle)))
+                composite(picture, body.table, self._points_shown, pose)
             total = picture if total is None else total + picture
         assert total is not None, "an exposure has at least one instant"
         return total if len(poses) == 1 else total / np.float32(len(poses))
@@ -148,8 +134,6 @@ def background(
     height: int, width: int, seed: int, *, mean_grey: float = 60.0, contrast_grey: float = 6.0
 ) -> NDArray[np.float32]:
     """Out-of-focus background of low contrast, shape (height, width)."""
-    import cv2
-
     rng = np.random.default_rng(seed)
     noise = cv2.GaussianBlur(rng.standard_normal((height, width)).astype(np.float32), (0, 0), 8.0)
     return (mean_grey + contrast_grey * noise / max(float(noise.std()), 1e-6)).astype(np.float32)

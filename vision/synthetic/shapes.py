@@ -1,7 +1,6 @@
 """Outlines for synthetic bodies: boxes, bars with round ends, unions by listing points.
 
-Place in the data flow: `scene` and the virtual camera draw bodies from these. Points (x, y), shape (m, 2), in
-the body's own axes and in the unit of the arguments; they serve axes with y up and y down alike.
+Points (x, y), shape (m, 2), in the body's own axes and in the unit of the arguments; valid with y up and with y down.
 """
 
 from __future__ import annotations

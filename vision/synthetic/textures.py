@@ -1,7 +1,7 @@
 """Textures with a closed form: speckle and wood grain, sums of Gaussian blobs that can be evaluated anywhere.
 
-Place in the data flow: `scene` gives a texture to each synthetic body. Because the grey value is a formula of
-the place on the body, a film rendered from it has a pose that is true by construction.
+Because the grey value is a formula of the place on the body, a film rendered from it has a pose that is known by
+construction.
 
 Conventions: coordinates in pixels on the body (its own axes), grey values of 8 bit. A texture is reproducible
 from its seed.
@@ -119,8 +119,7 @@ def wood_grain(
     contrast_grey: float = 16.0,
     mean_grey: float = 140.0,
 ) -> BlobTexture:
-    """Bare wood: long thin fibres and broader growth rings along one direction, with little to hold on to
-    along the grain.
+    """Bare wood: long thin fibres and broader growth rings along one direction, with little texture along the grain.
 
     Parameters
     ----------

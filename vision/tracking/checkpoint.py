@@ -1,13 +1,11 @@
-"""What is kept of a tracking that is interrupted, so that the same command goes on where it stopped.
+"""Checkpoint of a tracking run, from which the same command resumes after an interruption.
 
-Place in the data flow: `following` saves the rows done and the followers' state every `EVERY_ROWS` rows under
-the name the caller gives, and starts from them when they belong to the same job; the file is removed when the
-film is done. A resumed run gives the numbers of one that was never interrupted, up to
-the rounding of 32-bit sums.
+The rows done and the trackers' state are saved every `EVERY_ROWS` rows under the name the caller gives, and read back
+when they belong to the same job; the file is removed when the film is done. A resumed run gives the numbers of one that
+was never interrupted, up to the rounding of 32-bit sums.
 
-Format: NumPy ``.npz`` without pickled objects, under a temporary name until it is whole. ``job`` is a SHA-256
-of everything that decides the result. Failure: a file of another job, or a damaged one, is not used; one that
-cannot be written raises `InputError`.
+Format: NumPy ``.npz`` without pickled objects, under a temporary name until it is whole. ``job`` is a SHA-256 of
+everything that decides the result. A file of another job, or a damaged one, is ignored.
 """
 
 from __future__ import annotations
@@ -26,16 +24,16 @@ from numpy.typing import NDArray
 
 from vision.atomic_write import remove, whole_file
 from vision.bodies.outlines import Body
-from vision.errors import InputError
+from vision.errors import VisionInputError
 from vision.film.source import FrameSource
-from vision.tracking.body_tracker import Follower
-from vision.tracking.frame_step import Run
-from vision.tracking.pose_table import PoseTable
+from vision.results.pose_table import PoseTable
+from vision.tracking.body_tracker import BodyTracker
+from vision.tracking.film_tracker import FilmTracker
 
 EVERY_ROWS = 500
 
 
-def job_of(film: FrameSource, bodies: Sequence[Body], settings: Sequence[object], templates: Sequence[Any]) -> str:
+def job_hash(film: FrameSource, bodies: Sequence[Body], settings: Sequence[object], templates: Sequence[Any]) -> str:
     """SHA-256 of what decides the result: the film's size and time of writing, outlines, templates, settings."""
     digest = hashlib.sha256()
     if film.path.exists():
@@ -55,24 +53,24 @@ class Checkpoint:
     ----------
     path : path
     job : str
-        `job_of`.
+        `job_hash`.
     """
 
     def __init__(self, path: str | os.PathLike[str], job: str) -> None:
         self.path = Path(path)
         self.job = job
 
-    def save(self, rows: int, table: PoseTable, run: Run) -> None:
-        """Keep the first ``rows`` rows and where the bodies are."""
+    def save(self, rows: int, table: PoseTable, tracker: FilmTracker) -> None:
+        """Write the first ``rows`` rows and the state of the trackers; raises `VisionInputError` where it cannot."""
         arrays: dict[str, NDArray[Any]] = {"job": np.array(self.job), "rows": np.array(rows)}
         arrays |= {f"table_{field.name}": getattr(table, field.name)[:rows] for field in fields(table)[1:]}
-        for i, follower in enumerate(run.followers):
-            arrays |= {f"body{i}_{name}": value for name, value in _state(follower).items()}
-        with whole_file(self.path, InputError, "check the disk") as temporary, temporary.open("wb") as file:
+        for i, body in enumerate(tracker.trackers):
+            arrays |= {f"body{i}_{name}": value for name, value in _state(body).items()}
+        with whole_file(self.path, VisionInputError, "check the disk") as temporary, temporary.open("wb") as file:
             np.savez(file, allow_pickle=False, **arrays)
 
-    def load(self, table: PoseTable, run: Run) -> int:
-        """Fill in what was done of this job; returns the number of rows, 0 when there is nothing to go on from."""
+    def load(self, table: PoseTable, tracker: FilmTracker) -> int:
+        """Fill in the rows done of this job; returns their number, 0 when there is nothing to resume from."""
         try:
             # opened here: NumPy leaves a damaged archive's file open
             with self.path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
@@ -82,11 +80,11 @@ class Checkpoint:
             rows = int(arrays["rows"])
             for field in fields(table)[1:]:
                 getattr(table, field.name)[:rows] = arrays[f"table_{field.name}"]
-            for i, follower in enumerate(run.followers):
+            for i, body in enumerate(tracker.trackers):
                 start = f"body{i}_"
-                _restore(follower, {n[len(start) :]: v for n, v in arrays.items() if n.startswith(start)})
+                _restore(body, {n[len(start) :]: v for n, v in arrays.items() if n.startswith(start)})
         except (OSError, ValueError, TypeError, KeyError, EOFError, zipfile.BadZipFile, zlib.error):
-            run.restart()
+            tracker.restart()
             return 0
         return rows
 
@@ -95,23 +93,23 @@ class Checkpoint:
         remove(self.path)
 
 
-def _state(follower: Follower) -> dict[str, NDArray[Any]]:
+def _state(body: BodyTracker) -> dict[str, NDArray[Any]]:
     arrays: dict[str, NDArray[Any]] = {
-        "figures": np.array([follower.usual_zncc, follower.usual_gain]),
-        "counts": np.array([follower.lost_in_a_row, follower.searches]),
+        "figures": np.array([body.usual_zncc, body.usual_gain]),
+        "counts": np.array([body.lost_in_a_row, body.searches]),
     }
-    for name, trace in (("absolute", follower.absolute), ("relative", follower.relative)):
-        items = trace.items()
+    for name, history in (("absolute", body.absolute), ("relative", body.relative)):
+        items = history.items()
         arrays[f"{name}_step"] = np.array([step for step, _ in items], dtype=np.int64)
         arrays[f"{name}_place"] = np.array([place for _, place in items], dtype=float).reshape(-1, 3)
-    return arrays | {f"fitter_{name}": value for name, value in follower.fitter.carried().items()}
+    return arrays | {f"fitter_{name}": value for name, value in body.fitter.state().items()}
 
 
-def _restore(follower: Follower, arrays: dict[str, NDArray[Any]]) -> None:
-    follower.usual_zncc, follower.usual_gain = (float(v) for v in arrays["figures"])
-    follower.lost_in_a_row, follower.searches = (int(v) for v in arrays["counts"])
-    for name, trace in (("absolute", follower.absolute), ("relative", follower.relative)):
-        trace.clear()
+def _restore(body: BodyTracker, arrays: dict[str, NDArray[Any]]) -> None:
+    body.usual_zncc, body.usual_gain = (float(v) for v in arrays["figures"])
+    body.lost_in_a_row, body.searches = (int(v) for v in arrays["counts"])
+    for name, history in (("absolute", body.absolute), ("relative", body.relative)):
+        history.clear()
         for step, place in zip(arrays[f"{name}_step"], arrays[f"{name}_place"], strict=True):
-            trace.add(int(step), np.array(place))
-    follower.fitter.carry({n.removeprefix("fitter_"): v for n, v in arrays.items() if n.startswith("fitter_")})
+            history.add(int(step), np.array(place))
+    body.fitter.restore({n.removeprefix("fitter_"): v for n, v in arrays.items() if n.startswith("fitter_")})

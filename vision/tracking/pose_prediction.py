@@ -1,10 +1,8 @@
 """Where a body will be in the next frame: constant acceleration, seen from its parent.
 
-Place in the data flow: `follower` asks for a prediction before each fit. A child's pose is carried as its
-place in the axes of its parent, so that a jack that rides on a moving whippen is predicted with the whippen's
-motion in the same frame.
-
-Poses are `fit` poses; a `Placement` is (phi, x, y) of the centre in the picture, or in the parent's axes.
+A child's placement is tracked in the axes of its parent, so that a jack that rides on a moving whippen is predicted
+with the whippen's motion in the same frame. A `Placement` is (phi, x, y) of the centre in the picture, or in the
+parent's axes.
 """
 
 from __future__ import annotations
@@ -32,8 +30,8 @@ def from_parent(relative: Placement, parent: Placement) -> Placement:
     return np.array([relative[0] + parent[0], parent[1] + cosine * x - sine * y, parent[2] + sine * x + cosine * y])
 
 
-class Trace:
-    """The last placements of a body, for extrapolation; a gap starts it anew from the last one known."""
+class PlacementHistory:
+    """The last three placements of a body, for extrapolation; after a gap it starts anew."""
 
     def __init__(self) -> None:
         self._last: deque[tuple[int, Placement]] = deque(maxlen=3)
@@ -49,19 +47,19 @@ class Trace:
         self._last.clear()
 
     def items(self) -> list[tuple[int, Placement]]:
-        """The placements held, oldest first, with their steps."""
+        """The placements, oldest first, with their steps."""
         return list(self._last)
 
-    def last(self) -> Placement | None:
-        """The newest placement known."""
+    def newest(self) -> Placement | None:
+        """The newest known placement."""
         return self._last[-1][1] if self._last else None
 
     def newest_step(self) -> int | None:
-        """Step of the newest placement known."""
+        """Step of the newest known placement."""
         return self._last[-1][0] if self._last else None
 
     def predict(self, step: int) -> Placement | None:
-        """Placement at a step: constant acceleration from three neighbours, else the newest one known."""
+        """Placement at a step: constant acceleration from three neighbours, else the newest known one."""
         if not self._last:
             return None
         newest, place = self._last[-1]

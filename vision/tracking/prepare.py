@@ -1,57 +1,29 @@
-"""What comes before tracking: still frames, averaged reference, templates.
-
-Place in the data flow: `track_film`, `predict_uncertainty` and `retrack_frames` start with `prepare`; one
-preparation serves both the uncertainty shown before tracking and the tracking itself.
-"""
+"""What comes before tracking: frame times, still frames, averaged reference, templates."""
 
 from __future__ import annotations
 
 import os
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from vision.bodies.outlines import Body, build_masks
-from vision.errors import VisionWarning
-from vision.film.source import FrameSource, open_film
+from vision.errors import VisionInputError, VisionWarning
+from vision.film.open import open_film
+from vision.film.source import FrameSource
 from vision.fitting.pose_covariance import predicted_u_angle
-from vision.fitting.template import Template, build_template
-from vision.tracking.frame_step import Run, first_poses
-from vision.tracking.still_average import Reference, average_still_frames
-from vision.tracking.stillness import still_count
+from vision.fitting.template import build_template
+from vision.reference.prepared_film import PreparedFilm
+from vision.reference.still_average import Reference, average_still_frames
+from vision.reference.stillness import still_count
+from vision.tracking.film_tracker import FilmTracker, first_poses
+from vision.tracking.options import MAX_PIXELS
 
 WANTED_STILL = 10
-FIRST_LOOK = 4
-"""Frames averaged for the first template, with which the still frames are counted."""
-MAX_PIXELS = 12_000
-"""Pixels fitted per body; beyond this the ones that tell least about the angle are left out."""
-
-
-@dataclass(frozen=True)
-class Preparation:
-    """A film ready to be tracked.
-
-    Attributes
-    ----------
-    film : FrameSource
-    bodies : sequence of Body
-    reference : Reference
-    templates : list of Template
-        In the order of the bodies.
-    method : {"icgn", "ecc"}
-    """
-
-    film: FrameSource
-    bodies: Sequence[Body]
-    reference: Reference
-    templates: list[Template]
-    method: str
-
-    def run(self) -> Run:
-        """All bodies at their places in the reference, to be followed through the film."""
-        return Run(self.film, self.bodies, self.templates, self.method)
+FIRST_AVERAGED = 4
+"""Frames averaged for the first templates, with which the still frames are counted."""
 
 
 def prepare(
@@ -60,7 +32,7 @@ def prepare(
     n_still: int | None = None,
     max_pixels: int | None = MAX_PIXELS,
     method: str = "icgn",
-) -> Preparation:
+) -> PreparedFilm:
     """Average the still frames and build the bodies' templates.
 
     Warns
@@ -71,25 +43,25 @@ def prepare(
     masks = build_masks(bodies, film.height, film.width)
     region = np.logical_or.reduce(masks)
 
-    def templates_of(reference: Reference) -> list[Template]:
-        return [
+    def prepared(reference: Reference) -> PreparedFilm:
+        templates = [
             build_template(body.name, reference.picture, mask, reference.n_averaged, max_pixels, reference.noise_grey)
             for body, mask in zip(bodies, masks, strict=True)
         ]
+        return PreparedFilm(film, bodies, reference, templates, method)
 
     if n_still is None:
         candidates = average_still_frames(film, region).n_averaged
-        first = average_still_frames(film, region, min(FIRST_LOOK, candidates))
-        pose, u = first_poses(Run(film, bodies, templates_of(first), method), candidates)
+        first = prepared(average_still_frames(film, region, min(FIRST_AVERAGED, candidates)))
+        pose, u = first_poses(FilmTracker(first), candidates)
         n_still = still_count(pose.reshape(candidates, -1), u.reshape(candidates, -1))
         if n_still < WANTED_STILL:
             warnings.warn(
                 f"{film.path}: only {n_still} still frames at the start, {WANTED_STILL} wanted; the zero is less sure",
                 VisionWarning,
-                stacklevel=3,
+                stacklevel=4,
             )
-    reference = average_still_frames(film, region, n_still)
-    return Preparation(film, bodies, reference, templates_of(reference), method)
+    return prepared(average_still_frames(film, region, n_still))
 
 
 def predict_uncertainty(
@@ -100,10 +72,33 @@ def predict_uncertainty(
 ) -> dict[str, float]:
     """Standard uncertainty of each body's angle from noise and reference, rad, before the film is tracked.
 
-    `vision.tracking.budget_terms.expected_budget` gives the other terms as well.
+    The other terms of the budget are in what `vision.track` gives to its ``expected`` callable.
     """
     if isinstance(path_or_source, str | os.PathLike):
         with open_film(path_or_source) as film:
             return predict_uncertainty(film, bodies, n_still=n_still)
     ready = prepare(path_or_source, bodies, n_still)
     return {template.name: predicted_u_angle(template, ready.reference.noise_grey) for template in ready.templates}
+
+
+def frame_times(film: FrameSource, given_s: ArrayLike | None) -> NDArray[np.float64]:
+    """Time of each frame, s, shape (n_frames,): those given, else the film's own.
+
+    Raises
+    ------
+    VisionInputError
+        The film states no times, or those given are not one per frame and increasing.
+    """
+    if given_s is None:
+        own = film.frame_time_s
+        if own is None:
+            raise VisionInputError(
+                f"{film.path}: the film states no frame rate; give the time of each frame (--frame-rate)"
+            )
+        return own
+    time_s = np.asarray(given_s, dtype=float)
+    if time_s.shape != (film.n_frames,):
+        raise VisionInputError(f"{film.path}: {time_s.size} frame times for {film.n_frames} frames; give one per frame")
+    if not np.all(np.isfinite(time_s)) or np.any(np.diff(time_s) <= 0.0):
+        raise VisionInputError(f"{film.path}: frame times must be finite and increase from frame to frame")
+    return time_s

@@ -1,16 +1,12 @@
-"""Outlines proposed from the film itself, for the user to look at and correct.
+"""Outlines proposed from the film itself, for the user to inspect and correct.
 
-Place in the data flow: `propose_bodies` on the first film of a camera setting, then `bodies.save_bodies` and a
-picture of them; never used unseen by the tracker.
+Meant for the first film of a camera setting; the tracker never uses a proposal that nobody has seen.
 
-Method: pixels whose grey value varies in time more than noise explains show where anything moves. A square with
-texture among them is tracked through the film like a body; frames turned back by its poses agree with the still
-picture exactly where the film shows the same rigid body, and disagree elsewhere. The connected region around the
-square that agrees is an outline; the next square is taken from what is left. Bodies that never move against each
-other are one outline; what shows no texture is not found. Parents and what lies in front cannot be told and are
-left to the user.
-
-Failure: a film on which nothing moves as a rigid textured body raises `TrackingError`.
+Method: pixels whose grey value varies in time more than noise explains show where anything moves. A textured square
+among them, the seed, is tracked through the film like a body; frames turned back by its poses agree with the reference
+exactly where the film shows the same rigid body, and disagree elsewhere. The connected region around the seed that
+agrees is an outline; the next seed is taken from what is left. Bodies that never move relative to each other are one
+outline; what shows no texture is not found. Parents, and which body is in front, are left to the user.
 """
 
 from __future__ import annotations
@@ -24,19 +20,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.bodies.outlines import Body
-from vision.errors import InputError, TrackingError, VisionWarning
+from vision.errors import TrackingError, VisionInputError, VisionWarning
 from vision.film.source import FrameSource
-from vision.tracking.result import TrackResult
-from vision.tracking.still_average import Reference, average_still_frames
+from vision.reference.still_average import Reference, average_still_frames
+from vision.results.track_result import TrackResult
+from vision.tracking.track_film import track
 
 SAMPLES = 40
-"""Frames looked at for the variance, spread over the film."""
+"""Frames used for the variance, spread over the film."""
 VARIES = 3.0
 """Standard deviation in time over the noise, above which a pixel counts as moving."""
 SEED_PX = 34
 KEY_FRAMES = 15
 AGREES = 0.5
-"""Most that may be left, by turning back, of the difference from the still picture."""
+"""Largest share of the difference from the reference that may be left after turning back."""
 NOISE_LEFT = 1.6
 """Difference after turning back, over the noise, that a pixel of the body may have."""
 FLAT = 0.4
@@ -56,6 +53,11 @@ def propose_bodies(film: FrameSource) -> list[Body]:
     ----------
     film : FrameSource
         Begins with still frames.
+
+    Raises
+    ------
+    TrackingError
+        Nothing moves as a rigid textured body.
     """
     still = average_still_frames(film, np.ones((film.height, film.width), dtype=bool), max_still=16)
     sample = np.unique(np.linspace(0, film.n_frames - 1, SAMPLES).astype(int))
@@ -64,7 +66,7 @@ def propose_bodies(film: FrameSource) -> list[Body]:
     moves |= _smooth(np.sqrt(np.mean(difference**2, axis=0))) > VARIES
     gx, gy = (cv2.Sobel(still.picture, cv2.CV_32F, *axes, scale=0.125) for axes in ((1, 0), (0, 1)))
     texture = np.minimum(cv2.boxFilter(gx * gx, -1, (SEED_PX, SEED_PX)), cv2.boxFilter(gy * gy, -1, (SEED_PX, SEED_PX)))
-    # flat pixels agree with any motion; what is flat is told by the local spread of the moving ones
+    # flat pixels agree with any motion; flat means little local spread, compared with that of the moving pixels
     mean = cv2.boxFilter(still.picture, -1, (9, 9))
     spread = np.sqrt(np.maximum(cv2.boxFilter(still.picture**2, -1, (9, 9)) - mean**2, 0.0))
     telling = spread > np.maximum(FLAT * np.median(spread[moves]) if moves.any() else 0.0, still.noise_grey)
@@ -80,10 +82,7 @@ def propose_bodies(film: FrameSource) -> list[Body]:
         if score.max() <= max(still.noise_grey, 0.3) ** 2 * 0.25:
             break
         row, column = np.unravel_index(int(np.argmax(score)), score.shape)
-        at = (
-            slice(row - SEED_PX // 4, row + SEED_PX // 4 + 1),
-            slice(column - SEED_PX // 4, column + SEED_PX // 4 + 1),
-        )
+        at = tuple(slice(v - SEED_PX // 4, v + SEED_PX // 4 + 1) for v in (row, column))
         region = _around(film, still, int(row), int(column), telling)
         free[at] = False
         if region is None:
@@ -109,30 +108,13 @@ class _Region:
     motion: NDArray[np.float64]
 
     def moves_like(self, other: _Region) -> bool:
-        """Whether one motion would serve the other's pixels as well, to two pixels in most frames."""
+        """Whether both motions move the pixels alike, to two pixels in most frames."""
         rows, columns = np.nonzero(self.mask | other.mask)
         points = np.stack([columns[:: max(1, rows.size // 50)], rows[:: max(1, rows.size // 50)]]).astype(float)
         apart = [m[:, :, :2] @ points + m[:, :, 2:] for m in (self.motion, other.motion)]
         distance = np.hypot(*np.moveaxis(apart[0] - apart[1], 1, 0))
         known = np.isfinite(distance).all(axis=1)
         return bool(known.any() and np.quantile(distance[known].max(axis=1), 0.8) < 2.0)
-
-
-def draw_bodies(picture: NDArray[Any], bodies: list[Body], bit_depth: int) -> NDArray[np.uint8]:
-    """Outlines and names over a picture, enlarged to at least 800 px width, colour (h, w, 3)."""
-    grey = (np.asarray(picture, dtype=float) / 2.0 ** (bit_depth - 8)).clip(0, 255).astype(np.uint8)
-    factor = max(1, -(-800 // grey.shape[1]))
-    large = cv2.resize(grey, None, fx=factor, fy=factor, interpolation=cv2.INTER_CUBIC)
-    colour = cv2.cvtColor(large, cv2.COLOR_GRAY2BGR)
-    for i, body in enumerate(bodies):
-        hue = np.full((1, 1, 3), ((47 * i + 25) % 180, 220, 255), dtype=np.uint8)
-        tint = tuple(int(v) for v in cv2.cvtColor(hue, cv2.COLOR_HSV2BGR)[0, 0])
-        points = np.rint((body.polygon_px + 0.5) * factor).astype(np.int32)
-        cv2.polylines(colour, [points], True, tint, 2, cv2.LINE_AA)
-        x, y = (int(v) for v in points.mean(axis=0))
-        for shade, width in (((0, 0, 0), 4), (tint, 1)):
-            cv2.putText(colour, body.name, (x - 24, y), cv2.FONT_HERSHEY_SIMPLEX, 0.6, shade, width, cv2.LINE_AA)
-    return np.asarray(colour, dtype=np.uint8)
 
 
 def _smooth(picture: NDArray[Any]) -> NDArray[Any]:
@@ -153,8 +135,6 @@ def _difference(frame: NDArray[Any], still: Reference, warp: NDArray[np.float64]
 
 def _around(film: FrameSource, still: Reference, row: int, column: int, telling: NDArray[np.bool_]) -> _Region | None:
     """Pixels that move with a square; None when the square cannot be tracked or does not move."""
-    from vision.tracking.track_film import track_film
-
     half = 0.5 * SEED_PX + 4.0
     corners = [[-half, -half], [half, -half], [half, half], [-half, half]]
     square = Body("seed", np.array(corners) + (column, row))
@@ -162,8 +142,8 @@ def _around(film: FrameSource, still: Reference, row: int, column: int, telling:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", VisionWarning)
-            tracked = track_film(film, [square], np.arange(float(film.n_frames)), every=every, confirm="none")
-    except InputError:
+            tracked = track(film, [square], np.arange(float(film.n_frames)), every=every, confirm="none")
+    except VisionInputError:
         return None
     keys = _key_rows(tracked)
     if keys.size < 3:

@@ -1,11 +1,8 @@
-"""Find a lost body again: a wide search over turn and shift that needs no good start.
+"""Find a lost body again: a wide search over turn and shift that needs no good initial guess.
 
-Place in the data flow: `follower` calls `candidates` when the fit from the prediction has failed, and fits
-from each of them.
-
-Method: the template is turned in steps and slid over the region around the place where the body is expected,
-at half the resolution, with normalised correlation under its mask (OpenCV `matchTemplate`). The best few, one
-per turn, are the starts.
+Method: the template is turned in steps and slid over the region where the body is expected, at half the resolution,
+with normalised correlation under its mask (OpenCV `matchTemplate`). The best few, one per turn, are the initial guesses
+for a fit.
 """
 
 from __future__ import annotations
@@ -25,10 +22,10 @@ SHIFT_RANGE_PX = 40
 N_CANDIDATES = 4
 
 
-def candidates(
+def search_candidates(
     film: FrameSource, index: int, template: Template, expected: NDArray[np.float64]
 ) -> list[NDArray[np.float64]]:
-    """Starts for a fit, best first.
+    """Initial guesses for a fit, best first.
 
     Parameters
     ----------
@@ -79,7 +76,7 @@ def _halve(picture: NDArray[np.float32]) -> NDArray[np.float32]:
 
 
 def _turned(template: Template, phi: float) -> tuple[NDArray[np.float32], NDArray[np.float32], float, float]:
-    """Turned template at half resolution, its mask, and the place of the centre in it (half pixels)."""
+    """Turned template at half resolution, its mask, and the position of the centre in it (half pixels)."""
     cosine, sine = math.cos(phi), math.sin(phi)
     dx, dy = template.offset_px
     x = 0.5 * (cosine * dx - sine * dy)

@@ -1,10 +1,8 @@
 """The error budget of a tracked film: what contributes how much to the uncertainty of each angle.
 
-Place in the data flow: made by `budgeting`, carried by the `TrackResult`, printed by the command line.
-
 Terms, all standard uncertainties in rad, of the angle at the middle of the exposure:
 ``noise`` (of the frame), ``reference`` (of the zero; common to all frames), ``shutter`` (a blurred picture
-shows the mean over the exposure), ``tilt`` and ``distortion`` (camera, see `camera_model`), ``codec``,
+shows the mean over the exposure), ``tilt`` and ``distortion`` (see `vision.camera.model`), ``codec``,
 ``synchronisation`` (speed times the standard uncertainty of the frame times). Independent terms add in
 squares (GUM 5.1.2). A term is NaN where the body is lost.
 """

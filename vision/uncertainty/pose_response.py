@@ -1,7 +1,4 @@
-"""What a bent or tilted picture does to a tracked pose.
-
-Place in the data flow: `error_budget` asks for the error of every pose under an assumed camera,
-`track` for the correction under a calibrated one.
+"""What a distorted or tilted picture does to a tracked pose.
 
 Method: the fit gives the pose that is nearest to the true displacement of the pixels in the sense of its own
 normal equations, ``delta = N^-1 sum J (grad I . d)``, with the displacement d that no rigid motion in the
@@ -9,7 +6,7 @@ picture explains. d is smooth, so the sums over pixels are made once per cell of
 frames. First order in d: a camera tilted by 5 degrees is represented to 1 % of its effect (tested with
 films).
 
-Conventions: poses as in `fit`; shapes (n, 3).
+Conventions: poses as in `vision.fitting.base`, shape (n, 3).
 """
 
 from __future__ import annotations

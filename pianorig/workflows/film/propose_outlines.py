@@ -16,8 +16,8 @@ def propose(film: Path, out: Path, *, allow_truncated: bool = False) -> dict[str
     dict : ``out``, ``picture``, ``bodies`` (names)
     """
     import vision
-    from vision.output.overlay import write_picture
-    from vision.tracking.propose_outlines import draw_bodies, propose_bodies
+    from vision.output.outline_drawing import draw_bodies, write_picture
+    from vision.tracking.propose_outlines import propose_bodies
 
     if out.suffix != ".toml":
         raise InputError(f"{out}: --propose-bodies writes outlines; the name must end in .toml")

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from tests.command_line import run
+from tests.vision.camera.target_picture import target_picture
 from tests.vision.motion import smooth_step
 from vision.bodies.outlines import Body
 from vision.camera.calibrate import Calibration, Target, calibrate
@@ -21,7 +22,6 @@ from vision.camera.projection import Projection, tilted
 from vision.errors import InputError
 from vision.film.source import ArrayFilm
 from vision.synthetic import Scene, Sensor, SyntheticBody, background, box, speckle
-from vision.synthetic.targets import target_picture
 from vision.tracking.track_film import track_film
 
 WIDTH, HEIGHT = 300, 220
@@ -50,7 +50,7 @@ def target_film(lens: Projection, kind: str, seed: int, views: int = 3) -> Array
     frames = []
     for _ in range(views):
         place = lens.centre_px + rng.uniform(-18, 18, 2)
-        picture = target_picture(lens, kind, 9, 7, 22.0, turn_rad=rng.uniform(-0.2, 0.2), place_px=tuple(place))
+        picture = target_picture(lens, kind, (9, 7), 22.0, turn_rad=rng.uniform(-0.2, 0.2), place_px=tuple(place))
         frames += [sensor.expose(picture), sensor.expose(picture)]
     return ArrayFilm(np.stack(frames), 1000.0)
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from vision.errors import FilmError, VisionWarning
 from vision.film.avi_writer import write_avi
-from vision.film.source import open_film
+from vision.film.open import open_film
 
 HEIGHT, WIDTH, N = 60, 84, 7
 

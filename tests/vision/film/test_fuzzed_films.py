@@ -13,7 +13,7 @@ import pytest
 
 from vision.errors import FilmError
 from vision.film.avi_writer import write_avi
-from vision.film.source import open_film
+from vision.film.open import open_film
 
 SCRIPT = Path(__file__).parents[3] / "benchmarks" / "fuzz_readers.py"
 

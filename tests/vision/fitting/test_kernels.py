@@ -15,7 +15,7 @@ import vision
 from vision.bodies.occlusion import mark_covered
 from vision.fitting.bspline import coefficients, noise_gain
 from vision.fitting.icgn import IcgnFitter
-from vision.fitting.kernels import fit_rigid, robust_scale, solve5
+from vision.fitting.kernels import Region, Settings, Subset, fit_rigid, robust_scale, solve5
 from vision.fitting.pose_covariance import TUKEY
 from vision.fitting.template import Template, build_template
 from vision.synthetic import Scene, box, speckle
@@ -58,18 +58,17 @@ def test_fit_against_plain_numpy(bar_scene: Callable[[str], Scene], pivot: tuple
     frame[85:110, 100:115] = 20.0  # something in the way
     start = np.array([-0.045, 0.9, -0.8])
     pose, weight = start.copy(), np.ones(template.n_pixels, dtype=np.float32)
-    q, normal, stats = np.zeros(5), np.zeros((5, 5)), np.zeros(8)
     uncovered = np.zeros(template.n_pixels, dtype=np.uint8)
-    rounds = fit_rigid(
-        coefficients(frame), 0.0, 0.0, template.offset_px, template.columns, uncovered, *template.centre_px,
-        noise_gain(), 0.5, 1e-4, 30, True, pose, weight, 2.0, q, normal, stats,
-    )  # fmt: skip
+    subset = Subset(template.offset_px, template.columns, uncovered, *template.centre_px)
+    settings = Settings(noise_gain(), scale_floor=0.5, tolerance_px=1e-4, max_iterations=30, robust=True)
+    fit = fit_rigid(Region(coefficients(frame), 0.0, 0.0), subset, settings, pose, weight, 2.0)
+    rounds = fit.iterations
     assert 3 <= rounds < 30
     expected, gain, scale = plain_fit(coefficients(frame).astype(float), template, start, rounds)
     assert pose[0] == pytest.approx(expected[0], abs=2e-6)
     np.testing.assert_allclose(pose[1:], expected[1:], atol=2e-4)
-    assert q[3] == pytest.approx(gain, rel=1e-4)
-    assert stats[6] == pytest.approx(scale, rel=0.02)
+    assert fit.gain == pytest.approx(gain, rel=1e-4)
+    assert fit.sums.scale == pytest.approx(scale, rel=0.02)
 
 
 def test_fit_reports_failure_instead_of_raising(bar_scene: Callable[[str], Scene], pivot: tuple[float, float]) -> None:

@@ -11,7 +11,8 @@ import pytest
 
 from vision.bodies.outlines import Body
 from vision.errors import InputError
-from vision.film.source import ArrayFilm, open_film
+from vision.film.open import open_film
+from vision.film.source import ArrayFilm
 from vision.output.overlay import COLOURS, LOST, worst_rows, write_contact_sheet, write_overlay
 from vision.synthetic import Scene, box
 from vision.tracking.track_film import track_film

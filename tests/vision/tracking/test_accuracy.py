@@ -17,10 +17,10 @@ from vision.fitting.ecc import EccFitter
 from vision.fitting.icgn import IcgnFitter
 from vision.fitting.pose_covariance import cramer_rao_bound
 from vision.fitting.template import build_template
+from vision.reference.still_average import average_still_frames
+from vision.results.flags import FrameFlag
 from vision.synthetic import Scene, SyntheticBody, background, box, speckle, total_noise
-from vision.tracking.flags import FrameFlag
 from vision.tracking.prepare import predict_uncertainty
-from vision.tracking.still_average import average_still_frames
 from vision.tracking.track_film import track_film
 
 MDEG = np.radians(1e-3)

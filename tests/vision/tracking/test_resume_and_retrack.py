@@ -11,9 +11,10 @@ import pytest
 import vision.tracking.passes
 from tests.vision.motion import bar_motion
 from vision.errors import InputError
+from vision.results.flags import FrameFlag
 from vision.synthetic import Scene
-from vision.tracking.flags import FrameFlag
-from vision.tracking.track_film import retrack_frames, track_film
+from vision.tracking.retrack import retrack_frames
+from vision.tracking.track_film import track_film
 
 MDEG = np.radians(1e-3)
 
@@ -97,15 +98,15 @@ def test_backward_pass_takes_back_a_wrong_stretch(
 ) -> None:
     """Poses of three rows are spoilt after the forward pass; the backward pass does not confirm them."""
     known = film_of(bar_scene("speckle"), bar_motion(70, pivot, 0.3))
-    forward = vision.tracking.passes.follow
+    forward = vision.tracking.passes.track_forward
 
     def spoil(run: object, table: object, *rest: object) -> int:
         done = forward(run, table, *rest)
         table.pose[40:43, 0, 0] += 60 * MDEG
-        table.put(30, 0, run.followers[0].fit, FrameFlag.NOT_CONVERGED)
+        table.store(30, 0, run.trackers[0].fit, FrameFlag.NOT_CONVERGED)
         return done
 
-    monkeypatch.setattr("vision.tracking.track_film.follow", spoil)
+    monkeypatch.setattr("vision.tracking.track_film.track_forward", spoil)
     result = track_film(known.film, known.bodies, confirm="all")
     assert np.flatnonzero(result.failed[:, 0]).tolist() == [40, 41, 42]
     assert np.all(result.flag[40:43, 0] & int(FrameFlag.UNCONFIRMED))

@@ -16,8 +16,8 @@ from vision.errors import VisionWarning
 from vision.fitting.icgn import IcgnFitter
 from vision.fitting.pose_covariance import cramer_rao_bound
 from vision.fitting.template import build_template
+from vision.reference.still_average import average_still_frames
 from vision.synthetic import Scene, total_noise
-from vision.tracking.still_average import average_still_frames
 from vision.tracking.track_film import track_film
 
 MDEG = np.radians(1e-3)

@@ -8,8 +8,8 @@ import pytest
 from tests.vision.motion import smooth_step
 from vision.bodies.outlines import Body
 from vision.film.source import ArrayFilm
+from vision.results.flags import FrameFlag
 from vision.synthetic import Scene, Sensor, SyntheticBody, background, box, speckle, wood_grain
-from vision.tracking.flags import FrameFlag
 from vision.tracking.track_film import track_film
 
 HEIGHT, WIDTH, N, STILL = 190, 250, 110, 14

@@ -14,12 +14,13 @@ from vision.camera.model import AssumedCamera
 from vision.errors import InputError, VisionWarning
 from vision.film.avi_writer import write_avi
 from vision.film.compression import Compression, jpeg_steps
-from vision.film.source import ArrayFilm, open_film
+from vision.film.open import open_film
+from vision.film.source import ArrayFilm
 from vision.synthetic import Scene
-from vision.tracking.budget_terms import ExpectedMotion, expected_budget
 from vision.tracking.prepare import prepare
 from vision.tracking.track_film import track_film
 from vision.uncertainty.budget import TERMS
+from vision.uncertainty.budget_terms import ExpectedMotion, expected_budget
 
 SQUARE = AssumedCamera(0.0, 0.0)
 

@@ -104,21 +104,21 @@ def test_interrupted_by_the_user(
 ) -> None:
     """Ctrl-C in frame 45: no table, what is done is kept, the same command goes on."""
     import vision.tracking.passes
-    from vision.tracking.frame_step import Run
+    from vision.tracking.film_tracker import FilmTracker
 
     film, outlines, _ = filmed
     out = tmp_path / "o.csv"
     base = ("track", str(film), "--bodies", str(outlines), "--out", str(out))
     monkeypatch.setattr(vision.tracking.passes, "EVERY_ROWS", 20)
-    step = Run.step
+    step = FilmTracker.step
 
-    def stop(self: Run, index: int, *rest: object, **more: object) -> None:
+    def stop(self: FilmTracker, index: int, *rest: object, **more: object) -> None:
         if index == 45:
             raise KeyboardInterrupt
         step(self, index, *rest, **more)
 
     with monkeypatch.context() as patch:
-        patch.setattr(Run, "step", stop)
+        patch.setattr(FilmTracker, "step", stop)
         assert run(*base) == 130
     assert [p.name for p in tmp_path.iterdir()] == ["o.csv.unfinished.npz"]
     capsys.readouterr()
@@ -132,7 +132,7 @@ def test_film_without_a_frame_rate(
 ) -> None:
     import cv2
 
-    from vision.film.source import open_film
+    from vision.film.open import open_film
 
     film, outlines, _ = filmed
     folder = tmp_path / "pictures"

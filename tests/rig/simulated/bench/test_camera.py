@@ -13,8 +13,8 @@ from rig.simulated import ActionGeometry, CameraSettings, FilmTruth, film_bodies
 from rig.simulated.bench.camera_view import film_scene, poses
 from vision.bodies.outlines import build_masks
 from vision.errors import InputError
-from vision.film.mraw import MrawFilm
-from vision.film.source import open_film
+from vision.film.mraw_reader import MrawFilm
+from vision.film.open import open_film
 from vision.tracking.track_film import track_film
 
 REST = np.array([0.0251, 0.3198, 0.3523])

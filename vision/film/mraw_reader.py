@@ -1,13 +1,12 @@
 """Lazy reader of Photron MRAW films, 8, 12 or 16 bit per pixel.
 
-Place in the data flow: opened by `frames.open_film`. A window of the file is memory-mapped and moves along
-with the reading; a region read touches only the pages of its own rows. So memory does not grow with the film.
+A window of the file is memory-mapped and moves along with the reading; a region touches only the pages of its own
+rows. So memory does not grow with the film.
 
 Format: frames follow one another without padding, row after row. 8 bit: one byte; 16 bit: little-endian
 words; 12 bit: two pixels in three bytes, the first pixel in the upper twelve bits (checked on a film of a
-FASTCAM Nova S16). Geometry, depth and times come from the header next to it (`cih`).
-
-Failure: a file whose size is not exactly the one its header implies is refused with both sizes (`FilmError`).
+FASTCAM Nova S16). Geometry, depth and times come from the header next to it (`vision.film.cih_header`). A file whose
+size is not exactly the one its header implies is refused with both sizes (`FilmError`).
 """
 
 from __future__ import annotations
@@ -19,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.errors import FilmError
-from vision.film.cih import FilmHeader, read_header
+from vision.film.cih_header import FilmHeader, read_header
 from vision.film.mmap_window import FileWindow
 from vision.film.source import Film
 
@@ -52,8 +51,7 @@ class MrawFilm(Film):
         if size != expected:
             whole = 8 * size // (header.width * header.height * header.colour_bit)
             words = (
-                f"{data_path}: {size} bytes, but the header {header_path.name} describes "
-                f"{header.n_frames} frames of "
+                f"{data_path}: {size} bytes, but the header {header_path.name} describes {header.n_frames} frames of "
                 f"{header.width} x {header.height} at {header.colour_bit} bit = {expected} bytes"
             )
             if size > expected:
@@ -81,7 +79,7 @@ class MrawFilm(Film):
         self._check_region(y0, y1, x0, x1)
         first = index * self.width * self.height
         bits = self.header.colour_bit
-        # whole bytes that hold the rows asked for; 12-bit pixels come in pairs
+        # whole bytes that hold the wanted rows; 12-bit pixels come in pairs
         low = first + y0 * self.width
         high = first + y1 * self.width
         if bits == 12:
@@ -112,7 +110,7 @@ def unpack12_region(data: NDArray[np.uint8], skip: int, width: int, rows: int, x
     its pair.
     """
     if width % 2 == 0 and skip == 0:
-        # every row starts on a whole byte: take only the columns asked for
+        # every row starts on a whole byte: unpack only the wanted columns
         left, right = x0 - x0 % 2, x1 + x1 % 2
         lines = data[: rows * 3 * width // 2].reshape(rows, 3 * width // 2)
         packed = lines[:, left // 2 * 3 : right // 2 * 3].reshape(rows, -1, 3)

@@ -1,8 +1,5 @@
 """Result of tracking a film: angles with uncertainty, quality and flags, frame by frame.
 
-Place in the data flow: `track.track_film` returns it; a session stores its table; validation reads angles
-relative to the whippen.
-
 Conventions: angles counter-clockwise (x right, y up), zero at the mean of the still frames, rad, not wrapped;
 positions in picture axes (y down), px. A frame that failed is NaN in every quantity, with the reason in
 ``flag``.
@@ -17,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.angles import relative_angle
-from vision.errors import InputError
-from vision.tracking.flags import FAILURE
+from vision.errors import VisionInputError
+from vision.results.flags import FAILURE
 from vision.uncertainty.budget import ErrorBudget
 
 if TYPE_CHECKING:
@@ -47,7 +44,7 @@ class TrackResult:
     noise_grey : ndarray, shape (n, m)
         Residual of the fit.
     flag : ndarray of uint16, shape (n, m)
-        `flags.FrameFlag`.
+        `vision.results.flags.FrameFlag`.
     predicted_u_rad : ndarray, shape (m,)
         Standard uncertainty predicted before tracking, from noise and reference.
     covariance : ndarray, shape (n, m, 3, 3)
@@ -88,11 +85,11 @@ class TrackResult:
         return (self.flag & np.uint16(FAILURE)) != 0
 
     def column(self, body: str) -> int:
-        """Index of a body; raises `InputError` for an unknown name."""
+        """Index of a body; raises `VisionInputError` for an unknown name."""
         try:
             return self.bodies.index(body)
         except ValueError:
-            raise InputError(f"body {body!r} was not tracked; tracked are {', '.join(self.bodies)}") from None
+            raise VisionInputError(f"body {body!r} was not tracked; tracked are {', '.join(self.bodies)}") from None
 
     def relative(self, body: str) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.uint16]]:
         """Angle of a body relative to its parent.
@@ -111,13 +108,13 @@ class TrackResult:
 
         Raises
         ------
-        InputError
+        VisionInputError
             For an unknown body or one without a parent.
         """
         child = self.column(body)
         name = self.parents[child]
         if name is None:
-            raise InputError(
+            raise VisionInputError(
                 f"body {body!r} has no parent, so it has no relative angle; give it one in its outline file"
             )
         parent = self.column(name)
@@ -140,6 +137,7 @@ class TrackResult:
         ``_u_total_rad`` (with camera, shutter and codec), the same with ``_relative`` (of a body with a parent),
         ``_x_px``, ``_y_px``, ``_quality`` (correlation), ``_inlier`` and ``_flag``.
         """
+        # start-up: pandas costs 0.5 s, a result without a table does without
         import pandas as pd
 
         total = self.u_total_rad

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from vision.film.source import ArrayFilm
-from vision.tracking.pose_prediction import Trace, from_parent, in_parent
-from vision.tracking.still_average import average_still_frames
-from vision.tracking.stillness import still_count
+from vision.reference.still_average import average_still_frames
+from vision.reference.stillness import still_count
+from vision.tracking.pose_prediction import PlacementHistory, from_parent, in_parent
 
 
 def test_noise_alone_is_still() -> None:
@@ -62,7 +62,7 @@ def test_average_and_its_noise() -> None:
 
 
 def test_prediction_follows_constant_acceleration_and_restarts_after_a_gap() -> None:
-    trace = Trace()
+    trace = PlacementHistory()
     assert trace.predict(0) is None
     for k in range(3):
         trace.add(k, np.array([0.1 * k * k, 2.0 * k, -1.0]))

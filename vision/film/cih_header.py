@@ -1,15 +1,12 @@
 """Header of a Photron film: the text file CIH and the container CIHX.
 
-Place in the data flow: `read_header` is called by the MRAW reader, `cihx_bytes` by the writer.
-
 Formats, as found in files saved by the Photron FASTCAM Viewer 3 and 4: CIH is lines ``name : value``, the
 picture's part ends at the first empty line. CIHX is 256 bytes of a fixed text padded with zeros, the magic
 ``CIHX``, version and number of sections as 32-bit integers, one (kind, offset, size) of 64-bit integers per
 section, all little-endian; the section of kind 0 is an XML document with root ``cih``. The reader looks for
 that document by its tags, since viewers differ in the rest. ``startFrame`` counts recorded frames from the
-trigger; ``skipFrame`` is the step with which frames were saved.
-
-Failure: a header that is missing a field, or holds a value no film can have, raises `FilmError`.
+trigger; ``skipFrame`` is the step with which frames were saved. A header that lacks a field, or holds a value no film
+can have, raises `FilmError`.
 """
 
 from __future__ import annotations
@@ -49,7 +46,7 @@ class FilmHeader:
 
     ``colour_bit`` is the storage per pixel (8, 12 or 16), ``effective_bit`` how many of them carry light,
     ``bit_side`` whether these are the ``lower`` or ``higher`` ones. ``start_frame`` is the number, counted
-    from the trigger, of the first frame kept; every ``frame_step``-th recorded frame was kept. ``exposure_s``
+    from the trigger, of the first frame saved; every ``frame_step``-th recorded frame was saved. ``exposure_s``
     is None when not stated.
     """
 
@@ -69,14 +66,13 @@ class FilmHeader:
 
 
 def read_header(path: Path) -> FilmHeader:
-    """Read a ``.cih`` or ``.cihx`` file; raises `FilmError` with the field, the value found and what is
-    allowed."""
+    """Read a ``.cih`` or ``.cihx`` file; raises `FilmError` with the field, the value found and what is allowed."""
     try:
         size = path.stat().st_size
         if size > MAX_HEADER_BYTES:
             raise FilmError(f"{path}: header is larger than {MAX_HEADER_BYTES} bytes; this is not a Photron header")
         with path.open("rb") as file:
-            # the size is asked for first: Python would set aside all that a read allows
+            # with the size: an unbounded read would set aside memory for all it allows
             data = file.read(size)
     except OSError as error:
         raise FilmError(f"{path}: header cannot be read ({error.strerror or error})") from None
@@ -134,8 +130,7 @@ def _rate(raw: dict[str, str]) -> float | None:
 
 
 def _exposure(raw: dict[str, str]) -> float | None:
-    """Shutter time: nanoseconds where stated, else ``1/800000`` or the bare 800000 of CIHX, both one over
-    it."""
+    """Shutter time: nanoseconds where stated, else ``1/800000``, which CIHX writes as the bare 800000."""
     if re.fullmatch(r"\d{1,15}", raw["shutter_ns"]) and int(raw["shutter_ns"]) > 0:
         return int(raw["shutter_ns"]) * 1e-9
     found = re.fullmatch(r"(?:1/)?(\d{1,12}(?:\.\d+)?)", raw["shutter"])
@@ -153,8 +148,7 @@ def _header(raw: dict[str, str]) -> FilmHeader:
     kind = raw["colour_type"] or "Mono"
     if kind.lower() not in ("mono", "raw") or colour_bit not in (8, 12, 16):
         raise FilmError(
-            f"header says colour type {kind[:20]!r} with {colour_bit} bit per pixel, readable are "
-            "Mono or Raw "
+            f"header says colour type {kind[:20]!r} with {colour_bit} bit per pixel, readable are Mono or Raw "
             "with 8, 12 or 16; save the film in monochrome"
         )
     # one byte per sample holds at most eight bits, whatever the sensor had before saving

@@ -1,8 +1,6 @@
 """Poses of all bodies in all tracked frames while a film is being tracked.
 
-Place in the data flow: `following` fills it row by row, `confirmation` corrects it, `track` turns it into a
-`TrackResult`; `checkpoint` saves what is filled. Poses are `fit` poses (picture axes); a body lost in a frame
-is NaN with the reason in ``flag``.
+Poses are as in `vision.fitting.base` (picture axes); a body lost in a frame is NaN with the reason in ``flag``.
 """
 
 from __future__ import annotations
@@ -13,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.fitting.base import Fit
-from vision.tracking.flags import FAILURE, FrameFlag
+from vision.results.flags import FAILURE, FrameFlag
 
 
 @dataclass(frozen=True)
@@ -60,8 +58,8 @@ class PoseTable:
         """Standard uncertainty of the turn from the frame's noise, rad, shape (n, m)."""
         return np.sqrt(self.covariance[..., 0, 0])
 
-    def put(self, row: int, body: int, fit: Fit, flag: FrameFlag) -> None:
-        """Store one fit; a failed one keeps only its flag."""
+    def store(self, row: int, body: int, fit: Fit, flag: FrameFlag) -> None:
+        """Store one fit; of a failed one only its flag."""
         self.flag[row, body] = int(flag)
         lost = bool(flag & FAILURE)
         self.pose[row, body] = np.nan if lost else fit.pose
@@ -69,8 +67,8 @@ class PoseTable:
         for name in ("zncc", "inlier", "noise_grey", "gain"):
             getattr(self, name)[row, body] = np.nan if lost else getattr(fit, name)
 
-    def lose(self, row: int, body: int, flag: FrameFlag) -> None:
-        """Give up what a row holds of a body."""
+    def reject(self, row: int, body: int, flag: FrameFlag) -> None:
+        """Replace a body's values in a row by NaN, with a flag."""
         self.flag[row, body] |= np.uint16(int(flag))
         for name in ("pose", "covariance", "zncc", "inlier", "noise_grey", "gain"):
             getattr(self, name)[row, body] = np.nan

@@ -1,13 +1,11 @@
 """The average of the still frames at the start of a film, and their noise.
 
-Place in the data flow: first step of tracking. The average is the template's picture and the still frames set
-the zero of all angles, so their number sets the error common to all frames: ten give a third of one frame's
-noise.
+The average is the template's picture and the still frames set the zero of all angles, so their number sets the error
+common to all frames: ten give a third of one frame's noise.
 
-Method: frames are compared one by one with the running mean inside the bodies' regions, after fitting gain
-and offset, which takes out flicker. The run ends where the difference exceeds what the noise of the first
-frames explains. That test is quick but sees only coarse motion; `stillness` then follows the bodies through
-the run and ends it at the first motion of their poses.
+Method: frames are compared one by one with the running mean inside the bodies' regions, after fitting gain and offset,
+which takes out flicker. The still run ends where the difference exceeds what the noise of the first frames explains.
+That test is quick but sees only coarse motion; `vision.reference.stillness` judges the poses.
 """
 
 from __future__ import annotations
@@ -60,9 +58,9 @@ def average_still_frames(
     region : ndarray of bool, shape (height, width)
         Pixels of the bodies; the rest of the picture may move.
     n_still : int or None
-        Number of frames to average; as many as look alike when None.
+        Number of frames to average; as many as agree when None.
     max_still : int
-        No more than this many are looked at.
+        At most this many are compared.
 
     Returns
     -------
@@ -76,7 +74,7 @@ def average_still_frames(
     if film.n_frames < 2:
         raise TrackingError(f"{film.path}: {film.n_frames} frame; tracking needs at least two")
     if n_still is not None and not 1 <= n_still <= film.n_frames:
-        raise TrackingError(f"{film.path}: {n_still} still frames asked for, the film has {film.n_frames}")
+        raise TrackingError(f"{film.path}: {n_still} still frames requested, the film has {film.n_frames}")
     total = film.read(0).astype(np.float32)
     pixels = np.flatnonzero(region.reshape(-1))
     if pixels.size > MOST_PIXELS:

@@ -1,7 +1,6 @@
 """Pictures of calibration targets through a known lens.
 
-Place in the data flow: tests of the calibration, and examples. The pattern is a formula on the plane; each pixel
-is the mean of points within it, each mapped to the plane exactly.
+The pattern is a formula on the plane; each pixel is the mean of points within it, each mapped to the plane exactly.
 """
 
 from __future__ import annotations
@@ -12,19 +11,17 @@ from numpy.typing import NDArray
 from vision.camera.projection import Projection
 
 SUBPIXELS = 4
+DARK, BRIGHT = 30.0, 210.0
 
 
 def target_picture(
     lens: Projection,
     kind: str,
-    columns: int,
-    rows: int,
+    grid: tuple[int, int],
     pitch_px: float,
     *,
     turn_rad: float = 0.0,
     place_px: tuple[float, float] | None = None,
-    dark: float = 30.0,
-    bright: float = 210.0,
 ) -> NDArray[np.float32]:
     """Noise-free picture of a checkerboard (inner corners) or of round dots, shape (height, width).
 
@@ -32,8 +29,8 @@ def target_picture(
     ----------
     lens : Projection
     kind : {"checkerboard", "dots"}
-    columns, rows : int
-        Grid of points.
+    grid : (int, int)
+        Points per row and per column.
     pitch_px : float
         Distance of points on the plane, px.
     turn_rad : float
@@ -41,6 +38,7 @@ def target_picture(
     place_px : (float, float), optional
         Middle of the grid on the plane; the picture's centre by default.
     """
+    columns, rows = grid
     middle = lens.centre_px if place_px is None else np.asarray(place_px, dtype=float)
     c, s = np.cos(turn_rad), np.sin(turn_rad)
     y, x = np.indices((lens.height, lens.width), dtype=float)
@@ -59,5 +57,5 @@ def target_picture(
             else:
                 near = np.hypot(u - np.clip(np.rint(u), 0, columns - 1), v - np.clip(np.rint(v), 0, rows - 1))
                 ink = near < 0.28
-            total += np.where(ink, dark, bright)
+            total += np.where(ink, DARK, BRIGHT)
     return (total / SUBPIXELS**2).astype(np.float32)

@@ -1,7 +1,6 @@
 """Why a frame failed, or what is worth knowing about it.
 
-Place in the data flow: set by `follower` per body and frame, stored in `results`. Any bit of `FAILURE` means
-that the frame's values are NaN; the others only inform.
+Set per body and frame. Any bit of `FAILURE` means that the frame's values are NaN; the others only inform.
 """
 
 from __future__ import annotations
@@ -16,7 +15,7 @@ class FrameFlag(IntFlag):
     NOT_CONVERGED = 1
     """The fit broke down or did not settle."""
     LOW_CORRELATION = 2
-    """Fitted and seen grey values agree too little."""
+    """Fitted and observed grey values agree too little."""
     FEW_INLIERS = 4
     """Too few pixels agree with the fit: covered, outside the picture, or another texture."""
     JUMP = 8
@@ -32,7 +31,7 @@ class FrameFlag(IntFlag):
     IMPRECISE = 256
     """The stated standard uncertainty is too large to rule out an error of 0.05 degrees; not a failure."""
     COVERED = 512
-    """Something no outline describes hides part of the body; weights keep it out, not always all of it; not a
+    """Something no outline describes hides part of the body; the weights suppress it, not always fully; not a
     failure."""
 
 

@@ -1,8 +1,7 @@
 """How many frames at the start of a film are still, judged by the poses of the bodies themselves.
 
-Place in the data flow: between the quick look of `reference` and the final templates. A fit sees motion of a
-hundredth of a pixel, long before grey values differ by more than their noise; a reference that contains such
-frames would be smeared and its zero shifted.
+A fit resolves motion of a hundredth of a pixel, long before grey values differ by more than their noise; a reference
+that contains such frames would be smeared and its zero shifted.
 
 Method: each pose coordinate of each body, over its standard uncertainty, is compared with the mean of the
 frames before, alone and as the mean of the last 2, 4, 8 and 16 frames. The first window that differs by more
@@ -20,7 +19,7 @@ LIMIT = 5.0
 GUARD = 2
 SCATTER_FRAMES = 12
 FIRST, FIRST_LIMIT = 4, 8.0
-"""With fewer frames before, only gross motion is believed."""
+"""With fewer frames before it, only gross motion ends the run."""
 
 
 def still_count(pose: NDArray[np.float64], u_pose: NDArray[np.float64]) -> int:
@@ -43,8 +42,8 @@ def still_count(pose: NDArray[np.float64], u_pose: NDArray[np.float64]) -> int:
         return 1
     typical = np.sqrt(np.nanmean(u_pose**2, axis=0))
     if n >= SCATTER_FRAMES:
-        # what the poses really scatter by from frame to frame, where that is more (compressed film); the quarter
-        # of the smallest steps tells it, so that later motion does not count
+        # the actual scatter of the poses from frame to frame, where that is more (compressed film); taken from the
+        # smallest quarter of the steps, so that later motion does not count
         step = np.nanquantile(np.abs(np.diff(pose, axis=0)), 0.25, axis=0)
         typical = np.maximum(typical, step / (0.3186 * np.sqrt(2.0)))
     total = np.vstack([np.zeros(pose.shape[1]), np.cumsum(np.nan_to_num(pose), axis=0)])

@@ -1,6 +1,4 @@
-"""How the terms of the error budget are found, before tracking and after.
-
-Place in the data flow: `expected_budget` is shown before tracking, `budget_of` goes into the `TrackResult`.
+"""How the terms of the error budget are found, before tracking (`expected_budget`) and after (`budget_of`).
 
 Tilt and distortion bend both bodies of a relative angle alike, so there their differences count; all other
 terms of the two bodies are independent.
@@ -20,11 +18,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.camera.model import CameraModel
-from vision.film.compression import codec_u_turn
 from vision.film.source import FrameSource
 from vision.fitting.pose_covariance import predicted_u_angle
-from vision.tracking.prepare import Preparation
+from vision.reference.prepared_film import PreparedFilm
 from vision.uncertainty.budget import ErrorBudget, rms
+from vision.uncertainty.compression_noise import compression_u_turn
 from vision.uncertainty.pose_response import PoseResponse
 
 
@@ -37,8 +35,30 @@ class ExpectedMotion:
     acceleration_rad_per_s2: float = 2000.0
 
 
+@dataclass(frozen=True)
+class TrackedAngles:
+    """What the budget needs of a tracked film.
+
+    Attributes
+    ----------
+    time_s : ndarray, shape (n,)
+    pose : ndarray, shape (n, m, 3)
+        Tracked poses, turn counted from the zero and corrected for the camera.
+    angle_rad, u_noise_rad : ndarray, shape (n, m)
+        Angle, and its standard uncertainty from the frame's noise.
+    u_common_rad : ndarray, shape (m,)
+        Standard uncertainty of the zero.
+    """
+
+    time_s: NDArray[np.float64]
+    pose: NDArray[np.float64]
+    angle_rad: NDArray[np.float64]
+    u_noise_rad: NDArray[np.float64]
+    u_common_rad: NDArray[np.float64]
+
+
 def expected_budget(
-    ready: Preparation,
+    ready: PreparedFilm,
     camera: CameraModel,
     u_time_s: float = 0.0,
     motion: ExpectedMotion | None = None,
@@ -55,8 +75,7 @@ def expected_budget(
     common = u / math.sqrt(n_still + 1.0)
     pose = np.zeros((2, m, 3))
     pose[:, :, 0] = np.array([-motion.turn_rad, motion.turn_rad])[:, None]
-    parents = _parent_columns(ready)
-    absolute, relative = _camera_terms(ready, camera, pose, parents)
+    absolute, relative = _camera_terms(ready, camera, pose)
     single = {
         "noise": np.sqrt(np.maximum(u**2 - common**2, 0.0)),
         "reference": common,
@@ -66,38 +85,17 @@ def expected_budget(
     }
     for name, values in single.items():
         absolute[name] = np.tile(values, (2, 1))
-        relative[name] = _joined(absolute[name], parents)
-    return ErrorBudget(tuple(b.name for b in ready.bodies), absolute, relative, camera.words())
+        relative[name] = _joined(absolute[name], ready.parents)
+    return ErrorBudget(tuple(b.name for b in ready.bodies), absolute, relative, camera.description())
 
 
-def budget_of(
-    ready: Preparation,
-    camera: CameraModel,
-    pose: NDArray[np.float64],
-    time_s: NDArray[np.float64],
-    angle_rad: NDArray[np.float64],
-    u_noise_rad: NDArray[np.float64],
-    u_common_rad: NDArray[np.float64],
-    u_time_s: float,
-) -> ErrorBudget:
-    """Budget of every tracked frame.
-
-    Parameters
-    ----------
-    ready : Preparation
-    camera : CameraModel
-    pose : ndarray, shape (n, m, 3)
-        Tracked poses.
-    time_s : ndarray, shape (n,)
-    angle_rad, u_noise_rad : ndarray, shape (n, m)
-    u_common_rad : ndarray, shape (m,)
-    u_time_s : float
-        Standard uncertainty of the frame times.
-    """
-    parents = _parent_columns(ready)
-    absolute, relative = _camera_terms(ready, camera, pose, parents)
+def budget_of(ready: PreparedFilm, camera: CameraModel, tracked: TrackedAngles, u_time_s: float) -> ErrorBudget:
+    """Budget of every tracked frame; ``u_time_s`` is the standard uncertainty of the frame times."""
+    parents = ready.parents
+    angle_rad, u_noise_rad = tracked.angle_rad, tracked.u_noise_rad
+    absolute, relative = _camera_terms(ready, camera, tracked.pose)
     absolute["noise"] = u_noise_rad
-    absolute["reference"] = np.where(np.isfinite(u_noise_rad), u_common_rad, np.nan)
+    absolute["reference"] = np.where(np.isfinite(u_noise_rad), tracked.u_common_rad, np.nan)
     typical = np.array([rms(u_noise_rad[:, i]) for i in range(u_noise_rad.shape[1])])
     absolute["codec"] = np.where(np.isfinite(u_noise_rad), _codec(ready, typical), np.nan)
     for name in ("noise", "reference", "codec"):
@@ -109,10 +107,10 @@ def budget_of(
             against[:, i] = angle_rad[:, i] - angle_rad[:, parent]
             u_against[:, i] = np.hypot(u_noise_rad[:, i], u_noise_rad[:, parent])
     for terms, angle, u in ((absolute, angle_rad, u_noise_rad), (relative, against, u_against)):
-        speed, acceleration = _speed_and_acceleration(time_s, angle, u)
+        speed, acceleration = _speed_and_acceleration(tracked.time_s, angle, u)
         terms["synchronisation"] = u_time_s * speed
         terms["shutter"] = acceleration * _shutter_factor(ready.film)
-    return ErrorBudget(tuple(b.name for b in ready.bodies), absolute, relative, camera.words())
+    return ErrorBudget(tuple(b.name for b in ready.bodies), absolute, relative, camera.description())
 
 
 def _shutter_factor(film: FrameSource) -> float:
@@ -144,11 +142,12 @@ def _speed_and_acceleration(
 
 
 def _camera_terms(
-    ready: Preparation, camera: CameraModel, pose: NDArray[np.float64], parents: Sequence[int | None]
+    ready: PreparedFilm, camera: CameraModel, pose: NDArray[np.float64]
 ) -> tuple[dict[str, NDArray[np.float64]], dict[str, NDArray[np.float64]]]:
     """Tilt and distortion of absolute and relative angles."""
     width, height = ready.film.width, ready.film.height
     n, m = pose.shape[:2]
+    parents = ready.parents
     responses = [PoseResponse(template) for template in ready.templates]
     nominal = camera.nominal(width, height)
     base = np.zeros((n, m))
@@ -172,11 +171,11 @@ def _camera_terms(
     )
 
 
-def _codec(ready: Preparation, u_noise: NDArray[np.float64]) -> NDArray[np.float64]:
+def _codec(ready: PreparedFilm, u_noise: NDArray[np.float64]) -> NDArray[np.float64]:
     compression = ready.film.compression
     return np.array(
         [
-            codec_u_turn(template, ready.reference.picture, compression, float(u))
+            compression_u_turn(template, ready.reference.picture, compression, float(u))
             for template, u in zip(ready.templates, u_noise, strict=True)
         ]
     )
@@ -189,8 +188,3 @@ def _joined(values: NDArray[np.float64], parents: Sequence[int | None]) -> NDArr
         if parent is not None:
             joined[:, i] = np.hypot(values[:, i], values[:, parent])
     return joined
-
-
-def _parent_columns(ready: Preparation) -> list[int | None]:
-    names = [body.name for body in ready.bodies]
-    return [None if body.parent is None else names.index(body.parent) for body in ready.bodies]

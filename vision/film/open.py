@@ -1,0 +1,63 @@
+"""Open a film of any readable format: picks the reader by the file's suffix."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from vision.errors import FilmError
+from vision.film.avi_reader import AviFilm
+from vision.film.mraw_reader import MrawFilm
+from vision.film.opencv_video import VideoFilm
+from vision.film.picture_stack import PICTURE_SUFFIXES, PagedPicture, PictureFolder
+from vision.film.source import Film
+
+MRAW_SUFFIXES = (".mraw", ".cih", ".cihx")
+VIDEO_SUFFIXES = (".avi", ".mp4", ".mov", ".mkv", ".m4v")
+
+
+def open_film(path: str | os.PathLike[str], *, allow_truncated: bool = False) -> Film:
+    """Open a film of any readable format.
+
+    Parameters
+    ----------
+    path : path
+        ``.mraw``, ``.cih`` or ``.cihx`` (film and header lie side by side), AVI/MP4/MOV/MKV, a TIFF with one frame
+        per page, or a folder of PNG/TIFF pictures, read in the order of the numbers in their names.
+    allow_truncated : bool
+        Read a film that was cut short up to its last whole frame instead of refusing it.
+
+    Returns
+    -------
+    Film
+        A `FrameSource`, also a context manager.
+
+    Raises
+    ------
+    FilmError
+        The film is missing, unreadable, or shorter than its header says.
+
+    Examples
+    --------
+    >>> with vision.open_film("film.mraw") as film:  # doctest: +SKIP
+    ...     first = film.read(0)
+    """
+    path = Path(path)
+    suffix = path.suffix.lower()
+    if not path.exists():
+        raise FilmError(f"{path}: no such film; give an existing .mraw, .avi, .mp4, .tif file or a folder of pictures")
+    if path.is_dir():
+        return PictureFolder(path)
+    if suffix in MRAW_SUFFIXES:
+        return MrawFilm(path, allow_truncated=allow_truncated)
+    if suffix == ".avi":
+        avi = AviFilm(path, allow_truncated=allow_truncated)
+        if avi.readable:
+            return avi
+        avi.close()
+    if suffix in VIDEO_SUFFIXES:
+        return VideoFilm(path, allow_truncated=allow_truncated)
+    if suffix in PICTURE_SUFFIXES:
+        return PagedPicture(path, allow_truncated=allow_truncated)
+    known = ", ".join((*MRAW_SUFFIXES, *VIDEO_SUFFIXES, ".tif", ".tiff"))
+    raise FilmError(f"{path}: film format {suffix or '(no suffix)'} is not known; readable: {known}, picture folders")

@@ -1,0 +1,43 @@
+"""Outlines drawn over a picture, and pictures written whole or not at all."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from vision.atomic_write import whole_file
+from vision.bodies.outlines import Body
+from vision.errors import FilmError
+
+MIN_WIDTH_PX = 800
+
+
+def draw_bodies(picture: NDArray[Any], bodies: Sequence[Body], bit_depth: int) -> NDArray[np.uint8]:
+    """Outlines and names over a picture, enlarged to a width of at least 800 px, colour (h, w, 3)."""
+    grey = (np.asarray(picture, dtype=float) / 2.0 ** (bit_depth - 8)).clip(0, 255).astype(np.uint8)
+    factor = max(1, -(-MIN_WIDTH_PX // grey.shape[1]))
+    large = cv2.resize(grey, None, fx=factor, fy=factor, interpolation=cv2.INTER_CUBIC)
+    colour = cv2.cvtColor(large, cv2.COLOR_GRAY2BGR)
+    for i, body in enumerate(bodies):
+        hue = np.full((1, 1, 3), ((47 * i + 25) % 180, 220, 255), dtype=np.uint8)
+        tint = tuple(int(v) for v in cv2.cvtColor(hue, cv2.COLOR_HSV2BGR)[0, 0])
+        points = np.rint((body.polygon_px + 0.5) * factor).astype(np.int32)
+        cv2.polylines(colour, [points], True, tint, 2, cv2.LINE_AA)
+        x, y = (int(v) for v in points.mean(axis=0))
+        for shade, width in (((0, 0, 0), 4), (tint, 1)):
+            cv2.putText(colour, body.name, (x - 24, y), cv2.FONT_HERSHEY_SIMPLEX, 0.6, shade, width, cv2.LINE_AA)
+    return np.asarray(colour, dtype=np.uint8)
+
+
+def write_picture(path: Path, picture: NDArray[np.uint8]) -> None:
+    """Write a picture, grey or colour (h, w, 3) in the order of OpenCV, as PNG: whole or not at all."""
+    ok, data = cv2.imencode(".png", picture)
+    if not ok:
+        raise FilmError(f"{path}: the picture cannot be encoded as PNG")
+    with whole_file(path, FilmError, "check the folder") as temporary:
+        temporary.write_bytes(data.tobytes())

@@ -1,0 +1,38 @@
+"""A film with all that tracking starts from."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from vision.bodies.outlines import Body
+from vision.film.source import FrameSource
+from vision.fitting.template import Template
+from vision.reference.still_average import Reference
+
+
+@dataclass(frozen=True)
+class PreparedFilm:
+    """A film ready to be tracked.
+
+    Attributes
+    ----------
+    film : FrameSource
+    bodies : sequence of Body
+    reference : Reference
+    templates : list of Template
+        In the order of the bodies.
+    method : {"icgn", "ecc"}
+    """
+
+    film: FrameSource
+    bodies: Sequence[Body]
+    reference: Reference
+    templates: list[Template]
+    method: str
+
+    @property
+    def parents(self) -> list[int | None]:
+        """Index of each body's parent, None for a body without one."""
+        names = [body.name for body in self.bodies]
+        return [None if body.parent is None else names.index(body.parent) for body in self.bodies]

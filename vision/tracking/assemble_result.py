@@ -1,0 +1,108 @@
+"""From the poses of a film to its result: zero on still frames, camera correction, angles, uncertainties, budget."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vision.angles import picture_to_ccw
+from vision.errors import TrackingError
+from vision.fitting.pose_covariance import predicted_u_angle
+from vision.reference.prepared_film import PreparedFilm
+from vision.results.flags import FrameFlag
+from vision.results.pose_table import PoseTable
+from vision.results.track_result import TrackResult
+from vision.tracking.film_tracker import FilmTracker, first_poses
+from vision.tracking.options import FitSettings
+from vision.uncertainty.budget_terms import TrackedAngles, budget_of
+from vision.uncertainty.pose_response import PoseResponse
+
+PRECISE_U_RAD = np.radians(0.05) / 4.0
+"""Above this an error of 0.05 degrees is less than four standard uncertainties away."""
+
+
+@dataclass(frozen=True)
+class Zero:
+    """Mean over the still frames, per body.
+
+    Attributes
+    ----------
+    turn_rad : ndarray, shape (m,)
+        Picture rotation.
+    u_single_rad : ndarray, shape (m,)
+        Standard uncertainty of the turn in one frame.
+    n_frames : ndarray of int, shape (m,)
+        Still frames in which the body was found.
+    """
+
+    turn_rad: NDArray[np.float64]
+    u_single_rad: NDArray[np.float64]
+    n_frames: NDArray[np.intp]
+
+
+def zero_of_still_frames(ready: PreparedFilm) -> Zero:
+    """Zero of the angles; raises `TrackingError` for a body found in fewer than half of the still frames."""
+    n = ready.reference.n_averaged
+    pose, u = first_poses(FilmTracker(ready), n)
+    good = np.count_nonzero(np.isfinite(pose[..., 0]), axis=0)
+    for i, body in enumerate(ready.bodies):
+        if 2 * good[i] < n:
+            raise TrackingError(
+                f"{ready.film.path}: body {body.name} is found in {good[i]} of the {n} still frames; "
+                "check its outline against the first frame"
+            )
+    return Zero(np.nanmean(pose[..., 0], axis=0), np.sqrt(np.nanmean(u[..., 0] ** 2, axis=0)), good)
+
+
+def assemble_result(
+    ready: PreparedFilm,
+    zero: Zero,
+    table: PoseTable,
+    time_s: NDArray[np.float64],
+    settings: FitSettings,
+    info: dict[str, Any],
+) -> TrackResult:
+    """Angles, uncertainties and budget from the poses; ``time_s`` of all frames of the film, shape (n_frames,)."""
+    film, bodies, reference = ready.film, ready.bodies, ready.reference
+    u_single = zero.u_single_rad.copy()
+    # a still frame agrees too well with the average it is part of, so the other frames tell the noise of one frame
+    others = table.u_turn[table.frame >= reference.n_averaged]
+    known = np.isfinite(others).sum(axis=0) > 0
+    u_single[known] = np.nanmedian(others[:, known], axis=0)
+    u_common = u_single / np.sqrt(zero.n_frames)
+    pose = table.pose.copy()
+    pose[..., 0] -= zero.turn_rad
+    nominal = settings.camera_model.nominal(film.width, film.height)
+    if nominal is not None:
+        for i, template in enumerate(ready.templates):
+            pose[:, i, 0] = PoseResponse(template).without_error(nominal, pose[:, i])
+    tracked = TrackedAngles(time_s[table.frame], pose, picture_to_ccw(pose[..., 0]), table.u_turn, u_common)
+    u_angle = np.hypot(tracked.u_noise_rad, u_common)
+    flag = table.flag.copy()
+    flag[u_angle > PRECISE_U_RAD] |= np.uint16(int(FrameFlag.IMPRECISE))
+    centre = np.array([template.centre_px for template in ready.templates])
+    return TrackResult(
+        bodies=tuple(body.name for body in bodies),
+        parents=tuple(body.parent for body in bodies),
+        frame=table.frame,
+        time_s=tracked.time_s,
+        angle_rad=tracked.angle_rad,
+        u_angle_rad=u_angle,
+        u_common_rad=u_common,
+        x_px=centre[:, 0] + table.pose[..., 1],
+        y_px=centre[:, 1] + table.pose[..., 2],
+        zncc=table.zncc,
+        inlier=table.inlier,
+        noise_grey=table.noise_grey,
+        flag=flag,
+        predicted_u_rad=np.array([predicted_u_angle(t, reference.noise_grey) for t in ready.templates]),
+        covariance=table.covariance,
+        budget=budget_of(ready, settings.camera_model, tracked, settings.u_time_s),
+        n_still=reference.n_averaged,
+        method=ready.method,
+        film=str(film.path),
+        info=info,
+    )

@@ -1,0 +1,95 @@
+"""All bodies of one film, stepped from frame to frame, parents first.
+
+Holds one `BodyTracker` per body and decides in which order they are fitted and which template pixels are left out
+because another body is in front.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vision.bodies.occlusion import Occlusion
+from vision.bodies.outlines import parents_first
+from vision.fitting.base import Fitter
+from vision.fitting.ecc import EccFitter
+from vision.fitting.icgn import IcgnFitter
+from vision.fitting.template import Template
+from vision.reference.prepared_film import PreparedFilm
+from vision.results.flags import FAILURE
+from vision.tracking.body_tracker import BodyTracker
+
+
+class FilmTracker:
+    """The bodies of one film, first at their places in the reference.
+
+    Parameters
+    ----------
+    ready : PreparedFilm
+    """
+
+    def __init__(self, ready: PreparedFilm) -> None:
+        self._ready = ready
+        self.order = parents_first(ready.bodies)
+        self._occlusion = Occlusion(ready.bodies, ready.templates, ready.film.height, ready.film.width)
+        self._searches = 0
+        self.trackers: list[BodyTracker] = []
+        self.restart()
+
+    def restart(self) -> None:
+        """Put every body back to its place in the reference."""
+        self._searches += sum(tracker.searches for tracker in self.trackers)
+        self.trackers = [BodyTracker(_fitter(template, self._ready.method)) for template in self._ready.templates]
+        parents = self._ready.parents
+        for i in self.order:
+            parent = parents[i]
+            self.trackers[i].parent = None if parent is None else self.trackers[parent]
+            self.trackers[i].start()
+
+    def clear_histories(self) -> None:
+        """Forget where the bodies were; they are placed anew before the next step."""
+        for tracker in self.trackers:
+            tracker.absolute.clear()
+            tracker.relative.clear()
+
+    def step(self, index: int, step: int, search: bool = True) -> None:
+        """Fit all bodies in frame ``index``, the ``step``-th tracked one, parents first."""
+        for i in self.order:
+            self.trackers[i].step(self._ready.film, index, step, self._covered(i, step), search)
+
+    def _covered(self, i: int, step: int) -> NDArray[np.uint8] | None:
+        """Template pixels of a body that the bodies in front hide, at their poses where known, else as predicted."""
+        in_front = self._occlusion.in_front[i]
+        if not in_front:
+            return None
+        poses = {}
+        for j in in_front:
+            other = self.trackers[j]
+            known = other.absolute.newest_step() == step
+            poses[j] = other.fit.pose if known else other.predict(step)
+        return self._occlusion.covered(i, self.trackers[i].predict(step), poses)
+
+    def info(self) -> dict[str, Any]:
+        """Counts and settings that go into the result."""
+        return {
+            "pixels": {template.name: template.n_pixels for template in self._ready.templates},
+            "noise_grey": self._ready.reference.noise_grey,
+            "wide_searches": self._searches + sum(tracker.searches for tracker in self.trackers),
+        }
+
+
+def _fitter(template: Template, method: str) -> Fitter:
+    return EccFitter(template) if method == "ecc" else IcgnFitter(template)
+
+
+def first_poses(tracker: FilmTracker, n: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Poses and their standard uncertainties in the first n frames, each (n, n_bodies, 3), NaN where lost."""
+    pose, u = (np.full((n, len(tracker.trackers), 3), np.nan) for _ in range(2))
+    for step in range(n):
+        tracker.step(step, step, search=False)
+        for i, body in enumerate(tracker.trackers):
+            if not body.flag & FAILURE:
+                pose[step, i], u[step, i] = body.fit.pose, np.sqrt(np.diag(body.fit.covariance))
+    return pose, u

@@ -1,0 +1,79 @@
+"""Options of tracking: as keywords for the user, as one frozen record inside."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TypedDict
+
+import numpy as np
+
+from vision.camera.model import AssumedCamera, CameraModel
+from vision.errors import VisionInputError
+from vision.uncertainty.budget import ErrorBudget
+
+METHODS = ("icgn", "ecc")
+CONFIRM = ("doubtful", "all", "none")
+MAX_PIXELS = 12_000
+"""Pixels fitted per body; beyond this the ones that tell least about the angle are left out."""
+
+
+class FitOptions(TypedDict, total=False):
+    """Keywords of `retrack_frames`, described in `track`."""
+
+    method: str
+    n_still: int | None
+    max_pixels: int | None
+    camera: CameraModel | None
+    u_time_s: float
+
+
+class TrackOptions(FitOptions, total=False):
+    """Keywords of `track`, described there."""
+
+    every: int
+    confirm: str
+    checkpoint: str | os.PathLike[str] | None
+    expected: Callable[[ErrorBudget], None] | None
+    progress: Callable[[int, int], None] | None
+
+
+@dataclass(frozen=True)
+class FitSettings:
+    """Checked `FitOptions`."""
+
+    method: str = "icgn"
+    n_still: int | None = None
+    max_pixels: int | None = MAX_PIXELS
+    camera: CameraModel | None = None
+    u_time_s: float = 0.0
+
+    def __post_init__(self) -> None:
+        if self.method not in METHODS:
+            raise VisionInputError(f"method {self.method!r} is not known; choose {' or '.join(METHODS)}")
+        if not 0.0 <= self.u_time_s < np.inf:
+            raise VisionInputError(f"u_time_s = {self.u_time_s!r}; needs a standard uncertainty of at least 0 s")
+
+    @property
+    def camera_model(self) -> CameraModel:
+        """The calibrated camera, or the assumed one."""
+        return self.camera or AssumedCamera()
+
+
+@dataclass(frozen=True)
+class TrackSettings(FitSettings):
+    """Checked `TrackOptions`."""
+
+    every: int = 1
+    confirm: str = "doubtful"
+    checkpoint: str | os.PathLike[str] | None = None
+    expected: Callable[[ErrorBudget], None] | None = None
+    progress: Callable[[int, int], None] | None = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if isinstance(self.every, bool) or not isinstance(self.every, int | np.integer) or self.every < 1:
+            raise VisionInputError(f"every = {self.every!r}; needs a whole number of at least 1")
+        if self.confirm not in CONFIRM:
+            raise VisionInputError(f"confirm = {self.confirm!r}; choose {', '.join(CONFIRM)}")

@@ -1,0 +1,85 @@
+"""Fit single frames again from poses that the user has corrected."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from typing import Unpack
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from vision.angles import ccw_to_picture
+from vision.bodies.outlines import Body
+from vision.errors import VisionInputError
+from vision.film.open import open_film
+from vision.film.source import FrameSource
+from vision.results.pose_table import PoseTable
+from vision.results.track_result import TrackResult
+from vision.tracking.assemble_result import assemble_result, zero_of_still_frames
+from vision.tracking.options import FitOptions, FitSettings
+from vision.tracking.passes import fit_alone
+from vision.tracking.prepare import frame_times, prepare
+
+Places = Mapping[str, tuple[float, float, float]]
+"""Where bodies are, by name: angle (rad, counter-clockwise from the zero), x and y of the region's centre (px)."""
+
+
+def retrack_frames(
+    path_or_source: str | os.PathLike[str] | FrameSource,
+    bodies: Sequence[Body],
+    frames: Sequence[int],
+    places: Sequence[Places],
+    frame_time_s: ArrayLike | None = None,
+    **options: Unpack[FitOptions],
+) -> TrackResult:
+    """Fit single frames again, each by itself, from places the user has corrected.
+
+    Parameters
+    ----------
+    path_or_source, bodies, frame_time_s
+        As for `track`.
+    frames : sequence of int
+        Frame numbers.
+    places : sequence of dict
+        Per frame: body name to (angle rad, x px, y px) from which the fit starts; every body must be named. The row
+        of a good neighbour, or an estimate by eye, is near enough: 4 degrees and 4 px, backed by a wide search.
+    method, n_still, max_pixels, camera, u_time_s
+        As for `track`, and with the same values; the zero is found anew from the still frames.
+
+    Returns
+    -------
+    TrackResult
+        With the rows of ``frames`` only; frames that still fail are NaN with a flag. Terms of the budget that need
+        neighbouring frames (shutter, synchronisation) are zero.
+
+    Raises
+    ------
+    VisionInputError
+        Frames that the film has not, places that do not name every body, or as for `track`.
+    """
+    settings = FitSettings(**options)
+    if isinstance(path_or_source, str | os.PathLike):
+        with open_film(path_or_source) as opened:
+            return retrack_frames(opened, bodies, frames, places, frame_time_s, **options)
+    film = path_or_source
+    time_s = frame_times(film, frame_time_s)
+    wrong = [frame for frame in frames if not 0 <= frame < film.n_frames]
+    if wrong or not len(frames) or len(frames) != len(places):
+        found = f"frame {wrong[0]}" if wrong else f"{len(frames)} frames with {len(places)} places"
+        raise VisionInputError(
+            f"{film.path}: {found} to track again; allowed 0..{film.n_frames - 1}, one place per frame"
+        )
+    ready = prepare(film, bodies, settings.n_still, settings.max_pixels, settings.method)
+    zero = zero_of_still_frames(ready)
+    table = PoseTable.empty(np.array(frames, dtype=np.int64), len(bodies))
+    for row, place in enumerate(places):
+        poses = []
+        for template, zero_rad in zip(ready.templates, zero.turn_rad, strict=True):
+            if template.name not in place or not np.all(np.isfinite(place[template.name])):
+                raise VisionInputError(f"{film.path}: frame {frames[row]}: no place given for body {template.name}")
+            angle, x, y = place[template.name]
+            phi = float(ccw_to_picture(angle)) + zero_rad
+            poses.append(np.array([phi, x - template.centre_px[0], y - template.centre_px[1]]))
+        fit_alone(ready, table, row, poses)
+    return assemble_result(ready, zero, table, time_s, settings, {"retracked": list(frames)})
