@@ -1,10 +1,8 @@
 """When each frame was exposed: from the camera's frame clock or from counted pulses; and how far a film's clock is off.
 
-Place in the data flow: `pianorig` and `validation` hand over arrays, nothing here knows of sessions. Exposure
-starts on a rising edge of the frame clock, a fixed delay later where the camera has one; the time of a frame is
-the middle of its exposure. `estimate_offset` compares a tracked angle with an encoder on the same body.
-
-Failure: arrays that cannot be a clock, or motion too small to tell an offset, raise `VisionInputError`.
+Exposure starts on a rising edge of the frame clock, a fixed delay later where the camera has one; the time of a frame
+is the middle of its exposure. `estimate_offset` compares a tracked angle with an encoder on the same body. Arrays that
+cannot be a clock, or motion too small to determine an offset, raise `VisionInputError`.
 """
 
 from __future__ import annotations
@@ -59,8 +57,8 @@ def times_of_counts(
 ) -> FrameTimes:
     """Middle of each exposure from a counter of the camera's pulses that is read at sample times.
 
-    The pulse that makes a count lies between two samples, and all pulses on one straight line; what both leave
-    open is the stated uncertainty. Pulses that lie on no line (lost, or an irregular clock) are refused.
+    The pulse that makes a count lies between two samples, and all pulses lie on one straight line; what both leave
+    undetermined is the stated uncertainty. Pulses that lie on no line (lost, or an irregular clock) are refused.
 
     Parameters
     ----------
@@ -138,7 +136,6 @@ def estimate_offset(
     encoder_rad: ArrayLike,
     *,
     free_scale: bool = False,
-    smooth_s: float | None = None,
 ) -> ClockOffset:
     """Offset between a film and an encoder on the same body.
 
@@ -152,8 +149,6 @@ def estimate_offset(
     encoder_time_s, encoder_rad : array_like, shape (k,)
     free_scale : bool
         Also fit the scale; otherwise it is one.
-    smooth_s : float, optional
-        Width of the running line that takes the steps out of the encoder; two frames by default.
 
     Returns
     -------
@@ -173,7 +168,7 @@ def estimate_offset(
     time, angle, u = time[known], angle[known], u[known]
     if np.ptp(angle) < MIN_MOVED_U * np.median(u):
         raise VisionInputError("clock offset: the body hardly moves on the film; use a film with a blow")
-    grid, level, slope = _running_line(clock, reading, smooth_s or 2.0 * frame_s)
+    grid, level, slope = _running_line(clock, reading, 2.0 * frame_s)
 
     def design(offset: float) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
         at = np.interp(time + offset, grid, level)

@@ -51,16 +51,7 @@ def mark_covered(
 
 
 class Occlusion:
-    """Who can hide whom, and the outlines of those in front.
-
-    Parameters
-    ----------
-    bodies : sequence of Body
-    templates : sequence of Template
-        In the same order.
-    height, width : int
-        Of the picture.
-    """
+    """Which body can hide which, and the outlines of those in front; bodies and templates are in the same order."""
 
     def __init__(self, bodies: Sequence[Body], templates: Sequence[Template], height: int, width: int) -> None:
         self._templates = templates

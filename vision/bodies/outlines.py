@@ -181,13 +181,7 @@ def _toml_text(text: str) -> str:
 
 
 def signed_distance(polygon_px: NDArray[np.float64], height: int, width: int) -> NDArray[np.float32]:
-    """Distance of every pixel centre from a polygon's outline, positive inside.
-
-    Returns
-    -------
-    ndarray of float32, shape (height, width)
-        Pixels.
-    """
+    """Distance of every pixel centre from a polygon's outline, px, positive inside, shape (height, width)."""
     y, x = np.mgrid[0:height, 0:width].astype(np.float32)
     inside = np.zeros((height, width), dtype=bool)
     nearest = np.full((height, width), np.inf, dtype=np.float32)
@@ -207,9 +201,7 @@ def signed_distance(polygon_px: NDArray[np.float64], height: int, width: int) ->
     return np.where(inside, distance, -distance)
 
 
-def build_masks(
-    bodies: Sequence[Body], height: int, width: int, *, erosion_px: float = EROSION_PX
-) -> list[NDArray[np.bool_]]:
+def build_masks(bodies: Sequence[Body], height: int, width: int) -> list[NDArray[np.bool_]]:
     """Pixels of each body that may be used: outline, less a rim, less every body that may lie in front.
 
     Returns
@@ -226,7 +218,7 @@ def build_masks(
     distances = [signed_distance(body.polygon_px, height, width) for body in bodies]
     masks = []
     for i, body in enumerate(bodies):
-        mask = distances[i] > erosion_px
+        mask = distances[i] > EROSION_PX
         for j, other in enumerate(bodies):
             if j != i and other.layer >= body.layer:
                 mask &= distances[j] < -CLEARANCE_PX
@@ -234,7 +226,7 @@ def build_masks(
         if found < MIN_PIXELS:
             raise BodyError(
                 f"body {body.name}: {found} usable pixels in the {width} x {height} picture, at least {MIN_PIXELS} "
-                f"needed after {erosion_px:g} px of rim and the bodies in front; draw it larger or set its layer"
+                f"needed after {EROSION_PX:g} px of rim and the bodies in front; draw it larger or set its layer"
             )
         masks.append(mask)
     return masks

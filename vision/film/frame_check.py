@@ -12,12 +12,7 @@ from vision.errors import FilmError
 
 
 def check_frame(
-    path: Path,
-    frame: NDArray[Any],
-    shape: tuple[int, ...] | None,
-    bit_depth: int,
-    number: int,
-    colour: bool = False,
+    path: Path, frame: NDArray[Any], shape: tuple[int, ...] | None, bit_depth: int, number: int, colour: bool = False
 ) -> tuple[int, ...]:
     """Shape of a frame that fits the film; ``shape`` is that of the first frame, None for the first itself.
 

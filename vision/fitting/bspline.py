@@ -61,13 +61,7 @@ def basis(fraction: NDArray[np.float64] | float) -> NDArray[np.float64]:
     f = np.asarray(fraction, dtype=float)
     g = 1.0 - f
     return np.stack(
-        [
-            g**3 / 6.0,
-            (4.0 - 6.0 * f**2 + 3.0 * f**3) / 6.0,
-            (4.0 - 6.0 * g**2 + 3.0 * g**3) / 6.0,
-            f**3 / 6.0,
-        ],
-        axis=-1,
+        [g**3 / 6.0, (4.0 - 6.0 * f**2 + 3.0 * f**3) / 6.0, (4.0 - 6.0 * g**2 + 3.0 * g**3) / 6.0, f**3 / 6.0], axis=-1
     )
 
 

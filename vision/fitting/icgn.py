@@ -30,20 +30,11 @@ SCALE_FLOOR_GREY = 0.5
 
 
 class IcgnFitter:
-    """Fits one body; carries the weights of its pixels over from frame to frame.
+    """Fits one body; carries the weights of its pixels over from frame to frame."""
 
-    Parameters
-    ----------
-    template : Template
-    robust : bool
-        False for plain least squares.
-    tolerance_px : float
-        Iteration stops when no pixel moves further than this.
-    """
-
-    def __init__(self, template: Template, robust: bool = True, tolerance_px: float = TOLERANCE_PX) -> None:
+    def __init__(self, template: Template) -> None:
         self.template = template
-        self._settings = Settings(noise_gain(), SCALE_FLOOR_GREY, tolerance_px, MAX_ITERATIONS, robust)
+        self._settings = Settings(noise_gain(), SCALE_FLOOR_GREY, TOLERANCE_PX, MAX_ITERATIONS)
         self._uncovered = np.zeros(template.n_pixels, dtype=np.uint8)
         self.reset()
 
@@ -100,11 +91,10 @@ class IcgnFitter:
         variance = sums.squares / (sums.weight * (1.0 - 5.0 / max(sums.seen, 6.0)))
         spread = sums.value2 / sums.weight - (sums.value / sums.weight) ** 2
         explained = 1.0 - sums.squares / sums.weight / spread if spread > 0.0 else 0.0
-        factor = TUKEY_FACTOR if self._settings.robust else 1.0
         n = self.template.n_pixels
         return Fit(
             pose=pose,
-            covariance=pose_covariance(found.normal, variance, gain, found.noise_gain, self.template, factor),
+            covariance=pose_covariance(found.normal, variance, gain, found.noise_gain, self.template, TUKEY_FACTOR),
             zncc=float(np.sqrt(max(explained, 0.0)) * np.sign(gain)),
             inlier=sums.inlier / n,
             seen=sums.seen / n,

@@ -1,9 +1,8 @@
-"""The compiled loops of the pose fit (numba).
+"""The compiled loops of the pose fit (numba); `fit_rigid` is called once per body and frame.
 
-`vision.fitting.icgn` calls `fit_rigid` once per body and frame. All loops and the named tuples they take stay in one
-file, because numba's disk cache only notices changes of the file that holds the cached function: a compiled function
-called from another file would go stale silently. The other compiled loops of this package, `mark_covered` in
-`vision.bodies.occlusion` and `composite` in `vision.synthetic.kernels`, call no compiled function.
+All loops and the named tuples they take stay in one file, because numba's disk cache only notices changes of the file
+that holds the cached function: a compiled function called from another file would go stale silently. The other compiled
+loops of this package, `mark_covered` and `composite`, call no compiled function.
 
 Conventions: picture axes (x right, y down). A template pixel at offset ``(dx, dy)`` from the body's centre
 ``(cx, cy)`` lies in a frame at ``centre + (tx, ty) + R(phi) (dx, dy)``, ``R = [[cos, -sin], [sin, cos]]``.
@@ -22,6 +21,8 @@ from numpy.typing import NDArray
 TUKEY = 4.685
 """Tukey's constant: 95 % efficiency on normal noise."""
 SCALE_BINS = 512
+F64 = NDArray[np.float64]
+F32 = NDArray[np.float32]
 FAST = {"reassoc", "contract", "arcp", "nsz"}
 # module constants are frozen into the compiled code, so they are defined in this file, as the cache needs
 
@@ -29,7 +30,7 @@ FAST = {"reassoc", "contract", "arcp", "nsz"}
 class Region(NamedTuple):
     """Part of a frame as B-spline coefficients; its first pixel lies at (``origin_x``, ``origin_y``) of the frame."""
 
-    coefficient: NDArray[np.float32]
+    coefficient: F32
     origin_x: float
     origin_y: float
 
@@ -38,8 +39,8 @@ class Subset(NamedTuple):
     """Pixels of the template: ``offset`` (2, n), ``columns`` (4, n) their sensitivities to turn, x, y and gain, and
     ``covered`` (n), 1 for those another body hides; the centre of the body in the reference."""
 
-    offset: NDArray[np.float32]
-    columns: NDArray[np.float32]
+    offset: F32
+    columns: F32
     covered: NDArray[np.uint8]
     centre_x: float
     centre_y: float
@@ -48,11 +49,10 @@ class Subset(NamedTuple):
 class Settings(NamedTuple):
     """How the fit weights and when it stops; ``gain_table`` is `bspline.noise_gain`."""
 
-    gain_table: NDArray[np.float64]
+    gain_table: F64
     scale_floor: float
     tolerance_px: float
     max_iterations: int
-    robust: bool
 
 
 class ResidualSums(NamedTuple):
@@ -74,13 +74,13 @@ class RigidFit(NamedTuple):
 
     iterations: int
     gain: float
-    normal: NDArray[np.float64]
+    normal: F64
     sums: ResidualSums
     noise_gain: float
 
 
 @njit(cache=True, nogil=True)
-def solve5(matrix: NDArray[np.float64], right: NDArray[np.float64], solution: NDArray[np.float64]) -> bool:
+def solve5(matrix: F64, right: F64, solution: F64) -> bool:
     """Solve a symmetric positive 5 x 5 system by Cholesky with Jacobi scaling; False when it is not positive."""
     scale = np.empty(5)
     factor = np.zeros((5, 5))
@@ -115,14 +115,7 @@ def solve5(matrix: NDArray[np.float64], right: NDArray[np.float64], solution: ND
 
 
 @njit(cache=True, nogil=True, fastmath=FAST)
-def warp_template(
-    region: Region,
-    subset: Subset,
-    pose: NDArray[np.float64],
-    gain_table: NDArray[np.float64],
-    value: NDArray[np.float32],
-    visible: NDArray[np.float32],
-) -> float:
+def warp_template(region: Region, subset: Subset, pose: F64, gain_table: F64, value: F32, visible: F32) -> float:
     """Sample the frame at every template pixel; ``visible`` is 1 or 0. Returns the mean noise gain of the samples."""
     coefficient, offset, covered = region.coefficient, subset.offset, subset.covered
     cx, cy, phi = subset.centre_x + pose[1], subset.centre_y + pose[2], pose[0]
@@ -164,14 +157,7 @@ def warp_template(
 
 
 @njit(cache=True, nogil=True, fastmath=FAST)
-def accumulate(
-    columns: NDArray[np.float32],
-    value: NDArray[np.float32],
-    weight: NDArray[np.float32],
-    visible: NDArray[np.float32],
-    matrix: NDArray[np.float64],
-    right: NDArray[np.float64],
-) -> None:
+def accumulate(columns: F32, value: F32, weight: F32, visible: F32, matrix: F64, right: F64) -> None:
     """Weighted normal equations of ``value = columns.T @ q[:4] + q[4]``."""
     at, ax, ay, ref = columns[0], columns[1], columns[2], columns[3]
     # fifteen named sums, so that the compiler keeps them in vector registers
@@ -179,8 +165,13 @@ def accumulate(
     b0 = b1 = b2 = b3 = b4 = 0.0
     for i in range(at.size):
         w = np.float64(weight[i] * visible[i])
-        a0, a1, a2, a3 = np.float64(at[i]), np.float64(ax[i]), np.float64(ay[i]), np.float64(ref[i])
-        v = np.float64(value[i])
+        a0, a1, a2, a3, v = (
+            np.float64(at[i]),
+            np.float64(ax[i]),
+            np.float64(ay[i]),
+            np.float64(ref[i]),
+            np.float64(value[i]),
+        )
         w0, w1, w2, w3 = w * a0, w * a1, w * a2, w * a3
         h00 += w0 * a0
         h01 += w0 * a1
@@ -212,9 +203,8 @@ def accumulate(
 
 
 @njit(cache=True, nogil=True, fastmath=FAST)
-def robust_scale(residual: NDArray[np.float32], visible: NDArray[np.float32], top: float) -> float:
-    """1.4826 times the median of ``|residual|`` over the visible pixels, from a histogram up to ``top``; 0 when none is
-    visible."""
+def robust_scale(residual: F32, visible: F32, top: float) -> float:
+    """1.4826 times the median of ``|residual|`` over the visible pixels, from a histogram up to ``top``."""
     bins = np.zeros(SCALE_BINS, dtype=np.int64)
     per_grey = np.float32(SCALE_BINS / top)
     count = 0
@@ -235,19 +225,11 @@ def robust_scale(residual: NDArray[np.float32], visible: NDArray[np.float32], to
 
 @njit(cache=True, nogil=True, fastmath=FAST)
 def update_weights(
-    columns: NDArray[np.float32],
-    value: NDArray[np.float32],
-    visible: NDArray[np.float32],
-    q: NDArray[np.float64],
-    scale_in: float,
-    scale_floor: float,
-    residual: NDArray[np.float32],
-    weight: NDArray[np.float32],
+    columns: F32, value: F32, visible: F32, q: F64, scale_in: float, scale_floor: float, residual: F32, weight: F32
 ) -> ResidualSums:
     """Residuals of the linear fit ``q``, their robust scale, Tukey weights, and sums over them."""
     at, ax, ay, ref = columns[0], columns[1], columns[2], columns[3]
-    q0, q1, q2 = np.float32(q[0]), np.float32(q[1]), np.float32(q[2])
-    q3, q4 = np.float32(q[3]), np.float32(q[4])
+    q0, q1, q2, q3, q4 = np.float32(q[0]), np.float32(q[1]), np.float32(q[2]), np.float32(q[3]), np.float32(q[4])
     for i in range(at.size):
         residual[i] = value[i] - (q0 * at[i] + q1 * ax[i] + q2 * ay[i] + q3 * ref[i] + q4)
     top = 8.0 * max(scale_in, scale_floor)
@@ -269,9 +251,7 @@ def update_weights(
         w = rest * rest
         weight[i] = w
         seen_here = visible[i]
-        wv = np.float64(w * seen_here)
-        r = np.float64(residual[i])
-        v = np.float64(value[i])
+        wv, r, v = np.float64(w * seen_here), np.float64(residual[i]), np.float64(value[i])
         sum_w += wv
         sum_wr2 += wv * r * r
         sum_wv += wv * v
@@ -282,23 +262,14 @@ def update_weights(
 
 
 @njit(cache=True, nogil=True)
-def fit_rigid(
-    region: Region,
-    subset: Subset,
-    settings: Settings,
-    pose: NDArray[np.float64],
-    weight: NDArray[np.float32],
-    scale: float,
-) -> RigidFit:
+def fit_rigid(region: Region, subset: Subset, settings: Settings, pose: F64, weight: F32, scale: float) -> RigidFit:
     """Inverse-compositional Gauss-Newton fit of one body in one frame.
 
     ``pose`` (phi, tx, ty) and ``weight`` hold the start and receive the result; ``scale`` is the robust scale of the
     residuals to start from.
     """
     n = subset.offset.shape[1]
-    value = np.empty(n, dtype=np.float32)
-    visible = np.empty(n, dtype=np.float32)
-    residual = np.empty(n, dtype=np.float32)
+    value, visible, residual = np.empty(n, np.float32), np.empty(n, np.float32), np.empty(n, np.float32)
     # q: gain times the step (turn, x, y), gain, offset
     matrix, right, q = np.zeros((5, 5)), np.empty(5), np.zeros(5)
     sums, noise_gain = ResidualSums(scale, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0), 1.0
@@ -311,8 +282,6 @@ def fit_rigid(
         if not solve5(matrix, right, q) or abs(q[3]) < 1e-3:
             return RigidFit(-iteration, q[3], matrix, sums, noise_gain)
         sums = update_weights(subset.columns, value, visible, q, sums.scale, settings.scale_floor, residual, weight)
-        if not settings.robust:
-            weight[:] = 1.0
         turn, step_x, step_y = q[0] / q[3], q[1] / q[3], q[2] / q[3]
         if not (abs(turn) < 1.0 and abs(step_x) < 100.0 and abs(step_y) < 100.0):
             return RigidFit(-iteration, q[3], matrix, sums, noise_gain)
@@ -323,6 +292,6 @@ def fit_rigid(
         pose[2] -= sine * step_x + cosine * step_y
         # at least one round in which the weights follow from this frame's own residuals
         small = max(abs(turn) * radius, max(abs(step_x), abs(step_y))) < settings.tolerance_px
-        if small and (iteration > 1 or not settings.robust):
+        if small and iteration > 1:
             return RigidFit(iteration, q[3], matrix, sums, noise_gain)
     return RigidFit(-settings.max_iterations, q[3], matrix, sums, noise_gain)

@@ -52,7 +52,7 @@ def pose_covariance(
     gain: float,
     noise_gain: float,
     template: Template,
-    factor: float = TUKEY_FACTOR,
+    factor: float,
 ) -> NDArray[np.float64]:
     """Covariance of (turn, x, y) from one frame's noise, without the reference's part.
 
@@ -68,7 +68,7 @@ def pose_covariance(
         Mean kappa of the samples.
     template : Template
     factor : float
-        1 for least squares.
+        `TUKEY_FACTOR` with Tukey's weights, 1 for least squares.
 
     Returns
     -------

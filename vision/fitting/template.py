@@ -67,14 +67,7 @@ class Template:
 def design_columns(
     picture: NDArray[Any], mask: NDArray[np.bool_], centre_px: tuple[float, float]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Sensitivities of the masked pixels.
-
-    Returns
-    -------
-    columns : ndarray, shape (n, 5)
-        Turn, x, y, centred grey value, one.
-    dx, dy : ndarray, shape (n,)
-    """
+    """Sensitivities (n, 5) of the masked pixels: turn, x, y, centred grey value, one; and their offsets dx, dy (n,)."""
     slope_x, slope_y = gradient(picture)
     rows, cols = np.nonzero(mask)
     dx, dy = cols.astype(float) - centre_px[0], rows.astype(float) - centre_px[1]

@@ -62,10 +62,6 @@ def average_still_frames(
     max_still : int
         At most this many are compared.
 
-    Returns
-    -------
-    Reference
-
     Raises
     ------
     TrackingError

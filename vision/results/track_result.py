@@ -119,10 +119,7 @@ class TrackResult:
             )
         parent = self.column(name)
         angle, u = relative_angle(
-            self.angle_rad[:, child],
-            self.angle_rad[:, parent],
-            self.u_angle_rad[:, child],
-            self.u_angle_rad[:, parent],
+            self.angle_rad[:, child], self.angle_rad[:, parent], self.u_angle_rad[:, child], self.u_angle_rad[:, parent]
         )
         return angle, u, self.flag[:, child] | self.flag[:, parent]
 

@@ -37,13 +37,7 @@ MAX_SEARCHED_IN_A_ROW = 60
 
 @dataclass
 class BodyTracker:
-    """State of one body while a film is tracked.
-
-    Parameters
-    ----------
-    fitter : Fitter
-    parent : BodyTracker or None
-    """
+    """State of one body while a film is tracked: ``absolute`` in the picture, ``relative`` in its parent's axes."""
 
     fitter: Fitter
     parent: BodyTracker | None = None

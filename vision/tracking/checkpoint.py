@@ -47,14 +47,7 @@ def job_hash(film: FrameSource, bodies: Sequence[Body], settings: Sequence[objec
 
 
 class Checkpoint:
-    """The file of one job.
-
-    Parameters
-    ----------
-    path : path
-    job : str
-        `job_hash`.
-    """
+    """The file of one job, known by its `job_hash`."""
 
     def __init__(self, path: str | os.PathLike[str], job: str) -> None:
         self.path = Path(path)

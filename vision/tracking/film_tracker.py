@@ -23,12 +23,7 @@ from vision.tracking.body_tracker import BodyTracker
 
 
 class FilmTracker:
-    """The bodies of one film, first at their places in the reference.
-
-    Parameters
-    ----------
-    ready : PreparedFilm
-    """
+    """The bodies of one film, first at their places in the reference."""
 
     def __init__(self, ready: PreparedFilm) -> None:
         self._ready = ready

@@ -65,10 +65,7 @@ def prepare(
 
 
 def predict_uncertainty(
-    path_or_source: str | os.PathLike[str] | FrameSource,
-    bodies: Sequence[Body],
-    *,
-    n_still: int | None = None,
+    path_or_source: str | os.PathLike[str] | FrameSource, bodies: Sequence[Body], *, n_still: int | None = None
 ) -> dict[str, float]:
     """Standard uncertainty of each body's angle from noise and reference, rad, before the film is tracked.
 

@@ -25,21 +25,8 @@ N_CANDIDATES = 4
 def search_candidates(
     film: FrameSource, index: int, template: Template, expected: NDArray[np.float64]
 ) -> list[NDArray[np.float64]]:
-    """Initial guesses for a fit, best first.
-
-    Parameters
-    ----------
-    film : FrameSource
-    index : int
-    template : Template
-    expected : ndarray, shape (3,)
-        Pose around which to search.
-
-    Returns
-    -------
-    list of ndarray, shape (3,)
-        Poses (phi, tx, ty); empty when the body can only be outside the picture.
-    """
+    """Poses around the expected one from which to fit, best first; none when the body can only be outside the
+    picture."""
     half = int(math.ceil(template.radius_px)) + 2
     reach = half + SHIFT_RANGE_PX
     centre_x = round(template.centre_px[0] + expected[1])

@@ -58,10 +58,7 @@ class TrackedAngles:
 
 
 def expected_budget(
-    ready: PreparedFilm,
-    camera: CameraModel,
-    u_time_s: float = 0.0,
-    motion: ExpectedMotion | None = None,
+    ready: PreparedFilm, camera: CameraModel, u_time_s: float = 0.0, motion: ExpectedMotion | None = None
 ) -> ErrorBudget:
     """Budget of one frame in which every body has turned about its centre, before the film is tracked.
 

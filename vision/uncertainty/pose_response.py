@@ -18,17 +18,13 @@ from vision.camera.projection import Projection
 from vision.fitting.template import Template
 
 CELL_PX = 8
+CORRECTION_ROUNDS = 3
 ROWS_AT_ONCE = 256
 """Poses worked on together: bounds the memory on a long film and stays in the processor's cache."""
 
 
 class PoseResponse:
-    """How the pose of one body follows small displacements of its pixels.
-
-    Parameters
-    ----------
-    template : Template
-    """
+    """How the pose of one body follows small displacements of its pixels."""
 
     def __init__(self, template: Template) -> None:
         self.template = template
@@ -66,10 +62,10 @@ class PoseResponse:
             result[start : start + ROWS_AT_ONCE] = c[:, None] * along + s[:, None] * across
         return result
 
-    def without_error(self, camera: Projection, pose: NDArray[np.float64], rounds: int = 3) -> NDArray[np.float64]:
+    def without_error(self, camera: Projection, pose: NDArray[np.float64]) -> NDArray[np.float64]:
         """Turn, rad, shape (n,), that a perfect camera would give for tracked poses."""
         turn = pose[:, 0].copy()
-        for _ in range(rounds):
+        for _ in range(CORRECTION_ROUNDS):
             turn = pose[:, 0] - self.error(camera, np.column_stack([turn, pose[:, 1:]]))[:, 0]
         return turn
 
