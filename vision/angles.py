@@ -1,13 +1,11 @@
-"""Angles and picture coordinates: the only place where the sign of the image's y axis is turned.
+"""Angles and picture coordinates: the only place where the sign of the image's y axis is flipped.
 
-Place in the data flow: the tracker works in picture axes (x right, y *down*, pixel centres at whole numbers,
-origin in the centre of the top-left pixel) and turns a body by ``phi`` with the matrix ``[[cos, -sin], [sin,
-cos]]``, which is clockwise to the eye. Everything the user sees is counter-clockwise with x right and y *up*
-(thesis, figure 2.3). Whoever crosses that border calls a function of this file.
+The tracker works in picture axes (x right, y *down*, pixel centres at whole numbers, origin in the centre of the
+top-left pixel) and turns a body by ``phi`` with the matrix ``[[cos, -sin], [sin, cos]]``, which is clockwise to the
+eye. Everything the user sees is counter-clockwise with x right and y *up* (thesis, figure 2.3).
 
-Datum: an angle is zero at the mean of the film's still frames. A relative angle is the body's minus its
-parent's. Angles are followed from frame to frame, so they are never wrapped to one turn. A lost frame of
-either body is NaN.
+Datum: an angle is zero at the mean of the film's still frames. A relative angle is the body's minus its parent's.
+Angles are tracked from frame to frame, so they are never wrapped to one turn. A lost frame of either body is NaN.
 """
 
 from __future__ import annotations

@@ -230,7 +230,7 @@ def _running_line(
     def mean(x: NDArray[np.float64]) -> NDArray[np.float64]:
         return np.convolve(x, kernel, mode="valid") / span.size
 
-    # centred, so that differences of squares keep their digits
+    # centred, so that differences of squares lose no digits
     middle, level0 = time[half:-half], value.mean()
     t, v = time - time.mean(), value - level0
     mean_t, mean_v = mean(t), mean(v)

@@ -100,7 +100,7 @@ class Calibration:
 
 
 def find_points(picture: NDArray[Any], target: Target) -> NDArray[np.float64] | None:
-    """Points of the target in a picture, shape (rows * columns, 2), px; None unless all of them are in sight."""
+    """Points of the target in a picture, shape (rows * columns, 2), px; None unless all of them are in view."""
     top = float(np.quantile(picture, 0.999))
     grey = np.clip(np.asarray(picture, dtype=float) * (255.0 / max(top, 1.0)), 0, 255).astype(np.uint8)
     size = (target.columns, target.rows)
@@ -146,7 +146,7 @@ def calibrate(film: FrameSource, target: Target, every: int = 1) -> Calibration:
     if not views:
         raise VisionInputError(
             f"{film.path}: no {target.kind} of {target.columns} x {target.rows} points found in "
-            f"{len(range(0, film.n_frames, every))} frames; count inner corners, and keep all of it in sight"
+            f"{len(range(0, film.n_frames, every))} frames; count inner corners, and keep all of it in view"
         )
     seen = [np.mean(view, axis=0) for view in views]
     fit = _fit(film, target, seen)

@@ -74,7 +74,7 @@ class MrawFilm(Film):
         return self.read_region(index, 0, self.height, 0, self.width)
 
     def read_region(self, index: int, y0: int, y1: int, x0: int, x1: int) -> NDArray[Any]:
-        """Rectangle of a frame; only the pages that hold its rows are touched."""
+        """Rectangle of a frame; only the pages with its rows are touched."""
         self._check_index(index)
         self._check_region(y0, y1, x0, x1)
         first = index * self.width * self.height
@@ -94,7 +94,7 @@ class MrawFilm(Film):
         return region
 
     def close(self) -> None:
-        """Close the file; frames handed out earlier stay valid."""
+        """Close the file; frames already read stay valid."""
         self._file.close()
 
 

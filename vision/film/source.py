@@ -55,7 +55,7 @@ class FrameSource(Protocol):
         ...
 
     def close(self) -> None:
-        """Let go of the file; frames already handed out stay valid."""
+        """Close the file; frames already read stay valid."""
         ...
 
 
@@ -88,7 +88,7 @@ class Film:
         return self.read(index)[y0:y1, x0:x1]
 
     def close(self) -> None:
-        """Nothing to let go of."""
+        """Nothing to close."""
 
     def __enter__(self) -> Film:
         return self

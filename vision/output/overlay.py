@@ -1,4 +1,4 @@
-"""Pictures to judge a tracking by eye: an overlay film, and a contact sheet of the worst frames.
+"""Pictures to check a tracking by eye: an overlay film, and a contact sheet of the worst frames.
 
 Drawn with OpenCV: the outlines are moved to the poses found; a body lost in a frame is drawn red where it was last
 seen. A result that does not belong to the film, or a path that cannot be written, raises `VisionInputError`.
@@ -96,7 +96,7 @@ def write_contact_sheet(
 
 
 def worst_rows(result: TrackResult, count: int) -> list[int]:
-    """Rows of the result to look at first: most bodies lost, then lowest correlation of any body.
+    """Rows of the result to inspect first: most bodies lost, then lowest correlation of any body.
 
     Neighbours show the same, so rows that are not lost and close to one already chosen come last.
     """

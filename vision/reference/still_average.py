@@ -86,7 +86,7 @@ def average_still_frames(
         difference = _matched_difference(frame.reshape(-1)[pixels].astype(float), mean)
         # noise of one frame, from the difference to a mean of `count` frames
         noise = float(np.sqrt(np.mean(difference**2) / (1.0 + 1.0 / count)))
-        # the first frame's own roughness holds its noise and its texture, so it is never below the noise
+        # the first frame's own roughness contains its noise and its texture, so it is never below the noise
         quiet = GROWTH * min(differences) if differences else FIRST_GROWTH * spatial
         if n_still is None and noise > quiet + GREY_FLOOR:
             break

@@ -13,7 +13,7 @@ class FrameFlag(IntFlag):
 
     GOOD = 0
     NOT_CONVERGED = 1
-    """The fit broke down or did not settle."""
+    """The fit broke down or did not converge."""
     LOW_CORRELATION = 2
     """Fitted and observed grey values agree too little."""
     FEW_INLIERS = 4

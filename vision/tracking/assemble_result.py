@@ -68,7 +68,7 @@ def assemble_result(
     """Angles, uncertainties and budget from the poses; ``time_s`` of all frames of the film, shape (n_frames,)."""
     film, bodies, reference = ready.film, ready.bodies, ready.reference
     u_single = zero.u_single_rad.copy()
-    # a still frame agrees too well with the average it is part of, so the other frames tell the noise of one frame
+    # a still frame agrees too well with the average it is part of, so the noise is taken from the other frames
     others = table.u_turn[table.frame >= reference.n_averaged]
     known = np.isfinite(others).sum(axis=0) > 0
     u_single[known] = np.nanmedian(others[:, known], axis=0)

@@ -1,24 +1,20 @@
-"""Compiled loops against plain NumPy, and the rule that keeps numba's cache honest."""
+"""Compiled loops against plain NumPy."""
 
 from __future__ import annotations
 
-import ast
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy import ndimage
 
-import vision
-from vision.bodies.occlusion import mark_covered
 from vision.fitting.bspline import coefficients, noise_gain
 from vision.fitting.icgn import IcgnFitter
 from vision.fitting.kernels import Region, Settings, Subset, fit_rigid, robust_scale, solve5
 from vision.fitting.pose_covariance import TUKEY
 from vision.fitting.template import Template, build_template
-from vision.synthetic import Scene, box, speckle
+from vision.synthetic import Scene
 
 
 def plain_fit(
@@ -102,66 +98,3 @@ def test_robust_scale_is_the_median() -> None:
     expected = 1.4826 * np.median(np.abs(residual[visible > 0]))
     assert robust_scale(residual, visible, 24.0) == pytest.approx(expected, rel=0.01)
     assert robust_scale(residual, np.zeros(5000, dtype=np.float32), 24.0) == 0.0
-
-
-def test_mark_covered_against_plain_geometry() -> None:
-    """Template pixels carried into the frame, then back into the axes of the one in front."""
-    rng = np.random.default_rng(6)
-    offset = rng.uniform(-40, 40, (2, 500)).astype(np.float32)
-    centre, pose = np.array([70.0, 50.0]), np.array([0.2, 3.0, -2.0])
-    other_centre, other_pose = np.array([90.0, 60.0]), np.array([-0.3, -4.0, 5.0])
-    outline = np.zeros((120, 180), dtype=np.uint8)
-    outline[45:70, 70:120] = 1
-    covered = np.zeros(500, dtype=np.uint8)
-    count = mark_covered(offset, centre, pose, outline, other_centre, other_pose, covered)
-
-    def turn(phi: float) -> NDArray[np.float64]:
-        return np.array([[np.cos(phi), -np.sin(phi)], [np.sin(phi), np.cos(phi)]])
-
-    there = (centre + pose[1:])[:, None] + turn(0.2) @ offset
-    back = other_centre[:, None] + turn(0.3) @ (there - (other_centre + other_pose[1:])[:, None])
-    column, row = np.floor(back + 0.5).astype(int)
-    inside = (row >= 0) & (row < 120) & (column >= 0) & (column < 180)
-    expected = inside & (outline[np.clip(row, 0, 119), np.clip(column, 0, 179)] > 0)
-    np.testing.assert_array_equal(covered.astype(bool), expected)
-    assert count == expected.sum() > 50
-
-
-def test_drawn_body_is_the_formula() -> None:
-    """A rendered picture against the texture's formula at the back-rotated pixel, away from the edge."""
-    texture = speckle((-30.0, -20.0, 60.0, 20.0), 3)
-    from vision.synthetic import SyntheticBody
-
-    scene = Scene([SyntheticBody("plate", box(-25, -15, 55, 15), texture)], np.zeros((80, 130), dtype=np.float32))
-    angle, x0, y0 = 0.31, 48.3, 41.7
-    picture = scene.light(np.array([[[angle, x0, y0]]]))
-    y, x = np.mgrid[0:80, 0:130].astype(float)
-    # counter-clockwise by `angle` with y down: body axes from picture axes
-    u = np.cos(angle) * (x - x0) - np.sin(angle) * (y - y0)
-    v = np.sin(angle) * (x - x0) + np.cos(angle) * (y - y0)
-    inner = (u > -23) & (u < 53) & (v > -13) & (v < 13)
-    np.testing.assert_allclose(picture[inner], texture.at(u[inner], v[inner]), atol=0.03)
-    outer = (u < -27) | (u > 57) | (v < -17) | (v > 17)
-    assert np.all(picture[outer] == 0.0)
-
-
-def test_no_compiled_function_is_called_from_another_file() -> None:
-    """numba's disk cache notices only changes of the cached function's own file."""
-    root = Path(vision.__file__).parent
-    compiled: dict[Path, set[str]] = {}
-    imported: dict[Path, set[str]] = {}
-    for path in root.rglob("*.py"):
-        tree = ast.parse(path.read_text(encoding="utf-8"))
-        compiled[path] = {
-            node.name
-            for node in ast.walk(tree)
-            if isinstance(node, ast.FunctionDef) and any("njit" in ast.unparse(d) for d in node.decorator_list)
-        }
-        imported[path] = {
-            alias.name for node in ast.walk(tree) if isinstance(node, ast.ImportFrom) for alias in node.names
-        }
-    with_kernels = {path for path, found in compiled.items() if found}
-    assert {path.name for path in with_kernels} == {"kernels.py", "occlusion.py"}
-    everything = set().union(*compiled.values())
-    for path in with_kernels:
-        assert not imported[path] & everything, f"{path} imports a compiled function"

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from vision.angles import ccw_to_picture, ground_to_picture, picture_to_ccw, relative_angle
 from vision.errors import BodyError
 from vision.fitting import bspline
 from vision.fitting.pose_covariance import TUKEY, TUKEY_FACTOR, cramer_rao_bound, predicted_u_angle
@@ -93,12 +92,3 @@ def test_best_pixels_beat_random_pixels() -> None:
     thinned[RNG.choice(np.flatnonzero(mask), 2000, replace=False)] = True
     random = build_template("plate", picture, thinned.reshape(mask.shape), 10)
     assert predicted_u_angle(best, 2.0) < 0.75 * predicted_u_angle(random, 2.0)
-
-
-def test_signs_of_angles_and_axes() -> None:
-    assert picture_to_ccw(0.25) == -0.25 and ccw_to_picture(-0.5) == 0.5
-    np.testing.assert_allclose(ground_to_picture([[0.01, 0.02]], 1000.0, (5.0, 50.0)), [[15.0, 30.0]])
-    angle, u = relative_angle(
-        np.array([0.3, np.nan]), np.array([0.1, 0.1]), np.array([3e-4, 1.0]), np.array([4e-4, 1.0])
-    )
-    assert angle[0] == pytest.approx(0.2) and u[0] == pytest.approx(5e-4) and np.isnan(angle[1])

@@ -1,0 +1,17 @@
+"""Quantisation tables of JPEG pictures."""
+
+from __future__ import annotations
+
+from vision.film.compression import Compression, jpeg_steps
+
+
+def test_steps_of_damaged_jpeg_are_none() -> None:
+    assert jpeg_steps(b"") is None
+    assert jpeg_steps(b"\xff\xd8\xff\xdb\x00") is None
+    assert jpeg_steps(b"\xff\xd8\xff\xdb\x00\x43\x00" + bytes(30)) is None
+    steps = jpeg_steps(b"\xff\xd8\xff\xdb\x00\x43\x00" + bytes(range(1, 65)))
+    assert steps is not None
+    # the first of the zigzag: right, then down-left, as figure A.6 draws it
+    assert (steps[0, 0], steps[0, 1], steps[1, 0], steps[2, 0], steps[1, 1], steps[0, 2]) == (1, 2, 3, 4, 5, 6)
+    assert steps[7, 7] == 64
+    assert Compression(None).steps is None
