@@ -14,7 +14,6 @@ film behaves otherwise.
 from __future__ import annotations
 
 import argparse
-import importlib
 import os
 import sys
 import tempfile
@@ -157,7 +156,6 @@ def fuzz(folder: Path, count: int, seed: int) -> dict[str, Tally]:
     for path in (mraw, raw, jpeg):
         # imports on first use do not count against the film
         open_film(path).close()
-    importlib.import_module("vision.film.opencv_video")
     tracemalloc.start()
     try:
         for number in range(count):
