@@ -81,7 +81,7 @@ def test_offset_is_found_within_its_uncertainty(free_scale: bool) -> None:
     assert np.median(size) < 2e-5  # far below the frame of 500 us
 
 
-def test_offset_refuses_what_tells_nothing() -> None:
+def test_offset_refuses_uninformative_films() -> None:
     clock = np.arange(6000) / 10_000.0
     time = 0.1 + np.arange(600) / 2000.0
     u = np.full(600, 1e-4)

@@ -1,4 +1,4 @@
-"""Outlines: the file keeps them, bad ones are refused by name, masks hold only the body's own pixels."""
+"""Outlines: the file preserves them, bad ones are refused by name, masks contain only the body's own pixels."""
 
 from __future__ import annotations
 

@@ -36,7 +36,7 @@ def test_damaged_films_are_refused_or_read_right(tmp_path: Path, capfd: pytest.C
 
 
 def test_jpeg_that_claims_to_be_huge_is_not_decoded(tmp_path: Path) -> None:
-    """A picture of 65500 x 65500 would take 4 GB; its header is looked at first."""
+    """A picture of 65500 x 65500 would take 4 GB; its header is checked first."""
     path = tmp_path / "film.avi"
     frame = np.random.default_rng(1).integers(0, 255, (48, 64), dtype=np.uint8)
     write_avi(path, [frame, frame], 25.0)
@@ -71,7 +71,7 @@ def test_memory_is_a_fixed_number_of_frames(tmp_path: Path, code: bytes, reader:
 
 
 @pytest.mark.parametrize("quality", [None, 95])
-def test_avi_cut_short_is_read_to_its_last_whole_frame_when_asked(tmp_path: Path, quality: int | None) -> None:
+def test_avi_cut_short_is_read_to_its_last_whole_frame_on_request(tmp_path: Path, quality: int | None) -> None:
     path = tmp_path / "film.avi"
     frames = np.random.default_rng(2).integers(90, 160, (7, 40, 56), dtype=np.uint8)
     write_avi(path, frames, 25.0, quality=quality)

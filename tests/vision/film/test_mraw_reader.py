@@ -1,4 +1,4 @@
-"""MRAW films: every bit comes back, every region is the region asked for, a film of the wrong size is refused."""
+"""MRAW films: every bit comes back, every region is the requested one, a film of the wrong size is refused."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def test_pack12_against_bits(values: list[int]) -> None:
 
 
 def test_times_of_a_saved_part(tmp_path: Path) -> None:
-    """Every third frame kept, from frame 600 after the trigger: times in units of the recording rate."""
+    """Every third frame saved, from frame 600 after the trigger: times in units of the recording rate."""
     path = tmp_path / "part.mraw"
     header = FilmHeader(6, 4, 3, 8, 8, frame_rate_hz=3000.0, exposure_s=1e-4, start_frame=600, frame_step=3)
     path.write_bytes(bytes(range(72)))

@@ -51,7 +51,7 @@ def test_fit_against_plain_numpy(bar_scene: Callable[[str], Scene], pivot: tuple
     template = build_template("bar", still + 0.2 * rng.standard_normal(still.shape), mask, 10)
     light = scene.light(np.array([[[0.05, pivot[0] + 1.3, pivot[1] - 0.7]]]))
     frame = (1.1 * light + 2.0 * rng.standard_normal(light.shape)).astype(np.float32)
-    frame[85:110, 100:115] = 20.0  # something in the way
+    frame[85:110, 100:115] = 20.0  # something covers the body
     start = np.array([-0.045, 0.9, -0.8])
     pose, weight = start.copy(), np.ones(template.n_pixels, dtype=np.float32)
     uncovered = np.zeros(template.n_pixels, dtype=np.uint8)

@@ -1,4 +1,4 @@
-"""Interrupted runs go on to the same numbers; single frames are fitted again; the backward pass confirms."""
+"""Resumed runs give the numbers of uninterrupted ones; single frames are fitted again; the backward pass confirms."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def same(a: object, b: object) -> None:
 
 
 @pytest.mark.parametrize("method", ["icgn", "ecc"])
-def test_interrupted_run_goes_on_to_the_same_numbers(
+def test_resumed_run_gives_the_same_numbers(
     bar_scene: Callable[[str], Scene],
     film_of: Callable[..., object],
     pivot: tuple[float, float],
@@ -43,26 +43,26 @@ def test_interrupted_run_goes_on_to_the_same_numbers(
     monkeypatch.setattr(vision.tracking.passes, "EVERY_ROWS", 16)
     known = film_of(bar_scene("wood"), bar_motion(70, pivot, 0.3))
     whole = track_film(known.film, known.bodies, method=method)
-    keep = tmp_path / "unfinished.npz"
+    checkpoint = tmp_path / "unfinished.npz"
 
     def stop(done: int, total: int) -> None:
         if done == 37:
             raise StoppedError
 
     with pytest.raises(StoppedError):
-        track_film(known.film, known.bodies, method=method, checkpoint=keep, progress=stop)
-    assert keep.exists()
-    stored = keep.read_bytes()
-    resumed = track_film(known.film, known.bodies, method=method, checkpoint=keep)
-    assert resumed.info["rows_resumed"] == 32 and not keep.exists()
+        track_film(known.film, known.bodies, method=method, checkpoint=checkpoint, progress=stop)
+    assert checkpoint.exists()
+    stored = checkpoint.read_bytes()
+    resumed = track_film(known.film, known.bodies, method=method, checkpoint=checkpoint)
+    assert resumed.info["rows_resumed"] == 32 and not checkpoint.exists()
     same(resumed, whole)
-    # another job, or a damaged file, is not gone on from
-    keep.write_bytes(stored)
-    other = track_film(known.film, known.bodies, method=method, every=2, checkpoint=keep)
+    # nothing is resumed from another job or a damaged file
+    checkpoint.write_bytes(stored)
+    other = track_film(known.film, known.bodies, method=method, every=2, checkpoint=checkpoint)
     assert other.info["rows_resumed"] == 0
     for damaged in (b"", b"no archive", stored[:1000], stored[: len(stored) // 2] + b"\0" * 99):
-        keep.write_bytes(damaged)
-        again = track_film(known.film, known.bodies, method=method, checkpoint=keep)
+        checkpoint.write_bytes(damaged)
+        again = track_film(known.film, known.bodies, method=method, checkpoint=checkpoint)
         assert again.info["rows_resumed"] == 0
         same(again, whole)
     with pytest.raises(InputError, match="cannot be written"):

@@ -50,13 +50,13 @@ def test_lost_frames_are_nan_and_found_again(
 
 
 @pytest.mark.parametrize("texture", ["speckle", "wood"])
-def test_unknown_thing_in_the_way(
+def test_unknown_object_covers_the_body(
     bar_scene: Callable[[str], Scene],
     film_of: Callable[..., object],
     pivot: tuple[float, float],
     texture: str,
 ) -> None:
-    """A dark bar sweeps over up to 30 % of the body: weights keep the error near the bound of what is seen."""
+    """A dark bar sweeps over up to 30 % of the body: weights limit the error to about the bound of the visible pixels."""
     n = 110
     pose = bar_motion(n, pivot, 0.25)
 
@@ -78,7 +78,7 @@ def test_unknown_thing_in_the_way(
 
 
 @pytest.mark.parametrize("texture", ["speckle", "wood"])
-def test_fit_has_settled(
+def test_fit_has_converged(
     bar_scene: Callable[[str], Scene],
     film_of: Callable[..., object],
     pivot: tuple[float, float],

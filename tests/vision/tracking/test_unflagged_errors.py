@@ -77,7 +77,7 @@ def errors_of(seeds: range) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return np.concatenate(error), np.concatenate(z), np.concatenate(flag)
 
 
-def judge(seeds: range) -> None:
+def check_errors(seeds: range) -> None:
     error, z, flag = errors_of(seeds)
     quiet = (flag & WARNED) == 0
     assert quiet.mean() > 0.5, "most frames must be good without a flag"
@@ -88,9 +88,9 @@ def judge(seeds: range) -> None:
 
 
 def test_no_large_error_without_a_flag() -> None:
-    judge(range(5))
+    check_errors(range(5))
 
 
 @pytest.mark.slow
 def test_no_large_error_without_a_flag_in_many_films() -> None:
-    judge(range(5, 105))
+    check_errors(range(5, 105))
