@@ -46,5 +46,4 @@ from .tracking.propose_outlines import propose_bodies as propose_bodies
 from .tracking.retrack import retrack_frames as retrack_frames
 from .tracking.track_film import track as track
 from .tracking.track_film import track_film as track_film
-from .uncertainty.budget import TERMS as TERMS
 from .uncertainty.budget import ErrorBudget as ErrorBudget

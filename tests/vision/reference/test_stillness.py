@@ -26,7 +26,7 @@ def test_understated_uncertainty_is_noticed() -> None:
 
 @pytest.mark.parametrize("power", [1, 2, 3])
 def test_motion_ends_it_before_it_matters(power: int) -> None:
-    """Drifts that start at frame 30: the frames counted as still shift the zero, in RMS, by less than its uncertainty."""
+    """Drifts that start at frame 30: those counted as still shift the zero, in RMS, by less than its uncertainty."""
     rng = np.random.default_rng(power)
     shifts = []
     for _ in range(50):

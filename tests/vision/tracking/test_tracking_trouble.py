@@ -56,7 +56,7 @@ def test_unknown_object_covers_the_body(
     pivot: tuple[float, float],
     texture: str,
 ) -> None:
-    """A dark bar sweeps over up to 30 % of the body: weights limit the error to about the bound of the visible pixels."""
+    """A dark bar sweeps over up to 30 % of the body: weights bring the error near the bound of the visible pixels."""
     n = 110
     pose = bar_motion(n, pivot, 0.25)
 
