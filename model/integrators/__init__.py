@@ -1,19 +1,11 @@
 """Time integration methods, one per file, each a table of coefficients with its order, stability and source.
 
 ``rosenbrock``, ``diagonal`` and ``coupled`` hold the step loops of the three kinds; the last two load when used.
-``get_method(name)`` gives one; ``METHODS`` lists them; ``DEFAULT_METHOD`` is the one the benchmark favours.
+``methods`` finds a method by its name.
 """
 
-from model.integrators.esdirk4 import ESDIRK4
-from model.integrators.radau5 import RADAU5
-from model.integrators.rodas4p import RODAS4P
-from model.integrators.rodas5p import RODAS5P
+from model.integrators.methods import DEFAULT_METHOD, METHODS, Tableau, get_method
 from model.integrators.tableau import CoupledTableau, DiagonalTableau, RosenbrockTableau
-
-Tableau = RosenbrockTableau | DiagonalTableau | CoupledTableau
-
-METHODS: dict[str, Tableau] = {m.name: m for m in (RODAS4P, RODAS5P, ESDIRK4, RADAU5)}
-DEFAULT_METHOD = "rodas4p"
 
 __all__ = [
     "DEFAULT_METHOD",
@@ -24,13 +16,3 @@ __all__ = [
     "Tableau",
     "get_method",
 ]
-
-
-def get_method(name: str) -> Tableau:
-    """Return the method of that name; raise ``InputError`` that lists the known ones."""
-    from model.errors import InputError
-
-    try:
-        return METHODS[name]
-    except KeyError:
-        raise InputError(f"method: found {name!r}, allowed {', '.join(METHODS)}") from None

@@ -1,0 +1,81 @@
+"""Options of a simulation: the keywords that a caller may give, and the frozen record that travels inside.
+
+``SimulationKeywords`` types the keywords of a public function (``**keywords: Unpack[SimulationKeywords]``);
+``SimulationOptions(**keywords)`` checks their names (``TypeError``) and holds them with their defaults.
+A function with more keywords extends both classes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import TypedDict
+
+from numpy.typing import ArrayLike
+
+from model.integrators.methods import DEFAULT_METHOD
+from model.scene.selection import SceneChoice, load_scene
+
+
+class SimulationKeywords(TypedDict, total=False):
+    """Keywords that every simulation takes; see `SimulationOptions`."""
+
+    tolerance: float
+    output_time_s: ArrayLike | None
+    scene: SceneChoice | str | Path
+    method: str
+
+
+@dataclass(frozen=True)
+class SimulationOptions:
+    """How to simulate.
+
+    Attributes
+    ----------
+    tolerance : requested largest error of any angle, rad
+    output_time_s : (m,) increasing, within the input table; by default the table's own times
+    scene : what takes part and what to give out, by name or file (`model.scene.selection`)
+    method : integration method by name (`model.integrators.methods`)
+    """
+
+    tolerance: float = 1e-5
+    output_time_s: ArrayLike | None = None
+    scene: SceneChoice | str | Path = "whole"
+    method: str = DEFAULT_METHOD
+
+    @cached_property
+    def choice(self) -> SceneChoice:
+        """The scene's choice; a scene file is read once, here."""
+        return load_scene(self.scene)
+
+
+class ForceDrivenKeywords(SimulationKeywords, total=False):
+    """Keywords of a simulation under a force table; see `ForceDrivenOptions`."""
+
+    contact_forces: bool
+    energy: bool
+    inside: bool
+
+
+@dataclass(frozen=True)
+class ForceDrivenOptions(SimulationOptions):
+    """How to simulate under a force table, and what to give out beyond angles and speeds.
+
+    Attributes
+    ----------
+    contact_forces : normal and friction force of each contact
+    energy : where the work of the force went (`Solution.energy`)
+    inside : what acts at contacts, joints and bodies (`Solution.inside`)
+    """
+
+    contact_forces: bool = False
+    energy: bool = False
+    inside: bool = False
+
+    @cached_property
+    def choice(self) -> SceneChoice:
+        """The scene's choice; its outputs are those of the scene and those wanted by keyword."""
+        choice = load_scene(self.scene)
+        wanted = {name for name in ("contact_forces", "energy", "inside") if getattr(self, name)}
+        return replace(choice, outputs=tuple(sorted({*choice.outputs, *wanted})))
