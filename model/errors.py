@@ -1,6 +1,6 @@
 """Errors of the model: a small hierarchy whose messages are one line a user can act on.
 
-``exit_code`` is what the command line returns: 2 for bad input, 1 for a computation that could not be done.
+``exit_code`` is what the command line returns: 2 for bad input, 1 for a computation that could not be completed.
 """
 
 
@@ -10,10 +10,17 @@ class ModelError(Exception):
     exit_code = 1
 
 
-class InputError(ModelError, ValueError):
-    """A parameter file, a force table or an argument is wrong; the message names it, found and allowed."""
+class ModelInputError(ModelError, ValueError):
+    """A parameter file, a table or an argument is wrong; the message names it, the value found and those allowed."""
 
     exit_code = 2
+
+
+InputError = ModelInputError
+
+
+class RegulationError(ModelInputError):
+    """The action cannot be regulated with the travel its screws have."""
 
 
 class IntegrationError(ModelError):

@@ -6,29 +6,6 @@ Each file answers one measurement of the thesis (Section 2.2.3, Appendix A): ``c
 standard uncertainties out; ``figure`` draws Figs 2.5 and 2.6.
 """
 
-from model.calibration.calibrated import with_calibrated
-from model.calibration.curve import LoadingCurve, read_curve
-from model.calibration.damping import Damping, damping_factor
-from model.calibration.felt import FeltFit, fit_felt
-from model.calibration.friction import FrictionFit, fit_friction
-from model.calibration.pendulum import Inertia, inertia_from_pendulum
-from model.calibration.rebound import damping_from_rebound
-from model.calibration.speeds import MeanSpeeds, mean_normal_speeds, read_motion
+import lazy_loader as _lazy
 
-__all__ = [
-    "Damping",
-    "FeltFit",
-    "FrictionFit",
-    "Inertia",
-    "LoadingCurve",
-    "MeanSpeeds",
-    "damping_factor",
-    "damping_from_rebound",
-    "fit_felt",
-    "fit_friction",
-    "inertia_from_pendulum",
-    "mean_normal_speeds",
-    "read_curve",
-    "read_motion",
-    "with_calibrated",
-]
+__getattr__, __dir__, __all__ = _lazy.attach_stub(__name__, __file__)

@@ -4,8 +4,6 @@
 name when something is drawn.
 """
 
-from model.inside.look import Observer
-from model.inside.observe import Inside, observe
-from model.inside.rail import Lift, Tension, lifts, tensions
+import lazy_loader as _lazy
 
-__all__ = ["Inside", "Lift", "Observer", "Tension", "lifts", "observe", "tensions"]
+__getattr__, __dir__, __all__ = _lazy.attach_stub(__name__, __file__)

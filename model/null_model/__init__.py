@@ -6,8 +6,6 @@ flies (`march`). The idea that one reflected mass passes a force-driven test: Th
 Acustica 100 (2014).
 """
 
-from model.null_model.march import restitution
-from model.null_model.path import Reduced, reduce_action
-from model.null_model.run import simulate
+import lazy_loader as _lazy
 
-__all__ = ["Reduced", "reduce_action", "restitution", "simulate"]
+__getattr__, __dir__, __all__ = _lazy.attach_stub(__name__, __file__)

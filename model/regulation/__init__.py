@@ -5,20 +5,6 @@ the result.
 Source: thesis Section 2.3; decisions in docs/decisions/0025-model-regulation.md.
 """
 
-from model.parameters.write_toml import write_action
-from model.regulation.measures import TARGETS, Measurement, Target, measure
-from model.regulation.regulate import Regulation, RegulationError, regulate
-from model.regulation.screws import SCREWS, Screw
+import lazy_loader as _lazy
 
-__all__ = [
-    "SCREWS",
-    "TARGETS",
-    "Measurement",
-    "Regulation",
-    "RegulationError",
-    "Screw",
-    "Target",
-    "measure",
-    "regulate",
-    "write_action",
-]
+__getattr__, __dir__, __all__ = _lazy.attach_stub(__name__, __file__)

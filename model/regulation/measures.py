@@ -1,9 +1,9 @@
 """The seven quantities a technician regulates, measured on the model: at rest, in a slow press, in a medium blow.
 
 An action in, lengths in metres out, each as thesis Section 2.3 describes it and as decided in
-docs/decisions/0025-model-regulation.md. Rest is the static balance with the hammer let down on the jack; the slow press and
-the blow are simulated with all friction. What cannot be seen (the jack never lets go, the hammer is not caught) is
-NaN and says so in ``remarks``.
+docs/decisions/0025-model-regulation.md. Rest is the static balance with the hammer let down on the jack; slow press
+and blow are simulated with all friction. What cannot be measured (the jack never lets go, the hammer is not caught) is
+NaN, with the reason in ``remarks``.
 """
 
 from __future__ import annotations

@@ -14,9 +14,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from model.errors import InputError, ModelError
+from model.errors import InputError, RegulationError
 from model.parameters.action import BODIES, Action
 from model.parameters.quantity import allowed_range
+from model.parameters.write_toml import write_action as write_action  # its first home was this room
 from model.regulation.measures import TARGETS, Measurement, Target, at_rest, in_blow, in_press, measure
 from model.regulation.screws import SCREWS, Screw
 from model.simulation.hand_set_rest import hand_set_rest
@@ -35,12 +36,6 @@ OUT_OF_THE_WAY = {"contact08": "let_off", "contact11": "drop", "contact04": "che
 NOT_SEEN = {"let_off": -2e-3, "check": 5e-3}  # error (m) taken where a target cannot be seen: jack stuck, hammer free
 _TARGET = {t.name: t for t in TARGETS}
 _SCREW = {s.target: s for s in SCREWS}
-
-
-class RegulationError(ModelError, ValueError):
-    """The action cannot be regulated with the travel its screws have."""
-
-    exit_code = 2
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,5 @@
 """What if: the same blow on variants of one action; the thesis's studies (Section 4.4) checked line by line."""
 
-from model.study.blow_measures import BlowMeasures, measure_blow
-from model.study.variants import Study, Variant, compare
+import lazy_loader as _lazy
 
-__all__ = ["BlowMeasures", "Study", "Variant", "compare", "measure_blow"]
+__getattr__, __dir__, __all__ = _lazy.attach_stub(__name__, __file__)

@@ -1,8 +1,8 @@
 """The sensitivity studies of the thesis (Figs 4.9-4.11, 4.16-4.19) repeated, each of its observations a computed check.
 
 The thesis's words are qualitative; every check says by which number it judges and where it draws the line
-(docs/decisions/0036-model-study.md). "Range" is the widest turn of that body in the action as given. The measured forces are
-not printed, so the blows are made after their description (``model.files.force_library``); another forte may be
+(docs/decisions/0036-model-study.md). "Range" is the widest turn of that body in the action as given. The measured
+forces are not printed, so the blows follow their description (`model.files.force_library`); another forte may be
 given. What the thesis compares with its experiment cannot be checked here and is left out.
 """
 

@@ -4,9 +4,6 @@
 ``figure`` draws several actions in one sheet.
 """
 
-from model.touch.feel import Feel, feel
-from model.touch.hammer_speed import FORCES, hammer_speeds
-from model.touch.repetition import fastest_repetition
-from model.touch.weights import Weights, weigh
+import lazy_loader as _lazy
 
-__all__ = ["FORCES", "Feel", "Weights", "fastest_repetition", "feel", "hammer_speeds", "weigh"]
+__getattr__, __dir__, __all__ = _lazy.attach_stub(__name__, __file__)

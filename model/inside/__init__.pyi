@@ -1,0 +1,11 @@
+from . import animation as animation
+from . import figure as figure
+from .animation import write_animation as write_animation
+from .figure import draw_sheet as draw_sheet
+from .look import Observer as Observer
+from .observe import Inside as Inside
+from .observe import observe as observe
+from .rail import Lift as Lift
+from .rail import Tension as Tension
+from .rail import lifts as lifts
+from .rail import tensions as tensions

@@ -1,0 +1,10 @@
+from .measures import TARGETS as TARGETS
+from .measures import Measurement as Measurement
+from .measures import Target as Target
+from .measures import measure as measure
+from .regulate import Regulation as Regulation
+from .regulate import RegulationError as RegulationError
+from .regulate import regulate as regulate
+from .regulate import write_action as write_action
+from .screws import SCREWS as SCREWS
+from .screws import Screw as Screw

@@ -1,0 +1,11 @@
+from . import figure as figure
+from .blow_measures import BlowMeasures as BlowMeasures
+from .blow_measures import measure_blow as measure_blow
+from .figure import draw_study as draw_study
+from .figure import draw_thesis as draw_thesis
+from .thesis import Observation as Observation
+from .thesis import ThesisStudy as ThesisStudy
+from .thesis import thesis_studies as thesis_studies
+from .variants import Study as Study
+from .variants import Variant as Variant
+from .variants import compare as compare
