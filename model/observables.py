@@ -8,9 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from model.parameters.action import BODIES, Action
-
-CAPSTAN, KEY_FRONT, STRING = "contact01", "contact02", "contact12"
+from model.parameters.action import BODIES, CAPSTAN, KEY_FRONT, STRING, Action
 
 
 def _column(angle_rad: ArrayLike, body: str) -> NDArray[np.float64]:

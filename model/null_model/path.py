@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from model.kernels.tables.output import forces_along, penetrations
 from model.observables import hammer_height_from_angle
-from model.parameters.action import BODIES, Action
+from model.parameters.action import BACK_CHECK, BODIES, BUTTON, Action
 from model.scene.build import Scene, build_scene
 from model.simulation.hand_set_rest import hand_set_rest
 from model.simulation.statics import balance, solve_rest
@@ -33,7 +33,6 @@ from model.simulation.statics import balance, solve_rest
 Array = NDArray[np.float64]
 
 KEY, JACK, HAMMER = (BODIES.index(b) for b in ("key", "jack", "hammer"))
-BUTTON, CHECK = "contact08", "contact04"
 STEP = 2.5e-4  # rad between the points of a path
 DOWN_N, UP_N = 200.0, 50.0  # force on the key at which the paths end; beyond, the last slope goes on
 MOST_POINTS = 2000
@@ -135,9 +134,9 @@ def _touch(scene: Scene, name: str, q: Array) -> float:
 
 def _caught(scene: Scene, angle_rad: Array, rest: float, up: float, string: float) -> Array:
     """Highest place (rad above rest) at which the back check touches a falling hammer, along the key's path."""
-    if CHECK not in scene.contacts:
+    if BACK_CHECK not in scene.contacts:
         return np.full(len(angle_rad), -np.inf)
-    column = scene.contacts.index(CHECK)
+    column = scene.contacts.index(BACK_CHECK)
 
     def touches(height: Array) -> NDArray[np.bool_]:
         q = angle_rad.copy()

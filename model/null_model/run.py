@@ -21,14 +21,13 @@ from model.errors import InputError
 from model.force_driven import check_force_table, check_output_times
 from model.null_model.march import Numbers, march
 from model.null_model.path import HAMMER, KEY, Path, Reduced, reduce_action
-from model.parameters.action import BODIES, Action
+from model.parameters.action import BODIES, STRING, Action
 from model.simulation.solution import Solution
 from model.simulation.statics import RestState
 
 Array = NDArray[np.float64]
 
 STEP = 5e-5  # s; a sixtieth of the fastest swing of a key on its felt under 60 N
-STRING = "contact12"
 
 
 @lru_cache(maxsize=8)

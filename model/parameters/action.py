@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
@@ -18,12 +18,17 @@ from typing import Any
 
 from model.errors import InputError
 from model.parameters.effects import effect_defaults
-from model.parameters.quantity import Quantity, check_value, read_quantity
+from model.parameters.quantity import Quantity, check_value, quantity_tables, read_quantity
 
 ACTIONS = Path(__file__).parents[1] / "actions"
 TEMPLATE = "hirschkorn2004"
 BODIES = ("key", "whippen", "jack", "repetition", "hammer")
 CONTACTS = tuple(f"contact{i:02d}" for i in range(1, 14))
+
+# the contacts that something asks for by name
+CAPSTAN, KEY_FRONT, BACK_CHECK = "contact01", "contact02", "contact04"
+JACK_KNUCKLE, BUTTON, JACK_LEVER = "contact07", "contact08", "contact09"
+LEVER_KNUCKLE, DROP_SCREW, STRING = "contact10", "contact11", "contact12"
 
 _STRUCTURE_KEYS = {"parent", "body", "shape", "description", "name"}
 
@@ -115,16 +120,6 @@ def _unknown_path(path: str, known: Mapping[str, Any]) -> str:
     hint = f"; did you mean {near[0]}" if near else ""
     files = f"model/actions/{TEMPLATE}.toml and model/parameters/effects.toml"
     return f"parameter {path}: unknown path{hint}; all paths stand in {files}"
-
-
-def quantity_tables(table: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
-    """Paths of a parsed file with what stands there: a quantity's table or a text."""
-    for key, item in table.items():
-        path = f"{prefix}{key}"
-        if isinstance(item, dict) and not {"value", "unit"} & item.keys():
-            yield from quantity_tables(item, f"{path}.")
-        else:
-            yield path, item
 
 
 def _read_toml(path: Path) -> dict[str, Any]:

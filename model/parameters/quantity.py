@@ -7,6 +7,7 @@ wrong sign, missing power of ten), not judgements about an action.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal, get_args
 
@@ -109,3 +110,13 @@ def read_quantity(path: str, table: Any, unit: str, where: str) -> Quantity:
     if not isinstance(table["source"], str) or not table["source"].strip():
         raise InputError(f"{where}: {path}.source: found {table['source']!r}, allowed a text that names the source")
     return Quantity(value, unit, float(u), table["basis"], table["source"])
+
+
+def quantity_tables(table: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """Paths of a parsed file with what stands there: a quantity's table or a text."""
+    for key, item in table.items():
+        path = f"{prefix}{key}"
+        if isinstance(item, dict) and not {"value", "unit"} & item.keys():
+            yield from quantity_tables(item, f"{path}.")
+        else:
+            yield path, item

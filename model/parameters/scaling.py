@@ -20,8 +20,7 @@ from collections.abc import Mapping
 from fnmatch import fnmatchcase
 
 from model.errors import InputError
-from model.observables import STRING
-from model.parameters.action import CONTACTS, Action
+from model.parameters.action import CONTACTS, STRING, Action
 
 GROUPS = ("damping", "friction", "joint_friction")
 

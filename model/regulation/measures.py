@@ -19,14 +19,13 @@ from model.errors import InputError
 from model.force_driven import simulate
 from model.motion_driven.slow_press import Press, slow_press
 from model.observables import hammer_height_m, key_dip_m
-from model.parameters.action import BODIES, Action
-from model.simulation.hand_set_rest import JACK_KNUCKLE, hand_set_rest, slip_angle
+from model.parameters.action import BACK_CHECK, BODIES, JACK_KNUCKLE, JACK_LEVER, KEY_FRONT, LEVER_KNUCKLE, Action
+from model.regulation.contact_gap import contact_gap
+from model.simulation.hand_set_rest import hand_set_rest, slip_angle
 from model.simulation.run import State
-from model.verification.reference_equations import Twin
 
 Array = NDArray[np.float64]
 
-KEY_FRONT, BACK_CHECK = "contact02", "contact04"
 PRESS_SPEED = 0.005  # m/s at the key front
 SETTLE = 0.3  # s at the bottom before the drop is read
 # medium blow: the force grows with the square of time, then stays
@@ -87,20 +86,23 @@ def at_rest(action: Action, rest_rad: Array | None = None) -> dict[str, float]:
     q = hand_set_rest(action) if rest_rad is None else rest_rad
     touch = q.copy()
     touch[BODIES.index("key")] = first_touch_angle(action, float(q[BODIES.index("key")]))
-    twin = Twin(action)
-    twin.forces_and_mass(q, np.zeros(len(BODIES)), 0.0)  # places the bodies
-    # the jack's right side is the line of contact 9; the knuckle's right edge is seen square to it
-    x, face, centre, _, _ = twin.gap("contact09")
-    side = float(centre @ face) - action["contact09.first.radius"] + x
-    on_jack, _, knuckle, _, _ = twin.gap(JACK_KNUCKLE)
-    edge = float(knuckle @ face) + action[f"{JACK_KNUCKLE}.first.radius"]
+    # the jack's right side is the line of its contact with the lever; the knuckle's right edge is measured square to it
+    line, knuckle = contact_gap(action, JACK_LEVER, q), contact_gap(action, JACK_KNUCKLE, q)
+    side = _along(line.center, line.normal) - action[f"{JACK_LEVER}.first.radius"] + line.penetration_m
+    edge = _along(knuckle.center, line.normal) + action[f"{JACK_KNUCKLE}.first.radius"]
+    under_knuckle = contact_gap(action, LEVER_KNUCKLE, q).penetration_m
     return {
         "dip": float(key_dip_m(action, touch[None, :], q)[0]),
         "hammer_height": float(hammer_height_m(action, q)),
         "jack": side - edge,
         # gap under the knuckle; where the lever carries the hammer, how far it holds the knuckle off the jack
-        "repetition": min(0.0, float(on_jack)) - float(twin.gap("contact10")[0]),
+        "repetition": min(0.0, knuckle.penetration_m) - under_knuckle,
     }
+
+
+def _along(point: complex, direction: complex) -> float:
+    """Component of a point along a unit vector."""
+    return (point * direction.conjugate()).real
 
 
 def in_press(action: Action, rest_rad: Array, dip_m: float) -> tuple[dict[str, float], dict[str, str], Press]:

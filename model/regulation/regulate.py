@@ -12,16 +12,14 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
-import numpy as np
-
 from model.errors import InputError, RegulationError
-from model.parameters.action import BODIES, Action
+from model.parameters.action import BACK_CHECK, BUTTON, DROP_SCREW, Action
 from model.parameters.quantity import allowed_range
 from model.parameters.write_toml import write_action as write_action  # its first home was this room
+from model.regulation.contact_gap import contact_gap
 from model.regulation.measures import TARGETS, Measurement, Target, at_rest, in_blow, in_press, measure
 from model.regulation.screws import SCREWS, Screw
 from model.simulation.hand_set_rest import hand_set_rest
-from model.verification.reference_equations import Twin
 
 TOLERANCE = 20e-6  # m, within which a target counts as met
 AIM = {"rest": 0.1e-6, "press": 4e-6, "blow": 4e-6}  # m, where a screw is left alone; level and height share 0.1 um
@@ -32,7 +30,7 @@ LARGEST_TURN = 1e-3  # m between two looks
 SMALL_TURN = 10e-6  # m, below which a slope is not worth keeping
 CLEAR = 0.5e-3  # m between those three and what they meet, at rest
 LOWERED = 0.5e-3  # m, repetition lever below the jack while the height is set
-OUT_OF_THE_WAY = {"contact08": "let_off", "contact11": "drop", "contact04": "check"}
+OUT_OF_THE_WAY = {BUTTON: "let_off", DROP_SCREW: "drop", BACK_CHECK: "check"}
 NOT_SEEN = {"let_off": -2e-3, "check": 5e-3}  # error (m) taken where a target cannot be seen: jack stuck, hammer free
 _TARGET = {t.name: t for t in TARGETS}
 _SCREW = {s.target: s for s in SCREWS}
@@ -127,9 +125,8 @@ def _make_room(bench: _Bench, say: Callable[[str], None]) -> None:
 
 
 def _room(action: Action, contact: str) -> float:
-    twin = Twin(action)
-    twin.forces_and_mass(hand_set_rest(action), np.zeros(len(BODIES)), 0.0)  # places the bodies
-    return -float(twin.gap(contact)[0])
+    """Gap (m) of a contact with the action at rest."""
+    return -contact_gap(action, contact, hand_set_rest(action)).penetration_m
 
 
 def _set_rest(bench: _Bench, say: Callable[[str], None]) -> None:

@@ -20,8 +20,9 @@ from model.errors import InputError
 from model.kernels import layout as L
 from model.kernels.codegen.structure import solved_contacts
 from model.parameters.action import CONTACTS, Action
-from model.parameters.effects import KEY_LIFT, MOTOR, RAIL, SHANK, bending, parts_of_hammer
+from model.parameters.effects import KEY_LIFT, MOTOR, RAIL, SHANK
 from model.scene.contacts import chain_of, reach_of, read_contact
+from model.scene.effect_terms import bending, parts_of_hammer
 from model.scene.key_motion import KeyMotion
 from model.scene.selection import SceneChoice
 

@@ -11,7 +11,8 @@ from typing import NamedTuple
 
 from model.kernels import layout as L
 from model.parameters.action import Action
-from model.parameters.effects import LARGEST_LIFT, ON_THE_HEAD, RAIL, SHANK, rail_contact
+from model.parameters.effects import RAIL, SHANK
+from model.scene.effect_terms import LARGEST_LIFT, ON_THE_HEAD, rail_contact
 
 SHAPES = {"circle": L.CIRCLE, "line": L.LINE, "hybrid": L.HYBRID}
 

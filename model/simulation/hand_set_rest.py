@@ -15,13 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.errors import StaticsError
-from model.parameters.action import BODIES, Action
+from model.parameters.action import BODIES, JACK_KNUCKLE, Action
 from model.scene.build import build_scene
 from model.simulation.statics import solve_rest
 
 Array = NDArray[np.float64]
 
-JACK_KNUCKLE = "contact07"
 LIFTS = ((0.15, 0.05), (0.05, 0.0), (0.1, 0.0))  # rad: hammer above, jack turned out of, where they usually rest
 SHORT_LIFT = 0.03  # rad, above where the rest of the action has settled
 WELL_UNDER = math.radians(10.0)

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from model.observables import STRING, hammer_height_m
-from model.parameters.action import BODIES, Action
+from model.observables import hammer_height_m
+from model.parameters.action import BACK_CHECK, BODIES, LEVER_KNUCKLE, STRING, Action
 from model.simulation.solution import Solution
 from model.touch.hammer_speed import approach_speed, touches
 
@@ -25,7 +25,6 @@ AFTER_STRIKE_S = 0.02
 HOLD_WINDOW_S = 0.1
 HELD_WITHIN_M = 1e-3
 LEVEL = 0.95
-BACK_CHECK, LEVER = "contact04", "contact10"
 HAMMER = BODIES.index("hammer")
 
 
@@ -77,7 +76,7 @@ def measure_blow(action: Action, solution: Solution, force_n: Array) -> BlowMeas
         hold, moved = 0.5 * (low + high), high - low
         checked = _column(solution, normal, BACK_CHECK)[window]
         held = bool(moved <= HELD_WITHIN_M and np.mean(checked > 0.0) > 0.5)
-        lever = _column(solution, normal, LEVER)[(time >= after) & (time <= release)] > 0.0
+        lever = _column(solution, normal, LEVER_KNUCKLE)[(time >= after) & (time <= release)] > 0.0
         bounces = int(np.count_nonzero(lever[1:] & ~lever[:-1]))
     return BlowMeasures(strike, speed, len(met), release, held, hold, moved, bounces)
 

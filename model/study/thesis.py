@@ -17,13 +17,10 @@ from numpy.typing import ArrayLike, NDArray
 from model.errors import InputError
 from model.files.force_library import force_table
 from model.force_driven import simulate
-from model.observables import STRING
-from model.parameters.action import Action
+from model.parameters.action import KEY_FRONT, STRING, Action
 from model.study.variants import AS_GIVEN, Study, Variant, compare
 
 Array = NDArray[np.float64]
-
-KEY_FRONT = "contact02"
 
 INCREASED = Variant("damping x 4.5", factors={"damping": 4.5})
 DECREASED = Variant("damping / 10", factors={"damping": 0.1})

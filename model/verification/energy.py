@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from model.parameters.action import BODIES, Action
-from model.parameters.effects import KEY_LIFT, ON_THE_HEAD, RAIL, SHANK, bending, parts_of_hammer, sink_m
+from model.parameters.effects import KEY_LIFT, RAIL, SHANK
+from model.scene.effect_terms import ON_THE_HEAD, bending, parts_of_hammer, sink_m
 
 Array = NDArray[np.float64]
 _CONTACTS = tuple(f"contact{i:02d}" for i in range(1, 14))

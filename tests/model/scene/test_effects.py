@@ -12,7 +12,7 @@ import model
 from model.inside import Observer
 from model.kernels import workspace as W
 from model.kernels.codegen.load import kernels_of
-from model.parameters.effects import bending, parts_of_hammer, sink_m
+from model.scene.effect_terms import bending, parts_of_hammer, sink_m
 from model.verification.energy_audit import audit
 from tests.model.conftest import read_table
 
