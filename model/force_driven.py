@@ -7,7 +7,6 @@ Bad tables are refused with the row and what is allowed.
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,16 +14,15 @@ from numpy.typing import ArrayLike, NDArray
 from model.errors import InputError
 from model.files.csv_columns import read_columns
 from model.files.time_table import check_rows, two_columns
+from model.inside.observe_motion import observe
 from model.integrators import DEFAULT_METHOD
 from model.parameters.action import Action
 from model.scene.build import Scene, build_scene
 from model.scene.selection import SceneChoice, load_scene
+from model.simulation.loads_and_losses import Inside
 from model.simulation.run import Simulation, State
 from model.simulation.solution import EnergyAudit, Solution
 from model.simulation.statics import RestState, solve_rest
-
-if TYPE_CHECKING:
-    from model.inside import Inside
 
 LARGEST_FORCE_N = 1000.0
 
@@ -176,7 +174,6 @@ def _look_inside(
     outputs: NDArray[np.float64],
 ) -> Inside:
     """Inside view of the run that starts at ``first``; the motion is made again for the times it asks for."""
-    from model.inside import observe
 
     def states(at: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         again = Simulation(scene, first.copy(), tolerance=tolerance, method=method)

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from model.errors import InputError
 from model.files.csv_columns import read_columns
-from model.inside import Observer
+from model.inside.state_observer import Observer
 from model.kernels.tables import output
 from model.parameters.action import BODIES, Action
 from model.scene.build import build_scene
@@ -86,7 +86,7 @@ def mean_normal_speeds(
     observer, idle = Observer(scene), np.zeros(len(t))
 
     def depth(at: Array) -> Array:
-        return observer.look(at, v, idle).seen[:, :, output.SEEN_DEPTH]
+        return observer.evaluate(at, v, idle).contact[:, :, output.SEEN_DEPTH]
 
     pressed = depth(q) > 0.0
     rate = np.abs(depth(q + _NUDGE_S * v) - depth(q - _NUDGE_S * v)) / (2.0 * _NUDGE_S)

@@ -2,10 +2,10 @@ from . import animation as animation
 from . import figure as figure
 from .animation import write_animation as write_animation
 from .figure import draw_sheet as draw_sheet
-from .look import Observer as Observer
-from .observe import Inside as Inside
-from .observe import observe as observe
-from .rail import Lift as Lift
-from .rail import Tension as Tension
-from .rail import lifts as lifts
-from .rail import tensions as tensions
+from .observe_motion import Inside as Inside
+from .observe_motion import Lift as Lift
+from .observe_motion import Tension as Tension
+from .observe_motion import lifts as lifts
+from .observe_motion import observe as observe
+from .observe_motion import tensions as tensions
+from .state_observer import Observer as Observer

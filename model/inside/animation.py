@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 from model.errors import InputError
 from model.files.atomic_write import whole_file
 from model.inside.figure import close_up, contact_words, input_words
-from model.inside.observe import Inside
-from model.inside.page import page
+from model.inside.html_player import page
 from model.inside.side_view import GROUND, SideView, side_view
 from model.parameters.action import Action
 from model.parameters.effects import RAIL
+from model.simulation.loads_and_losses import Inside
 from model.simulation.solution import Solution
 
 Array = NDArray[np.float64]

@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 
 from model.errors import InputError
 from model.files.figure_sheet import check_ending, new_sheet, save_sheet
-from model.inside.observe import Inside
 from model.kernels import layout as L
 from model.observables import hammer_height_m, key_dip_m
 from model.parameters.action import BODIES, STRING, Action
 from model.parameters.effects import RAIL
+from model.simulation.loads_and_losses import Inside
 from model.simulation.solution import Solution
 
 if TYPE_CHECKING:

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from model.inside.observe import Inside
 from model.kernels import layout as L
 from model.scene.build import Scene
+from model.simulation.loads_and_losses import Inside
 
 Array = NDArray[np.float64]
 

@@ -26,7 +26,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from model.errors import InputError
 from model.force_driven import LARGEST_FORCE_N, check_output_times
-from model.inside import Tension, tensions
 from model.integrators import DEFAULT_METHOD
 from model.kernels.tables.prescribed_load import load_along
 from model.motion_driven.spline_fit import KeyFit, fit_key_motion
@@ -35,6 +34,7 @@ from model.parameters.effects import SHANK
 from model.scene.build import build_scene, check_prescribed_key
 from model.scene.key_motion import KeyMotion
 from model.scene.selection import SceneChoice, load_scene
+from model.simulation.rail_reaction import Tension, tensions
 from model.simulation.run import Simulation, State
 from model.simulation.statics import solve_rest
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import cmath
 from typing import NamedTuple
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from model.parameters.action import BODIES, Action
@@ -29,7 +30,7 @@ def _vector(action: Action, path: str) -> complex:
 def contact_gap(action: Action, contact: str, angle_rad: ArrayLike) -> Gap:
     """Gap of a contact at the angles (5,) rad."""
     frames = {"ground": (0j, 0.0)}  # pivot and angle of each body from ground
-    for body, angle in zip(BODIES, angle_rad, strict=True):  # type: ignore[arg-type, call-overload]
+    for body, angle in zip(BODIES, np.asarray(angle_rad, dtype=float), strict=True):
         pivot, turned = frames[action.structure[f"{body}.parent"]]
         frames[body] = pivot + cmath.rect(1.0, turned) * _vector(action, f"{body}.pivot"), turned + float(angle)
 

@@ -9,11 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.parameters.effects import column
+from model.simulation.loads_and_losses import Inside
 
 if TYPE_CHECKING:
     import pandas as pd
-
-    from model.inside import Inside
 
 
 @dataclass(frozen=True)

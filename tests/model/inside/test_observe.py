@@ -56,23 +56,23 @@ def test_motion_and_joint_forces_of_single_states(action: model.Action, effects:
         f, mass = twin.forces_and_mass(q, v, force)
         a = np.linalg.solve(mass, f)
         step = min(1e-4 / np.sqrt(np.abs(a).max()), 1e-4 / np.abs(v).max())  # little bent, well above rounding
-        look = observer.look(q[None], v[None], np.array([force]))
+        state = observer.evaluate(q[None], v[None], np.array([force]))
         late, early = (q + s * v + 0.5 * s * s * a for s in (step, -step))
-        found = look.joints()[0]
+        found = state.joint_forces()[0]
         differences = {}
         for body in twin.bodies:
             i = scene.bodies.index(body)
             after, at, before = (center(twin, angles, body) for angles in (late, q, early))
             speed, differences[body] = (after - before) / (2 * step), (after - 2 * at + before) / step**2
-            np.testing.assert_allclose(look.velocity[0, i], speed, rtol=1e-5, atol=1e-6)
+            np.testing.assert_allclose(state.velocity[0, i], speed, rtol=1e-5, atol=1e-6)
             size = 1e-5 * np.abs(differences[body]).max() + 1e-7 * np.abs(a).max()
-            np.testing.assert_allclose(look.acceleration[0, i], differences[body], rtol=0, atol=size)
+            np.testing.assert_allclose(state.acceleration[0, i], differences[body], rtol=0, atol=size)
         wanted = newton(twin, q, v, force, differences)
         size = max(float(np.abs(f).max()) for f in wanted.values())
         for body in twin.bodies:
             np.testing.assert_allclose(found[scene.bodies.index(body)], wanted[body], rtol=0, atol=1e-4 * size)
         turning = a[:5] + np.array([0.0, 0.0, a[1], a[1], 0.0])
-        np.testing.assert_allclose(look.turning[0, :5], turning, rtol=1e-9, atol=1e-9 * np.abs(a).max())
+        np.testing.assert_allclose(state.turning[0, :5], turning, rtol=1e-9, atol=1e-9 * np.abs(a).max())
 
 
 def test_sliding_speed_is_that_of_the_material_points(action: model.Action, twin: Twin) -> None:
@@ -81,16 +81,16 @@ def test_sliding_speed_is_that_of_the_material_points(action: model.Action, twin
     observer = Observer(scene)
     step, seen = 1e-7, set()
     for q, v, _ in random_states(60, 22):
-        look = observer.look(q[None], v[None], np.zeros(1)).seen[0]
+        state = observer.evaluate(q[None], v[None], np.zeros(1)).contact[0]
         for c, name in enumerate(scene.contacts):
             twin._place(q, v)
             depth, n, middle, first, second = twin.gap(name)
-            assert look[c, 2] == pytest.approx(depth, abs=1e-15)
+            assert state[c, 2] == pytest.approx(depth, abs=1e-15)
             if depth <= 0.0:
-                assert look[c, 3] == 0.0 and look[c, 0] == 0.0
+                assert state[c, 3] == 0.0 and state[c, 0] == 0.0
                 continue
             point = middle - (action[f"{name}.first.radius"] - depth / 2) * n
-            np.testing.assert_allclose(look[c, 8:10], point, atol=1e-14)
+            np.testing.assert_allclose(state[c, 8:10], point, atol=1e-14)
             local = {}
             for body in (first, second):
                 turn, away = twin.angle[body], point - twin.pivot[body]
@@ -105,7 +105,7 @@ def test_sliding_speed_is_that_of_the_material_points(action: model.Action, twin
                     at.append(twin.pivot[body] + spin @ local[body])
                 apart.append(at[0] - at[1])
             speed = (apart[0] - apart[1]) @ np.array([-n[1], n[0]]) / (2 * step)
-            assert look[c, 3] == pytest.approx(speed, rel=1e-6, abs=1e-8)
+            assert state[c, 3] == pytest.approx(speed, rel=1e-6, abs=1e-8)
             seen.add(name)
     assert len(seen) >= 10, sorted(seen)
 
@@ -198,22 +198,22 @@ def test_a_pendulum_let_go_level(action: model.Action) -> None:
     x, y = free["hammer.center_of_mass.x"], free["hammer.center_of_mass.y"]
     q = np.zeros((1, 5))
     q[0, 4] = np.pi - np.arctan2(y, x)
-    look = Observer(model.build_scene(free)).look(q, np.zeros((1, 5)), np.zeros(1))
+    state = Observer(model.build_scene(free)).evaluate(q, np.zeros((1, 5)), np.zeros(1))
     lever2 = m * (x * x + y * y)
-    np.testing.assert_allclose(look.joints()[0, 4], [0.0, m * g * inertia / (inertia + lever2)], atol=1e-15)
-    assert look.acceleration[0, 4, 1] == pytest.approx(-g * lever2 / (inertia + lever2))
+    np.testing.assert_allclose(state.joint_forces()[0, 4], [0.0, m * g * inertia / (inertia + lever2)], atol=1e-15)
+    assert state.acceleration[0, 4, 1] == pytest.approx(-g * lever2 / (inertia + lever2))
 
 
 def test_a_still_action_bears_its_weight(action: model.Action) -> None:
     rest = model.rest_state(action)
-    look = Observer(model.build_scene(action)).look(rest.angle_rad[None], np.zeros((1, 5)), np.zeros(1))
-    joints = look.joints()[0]
+    state = Observer(model.build_scene(action)).evaluate(rest.angle_rad[None], np.zeros((1, 5)), np.zeros(1))
+    joints = state.joint_forces()[0]
     weight = sum(action[f"{b}.mass"] for b in model.BODIES) * action["gravity.g"]
     ground = {name: f for name, f in zip(rest.contacts, rest.contact_normal_n, strict=True)}
     carried = joints[[0, 1, 4], 1].sum()
     up = ground["contact03"] * 0.999 / np.hypot(0.041, 0.999)  # key back, nearly upright; turned by the key's angle
     assert carried == pytest.approx(weight - up - ground["contact13"], abs=2e-2)
-    assert np.abs(look.acceleration).max() < 1e-9
+    assert np.abs(state.acceleration).max() < 1e-9
 
 
 def test_the_motors_tip(action: model.Action) -> None:
@@ -221,15 +221,17 @@ def test_the_motors_tip(action: model.Action) -> None:
     scene = model.build_scene(action, model.SceneChoice(effects=("motor_arm",)))
     rest = model.rest_state(action, 0.03, scene)
     q = rest.angle_rad
-    look = Observer(scene).look(q[None], np.zeros((1, scene.size)), np.array([0.03]))
+    state = Observer(scene).evaluate(q[None], np.zeros((1, scene.size)), np.array([0.03]))
     motor = scene.bodies.index("motor")
     length, spring = action["motor_arm.length"], action["motor_arm.spring_stiffness"]
     torque = 0.03 + action["motor_arm.preload_n"] * length - spring * q[motor]
     press = torque / (length * np.cos(q[motor]))
-    assert look.tips[0, 0, 0] == pytest.approx(press, rel=1e-9)
-    np.testing.assert_allclose(look.joints()[0, motor], [0.0, -press], atol=1e-9)
-    pushed = Observer(model.build_scene(action)).look(q[None, :motor], np.zeros((1, 5)), np.array([press]))
-    np.testing.assert_allclose(look.joints()[0, :5], pushed.joints()[0], atol=1e-8)  # as a force of that size
+    assert state.tip[0, 0, 0] == pytest.approx(press, rel=1e-9)
+    np.testing.assert_allclose(state.joint_forces()[0, motor], [0.0, -press], atol=1e-9)
+    pushed = Observer(model.build_scene(action)).evaluate(q[None, :motor], np.zeros((1, 5)), np.array([press]))
+    np.testing.assert_allclose(
+        state.joint_forces()[0, :5], pushed.joint_forces()[0], atol=1e-8
+    )  # as a force of that size
     solution = model.simulate(
         action, [0.0, 0.03, 0.15], [0.0, 0.8, 0.8], energy=True, inside=True, scene="motor-arm", tolerance=1e-7
     )

@@ -1,32 +1,23 @@
-"""What happens at each contact, joint and body along a motion, as arrays over the output times.
+"""What happens inside the action along a motion: forces, sliding, losses and accelerations over the output times.
 
-A finished run goes in (scene, a way to get its states at any time, force table), an `Inside` comes out. Single states
-are looked at by `look`; what adds up (sliding, dissipation) is integrated on panels that are split until its error is a
-millionth of all losses. World frame: x right, y up. Signs and reasons: docs/decisions/0035-model-inside.md.
+`model.inside.observe` computes an `Inside`; `Solution.inside` carries it. World frame: x right, y up. Signs and
+reasons: docs/decisions/0035-model-inside.md.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from model.inside.look import Look, Observer
-from model.inside.rail import Lift, Tension, lifts, tensions
 from model.kernels import layout as L
-from model.kernels.tables import output as O
 from model.parameters.effects import RAIL
 from model.scene.build import Scene
-from model.verification.adaptive_quadrature import integrate_panels, panel_edges
+from model.simulation.rail_reaction import Lift, Tension, lifts, tensions
 
 Array = NDArray[np.float64]
-States = Callable[[Array], tuple[Array, Array]]
-
-GOAL = 1e-6  # error of what adds up, as a share of all losses
-LONGEST_PANEL_S = 5e-4
-ROUNDS = 5
 
 CONTACT_WORDS = {
     "normal_n": "normal force of the second surface on the first",
@@ -172,82 +163,3 @@ class Inside:
         for body in self.bodies:
             out |= {f"{body}_{key}": f"{body}: {words}" for key, words in BODY_WORDS.items()}
         return out
-
-
-def observe(scene: Scene, states: States, time_s: Array, start: float, input_time_s: Array, value: Array) -> Inside:
-    """Look inside a motion.
-
-    Parameters
-    ----------
-    scene : what took part
-    states : gives angles and speeds, (m, n) each, at increasing times (m,) s from ``start``; called a few times
-    time_s : (m,) times of the rows wanted
-    start : where the run began, s; what adds up counts from here
-    input_time_s, value : (k,) input of the run, linear between its points
-    """
-    observer = Observer(scene)
-    c, n, b = len(scene.contacts), scene.size, len(scene.tables.probe)
-    width = 3 * c + n + b
-    dense_time: list[Array] = []
-    dense_joint: list[Array] = []
-    dense_rail: list[Array] = []
-    rail = scene.contacts.index(RAIL) if RAIL in scene.contacts else None
-
-    def keep(times: Array, look: Look) -> None:
-        dense_time.append(times)
-        dense_joint.append(look.joints())
-        dense_rail.append(np.zeros(len(times)) if rail is None else look.seen[:, rail, O.SEEN_DEPTH])
-
-    work: list[float] = []
-    largest = np.zeros(c)
-
-    def sample(times: Array) -> tuple[Array, Array]:
-        look = observer.look(*states(times), np.interp(times, input_time_s, value))
-        keep(times, look)
-        s = look.seen
-        np.maximum(largest, s[:, :, O.SEEN_NORMAL].max(axis=0), out=largest)
-        lost = np.concatenate([s[:, :, O.SEEN_RUBBED], s[:, :, O.SEEN_FELT], look.braked, look.tips[:, :, 1]], axis=1)
-        if not work:
-            work.append(float(np.trapezoid(np.abs(lost).sum(axis=1), times)))
-        return np.concatenate([lost, np.abs(s[:, :, O.SEEN_SLIDE])], axis=1), np.zeros(len(times))
-
-    end = float(time_s[-1]) if len(time_s) else start
-    totals = np.zeros((len(time_s), width))
-    error = 0.0
-    if end > start:
-        edges = panel_edges(start, end, LONGEST_PANEL_S, np.asarray(time_s), np.asarray(input_time_s))
-        panels = integrate_panels(sample, edges, np.zeros(width), lambda: GOAL * work[0] / len(edges), ROUNDS)
-        sums = np.vstack([np.zeros(width), np.cumsum(panels.integral, axis=0)])
-        totals = sums[np.searchsorted(panels.end_s, time_s, side="right")]
-        error = float(panels.doubt.sum())
-    q, v = states(time_s)
-    look = observer.look(q, v, np.interp(time_s, input_time_s, value))
-    s, joints = look.seen, look.joints()
-    keep(time_s, look)
-    dense, first = np.unique(np.concatenate(dense_time), return_index=True)
-    return Inside(
-        scene=scene,
-        time_s=time_s,
-        normal_n=s[:, :, O.SEEN_NORMAL],
-        friction_n=s[:, :, O.SEEN_FRICTION],
-        penetration_m=s[:, :, O.SEEN_DEPTH],
-        sliding_m_per_s=s[:, :, O.SEEN_SLIDE],
-        slid_m=totals[:, 2 * c + n + b :],
-        rubbed_j=totals[:, :c],
-        felt_j=totals[:, c : 2 * c],
-        point_m=s[:, :, O.SEEN_X : O.SEEN_Y + 1],
-        tip_n=look.tips[:, :, 0],
-        tip_j=totals[:, 2 * c + n : 2 * c + n + b],
-        joint_n=joints,
-        joint_j=totals[:, 2 * c : 2 * c + n],
-        center_m_per_s=look.velocity,
-        center_m_per_s2=look.acceleration,
-        angle_rad_per_s=look.pose[:, :, L.POSE_OMEGA],
-        angle_rad_per_s2=look.turning,
-        pose=look.pose[:, :, [L.POSE_X, L.POSE_Y, L.POSE_PHI]],
-        largest_normal_n=np.maximum(largest, s[:, :, O.SEEN_NORMAL].max(axis=0, initial=0.0)),
-        dense_time_s=dense,
-        dense_joint_n=np.concatenate(dense_joint)[first],
-        dense_rail_m=np.concatenate(dense_rail)[first],
-        error_j=error,
-    )

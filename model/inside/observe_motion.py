@@ -1,0 +1,117 @@
+"""Forces, sliding, losses and accelerations at each contact, joint and body along a motion, over the output times.
+
+A finished run goes in (scene, a way to get its states at any time, input table), an `Inside` comes out. Single states
+are evaluated by `Observer`; what accumulates (sliding, dissipation) is integrated on panels that are split until the
+error is a millionth of all losses. World frame: x right, y up. Signs and reasons: docs/decisions/0035-model-inside.md.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.inside.state_observer import ObservedStates, Observer
+from model.kernels import layout as L
+from model.kernels.tables import output as O
+from model.parameters.effects import RAIL
+from model.scene.build import Scene
+from model.simulation.loads_and_losses import Inside
+from model.simulation.rail_reaction import Lift, Tension, lifts, tensions  # noqa: F401  in the face of this room
+from model.verification.adaptive_quadrature import integrate_panels, panel_edges
+
+Array = NDArray[np.float64]
+States = Callable[[Array], tuple[Array, Array]]
+
+GOAL = 1e-6  # error of what accumulates, as a share of all losses
+LONGEST_PANEL_S = 5e-4
+ROUNDS = 5
+
+
+class _Record:
+    """All states that were evaluated: their times, joint forces and rail depth, the largest contact forces."""
+
+    def __init__(self, scene: Scene) -> None:
+        self.time_s: list[Array] = []
+        self.joint_n: list[Array] = []
+        self.rail_m: list[Array] = []
+        self.largest_n = np.zeros(len(scene.contacts))
+        self.rail = scene.contacts.index(RAIL) if RAIL in scene.contacts else None
+
+    def add(self, times: Array, states: ObservedStates) -> None:
+        contact = states.contact
+        self.time_s.append(times)
+        self.joint_n.append(states.joint_forces())
+        self.rail_m.append(np.zeros(len(times)) if self.rail is None else contact[:, self.rail, O.SEEN_DEPTH])
+        self.largest_n = np.maximum(self.largest_n, contact[:, :, O.SEEN_NORMAL].max(axis=0, initial=0.0))
+
+
+def observe(scene: Scene, states: States, time_s: Array, start: float, input_time_s: Array, value: Array) -> Inside:
+    """Forces, sliding, losses and accelerations along a motion.
+
+    Parameters
+    ----------
+    scene : what took part
+    states : gives angles and speeds, (m, n) each, at increasing times (m,) s from ``start``; called a few times
+    time_s : (m,) times of the rows to return
+    start : where the run began, s; sums count from here
+    input_time_s, value : (k,) input of the run, linear between its points
+    """
+    observer, record = Observer(scene), _Record(scene)
+    c, n, b = len(scene.contacts), scene.size, len(scene.tables.probe)
+    width = 3 * c + n + b
+
+    def evaluate(times: Array) -> ObservedStates:
+        found = observer.evaluate(*states(times), np.interp(times, input_time_s, value))
+        record.add(times, found)
+        return found
+
+    work: list[float] = []  # all losses, from the first round of panels
+
+    def rates(times: Array) -> tuple[Array, Array]:
+        at = evaluate(times)
+        lost = [at.contact[:, :, O.SEEN_RUBBED], at.contact[:, :, O.SEEN_FELT], at.joint_loss_w, at.tip[:, :, 1]]
+        power = np.concatenate(lost, axis=1)
+        if not work:
+            work.append(float(np.trapezoid(np.abs(power).sum(axis=1), times)))
+        return np.concatenate([power, np.abs(at.contact[:, :, O.SEEN_SLIDE])], axis=1), np.zeros(len(times))
+
+    end = float(time_s[-1]) if len(time_s) else start
+    totals = np.zeros((len(time_s), width))
+    error = 0.0
+    if end > start:
+        edges = panel_edges(start, end, LONGEST_PANEL_S, np.asarray(time_s), np.asarray(input_time_s))
+        panels = integrate_panels(rates, edges, np.zeros(width), lambda: GOAL * work[0] / len(edges), ROUNDS)
+        sums = np.vstack([np.zeros(width), np.cumsum(panels.integral, axis=0)])
+        totals = sums[np.searchsorted(panels.end_s, time_s, side="right")]
+        error = float(panels.doubt.sum())
+    at = evaluate(time_s)
+    rubbed, felt, joint, tip, slid = np.split(totals, np.cumsum([c, c, n, b]), axis=1)
+    dense, first = np.unique(np.concatenate(record.time_s), return_index=True)
+    return Inside(
+        scene=scene,
+        time_s=time_s,
+        normal_n=at.contact[:, :, O.SEEN_NORMAL],
+        friction_n=at.contact[:, :, O.SEEN_FRICTION],
+        penetration_m=at.contact[:, :, O.SEEN_DEPTH],
+        sliding_m_per_s=at.contact[:, :, O.SEEN_SLIDE],
+        slid_m=slid,
+        rubbed_j=rubbed,
+        felt_j=felt,
+        point_m=at.contact[:, :, O.SEEN_X : O.SEEN_Y + 1],
+        tip_n=at.tip[:, :, 0],
+        tip_j=tip,
+        joint_n=record.joint_n[-1],
+        joint_j=joint,
+        center_m_per_s=at.velocity,
+        center_m_per_s2=at.acceleration,
+        angle_rad_per_s=at.pose[:, :, L.POSE_OMEGA],
+        angle_rad_per_s2=at.turning,
+        pose=at.pose[:, :, [L.POSE_X, L.POSE_Y, L.POSE_PHI]],
+        largest_normal_n=record.largest_n,
+        dense_time_s=dense,
+        dense_joint_n=np.concatenate(record.joint_n)[first],
+        dense_rail_m=np.concatenate(record.rail_m)[first],
+        error_j=error,
+    )
