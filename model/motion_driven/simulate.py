@@ -26,7 +26,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from model.errors import InputError
 from model.force_driven import LARGEST_FORCE_N, check_output_times
-from model.integrators import DEFAULT_METHOD
+from model.integrators.methods import DEFAULT_METHOD
 from model.kernels.tables.prescribed_load import load_along
 from model.motion_driven.spline_fit import KeyFit, fit_key_motion
 from model.parameters.action import BODIES, Action

@@ -17,7 +17,7 @@ from model.observables import hammer_height_m
 from model.parameters.action import Action
 from model.simulation.solution import Solution
 from model.stick_slip.march import Marched, simulate
-from model.study import BlowMeasures, measure_blow
+from model.study.blow_measures import BlowMeasures, measure_blow
 
 THRESHOLDS = (1e-2, 1e-3, 1e-4, 1e-5)
 TOLERANCE = 1e-7

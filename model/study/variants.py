@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from model.batch import simulate_many
+from model.batch.run import simulate_many
 from model.errors import InputError, ModelError
 from model.force_driven import check_force_table, output_times
 from model.parameters.action import BODIES, Action

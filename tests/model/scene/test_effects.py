@@ -96,9 +96,9 @@ def test_the_rail_carries_what_the_rigid_joint_would(action: model.Action) -> No
     for force in (0.0, 2.0, 9.0):
         rest = model.rest_state(stiff, force, model.build_scene(stiff, BOTH))
         rigid = model.rest_state(action, force)
-        look = Observer(model.build_scene(action)).evaluate(rigid.angle_rad[None], np.zeros((1, 5)), np.array([force]))
+        state = Observer(model.build_scene(action)).evaluate(rigid.angle_rad[None], np.zeros((1, 5)), np.array([force]))
         rail = rest.contact_normal_n[rest.contacts.index("balance_rail")]
-        assert rail == pytest.approx(look.joint_forces()[0, 0, 1], rel=1e-3)
+        assert rail == pytest.approx(state.joint_forces()[0, 0, 1], rel=1e-3)
         assert rest.angle_rad[LIFT] == pytest.approx(sink_m(stiff) - rail / 1e8, rel=1e-6)
     printed = model.rest_state(action, 0.0, model.build_scene(action, BOTH))
     assert abs(printed.angle_rad[LIFT]) < 1e-7  # `load_at_rest` is what the rail carries then
