@@ -1,4 +1,4 @@
-from .march import restitution as restitution
-from .path import Reduced as Reduced
-from .path import reduce_action as reduce_action
+from .reduction import Reduced as Reduced
+from .reduction import reduce_action as reduce_action
 from .run import simulate as simulate
+from .time_stepping import restitution as restitution

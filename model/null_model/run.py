@@ -1,17 +1,18 @@
 """A blow on the null model: the key's one equation, and a hammer that rides, flies, rebounds, is caught and comes back.
 
 The hammer *rides* on the jack until let-off, or until it would have to be pulled. It then *flies* under gravity alone.
-At the string its speed turns round at once, by the restitution that the string contact's own law gives. While the jack
+At the string its speed reverses at once, by the restitution that the string contact's own law gives. While the jack
 is out it is *caught*, for good and without a bounce, where the back check first touches it; the action then carries
 its weight. It rides again, sharing its angular momentum, when the jack is under it: at let-off or above, where the
 joined path meets it. The repetition lever does not act on a hammer in flight, and a hammer in flight weighs nothing.
 
-Stepped by `march`. In: force table as for ``simulate``; out: the same `Solution`.
+Integrated by `time_stepping`. In: force table as for ``simulate``; out: the same `Solution`.
 """
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass, field
 from functools import lru_cache
 
 import numpy as np
@@ -19,8 +20,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from model.errors import InputError
 from model.force_driven import check_force_table, check_output_times
-from model.null_model.march import Numbers, march
-from model.null_model.path import HAMMER, KEY, Path, Reduced, reduce_action
+from model.null_model.reduction import HAMMER, KEY, Path, Reduced, reduce_action
+from model.null_model.time_stepping import Constants, integrate
 from model.parameters.action import BODIES, STRING, Action
 from model.simulation.solution import Solution
 from model.simulation.statics import RestState
@@ -30,22 +31,17 @@ Array = NDArray[np.float64]
 STEP = 5e-5  # s; a sixtieth of the fastest swing of a key on its felt under 60 N
 
 
+@dataclass(frozen=True)
+class _ByContent:
+    """Key of a cache: an action, compared and hashed by its content."""
+
+    content: str
+    action: Action = field(compare=False)
+
+
 @lru_cache(maxsize=8)
-def _reduced(content: str, kept: _Kept) -> Reduced:
-    return reduce_action(kept.action)
-
-
-class _Kept:
-    """An action that is told apart by its content only."""
-
-    def __init__(self, action: Action) -> None:
-        self.action = action
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Kept)
-
-    def __hash__(self) -> int:
-        return 0
+def _reduced(key: _ByContent) -> Reduced:
+    return reduce_action(key.action)
 
 
 def simulate(
@@ -63,7 +59,7 @@ def simulate(
     ----------
     action : parameter set
     time_s, force_n : (k,) force table, linear between its points, N, positive downwards
-    tolerance : taken for the call's sake; the step is fixed and its error far below the model's
+    tolerance : accepted so that calls match ``model.simulate``; the step is fixed, its error far below the model's
     output_time_s : (m,) increasing, within the table; by default the table's own times
     initial : rest state whose key angle the run starts from; by default at rest without force
 
@@ -74,15 +70,15 @@ def simulate(
     Raises
     ------
     InputError : table or times cannot be used
-    StaticsError : the action does not balance along the key's way
+    StaticsError : the action does not balance somewhere along the key's travel
 
     Notes
     -----
-    Equation and assumptions: `model.null_model.path` and this module. Tables are kept for the last eight actions.
+    Equation and assumptions: `model.null_model.reduction` and this module. Tables of the last eight actions are cached.
     """
     times, forces = check_force_table(time_s, force_n)
     outputs = check_output_times(output_time_s, times)
-    reduced = _reduced(action.content(), _Kept(action))
+    reduced = _reduced(_ByContent(action.content(), action))
     sense = 1.0 if reduced.joined.ratio[0, KEY] > 0.0 else -1.0
     start = 0.0
     if initial is not None:
@@ -96,7 +92,7 @@ def simulate(
     rows = np.empty((count + 1, 5))
     step = float(grid[2] - grid[0])
     joined, away = _table(reduced.joined), _table(reduced.away)
-    march(joined, away, reduced.check_rad, _numbers(action, reduced), start, step, table, rows)
+    integrate(joined, away, reduced.check_rad, _constants(action, reduced), start, step, table, rows)
     angle, speed = _angles(reduced, grid[::2], rows, outputs)
     return Solution(
         bodies=BODIES,
@@ -109,13 +105,13 @@ def simulate(
 
 
 def _table(path: Path) -> Array:
-    """Columns of a path that a march reads."""
+    """Columns of a path that `integrate` reads."""
     columns = path.mass, path.pull, path.lever, path.dry, path.damp, path.angle_rad[:, HAMMER], path.ratio[:, HAMMER]
     return np.ascontiguousarray(np.column_stack(columns))
 
 
-def _numbers(action: Action, reduced: Reduced) -> Numbers:
-    return Numbers(
+def _constants(action: Action, reduced: Reduced) -> Constants:
+    return Constants(
         start=float(reduced.sigma[0]),
         per_rad=1.0 / float(reduced.sigma[1] - reduced.sigma[0]),
         omega_t=action["friction_threshold.omega_t"],

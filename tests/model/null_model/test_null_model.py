@@ -10,7 +10,7 @@ import pytest
 import model
 from model import null_model
 from model.null_model import run as null_run
-from model.null_model.path import HAMMER, KEY
+from model.null_model.reduction import HAMMER, KEY
 from model.parameters.action import CONTACTS
 from model.verification.energy import energy_terms
 from model.verification.reference_equations import Twin

@@ -1,9 +1,9 @@
-"""The march of the null model, compiled: key and hammer step by step, the hammer riding, flying or caught.
+"""Time stepping of the null model, compiled: key and hammer, the hammer riding, flying or caught.
 
-Tables of the two paths (`path`) and the force at half steps in; rows of (s, w, phi, omega, riding) out: the key's turn
-and speed, the hammer's turn above its rest towards the string and its speed, 1 where it rides. SI, rad. Rules of the
-hammer: `run`. Classical Runge-Kutta at a fixed step; an event counts from the end of its step. All that is compiled
-stands in this one file, which numba's disk cache watches as a whole.
+Tables of the two paths (`reduction`) and the force at half steps in; rows of (s, w, phi, omega, riding) out: the key's
+turn and speed, the hammer's turn above its rest towards the string and its speed, 1 where it rides. SI, rad. Rules of
+the hammer: `run`. Classical Runge-Kutta at a fixed step; an event takes effect at the end of its step. All compiled
+code is in this one file, which numba's disk cache watches as a whole.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ RIDING, FLYING, CAUGHT = 0, 1, 2
 MASS, PULL, LEVER, DRY, DAMP, ANGLE, RATIO = range(7)  # columns of a path's table; the last two are the hammer's
 
 
-class Numbers(NamedTuple):
-    """What a march must know beside its tables.
+class Constants(NamedTuple):
+    """Numbers of an action that time stepping needs beside the tables.
 
     Attributes
     ----------
@@ -75,7 +75,7 @@ def restitution(speed_m_per_s: float, damping: float) -> float:
 
 
 @inlined
-def _acceleration(table: Array, n: Numbers, s: float, w: float, force: float, load: float) -> float:
+def _acceleration(table: Array, n: Constants, s: float, w: float, force: float, load: float) -> float:
     """s'' (rad/s^2) on one path under ``force`` (N) on the key and ``load`` (N m) on the coordinate."""
     x = (s - n.start) * n.per_rad
     i = min(max(int(x), 0), len(table) - 2)
@@ -90,7 +90,7 @@ def _acceleration(table: Array, n: Numbers, s: float, w: float, force: float, lo
 
 
 @inlined
-def _at(table: Array, n: Numbers, s: float, column: int) -> float:
+def _interpolate(table: Array, n: Constants, s: float, column: int) -> float:
     """One column of a path's table at ``s``, held beyond its ends."""
     x = (s - n.start) * n.per_rad
     i = min(max(int(x), 0), len(table) - 2)
@@ -100,7 +100,7 @@ def _at(table: Array, n: Numbers, s: float, column: int) -> float:
 
 @inlined
 def _step(
-    table: Array, n: Numbers, s: float, w: float, h: float, force: Array, k: int, load: float
+    table: Array, n: Constants, s: float, w: float, h: float, force: Array, k: int, load: float
 ) -> tuple[float, float]:
     """One step of the classical Runge-Kutta method; forces of rows k, k + 1, k + 2 at its start, middle and end."""
     a1 = _acceleration(table, n, s, w, force[k], load)
@@ -114,28 +114,30 @@ def _step(
 
 
 @inlined
-def _gravity(n: Numbers, phi: float) -> float:
+def _gravity(n: Constants, phi: float) -> float:
     """Torque of the hammer's weight towards the string, N m."""
     angle = n.rest + n.up * phi
     return -n.up * n.weight * (math.cos(angle) * n.centre_x - math.sin(angle) * n.centre_y)
 
 
 @kernel
-def march(joined: Array, away: Array, check: Array, n: Numbers, s: float, h: float, force: Array, rows: Array) -> None:
+def integrate(
+    joined: Array, away: Array, check: Array, n: Constants, s: float, h: float, force: Array, rows: Array
+) -> None:
     """Fill ``rows`` (m, 5) from the place ``s`` at rest, the hammer riding.
 
     Parameters
     ----------
     joined, away : (p, 7) tables of the paths
     check : (p,) turn of the hammer at which the back check catches it
-    n : Numbers
-    s : place of the key at the start, rad
+    n : constants of the action
+    s : turn of the key at the start, rad
     h : step, s
     force : (2 m - 1,) N at half steps
     rows : (m, 5), written
     """
     w, mode, jack_out = 0.0, RIDING, False
-    phi, omega = n.up * (_at(joined, n, s, ANGLE) - n.rest), 0.0
+    phi, omega = n.up * (_interpolate(joined, n, s, ANGLE) - n.rest), 0.0
     for k in range(len(rows)):
         rows[k, 0], rows[k, 1], rows[k, 2], rows[k, 3], rows[k, 4] = s, w, phi, omega, 1.0 if mode == RIDING else 0.0
         if k + 1 == len(rows):
@@ -143,8 +145,8 @@ def march(joined: Array, away: Array, check: Array, n: Numbers, s: float, h: flo
         if mode == RIDING:
             before = omega
             s, w = _step(joined, n, s, w, h, force, 2 * k, 0.0)
-            phi = n.up * (_at(joined, n, s, ANGLE) - n.rest)
-            omega = n.up * _at(joined, n, s, RATIO) * w
+            phi = n.up * (_interpolate(joined, n, s, ANGLE) - n.rest)
+            omega = n.up * _interpolate(joined, n, s, RATIO) * w
             pushed = n.inertia * (omega - before) / h - _gravity(n, phi)
             if s >= n.let_off:
                 mode, jack_out = FLYING, True
@@ -153,7 +155,7 @@ def march(joined: Array, away: Array, check: Array, n: Numbers, s: float, h: flo
         else:
             load = 0.0
             if mode == CAUGHT:
-                load = _gravity(n, phi) * n.up * _at(joined, n, s, RATIO)
+                load = _gravity(n, phi) * n.up * _interpolate(joined, n, s, RATIO)
             s, w = _step(away, n, s, w, h, force, 2 * k, load)
             if mode == FLYING:
                 turn = _gravity(n, phi + 0.5 * h * omega) / n.inertia
@@ -165,13 +167,13 @@ def march(joined: Array, away: Array, check: Array, n: Numbers, s: float, h: flo
                     phi, omega, mode = caught, 0.0, CAUGHT
             if s >= n.let_off:
                 jack_out = True
-            ratio = n.up * _at(joined, n, s, RATIO)
-            path, along = n.up * (_at(joined, n, s, ANGLE) - n.rest), ratio * w
+            ratio = n.up * _interpolate(joined, n, s, RATIO)
+            path, along = n.up * (_interpolate(joined, n, s, ANGLE) - n.rest), ratio * w
             if jack_out and s < n.let_off and path <= phi:
                 jack_out, mode = False, FLYING  # what was caught falls on
             if not jack_out and phi <= path:  # comes down on the jack: both go on with the angular momentum they have
                 if omega <= along:
-                    alone = _at(away, n, s, MASS)
+                    alone = _interpolate(away, n, s, MASS)
                     w = (alone * w + n.inertia * ratio * omega) / (alone + n.inertia * ratio**2)
                     mode, omega = RIDING, ratio * w
                 phi = path
