@@ -1,10 +1,9 @@
-"""A slow press of the key by a steady hand: the motion of the key is prescribed, force and everything else follow.
+"""A slow press of the key at a steady speed, as a technician examines an action; force and all motions come out.
 
-The way a technician looks at an action. Built on the equations of motion with all friction, not on statics, so that the
-jack really slides out and the hammer really falls back. The hand is a stiff position servo that turns the key as if it
-had the inertia `HAND_INERTIA`; its force at the key front, per block of time, is what a hand on the real key would
-need for the same motion (momentum balance of the key, exact). Used by ``regulation`` and ``touch``.
-Fails with ``InputError`` where the key cannot reach the dip asked for.
+Built on the equations of motion with all friction, not on statics, so that the jack really slides out and the hammer
+really falls back. A stiff position servo moves a key of inertia `SERVO_INERTIA`; the force reported at the key front,
+per block of time, is what a hand on the real key would need for the same motion (momentum balance of the key, exact).
+Raises ``InputError`` where the key cannot reach a dip.
 """
 
 from __future__ import annotations
@@ -24,24 +23,24 @@ from model.simulation.run import Simulation, State
 
 Array = NDArray[np.float64]
 
-HAND_INERTIA = 1.0  # kg m^2 about the key's pivot, some 300 keys: what the action does hardly disturbs the motion
+SERVO_INERTIA = 1.0  # kg m^2 about the key's pivot, some 300 keys: the action hardly disturbs the motion
 SERVO_RATE = 150.0  # 1/s, double pole of the servo
-BLOCK = 2e-3  # s, over which the hand's force is constant
-SAMPLES = 4  # states kept per block
-EASE = 0.04  # s, in which the key gets up to speed and stops
+BLOCK = 2e-3  # s, over which the force is constant
+SAMPLES = 4  # states recorded per block
+RAMP = 0.04  # s, in which the key accelerates and stops
 KEY = BODIES.index("key")
 
 
 @dataclass(frozen=True)
 class Press:
-    """A slow press: states at (m,) times, force of the hand (m,) N, positive downwards, mean over its block.
+    """A slow press: states at (m,) times, force at the key front (m,) N, positive downwards, mean over its block.
 
     Attributes
     ----------
     time_s, dip_m, hammer_height_m, force_n : (m,)
     angle_rad, speed_rad_per_s : (m, 5)
     contact_normal_n : contact name -> (m,) N
-    leg : (m,) index of the waypoint the key is on its way to
+    leg : (m,) index of the waypoint the key is moving to
     arrived : time at which each waypoint is reached, s
     """
 
@@ -66,18 +65,20 @@ def key_angle_at_dip(action: Action, rest_rad: Array, dip_m: float) -> float:
     return math.asin(height / length) - offset
 
 
-def _course(start: float, stops: Sequence[float], turn_rate: float, hold_s: float) -> tuple[Array, Array, list[float]]:
+def _speed_profile(
+    start: float, stops: Sequence[float], turn_rate: float, hold_s: float
+) -> tuple[Array, Array, list[float]]:
     """Knots of the key's speed (times, speeds) through the stops, resting ``hold_s`` at each; times of arrival."""
     times, speeds, arrived = [0.0], [0.0], []
     here = start
     for stop in stops:
         way = abs(stop - here)
-        rate = min(turn_rate, way / EASE)  # a short way is gone at a lower speed
+        rate = min(turn_rate, way / RAMP)  # lower over a short distance
         sign = math.copysign(1.0, stop - here)
         if rate > 0.0:
             t = times[-1]
-            cruise = way / rate - EASE
-            times += [t + EASE, t + EASE + max(cruise, 1e-9), t + 2.0 * EASE + max(cruise, 1e-9)]
+            cruise = way / rate - RAMP
+            times += [t + RAMP, t + RAMP + max(cruise, 1e-9), t + 2.0 * RAMP + max(cruise, 1e-9)]
             speeds += [sign * rate, sign * rate, 0.0]
         arrived.append(times[-1])
         times.append(times[-1] + hold_s)
@@ -95,7 +96,7 @@ def slow_press(
     hold_s: float = 0.3,
     tolerance: float = 1e-5,
 ) -> Press:
-    """Lead the key front through ``dips_m`` (m below rest), one after the other, at a steady speed.
+    """Move the key front to each of ``dips_m`` (m below rest) in turn, at a steady speed.
 
     Parameters
     ----------
@@ -104,20 +105,20 @@ def slow_press(
     dips_m : where the key stops, e.g. ``[0.010]`` or, to press and let go, ``[0.010, 0.0]``
     speed_m_per_s : of the key front
     hold_s : rest at each stop, s
-    tolerance : largest error of any angle asked for, rad
+    tolerance : requested largest error of any angle, rad
     """
     if not 0.0 < speed_m_per_s <= 1.0:
         raise InputError(f"speed of the press: found {speed_m_per_s:g} m/s, allowed above 0 to 1")
     lever = action["drive.point.x"]
     stops = [key_angle_at_dip(action, rest_rad, dip) for dip in dips_m]
-    knots, speeds, arrived = _course(float(rest_rad[KEY]), stops, speed_m_per_s / abs(lever), hold_s)
+    knots, speeds, arrived = _speed_profile(float(rest_rad[KEY]), stops, speed_m_per_s / abs(lever), hold_s)
     ways = np.concatenate([[0.0], np.cumsum(np.diff(knots) * 0.5 * (speeds[1:] + speeds[:-1]))]) + rest_rad[KEY]
-    hand = action.with_values({"key.inertia": HAND_INERTIA})
-    run = Simulation(build_scene(hand), State(0.0, np.array(rest_rad, float), np.zeros(len(BODIES))), tolerance)
+    servo = action.with_values({"key.inertia": SERVO_INERTIA})
+    run = Simulation(build_scene(servo), State(0.0, np.array(rest_rad, float), np.zeros(len(BODIES))), tolerance)
     count = math.ceil(knots[-1] / BLOCK)
     angle, speed = np.empty((count, SAMPLES, len(BODIES))), np.empty((count, SAMPLES, len(BODIES)))
     force = np.empty(count)
-    extra = HAND_INERTIA - action["key.inertia"]
+    extra = SERVO_INERTIA - action["key.inertia"]
     middle = (np.arange(count) + 0.5) * BLOCK
     wanted_speed = np.interp(middle, knots, speeds)
     index = np.clip(np.searchsorted(knots, middle, side="right") - 1, 0, len(knots) - 2)
@@ -128,7 +129,7 @@ def slow_press(
         ahead = q + 0.5 * BLOCK * v  # where the key would be in the middle of the block
         arm = lever * math.cos(q) - action["drive.point.y"] * math.sin(q)
         turn = wanted_acceleration[i] + SERVO_RATE**2 * (wanted[i] - ahead) + 2.0 * SERVO_RATE * (wanted_speed[i] - v)
-        pull = -HAND_INERTIA * turn / arm
+        pull = -SERVO_INERTIA * turn / arm
         start, end = i * BLOCK, (i + 1) * BLOCK
         outputs = start + BLOCK * np.arange(1, SAMPLES + 1) / SAMPLES
         outputs[-1] = end

@@ -1,11 +1,11 @@
 """From measured key angles to a motion that can be differentiated twice, with its uncertainty.
 
-Measured angles in (encoder counts or noiseless), a quintic spline with a knot at every sample out. What keeps it
-smooth is a prior on its fourth derivative: independent normal numbers with a variance that follows the data, high
-where the key hits something and low where it rests (`_posterior`). Spline and covariance are that prior's posterior,
-so that what smoothing rounds off at a bump is in the stated uncertainty, not only what noise leaves.
+Measured angles in (encoder counts or noiseless), a quintic spline with a knot at every sample out. It is smoothed by a
+prior on its fourth derivative: independent normal values with a variance that follows the data, high where the key hits
+something and low where it rests (`_posterior`). Spline and covariance are that prior's posterior, so that the stated
+uncertainty covers what smoothing rounds off at a bump, not only noise.
 Noise: a count is uncertain by its width; equal counts in a row repeat one rounding error and count as one reading;
-jitter of angle and clock beyond that is estimated from the residuals. Bad columns end in ``InputError``.
+jitter of angle and clock beyond that is estimated from the residuals. Unusable columns raise ``InputError``.
 """
 
 from __future__ import annotations
@@ -15,6 +15,8 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.interpolate import BSpline, PPoly
+from scipy.linalg import cho_solve_banded, cholesky_banded, solve_banded
 
 from model.errors import InputError
 from model.kernels import banded
@@ -28,10 +30,10 @@ Integers = NDArray[np.int64]
 DEGREE, PRIOR = 5, 4  # of the spline; of the derivative that the prior keeps small
 WINDOW_S = 1.0e-3  # half width over which the prior's variance is the same: shorter than a key's bump
 WINDOW_SAMPLES = 5
-ROUNDS, SETTLED, HASTE = 150, 0.01, 1.4  # of the variance's iteration; last change; how far beyond each of its steps
-SLOWEST_RAD_PER_S = 700.0  # motion is followed up to there at least: a window tells nothing of what is slower
-DEEPEST = 1e-15  # smallest variance of the prior over the largest: what double precision can still tell apart
-NOISELESS_RAD = 1e-8  # less noise than this, and the motion between the samples is what is not known
+ITERATIONS, CONVERGED, OVER_RELAXATION = 150, 0.01, 1.4  # of the variance; change at which they end; step factor
+SLOWEST_RAD_PER_S = 700.0  # bandwidth that the fit follows at least: a window holds no information on slower motion
+SMALLEST_RATIO = 1e-15  # smallest variance of the prior over the largest that double precision can resolve
+NOISELESS_RAD = 1e-8  # below this noise the motion between the samples dominates the uncertainty
 
 
 @dataclass(frozen=True)
@@ -59,9 +61,7 @@ class KeyFit:
     inverse: Array
 
     def motion(self, coefficients: Array | None = None) -> KeyMotion:
-        """The motion as kernels take it; of other ``coefficients`` where given."""
-        from scipy.interpolate import BSpline, PPoly
-
+        """The motion as kernels take it, of other ``coefficients`` where given."""
         c = self.coefficients if coefficients is None else coefficients
         pieces = PPoly.from_spline(BSpline(self.knots, c, DEGREE))
         rows = np.ascontiguousarray(pieces.c[:, DEGREE:-DEGREE].T)
@@ -69,9 +69,7 @@ class KeyFit:
         return KeyMotion(pieces.x[DEGREE:-DEGREE].copy(), rows)
 
     def draw(self, random: np.random.Generator, u_zero_rad: float = 0.0) -> KeyMotion:
-        """A motion that could as well have given these samples: one draw of the posterior, and of the common zero."""
-        from scipy.linalg import solve_banded
-
+        """One draw from the posterior of the motion and of the common zero."""
         away = solve_banded((0, DEGREE), self.factor, random.standard_normal(len(self.coefficients)))
         return self.motion(self.coefficients + away + u_zero_rad * random.standard_normal())
 
@@ -102,8 +100,6 @@ def _differences(knots: Array, order: int) -> Array:
 
 def _rows(knots: Array, times: Array, order: int = 0) -> tuple[Array, Integers]:
     """Design of the spline's derivative at ``times``: (k, DEGREE + 1) neighbouring entries and where they begin."""
-    from scipy.interpolate import BSpline
-
     inner = knots[order : len(knots) - order]
     sparse = BSpline.design_matrix(np.clip(times, knots[0], knots[-1]), inner, DEGREE - order).tocsr()
     lower = sparse.data.reshape(len(times), DEGREE - order + 1)
@@ -128,7 +124,7 @@ class _Readings:
 
     @property
     def floor_rad(self) -> float:
-        """Noise that is always assumed: noiseless angles come from a computation that is no better."""
+        """Least noise assumed: noiseless angles come from a computation of at best this accuracy."""
         return 1e-9 * max(1e-3, float(np.ptp(self.y_rad)))
 
 
@@ -141,15 +137,13 @@ class _Fitted(NamedTuple):
     inverse: Array
 
 
-def _posterior(read: _Readings, inner: Array, haste: float) -> _Fitted:
+def _posterior(read: _Readings, inner: Array, relaxation: float) -> _Fitted:
     """Spline with knots at the times ``inner``, its covariance and the noise of the samples.
 
     The prior's variance is what the data show of the fourth derivative, averaged over a window (expectation
-    maximisation, each step taken ``haste`` times), but never so small that the window would hold less than one
-    independent value: the fit would then believe in more smoothness than it can know of.
+    maximisation, each step taken ``relaxation`` times), but never so small that the window would contain less than one
+    independent value: the fit would then assume more smoothness than the data can show.
     """
-    from scipy.linalg import cho_solve_banded, cholesky_banded
-
     times, y, rounding, floor = read.time_s, read.y_rad, read.resolution_rad**2 / 12.0, read.floor_rad
     jitter = max(floor, 1e-6 * float(np.ptp(y)) if read.jitter_rad is None else read.jitter_rad)
     knots = np.concatenate([[inner[0]] * DEGREE, inner, [inner[-1]] * DEGREE])
@@ -166,7 +160,7 @@ def _posterior(read: _Readings, inner: Array, haste: float) -> _Fitted:
     low, high = np.searchsorted(place, place - reach), np.searchsorted(place, place + reach, side="right")
     intensity = np.full(len(prior), 1e12)
     factor = inverse = c = np.empty(0)
-    for _ in range(ROUNDS):
+    for _ in range(ITERATIONS):
         share = repeated_share(read.resolution_rad, jitter) if rounding > 0.0 else 0.0
         readings = 1.0 / (1.0 - share + share * read.runs)  # of the rounding, how many readings each sample is
         noise = jitter**2 + (clock * speed) ** 2
@@ -186,15 +180,15 @@ def _posterior(read: _Readings, inner: Array, haste: float) -> _Fitted:
         expected = banded.times(c, at, prior) ** 2 + banded.variances(inverse, at, prior)
         for _ in range(2):
             expected = banded.window_means(expected, low, high)
-        before, intensity = intensity, intensity * (expected / intensity) ** haste
+        before, intensity = intensity, intensity * (expected / intensity) ** relaxation
         lowest = SLOWEST_RAD_PER_S ** (2 * PRIOR) * step * (rounding + jitter**2)
-        intensity = np.maximum(intensity, max(lowest, DEEPEST * float(intensity.max())))
+        intensity = np.maximum(intensity, max(lowest, SMALLEST_RATIO * float(intensity.max())))
         if read.jitter_rad is None:
             seen = (y - banded.times(c, first, rows)) ** 2 + banded.variances(inverse, first, rows) - rounding
             speed = banded.times(c, first_speed, rows_speed)
             jitter, clock = noise_of(seen, speed, readings / (rounding + noise) ** 2)
             jitter = max(floor, jitter)
-        if np.max(np.abs(intensity - before) / before) < SETTLED:
+        if np.max(np.abs(intensity - before) / before) < CONVERGED:
             break
     return _Fitted(jitter, clock, knots, c, factor, inverse)
 
@@ -221,7 +215,7 @@ def fit_key_motion(
     resolution = resolution_of(angles) if resolution_rad is None else float(resolution_rad)
     runs = runs_of(angles) if resolution > 0.0 else np.ones(len(angles))
     read = _Readings(times, angles - angles[0], runs, resolution, jitter_rad)
-    found = _posterior(read, times, HASTE)
+    found = _posterior(read, times, OVER_RELAXATION)
     if resolution == 0.0 and found.jitter_rad < NOISELESS_RAD:
         # the uncertainty is then what happens between samples: there must be a knot for it
         read = replace(read, jitter_rad=found.jitter_rad, clock_s=found.clock_s)

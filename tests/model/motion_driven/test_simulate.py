@@ -7,7 +7,7 @@ import pytest
 
 import model
 from model.integrators import METHODS
-from model.motion_driven.simulate import drive
+from model.motion_driven.prescribed_key import run_prescribed
 from tests.model.key_blows import PROFILES, blow, counted, key_truth
 
 
@@ -24,8 +24,10 @@ def test_noiseless_round_trip(action: model.Action, name: str) -> None:
 def test_force_has_the_accuracy_of_the_integrator(action: model.Action) -> None:
     time, _, forward = blow("forte")
     motion = model.simulate_motion(action, time, forward.angle_rad[:, 0], members=0).fit.motion()
-    best = drive(action, motion, time, tolerance=1e-10).force_n
-    errors = [np.max(np.abs(drive(action, motion, time, tolerance=tol).force_n - best)) for tol in (1e-5, 1e-6, 1e-8)]
+    best = run_prescribed(action, motion, time, tolerance=1e-10).force_n
+    errors = [
+        np.max(np.abs(run_prescribed(action, motion, time, tolerance=tol).force_n - best)) for tol in (1e-5, 1e-6, 1e-8)
+    ]
     assert errors[0] < 0.1 and errors[1] < 0.02 and errors[2] < 3e-4, errors  # of 26 N; falls with the tolerance
 
 
@@ -33,7 +35,7 @@ def test_force_has_the_accuracy_of_the_integrator(action: model.Action) -> None:
 def test_every_method_gives_the_same_force(action: model.Action, method: str) -> None:
     time, _, forward = blow("forte")
     motion = model.simulate_motion(action, time[:700], forward.angle_rad[:700, 0], members=0).fit.motion()
-    usual, other = drive(action, motion, time[:700]), drive(action, motion, time[:700], method=method)
+    usual, other = run_prescribed(action, motion, time[:700]), run_prescribed(action, motion, time[:700], method=method)
     assert np.max(np.abs(other.force_n - usual.force_n)) < 0.05
     assert np.max(np.abs(other.angle_rad - usual.angle_rad)) < 1e-6
 
@@ -41,8 +43,8 @@ def test_every_method_gives_the_same_force(action: model.Action, method: str) ->
 def test_a_run_that_stops_early_or_is_looked_at_elsewhere_is_the_same(action: model.Action) -> None:
     time, _, forward = blow("forte")
     fit = model.simulate_motion(action, time[:700], forward.angle_rad[:700, 0], members=0).fit
-    every = drive(action, fit.motion(), time[:700])
-    some = drive(action, fit.motion(), time[100:600:7])
+    every = run_prescribed(action, fit.motion(), time[:700])
+    some = run_prescribed(action, fit.motion(), time[100:600:7])
     np.testing.assert_allclose(some.force_n, every.force_n[100:600:7], atol=1e-9)
     assert every.bodies == model.BODIES
 

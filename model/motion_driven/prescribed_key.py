@@ -1,0 +1,86 @@
+"""One run under a prescribed motion of the key: the other bodies are solved for, the force at the key front follows.
+
+    force x lever = -(inertia x acceleration + weight + joint friction + contacts at capstan, back check and key pads)
+
+It is the force on the key where the load cell sits, positive downwards: with the key's inertia and joint friction,
+without the motor and its arm, whose inertia acts on the other side of the load cell. The rail's reaction is that of a
+hinge: where it pulls the key down the real key would leave its rail, and the force is not valid there.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.integrators.methods import DEFAULT_METHOD
+from model.kernels.tables.prescribed_load import load_along
+from model.parameters.action import BODIES, Action
+from model.parameters.effects import SHANK
+from model.scene.build import build_scene
+from model.scene.key_motion import KeyMotion
+from model.scene.selection import SceneChoice
+from model.simulation.run import Simulation, State
+from model.simulation.statics import solve_rest
+
+Array = NDArray[np.float64]
+
+LONGEST_STEP_S = 2e-3  # so that no step jumps over a blow that begins inside it
+
+
+@dataclass(frozen=True)
+class PrescribedRun:
+    """States (m, n) in the order ``bodies``, force (m,) N, rail's reaction on the key (m,) N upwards."""
+
+    bodies: tuple[str, ...]
+    angle_rad: Array
+    speed_rad_per_s: Array
+    force_n: Array
+    rail_n: Array
+    counters: dict[str, int | float]
+
+
+def rest_angle(action: Action, choice: SceneChoice) -> float:
+    """Angle (rad) of the key at rest without a force."""
+    free = build_scene(choice.on(action), choice)
+    return float(solve_rest(free)[free.bodies.index("key")])
+
+
+def run_prescribed(
+    action: Action,
+    motion: KeyMotion,
+    output_time_s: Array,
+    *,
+    tolerance: float = 1e-6,
+    choice: SceneChoice | None = None,
+    method: str = DEFAULT_METHOD,
+) -> PrescribedRun:
+    """Run the action under a prescribed motion of the key, from rest at its first angle.
+
+    Parameters
+    ----------
+    action : parameter set
+    motion : of the key
+    output_time_s : (m,) increasing, within the motion
+    tolerance : requested largest error of any angle, rad
+    choice : what takes part
+    method : integration method by name
+    """
+    if choice is not None:
+        action = choice.on(action)
+    # from zero on: a clock that has run for days has few digits left for a step
+    start = float(motion.break_s[0])
+    motion, times = KeyMotion(motion.break_s - start, motion.coefficient), output_time_s - start
+    scene = build_scene(action, choice=choice, key_motion=motion)
+    state = State(0.0, solve_rest(scene, 0.0), np.zeros(scene.size))
+    run = Simulation(scene, state, tolerance=tolerance, method=method, largest_step_s=LONGEST_STEP_S)
+    span = motion.break_s[[0, -1]]  # the input is the time itself
+    angles, speeds = run.advance(float(times[-1]), span, span, output_time_s=times)
+    key = motion.at(times)
+    angles, speeds = np.column_stack([angles, key[:, 0]]), np.column_stack([speeds, key[:, 1]])
+    force, rail = np.empty(len(key)), np.empty(len(key))
+    load_along(angles, speeds, np.ascontiguousarray(key[:, 2]), scene.vector, scene.tables, force, rail)
+    bodies = tuple(b for b in (*BODIES, SHANK) if b in scene.bodies)
+    order = [scene.bodies.index(b) for b in bodies]
+    return PrescribedRun(bodies, angles[:, order], speeds[:, order], force, rail, run.work())
