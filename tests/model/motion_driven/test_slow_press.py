@@ -47,7 +47,7 @@ def test_friction_opposes_both_ways(pressed: Press) -> None:
 def test_the_result_is_the_actions_not_the_hands(
     action: model.Action, pressed: Press, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(press_module, "HAND_INERTIA", 3.0)
+    monkeypatch.setattr(press_module, "SERVO_INERTIA", 3.0)
     other = slow_press(action, hand_set_rest(action), [4e-3, 0.0], speed_m_per_s=0.01, hold_s=0.2)
     for leg in (0, 1):
         at = [(p.dip_m > 1.5e-3) & (p.dip_m < 3.5e-3) & (p.leg == leg) for p in (pressed, other)]
