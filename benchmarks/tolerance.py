@@ -18,12 +18,13 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))  # measure the checkout that contains this file
 
 import numpy as np  # noqa: E402
+from methods import COMPARISON  # noqa: E402
 from numpy.typing import NDArray  # noqa: E402
 from peers.compiled import CompiledEquations, pack  # noqa: E402
 from peers.forces import BLOWS, force_table  # noqa: E402
 
 import model  # noqa: E402
-from model.integrators import METHODS  # noqa: E402
+from model.integrators.methods import METHODS  # noqa: E402
 
 Array = NDArray[np.float64]
 
@@ -54,6 +55,7 @@ def blow(name: str) -> tuple[Array, Array]:
 
 
 def main(arguments: list[str] | None = None) -> int:
+    METHODS.update(COMPARISON)
     p = argparse.ArgumentParser(description="Requested tolerance against true error.")
     p.add_argument("--method", action="append", choices=list(METHODS), help="only this method (may be repeated)")
     p.add_argument("--blow", action="append", choices=NAMES, help="only this blow (may be repeated)")

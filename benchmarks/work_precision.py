@@ -29,6 +29,7 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))  # measure the checkout that contains this file
 
 import numpy as np  # noqa: E402
+from methods import COMPARISON  # noqa: E402
 from peers import solvers, traced  # noqa: E402
 from peers.compiled import CompiledEquations, pack  # noqa: E402
 from peers.diagram import draw  # noqa: E402
@@ -37,7 +38,7 @@ from peers.forces import BLOWS, force_table  # noqa: E402
 from peers.race import Entry, Row, add_ratios, race, time_at_error  # noqa: E402
 
 import model  # noqa: E402
-from model.integrators import DEFAULT_METHOD, METHODS  # noqa: E402
+from model.integrators.methods import DEFAULT_METHOD, METHODS  # noqa: E402
 
 OUR_TOLERANCES = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9)
 PEERS: dict[str, tuple[Callable[[solvers.Task], solvers.Solver], tuple[float, ...]]] = {
@@ -142,6 +143,7 @@ def parse(arguments: list[str] | None) -> argparse.Namespace:
 
 
 def main(arguments: list[str] | None = None) -> int:
+    METHODS.update(COMPARISON)
     args = parse(arguments)
     blows = args.blow or (["forte"] if args.quick else list(BLOWS))
     names = [] if args.only_ours else list(QUICK_PEERS if args.quick else PEERS)

@@ -15,7 +15,7 @@ from model.errors import InputError
 from model.files.csv_columns import read_columns
 from model.files.time_table import check_rows, two_columns
 from model.inside.observe_motion import observe
-from model.integrators import DEFAULT_METHOD
+from model.integrators.methods import DEFAULT_METHOD
 from model.parameters.action import Action
 from model.scene.build import Scene, build_scene
 from model.scene.selection import SceneChoice, load_scene
@@ -92,7 +92,7 @@ def simulate(
     energy : also say where the work of the force went (`Solution.energy`)
     inside : also look inside: contacts, joints, bodies (`Solution.inside`)
     scene : what takes part and what to give out, by name or file (`model.scene.selection`)
-    method : integration method, see `model.integrators`
+    method : integration method, see `model.integrators.methods`
 
     Raises
     ------

@@ -1,6 +1,6 @@
 """Compile what later tests use while the first ones run: `python -m tests.compile_ahead`, started by `conftest`.
 
-A cold suite spends a third of its time compiling, on one processor. Here the step loops and scenes of later rooms go
+A cold suite spends a third of its time compiling, on one processor. Here the scenes of later rooms go
 into the same kernel cache from a process of its own. Each has one signature, so that two processes that compile the
 same write the same. What is not ready in time is compiled by the test that needs it.
 """
@@ -8,7 +8,6 @@ same write the same. What is not ready in time is compiled by the test that need
 from __future__ import annotations
 
 import os
-from importlib import import_module
 
 import numpy as np
 
@@ -25,8 +24,6 @@ def main() -> None:
     action = model.load_action()
     still = KeyMotion(np.array([0.0, 1.0]), np.zeros((1, 6)))
     kernels_of(build_scene(action, model.SceneChoice(effects=("motor_arm",))).tables)
-    for loop in ("coupled", "diagonal"):  # of the methods esdirk4 and radau5, compiled on import
-        import_module(f"model.integrators.{loop}")
     both = build_scene(action, model.SceneChoice(effects=("balance_rail", "shank"))).tables
     kernels_of(both)
     kernels_of(build_scene(action, key_motion=still).tables)

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 from model.batch.job import Job, Member, make_jobs, run_job
 from model.batch.store import Store
 from model.errors import InputError
-from model.integrators import DEFAULT_METHOD
+from model.integrators.methods import DEFAULT_METHOD
 from model.kernels.codegen.load import energy_of, kernels_of
 from model.parameters.action import Action
 from model.scene.selection import SceneChoice, load_scene

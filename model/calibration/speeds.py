@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from model.errors import InputError
 from model.files.csv_columns import read_columns
 from model.inside.state_observer import Observer
-from model.kernels.tables import output
+from model.kernels.trajectory import contact_forces as output
 from model.parameters.action import BODIES, Action
 from model.scene.build import build_scene
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from model.inside.state_observer import ObservedStates, Observer
 from model.kernels import layout as L
-from model.kernels.tables import output as O
+from model.kernels.trajectory import contact_forces as O
 from model.parameters.effects import RAIL
 from model.scene.build import Scene
 from model.simulation.loads_and_losses import Inside

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.kernels import layout as L
-from model.kernels.tables import output as O
+from model.kernels.trajectory import contact_forces as O
 from model.scene.build import Scene
 
 Array = NDArray[np.float64]
@@ -38,7 +38,7 @@ class ObservedStates:
 
     Attributes
     ----------
-    contact : (m, c, SEEN_SIZE) per contact, columns as in `model.kernels.tables.output`
+    contact : (m, c, SEEN_SIZE) per contact, columns as in `model.kernels.trajectory.contact_forces`
     pose : (m, n, POSE_SIZE) of the bodies
     turning : (m, n) angular acceleration from ground, rad/s^2
     velocity, acceleration : (m, n, 2) of the centres of mass

@@ -1,18 +1,5 @@
-"""Time integration methods, one per file, each a table of coefficients with its order, stability and source.
+"""Time integration of a scene by Rosenbrock methods: one step loop, one table of coefficients a method.
 
-``rosenbrock``, ``diagonal`` and ``coupled`` hold the step loops of the three kinds; the last two load when used.
-``methods`` finds a method by its name.
+In: named tuples of a run (`model.kernels.signatures`); out: the state changed in place, rows of outputs, counters.
+``methods`` finds a method by name, ``rosenbrock`` is the step loop, ``step_control`` how long a step is.
 """
-
-from model.integrators.methods import DEFAULT_METHOD, METHODS, Tableau, get_method
-from model.integrators.tableau import CoupledTableau, DiagonalTableau, RosenbrockTableau
-
-__all__ = [
-    "DEFAULT_METHOD",
-    "METHODS",
-    "CoupledTableau",
-    "DiagonalTableau",
-    "RosenbrockTableau",
-    "Tableau",
-    "get_method",
-]

@@ -1,22 +1,18 @@
 """Integration methods by name: ``get_method(name)`` gives one, ``METHODS`` lists them.
 
-``DEFAULT_METHOD`` is the one the benchmark favours (docs/decisions/0032-model-methods.md).
+Why these two, and which is the default: docs/decisions/0032-model-methods.md. Benchmarks add others to compare with.
 """
 
 from model.errors import InputError
-from model.integrators.esdirk4 import ESDIRK4
-from model.integrators.radau5 import RADAU5
 from model.integrators.rodas4p import RODAS4P
 from model.integrators.rodas5p import RODAS5P
-from model.integrators.tableau import CoupledTableau, DiagonalTableau, RosenbrockTableau
+from model.integrators.tableau import RosenbrockTableau
 
-Tableau = RosenbrockTableau | DiagonalTableau | CoupledTableau
-
-METHODS: dict[str, Tableau] = {m.name: m for m in (RODAS4P, RODAS5P, ESDIRK4, RADAU5)}
-DEFAULT_METHOD = "rodas4p"
+METHODS: dict[str, RosenbrockTableau] = {method.name: method for method in (RODAS4P, RODAS5P)}
+DEFAULT_METHOD = RODAS4P.name
 
 
-def get_method(name: str) -> Tableau:
+def get_method(name: str) -> RosenbrockTableau:
     """Return the method of that name; raise ``InputError`` that lists the known ones."""
     try:
         return METHODS[name]

@@ -10,7 +10,7 @@ from math import isfinite
 
 import numpy as np
 
-from model.integrators.stepping import (
+from model.integrators.step_control import (
     DONE,
     NOT_FINITE,
     SMALLEST_STEP,
@@ -19,14 +19,15 @@ from model.integrators.stepping import (
     after_step,
     allow,
     begin,
-    plan,
+    ending_at,
+    next_stop,
     shortened,
 )
-from model.kernels.compile import kernel, step_loop
+from model.kernels.compile import inlined, kernel, step_loop
 from model.kernels.layout import N_CONTACT, N_JACOBIAN, N_REJECTED, N_RESTS, N_RHS, N_SKIPPED, N_STEPS
 from model.kernels.signatures import INTEGRATE
-from model.kernels.stepping.events import at_rest
-from model.kernels.stepping.inputs import constant_until, input_at
+from model.kernels.stepping.events import at_rest, fit_to_events
+from model.kernels.stepping.inputs import constant_until, fit_to_input, input_at
 from model.kernels.workspace import AUDIT_Q, AUDIT_V, POWER_IN, Q1, SIZE, V1, WIDTH, Q, U, V
 
 WAKING_STEP = 1e-5
@@ -52,34 +53,82 @@ def fill_outputs(w, dense, x, n, s, row_q, row_v):
         row_v[i] = (1.0 - x) * w[V + i] + x * (w[V1 + i] + (1.0 - x) * dv)
 
 
-@step_loop(INTEGRATE)
-def integrate(
-    t, t_end, h, q, v, table_t, table_u, held, out_t, out_q, out_v, p, parent, linearise, prepare, skip, stage,
-    n_contacts, a_, c_, b_, node, d_, dense, gamma, tolerance_q, tolerance_v, exponent, rest_limit, h_max, max_steps,
-    counters, times, energy, audit,
-):  # fmt: skip
-    """Advance (q, v) in place from ``t`` to ``t_end``; fill rows of ``out_q``, ``out_v`` at ``out_t``.
+@inlined
+def stay(until, k_out, out, w, n):
+    """Stop all motion and fill the outputs wanted up to ``until``; returns how many are filled."""
+    for i in range(n):
+        w[V + i] = 0.0
+    while k_out < out.time.shape[0] and out.time[k_out] <= until:
+        out.angle[k_out] = w[Q : Q + n]
+        out.speed[k_out] = 0.0
+        k_out += 1
+    return k_out
 
-    Adds the time spent at rest to ``times[0]`` and, where ``audit`` (6,) is not empty, work put in and energies lost
-    (J) to it, by Gauss's rule along each step's dense output. Returns the time reached, the next step to try, a status.
+
+@inlined
+def bits_of(mask):
+    """How many bits of ``mask`` are set."""
+    count = 0
+    while mask:
+        mask &= mask - 1
+        count += 1
+    return count
+
+
+@inlined
+def advance_to_end(w, b):
+    """The state at the end of the step from its stages."""
+    for i in range(STAGE):
+        x = w[Q + i]
+        for m in range(b.shape[0]):
+            x += b[m] * w[U + STAGE * m + i]
+        w[Q1 + i] = x
+
+
+@inlined
+def embedded_error(w, stage, n, limits):
+    """Whether the estimate, the ``stage`` that serves as one, is finite, and its size against the tolerances."""
+    last = U + STAGE * stage
+    finite = True
+    error = 0.0
+    for i in range(n):
+        eq = abs(w[last + i]) / limits.angle
+        ev = abs(w[last + WIDTH + i]) / limits.speed
+        if not (isfinite(eq) and isfinite(ev)):
+            finite = False
+        error = max(error, eq, ev)
+    return finite, error
+
+
+@step_loop(INTEGRATE)
+def integrate(span, drive, out, scene, kernels, method, limits, account):
+    """Advance the state of ``span`` in place to its end; fill the rows of ``out``.
+
+    Adds the time spent at rest to ``account`` and, where its ``energies`` (6,) are not empty, work put in and energies
+    lost (J), by Gauss's rule along each step's dense output. Returns the time reached, the next step to try, a status.
     """
+    t, t_end, h, q, v = span
+    p, parent, n_contacts = scene
+    linearise, prepare, skip, stage, energy = kernels
+    a, c, b, node, d, dense, gamma, exponent = method
+    out_t, out_q, out_v = out
+    counters, times, energies = account
     n = q.shape[0]
-    s = b_.shape[0]
+    s = b.shape[0]
     w = np.zeros(SIZE)
     parts = np.zeros((n, n + 1))
     k_in = 0
-    k_out = begin(t, q, v, w, out_t, out_q, out_v)
-    n_out = out_t.shape[0]
+    k_out = begin(span, out, w)
     status = TOO_MANY_STEPS
     fresh = True
     rejected = False
     u0 = 0.0
     slope = 0.0
-    for _ in range(max_steps):
+    for _ in range(limits.most_steps):
         if t >= t_end:
             break
         if fresh:
-            u0, slope, k_in = input_at(t, k_in, table_t, table_u, held)
+            u0, slope, k_in = input_at(t, k_in, drive)
             linearise(w, p, u0)
             counters[N_RHS] += 1
             counters[N_JACOBIAN] += 1
@@ -88,25 +137,22 @@ def integrate(
             fastest = 0.0
             for i in range(n):
                 fastest = max(fastest, abs(w[V + i]))
-            if slope == 0.0 and fastest * h < rest_limit:
-                quiet = constant_until(t, k_in, t_end, table_t, table_u, held)
-                if quiet > t and at_rest(w, parent, parts, rest_limit):
-                    for i in range(n):
-                        w[V + i] = 0.0
-                    while k_out < n_out and out_t[k_out] <= quiet:
-                        out_q[k_out] = w[Q : Q + n]
-                        out_v[k_out] = 0.0
-                        k_out += 1
+            if slope == 0.0 and fastest * h < limits.rest:
+                quiet = constant_until(t, k_in, t_end, drive)
+                if quiet > t and at_rest(w, parent, parts, limits.rest):
+                    k_out = stay(quiet, k_out, out, w, n)
                     times[0] += quiet - t
                     counters[N_RESTS] += 1
                     t = quiet
                     h = WAKING_STEP
                     fresh = True
                     continue
-        h = min(h, h_max)
-        step, fitted, stop = plan(
-            t, t_end, h, u0, k_in, held, table_t, table_u, w, p, n, n_contacts, tolerance_q, tolerance_v
-        )
+        h = min(h, limits.longest_step)
+        stop = next_stop(t, t_end, k_in, drive)
+        fitted = fit_to_events(h, w, scene, limits.speed)
+        step = ending_at(stop, t, fitted)
+        if not drive.held:
+            step = fit_to_input(t, step, u0, k_in, drive, w, n, limits)
         gh = gamma * step
         error = 0.0
         ok = prepare(w, gh) == 1
@@ -114,32 +160,18 @@ def integrate(
             # contacts are left out only while every stage stays within these allowances: the answer is the same
             allow(w, step)
             mask = skip(w, p)
-            looked_at = n_contacts
-            bits = mask
-            while bits:
-                bits &= bits - 1
-                looked_at -= 1
+            evaluated = n_contacts - bits_of(mask)
             u = u0
             for m in range(s):
-                if m > 0 and not held:
-                    u, _, k_in = input_at(t + node[m] * step, k_in, table_t, table_u, held)
-                all_of_them = stage(w, p, a_, c_, m, gh, step, u, step * d_[m] * slope, mask) == 1
+                if m > 0 and not drive.held:
+                    u, _, k_in = input_at(t + node[m] * step, k_in, drive)
+                exceeded = stage(w, p, a, c, m, gh, step, u, step * d[m] * slope, mask) == 1
                 if m > 0:
-                    counters[N_CONTACT] += n_contacts if all_of_them else looked_at
-                    counters[N_SKIPPED] += 0 if all_of_them else n_contacts - looked_at
+                    counters[N_CONTACT] += n_contacts if exceeded else evaluated
+                    counters[N_SKIPPED] += 0 if exceeded else n_contacts - evaluated
             counters[N_RHS] += s - 1
-            for i in range(STAGE):
-                x = w[Q + i]
-                for m in range(s):
-                    x += b_[m] * w[U + STAGE * m + i]
-                w[Q1 + i] = x
-            last = U + STAGE * (s - 1)
-            for i in range(n):
-                eq = abs(w[last + i]) / tolerance_q
-                ev = abs(w[last + WIDTH + i]) / tolerance_v
-                if not (isfinite(eq) and isfinite(ev)):
-                    ok = False
-                error = max(error, eq, ev)
+            advance_to_end(w, b)
+            ok, error = embedded_error(w, s - 1, n, limits)
         if not ok or error > 1.0:
             counters[N_REJECTED] += 1
             rejected = True
@@ -150,17 +182,18 @@ def integrate(
             continue
         counters[N_STEPS] += 1
         t1 = stop if step == stop - t else t + step
-        while k_out < n_out and out_t[k_out] <= t1:
-            fill_outputs(w, dense, (out_t[k_out] - t) / step, n, s, out_q[k_out], out_v[k_out])
+        while k_out < out_t.shape[0] and out_t[k_out] <= t1:
+            x = (out_t[k_out] - t) / step
+            fill_outputs(w, dense, x, n, s, out_q[k_out], out_v[k_out])
             k_out += 1
-        if audit.shape[0] > 0:
+        if energies.shape[0] > 0:
             for g in range(3):
                 x = 0.5 + GAUSS[g]
                 fill_outputs(w, dense, x, n, s, w[AUDIT_Q : AUDIT_Q + n], w[AUDIT_V : AUDIT_V + n])
-                u, _, k_in = input_at(t + x * step, k_in, table_t, table_u, held)
-                energy(w, p, u0 if held else u)
-                for j in range(audit.shape[0]):
-                    audit[j] += step * WEIGHT[g] * w[POWER_IN + j]
+                u, _, k_in = input_at(t + x * step, k_in, drive)
+                energy(w, p, u0 if drive.held else u)
+                for j in range(energies.shape[0]):
+                    energies[j] += step * WEIGHT[g] * w[POWER_IN + j]
         h = after_step(step, error, exponent, rejected, fitted, h)
         rejected = False
         for i in range(STAGE):

@@ -1,6 +1,5 @@
-"""Compiled kernels of the model, private to it.
+"""Compiled kernels of the model, private to it; no parameter value is compiled in.
 
-Tables and loops over bodies, springs, contacts and drives; no parameter value is compiled in.
-``layout`` owns the order of numbers in the parameter vector, ``dynamics`` the accelerations,
-``jacobian`` their derivatives, ``stepper`` the integration; ``compile`` the disk cache.
+In: a scene's integer tables and its parameter vector, in the order that ``layout`` gives; out: compiled functions.
+``codegen`` writes a scene's step kernels, ``stepping`` plans steps, ``trajectory`` evaluates forces along a motion.
 """

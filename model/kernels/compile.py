@@ -97,6 +97,14 @@ def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
     return _cached(fastmath=False)(function)
 
 
+def uncounted(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Like `kernel`, for a ``function`` that allocates nothing: without numba's run time it counts no references.
+
+    Counting those of the arrays in a named tuple took a tenth of a step.
+    """
+    return _cached(fastmath=False, _nrt=False)(function)
+
+
 def inlined(function: Callable[..., Any]) -> Callable[..., Any]:
     """Compile a small ``function`` into each of its callers; not cached on its own, it lives in theirs."""
     return numba.njit(function, nogil=True, error_model="numpy", fastmath=False, forceinline=True)

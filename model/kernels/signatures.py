@@ -1,13 +1,98 @@
-"""Types of the four kernels that a scene provides to the step loop; see ``emit`` for what they do.
+"""What a step loop is given, in named groups, and the types of the kernels that a scene provides to it.
 
-With explicit types a compiled kernel is a plain value (`types.FunctionType`): one step loop per kind of method
-serves all scenes, and is compiled once.
+With explicit types a compiled kernel is a plain value (`types.FunctionType`): one step loop serves all scenes, and is
+compiled once. Numbers come in named tuples, so that two of the same type cannot change places unseen; numba converts
+nothing inside a tuple, so each field must have exactly its type: ``float``, ``int``, C-contiguous float64 arrays.
+What the kernels do: ``model.kernels.codegen.step_kernels``.
 """
 
+from typing import Any, NamedTuple
+
+import numpy as np
 from numba import types
+from numba.extending import typeof_impl
+
+
+class Span(NamedTuple):
+    """Where a run starts and ends; ``angle`` and ``speed`` (n,) are changed in place."""
+
+    time: float  # s
+    end: float  # s
+    step: float  # s, the first to try
+    angle: np.ndarray
+    speed: np.ndarray
+
+
+class InputTable(NamedTuple):
+    """Input u(t), (k,) increasing times: linear between its points, or each value held until the next time."""
+
+    time: np.ndarray
+    value: np.ndarray
+    held: bool
+
+
+class Outputs(NamedTuple):
+    """Times (m,) at which the state is wanted, and the rows (m, n) that are filled."""
+
+    time: np.ndarray
+    angle: np.ndarray
+    speed: np.ndarray
+
+
+class SceneNumbers(NamedTuple):
+    """Parameter vector of a scene, parents (n,) of its free coordinates, number of contacts in its kernels."""
+
+    parameters: np.ndarray
+    parent: np.ndarray
+    n_contacts: int
+
+
+class Coefficients(NamedTuple):
+    """Coefficients of a method with s stages; the loops of its kind give ``dense`` its meaning."""
+
+    a: np.ndarray  # rows of MAX_STAGES numbers, as the stage kernel reads them
+    c: np.ndarray  # the same, of the coupling
+    b: np.ndarray  # (s,)
+    node: np.ndarray  # (s,) stage times
+    d: np.ndarray  # (s,) weights of the time derivative
+    dense: np.ndarray
+    gamma: float
+    exponent: float  # of the step in the estimated error
+
+
+class Limits(NamedTuple):
+    """What a step must keep to: local errors of angle and speed, motion that counts as rest, longest and most steps."""
+
+    angle: float  # rad
+    speed: float  # rad/s
+    rest: float  # rad
+    longest_step: float  # s
+    most_steps: int
+
+
+class Account(NamedTuple):
+    """What a run adds to: work counters (see `layout.COUNTERS`), time at rest (1,), energies (6,) or (0,) for none."""
+
+    counters: np.ndarray
+    time_at_rest: np.ndarray
+    energies: np.ndarray
+
+
+class StepKernels(NamedTuple):
+    """The kernels of a scene; their signatures are below. ``energy`` is called only where energies are wanted."""
+
+    linearise: Any
+    prepare: Any
+    skip: Any
+    stage: Any
+    energy: Any
+
 
 _array = types.Array(types.float64, 1, "C")
+_table = types.Array(types.float64, 2, "C")
+_integers = types.Array(types.int64, 1, "C")
 _f, _i = types.float64, types.int64
+_function = types.FunctionType
 
 LINEARISE = _i(_array, _array, _f)  # w, p, u -> number of touching contacts
 ENERGY = LINEARISE  # w, p, u -> 0
@@ -16,17 +101,24 @@ SKIP = _i(_array, _array)  # w, p -> mask of contacts that cannot touch
 STAGE = _i(_array, _array, _array, _array, _i, _f, _f, _f, _f, _i)
 # w, p, a, c, stage, gamma h, h, u, weight of du/dt, mask -> 1 where a coordinate left its allowance
 
-_function = types.FunctionType
-_table = types.Array(types.float64, 2, "C")
-_integers = types.Array(types.int64, 1, "C")
+_STEP_KERNELS = types.NamedTuple(
+    [_function(LINEARISE), _function(PREPARE), _function(SKIP), _function(STAGE), _function(ENERGY)], StepKernels
+)
 
-INTEGRATE = types.Tuple((_f, _f, _i))(
-    *(_f, _f, _f, _array, _array),  # t, t_end, h, q, v
-    *(_array, _array, types.boolean),  # table_t, table_u, held
-    *(_array, _table, _table),  # out_t, out_q, out_v
-    *(_array, _integers),  # p, parent
-    *(_function(LINEARISE), _function(PREPARE), _function(SKIP), _function(STAGE), _i),  # kernels, n_contacts
-    *(_array, _array, _array, _array, _array, _table, _f),  # a, C, b, c, d, dense, gamma
-    *(_f, _f, _f, _f, _f, _i),  # tolerance_q, tolerance_v, exponent, rest_limit, h_max, max_steps
-    *(_integers, _array, _function(ENERGY), _array),  # counters, times, energy, audit
+
+@typeof_impl.register(StepKernels)
+def _step_kernels(value: StepKernels, context: Any) -> types.NamedTuple:
+    """Take a tuple of compiled functions for values of their signatures; numba itself converts plain arguments only."""
+    return _STEP_KERNELS
+
+
+INTEGRATE = types.Tuple((_f, _f, _i))(  # time reached, next step to try, status
+    types.NamedTuple([_f, _f, _f, _array, _array], Span),
+    types.NamedTuple([_array, _array, types.boolean], InputTable),
+    types.NamedTuple([_array, _table, _table], Outputs),
+    types.NamedTuple([_array, _integers, _i], SceneNumbers),
+    _STEP_KERNELS,
+    types.NamedTuple([_array, _array, _array, _array, _array, _table, _f, _f], Coefficients),
+    types.NamedTuple([_f, _f, _f, _f, _i], Limits),
+    types.NamedTuple([_integers, _array, _array], Account),
 )

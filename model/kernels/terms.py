@@ -1,7 +1,7 @@
 """Scalar pieces that a scene's generated kernels are put together from: rotation, gaps, contact forces, derivatives.
 
-All are compiled into their callers. Signs and conventions as in ``dynamics`` and ``jacobian``, which hold the same
-physics as loops over tables; the tests compare both with each other and with the NumPy twin.
+All are compiled into their callers. Signs and conventions as in ``trajectory.dynamics``, which holds the same
+physics as loops over tables; the tests compare both with each other and with the reference equations.
 """
 
 from math import cos, sin, sqrt

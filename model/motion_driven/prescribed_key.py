@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.integrators.methods import DEFAULT_METHOD
-from model.kernels.tables.prescribed_load import load_along
+from model.kernels.trajectory.prescribed_load import load_along
 from model.parameters.action import BODIES, Action
 from model.parameters.effects import SHANK
 from model.scene.build import build_scene

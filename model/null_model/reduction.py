@@ -23,7 +23,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from model.kernels.tables.output import forces_along, penetrations
+from model.kernels.trajectory.contact_forces import forces_along, penetrations
 from model.observables import hammer_height_from_angle
 from model.parameters.action import BACK_CHECK, BODIES, BUTTON, Action
 from model.scene.build import Scene, build_scene

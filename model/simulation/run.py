@@ -14,13 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.errors import InputError, IntegrationError
-from model.integrators import DEFAULT_METHOD, CoupledTableau, DiagonalTableau, RosenbrockTableau, get_method
-from model.integrators.rosenbrock import integrate
-from model.integrators.stepping import NOT_FINITE, STEP_TOO_SMALL, TOO_MANY_STEPS
+from model.integrators.methods import DEFAULT_METHOD, get_method
+from model.integrators.step_control import NOT_FINITE, STEP_TOO_SMALL, TOO_MANY_STEPS
 from model.kernels import layout as L
 from model.kernels import workspace as W
 from model.kernels.codegen.load import energy_of, kernels_of
-from model.kernels.tables.output import forces_along, probe_forces_along
+from model.kernels.signatures import Account, InputTable, Limits, Outputs, SceneNumbers, Span
+from model.kernels.trajectory.contact_forces import forces_along, probe_forces_along
 from model.scene.build import Scene
 
 # Local error allowed per step for a requested largest error of an angle over the whole run: found with
@@ -40,7 +40,7 @@ CREEP_SHARE, LEVER_M = 0.03, 0.1
 
 REST_SHARE = 0.1  # share of the requested tolerance that an action taken to be at rest may still move
 
-# some thirty times what a blow needs at 1e-5 rad; steps grow with the fourth root of the tolerance (0003-model-steps.md)
+# some thirty times what a blow needs at 1e-5 rad; steps grow with the tolerance's fourth root (0003-model-steps.md)
 STEPS_AT_LEAST, STEPS_PER_SECOND = 20_000, 200_000
 
 SMALLEST_TOLERANCE, LARGEST_TOLERANCE = 1e-12, 1e-2
@@ -103,8 +103,6 @@ class Simulation:
             )
         if self.energy:
             self.scene.check_whole(self.state.angle_rad, "energy")
-        if self.energy and not isinstance(get_method(self.method), RosenbrockTableau):
-            raise InputError(f"method: {self.method} keeps no account of energy; allowed with it: {DEFAULT_METHOD}")
         for name, array in (("angles", self.state.angle_rad), ("speeds", self.state.speed_rad_per_s)):
             if np.shape(array) != (self.scene.size,):
                 raise InputError(f"state: {np.shape(array)} {name} found, allowed ({self.scene.size},)")
@@ -144,9 +142,9 @@ class Simulation:
         -------
         angles, speeds : (m, n)
         """
-        tableau = get_method(self.method)
+        method = get_method(self.method)
         kernels = kernels_of(self.scene.tables)
-        local = tableau.share * self.tolerance * min(1.0, (self.tolerance / REFERENCE_TOLERANCE) ** EXTRA)
+        local = method.share * self.tolerance * min(1.0, (self.tolerance / REFERENCE_TOLERANCE) ** EXTRA)
         if np.any(self.scene.tables.prescribed):
             local *= PRESCRIBED_SHARE
         outputs = np.empty(0) if output_time_s is None else np.require(output_time_s, float, ["C", "W"])
@@ -162,21 +160,24 @@ class Simulation:
             tighter = max(1.0, (REFERENCE_TOLERANCE / self.tolerance) ** 0.25)
             most = STEPS_AT_LEAST + int(STEPS_PER_SECOND * tighter * max(0.0, min(1e6, until - self.state.time_s)))
         q, v = self.state.angle_rad.copy(), self.state.speed_rad_per_s.copy()
-        loop = integrate
-        if isinstance(tableau, DiagonalTableau):
-            from model.integrators.diagonal import integrate_diagonal as loop  # compiled on first use
-        elif isinstance(tableau, CoupledTableau):
-            from model.integrators.coupled import integrate_coupled as loop
-        time, step, status = loop(
-            self.state.time_s, float(until), self.state.step_s, q, v, times, values, held,
-            outputs, out_q, out_v, self.scene.vector, self.scene.tables.parent[: self.scene.size],
-            *kernels, self.scene.solved_contacts,
-            tableau.flat_a, tableau.flat_c, tableau.b, tableau.c, tableau.d, tableau.dense, tableau.gamma,
-            ANGLE_SHARE * local, min(SPEED_SHARE * local, self._creep()), 1.0 / (tableau.embedded_order + 1),
-            REST_SHARE * self.tolerance, self.largest_step_s, most, self.counters, self.times,
-            energy_of(self.scene.tables) if self.energy else kernels.linearise,
-            self.audit if self.energy else np.empty(0),
-        )  # fmt: skip
+        if self.energy:
+            kernels = kernels._replace(energy=energy_of(self.scene.tables))
+        time, step, status = method.loop(
+            Span(float(self.state.time_s), float(until), float(self.state.step_s), q, v),
+            InputTable(times, values, bool(held)),
+            Outputs(outputs, out_q, out_v),
+            SceneNumbers(self.scene.vector, self.scene.tables.parent[: self.scene.size], self.scene.solved_contacts),
+            kernels,
+            method.coefficients,
+            Limits(
+                angle=ANGLE_SHARE * local,
+                speed=min(SPEED_SHARE * local, self._creep()),
+                rest=REST_SHARE * self.tolerance,
+                longest_step=float(self.largest_step_s),
+                most_steps=int(most),
+            ),
+            Account(self.counters, self.times, self.audit if self.energy else np.empty(0)),
+        )
         self.state = State(time, q, v, step)
         if status in _ADVICE:
             raise IntegrationError(f"simulation stopped at t = {time:.6g} s{self._extremes()}: {_ADVICE[status]}")

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from model.errors import InputError, StaticsError
 from model.kernels import workspace as W
 from model.kernels.codegen.load import kernels_of
-from model.kernels.tables.output import forces_along, penetrations
+from model.kernels.trajectory.contact_forces import forces_along, penetrations
 from model.parameters.action import Action
 from model.scene.build import Scene, build_scene
 

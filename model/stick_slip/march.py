@@ -15,8 +15,8 @@ from numpy.typing import ArrayLike, NDArray
 from model.errors import InputError, IntegrationError
 from model.force_driven import check_force_table
 from model.kernels import layout as L
-from model.kernels.tables.output import forces_along
-from model.kernels.tables.stick_slip import SWEEPS, step_along
+from model.kernels.trajectory.contact_forces import forces_along
+from model.kernels.trajectory.stick_slip import SWEEPS, step_along
 from model.parameters.action import Action
 from model.scene.build import Scene, build_scene
 from model.simulation.solution import Solution

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import model
-from model.integrators import METHODS
+from model.integrators.methods import METHODS
 from tests.model.conftest import read_table
 
 BLOWS = ("forte", "piano", "noisy")

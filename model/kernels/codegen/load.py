@@ -15,24 +15,15 @@ import tempfile
 import threading
 from pathlib import Path
 from types import ModuleType
-from typing import Any, NamedTuple
+from typing import Any
 
 from model.kernels import compile as _compile
 from model.kernels.codegen.energy import emit_energy
 from model.kernels.codegen.step_kernels import emit_with_pieces
 from model.kernels.layout import Tables
+from model.kernels.signatures import StepKernels
 
-
-class Kernels(NamedTuple):
-    """Compiled functions of one structure; see ``emit``."""
-
-    linearise: Any
-    prepare: Any
-    skip: Any
-    stage: Any
-
-
-_loaded: dict[bytes, Kernels] = {}
+_loaded: dict[bytes, StepKernels] = {}
 _energies: dict[bytes, Any] = {}
 # structures whose kernels this process has loaded, and how many of them it had to compile for that; values never do
 COMPILED = {"scenes": 0, "compiled": 0}
@@ -79,7 +70,7 @@ def energy_of(tables: Tables) -> Any:
     return _energies[key]
 
 
-def kernels_of(tables: Tables) -> Kernels:
+def kernels_of(tables: Tables) -> StepKernels:
     """Kernels of the structure in ``tables``: from memory, from the disk cache, or compiled (a few seconds, once)."""
     key = _key(tables)
     if key not in _loaded:
@@ -90,7 +81,9 @@ def kernels_of(tables: Tables) -> Kernels:
                     if piece.name not in sys.modules:
                         _load(piece.text, piece.name)
                 module = _load(text)
-                kernels = Kernels(module.linearise, module.prepare, module.skip, module.stage)
+                kernels = StepKernels(
+                    module.linearise, module.prepare, module.skip, module.stage, energy=module.linearise
+                )
                 COMPILED["scenes"] += 1
                 COMPILED["compiled"] += not all(k.stats.cache_hits for k in kernels)
                 _loaded[key] = kernels

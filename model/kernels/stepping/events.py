@@ -7,7 +7,7 @@ second order at most and only ever shorten a step.
 
 from math import sqrt
 
-from model.kernels.compile import inlined, kernel
+from model.kernels.compile import inlined, uncounted
 from model.kernels.layout import BODY_SIZE, GLOBALS, JF_A, OMEGA_T, V_T
 from model.kernels.workspace import (
     ACC,
@@ -66,15 +66,16 @@ def fit_to_turn(step, z, rate, strength, tolerance_v):
     return step
 
 
-@kernel
-def fit_to_events(step, w, p, n, n_contacts, tolerance_v):
+@uncounted
+def fit_to_events(step, w, scene, tolerance_v):
     """Shorten ``step`` (s) to the first event that it cannot cross."""
-    for i in range(n):
+    p = scene.parameters
+    for i in range(scene.parent.shape[0]):
         law = p[GLOBALS + BODY_SIZE * i + JF_A]
         if law != 0.0:
             scale = p[OMEGA_T]
             step = fit_to_turn(step, w[V + i] / scale, w[ACC + i] / scale, law / w[M_DIAG + i], tolerance_v)
-    for c in range(n_contacts):
+    for c in range(scene.n_contacts):
         until = time_to_zero(w[GAP + c], w[GAP_RATE + c], w[GAP_ACC + c], step)
         if until < step:
             # the force's slope jumps there by stiffness times speed; the Jacobian at the start does not know it
@@ -88,7 +89,7 @@ def fit_to_events(step, w, p, n, n_contacts, tolerance_v):
     return step
 
 
-@kernel
+@uncounted
 def at_rest(w, parent, parts, limit):
     """True where no coordinate can ever move by more than ``limit`` (rad) while the input stays as it is.
 

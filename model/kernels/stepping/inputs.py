@@ -4,7 +4,7 @@ A table is linear between its points, or held; a held input jumps, so each of it
 input has kinks only: steps cross them where an a-priori bound says that the tolerance can bear it.
 """
 
-from model.kernels.compile import kernel
+from model.kernels.compile import uncounted
 from model.kernels.workspace import F_U, M_DIAG
 
 # What a method loses at a kink inside a step, as a share of the bound on the kink's effect; measured with
@@ -14,69 +14,71 @@ KINK_SHARE = 0.5
 JUMP = 1e-10
 
 
-@kernel
-def input_at(t, k, table_t, table_u, held):
+@uncounted
+def input_at(t, k, drive):
     """Input at ``t`` and its slope; ``k`` is a start for the search. Returns u, slope, k."""
-    last = table_t.shape[0] - 1
+    time, value, held = drive
+    last = time.shape[0] - 1
     early = 0.0 if held else JUMP
-    while k < last - 1 and t >= table_t[k + 1] - early:
+    while k < last - 1 and t >= time[k + 1] - early:
         k += 1
-    while k > 0 and t < table_t[k] - early:
+    while k > 0 and t < time[k] - early:
         k -= 1
     if held:
-        return table_u[last] if t >= table_t[last] else table_u[k], 0.0, k
-    if t <= table_t[0]:
-        return table_u[0], 0.0, k
-    if t >= table_t[last] - early:
-        return table_u[last], 0.0, k
-    slope = (table_u[k + 1] - table_u[k]) / (table_t[k + 1] - table_t[k])
-    return table_u[k] + slope * (t - table_t[k]), slope, k
+        return value[last] if t >= time[last] else value[k], 0.0, k
+    if t <= time[0]:
+        return value[0], 0.0, k
+    if t >= time[last] - early:
+        return value[last], 0.0, k
+    slope = (value[k + 1] - value[k]) / (time[k + 1] - time[k])
+    return value[k] + slope * (t - time[k]), slope, k
 
 
-@kernel
-def constant_until(t, k, t_end, table_t, table_u, held):
+@uncounted
+def constant_until(t, k, t_end, drive):
     """Time up to which the input keeps exactly the value it has at ``t``; ``k`` as found by `input_at`."""
-    last = table_t.shape[0] - 1
-    if t < table_t[0]:
-        return min(t_end, table_t[0])
-    if t >= table_t[last]:
+    time, value, held = drive
+    last = time.shape[0] - 1
+    if t < time[0]:
+        return min(t_end, time[0])
+    if t >= time[last]:
         return t_end
-    value = table_u[k]
     j = k
-    while j < last and table_u[j + 1] == value:
+    while j < last and value[j + 1] == value[k]:
         j += 1
     if j == last:
         return t_end
-    return min(t_end, max(t, table_t[j + 1] if held else table_t[j]))
+    return min(t_end, max(t, time[j + 1] if held else time[j]))
 
 
-@kernel
-def fit_to_input(t, step, u0, k, table_t, table_u, w, n, tolerance_q, tolerance_v):
+@uncounted
+def fit_to_input(t, step, u0, k, drive, w, n, limits):
     """Shorten ``step`` so that no kink of the table inside it can do harm.
 
     A kink of strength s, a time r before the end of the step, which began with the slope before it, bends the
     speed by at most |f_u| / M * s r^2 / 2. Where too much of that would be lost the step ends at the kink. Many weak
     kinks add up to a departure from the chord, which is bounded likewise.
     """
+    time, value, _ = drive
     gain = 0.0
     for i in range(n):
         if w[F_U + i] != 0.0:
             gain = max(gain, abs(w[F_U + i]) / w[M_DIAG + i])
     gain *= KINK_SHARE
-    last = table_t.shape[0] - 1
+    last = time.shape[0] - 1
     while True:
         end = t + step
-        u1, _, _ = input_at(end, k, table_t, table_u, False)
+        u1, _, _ = input_at(end, k, drive)
         bend = 0.0
         j = k + 1
-        while j < last and table_t[j] < end:
-            before = (table_u[j] - table_u[j - 1]) / (table_t[j] - table_t[j - 1])
-            after = (table_u[j + 1] - table_u[j]) / (table_t[j + 1] - table_t[j])
-            reach = end - table_t[j]
-            if gain * abs(after - before) * reach * reach > tolerance_v and table_t[j] - t > 1e-9:
-                return table_t[j] - t
-            bend = max(bend, abs(table_u[j] - (u0 + (u1 - u0) * (table_t[j] - t) / step)))
+        while j < last and time[j] < end:
+            before = (value[j] - value[j - 1]) / (time[j] - time[j - 1])
+            after = (value[j + 1] - value[j]) / (time[j + 1] - time[j])
+            reach = end - time[j]
+            if gain * abs(after - before) * reach * reach > limits.speed and time[j] - t > 1e-9:
+                return time[j] - t
+            bend = max(bend, abs(value[j] - (u0 + (u1 - u0) * (time[j] - t) / step)))
             j += 1
-        if step < 1e-6 or gain * bend * step <= max(tolerance_v, tolerance_q / step):
+        if step < 1e-6 or gain * bend * step <= max(limits.speed, limits.angle / step):
             return step
         step *= 0.5

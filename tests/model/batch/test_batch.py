@@ -19,7 +19,7 @@ from model import batch
 from model.batch import run as batch_run
 from model.integrators.rosenbrock import integrate
 from model.kernels.codegen import load as scenes
-from model.kernels.tables.output import forces_along
+from model.kernels.trajectory.contact_forces import forces_along
 
 OUT = np.linspace(0.0, 0.14, 29)
 SETS = {"printed": {}, "heavy": {"hammer.mass": 0.0115}, "loose": {"contact04.friction": 0.0}}

@@ -17,7 +17,7 @@ from scipy.integrate import DOP853
 
 import model
 from model.kernels import layout as L
-from model.kernels.tables import dynamics
+from model.kernels.trajectory import dynamics
 
 HERE = Path(__file__).parent
 

@@ -7,11 +7,12 @@ import pytest
 
 import model
 from model.kernels import layout as L
-from model.kernels.tables import dynamics, jacobian
+from model.kernels.trajectory import dynamics
 from model.scene.build import build_scene
 from model.scene.selection import SceneChoice
 from model.verification.reference_equations import Twin
 from tests.model.conftest import random_states
+from tests.model.kernels import jacobian_tables
 
 
 class Compiled:
@@ -26,7 +27,7 @@ class Compiled:
         p, t = scene.vector, scene.tables
         dynamics.acceleration(q, v, u, p, t, self.pose, self.m_diag, self.m_up, self.f, self.a, self.counters)
         work = np.zeros((4, L.MAX_CHAIN))
-        jacobian.linearise(v, u, self.a, p, t, self.pose, work, self.stiff, self.damp, self.f_u)
+        jacobian_tables.linearise(v, u, self.a, p, t, self.pose, work, self.stiff, self.damp, self.f_u)
         self.mass = np.diag(self.m_diag)
         for i, w in enumerate(t.parent):
             if w >= 0:

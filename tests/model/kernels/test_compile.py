@@ -9,10 +9,11 @@ import sys
 from pathlib import Path
 
 import model
+from model.kernels.compile import kernel_sources
 
 CODE = """
 import numpy as np, model
-from model.kernels.tables.output import penetrations  # compiled in a moment; what it calls lies in another file
+from model.kernels.trajectory.contact_forces import penetrations  # compiles in a moment; calls functions of other files
 s = model.build_scene(model.load_action())
 depth = np.zeros(len(s.contacts))
 q = np.array([0.0286, 0.0251, 0.3198, 0.3523, 0.2951])
@@ -38,9 +39,20 @@ def test_editing_a_callee_changes_the_answer_in_a_new_process(tmp_path: Path) ->
     assert hits == 0
     again, hits = run(tmp_path, cache)
     assert again == first and hits == 1  # nothing changed: loaded, not compiled
-    callee = package / "kernels" / "kinematics.py"
+    callee = package / "kernels" / "trajectory" / "kinematics.py"  # in a subfolder
     text = callee.read_text(encoding="utf-8")
     assert text.count("return r + rho - distance,") == 1
     callee.write_text(text.replace("return r + rho - distance,", "return 2.0 * r + rho - distance,"), encoding="utf-8")
-    edited, _ = run(tmp_path, cache)
-    assert edited != first
+    edited, hits = run(tmp_path, cache)
+    assert edited != first and hits == 0
+
+
+def test_every_compiled_module_of_the_step_loop_is_among_the_hashed_sources() -> None:
+    package = Path(model.__file__).parent
+    hashed = {path.relative_to(package).as_posix() for path in kernel_sources()}
+    assert {"kernels/laws.py", "kernels/trajectory/dynamics.py", "kernels/stepping/events.py"} <= hashed
+    assert {"kernels/codegen/contacts.py", "integrators/rosenbrock.py"} <= hashed
+    compiled = ("@kernel", "@inlined", "@uncounted", "@piece", "@step_loop", "@generated")
+    for path in [*package.glob("kernels/**/*.py"), *package.glob("integrators/**/*.py")]:
+        if any(word in path.read_text(encoding="utf-8") for word in compiled):
+            assert path.relative_to(package).as_posix() in hashed

@@ -13,11 +13,12 @@ from model.kernels import workspace as W
 from model.kernels.codegen import load as scenes
 from model.kernels.codegen.energy import emit_energy
 from model.kernels.codegen.step_kernels import emit, emit_with_pieces
-from model.kernels.tables import dynamics, jacobian
+from model.kernels.trajectory import dynamics
 from model.scene.build import Scene, build_scene
 from model.scene.selection import SceneChoice
 from model.verification.reference_equations import Twin
 from tests.model.conftest import random_states
+from tests.model.kernels import jacobian_tables
 
 CHANGED = {
     "key.pivot.x": 0.003,
@@ -95,7 +96,7 @@ def test_kernels_equal_twin_and_tables(changed: model.Action, effects: tuple[str
         f, a, m_diag, m_up, f_u = (np.zeros(n) for _ in range(5))
         stiff, damp = np.zeros((n, n)), np.zeros((n, n))
         dynamics.acceleration(q, v, u, p, t, pose, m_diag, m_up, f, a, counters)
-        jacobian.linearise(v, u, a, p, t, pose, np.zeros((4, L.MAX_CHAIN)), stiff, damp, f_u)
+        jacobian_tables.linearise(v, u, a, p, t, pose, np.zeros((4, L.MAX_CHAIN)), stiff, damp, f_u)
         for name, table in (("a", a), ("K", stiff), ("D", damp), ("f_u", f_u)):
             np.testing.assert_allclose(ours[name], table, rtol=1e-9, atol=1e-11 * np.abs(table).max())
     assert "balance_rail" not in effects or min(lifted, pressed) > 50

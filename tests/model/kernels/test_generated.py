@@ -19,12 +19,13 @@ from model.kernels import layout as L
 from model.kernels import workspace as W
 from model.kernels.codegen import load as scenes
 from model.kernels.signatures import SKIP
-from model.kernels.tables import dynamics, jacobian
-from model.kernels.tables.kinematics import place
+from model.kernels.trajectory import dynamics
+from model.kernels.trajectory.kinematics import place
 from model.scene.build import build_scene
 from model.scene.selection import SceneChoice
 from model.simulation import run as simulation
 from tests.model.conftest import random_states, read_table
+from tests.model.kernels import jacobian_tables
 
 
 def square(w: np.ndarray, start: int, n: int) -> np.ndarray:
@@ -46,7 +47,7 @@ def test_generated_kernels_equal_the_tables(action: model.Action, effects: tuple
         f, a, m_diag, m_up, f_u = (np.zeros(n) for _ in range(5))
         stiff, damp = np.zeros((n, n)), np.zeros((n, n))
         dynamics.acceleration(q, v, u, p, t, pose, m_diag, m_up, f, a, counters)
-        jacobian.linearise(v, u, a, p, t, pose, np.zeros((4, L.MAX_CHAIN)), stiff, damp, f_u)
+        jacobian_tables.linearise(v, u, a, p, t, pose, np.zeros((4, L.MAX_CHAIN)), stiff, damp, f_u)
         w = np.zeros(W.SIZE)
         w[W.Q : W.Q + n], w[W.V : W.V + n] = q, v
         kernels.linearise(w, p, u)
@@ -199,7 +200,7 @@ def test_an_edited_kernel_source_changes_the_answer_in_the_next_process(tmp_path
 
     first = key()
     assert key() == first
-    for name in ("laws.py", "terms.py", "emit_contacts.py"):
+    for name in ("laws.py", "terms.py", "codegen/contacts.py", "stepping/inputs.py", "../integrators/rosenbrock.py"):
         path = tmp_path / "model" / "kernels" / name
         path.write_text(path.read_text() + "\n# edited\n")
         second = key()

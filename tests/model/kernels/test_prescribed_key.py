@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 
 import model
-from model.integrators import METHODS, CoupledTableau
 from model.kernels import workspace as W
 from model.kernels.codegen.load import kernels_of
 from model.kernels.codegen.step_kernels import emit
-from model.kernels.tables.prescribed_load import load_along
+from model.kernels.trajectory.prescribed_load import load_along
 from model.scene.build import build_scene
 from model.scene.key_motion import KeyMotion
 from model.simulation.run import Simulation, State
@@ -136,35 +135,6 @@ def test_what_a_prescribed_key_does_not_need_is_not_in_the_kernels(action: model
     # another motion with any number of pieces is the same structure
     fine = KeyMotion(np.linspace(0.0, 1.0, 8), np.zeros((7, 6)))
     assert emit(build_scene(action, key_motion=fine).tables) == text
-
-
-@pytest.mark.parametrize("method", METHODS)
-def test_methods_keep_their_order_under_a_prescribed_motion(action: model.Action, method: str) -> None:
-    """Whippen riding on the capstan of a swinging key: smooth, and wrong by first order if df/dt were missing."""
-    smooth = action.with_values({"whippen.joint_friction": 0, "contact01.friction": 0})
-    choice = model.SceneChoice(bodies=("key", "whippen"))
-    turn = np.array([100.0, -60.0, 0.0, 0.0, 0.0, 0.028])  # 8 mrad down in 0.12 s, pressed all the way
-    motion = KeyMotion(np.array([0.0, 0.12]), turn[None])
-    scene = build_scene(smooth, choice=choice, key_motion=motion)
-    rest = solve_rest(scene, 0.0)
-    at = np.array([0.021, 0.0833, 0.12])
-
-    def run(step: float, tolerance: float) -> np.ndarray:
-        state = State(0.0, rest, np.zeros(1), step)
-        simulation = Simulation(scene, state, tolerance=tolerance, method=method, largest_step_s=step)
-        angles, speeds = simulation.advance(
-            0.12, np.array([0.0, 0.12]), np.array([0.0, 0.12]), output_time_s=at
-        )  # fmt: skip
-        assert simulation.work()["n_rejected"] == 0
-        return np.hstack([angles, speeds])
-
-    steps = np.array([1e-3, 5e-4, 2.5e-4, 1.25e-4])
-    if isinstance(METHODS[method], CoupledTableau):
-        steps *= 2.0  # at the smallest its error would be that of the truth
-    truth = run(1e-5, 1e-9)
-    errors = [np.abs(run(step, 1e-2) - truth)[-1].max() for step in steps]
-    order = np.polyfit(np.log(steps), np.log(errors), 1)[0]
-    assert METHODS[method].order - 0.4 < order < METHODS[method].order + 1.2, errors
 
 
 def test_states_without_the_key_are_not_taken_for_whole_ones(action: model.Action) -> None:

@@ -1,8 +1,7 @@
-"""Analytic derivatives of the equations of motion: K = df/dq - (dM/dq) a and D = df/dv, (n, n) each.
+"""Analytic derivatives by loops over a scene's tables: K = df/dq - (dM/dq) a and D = df/dv, (n, n) each.
 
-With them the linear system of an implicit step has the size of q (the speeds are eliminated by
-dq/dt = v). A touching contact adds rank-one terms along its normal and its sliding direction and, through
-the rotation of both with each coordinate, the change of the directions themselves.
+Those of the generated kernels are compared with them. A touching contact adds rank-one terms along its normal and its
+sliding direction and, through the rotation of both with each coordinate, the change of the directions themselves.
 Every derivative rests on one rule: turning coordinate b moves a point X that hangs from it by z x (X - P_b).
 """
 
@@ -41,8 +40,8 @@ from model.kernels.layout import (
     SPRING_SIZE,
     V_T,
 )
-from model.kernels.tables.dynamics import probe_state
-from model.kernels.tables.kinematics import along_chain, contact_offset, gap_geometry, point
+from model.kernels.trajectory.dynamics import probe_state
+from model.kernels.trajectory.kinematics import along_chain, contact_offset, gap_geometry, point
 
 
 @kernel

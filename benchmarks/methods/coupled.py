@@ -4,14 +4,14 @@ Z_i = h sum_j a_ij F(y + Z_j) is solved by Newton's method with the Jacobian of 
 real and one complex system, each n x n after dq/dt = v is eliminated (Hairer and Wanner II, IV.8). The scene's
 ``stage`` kernel gives M F_v alone: its factors are set to one, its gamma h to zero; ``prepare`` is not called.
 Iterations start from the last step's polynomial. Events and input as in ``rosenbrock``; no energy audit, and rest is
-stepped. Compiled when such a method is used first (docs/decisions/0032-model-methods.md).
+stepped.
 """
 
 from math import isfinite
 
 import numpy as np
 
-from model.integrators.stepping import (
+from model.integrators.step_control import (
     DONE,
     NOT_FINITE,
     SMALLEST_STEP,
@@ -20,13 +20,15 @@ from model.integrators.stepping import (
     after_step,
     allow,
     begin,
-    plan,
+    ending_at,
+    next_stop,
     shortened,
 )
 from model.kernels.compile import kernel, step_loop
 from model.kernels.layout import N_CONTACT, N_JACOBIAN, N_REJECTED, N_RHS, N_STEPS
 from model.kernels.signatures import INTEGRATE
-from model.kernels.stepping.inputs import input_at
+from model.kernels.stepping.events import fit_to_events
+from model.kernels.stepping.inputs import fit_to_input, input_at
 from model.kernels.workspace import ACC, DAMP, LU, M_DIAG, M_UP, SIZE, STIFF, WIDTH, Q, U, V
 
 PAIR = 2 * WIDTH
@@ -97,13 +99,13 @@ def solve(w, n, scale, lu, pivot, x_q, x_v):
 
 
 @step_loop(INTEGRATE)
-def integrate_coupled(
-    t, t_end, h, q, v, table_t, table_u, held, out_t, out_q, out_v, p, parent, linearise, prepare, skip, stage,
-    n_contacts, a_, c_, b_, node, d_, dense, gamma, tolerance_q, tolerance_v, exponent, rest_limit, h_max, max_steps,
-    counters, times, energy, audit,
-):  # fmt: skip
+def integrate_coupled(span, drive, out, scene, kernels, method, limits, account):
     """As ``rosenbrock.integrate``, without rest and energy audit; ``dense`` as in ``CoupledTableau``."""
-    n = q.shape[0]
+    t, t_end, h, q, v = span
+    p, parent, n_contacts = scene
+    linearise, _, skip, stage, _ = kernels
+    counters, _, _ = account
+    n, gamma, dense = q.shape[0], method.gamma, method.dense
     w = np.zeros(SIZE)
     to_z, to_w, polynomial, estimate = dense[0:3], dense[3:6], dense[6:9], dense[9]
     pair = complex(dense[10, 0], dense[10, 1])
@@ -122,26 +124,27 @@ def integrate_coupled(
     turned = np.zeros(n, np.complex128)
     heavy = np.zeros(n, np.complex128)
     k_in = 0
-    k_out = begin(t, q, v, w, out_t, out_q, out_v)
-    n_out = out_t.shape[0]
+    k_out = begin(span, out, w)
     status = TOO_MANY_STEPS
     fresh = True
     rejected = False
     u0 = 0.0
-    for _ in range(max_steps):
+    for _ in range(limits.most_steps):
         if t >= t_end:
             break
         if fresh:
-            u0, _, k_in = input_at(t, k_in, table_t, table_u, held)
+            u0, _, k_in = input_at(t, k_in, drive)
             linearise(w, p, u0)
             counters[N_RHS] += 1
             counters[N_JACOBIAN] += 1
             counters[N_CONTACT] += n_contacts
             fresh = False
-        h = min(h, h_max)
-        step, fitted, stop = plan(
-            t, t_end, h, u0, k_in, held, table_t, table_u, w, p, n, n_contacts, tolerance_q, tolerance_v
-        )
+        h = min(h, limits.longest_step)
+        stop = next_stop(t, t_end, k_in, drive)
+        fitted = fit_to_events(h, w, scene, limits.speed)
+        step = ending_at(stop, t, fitted)
+        if not drive.held:
+            step = fit_to_input(t, step, u0, k_in, drive, w, n, limits)
         error = 0.0
         real, two = gamma / step, pair / step
         ok = factorise(w, parent, n, real, lu, pivot) and factorise(w, parent, n, two, lu2, pivot2)
@@ -154,17 +157,17 @@ def integrate_coupled(
             known = course_step > 0.0 and step <= FARTHEST * course_step
             for m in range(3):
                 u_at[m] = u0
-                if not held:
-                    u_at[m], _, k_in = input_at(t + node[m] * step, k_in, table_t, table_u, held)
-                s = 1.0 + node[m] * step / course_step if known else 0.0
+                if not drive.held:
+                    u_at[m], _, k_in = input_at(t + method.node[m] * step, k_in, drive)
+                s = 1.0 + method.node[m] * step / course_step if known else 0.0
                 for i in range(n):
                     if known:
                         for o in (i, WIDTH + i):
                             z[m, o] = (s - 1.0) * course[0, o] + (s * s - 1.0) * course[1, o]
                             z[m, o] += (s * s * s - 1.0) * course[2, o]
                     else:
-                        z[m, i] = node[m] * step * w[V + i]
-                        z[m, WIDTH + i] = node[m] * step * w[ACC + i]
+                        z[m, i] = method.node[m] * step * w[V + i]
+                        z[m, WIDTH + i] = method.node[m] * step * w[ACC + i]
             for m in range(3):
                 for i in range(PAIR):
                     z_w[m, i] = to_w[m, 0] * z[0, i] + to_w[m, 1] * z[1, i] + to_w[m, 2] * z[2, i]
@@ -174,7 +177,7 @@ def integrate_coupled(
                 for m in range(3):
                     for i in range(PAIR):
                         w[U + i] = z[m, i]
-                    stage(w, p, a_, c_, 2, 0.0, 1.0, u_at[m], 0.0, mask)
+                    stage(w, p, method.a, method.c, 2, 0.0, 1.0, u_at[m], 0.0, mask)
                     for i in range(n):
                         f[m, i] = w[V + i] + z[m, WIDTH + i]
                         f[m, WIDTH + i] = w[U + 2 * PAIR + WIDTH + i]
@@ -200,7 +203,7 @@ def integrate_coupled(
                 change = 0.0
                 sound = True
                 for i in range(n):
-                    for o, x, y, tolerance in ((i, x_q, y_q, tolerance_q), (WIDTH + i, x_v, y_v, tolerance_v)):
+                    for o, x, y, tolerance in ((i, x_q, y_q, limits.angle), (WIDTH + i, x_v, y_v, limits.speed)):
                         z_w[0, o] += x[i]
                         z_w[1, o] += y[i].real
                         z_w[2, o] += y[i].imag
@@ -229,7 +232,7 @@ def integrate_coupled(
                 inertia_times(w, parent, n, e_v, x_v)
                 solve(w, n, real, lu, pivot, x_q, x_v)
                 for i in range(n):
-                    error = max(error, abs(x_q[i]) / tolerance_q, abs(x_v[i]) / tolerance_v)
+                    error = max(error, abs(x_q[i]) / limits.angle, abs(x_v[i]) / limits.speed)
                 if error > 1.0 and (rejected or course_step == 0.0):
                     # once more through the filter: what is stiff and has died out counts no longer
                     for i in range(PAIR):
@@ -237,7 +240,7 @@ def integrate_coupled(
                     for i in range(n):
                         w[U + i] = x_q[i]
                         w[U + WIDTH + i] = x_v[i]
-                    stage(w, p, a_, c_, 2, 0.0, 1.0, u0, 0.0, mask)
+                    stage(w, p, method.a, method.c, 2, 0.0, 1.0, u0, 0.0, mask)
                     counters[N_RHS] += 1
                     counters[N_CONTACT] += n_contacts
                     for i in range(n):
@@ -253,11 +256,11 @@ def integrate_coupled(
                         x_v[i] += w[U + 2 * PAIR + WIDTH + i]
                     solve(w, n, real, lu, pivot, x_q, x_v)
                     for i in range(n):
-                        error = max(error, abs(x_q[i]) / tolerance_q, abs(x_v[i]) / tolerance_v)
+                        error = max(error, abs(x_q[i]) / limits.angle, abs(x_v[i]) / limits.speed)
         if not ok or not error <= 1.0:
             counters[N_REJECTED] += 1
             rejected = True
-            h = shortened(step, error, exponent) if ok and isfinite(error) else 0.3 * step
+            h = shortened(step, error, method.exponent) if ok and isfinite(error) else 0.3 * step
             if h < SMALLEST_STEP:
                 status = STEP_TOO_SMALL if ok else NOT_FINITE
                 break
@@ -268,14 +271,14 @@ def integrate_coupled(
             for i in range(PAIR):
                 course[m, i] = polynomial[m, 0] * z[0, i] + polynomial[m, 1] * z[1, i] + polynomial[m, 2] * z[2, i]
         course_step = step if t1 < stop else 0.0  # starts anew after a stop, as a run in pieces does: same bits
-        while k_out < n_out and out_t[k_out] <= t1:
-            x = (out_t[k_out] - t) / step
+        while k_out < out.time.shape[0] and out.time[k_out] <= t1:
+            x = (out.time[k_out] - t) / step
             for i in range(n):
-                for o, row in ((0, out_q), (WIDTH, out_v)):
+                for o, row in ((0, out.angle), (WIDTH, out.speed)):
                     rise = course[0, o + i] + x * (course[1, o + i] + x * course[2, o + i])
                     row[k_out, i] = w[Q + o + i] + x * rise
             k_out += 1
-        h = after_step(step, error, exponent, rejected, fitted, h)
+        h = after_step(step, error, method.exponent, rejected, fitted, h)
         rejected = False
         for i in range(n):
             w[Q + i] += z[2, i]  # stiffly accurate

@@ -4,14 +4,13 @@ Stage i solves Y = y + h sum_j<i a_ij k_j + h gamma F(Y) by Newton's method with
 The scene's ``stage`` kernel does one iteration: with Z = Y - y in slot 0 and S = h sum a_ij k_j in slot 1 it solves
 (1/(gamma h) - J) D = F(y + Z) + (S - Z) / (gamma h). Events and input as in ``rosenbrock``; no energy audit, and
 rest is stepped.
-Compiled when such a method is used first; the default never waits for it (docs/decisions/0032-model-methods.md).
 """
 
 from math import isfinite
 
 import numpy as np
 
-from model.integrators.stepping import (
+from model.integrators.step_control import (
     DONE,
     NOT_FINITE,
     SMALLEST_STEP,
@@ -20,13 +19,15 @@ from model.integrators.stepping import (
     after_step,
     allow,
     begin,
-    plan,
+    ending_at,
+    next_stop,
     shortened,
 )
 from model.kernels.compile import step_loop
 from model.kernels.layout import N_CONTACT, N_JACOBIAN, N_REJECTED, N_RHS, N_STEPS
 from model.kernels.signatures import INTEGRATE
-from model.kernels.stepping.inputs import input_at
+from model.kernels.stepping.events import fit_to_events
+from model.kernels.stepping.inputs import fit_to_input, input_at
 from model.kernels.workspace import ACC, Q1, SIZE, WIDTH, Q, U, V
 
 PAIR = 2 * WIDTH
@@ -36,37 +37,37 @@ DIVERGING = 0.9
 
 
 @step_loop(INTEGRATE)
-def integrate_diagonal(
-    t, t_end, h, q, v, table_t, table_u, held, out_t, out_q, out_v, p, parent, linearise, prepare, skip, stage,
-    n_contacts, a_, c_, b_, node, d_, dense, gamma, tolerance_q, tolerance_v, exponent, rest_limit, h_max, max_steps,
-    counters, times, energy, audit,
-):  # fmt: skip
+def integrate_diagonal(span, drive, out, scene, kernels, method, limits, account):
     """As ``rosenbrock.integrate``, without rest and energy audit; ``dense`` holds a and the error's weights."""
-    n = q.shape[0]
-    s = b_.shape[0]
+    t, t_end, h, q, v = span
+    p, _, n_contacts = scene
+    linearise, prepare, skip, stage, _ = kernels
+    counters, _, _ = account
+    n, s, gamma, dense = q.shape[0], method.b.shape[0], method.gamma, method.dense
     w = np.zeros(SIZE)
     slope_of = np.zeros((s, PAIR))  # h k of each stage
     k_in = 0
-    k_out = begin(t, q, v, w, out_t, out_q, out_v)
-    n_out = out_t.shape[0]
+    k_out = begin(span, out, w)
     status = TOO_MANY_STEPS
     fresh = True
     rejected = False
     u0 = 0.0
-    for _ in range(max_steps):
+    for _ in range(limits.most_steps):
         if t >= t_end:
             break
         if fresh:
-            u0, _, k_in = input_at(t, k_in, table_t, table_u, held)
+            u0, _, k_in = input_at(t, k_in, drive)
             linearise(w, p, u0)
             counters[N_RHS] += 1
             counters[N_JACOBIAN] += 1
             counters[N_CONTACT] += n_contacts
             fresh = False
-        h = min(h, h_max)
-        step, fitted, stop = plan(
-            t, t_end, h, u0, k_in, held, table_t, table_u, w, p, n, n_contacts, tolerance_q, tolerance_v
-        )
+        h = min(h, limits.longest_step)
+        stop = next_stop(t, t_end, k_in, drive)
+        fitted = fit_to_events(h, w, scene, limits.speed)
+        step = ending_at(stop, t, fitted)
+        if not drive.held:
+            step = fit_to_input(t, step, u0, k_in, drive, w, n, limits)
         gh = gamma * step
         error = 0.0
         ok = prepare(w, gh) == 1
@@ -78,8 +79,8 @@ def integrate_diagonal(
                 slope_of[0, WIDTH + i] = step * w[ACC + i]
             for m in range(1, s):
                 u = u0
-                if not held:
-                    u, _, k_in = input_at(t + node[m] * step, k_in, table_t, table_u, held)
+                if not drive.held:
+                    u, _, k_in = input_at(t + method.node[m] * step, k_in, drive)
                 for i in range(PAIR):
                     x = 0.0
                     for j in range(m):
@@ -89,14 +90,14 @@ def integrate_diagonal(
                 before = 0.0
                 solved = False
                 for iteration in range(MOST_ITERATIONS):
-                    stage(w, p, a_, c_, 2, gh, step, u, 0.0, mask)
+                    stage(w, p, method.a, method.c, 2, gh, step, u, 0.0, mask)
                     counters[N_RHS] += 1
                     counters[N_CONTACT] += n_contacts
                     change = 0.0
                     for i in range(n):
                         dq = w[U + 2 * PAIR + i]
                         dv = w[U + 2 * PAIR + WIDTH + i]
-                        change = max(change, abs(dq) / tolerance_q, abs(dv) / tolerance_v)
+                        change = max(change, abs(dq) / limits.angle, abs(dv) / limits.speed)
                         w[U + i] += dq
                         w[U + WIDTH + i] += dv
                     if not isfinite(change):
@@ -122,27 +123,27 @@ def integrate_diagonal(
                     for m in range(s):
                         eq += dense[s, m] * slope_of[m, i]
                         ev += dense[s, m] * slope_of[m, WIDTH + i]
-                    error = max(error, abs(eq) / tolerance_q, abs(ev) / tolerance_v)
+                    error = max(error, abs(eq) / limits.angle, abs(ev) / limits.speed)
         if not ok or not error <= 1.0:
             counters[N_REJECTED] += 1
             rejected = True
-            h = shortened(step, error, exponent) if ok and isfinite(error) else 0.3 * step
+            h = shortened(step, error, method.exponent) if ok and isfinite(error) else 0.3 * step
             if h < SMALLEST_STEP:
                 status = STEP_TOO_SMALL if ok else NOT_FINITE
                 break
             continue
         counters[N_STEPS] += 1
         t1 = stop if step == stop - t else t + step
-        while k_out < n_out and out_t[k_out] <= t1:
-            x = (out_t[k_out] - t) / step
+        while k_out < out.time.shape[0] and out.time[k_out] <= t1:
+            x = (out.time[k_out] - t) / step
             for i in range(n):
-                for o, row in ((0, out_q), (WIDTH, out_v)):
+                for o, row in ((0, out.angle), (WIDTH, out.speed)):
                     rise = w[Q1 + o + i] - w[Q + o + i]
                     left = slope_of[0, o + i] - rise
                     right = slope_of[s - 1, o + i] - rise
                     row[k_out, i] = w[Q + o + i] + x * (rise + (1.0 - x) * (left * (1.0 - x) - right * x))
             k_out += 1
-        h = after_step(step, error, exponent, rejected, fitted, h)
+        h = after_step(step, error, method.exponent, rejected, fitted, h)
         rejected = False
         for i in range(PAIR):
             w[Q + i] = w[Q1 + i]

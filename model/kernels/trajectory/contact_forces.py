@@ -22,8 +22,8 @@ from model.kernels.layout import (
     PROBE_SIZE,
     V_T,
 )
-from model.kernels.tables.dynamics import acceleration, contact_state, probe_state
-from model.kernels.tables.kinematics import contact_offset, gap_geometry, place
+from model.kernels.trajectory.dynamics import acceleration, contact_state, probe_state
+from model.kernels.trajectory.kinematics import contact_offset, gap_geometry, place
 
 # columns of what `observe_along` gives per contact
 SEEN_NORMAL, SEEN_FRICTION, SEEN_DEPTH, SEEN_SLIDE, SEEN_RUBBED, SEEN_FELT = range(6)

@@ -1,6 +1,6 @@
 """Where bodies and contact surfaces are: poses, gap, common normal and point of action.
 
-Called by ``dynamics`` and ``jacobian``. World frame: x right, y up, metres, angles counter-clockwise.
+Called by ``dynamics``. World frame: x right, y up, metres, angles counter-clockwise.
 Source: thesis Section 2.2.1; open points decided in docs/decisions/0008-model-open-points.md.
 """
 

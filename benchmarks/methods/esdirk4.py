@@ -3,14 +3,15 @@
 Stage 1 is explicit, the others share gamma = 1/4. Dense output: cubic through both ends and their derivatives, order 3.
 Source: C. A. Kennedy and M. H. Carpenter, Additive Runge-Kutta schemes for convection-diffusion-reaction equations,
 Applied Numerical Mathematics 44 (2003) 139-181, appendix; checked here against the order conditions
-(tests/model/integrators).
+(tests/benchmarks/test_methods.py).
 """
 
 from fractions import Fraction as F
 
 import numpy as np
 
-from model.integrators.tableau import DiagonalTableau, lower
+from methods.tableau import DiagonalTableau
+from model.integrators.tableau import lower
 
 _LAST = [F(82889, 524892), F(0), F(15625, 83664), F(69875, 102672), F(-2260, 8211)]
 _ROWS = [

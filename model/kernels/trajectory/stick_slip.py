@@ -12,8 +12,8 @@ import numpy as np
 
 from model.kernels.compile import kernel
 from model.kernels.layout import BODY_SIZE, COUNTERS, GLOBALS, JF_A, MU_A, POSE_SIZE
-from model.kernels.tables.dynamics import acceleration, contact_frame, contact_state, solve_mass
-from model.kernels.tables.kinematics import along_chain, contact_offset
+from model.kernels.trajectory.dynamics import acceleration, contact_frame, contact_state, solve_mass
+from model.kernels.trajectory.kinematics import along_chain, contact_offset
 
 SWEEPS = 300
 PATIENCE = 6  # sweeps between two tries to stop all pairs at once

@@ -46,7 +46,7 @@ from model.kernels.layout import (
     SPRING_T0,
     V_T,
 )
-from model.kernels.tables.kinematics import along_chain, contact_offset, gap_geometry, place, point
+from model.kernels.trajectory.kinematics import along_chain, contact_offset, gap_geometry, place, point
 
 
 @inlined

@@ -22,8 +22,8 @@ from model.kernels.layout import (
     POSE_X,
     POSE_Y,
 )
-from model.kernels.tables.dynamics import contact_forces, contact_state, inertia_and_joint_forces, mass_matrix
-from model.kernels.tables.kinematics import contact_offset, gap_geometry, place, point
+from model.kernels.trajectory.dynamics import contact_forces, contact_state, inertia_and_joint_forces, mass_matrix
+from model.kernels.trajectory.kinematics import contact_offset, gap_geometry, place, point
 
 
 @kernel

@@ -3,14 +3,14 @@
 Its stages are coupled: one real and one complex system each iteration. Dense output: the collocation polynomial.
 Source: E. Hairer and G. Wanner, Solving Ordinary Differential Equations II, Section IV.5 (coefficients) and IV.8
 (transformation, starting values, error estimate); checked here against the collocation conditions
-(tests/model/integrators).
+(tests/benchmarks/test_methods.py).
 """
 
 from math import sqrt
 
 import numpy as np
 
-from model.integrators.tableau import CoupledTableau
+from methods.tableau import CoupledTableau
 
 _R = sqrt(6.0)
 

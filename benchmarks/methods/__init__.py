@@ -1,0 +1,10 @@
+"""Integration methods of other families, to compare the model's with (docs/decisions/0055-methods-in-benchmarks.md).
+
+``METHODS.update(COMPARISON)`` makes them known to ``model.simulate(method=...)``; a step loop compiles on first use.
+They keep no account of energies and step through rest.
+"""
+
+from methods.esdirk4 import ESDIRK4
+from methods.radau5 import RADAU5
+
+COMPARISON = {method.name: method for method in (ESDIRK4, RADAU5)}
