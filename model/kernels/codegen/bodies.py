@@ -1,6 +1,6 @@
 """Source lines of bodies: pose, mass matrix, forces of inertia, gravity, joints, springs and drives, derivatives.
 
-Part of ``emit``; see there. A body hangs from the ground, from another body, or from a vertical guide without mass,
+See ``step_kernels``. A body hangs from the ground, from another body, or from a vertical guide without mass,
 whose coordinate is its height.
 """
 
@@ -109,42 +109,44 @@ def derivatives(s: Structure) -> list[str]:
     out = [f"u{i} = 0.0" for i in range(s.free)] + [f"moving = 1.0 - w[{W.STATIC}]"]
     for i, w in enumerate(s.parent[: s.free]):
         m = s.body(i, L.MASS)
-        out.append(f"d{i}_{i} -= e{i}")
+        out.append(f"{s.damping(i, i)} -= e{i}")
         if i in s.guided:
             continue
-        out.append(f"k{i}_{i} += {m} * g * ry{i}")
+        out.append(f"{s.stiffness(i, i)} += {m} * g * ry{i}")
         if w in s.guided:
             out += [
-                f"k{w}_{i} += {m} * (rx{i} * v{i} * v{i} + moving * ry{i} * a{i})",
-                f"k{i}_{i} += moving * {m} * ry{i} * a{w}",
-                f"d{w}_{i} += 2.0 * {m} * ry{i} * v{i}",
+                f"{s.stiffness(w, i)} += {m} * (rx{i} * v{i} * v{i} + moving * ry{i} * a{i})",
+                f"{s.stiffness(i, i)} += moving * {m} * ry{i} * a{w}",
+                f"{s.damping(w, i)} += 2.0 * {m} * ry{i} * v{i}",
             ]
         elif w >= 0:
             out += [
-                f"k{w}_{w} += {m} * g * (dy{i} + ry{i})",
-                f"k{i}_{w} += {m} * g * ry{i}",
-                f"k{w}_{i} += {m} * g * ry{i} + h{i} * (2.0 * w{w} + v{i}) * v{i}"
+                f"{s.stiffness(w, w)} += {m} * g * (dy{i} + ry{i})",
+                f"{s.stiffness(i, w)} += {m} * g * ry{i}",
+                f"{s.stiffness(w, i)} += {m} * g * ry{i} + h{i} * (2.0 * w{w} + v{i}) * v{i}"
                 f" - moving * t{i} * (2.0 * a{w} + a{i})",
-                f"k{i}_{i} -= h{i} * w{w} * w{w} + moving * t{i} * a{w}",
-                f"d{w}_{w} -= 2.0 * t{i} * v{i}",
-                f"d{w}_{i} -= 2.0 * t{i} * (w{w} + v{i})",
-                f"d{i}_{w} += 2.0 * t{i} * w{w}",
+                f"{s.stiffness(i, i)} -= h{i} * w{w} * w{w} + moving * t{i} * a{w}",
+                f"{s.damping(w, w)} -= 2.0 * t{i} * v{i}",
+                f"{s.damping(w, i)} -= 2.0 * t{i} * (w{w} + v{i})",
+                f"{s.damping(i, w)} += 2.0 * t{i} * w{w}",
             ]
     for k, i in enumerate(s.spring):
-        out.append(f"k{i}_{i} -= p[{s.offset[0] + L.SPRING_SIZE * k + L.SPRING_K}]")
+        out.append(f"{s.stiffness(i, i)} -= p[{s.offset[0] + L.SPRING_SIZE * k + L.SPRING_K}]")
     for k, (kind, i) in enumerate(s.drive):
         o = s.offset[2] + L.DRIVE_SIZE * k
         if i >= s.free:
             continue
         if kind == L.FORCE_DOWN:
             x, y = f"p[{o + L.DRIVE_X}]", f"p[{o + L.DRIVE_Y}]"
-            out += [f"u{i} -= c{i} * {x} - s{i} * {y}", f"k{i}_{i} += u * (s{i} * {x} + c{i} * {y})"]
+            out += [f"u{i} -= c{i} * {x} - s{i} * {y}", f"{s.stiffness(i, i)} += u * (s{i} * {x} + c{i} * {y})"]
             if s.guide(i) >= 0:
                 out.append(f"u{s.guide(i)} -= 1.0")
         else:
             out.append(f"u{i} += 1.0")
     for k, i in enumerate(s.damper):
-        out.append(f"d{i}_{i} -= p[{s.offset[5] + L.DAMPER_SIZE * k}]")
+        out.append(f"{s.damping(i, i)} -= p[{s.offset[5] + L.DAMPER_SIZE * k}]")
     # where the key is prescribed the input is the time: df/dt comes through the motion of the key
-    out += [f"u{i} += k{i}_{j} * v{j} + d{i}_{j} * a{j}" for i, j in sorted(s.pattern() - s.square())]
+    out += [
+        f"u{i} += {s.stiffness(i, j)} * v{j} + {s.damping(i, j)} * a{j}" for i, j in sorted(s.pattern() - s.square())
+    ]
     return out

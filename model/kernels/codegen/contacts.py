@@ -1,18 +1,13 @@
-"""Source lines of contacts and probes: force, derivatives, room of an open gap. Part of ``emit``; see there.
+"""Source lines of contacts and probes: force, derivatives, room of an open gap. See ``step_kernels``.
 
 A contact between A and B acts on the coordinates of its chain; (b, side) says that coordinate b moves A (+1) or B (-1).
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from model.kernels import layout as L
 from model.kernels import workspace as W
-
-if TYPE_CHECKING:
-    from model.kernels.codegen.contact_kinds import Alone
-    from model.kernels.codegen.structure import Structure
+from model.kernels.codegen.structure import LoneContact, Structure
 
 
 def _at(body: int, x: str, y: str) -> tuple[str, str]:
@@ -32,18 +27,18 @@ def _pivot(body: int) -> tuple[str, str]:
     return f"x{body}", f"y{body}"
 
 
-def _numbers(s: Structure | Alone, c: int, *names: int) -> list[str]:
+def _numbers(s: Structure | LoneContact, c: int, *names: int) -> list[str]:
     return [s.contact_number(c, k) for k in names]
 
 
-def _centres(s: Structure | Alone, c: int) -> list[str]:
+def _centres(s: Structure | LoneContact, c: int) -> list[str]:
     a, b, _, _ = s.contact[c]
     ax, ay = _at(a, *_numbers(s, c, L.A_X, L.A_Y))
     bx, by = _at(b, *_numbers(s, c, L.B_X, L.B_Y))
     return [f"ax = {ax}", f"ay = {ay}", f"bx = {bx}", f"by = {by}"]
 
 
-def _surface(s: Structure | Alone, c: int, room: bool) -> list[str]:
+def _surface(s: Structure | LoneContact, c: int, room: bool) -> list[str]:
     """Lines that set x, nx, ny, distance (or room, nx, ny) from the centres."""
     _, b, shape, _ = s.contact[c]
     ra, rb = _numbers(s, c, L.A_R, L.B_R)
@@ -65,7 +60,7 @@ def _surface(s: Structure | Alone, c: int, room: bool) -> list[str]:
     return [*out, f"x, nx, ny, distance = {kind}_gap(ax - bx, ay - by, {ra} + {rb}{ends})"]
 
 
-def _rates(s: Structure | Alone, c: int) -> list[str]:
+def _rates(s: Structure | LoneContact, c: int) -> list[str]:
     """Arms, generalised directions, rate of penetration, sliding speed, at mid-penetration."""
     out = [f"r = {_numbers(s, c, L.A_R)[0]} - 0.5 * x", "px = ax - r * nx", "py = ay - r * ny"]
     for k, (b, side) in enumerate(s.chain[c]):
@@ -81,12 +76,12 @@ def _rates(s: Structure | Alone, c: int) -> list[str]:
     return out
 
 
-def _law(s: Structure | Alone, c: int) -> str:
+def _law(s: Structure | LoneContact, c: int) -> str:
     felt = _numbers(s, c, L.K_A, L.K_B, L.K_C, L.DAMP)
     return ", ".join([*felt, f"p[{L.V_T}]", *_numbers(s, c, L.MU_A, L.MU_B1, L.MU_B2)])
 
 
-def _push(s: Alone, c: int) -> list[str]:
+def _push(s: LoneContact, c: int) -> list[str]:
     out = []
     for k, (b, side) in enumerate(s.chain[c]):
         if not s.solved(b):
@@ -100,13 +95,13 @@ def _indent(lines: list[str]) -> list[str]:
     return ["    " + line for line in lines]
 
 
-def contact_forces(s: Alone, c: int) -> list[str]:
+def contact_forces(s: LoneContact, c: int) -> list[str]:
     """Add the force of contact ``c`` to f where it touches."""
     touch = [*_rates(s, c), f"fx, fy = contact_force(x, rate, slide, nx, ny, {_law(s, c)})", *_push(s, c)]
     return [*_centres(s, c), *_surface(s, c, False), "if x > 0.0:", *_indent(touch)]
 
 
-def contact_linearised(s: Alone, c: int) -> list[str]:
+def contact_linearised(s: LoneContact, c: int) -> list[str]:
     """Force and derivatives of contact ``c`` where it touches; its gap and how fast that changes in any case."""
     chain = s.chain[c]
     law = [f"fn, fnx, fnr, mu, mus = contact_laws(x, rate, slide, {_law(s, c)})"]
@@ -135,7 +130,7 @@ def contact_linearised(s: Alone, c: int) -> list[str]:
     ]  # fmt: skip
 
 
-def _easiest(s: Alone, c: int, name: str, end: str = "") -> str:
+def _easiest(s: LoneContact, c: int, name: str, end: str = "") -> str:
     """Text of the largest acceleration of one joint that a unit force along a direction gives."""
     terms = [f"abs({name}{k}{end}) * easy{b}" for k, (b, _) in enumerate(s.chain[c]) if s.solved(b)]
     out = terms[0]
@@ -144,7 +139,7 @@ def _easiest(s: Alone, c: int, name: str, end: str = "") -> str:
     return out
 
 
-def second_rates(s: Alone, c: int) -> list[str]:
+def second_rates(s: LoneContact, c: int) -> list[str]:
     """How fast gap rate and sliding speed of contact ``c`` change, once the accelerations are known."""
     chain = s.chain[c]
     turn, slide = (" + ".join(f"{n}{k}_{c} * a{b}" for k, (b, _) in enumerate(chain)) for n in ("turns", "slides"))
@@ -155,7 +150,7 @@ def second_rates(s: Alone, c: int) -> list[str]:
     ]  # fmt: skip
 
 
-def _derivatives(s: Alone, c: int) -> list[str]:
+def _derivatives(s: LoneContact, c: int) -> list[str]:
     """Add the derivatives of a pushing contact to K and D."""
     chain = s.chain[c]
     out = [f"along{k} = gn{k} - mu * gt{k}" for k in range(len(chain))]
@@ -182,8 +177,20 @@ def _derivatives(s: Alone, c: int) -> list[str]:
         for k, (b, _) in enumerate(chain):
             if not s.solved(b):
                 continue
-            out.append(f"k{b}_{cj} += fnj * along{k} + fn * (dn{k} - mu * dt{k}) - fmu * gt{k}")
-            out.append(f"d{b}_{cj} += fnv * along{k} - fmv * gt{k}")
+            out.append(f"{s.stiffness(b, cj)} += fnj * along{k} + fn * (dn{k} - mu * dt{k}) - fmu * gt{k}")
+            out.append(f"{s.damping(b, cj)} += fnv * along{k} - fmv * gt{k}")
+    return out
+
+
+def _probe_force(s: Structure, k: int) -> list[str]:
+    """Lines that set the force ``fn`` of a probe, its two derivatives, and arms and heights of its points."""
+    a, b = s.probe[k]
+    o = s.offset[3] + L.PROBE_SIZE * k
+    numbers = [f"p[{o + i}]" for i in range(L.PROBE_SIZE)]
+    ax, ay = _along(a, *numbers[0:2])
+    bx, by = _along(b, *numbers[2:4])
+    out = [f"la = {ax}", f"ha = {ay}", f"lb = {bx}", f"hb = {by}"]
+    out.append(f"fn, fnx, fnr = felt(y{b} + hb - y{a} - ha, {_closing(s, k)}, {', '.join(numbers[4:8])})")
     return out
 
 
@@ -191,30 +198,31 @@ def probe(s: Structure, k: int, derivatives: bool) -> list[str]:
     """One-sided vertical contact of a tip on A with a point of B, both hanging from ground or B from a guide."""
     a, b = s.probe[k]
     guide = s.guide(b)
-    o = s.offset[3] + L.PROBE_SIZE * k
-    numbers = [f"p[{o + i}]" for i in range(L.PROBE_SIZE)]
-    ax, ay = _along(a, *numbers[0:2])
-    bx, by = _along(b, *numbers[2:4])
-    out = [f"la = {ax}", f"ha = {ay}", f"lb = {bx}", f"hb = {by}"]
-    out.append(f"fn, fnx, fnr = felt(y{b} + hb - y{a} - ha, {_closing(s, k)}, {', '.join(numbers[4:8])})")
-    lifts = [] if guide < 0 else [f"f{guide} -= fn"]
-    if not derivatives:
-        return [*out, f"f{a} += fn * la", f"f{b} -= fn * lb", *lifts]
-    if guide >= 0:
-        lifts += [
-            f"k{a}_{guide} += fnx * la", f"k{b}_{guide} -= fnx * lb", f"k{guide}_{guide} -= fnx",
-            f"k{guide}_{a} += fnx * la - fnr * ha * v{a}", f"k{guide}_{b} -= fnx * lb - fnr * hb * v{b}",
-            f"d{a}_{guide} += fnr * la", f"d{b}_{guide} -= fnr * lb", f"d{guide}_{guide} -= fnr",
-            f"d{guide}_{a} += fnr * la", f"d{guide}_{b} -= fnr * lb",
+    out = [*_probe_force(s, k), f"f{a} += fn * la", f"f{b} -= fn * lb"]
+    if derivatives:
+        out += [
+            f"fqa = -fnx * la + fnr * ha * v{a}", f"fqb = fnx * lb - fnr * hb * v{b}",
+            f"{s.stiffness(a, a)} += fqa * la - fn * ha", f"{s.stiffness(a, b)} += fqb * la",
+            f"{s.stiffness(b, a)} -= fqa * lb", f"{s.stiffness(b, b)} += -fqb * lb + fn * hb",
+            f"{s.damping(a, a)} -= fnr * la * la", f"{s.damping(a, b)} += fnr * lb * la",
+            f"{s.damping(b, a)} += fnr * la * lb", f"{s.damping(b, b)} -= fnr * lb * lb",
         ]  # fmt: skip
-    return [
-        *out, f"f{a} += fn * la", f"f{b} -= fn * lb",
-        f"fqa = -fnx * la + fnr * ha * v{a}", f"fqb = fnx * lb - fnr * hb * v{b}",
-        f"k{a}_{a} += fqa * la - fn * ha", f"k{a}_{b} += fqb * la",
-        f"k{b}_{a} -= fqa * lb", f"k{b}_{b} += -fqb * lb + fn * hb",
-        f"d{a}_{a} -= fnr * la * la", f"d{a}_{b} += fnr * lb * la",
-        f"d{b}_{a} += fnr * la * lb", f"d{b}_{b} -= fnr * lb * lb", *lifts,
-    ]  # fmt: skip
+    if guide >= 0:
+        out.append(f"f{guide} -= fn")
+    if guide >= 0 and derivatives:
+        out += [
+            f"{s.stiffness(a, guide)} += fnx * la",
+            f"{s.stiffness(b, guide)} -= fnx * lb",
+            f"{s.stiffness(guide, guide)} -= fnx",
+            f"{s.stiffness(guide, a)} += fnx * la - fnr * ha * v{a}",
+            f"{s.stiffness(guide, b)} -= fnx * lb - fnr * hb * v{b}",
+            f"{s.damping(a, guide)} += fnr * la",
+            f"{s.damping(b, guide)} -= fnr * lb",
+            f"{s.damping(guide, guide)} -= fnr",
+            f"{s.damping(guide, a)} += fnr * la",
+            f"{s.damping(guide, b)} -= fnr * lb",
+        ]
+    return out
 
 
 def _closing(s: Structure, k: int) -> str:
@@ -239,9 +247,8 @@ def probe_energy(s: Structure, k: int) -> list[str]:
     """Elastic energy and losses of a probe."""
     a, b = s.probe[k]
     o = s.offset[3] + L.PROBE_SIZE * k
-    out = [line for line in probe(s, k, False) if line.split(" ")[0] not in {f"f{i}" for i in (a, b, s.guide(b))}]
     touch = [
         f"stored, lost = felt_energy(x, {_closing(s, k)}, fn, p[{o + 4}], p[{o + 5}], p[{o + 6}])",
         "energy += stored", "felt_loss += lost",
     ]  # fmt: skip
-    return [*out, f"x = y{b} + hb - y{a} - ha", "if x > 0.0:", *_indent(touch)]
+    return [*_probe_force(s, k), f"x = y{b} + hb - y{a} - ha", "if x > 0.0:", *_indent(touch)]

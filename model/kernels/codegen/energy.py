@@ -1,6 +1,6 @@
 """Write the kernel of the energy audit of one scene: stored energy, power put in and powers lost at a state.
 
-In: the integer tables of a scene; out: source text, compiled only when a run asks for it. See ``emit``.
+In: the integer tables of a scene; out: source text, compiled only when a run asks for it. See ``step_kernels``.
 """
 
 from __future__ import annotations

@@ -9,8 +9,6 @@ is in ``terms`` and ``laws``. Order of numbers: ``layout`` (parameters), ``works
 
 from __future__ import annotations
 
-import re
-
 from model.kernels import layout as L
 from model.kernels import workspace as W
 from model.kernels.codegen.bodies import derivatives, forces, mass, pose, solve_mass
@@ -42,7 +40,7 @@ def _prescribed(s: Structure, derivatives: bool) -> list[str]:
 
 def _linearise(s: Structure, pieces: set[Piece]) -> list[str]:
     out = [f"q{i} = w[{W.Q + i}]\nv{i} = w[{W.V + i}]" for i in range(s.free)] + _prescribed(s, True)
-    out += [f"k{i}_{j} = 0.0\nd{i}_{j} = 0.0" for i, j in sorted(s.pattern())]
+    out += [f"{s.stiffness(i, j)} = 0.0\n{s.damping(i, j)} = 0.0" for i, j in sorted(s.pattern())]
     out += ["touching = 0", *pose(s), *mass(s), *forces(s, True)]
     out += [f"easy{i} = 1.0 / md{i}" for i in range(s.free)]
     rates = []
@@ -55,24 +53,11 @@ def _linearise(s: Structure, pieces: set[Piece]) -> list[str]:
     for k in range(len(s.probe)):
         out += probe(s, k, True)
     out += [*solve_mass(s), *derivatives(s), *rates]
-    out = _in_place(out)
     for i in range(s.free):
         out += [f"w[{W.ACC + i}] = a{i}", f"w[{W.F_U + i}] = u{i}", f"w[{W.M_DIAG + i}] = md{i}"]
         if s.parent[i] >= 0:
             out.append(f"w[{W.M_UP + i}] = mu{i}")
     return [*out, "return touching"]
-
-
-def _in_place(lines: list[str]) -> list[str]:
-    """Entries k.._.. and d.._.. of K and D as places in ``w``.
-
-    As variables they would run through the branches of all contacts: a tenth more time to compile, and not faster.
-    """
-    at = {"k": W.STIFF, "d": W.DAMP}
-    return [
-        re.sub(r"\b([kd])(\d+)_(\d+)\b", lambda m: f"w[{at[m[1]] + W.WIDTH * int(m[2]) + int(m[3])}]", line)
-        for line in lines
-    ]
 
 
 def _filled(s: Structure) -> set[tuple[int, int]]:
@@ -91,7 +76,7 @@ def _prepare(s: Structure) -> list[str]:
     out = ["inverse = 1.0 / gh"]
     start, pattern = s.square(), _filled(s)
     for i, j in sorted(pattern):
-        text = f"-w[{W.DAMP + W.WIDTH * i + j}] - gh * w[{W.STIFF + W.WIDTH * i + j}]" if (i, j) in start else "0.0"
+        text = f"-{s.damping(i, j)} - gh * {s.stiffness(i, j)}" if (i, j) in start else "0.0"
         if i == j:
             text += f" + inverse * w[{W.M_DIAG + i}]"
         elif s.parent[i] == j or s.parent[j] == i:
@@ -150,7 +135,7 @@ def _stage(s: Structure, pieces: set[Piece]) -> list[str]:
         for j in n:
             if s.parent[i] == j or s.parent[j] == i:
                 text += f" + w[{W.M_UP + (i if s.parent[i] == j else j)}] * a{j}"
-        stiff = " + ".join(f"w[{W.STIFF + W.WIDTH * i + j}] * b{j}" for j in n if (i, j) in s.square())
+        stiff = " + ".join(f"{s.stiffness(i, j)} * b{j}" for j in n if (i, j) in s.square())
         out.append(f"g{i} = {text} + gh * ({stiff})")
     pattern = _filled(s)
     for i in n:

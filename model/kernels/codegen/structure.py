@@ -1,11 +1,12 @@
 """Structure of a scene as the emitters read it: plain lists, offsets, and which matrix entries can be filled.
 
-In: the integer tables of a scene; no parameter value. Used by ``emit`` and ``emit_contacts``.
+In: the integer tables of a scene; no parameter value. ``LoneContact`` is one contact seen apart from its scene.
 """
 
 from __future__ import annotations
 
 from model.kernels import layout as L
+from model.kernels import workspace as W
 
 
 def solved_contacts(tables: L.Tables) -> list[int]:
@@ -60,6 +61,17 @@ class Structure:
         """Text of number ``k`` of contact ``c``."""
         return f"p[{self.offset[1] + L.CONTACT_SIZE * c + k}]"
 
+    def stiffness(self, i: int, j: int) -> str:
+        """Text of the entry of K, a place in the workspace.
+
+        As variables they would run through the branches of all contacts: a tenth more time to compile, and not faster.
+        """
+        return f"w[{W.STIFF + W.WIDTH * i + j}]"
+
+    def damping(self, i: int, j: int) -> str:
+        """Text of the entry of D."""
+        return f"w[{W.DAMP + W.WIDTH * i + j}]"
+
     def pattern(self) -> set[tuple[int, int]]:
         """Entries of K, D and M that can differ from zero; rows are free coordinates, columns also prescribed ones."""
         out = {(i, i) for i in range(self.free)}
@@ -76,3 +88,44 @@ class Structure:
     def square(self) -> set[tuple[int, int]]:
         """Those of them between free coordinates."""
         return {(i, j) for i, j in self.pattern() if j < self.free}
+
+
+class LoneContact:
+    """One contact of a scene as the emitters read it: its bodies counted from 0, its offsets as arguments.
+
+    What the text of a contact's function depends on, so that contacts alike share one function.
+    """
+
+    def __init__(self, s: Structure, c: int) -> None:
+        a, b, shape, length = s.contact[c]
+        self.bodies: list[int] = []  # in the scene
+        for i in (*(i for i, _ in s.chain[c]), a, b):
+            if i >= 0 and i not in self.bodies:
+                self.bodies.append(i)
+        here = {i: k for k, i in enumerate(self.bodies)}
+        self.contact = [(here.get(a, -1), here.get(b, -1), shape, length)]
+        self.chain = [[(here[i], side) for i, side in s.chain[c]]]
+        self.parent = [here.get(s.parent[i], -1) for i in self.bodies]
+        self.guided = {here[i] for i in s.guided if i in here}
+        self._solved = [i < s.free for i in self.bodies]
+        self.joints = [i for i, _ in self.chain[0]]
+
+    def solved(self, body: int) -> bool:
+        """Whether the coordinate of ``body`` is solved for."""
+        return self._solved[body]
+
+    def contact_number(self, _: int, k: int) -> str:
+        """Text of number ``k`` of the contact."""
+        return f"p[o + {k}]"
+
+    def at(self, _: int, where: int) -> str:
+        """Text of the contact's place in a row of the workspace."""
+        return f"at + {where}"
+
+    def stiffness(self, i: int, j: int) -> str:
+        """Text of the entry of K; the coordinates' numbers in the scene are arguments."""
+        return f"w[{W.STIFF} + {W.WIDTH} * n{i} + n{j}]"
+
+    def damping(self, i: int, j: int) -> str:
+        """Text of the entry of D."""
+        return f"w[{W.DAMP} + {W.WIDTH} * n{i} + n{j}]"
