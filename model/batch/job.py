@@ -19,10 +19,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from model.errors import ModelError
-from model.force_driven import check_force_table, check_output_times, follow
+from model.force_driven import ForceDrivenRun, check_force_table, check_output_times
 from model.parameters.action import Action
-from model.scene.build import Scene, build_scene
-from model.scene.selection import SceneChoice
+from model.scene.build import build_scene
+from model.simulation.options import ForceDrivenOptions
 from model.simulation.run import State
 from model.simulation.solution import Solution
 from model.simulation.statics import RestState, solve_rest
@@ -38,23 +38,14 @@ class Job:
     Attributes
     ----------
     trial, parameters : labels of the force table and of the parameter set
-    scene : what takes part, with all numbers; None where ``failure`` says why there is none
+    run : what to simulate, with all numbers; None where ``failure`` says why there is none
     start_rad : (n,) angles at the first time, at rest
-    time_s, force_n : (k,) checked force table
-    output_time_s : (m,)
-    outputs : beyond angles and speeds, as in a `SceneChoice`
     """
 
     trial: str
     parameters: str
-    scene: Scene | None
+    run: ForceDrivenRun | None
     start_rad: Array | None
-    time_s: Array
-    force_n: Array
-    output_time_s: Array
-    tolerance: float
-    method: str
-    outputs: tuple[str, ...] = ()
     failure: Exception | None = None
 
     def sha256(self) -> str:
@@ -124,12 +115,13 @@ def _row(array: Array) -> Array:
     return np.require(array, float, ["C", "W"])
 
 
-def _writable(scene: Scene) -> Scene:
-    """The scene with arrays kernels accept; what comes from another process may be read-only."""
+def _writable(run: ForceDrivenRun) -> ForceDrivenRun:
+    """The run with arrays that kernels accept; what comes from another process may be read-only."""
+    scene = run.scene
     if all(array.flags.writeable for array in (scene.vector, *scene.tables)):
-        return scene
+        return run
     tables = type(scene.tables)(*(np.require(table, requirements=["C", "W"]) for table in scene.tables))
-    return replace(scene, vector=_row(scene.vector), tables=tables)
+    return replace(run, scene=replace(scene, vector=_row(scene.vector), tables=tables))
 
 
 def _tables(
@@ -151,15 +143,12 @@ def make_jobs(
     action: Action,
     trials: Mapping[str, tuple[ArrayLike, ArrayLike]],
     parameter_sets: Mapping[str, Mapping[str, float]],
-    *,
-    tolerance: float,
-    output_time_s: ArrayLike | None,
-    choice: SceneChoice,
-    method: str,
+    options: ForceDrivenOptions,
     initial: RestState | None = None,
 ) -> list[Job]:
     """Jobs of every parameter set with every trial, in that order."""
-    tables = list(_tables(trials, output_time_s))
+    tables = list(_tables(trials, options.output_time_s))
+    choice = options.choice
     jobs = []
     for label, overrides in parameter_sets.items():
         scene, start, failure = None, None, None
@@ -169,26 +158,22 @@ def make_jobs(
             start = solve_rest(scene) if initial is None else np.array(initial.angle_rad, dtype=float)
         except ModelError as problem:
             failure = problem
-        jobs += [
-            Job(
-                trial, label, scene, start, times, forces, outputs, tolerance, method, choice.outputs,
-                failure or unusable,
-            )
-            for trial, times, forces, outputs, unusable in tables
-        ]  # fmt: skip
+        for trial, times, forces, outputs, unusable in tables:
+            run = None
+            if scene is not None and failure is None and unusable is None:
+                run = ForceDrivenRun(scene, times, forces, outputs, options.tolerance, options.method, choice.outputs)
+            jobs.append(Job(trial, label, run, start, failure or unusable))
     return jobs
 
 
 def run_job(job: Job, sha256: str) -> Member:
     """Do one job; the same to the last bit as ``model.simulate`` with the same input."""
-    if job.failure is not None or job.scene is None or job.start_rad is None:
+    if job.run is None or job.start_rad is None:
         return Member(job.trial, job.parameters, sha256, error=job.failure)
-    state = State(float(job.time_s[0]), job.start_rad.copy(), np.zeros(job.scene.size))
-    wanted = {name: name in job.outputs for name in ("contact_forces", "energy", "inside")}
+    run = _writable(job.run)
+    state = State(float(run.time_s[0]), job.start_rad.copy(), np.zeros(run.scene.size))
     try:
-        solution = follow(
-            _writable(job.scene), state, job.time_s, job.force_n, job.output_time_s, job.tolerance, job.method, **wanted
-        )
+        solution = run.from_state(state)
     except ModelError as problem:
         return Member(job.trial, job.parameters, sha256, error=problem)
     return Member(job.trial, job.parameters, sha256, solution)

@@ -11,18 +11,17 @@ import os
 import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ThreadPoolExecutor, wait
-from dataclasses import replace
 from pathlib import Path
+from typing import TypeVar, Unpack
 
 from numpy.typing import ArrayLike
 
 from model.batch.job import Job, Member, make_jobs, run_job
 from model.batch.store import Store
 from model.errors import InputError
-from model.integrators.methods import DEFAULT_METHOD
 from model.kernels.codegen.load import energy_of, kernels_of
 from model.parameters.action import Action
-from model.scene.selection import SceneChoice, load_scene
+from model.simulation.options import ForceDrivenKeywords, ForceDrivenOptions
 from model.simulation.statics import RestState
 
 AHEAD = 4  # jobs handed over per worker
@@ -31,6 +30,7 @@ POLL_S = 0.2  # an interrupt is noticed after this time at the latest, also wher
 
 Trials = Mapping[str, tuple[ArrayLike, ArrayLike]] | Sequence[tuple[ArrayLike, ArrayLike]]
 ParameterSets = Mapping[str, Mapping[str, float]] | Sequence[Mapping[str, float]]
+T = TypeVar("T")
 Progress = Callable[[int, int], None]
 
 
@@ -53,11 +53,11 @@ def _warm(jobs: Iterable[Job]) -> None:
     """Load or compile the kernels of every structure once, before workers would each do it for themselves."""
     seen = set()
     for job in jobs:
-        if job.scene is not None and id(job.scene) not in seen:
-            seen.add(id(job.scene))
-            kernels_of(job.scene.tables)
-            if "energy" in job.outputs:
-                energy_of(job.scene.tables)
+        if job.run is not None and id(job.run.scene) not in seen:
+            seen.add(id(job.run.scene))
+            kernels_of(job.run.scene.tables)
+            if "energy" in job.run.outputs:
+                energy_of(job.run.scene.tables)
 
 
 def _hand_over(pool: Executor, job: Job, sha256: str) -> Future[Member]:
@@ -82,7 +82,7 @@ def run_jobs(
     if workers is not None and workers < 1:
         raise InputError(f"workers: found {workers}, allowed 1 or more")
     kept = Store(store) if isinstance(store, (str, Path)) else store
-    if kept is not None and any("inside" in job.outputs for job in jobs):
+    if kept is not None and any(job.run is not None and "inside" in job.run.outputs for job in jobs):
         raise InputError("store: does not keep the inside view; allowed outputs contact_forces, energy")
     members: list[Member | None] = [None] * len(jobs)
     hashes = [job.sha256() if job.failure is None else "" for job in jobs]
@@ -146,7 +146,7 @@ def run_jobs(
     return [member for member in members if member is not None]
 
 
-def _named(items: Mapping[str, object] | Sequence[object]) -> dict[str, object]:
+def _named(items: Mapping[str, T] | Sequence[T]) -> dict[str, T]:
     return dict(items) if isinstance(items, Mapping) else {str(i): item for i, item in enumerate(items)}
 
 
@@ -155,17 +155,12 @@ def simulate_many(
     trials: Trials,
     parameter_sets: ParameterSets | None = None,
     *,
-    tolerance: float = 1e-5,
-    output_time_s: ArrayLike | None = None,
-    contact_forces: bool = False,
-    energy: bool = False,
-    scene: SceneChoice | str | Path = "whole",
-    method: str = DEFAULT_METHOD,
     initial: RestState | None = None,
     executor: Executor | None = None,
     workers: int | None = None,
     progress: Progress | None = None,
     store: str | Path | Store | None = None,
+    **keywords: Unpack[ForceDrivenKeywords],
 ) -> list[Member]:
     """Simulate every trial with every parameter set; each member is the same, to the last bit, as a single `simulate`.
 
@@ -174,11 +169,12 @@ def simulate_many(
     action : parameter set that the others start from
     trials : force tables (times s, forces N) by name or in a row (then named by their index)
     parameter_sets : parameter path -> value for each set, by name or in a row; by default the action as it is
-    tolerance, output_time_s, contact_forces, energy, scene, method, initial : as for `simulate`
+    initial : rest state to start from, as for `simulate`
     executor : where to compute; by default threads of this process
     workers : how many threads; by default one per processor this process may use
     progress : called with members done and members in all
     store : folder that keeps finished members; a batch that was interrupted goes on where it stopped
+    tolerance, output_time_s, scene, method, contact_forces, energy, inside : as for `simulate`
 
     Returns
     -------
@@ -191,17 +187,11 @@ def simulate_many(
     InputError : scene, workers or store cannot be used
     BatchInterrupt : Ctrl-C, a `KeyboardInterrupt`; running members are finished and kept, the rest cancelled
     """
-    choice = load_scene(scene)
-    extra = {name for name, on in (("contact_forces", contact_forces), ("energy", energy)) if on}
-    choice = replace(choice, outputs=tuple(sorted({*choice.outputs, *extra})))
     jobs = make_jobs(
         action,
-        _named(trials),  # type: ignore[arg-type]
-        _named(parameter_sets) if parameter_sets is not None else {"": {}},  # type: ignore[arg-type]
-        tolerance=tolerance,
-        output_time_s=output_time_s,
-        choice=choice,
-        method=method,
-        initial=initial,
+        _named(trials),
+        {"": {}} if parameter_sets is None else _named(parameter_sets),
+        ForceDrivenOptions(**keywords),
+        initial,
     )
     return run_jobs(jobs, executor=executor, workers=workers, progress=progress, store=store)

@@ -265,3 +265,10 @@ def test_columns_of_a_table_may_be_read_only(action: model.Action) -> None:
         column.flags.writeable = False
     solution = model.simulate(action, time, force, output_time_s=at)
     np.testing.assert_array_equal(solution.angle_rad, expected)
+
+
+def test_a_misspelt_keyword_is_refused(action: model.Action) -> None:
+    with pytest.raises(TypeError, match="unexpected keyword argument 'tolerence'"):
+        model.simulate(action, [0.0, 1.0], [0.0, 0.0], tolerence=1e-4)  # type: ignore[call-arg]
+    with pytest.raises(TypeError, match="unexpected keyword argument 'outputs'"):
+        model.simulate_many(action, [([0.0, 1.0], [0.0, 0.0])], outputs=[1.0])  # type: ignore[call-arg]

@@ -20,6 +20,7 @@ from model.batch import run as batch_run
 from model.integrators.rosenbrock import integrate
 from model.kernels.codegen import load as scenes
 from model.kernels.trajectory.contact_forces import forces_along
+from model.simulation.options import ForceDrivenOptions
 
 OUT = np.linspace(0.0, 0.14, 29)
 SETS = {"printed": {}, "heavy": {"hammer.mass": 0.0115}, "loose": {"contact04.friction": 0.0}}
@@ -51,7 +52,7 @@ class Backwards(Executor):
             for waiting, function, values in reversed(self.held):
                 # as after a journey: new objects, read-only arrays
                 job, sha = pickle.loads(pickle.dumps(values))
-                job.scene.vector.setflags(write=False)
+                job.run.scene.vector.setflags(write=False)
                 waiting.set_result(function(job, sha))
         return future
 
@@ -146,12 +147,9 @@ def test_executor_that_gives_up_loses_no_member(action: model.Action, tmp_path: 
 
 
 def test_hash_covers_what_decides_and_no_more(action: model.Action, monkeypatch: pytest.MonkeyPatch) -> None:
-    def jobs(**changed: Any) -> batch.Job:
-        given = {
-            "trials": {"a": blow(3.0)}, "parameter_sets": {"x": {}}, "tolerance": 1e-4, "output_time_s": OUT,
-            "choice": model.SceneChoice(), "method": "rodas4p", **changed,
-        }  # fmt: skip
-        return batch.make_jobs(action, **given)[0]
+    def jobs(trials: Any = None, parameter_sets: Any = None, **keywords: Any) -> batch.Job:
+        options = ForceDrivenOptions(**{"tolerance": 1e-4, "output_time_s": OUT, **keywords})
+        return batch.make_jobs(action, trials or {"a": blow(3.0)}, parameter_sets or {"x": {}}, options)[0]
 
     base = jobs().sha256()
     assert len(base) == 64
@@ -162,8 +160,8 @@ def test_hash_covers_what_decides_and_no_more(action: model.Action, monkeypatch:
         jobs(parameter_sets={"x": {"contact13": 0.0}}),
         jobs(tolerance=1e-5),
         jobs(output_time_s=OUT[:-1]),
-        jobs(choice=model.SceneChoice(effects=("motor_arm",))),
-        jobs(choice=model.SceneChoice(outputs=("energy",))),
+        jobs(scene=model.SceneChoice(effects=("motor_arm",))),
+        jobs(energy=True),
         jobs(method="rodas5p"),
         replace(jobs(), start_rad=np.nextafter(jobs().start_rad, 1.0)),
     ]
