@@ -1,4 +1,4 @@
-"""An action with calibrated values: number, standard uncertainty and source go in together."""
+"""An action with calibrated values, each with its standard uncertainty and source."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ def with_calibrated(action: Action, values: Mapping[str, tuple[float, float]], s
     ----------
     action : given set
     values : path -> value and standard uncertainty, in the unit of the path
-    source : what they come from, for the file
+    source : of the values, for the file
 
     Raises
     ------

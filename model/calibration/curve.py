@@ -1,9 +1,9 @@
-"""The loading experiment of one contact: force over displacement, pressed in and let out once.
+"""The loading experiment of one contact: force over displacement, pressed and released once.
 
 First step of the calibration (thesis Section 2.2.3, Fig. 2.5): a CSV file with the columns ``displacement_m`` and
 ``force_n``, rows in the order they were measured; displacement is zero at first touch and grows inwards, force is
-positive when the felt is pressed. An optional column ``phase`` (``loading`` or ``unloading``) says which way the felt
-went; without it the turn is the largest displacement. A file that cannot be calibrated from is refused in one line.
+positive when the felt is pressed. An optional column ``phase`` (``loading`` or ``unloading``) gives the direction;
+without it the phases meet at the largest displacement.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from model.errors import InputError
 from model.files.csv_columns import read_columns
 
-FEWEST_POINTS = 8  # of each phase: a cubic and a noise estimate need some to spare
+FEWEST_POINTS = 8  # of each phase: enough for a cubic and a noise estimate
 BACKWARDS_SHARE = 0.02  # of the largest displacement: jitter of the encoder that is not a change of direction
 PHASES = ("loading", "unloading")
 
@@ -30,8 +30,8 @@ class LoadingCurve:
 
     Attributes
     ----------
-    loading_m, loading_n : (m,) displacement, m, and force, N, while pressed in
-    unloading_m, unloading_n : (k,) the same while let out
+    loading_m, loading_n : (m,) displacement, m, and force, N, while pressed
+    unloading_m, unloading_n : (k,) the same while released
     """
 
     loading_m: Array
@@ -63,7 +63,7 @@ def check_curve(
 
     Raises
     ------
-    InputError : not finite, one phase only, too few points, displacement goes back and forth, phases do not overlap
+    InputError : not finite, one phase only, too few points, displacement reverses within a phase, phases do not overlap
     """
     x, f = np.asarray(displacement_m, dtype=float), np.asarray(force_n, dtype=float)
     words = np.asarray(phase, dtype=str)
@@ -79,7 +79,7 @@ def check_curve(
             other = PHASES[1 - PHASES.index(name)]
             if own.sum() <= 1:
                 raise InputError(
-                    f"{where}: found one phase only ({other}), allowed loading and unloading; record the way back too"
+                    f"{where}: found one phase only ({other}), allowed loading and unloading; record the release too"
                 )
             raise InputError(
                 f"{where}: {name}: found {own.sum()} points, allowed at least {FEWEST_POINTS}; sample more finely"
@@ -117,7 +117,7 @@ def read_curve(path: str | Path) -> LoadingCurve:
 
     Raises
     ------
-    InputError : the file cannot be read or calibrated from; the message names file and row
+    InputError : the file cannot be read or used; the message names file and row
     """
     table = read_columns(path, ("displacement_m", "force_n"), ("phase",))
     x, f = table.numbers("displacement_m"), table.numbers("force_n")

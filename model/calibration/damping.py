@@ -1,7 +1,7 @@
-"""Damping factor D of a contact, eq. 2.7: what makes the model meet the loading curve at the speeds of a blow.
+"""Damping factor D of a contact, eq. 2.7: with it the model follows the loading curve at the speeds of a blow.
 
-Conventions: D in s/m; the speed is the mean normal speed of the contact in the trial it is calibrated for.
-A felt whose loading curve lies nowhere above the fit is refused: it has no loss to calibrate.
+D in s/m; the speed is the mean normal speed of the contact in the trial it is calibrated for. A felt whose loading
+curve is nowhere above the fit is refused: it has no loss to calibrate.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from model.calibration.checks import check_numbers
 from model.calibration.felt import FeltFit
 from model.errors import InputError
 
@@ -35,12 +36,9 @@ def damping_factor(fit: FeltFit, speed_m_per_s: float, u_speed_m_per_s: float = 
 
     Raises
     ------
-    InputError : the speed is not positive, or loading lies nowhere above the fit
+    InputError : the speed is not positive, or loading is nowhere above the fit
     """
-    if not (math.isfinite(speed_m_per_s) and speed_m_per_s > 0.0):
-        raise InputError(f"damping: mean normal speed found {speed_m_per_s:g} m/s, allowed above 0")
-    if not (math.isfinite(u_speed_m_per_s) and u_speed_m_per_s >= 0.0):
-        raise InputError(f"damping: u of the mean speed found {u_speed_m_per_s:g} m/s, allowed from 0")
+    check_numbers("damping", {"mean normal speed": speed_m_per_s}, {"mean normal speed": u_speed_m_per_s}, "m/s")
     x, above = fit.mid_m, fit.loading.force_n(fit.mid_m) - fit.force_n(fit.mid_m)
     k = int(np.argmax(above))
     if above[k] <= 0.0 or x[k] <= 0.0:

@@ -2,11 +2,10 @@
 
 Each phase is smoothed by a polynomial (degree chosen by the Bayesian information criterion), the mid-line is the mean
 of the two over the displacements both cover, and the cubic is the least-squares fit to it, all linear in the forces.
-Standard errors come from each point's own residual (sandwich estimator, HC3), so noise that grows with the force, or
-noise of the displacement, is seen for what it is. A felt neither pulls nor softens below zero stiffness: a, c >= 0
-and f_fit' >= 0 for every depth, so that penetrations beyond the measured ones stay physical; a fit that meets such a
-bound says so and keeps the errors of the free fit.
-Source: thesis Section 2.2.3, Figs 2.5 and 2.6. Bad curves are refused by ``curve``.
+Standard errors come from each point's own residual (sandwich estimator, HC3), so that noise that grows with the force
+and noise of the displacement are included. A felt neither pulls nor softens below zero stiffness: a, c >= 0 and
+f_fit' >= 0 for every depth, so that penetrations beyond the measured ones stay physical; a fit on such a bound reports
+it and has the errors of the free fit. Source: thesis Section 2.2.3, Figs 2.5 and 2.6.
 """
 
 from __future__ import annotations
@@ -17,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.polynomial import chebyshev
 from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import minimize_scalar, nnls
 
 from model.calibration.curve import LoadingCurve
 from model.errors import InputError
@@ -58,7 +58,7 @@ class FeltFit:
     covariance : (3, 3) of them
     measured_m : smallest and largest displacement of the mid-line
     mid_m, mid_n : (GRID,) the mid-line
-    misfit_n : root mean square of mid-line minus cubic: what no cubic can follow
+    misfit_n : root mean square of mid-line minus cubic
     bound : the bound the fit lies on, in words, or None
     loading, unloading : the smoothed phases
     gain : (3, m + k) d(abc)/d(forces of loading, then unloading) of the free fit
@@ -126,7 +126,7 @@ def fit_felt(curve: LoadingCurve) -> FeltFit:
 
     Raises
     ------
-    InputError : the mid-line does not press back
+    InputError : the mid-line is not a compressive force
     """
     loading = smooth_phase(curve.loading_m, curve.loading_n)
     unloading = smooth_phase(curve.unloading_m, curve.unloading_n)
@@ -168,8 +168,6 @@ def _constrain(columns: Array, mid: Array, free: Array) -> tuple[Array, str | No
 
     The set is convex, so the best point is the free one or lies on one of three faces.
     """
-    from scipy.optimize import minimize_scalar, nnls
-
     a, b, c = free
     if a >= 0.0 and c >= 0.0 and (b >= 0.0 or b * b <= 3.0 * a * c):
         return free, None

@@ -1,8 +1,7 @@
 """Friction parameters A, B1, B2 of eq. 2.10 from the static and kinetic coefficients of friction.
 
-Conventions: the threshold speed v_t only stretches the curve, so it plays no part. B2 = 1 as in Table A.8; A is the
-kinetic coefficient and B1 raises the peak of the curve to the static one (thesis Section 2.2.4).
-Fails with ``InputError`` where the static coefficient is below the kinetic one.
+The threshold speed v_t only stretches the curve and does not enter. B2 = 1 as in Table A.8; A is the kinetic
+coefficient, and B1 raises the peak of the curve to the static one (thesis Section 2.2.4).
 """
 
 from __future__ import annotations
@@ -11,7 +10,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import brentq, minimize_scalar
 
+from model.calibration.checks import check_numbers
 from model.errors import InputError
 
 B2 = 1.0
@@ -31,8 +32,6 @@ class FrictionFit:
 
 def peak_ratio(b1: float, b2: float = B2) -> float:
     """Largest value over s >= 0 of tanh(s) + b1 s / (1 + b2 s**4): static over kinetic coefficient, eq. 2.10."""
-    from scipy.optimize import minimize_scalar
-
     if b1 == 0.0:
         return 1.0  # only approached, at infinite speed
     s = np.geomspace(1e-3, 1e3, 2001)
@@ -48,8 +47,6 @@ def peak_ratio(b1: float, b2: float = B2) -> float:
 
 
 def _b1(ratio: float) -> float:
-    from scipy.optimize import brentq
-
     if ratio == 1.0:
         return 0.0
     return float(brentq(lambda b: peak_ratio(b) - ratio, 0.0, LARGEST_B1, xtol=1e-12))
@@ -67,12 +64,7 @@ def fit_friction(mu_s: float, mu_k: float, u_mu_s: float = 0.0, u_mu_k: float = 
     ------
     InputError : a coefficient is not positive, mu_s is below mu_k, or so far above that B1 would pass its bound
     """
-    for name, value in (("mu_s", mu_s), ("mu_k", mu_k)):
-        if not (math.isfinite(value) and value > 0.0):
-            raise InputError(f"friction: {name} found {value:g}, allowed above 0")
-    for name, value in (("u of mu_s", u_mu_s), ("u of mu_k", u_mu_k)):
-        if not (math.isfinite(value) and value >= 0.0):
-            raise InputError(f"friction: {name} found {value:g}, allowed from 0")
+    check_numbers("friction", {"mu_s": mu_s, "mu_k": mu_k}, {"mu_s": u_mu_s, "mu_k": u_mu_k})
     ratio, largest = mu_s / mu_k, peak_ratio(LARGEST_B1)
     if not 1.0 <= ratio <= largest:
         raise InputError(

@@ -1,7 +1,6 @@
 """Moment of inertia of a body from its period as a pendulum, eqs. A.1 and A.2 of the thesis.
 
 Small swings: at 10 degrees of amplitude the period is 0.2 % longer and the inertia about the pivot 0.4 % too large.
-Fails with ``InputError`` where no body can have such a period.
 """
 
 from __future__ import annotations
@@ -9,6 +8,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from model.calibration.checks import check_numbers
 from model.errors import InputError
 
 
@@ -38,7 +38,7 @@ def inertia_from_pendulum(
     ----------
     mass_kg : mass of the body
     arm_m : distance from the pivot to the centre of mass
-    period_s : time of one swing to and fro
+    period_s : time of one full swing
     u_mass_kg, u_arm_m, u_period_s : standard uncertainties, taken as independent
     g : gravity, m/s^2
 
@@ -46,12 +46,11 @@ def inertia_from_pendulum(
     ------
     InputError : a value is not positive, or the period is shorter than that of a point mass at the same arm
     """
-    for name, value in (("mass", mass_kg), ("arm", arm_m), ("period", period_s), ("g", g)):
-        if not (math.isfinite(value) and value > 0.0):
-            raise InputError(f"pendulum: {name} found {value:g}, allowed above 0")
-    for name, value in (("u of mass", u_mass_kg), ("u of arm", u_arm_m), ("u of period", u_period_s)):
-        if not (math.isfinite(value) and value >= 0.0):
-            raise InputError(f"pendulum: {name} found {value:g}, allowed from 0")
+    check_numbers(
+        "pendulum",
+        {"mass": mass_kg, "arm": arm_m, "period": period_s, "g": g},
+        {"mass": u_mass_kg, "arm": u_arm_m, "period": u_period_s},
+    )
     turn = (period_s / (2.0 * math.pi)) ** 2
     pivot = mass_kg * g * arm_m * turn
     center = pivot - mass_kg * arm_m**2
@@ -59,7 +58,7 @@ def inertia_from_pendulum(
         shortest = 2.0 * math.pi * math.sqrt(arm_m / g)
         raise InputError(
             f"pendulum: period found {period_s:g} s, allowed above {shortest:.4g} s for an arm of {arm_m:g} m; "
-            "check the arm, or time whole swings to and fro"
+            "check the arm, or time full swings, to and fro"
         )
     from_mass = u_mass_kg / mass_kg
     from_period = 2.0 * u_period_s / period_s * pivot

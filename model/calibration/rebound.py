@@ -1,43 +1,44 @@
 """Damping factor of the string's contact from the hammer's speeds before and after it.
 
-The thesis adjusted this one by trial until the rebound was right (Section 2.2.3). For a body of mass m that meets only
-f = f_fit(x) (1 + D v) (eq. 2.4), m v dv = -f dx gives v dv / (1 + D v) = -f_fit(x) dx / m: the way in and the way out
-see the same felt, so G(v_in) = G(-v_out) with G(v) = D v - ln(1 + D v), whatever the felt and the mass.
-Left out: gravity and joint friction during the millisecond of contact.
+The thesis adjusted it by trial until the rebound was right (Section 2.2.3). For a body of mass m that meets only
+f = f_fit(x) (1 + D v) (eq. 2.4), m v dv = -f dx gives v dv / (1 + D v) = -f_fit(x) dx / m. Compression and rebound
+integrate the same f_fit, so G(v_in) = G(-v_out) with G(v) = D v - ln(1 + D v), whatever the felt and the mass.
+Neglected: gravity and joint friction during the millisecond of contact.
 """
 
 from __future__ import annotations
 
 import math
 
+from scipy.optimize import brentq
+
+from model.calibration.checks import check_numbers
 from model.errors import InputError
 
-SMALLEST_LOSS = 1e-9  # of the speed: below this no damping can be told from rounding
+SMALLEST_LOSS = 1e-9  # of the speed: below this damping cannot be distinguished from rounding
 
 
-def _way_in(y: float) -> float:
-    """G(v) at y = D v; a series where y - ln(1 + y) would lose its digits."""
+def _compression(y: float) -> float:
+    """G(v) at y = D v; a series where y - ln(1 + y) would cancel."""
     if y < 1e-3:
         return y * y * (0.5 - y * (1.0 / 3.0 - y * (0.25 - y * (0.2 - y / 6.0))))
     return y - math.log1p(y)
 
 
-def _way_out(w: float) -> float:
-    """G(-v) at w = -ln(1 - D v): D v itself comes so near to 1 that rounding would hide how near."""
+def _rebound(w: float) -> float:
+    """G(-v) at w = -ln(1 - D v): D v itself comes too near to 1 for double precision."""
     if w < 1e-3:
         return w * w * (0.5 - w * (1.0 / 6.0 - w * (1.0 / 24.0 - w * (1.0 / 120.0 - w / 720.0))))
     return w + math.expm1(-w)
 
 
 def rebound_speed(damping: float, v_in: float) -> float:
-    """Speed after the contact, m/s, of a body that came with ``v_in`` (m/s) onto felt of factor ``damping`` (s/m)."""
-    from scipy.optimize import brentq
-
+    """Speed after the contact, m/s, of a body that meets felt of factor ``damping`` (s/m) at ``v_in`` (m/s)."""
     if damping == 0.0:
         return v_in
-    lost = _way_in(damping * v_in)
+    lost = _compression(damping * v_in)
     top = lost + math.sqrt(2.0 * lost) + 1.0
-    w = brentq(lambda w: _way_out(w) - lost, 0.0, top, xtol=1e-300, rtol=1e-14)
+    w = brentq(lambda w: _rebound(w) - lost, 0.0, top, xtol=1e-300, rtol=1e-14)
     return float(-math.expm1(-w) / damping)
 
 
@@ -51,23 +52,17 @@ def damping_from_rebound(v_in: float, v_out: float, u_v_in: float = 0.0, u_v_out
 
     Raises
     ------
-    InputError : a speed is not positive, or the body leaves faster than it came
+    InputError : a speed is not positive, or the body leaves faster than it arrived
     """
-    from scipy.optimize import brentq
-
-    for name, value in (("speed before", v_in), ("speed after", v_out)):
-        if not (math.isfinite(value) and value > 0.0):
-            raise InputError(f"rebound: {name} found {value:g} m/s, allowed above 0")
-    for name, value in (("u of the speed before", u_v_in), ("u of the speed after", u_v_out)):
-        if not (math.isfinite(value) and value >= 0.0):
-            raise InputError(f"rebound: {name} found {value:g} m/s, allowed from 0")
+    speeds, u_speeds = {"speed before": v_in, "speed after": v_out}, {"speed before": u_v_in, "speed after": u_v_out}
+    check_numbers("rebound", speeds, u_speeds, "m/s")
     if v_out > v_in * (1.0 - SMALLEST_LOSS):
         raise InputError(f"rebound: speed after found {v_out:g} m/s, allowed below the speed before, {v_in:g} m/s")
 
     def solve(before: float, after: float) -> float:
         def missing(w: float) -> float:
             d = -math.expm1(-w) / after
-            return (_way_in(d * before) - _way_out(w)) / w**2
+            return (_compression(d * before) - _rebound(w)) / w**2
 
         w = brentq(missing, 1e-9, before / after + 2.0, xtol=1e-300, rtol=1e-14)
         return float(-math.expm1(-w) / after)

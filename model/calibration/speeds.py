@@ -1,9 +1,9 @@
 """Mean normal speed of every contact during a blow, the x-dot-ave of eq. 2.7.
 
 A motion of all five bodies goes in: simulated, or measured (encoders for key, whippen and hammer, film for jack and
-repetition lever). The rule that the thesis does not print: an instant counts for a contact when its felt is pressed
-and its normal speed is at least 2 % of the largest it has while pressed in this motion; the mean is over the sizes of
-the speeds at these instants, each weighted by its share of time. A contact that is never pressed has no mean (NaN).
+repetition lever). The averaging rule, which the thesis does not print: an instant counts for a contact while its felt
+is pressed and its normal speed is at least 2 % of the largest while pressed in this motion; the mean is over the
+magnitudes at these instants, weighted by time. A contact that is never pressed has no mean (NaN).
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ def mean_normal_speeds(
     action : geometry of the contacts
     time_s : (m,) increasing
     angle_rad : (m, 5) as in `Solution.angle_rad`
-    speed_rad_per_s : (m, 5); without it the angles are differentiated (local parabolas over ``SMOOTHING_S``)
+    speed_rad_per_s : (m, 5); by default the derivative of the angles (local parabolas over ``SMOOTHING_S``)
     rest_share : share of a contact's largest speed below which it is at rest
     """
     t, q = np.asarray(time_s, dtype=float), np.asarray(angle_rad, dtype=float)
@@ -77,16 +77,16 @@ def mean_normal_speeds(
     bad = ~np.isfinite(np.column_stack([t, q])).all(axis=1)
     if bad.any():
         raise InputError(
-            f"motion: row {int(np.argmax(bad)) + 1}: found lost data, allowed finite numbers; cut them out"
+            f"motion: row {int(np.argmax(bad)) + 1}: found lost data, allowed finite numbers; cut these rows out"
         )
     if len(t) < 8 or (np.diff(t) <= 0.0).any():
         raise InputError("motion: times must increase, over at least 8 rows")
     v = _differentiate(t, q) if speed_rad_per_s is None else np.asarray(speed_rad_per_s, dtype=float)
     scene = build_scene(action)
-    observer, idle = Observer(scene), np.zeros(len(t))
+    observer, no_input = Observer(scene), np.zeros(len(t))
 
     def depth(at: Array) -> Array:
-        return observer.evaluate(at, v, idle).contact[:, :, output.SEEN_DEPTH]
+        return observer.evaluate(at, v, no_input).contact[:, :, output.SEEN_DEPTH]
 
     pressed = depth(q) > 0.0
     rate = np.abs(depth(q + _NUDGE_S * v) - depth(q - _NUDGE_S * v)) / (2.0 * _NUDGE_S)
@@ -100,6 +100,7 @@ def mean_normal_speeds(
 
 
 def _differentiate(t: Array, q: Array) -> Array:
+    # start-up: scipy.signal costs 0.4 s, and only measured angles without speeds need it
     from scipy.signal import savgol_filter
 
     step = float(np.median(np.diff(t)))
@@ -112,7 +113,7 @@ def _differentiate(t: Array, q: Array) -> Array:
 
 
 def read_motion(path: str | Path) -> tuple[Array, Array, Array | None]:
-    """Read times (m,), angles (m, 5) and, where all five are there, speeds (m, 5) from a CSV file.
+    """Read times (m,), angles (m, 5) and, where all five are present, speeds (m, 5) from a CSV file.
 
     The columns are those that ``pianorig simulate --out`` writes: ``time_s``, ``<body>_rad``, ``<body>_rad_per_s``.
     """

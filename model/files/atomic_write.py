@@ -1,4 +1,4 @@
-"""Files of the model that appear under their name only when they are complete; before that nothing is changed."""
+"""The model's one writer of files: a file appears under its name only when it is complete."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from model.errors import InputError
 
 @contextmanager
 def whole_file(path: Path, advice: str = "choose another file") -> Iterator[Path]:
-    """Give a name beside ``path`` to write to; the file takes the name ``path`` when the block ends well.
+    """Yield a temporary name beside ``path`` to write to; it is renamed to ``path`` when the block succeeds.
 
     Raises
     ------
-    InputError : the block or the last step raised an ``OSError``; the message ends in ``advice``
+    InputError : writing or renaming raised an ``OSError``; the message ends in ``advice``
     """
     part = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:

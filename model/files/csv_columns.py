@@ -1,7 +1,7 @@
 """Reading a CSV file of named columns: force tables, loading curves, motions.
 
-First row the names, then one row per sample; lines that begin with # and empty lines are passed over. Whatever cannot
-be read is refused in one line that names file, row and column; rows count from 1 below the names.
+First row the names, then one row per sample; lines that begin with # and empty lines are skipped. Errors name
+file, row and column; rows count from 1 below the names.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ class ColumnFile:
     rows: tuple[tuple[str, ...], ...]
 
     def words(self, name: str) -> list[str]:
-        """Cells of one column, without blanks around them."""
+        """Cells of one column, stripped."""
         k = self.names.index(name)
         return [row[k].strip() for row in self.rows]
 
     def numbers(self, name: str) -> NDArray[np.float64]:
-        """One column as numbers (m,); ``InputError`` at the first cell that is none."""
+        """One column as numbers (m,); ``InputError`` at the first cell that is not a number."""
         out = np.empty(len(self.rows))
         for i, cell in enumerate(self.words(name)):
             try:

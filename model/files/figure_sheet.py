@@ -1,7 +1,4 @@
-"""Figure sheets on disk, whole or absent: shared by everything of ``model`` that draws with matplotlib.
-
-matplotlib is imported when a sheet is begun, never before.
-"""
+"""Figure sheets: an empty sheet without a window, and its file; for everything of ``model`` that uses matplotlib."""
 
 from __future__ import annotations
 
@@ -18,13 +15,14 @@ ENDINGS = (".svg", ".pdf", ".png")
 
 
 def check_ending(path: Path) -> None:
-    """Refuse a file whose ending is none of `ENDINGS`."""
+    """Refuse a file whose ending is not in `ENDINGS`."""
     if path.suffix not in ENDINGS:
         raise InputError(f"{path}: ending found {path.suffix!r}, allowed {', '.join(ENDINGS)}")
 
 
 def new_sheet(width_inch: float, height_inch: float) -> Figure:
     """An empty sheet without a window."""
+    # start-up: matplotlib costs 0.3 s, and commands check the ending of a file long before they draw
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 

@@ -1,4 +1,4 @@
-"""Named force tables, made by formula so that any machine gets the same numbers; for studies and benchmarks.
+"""Named force tables, computed so that every machine gets the same numbers; for studies and benchmarks.
 
 Time (s), force on the key (N, positive downwards), 5 kHz, 0.7 s, rounded to 1e-4 N. The forces that the thesis
 measured are not printed in numbers; ``thesis-forte`` and ``piano`` follow its words and Figs 4.1 and 4.5.

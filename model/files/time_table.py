@@ -1,7 +1,6 @@
-"""A quantity over time as two columns of numbers: what force tables and motion tables must be alike.
+"""Checks that force tables and motion tables share: a quantity over time as two columns of numbers.
 
-Columns (n,) in, the same as float arrays out; the first row that cannot be used ends in ``InputError``, which names it,
-what was found and what is allowed. Rows count from 1.
+Columns (n,) in, float arrays out; ``InputError`` names the first row that cannot be used. Rows count from 1.
 """
 
 from __future__ import annotations
@@ -17,7 +16,7 @@ LARGEST_TIME_S = 1e6
 
 
 def two_columns(time_s: ArrayLike, values: ArrayLike, where: str) -> tuple[Array, Array]:
-    """Times and values (n,) as float arrays; ``InputError`` where they are no numbers, or not equally many."""
+    """Times and values (n,) as float arrays; ``InputError`` where they are not numbers or not equally many."""
     try:
         times, numbers = np.asarray(time_s, dtype=float), np.asarray(values, dtype=float)
     except (TypeError, ValueError):
@@ -30,7 +29,7 @@ def two_columns(time_s: ArrayLike, values: ArrayLike, where: str) -> tuple[Array
 def check_rows(
     times: Array, values: Array, where: str, column: str, limit: float, lost: NDArray[np.bool_] | bool = False
 ) -> None:
-    """Refuse values beyond ``limit`` or not finite, but where ``lost``, and times that do not increase."""
+    """Refuse values beyond ``limit``, values not finite (except where ``lost``), and times that do not increase."""
     for name, numbers, most, excused in (("time_s", times, LARGEST_TIME_S, False), (column, values, limit, lost)):
         bad = (np.abs(numbers) > most) | (~np.isfinite(numbers) & ~np.asarray(excused))
         if bad.any():

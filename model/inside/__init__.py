@@ -1,7 +1,7 @@
-"""Inside view of a motion: what acts, slides, loses energy and accelerates at each contact, joint and body.
+"""Inside view of a motion: forces, sliding, losses and accelerations at each contact, joint and body.
 
-`observe` computes it (NumPy and the model's kernels only); ``figure`` and ``animation`` draw it and are imported by
-name when something is drawn.
+`state_observer` evaluates single states, `observe_motion` a whole run (NumPy and the model's kernels only); ``figure``
+and ``animation`` draw the result. The record itself, `Inside`, travels in a `Solution`.
 """
 
 import lazy_loader as _lazy

@@ -1,13 +1,13 @@
 """Parameter sets of an action: one TOML file each, found by built-in name or by path.
 
-First room of the data flow of ``model``: text in, checked numbers out. Every number has a unique path
-(``contact04.friction.A``) and carries unit, source and uncertainty. The built-in ``hirschkorn2004`` defines which
-paths exist and in which unit; another file must have the same ones.
-A bad file is refused with key, value and allowed range (``InputError``).
+Every number has a unique path (``contact04.friction.A``) and carries unit, source and uncertainty. The built-in
+``hirschkorn2004`` defines which paths exist and in which unit; any other file must have the same ones. ``InputError``
+names key, value and allowed range.
 """
 
 from __future__ import annotations
 
+import difflib
 import math
 import tomllib
 from collections.abc import Mapping
@@ -25,7 +25,7 @@ TEMPLATE = "hirschkorn2004"
 BODIES = ("key", "whippen", "jack", "repetition", "hammer")
 CONTACTS = tuple(f"contact{i:02d}" for i in range(1, 14))
 
-# the contacts that something asks for by name
+# contacts that have a meaning of their own in the code
 CAPSTAN, KEY_FRONT, BACK_CHECK = "contact01", "contact02", "contact04"
 JACK_KNUCKLE, BUTTON, JACK_LEVER = "contact07", "contact08", "contact09"
 LEVER_KNUCKLE, DROP_SCREW, STRING = "contact10", "contact11", "contact12"
@@ -43,7 +43,7 @@ class Action:
     quantities : path -> `Quantity`
     structure : path -> text that says which body or shape (``contact07.second.shape`` -> ``hybrid``)
     origin : file the set was read from
-    changed : path -> value of what was set after reading
+    changed : path -> value of each parameter set after reading
     effects : path -> `Quantity` of the effects a scene may add (`model.parameters.effects`)
     """
 
@@ -65,7 +65,7 @@ class Action:
     def with_values(self, overrides: Mapping[str, float], where: str = "--set") -> Action:
         """Return a copy with other values; ``{"contact04.friction": 0}`` switches that law off.
 
-        ``where`` says in messages who asked for them.
+        ``where`` is the source of the values in messages.
         """
         quantities = {**self.quantities, **self.effects}
         changed = dict(self.changed)
@@ -114,12 +114,10 @@ def _expand(path: str, value: float, quantities: Mapping[str, Quantity]) -> list
 
 
 def _unknown_path(path: str, known: Mapping[str, Any]) -> str:
-    import difflib
-
     near = difflib.get_close_matches(path, list(known), n=1)
     hint = f"; did you mean {near[0]}" if near else ""
     files = f"model/actions/{TEMPLATE}.toml and model/parameters/effects.toml"
-    return f"parameter {path}: unknown path{hint}; all paths stand in {files}"
+    return f"parameter {path}: unknown path{hint}; all paths are in {files}"
 
 
 def _read_toml(path: Path) -> dict[str, Any]:
@@ -136,7 +134,7 @@ def _read_toml(path: Path) -> dict[str, Any]:
 
 
 def _check_shapes(quantities: Mapping[str, Quantity], where: str) -> None:
-    """Refuse directions and arcs that are none."""
+    """Refuse normals that are not unit vectors and arcs that end before they start."""
     for key in quantities:
         if key.endswith(".normal.x"):
             length = math.hypot(quantities[key].value, quantities[key[:-1] + "y"].value)

@@ -1,7 +1,7 @@
 """One number of a parameter file: value, unit, standard uncertainty, basis of that uncertainty, source.
 
-Used by ``parameters`` to check files; ranges are wide physical bounds that catch slips (wrong unit,
-wrong sign, missing power of ten), not judgements about an action.
+Ranges are wide physical bounds that catch slips (wrong unit, wrong sign, missing power of ten), not judgements about
+an action.
 """
 
 from __future__ import annotations
@@ -113,7 +113,7 @@ def read_quantity(path: str, table: Any, unit: str, where: str) -> Quantity:
 
 
 def quantity_tables(table: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
-    """Paths of a parsed file with what stands there: a quantity's table or a text."""
+    """Paths of a parsed file with their content: a quantity's table or a text."""
     for key, item in table.items():
         path = f"{prefix}{key}"
         if isinstance(item, dict) and not {"value", "unit"} & item.keys():

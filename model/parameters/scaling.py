@@ -1,6 +1,6 @@
-"""Scaling of parameters, one by one, by law or by group: ``{"damping": 0.1}``, ``{"contact04.friction": 0.5}``.
+"""Scaling of parameters, singly, by law or by group: ``{"damping": 0.1}``, ``{"contact04.friction": 0.5}``.
 
-What a name stands for, besides single paths and patterns (``*.mass``, ``contact*.normal.D``):
+A name is a path, a pattern (``*.mass``, ``contact*.normal.D``) or one of these:
 
     damping             D of every contact but the string's, which is fitted to the rebound (thesis 2.2.3, 4.4)
     friction            coefficient A of every contact
@@ -9,7 +9,7 @@ What a name stands for, besides single paths and patterns (``*.mass``, ``contact
     contact04.friction  its coefficient A (key.joint_friction likewise)
     jack_spring         its torque and stiffness
 
-Names that do not exist are refused with the nearest one that does.
+An unknown name is refused with the nearest one that exists.
 """
 
 from __future__ import annotations

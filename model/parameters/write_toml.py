@@ -1,7 +1,4 @@
-"""Writing a parameter set as a TOML file that `load_action` reads back to the same numbers.
-
-Whole or absent: written under a temporary name, then renamed. Raises ``InputError`` where it cannot be written.
-"""
+"""Writing a parameter set as a TOML file that `load_action` reads back to the same numbers."""
 
 from __future__ import annotations
 

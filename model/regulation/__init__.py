@@ -1,7 +1,6 @@
 """Regulation of an action: seven targets measured as a technician does, seven screws turned to meet them.
 
-``measures`` looks at an action, ``screws`` names the adjustments, ``regulate`` turns them, ``action_file`` writes
-the result.
+``measures`` measures an action, ``screws`` lists the adjustments, ``regulate`` turns them and returns the result.
 Source: thesis Section 2.3; decisions in docs/decisions/0025-model-regulation.md.
 """
 

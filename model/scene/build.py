@@ -1,11 +1,10 @@
 """A scene: which bodies, contacts, springs, drives and effects take part in a run.
 
-Turns an `Action` (numbers by path) into what kernels read: integer tables of structure and one float64
-vector. What a scene leaves out is not in its tables and costs nothing: a contact without stiffness, a spring
-without torque, an effect not named (`model.parameters.effects`). The motor arm of the bench is one more body with its
-own spring, drive and one-sided contact with the key; with it the input is the motor's torque, without it the force on
-the key. Where the motion of the key is prescribed the key is no unknown: the others are solved for, and the input is
-the time.
+Turns an `Action` (numbers by path) into what kernels read: integer tables of structure and one float64 vector. What a
+scene leaves out is not in its tables and costs nothing: a contact without stiffness, a spring without torque, an effect
+not named (`model.parameters.effects`). The motor arm of the bench is one more body with its own spring, drive and
+one-sided contact with the key; with it the input is the motor's torque, without it the force on the key. Where the
+motion of the key is prescribed, the other bodies are solved for and the input is the time.
 """
 
 from __future__ import annotations
@@ -26,7 +25,7 @@ from model.scene.effect_terms import bending, parts_of_hammer
 from model.scene.key_motion import KeyMotion
 from model.scene.selection import SceneChoice
 
-# where the printed action rests, to two digits: the solver needs only a start on the right side of each contact
+# rest angles of the printed action, to two digits: the solver needs a start on the right side of each contact
 PRINTED_REST = {"key": 0.029, "whippen": 0.025, "jack": 0.32, "repetition": 0.35, "hammer": 0.295}
 
 
@@ -34,7 +33,7 @@ PRINTED_REST = {"key": 0.029, "whippen": 0.025, "jack": 0.32, "repetition": 0.35
 class Scene:
     """Structure (``tables``) and numbers (``vector``) of one run.
 
-    ``bodies`` names the coordinates in order; the first ``size`` are solved for, the rest follow a prescribed motion.
+    ``bodies`` names the coordinates in order; the first ``size`` are unknowns, the rest follow a prescribed motion.
     """
 
     bodies: tuple[str, ...]
@@ -45,11 +44,11 @@ class Scene:
 
     @property
     def size(self) -> int:
-        """Number of coordinates that are solved for."""
+        """Number of unknown coordinates."""
         return len(self.bodies) - int(self.tables.prescribed.sum())
 
     def check_whole(self, angle_rad: NDArray[np.float64], what: str) -> None:
-        """Refuse states (..., k) that are not those of all coordinates, the prescribed key among them."""
+        """Refuse states (..., k) that do not hold all coordinates, including a prescribed key."""
         if angle_rad.shape[-1] != len(self.bodies):
             raise InputError(
                 f"{what}: found states of {angle_rad.shape[-1]} coordinates, allowed all {len(self.bodies)}: "
@@ -58,12 +57,12 @@ class Scene:
 
     @property
     def solved_contacts(self) -> int:
-        """Number of contacts that can push one of them; the others are computed with the outputs only."""
+        """Number of contacts that act on an unknown coordinate; the others are evaluated for outputs only."""
         return len(solved_contacts(self.tables))
 
 
 def check_prescribed_key(choice: SceneChoice) -> None:
-    """Refuse a choice whose key cannot be made to follow a given motion."""
+    """Refuse a choice whose key cannot follow a prescribed motion."""
     for effect in ("motor_arm", RAIL):
         if effect in choice.effects:
             raise InputError(f"scene: found a prescribed key and the effect {effect}, allowed one of them")
@@ -114,7 +113,7 @@ def _body(action: Action, bodies: list[str], body: str) -> list[float]:
         mass, x, y, inertia = parts_of_hammer(action)[0]
         numbers[2:6] = [x, y, mass, inertia]
     if body == "key" and KEY_LIFT in bodies:
-        numbers[:2] = [0.0, 0.0]  # hangs from the guide, which stands at the pivot
+        numbers[:2] = [0.0, 0.0]  # carried by the guide, which is at the pivot
     return numbers
 
 
@@ -138,7 +137,7 @@ def _table(rows: list, width: int) -> NDArray[np.int64]:
 
 
 def build_scene(action: Action, choice: SceneChoice | None = None, key_motion: KeyMotion | None = None) -> Scene:
-    """Scene of the whole action or of what ``choice`` leaves of it and adds to it.
+    """Scene of the whole action, or of what ``choice`` leaves out and adds.
 
     Driven by a force on the key, by the torque of the motor where the choice has one, or by the motion of the key.
     """

@@ -1,7 +1,7 @@
-"""Contacts of a scene: their numbers, the coordinates that move one surface against the other, bounds on their gaps.
+"""Contacts of a scene: their parameters, the coordinates that move one surface against the other, bounds on their gaps.
 
-Part of `model.scene.build`. Trees of joints come as ``parent`` (index of the body each hangs from; `GROUND` or
-`GUIDED` below the first) and ``pivot`` (place of each joint in the frame it hangs in).
+Used by `model.scene.build`. A tree of joints is given by ``parent`` (index of each body's parent; `GROUND` or `GUIDED`
+where it has none) and ``pivot`` (position of each joint in the parent's frame).
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ SHAPES = {"circle": L.CIRCLE, "line": L.LINE, "hybrid": L.HYBRID}
 
 
 class Contact(NamedTuple):
-    """Surfaces (a circle of body ``first`` on a surface of body ``second``) and numbers up to `L.REACH`."""
+    """A circle of body ``first`` on a surface of body ``second``, and its numbers up to `L.REACH`."""
 
     first: str
     second: str
@@ -58,7 +58,7 @@ def _numbers(action: Action, name: str) -> list[float]:
     return numbers
 
 
-def _way_up(parent: list[int], body: int) -> list[int]:
+def _ancestry(parent: list[int], body: int) -> list[int]:
     out = []
     while body >= 0:
         out.append(body)
@@ -68,24 +68,24 @@ def _way_up(parent: list[int], body: int) -> list[int]:
 
 def chain_of(parent: list[int], a: int, b: int) -> list[tuple[int, int]]:
     """Coordinates that move body ``a`` against ``b``, with their side; joints common to both drop out."""
-    on_a, on_b = _way_up(parent, a), _way_up(parent, b)
+    on_a, on_b = _ancestry(parent, a), _ancestry(parent, b)
     return [(i, 1) for i in on_a if i not in on_b] + [(i, -1) for i in on_b if i not in on_a]
 
 
 def reach_of(parent: list[int], pivot: list[complex], a: int, point: complex, b: int) -> float:
     """Largest distance (m) the point of body ``a`` can have from the pivot of ``b``, at any angles.
 
-    A gap is a distance between a point carried by A and a surface carried by B, so it changes by no more than
-    this per radian of joint ``b``; by 1 m per metre of a guide.
+    A gap is a distance between a point on A and a surface on B, so it changes by at most this per radian of joint
+    ``b``; by 1 m per metre of a guide.
     """
     if parent[b] == L.GUIDED:
         return 1.0
-    up_a, up_b = _way_up(parent, a), _way_up(parent, b)
+    up_a, up_b = _ancestry(parent, a), _ancestry(parent, b)
     on_a = [i for i in up_a if i not in up_b]
     on_b = [i for i in up_b if i not in up_a]
     if b in up_a:
         return abs(point) + sum(abs(pivot[i]) for i in up_a[: up_a.index(b)])
-    # both ways end in the frame of the nearest common body: its fixed points are compared there
+    # both chains end in the frame of the nearest common body, where their fixed points are compared
     here, length = point, LARGEST_LIFT if any(parent[i] == L.GUIDED for i in (*on_a, *on_b)) else 0.0
     for i in on_a:
         length += abs(here)

@@ -1,7 +1,7 @@
-"""A motion that is prescribed: angle of the key over time as a piecewise polynomial of degree five.
+"""A prescribed motion: angle of the key over time as a piecewise polynomial of degree five.
 
-What a motion-driven scene takes in (``build_scene(key_motion=...)``); a measured angle becomes one in ``motion_fit``.
-Its second derivative is the key's acceleration, so the pieces must join twice continuously; this is checked.
+Input of a motion-driven scene (``build_scene(key_motion=...)``); `model.motion_driven.spline_fit` makes one of measured
+angles. Its second derivative is the key's acceleration, so the pieces must join twice continuously; this is checked.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class KeyMotion:
     coefficient: Array
 
     def __post_init__(self) -> None:
-        """Refuse pieces that do not fit together."""
+        """Refuse pieces that do not join."""
         if self.break_s.ndim != 1 or self.coefficient.shape != (len(self.break_s) - 1, ORDER):
             raise InputError(
                 f"key motion: found {self.break_s.shape} times and {self.coefficient.shape} coefficients, "
@@ -60,7 +60,7 @@ class KeyMotion:
                 pieces = pieces[:, :-1] * np.arange(pieces.shape[1] - 1, 0, -1)
 
     def packed(self) -> list[float]:
-        """The block of the parameter vector that kernels read; see ``kernels.motion``."""
+        """The block of the parameter vector that kernels read; see `model.kernels.motion`."""
         return [float(len(self.break_s) - 1), *self.break_s.tolist(), *self.coefficient.ravel().tolist()]
 
     def at(self, time_s: ArrayLike) -> Array:

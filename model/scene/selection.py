@@ -1,14 +1,14 @@
-"""What a scene contains and gives out: built-in names and small TOML files, for ``simulate(scene=...)``.
+"""Selection of a scene's elements and outputs: built-in names and small TOML files, for ``simulate(scene=...)``.
 
-    bodies = ["key", "whippen"]            # default: all; a body brings its contacts with the bodies that are there
+    bodies = ["key", "whippen"]            # default: all; a body brings its contacts with the bodies present
     without = ["contact12", "jack_spring"] # contacts and springs to leave out
     outputs = ["contact_forces", "energy"] # beyond angles and speeds
-    effects = ["balance_rail"]             # what the action itself does not have (model.parameters.effects)
+    effects = ["balance_rail"]             # beyond the action itself (model.parameters.effects)
 
     [shank]                                # a table switches its effect on, and gives values other than the action's
     frequency_hz = 80.0
 
-What is left out is not in the compiled kernels. A new structure compiles once (seconds), then comes from the disk.
+What is left out is not in the compiled kernels. A new structure compiles once (seconds) and is cached on disk.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ LISTS = ("bodies", "without", "outputs", "effects")
 
 @dataclass(frozen=True)
 class SceneChoice:
-    """Bodies that take part, contacts and springs left out, outputs wanted, effects and values for them."""
+    """Bodies that take part, contacts and springs left out, requested outputs, effects and values for them."""
 
     bodies: tuple[str, ...] = BODIES
     without: tuple[str, ...] = ()
@@ -60,11 +60,11 @@ class SceneChoice:
 
     @property
     def input_column(self) -> str:
-        """Name and unit of what drives the scene."""
+        """Column of the input table: name and unit."""
         return "torque_nm" if "motor_arm" in self.effects else "force_n"
 
     def on(self, action: Action) -> Action:
-        """The action with this scene's values; what the user has set by path stays."""
+        """The action with this scene's values; values that the user set by path take precedence."""
         return action.with_effects({path: value for path, value in self.values if path not in action.changed})
 
     def check(self, action: Action) -> None:
@@ -90,7 +90,7 @@ SCENES = {
 
 
 def load_scene(name_or_path: str | Path | SceneChoice) -> SceneChoice:
-    """A choice by built-in name or from a TOML file; ``InputError`` says what is allowed."""
+    """A choice by built-in name or from a TOML file."""
     if isinstance(name_or_path, SceneChoice):
         return name_or_path
     if str(name_or_path) in SCENES:

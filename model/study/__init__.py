@@ -1,4 +1,8 @@
-"""What if: the same blow on variants of one action; the thesis's studies (Section 4.4) checked line by line."""
+"""Parameter studies: one blow on variants of an action; the thesis's studies (Section 4.4) as computed checks.
+
+An action, a force table and `variants` in; solutions and `blow_measures` out. `thesis` repeats the published studies,
+`figure` draws them.
+"""
 
 import lazy_loader as _lazy
 

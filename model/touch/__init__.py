@@ -1,7 +1,7 @@
-"""How an action feels: slow press, weights, hammer speed against force, fastest repetition; several side by side.
+"""Touch of an action: touch weights, hammer speed against force, fastest repetition; several actions side by side.
 
-``weights``, ``hammer_speed`` and ``repetition`` each answer one question about an action; ``feel`` asks all three,
-``figure`` draws several actions in one sheet.
+``weights``, ``hammer_speed`` and ``repetition`` each answer one question about an action; ``feel`` collects the three
+answers, ``figure`` draws several actions on one sheet. Decisions: docs/decisions/0026-model-touch.md.
 """
 
 import lazy_loader as _lazy
