@@ -18,7 +18,7 @@ from model.kernels.trajectory import contact_forces as O
 from model.parameters.effects import RAIL
 from model.scene.build import Scene
 from model.simulation.loads_and_losses import Inside
-from model.simulation.rail_reaction import Lift, Tension, lifts, tensions  # noqa: F401  in the face of this room
+from model.simulation.rail_reaction import Lift, RailLift, RailTension, Tension, lifts, tensions  # noqa: F401  public
 from model.verification.adaptive_quadrature import integrate_panels, panel_edges
 
 Array = NDArray[np.float64]

@@ -27,7 +27,7 @@ from model.parameters.action import Action
 from model.scene.build import check_prescribed_key
 from model.scene.key_motion import KeyMotion
 from model.simulation.options import SimulationKeywords, SimulationOptions
-from model.simulation.rail_reaction import Tension, tensions
+from model.simulation.rail_reaction import RailTension, tensions
 
 Array = NDArray[np.float64]
 
@@ -103,7 +103,7 @@ class MotionDriven:
     counters: dict[str, int | float] = field(default_factory=dict)
     tolerance: float = 1e-6
 
-    def key_tensions(self) -> list[Tension]:
+    def key_tensions(self) -> list[RailTension]:
         """Intervals in which the balance rail would have to pull the key down: predicted lift."""
         return tensions(self.time_s, self.rail_n)
 

@@ -1,6 +1,8 @@
 from .measures import TARGETS as TARGETS
 from .measures import Measurement as Measurement
+from .measures import RegulationTarget as RegulationTarget
 from .measures import Target as Target
+from .measures import TargetValues as TargetValues
 from .measures import measure as measure
 from .regulate import Regulation as Regulation
 from .regulate import RegulationError as RegulationError

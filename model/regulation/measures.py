@@ -1,9 +1,8 @@
 """The seven quantities a technician regulates, measured on the model: at rest, in a slow press, in a medium blow.
 
-An action in, lengths in metres out, each as thesis Section 2.3 describes it and as decided in
-docs/decisions/0025-model-regulation.md. Rest is the static balance with the hammer let down on the jack; slow press
-and blow are simulated with all friction. What cannot be measured (the jack never lets go, the hammer is not caught) is
-NaN, with the reason in ``remarks``.
+An action in, lengths in metres out, each as in thesis Section 2.3 and docs/decisions/0025-model-regulation.md. Rest is
+the static balance with the hammer let down on the jack; slow press and blow are simulated with all friction. What
+cannot be measured (the jack never lets go, the hammer is not caught) is NaN, with the reason in ``remarks``.
 """
 
 from __future__ import annotations
@@ -27,40 +26,44 @@ from model.simulation.run import State
 Array = NDArray[np.float64]
 
 PRESS_SPEED = 0.005  # m/s at the key front
-SETTLE = 0.3  # s at the bottom before the drop is read
-# medium blow: the force grows with the square of time, then stays
+SETTLE = 0.3  # s at the bottom before the drop is measured
+# medium blow: the force grows with the square of time, then is constant
 BLOW_N, BLOW_RISE, BLOW_READ = 5.0, 0.15, 0.5  # N, s, s
-SLIPPED = math.radians(25.0)  # round the jack's edge: friction no longer holds the knuckle, the hammer falls
-CAUGHT_N, CAUGHT_STILL = 0.2, 0.05  # the check presses at least so hard, the hammer turns no faster (rad/s)
+SLIPPED = math.radians(25.0)  # round the jack's edge: beyond friction, the hammer falls
+CAUGHT_N, CAUGHT_RAD_PER_S = 0.2, 0.05  # least force of the back check, largest speed of the hammer
 
 
 @dataclass(frozen=True)
-class Target:
-    """What is regulated: name, words, the length wanted (m) and the situation it is seen in."""
+class RegulationTarget:
+    """A regulated quantity: name, description, required length (m) and the situation it is measured in."""
 
     name: str
     words: str
     wanted_m: float
-    seen_in: str
+    measured_in: str
 
 
 TARGETS = (
-    Target("dip", "key dip to first touch", 10.0e-3, "rest"),
-    Target("hammer_height", "hammer height at rest", 48.0e-3, "rest"),
-    Target("jack", "jack's right side beyond knuckle's right edge", 0.0, "rest"),
-    Target("repetition", "repetition lever below jack", 0.0, "rest"),
-    Target("let_off", "let-off", 1.0e-3, "press"),
-    Target("drop", "drop", 3.0e-3, "press"),
-    Target("check", "check height, medium blow", 15.0e-3, "blow"),
+    RegulationTarget("dip", "key dip to first touch", 10.0e-3, "rest"),
+    RegulationTarget("hammer_height", "hammer height at rest", 48.0e-3, "rest"),
+    RegulationTarget("jack", "jack's right side beyond knuckle's right edge", 0.0, "rest"),
+    RegulationTarget("repetition", "repetition lever below jack", 0.0, "rest"),
+    RegulationTarget("let_off", "let-off", 1.0e-3, "press"),
+    RegulationTarget("drop", "drop", 3.0e-3, "press"),
+    RegulationTarget("check", "check height, medium blow", 15.0e-3, "blow"),
 )
 
 
 @dataclass(frozen=True)
-class Measurement:
-    """Values (m) by target name, and remarks on what could not be seen."""
+class TargetValues:
+    """Values (m) by target name, and remarks on those that could not be measured."""
 
     value_m: dict[str, float]
     remarks: dict[str, str] = field(default_factory=dict)
+
+
+Target = RegulationTarget  # former names
+Measurement = TargetValues
 
 
 def first_touch_angle(action: Action, key_rest_rad: float) -> float:
@@ -108,8 +111,8 @@ def _along(point: complex, direction: complex) -> float:
 def in_press(action: Action, rest_rad: Array, dip_m: float) -> tuple[dict[str, float], dict[str, str], Press]:
     """Let-off and drop (m) in a slow press to first touch of the key-front felt, remarks, and the press itself.
 
-    Let-off is the nearest the hammer comes to the string before the knuckle slips off the jack's edge; drop is
-    where it then rests on the repetition lever with the key down.
+    Let-off is the hammer's smallest distance from the string before the knuckle slips off the jack's edge, drop its
+    distance when it then rests on the repetition lever with the key down.
     """
     press = slow_press(action, rest_rad, [dip_m], speed_m_per_s=PRESS_SPEED, hold_s=SETTLE)
     slipped = np.flatnonzero(slip_angle(action, press.angle_rad) > SLIPPED)
@@ -133,37 +136,33 @@ def in_blow(action: Action, rest_rad: Array) -> tuple[dict[str, float], dict[str
     """Height (m) at which the back check holds the hammer after a medium blow, and remarks."""
     times, force = medium_blow()
     start = State(float(times[0]), np.array(rest_rad, dtype=float), np.zeros(len(BODIES)))
-    end = simulate(
-        action, times, force, initial=start, output_time_s=times[-1:], contact_forces=True
-    )  # fmt: skip
+    end = simulate(action, times, force, initial=start, output_time_s=times[-1:], contact_forces=True)
     height = float(hammer_height_m(action, end.angle_rad)[0])
     if end.contact_normal_n is None or BACK_CHECK not in end.contacts:
         return {"check": math.nan}, {"check": "there is no back check"}
     push = float(end.contact_normal_n[0, end.contacts.index(BACK_CHECK)])
-    if push < CAUGHT_N or abs(float(end.speed_rad_per_s[0, BODIES.index("hammer")])) > CAUGHT_STILL:
+    if push < CAUGHT_N or abs(float(end.speed_rad_per_s[0, BODIES.index("hammer")])) > CAUGHT_RAD_PER_S:
         return {"check": math.nan}, {"check": f"the hammer is not caught (at {1e3 * height:.1f} mm after the blow)"}
     return {"check": height}, {}
 
 
-def measure(action: Action, progress: Callable[[str], None] | None = None) -> Measurement:
+def measure(action: Action, progress: Callable[[str], None] | None = None) -> TargetValues:
     """All seven quantities of an action.
 
     Raises
     ------
     StaticsError, IntegrationError, InputError : the action has no rest state or cannot be pressed
     """
-    say = progress or (lambda _: None)
-    say("at rest")
+    report = progress or (lambda _: None)
+    report("at rest")
     rest = hand_set_rest(action)
     values = at_rest(action, rest)
-    remarks: dict[str, str] = {}
-    say("slow press")
+    report("slow press")
     if values["dip"] > 0.0:
-        more, said, _ = in_press(action, rest, values["dip"])
+        pressed, press_remarks, _ = in_press(action, rest, values["dip"])
     else:
-        more, said = {"let_off": math.nan, "drop": math.nan}, {"dip": "the key rests on the felt under its front"}
-    values |= more
-    remarks |= said
-    say("medium blow")
-    more, said = in_blow(action, rest)
-    return Measurement(values | more, remarks | said)
+        pressed = {"let_off": math.nan, "drop": math.nan}
+        press_remarks = {"dip": "the key rests on the felt under its front"}
+    report("medium blow")
+    blow, blow_remarks = in_blow(action, rest)
+    return TargetValues(values | pressed | blow, press_remarks | blow_remarks)

@@ -1,9 +1,9 @@
 """Turning the seven screws until the seven targets are met, in a technician's order.
 
-What touches at rest but should not (button, drop screw, back check) is turned out of the way first, and the repetition
-lever lowered; then each screw serves its own target, by a secant that never leaves its bracket. Screws
-disturb each other, so rounds are repeated until a measurement of all seven agrees. An action that cannot be
-regulated raises ``RegulationError``, which names target, distance and screw.
+What touches at rest but should not (button, drop screw, back check) is cleared first, and the repetition lever lowered;
+then each screw is set to its own target, by a secant kept within its bracket. Screws disturb each other, so rounds are
+repeated until a measurement of all seven agrees. An action that cannot be regulated raises ``RegulationError``, which
+names target, distance and screw.
 """
 
 from __future__ import annotations
@@ -15,30 +15,30 @@ from dataclasses import dataclass, field, replace
 from model.errors import InputError, RegulationError
 from model.parameters.action import BACK_CHECK, BUTTON, DROP_SCREW, Action
 from model.parameters.quantity import allowed_range
-from model.parameters.write_toml import write_action as write_action  # its first home was this room
+from model.parameters.write_toml import write_action as write_action  # public here too: model.regulation.write_action
 from model.regulation.contact_gap import contact_gap
-from model.regulation.measures import TARGETS, Measurement, Target, at_rest, in_blow, in_press, measure
+from model.regulation.measures import TARGETS, RegulationTarget, TargetValues, at_rest, in_blow, in_press, measure
 from model.regulation.screws import SCREWS, Screw
 from model.simulation.hand_set_rest import hand_set_rest
 
 TOLERANCE = 20e-6  # m, within which a target counts as met
-AIM = {"rest": 0.1e-6, "press": 4e-6, "blow": 4e-6}  # m, where a screw is left alone; level and height share 0.1 um
+CONVERGED = {"rest": 0.1e-6, "press": 4e-6, "blow": 4e-6}  # m, error at which a screw is left as it is
 ROUNDS = 6
 SWEEPS = 20  # over dip, hammer height and jack within a round
-MOST_TURNS = 16  # looks per screw and round
-LARGEST_TURN = 1e-3  # m between two looks
-SMALL_TURN = 10e-6  # m, below which a slope is not worth keeping
-CLEAR = 0.5e-3  # m between those three and what they meet, at rest
+MOST_TURNS = 16  # of a screw in a round
+LARGEST_TURN = 1e-3  # m in one step
+SMALL_TURN = 10e-6  # m, below which the slope of a step is not used again
+CLEARANCE = 0.5e-3  # m, of button, drop screw and back check at rest
 LOWERED = 0.5e-3  # m, repetition lever below the jack while the height is set
-OUT_OF_THE_WAY = {BUTTON: "let_off", DROP_SCREW: "drop", BACK_CHECK: "check"}
-NOT_SEEN = {"let_off": -2e-3, "check": 5e-3}  # error (m) taken where a target cannot be seen: jack stuck, hammer free
+CLEARED = {BUTTON: "let_off", DROP_SCREW: "drop", BACK_CHECK: "check"}
+NOT_MEASURABLE = {"let_off": -2e-3, "check": 5e-3}  # error (m) assumed then: jack stuck, hammer free
 _TARGET = {t.name: t for t in TARGETS}
 _SCREW = {s.target: s for s in SCREWS}
 
 
 @dataclass(frozen=True)
 class Regulation:
-    """An action regulated, and how it got there.
+    """A regulated action, and the steps to it.
 
     Attributes
     ----------
@@ -46,47 +46,47 @@ class Regulation:
     before, after : all seven measurements
     turned_m : target name -> how far its screw was turned from the given action
     effect : target name -> change of the target per turn of its own screw, m/m
-    looks : number of rest states, presses and blows
+    evaluations : number of rest states, presses and blows
     """
 
     action: Action
-    before: Measurement
-    after: Measurement
+    before: TargetValues
+    after: TargetValues
     turned_m: dict[str, float]
     effect: dict[str, float]
-    looks: dict[str, int]
+    evaluations: dict[str, int]
 
 
 @dataclass
 class _Bench:
-    """The action under way: where its screws are, what has been learnt about them."""
+    """The action being regulated: positions of its screws and their measured effects."""
 
     given: Action
-    place: dict[str, float] = field(default_factory=dict)  # target -> turn, m
+    turn_m: dict[str, float] = field(default_factory=dict)  # target -> turn of its screw
     effect: dict[str, float] = field(default_factory=dict)
-    looks: dict[str, int] = field(default_factory=lambda: {"rest": 0, "press": 0, "blow": 0})
+    evaluations: dict[str, int] = field(default_factory=lambda: {"rest": 0, "press": 0, "blow": 0})
 
     def action(self, turns: dict[str, float] | None = None) -> Action:
-        wanted = self.place | (turns or {})
+        wanted = self.turn_m | (turns or {})
         return self.given.with_values({_SCREW[t].path: self.given[_SCREW[t].path] + x for t, x in wanted.items()})
 
     def error(self, name: str, turn: float) -> float:
-        """Error (m) of let-off, drop or check with its screw at ``turn``; NaN where it cannot be seen."""
+        """Error (m) of let-off, drop or check with its screw at ``turn``; NaN where it cannot be measured."""
         action = self.action({name: turn})
         rest = hand_set_rest(action)
-        kind = _TARGET[name].seen_in
-        self.looks[kind] += 1
+        kind = _TARGET[name].measured_in
+        self.evaluations[kind] += 1
         if kind == "rest":
-            seen = at_rest(action, rest)
+            found = at_rest(action, rest)
         elif kind == "press":
-            seen, _, _ = in_press(action, rest, at_rest(action, rest)["dip"])
+            found, _, _ = in_press(action, rest, at_rest(action, rest)["dip"])
         else:
-            seen, _ = in_blow(action, rest)
-        return seen[name] - _TARGET[name].wanted_m
+            found, _ = in_blow(action, rest)
+        return found[name] - _TARGET[name].wanted_m
 
 
 def _limits(given: Action, screw: Screw) -> tuple[float, float]:
-    """Travel of a screw (m), within what a parameter file may hold."""
+    """Travel of a screw (m), within the allowed range of its parameter."""
     low, high, _ = allowed_range(screw.path)
     here = given[screw.path]
     return max(screw.travel_m[0], low - here), min(screw.travel_m[1], high - here)
@@ -109,19 +109,19 @@ def _fail(given: Action, name: str, error: float, turn: float, why: str = "") ->
     )
 
 
-def _make_room(bench: _Bench, say: Callable[[str], None]) -> None:
+def _clear(bench: _Bench, report: Callable[[str], None]) -> None:
     """Turn away what is close at rest: button and drop screw up, back check back."""
-    for contact, name in OUT_OF_THE_WAY.items():
+    for contact, name in CLEARED.items():
         low, high = _limits(bench.given, _SCREW[name])
         away = -LARGEST_TURN if name == "check" else LARGEST_TURN
-        while (room := _room(bench.action(), contact)) < CLEAR:
-            new = min(high, max(low, bench.place[name] + away))
-            if new == bench.place[name]:
+        while (room := _room(bench.action(), contact)) < CLEARANCE:
+            new = min(high, max(low, bench.turn_m[name] + away))
+            if new == bench.turn_m[name]:
                 if room > 0.0:
                     break
                 raise _fail(bench.given, name, math.nan, new, "it presses on the action at rest")
-            say(f"{_SCREW[name].name} out of the way")
-            bench.place[name] = new
+            report(f"{_SCREW[name].name} out of the way")
+            bench.turn_m[name] = new
 
 
 def _room(action: Action, contact: str) -> float:
@@ -129,42 +129,44 @@ def _room(action: Action, contact: str) -> float:
     return -contact_gap(action, contact, hand_set_rest(action)).penetration_m
 
 
-def _set_rest(bench: _Bench, say: Callable[[str], None]) -> None:
+def _set_rest(bench: _Bench, report: Callable[[str], None]) -> None:
     """Dip, hammer height and jack with the repetition lever lowered, then the lever."""
-    if bench.error("repetition", bench.place["repetition"]) < 0.5 * LOWERED:
-        _set_one(bench, "repetition", say, LOWERED, strict=False)
+    if bench.error("repetition", bench.turn_m["repetition"]) < 0.5 * LOWERED:
+        _set_one(bench, "repetition", report, LOWERED, strict=False)
     first = ("dip", "hammer_height", "jack")
     for _ in range(SWEEPS):
         for name in first:
-            _set_one(bench, name, say, strict=False)
-        off = {name: bench.error(name, bench.place[name]) for name in first}
-        if all(abs(error) < 2.0 * AIM["rest"] for error in off.values()):
+            _set_one(bench, name, report, strict=False)
+        off = {name: bench.error(name, bench.turn_m[name]) for name in first}
+        if all(abs(error) < 2.0 * CONVERGED["rest"] for error in off.values()):
             break
-    unmet = {name: error for name, error in off.items() if not abs(error) <= TOLERANCE}
-    if unmet:  # blame a screw at its limit, first the capstan, as height decides how the others stand
+    off_target = {name: error for name, error in off.items() if not abs(error) <= TOLERANCE}
+    if off_target:  # name a screw at its limit, the capstan first: height determines the others
         for name in ("hammer_height", "jack", "dip"):
-            if name in unmet and _at_limit(bench.given, name, bench.place[name]):
-                raise _fail(bench.given, name, unmet[name], bench.place[name])
-        worst = max(unmet, key=lambda name: abs(unmet[name] / _SCREW[name].usual_effect))
-        raise _fail(bench.given, worst, unmet[worst], bench.place[worst])
-    _set_one(bench, "repetition", say)
+            if name in off_target and _at_limit(bench.given, name, bench.turn_m[name]):
+                raise _fail(bench.given, name, off_target[name], bench.turn_m[name])
+        worst = max(off_target, key=lambda name: abs(off_target[name] / _SCREW[name].usual_effect))
+        raise _fail(bench.given, worst, off_target[worst], bench.turn_m[worst])
+    _set_one(bench, "repetition", report)
 
 
-def _set_one(bench: _Bench, name: str, say: Callable[[str], None], beyond_m: float = 0.0, strict: bool = True) -> None:
-    """Turn one screw until its target plus ``beyond_m`` is met, or as near as it goes where not ``strict``."""
+def _set_one(
+    bench: _Bench, name: str, report: Callable[[str], None], beyond_m: float = 0.0, strict: bool = True
+) -> None:
+    """Turn one screw until its target plus ``beyond_m`` is met, or as near as it can where not ``strict``."""
     low, high = _limits(bench.given, _SCREW[name])
-    aim = AIM[_TARGET[name].seen_in]
+    aim = CONVERGED[_TARGET[name].measured_in]
     usual = _SCREW[name].usual_effect
-    seen: dict[float, float] = {}
+    errors: dict[float, float] = {}
 
-    def look(turn: float) -> float:
-        if turn not in seen:
-            say(f"{_SCREW[name].name} {1e3 * turn:+.3f} mm")
-            seen[turn] = bench.error(name, turn) - beyond_m
-        return seen[turn] if math.isfinite(seen[turn]) else NOT_SEEN.get(name, math.nan)
+    def error_at(turn: float) -> float:
+        if turn not in errors:
+            report(f"{_SCREW[name].name} {1e3 * turn:+.3f} mm")
+            errors[turn] = bench.error(name, turn) - beyond_m
+        return errors[turn] if math.isfinite(errors[turn]) else NOT_MEASURABLE.get(name, math.nan)
 
-    turn = bench.place[name]
-    error = look(turn)
+    turn = bench.turn_m[name]
+    error = error_at(turn)
     slope = bench.effect.get(name, usual)
     idle = 0.0  # last turn, where it hardly had an effect
     low_side = high_side = math.nan  # turns with negative and positive error nearest to each other
@@ -172,7 +174,7 @@ def _set_one(bench: _Bench, name: str, say: Callable[[str], None], beyond_m: flo
         if abs(error) < aim:
             break
         if math.isnan(error):
-            raise _fail(bench.given, name, error, turn, "it cannot be seen")
+            raise _fail(bench.given, name, error, turn, "it cannot be measured")
         if error < 0.0:
             low_side = turn
         else:
@@ -180,76 +182,76 @@ def _set_one(bench: _Bench, name: str, say: Callable[[str], None], beyond_m: flo
         if slope * usual <= 0.0:
             slope = usual
         step = -error / slope
-        if idle:  # nothing happened: something else carries the part, go on until the screw takes hold
+        if idle:  # no effect: something else carries the part, go on until the screw does
             step = math.copysign(max(abs(step), 2.0 * abs(idle)), step)
         new = min(high, max(low, turn + max(-LARGEST_TURN, min(LARGEST_TURN, step))))
         if math.isfinite(low_side + high_side) and not min(low_side, high_side) < new < max(low_side, high_side):
             new = 0.5 * (low_side + high_side)
         if abs(new - turn) < 1e-10:
             break
-        new_error = look(new)
+        new_error = error_at(new)
         idle = new - turn if abs(new_error) > 0.7 * abs(error) and new_error * error > 0.0 else 0.0
-        if math.isfinite(seen[turn]) and math.isfinite(seen[new]):
+        if math.isfinite(errors[turn]) and math.isfinite(errors[new]):
             slope = (new_error - error) / (new - turn)
             if abs(new - turn) > SMALL_TURN and slope * usual > 0.0:
                 bench.effect[name] = slope
         turn, error = new, new_error
-    best = min(seen, key=lambda x: abs(seen[x]) if math.isfinite(seen[x]) else math.inf)
-    bench.place[name] = best
-    if strict and not abs(seen[best]) <= TOLERANCE:
-        raise _fail(bench.given, name, seen[best], best if math.isfinite(seen[best]) else turn)
+    best = min(errors, key=lambda x: abs(errors[x]) if math.isfinite(errors[x]) else math.inf)
+    bench.turn_m[name] = best
+    if strict and not abs(errors[best]) <= TOLERANCE:
+        raise _fail(bench.given, name, errors[best], best if math.isfinite(errors[best]) else turn)
 
 
 def regulate(action: Action, progress: Callable[[str], None] | None = None) -> Regulation:
-    """Regulate an action: find the seven screws' places that meet the seven targets of thesis Section 2.3.
+    """Regulate an action: find the positions of the seven screws that meet the seven targets of thesis Section 2.3.
 
     Parameters
     ----------
     action : parameter set; not changed
-    progress : called with a few words at each step
+    progress : called with a short text at each step
 
     Raises
     ------
     RegulationError : a target cannot be met; the message names target, distance, screw and its travel
     StaticsError, IntegrationError : the action has no rest state or cannot be pressed
     """
-    say = progress or (lambda _: None)
+    report = progress or (lambda _: None)
     before = measure(action)
-    bench = _Bench(action, place={s.target: 0.0 for s in SCREWS})
+    bench = _Bench(action, turn_m={s.target: 0.0 for s in SCREWS})
     after, worst = before, ""
     for _ in range(ROUNDS):
         off = {t.name: after.value_m[t.name] - t.wanted_m for t in TARGETS}
         worst = max(off, key=lambda n: math.inf if math.isnan(off[n]) else abs(off[n]))
         if all(abs(x) <= 0.5 * TOLERANCE for x in off.values()):
             break
-        _make_room(bench, say)
-        _set_rest(bench, say)
+        _clear(bench, report)
+        _set_rest(bench, report)
         for name in ("let_off", "drop", "check"):
-            _set_one(bench, name, say)
-        say("all seven again")
-        bench.place = {target: round(turn, 7) for target, turn in bench.place.items()}  # 0.1 um
+            _set_one(bench, name, report)
+        report("all seven again")
+        bench.turn_m = {target: round(turn, 7) for target, turn in bench.turn_m.items()}  # 0.1 um
         after = measure(bench.action())
     error = after.value_m[worst] - _TARGET[worst].wanted_m
     if not abs(error) <= TOLERANCE:
-        raise _fail(action, worst, error, bench.place[worst], f"the screws disturb each other in {ROUNDS} rounds")
+        raise _fail(action, worst, error, bench.turn_m[worst], f"the screws disturb each other in {ROUNDS} rounds")
     return Regulation(
         action=_finished(bench),
         before=before,
         after=after,
-        turned_m=dict(bench.place),
+        turned_m=dict(bench.turn_m),
         effect=dict(bench.effect),
-        looks=dict(bench.looks),
+        evaluations=dict(bench.evaluations),
     )
 
 
 def _finished(bench: _Bench) -> Action:
-    """The regulated set, with the source and uncertainty of what was turned.
+    """The regulated set, with source and uncertainty of what was turned.
 
-    A screw is known as well as its target is met: tolerance, rectangular, divided by the screw's effect.
+    The uncertainty of a screw is that of its target, a rectangular tolerance, divided by the screw's effect.
     """
     action = bench.action()
     quantities = dict(action.quantities)
-    for target, turn in bench.place.items():
+    for target, turn in bench.turn_m.items():
         screw, wanted = _SCREW[target], _TARGET[target]
         if turn == 0.0:
             quantities[screw.path] = bench.given.quantities[screw.path]
@@ -275,6 +277,6 @@ def _finished(bench: _Bench) -> Action:
     )
 
 
-def unmet(measurement: Measurement, tolerance_m: float = TOLERANCE) -> list[Target]:
+def unmet(measurement: TargetValues, tolerance_m: float = TOLERANCE) -> list[RegulationTarget]:
     """Targets that a measurement does not meet within ``tolerance_m``."""
     return [t for t in TARGETS if not abs(measurement.value_m[t.name] - t.wanted_m) <= tolerance_m]

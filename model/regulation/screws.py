@@ -15,12 +15,12 @@ class Screw:
 
     Attributes
     ----------
-    target : name of the target it serves
-    name : its everyday name
+    target : name of the target it adjusts
+    name : everyday name
     path : its parameter
-    travel_m : how far it can be turned down and up
+    travel_m : range of its turn, down and up
     usual_effect : change of the target per turn (m/m) on an action much like the built-in one; only its sign
-        and rough size are relied upon
+        and order of magnitude matter
     """
 
     target: str

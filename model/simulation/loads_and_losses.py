@@ -15,10 +15,11 @@ from numpy.typing import NDArray
 from model.kernels import layout as L
 from model.parameters.effects import RAIL
 from model.scene.build import Scene
-from model.simulation.rail_reaction import Lift, Tension, lifts, tensions
+from model.simulation.rail_reaction import RailLift, RailTension, lifts, tensions
 
 Array = NDArray[np.float64]
 
+# columns of a contact, named as the attributes of `Inside`
 CONTACT_WORDS = {
     "normal_n": "normal force of the second surface on the first",
     "friction_n": "friction force on the first surface along the normal turned by +90 degrees",
@@ -47,11 +48,11 @@ BODY_WORDS = {
 
 @dataclass(frozen=True)
 class Inside:
-    """Contacts (c), bodies with their joints (n) and what they do at (m,) times.
+    """Loads, losses and motion of contacts (c) and of bodies with their joints (n) at (m,) times.
 
     Attributes
     ----------
-    scene : what took part, with all its numbers
+    scene : elements of the run, with all their numbers
     time_s : (m,)
     normal_n, friction_n : (m, c) force of the second surface on the first, along the normal and along t = z x n
     penetration_m : (m, c) depth of the felt, negative where the gap is open
@@ -65,8 +66,8 @@ class Inside:
     center_m_per_s, center_m_per_s2 : (m, n, 2) velocity and acceleration of the centre of mass
     angle_rad_per_s, angle_rad_per_s2 : (m, n) of the whole body, from ground
     pose : (m, n, 3) pivot x, y (m) and orientation from ground (rad)
-    largest_normal_n : (c,) of all times that were looked at, whatever rows were wanted
-    dense_time_s, dense_joint_n : (k,), (k, n, 2) the joints' forces at all times that were looked at
+    largest_normal_n : (c,) over all evaluated times, not only the output times
+    dense_time_s, dense_joint_n : (k,), (k, n, 2) the joints' forces at all evaluated times
     dense_rail_m : (k,) depth of the one-sided rail's felt, negative where the key is off; 0 without such a rail
     error_j : bound on the error of the energies
     """
@@ -115,16 +116,7 @@ class Inside:
         """Columns of the output file by name; forces of contacts first."""
         out: dict[str, Array] = {}
         for i, name in enumerate(self.contacts):
-            for what, values in (
-                ("normal_n", self.normal_n),
-                ("friction_n", self.friction_n),
-                ("penetration_m", self.penetration_m),
-                ("sliding_m_per_s", self.sliding_m_per_s),
-                ("slid_m", self.slid_m),
-                ("rubbed_j", self.rubbed_j),
-                ("felt_j", self.felt_j),
-            ):
-                out[f"{name}_{what}"] = values[:, i]
+            out |= {f"{name}_{quantity}": getattr(self, quantity)[:, i] for quantity in CONTACT_WORDS}
         for tip_n, tip_j in zip(self.tip_n.T, self.tip_j.T, strict=True):
             out["motor_arm_normal_n"], out["motor_arm_felt_j"] = tip_n, tip_j
         for i, body in enumerate(self.bodies):
@@ -140,23 +132,23 @@ class Inside:
             out[f"{body}_from_ground_rad_per_s2"] = self.angle_rad_per_s2[:, i]
         return out
 
-    def key_tensions(self) -> list[Tension]:
+    def key_tensions(self) -> list[RailTension]:
         """Intervals in which a joint at the balance rail would have to pull the key down: predicted lift.
 
-        None where the key lies on a one-sided rail: see `key_lifts`.
+        Empty where the key lies on a one-sided rail: see `key_lifts`.
         """
         if RAIL in self.contacts:
             return []
         return tensions(self.dense_time_s, self.dense_joint_n[:, self.bodies.index("key"), 1])
 
-    def key_lifts(self) -> list[Lift]:
-        """Intervals in which the key is off its one-sided rail; none where a joint holds it."""
+    def key_lifts(self) -> list[RailLift]:
+        """Intervals in which the key is off its one-sided rail; empty where a joint keeps it there."""
         if RAIL not in self.contacts:
             return []
         return lifts(self.dense_time_s, self.dense_rail_m)
 
     def long_names(self, described: Mapping[str, str]) -> dict[str, str]:
-        """What each column is, in words; ``described`` tells what a contact is."""
+        """Description of each column; ``described`` names the contacts."""
         out = dict(TIP_WORDS)
         for name in self.contacts:
             out |= {f"{name}_{key}": f"{described.get(name, name)}: {words}" for key, words in CONTACT_WORDS.items()}

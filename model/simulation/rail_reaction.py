@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Tension:
+class RailTension:
     """An interval in which the rail would have to pull: its ends (s), largest pull (N) and when, impulse (N s)."""
 
     start_s: float
@@ -29,7 +29,7 @@ class Tension:
 
 
 @dataclass(frozen=True)
-class Lift:
+class RailLift:
     """An interval in which the key is off its rail: its ends (s), greatest height (m) and when."""
 
     start_s: float
@@ -65,11 +65,15 @@ def _negative_intervals(time_s: Array, signal: Array) -> Iterator[_Negative]:
         yield _Negative(float(start), float(end), float(size[k]), float(at[k]), float(np.trapezoid(size, at)))
 
 
-def tensions(time_s: Array, upwards_n: Array) -> list[Tension]:
+def tensions(time_s: Array, upwards_n: Array) -> list[RailTension]:
     """Intervals in which the force of the rail on the key (m,) N points down."""
-    return [Tension(*interval) for interval in _negative_intervals(time_s, upwards_n)]
+    return [RailTension(*interval) for interval in _negative_intervals(time_s, upwards_n)]
 
 
-def lifts(time_s: Array, depth_m: Array) -> list[Lift]:
+def lifts(time_s: Array, depth_m: Array) -> list[RailLift]:
     """Intervals in which the felt of the rail is not touched; its depth (m,) m is negative there."""
-    return [Lift(*interval[:4]) for interval in _negative_intervals(time_s, depth_m)]
+    return [RailLift(*interval[:4]) for interval in _negative_intervals(time_s, depth_m)]
+
+
+Tension = RailTension  # former names
+Lift = RailLift

@@ -1,4 +1,4 @@
-"""Seven measures: the printed action's known figures, closed-form geometry, what cannot be seen."""
+"""Seven measures: the printed action's known figures, closed-form geometry, what cannot be found."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from model.verification.reference_equations import Twin
 
 @pytest.fixture(scope="module")
 def printed(action: model.Action) -> dict[str, float]:
-    seen = measure(action)
-    assert not seen.remarks
-    return {name: 1e3 * value for name, value in seen.value_m.items()}
+    found = measure(action)
+    assert not found.remarks
+    return {name: 1e3 * value for name, value in found.value_m.items()}
 
 
 def test_the_printed_action_is_out_of_regulation_as_known(printed: dict[str, float]) -> None:
@@ -71,14 +71,14 @@ def test_slip_angle_is_the_angle_of_the_knuckle_seen_from_the_jack(action: model
 
 def test_a_jack_that_never_lets_go_says_so(action: model.Action) -> None:
     stuck = action.with_values({"contact08.second.y": action["contact08.second.y"] + 4e-3})
-    seen = measure(stuck)
-    assert math.isnan(seen.value_m["let_off"]) and math.isnan(seen.value_m["drop"])
-    assert "does not let go" in seen.remarks["let_off"]
+    found = measure(stuck)
+    assert math.isnan(found.value_m["let_off"]) and math.isnan(found.value_m["drop"])
+    assert "does not let go" in found.remarks["let_off"]
 
 
 def test_a_hammer_that_is_not_caught_says_so(action: model.Action) -> None:
-    seen = measure(action.with_values({"contact04.friction": 0}))
-    assert math.isnan(seen.value_m["check"]) and "not caught" in seen.remarks["check"]
+    found = measure(action.with_values({"contact04.friction": 0}))
+    assert math.isnan(found.value_m["check"]) and "not caught" in found.remarks["check"]
 
 
 def test_the_medium_blow_is_what_the_decision_says() -> None:
