@@ -13,7 +13,7 @@ from model.files.figure_sheet import new_sheet, save_sheet
 
 
 def draw(curve: LoadingCurve, fit: FeltFit, dampings: dict[str, Damping], title: str, path: str | Path) -> None:
-    """Write the sheet to ``path`` (.svg, .pdf or .png); ``dampings`` by the blow they are calibrated for."""
+    """Write the sheet to ``path`` (.svg, .pdf or .png); ``dampings`` by the name of their blow."""
     sheet = new_sheet(10.0, 4.4)
     measured, fitted = sheet.subplots(1, 2, sharex=True, sharey=True)
     for axes in (measured, fitted):
@@ -33,8 +33,8 @@ def draw(curve: LoadingCurve, fit: FeltFit, dampings: dict[str, Damping], title:
     for k, (blow, one) in enumerate(dampings.items()):
         swing = one.d * one.speed_m_per_s
         label = f"{blow}: D = {one.d:.3g} s/m at ±{one.speed_m_per_s:.3g} m/s"
-        for sign, words in ((1.0, label), (-1.0, None)):
-            fitted.plot(1e3 * x, force * (1.0 + sign * swing), color=f"C{k + 2}", ls="--", lw=1.0, label=words)
+        for sign, name in ((1.0, label), (-1.0, None)):
+            fitted.plot(1e3 * x, force * (1.0 + sign * swing), color=f"C{k + 2}", ls="--", lw=1.0, label=name)
         fitted.axvline(1e3 * one.at_m, color="0.7", lw=0.8)
     measured.set(ylabel="force, N", title=f"{title}: loading and unloading")
     fitted.set_title("mid-line and its cubic")

@@ -1,9 +1,9 @@
 """A moving side view of a blow in one file: SVG that any browser plays, or HTML with the same SVG and a slider.
 
-Time is stretched, most of all around the strike. Contacts shine by their force (area in proportion to it); bars beside
-the picture show each against its own largest; the key's pivot turns red where its rail would have to pull, or where a
-key that can lift is off it. The file names no other file or address. Lengths in the drawing are millimetres times
-`SCALE`.
+Time is slowed down, most of all around the strike. Contacts glow with an area in proportion to their force; bars beside
+the picture show each force relative to its largest; the key's pivot turns red where its rail would have to pull, or
+where a key that can lift is off it. The file refers to no other file or address. Lengths in the drawing are millimetres
+times `SCALE`.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from model.errors import InputError
 from model.files.atomic_write import whole_file
-from model.inside.figure import close_up, contact_words, input_words
 from model.inside.html_player import page
+from model.inside.labels import close_up, contact_label, input_label
 from model.inside.side_view import GROUND, SideView, side_view
 from model.parameters.action import Action
 from model.parameters.effects import RAIL
@@ -40,10 +40,10 @@ BAR_WIDTH, BAR_STEP = 110.0, 24.0
 MARGIN = 24.0
 
 
-def frame_rows(seen: Inside) -> NDArray[np.int64]:
+def frame_rows(inside: Inside) -> NDArray[np.int64]:
     """Rows to show, one per frame: fine around the strike, coarse elsewhere."""
-    time = seen.time_s
-    near = close_up(seen)
+    time = inside.time_s
+    near = close_up(inside)
     parts = [
         np.arange(time[0], near[0], FAR_STEP_S),
         np.arange(near[0], near[1], NEAR_STEP_S),
@@ -58,18 +58,18 @@ def write_animation(action: Action, solution: Solution, force_n: Array, path: st
 
     Parameters
     ----------
-    action, solution : what was simulated, with its inside view at 5 kHz or finer
+    action, solution : the simulated action and its solution, with an inside view at 5 kHz or finer
     force_n : (m,) force on the key at the solution's times, N
     """
     target = Path(path)
     if target.suffix not in ENDINGS:
         raise InputError(f"{target}: ending found {target.suffix!r}, allowed {', '.join(ENDINGS)}")
-    if solution.inside is None:
+    inside = solution.inside
+    if inside is None:
         raise InputError("animation: the solution has no inside view; simulate with inside=True")
-    seen = solution.inside
-    rows = frame_rows(seen)
-    svg = _svg(action, seen, force_n, rows)
-    text = svg if target.suffix == ".svg" else page(action.name, seen.time_s[rows], FRAME_S, svg)
+    rows = frame_rows(inside)
+    svg = _svg(action, inside, force_n, rows)
+    text = svg if target.suffix == ".svg" else page(action.name, inside.time_s[rows], FRAME_S, svg)
     with whole_file(target) as part:
         part.write_text(text, encoding="utf-8")
 
@@ -80,7 +80,7 @@ def _values(values: Array, digits: int = 2) -> str:
 
 
 class _Clock:
-    """Writes animated attributes that all run on the same frames."""
+    """Writes animated attributes that share the same frames."""
 
     def __init__(self, frames: int) -> None:
         self.end = f'dur="{(frames - 1) * FRAME_S:g}s" repeatCount="indefinite"'
@@ -92,14 +92,14 @@ class _Clock:
         return f'<animateTransform attributeName="transform" type="{kind}" values="{values}" {self.end}/>'
 
 
-def _svg(action: Action, seen: Inside, force: Array, rows: NDArray[np.int64]) -> str:
-    view = side_view(seen)
+def _svg(action: Action, inside: Inside, force: Array, rows: NDArray[np.int64]) -> str:
+    view = side_view(inside)
     clock = _Clock(len(rows))
-    low, high = _extent(seen, view)
+    low, high = _extent(inside, view)
     width, height = SCALE * 1e3 * (high - low)
     bars_x = width + 2 * MARGIN
     total_width = bars_x + 190 + BAR_WIDTH + MARGIN
-    plot_y = max(height, BAR_STEP * (len(seen.contacts) + 1)) + 2 * MARGIN
+    plot_y = max(height, BAR_STEP * (len(inside.contacts) + 1)) + 2 * MARGIN
     total_height = plot_y + PLOT_HEIGHT + 2 * MARGIN
     parts = [
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {total_width:.0f} {total_height:.0f}" '
@@ -110,22 +110,22 @@ def _svg(action: Action, seen: Inside, force: Array, rows: NDArray[np.int64]) ->
         f'<g transform="translate({MARGIN - SCALE * 1e3 * low[0]:.2f} {MARGIN + SCALE * 1e3 * high[1]:.2f}) '
         f'scale({SCALE} {-SCALE})" stroke-linecap="round" stroke-linejoin="round" fill="none">',
         _surfaces(view, GROUND),
-        *(_body(seen, view, i, rows, clock) for i in range(len(seen.bodies))),
-        *(_glow(seen, c, rows, clock) for c in range(len(seen.contacts))),
+        *(_body(inside, view, i, rows, clock) for i in range(len(inside.bodies))),
+        *(_glow(inside, c, rows, clock) for c in range(len(inside.contacts))),
         "</g>",
-        *(_bar(action, seen, c, rows, clock, bars_x) for c in range(len(seen.contacts))),
-        _legend(seen, bars_x),
-        _plot(seen, force, rows, clock, plot_y),
+        *(_bar(action, inside, c, rows, clock, bars_x) for c in range(len(inside.contacts))),
+        _legend(inside, bars_x),
+        _plot(inside, force, rows, clock, plot_y),
         "</svg>",
     ]
     return "\n".join(parts)
 
 
-def _extent(seen: Inside, view: SideView) -> tuple[Array, Array]:
+def _extent(inside: Inside, view: SideView) -> tuple[Array, Array]:
     """Lower left and upper right corner of what is drawn, m."""
     points = [shape.points for shape in view.surfaces[GROUND]]
-    for i, body in enumerate(seen.bodies):
-        pose = seen.pose[:, i]
+    for i, body in enumerate(inside.bodies):
+        pose = inside.pose[:, i]
         own = np.concatenate([view.sticks[body].reshape(-1, 2), *(s.points for s in view.surfaces[body])])
         for x, y, turn in (pose[0], *pose[:: max(1, len(pose) // 40)]):
             c, s = np.cos(turn), np.sin(turn)
@@ -143,17 +143,17 @@ def _surfaces(view: SideView, body: str) -> str:
     return f'<path d="{lines}" stroke="{COLORS.get(body, "#777777")}" stroke-width="1.1"/>'
 
 
-def _body(seen: Inside, view: SideView, i: int, rows: NDArray[np.int64], clock: _Clock) -> str:
+def _body(inside: Inside, view: SideView, i: int, rows: NDArray[np.int64], clock: _Clock) -> str:
     """Sticks, surfaces and pivot of a body, moved by its pose."""
-    body = seen.bodies[i]
-    pose = seen.pose[rows, i]
+    body = inside.bodies[i]
+    pose = inside.pose[rows, i]
     color = COLORS.get(body, "#777777")
     places = ";".join(f"{1e3 * x:.2f} {1e3 * y:.2f}" for x, y in pose[:, :2])
     sticks = "".join(_path(pair) for pair in view.sticks[body])
     dot = f'<circle r="1.6" fill="white" stroke="{color}" stroke-width="0.8"/>'
     if body == "key":
-        rail = seen.contacts.index(RAIL) if RAIL in seen.contacts else None
-        pull = seen.joint_n[rows, i, 1] < 0.0 if rail is None else seen.penetration_m[rows, rail] <= 0.0
+        rail = inside.contacts.index(RAIL) if RAIL in inside.contacts else None
+        pull = inside.joint_n[rows, i, 1] < 0.0 if rail is None else inside.penetration_m[rows, rail] <= 0.0
         fills = ";".join("#D62728" if p else "#FFFFFF" for p in pull)
         radii = ";".join("4" if p else "2" for p in pull)
         dot = (
@@ -166,11 +166,11 @@ def _body(seen: Inside, view: SideView, i: int, rows: NDArray[np.int64], clock: 
     )
 
 
-def _glow(seen: Inside, c: int, rows: NDArray[np.int64], clock: _Clock) -> str:
-    """A light at a contact, its area in proportion to the force; largest force around each frame."""
-    radius = np.sqrt(GLOW_MM2_PER_N * _held(seen.normal_n[:, c], rows) / np.pi)
-    places = ";".join(f"{1e3 * x:.2f} {1e3 * y:.2f}" for x, y in seen.point_m[rows, c])
-    number = seen.contacts[c].removeprefix("contact").replace("_", " ")
+def _glow(inside: Inside, c: int, rows: NDArray[np.int64], clock: _Clock) -> str:
+    """A disc at a contact, its area in proportion to the largest force since the previous frame."""
+    radius = np.sqrt(GLOW_MM2_PER_N * _peak_since(inside.normal_n[:, c], rows) / np.pi)
+    places = ";".join(f"{1e3 * x:.2f} {1e3 * y:.2f}" for x, y in inside.point_m[rows, c])
+    number = inside.contacts[c].removeprefix("contact").replace("_", " ")
     return (
         f"<g>{clock.transform('translate', places)}"
         f'<circle r="0" fill="#FF7F0E" opacity="0.75">{clock.attribute("r", _values(radius))}</circle>'
@@ -178,21 +178,21 @@ def _glow(seen: Inside, c: int, rows: NDArray[np.int64], clock: _Clock) -> str:
     )
 
 
-def _held(values: Array, rows: NDArray[np.int64]) -> Array:
-    """Largest value since the frame before, so that no short peak falls between two frames."""
+def _peak_since(values: Array, rows: NDArray[np.int64]) -> Array:
+    """Largest value since the previous frame, so that no short peak is lost between two frames."""
     starts = np.concatenate([[rows[0]], rows[:-1] + 1])
     out: Array = np.maximum.reduceat(values, np.minimum(starts, len(values) - 1))
     return out
 
 
-def _bar(action: Action, seen: Inside, c: int, rows: NDArray[np.int64], clock: _Clock, x: float) -> str:
+def _bar(action: Action, inside: Inside, c: int, rows: NDArray[np.int64], clock: _Clock, x: float) -> str:
     """Name, force against its largest, and that largest force."""
     y = MARGIN + BAR_STEP * c
-    largest = float(seen.largest_normal_n[c])
-    share = _held(seen.normal_n[:, c], rows) / largest if largest > 0.0 else np.zeros(len(rows))
-    words = html.escape(contact_words(action, seen.contacts[c]))
+    largest = float(inside.largest_normal_n[c])
+    share = _peak_since(inside.normal_n[:, c], rows) / largest if largest > 0.0 else np.zeros(len(rows))
+    label = html.escape(contact_label(action, inside.contacts[c]))
     return (
-        f'<text x="{x + 180:.0f}" y="{y + 13:.0f}" text-anchor="end">{words}</text>'
+        f'<text x="{x + 180:.0f}" y="{y + 13:.0f}" text-anchor="end">{label}</text>'
         f'<rect x="{x + 188:.0f}" y="{y:.0f}" width="{BAR_WIDTH:.0f}" height="16" fill="#EEEEEE"/>'
         f'<rect x="{x + 188:.0f}" y="{y:.0f}" width="0" height="16" fill="#FF7F0E">'
         f"{clock.attribute('width', _values(BAR_WIDTH * np.minimum(share, 1.0), 1))}</rect>"
@@ -201,41 +201,41 @@ def _bar(action: Action, seen: Inside, c: int, rows: NDArray[np.int64], clock: _
     )
 
 
-def _legend(seen: Inside, x: float) -> str:
+def _legend(inside: Inside, x: float) -> str:
     """Names of the bodies in their colours."""
-    y = MARGIN + BAR_STEP * len(seen.contacts) + 14
-    words = " ".join(
+    y = MARGIN + BAR_STEP * len(inside.contacts) + 14
+    label = " ".join(
         f'<tspan fill="{COLORS.get(body, "#777777")}" font-weight="bold">{html.escape(body)}</tspan>'
-        for body in seen.turning_bodies
+        for body in inside.turning_bodies
     )
     return (
-        f'<text x="{x + 20:.0f}" y="{y:.0f}" font-size="11">{words}</text>'
+        f'<text x="{x + 20:.0f}" y="{y:.0f}" font-size="11">{label}</text>'
         f'<text x="{x + 20:.0f}" y="{y + 18:.0f}" font-size="11" fill="#D62728">'
-        f"red pivot: the key {'is off' if RAIL in seen.contacts else 'would lift from'} its rail</text>"
+        f"red pivot: the key {'is off' if RAIL in inside.contacts else 'would lift from'} its rail</text>"
     )
 
 
-def _plot(seen: Inside, force: Array, rows: NDArray[np.int64], clock: _Clock, top: float) -> str:
+def _plot(inside: Inside, force: Array, rows: NDArray[np.int64], clock: _Clock, top: float) -> str:
     """Force on the key and angles over real time, with a cursor at the frame's time."""
-    time = seen.time_s
+    time = inside.time_s
     span = float(time[-1] - time[0]) or 1.0
     x = MARGIN + PLOT_WIDTH * (time - time[0]) / span
     thin = np.unique(np.concatenate([np.arange(0, len(time), max(1, len(time) // 1500)), rows]))
     parts = [f'<rect x="{MARGIN}" y="{top:.0f}" width="{PLOT_WIDTH}" height="{PLOT_HEIGHT}" fill="#F7F7F7"/>']
-    given, unit = input_words(seen)
-    curves = [(given, force, "#000000")]
+    quantity, unit = input_label(inside)
+    curves = [(quantity, force, "#000000")]
     for body in ("key", "hammer"):
-        if body in seen.bodies:
-            turn = seen.pose[:, seen.bodies.index(body), 2]
+        if body in inside.bodies:
+            turn = inside.pose[:, inside.bodies.index(body), 2]
             curves.append((f"{body} turned", np.abs(turn - turn[0]), COLORS[body]))
-    for k, (words, values, color) in enumerate(curves):
+    for k, (label, values, color) in enumerate(curves):
         largest = float(np.max(np.abs(values))) or 1.0
         y = top + PLOT_HEIGHT * (0.97 - 0.94 * np.clip(values / largest, 0.0, 1.0))
         line = "M" + "L".join(f"{a:.1f} {b:.1f}" for a, b in zip(x[thin], y[thin], strict=True))
-        said = f"{largest:.3g} {unit}" if k == 0 else f"{np.degrees(largest):.3g}°"
+        peak = f"{largest:.3g} {unit}" if k == 0 else f"{np.degrees(largest):.3g}°"
         parts.append(f'<path d="{line}" fill="none" stroke="{color}" stroke-width="1.3"/>')
         place = MARGIN + PLOT_WIDTH + 12
-        parts.append(f'<text x="{place:.0f}" y="{top + 16 + 20 * k:.0f}" fill="{color}">{words}, to {said}</text>')
+        parts.append(f'<text x="{place:.0f}" y="{top + 16 + 20 * k:.0f}" fill="{color}">{label}, to {peak}</text>')
     cursor = _values(x[rows], 1)
     parts.append(
         f'<line x1="0" x2="0" y1="{top:.0f}" y2="{top + PLOT_HEIGHT:.0f}" stroke="#D62728" stroke-width="1.2">'

@@ -1,6 +1,6 @@
-"""The page around an animation: slider, speed, the action's time; needs no other file and no network.
+"""HTML page around an animation: slider, speed, the action's time; needs no other file and no network.
 
-``#t=0.112`` in the address stops it at that time. The drawing's own clock is driven, so that what one sees is the SVG.
+``#t=0.112`` in the address stops it at that time. The page drives the clock of the SVG itself.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The action from the side, drawn from the model's own geometry: surfaces, pivots and the bodies that join them.
+"""Side view of the action from the model's own geometry: contact surfaces, pivots and the bodies that connect them.
 
 Per body, in its own frame and metres: the part of each contact surface that the motion meets, and a stick figure
 (shortest tree) through pivot, surfaces and the pivots it carries. `animation` moves these by the bodies' poses.
@@ -34,7 +34,7 @@ class Shape:
 
 @dataclass(frozen=True)
 class SideView:
-    """What to draw, by body (``ground`` among them).
+    """Curves to draw, by body (including ``ground``).
 
     Attributes
     ----------
@@ -46,16 +46,16 @@ class SideView:
     sticks: dict[str, Array]
 
 
-def side_view(seen: Inside) -> SideView:
+def side_view(inside: Inside) -> SideView:
     """Geometry of the bodies that take part in a motion."""
-    scene = seen.scene
-    bodies = (*seen.bodies, GROUND)
+    scene = inside.scene
+    bodies = (*inside.bodies, GROUND)
     surfaces: dict[str, list[Shape]] = {body: [] for body in bodies}
-    marks: dict[str, list[Array]] = {body: [np.zeros(2)] for body in seen.bodies}
-    for c, name in enumerate(seen.contacts):
+    marks: dict[str, list[Array]] = {body: [np.zeros(2)] for body in inside.bodies}
+    for c, name in enumerate(inside.contacts):
         for k, surface in enumerate(_surfaces(scene, c)):
             body = bodies[int(scene.tables.contact[c, k])]  # -1, the ground, is the last
-            met = _in_frame(seen, body, seen.point_m[:, c])[_met(seen, c)]
+            met = _in_frame(inside, body, inside.point_m[:, c])[_near_rows(inside, c)]
             curve = surface.curve(met)
             surfaces[body].append(Shape(curve, name))
             if body != GROUND:
@@ -63,32 +63,32 @@ def side_view(seen: Inside) -> SideView:
     for i, parent in enumerate(scene.tables.parent):
         if parent >= 0:
             o = L.GLOBALS + L.BODY_SIZE * i
-            marks[seen.bodies[parent]].append(scene.vector[o + L.PIVOT_X : o + L.PIVOT_Y + 1])
+            marks[inside.bodies[parent]].append(scene.vector[o + L.PIVOT_X : o + L.PIVOT_Y + 1])
     o = int(scene.tables.offset[2])
     for kind, i in scene.tables.drive:
         if kind == L.FORCE_DOWN:
-            marks[seen.bodies[i]].append(scene.vector[o + L.DRIVE_X : o + L.DRIVE_Y + 1])
+            marks[inside.bodies[i]].append(scene.vector[o + L.DRIVE_X : o + L.DRIVE_Y + 1])
         o += L.DRIVE_SIZE
     o = int(scene.tables.offset[3])
     for upper, lower in scene.tables.probe:
-        marks[seen.bodies[upper]].append(scene.vector[o : o + 2])
-        marks[seen.bodies[lower]].append(scene.vector[o + 2 : o + 4])
+        marks[inside.bodies[upper]].append(scene.vector[o : o + 2])
+        marks[inside.bodies[lower]].append(scene.vector[o + 2 : o + 4])
         o += L.PROBE_SIZE
     return SideView(surfaces, {body: _tree(np.array(points)) for body, points in marks.items()})
 
 
-def _met(seen: Inside, c: int) -> NDArray[np.bool_]:
-    """Rows in which the surfaces of a contact are near each other; the nearest row where they never are."""
-    depth = seen.penetration_m[:, c]
+def _near_rows(inside: Inside, c: int) -> NDArray[np.bool_]:
+    """Rows in which the surfaces of a contact are near each other, or else the row in which they are nearest."""
+    depth = inside.penetration_m[:, c]
     near = depth > -NEAR_M
     return near if near.any() else depth == depth.max()
 
 
-def _in_frame(seen: Inside, body: str, point: Array) -> Array:
+def _in_frame(inside: Inside, body: str, point: Array) -> Array:
     """World points (m, 2) in the frame of a body."""
     if body == GROUND:
         return point
-    pose = seen.pose[:, seen.bodies.index(body)]
+    pose = inside.pose[:, inside.bodies.index(body)]
     away = point - pose[:, :2]
     c, s = np.cos(pose[:, 2]), np.sin(pose[:, 2])
     return np.stack([c * away[:, 0] + s * away[:, 1], -s * away[:, 0] + c * away[:, 1]], axis=1)
@@ -119,12 +119,12 @@ class _Surface:
             return line
         angle = np.linspace(0.0, 2.0 * np.pi, 33)
         if not self.closed:
-            seen_from = np.unwrap(np.arctan2(met[:, 1] - self.base[1], met[:, 0] - self.base[0]))
-            angle = np.linspace(seen_from.min() - MARGIN_RAD, seen_from.max() + MARGIN_RAD, 25)
-        kept = angle if self.ends is None else np.clip(angle, *self.ends)  # beyond the ends of an arc run its tangents
-        over = self.radius * np.tan(np.clip(angle - kept, -1.0, 1.0))
-        out = np.stack([np.cos(kept), np.sin(kept)], axis=1)
-        along = np.stack([-np.sin(kept), np.cos(kept)], axis=1)
+            direction = np.unwrap(np.arctan2(met[:, 1] - self.base[1], met[:, 0] - self.base[0]))
+            angle = np.linspace(direction.min() - MARGIN_RAD, direction.max() + MARGIN_RAD, 25)
+        within = angle if self.ends is None else np.clip(angle, *self.ends)  # tangents beyond an arc's ends
+        over = self.radius * np.tan(np.clip(angle - within, -1.0, 1.0))
+        out = np.stack([np.cos(within), np.sin(within)], axis=1)
+        along = np.stack([-np.sin(within), np.cos(within)], axis=1)
         points: Array = self.base + self.radius * out + over[:, None] * along
         return points
 

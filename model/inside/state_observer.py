@@ -81,11 +81,11 @@ class ObservedStates:
 
         Friction, springs and damping of a joint are torques and do not enter.
         """
-        observer, tables, seen = self.observer, self.observer.scene.tables, self.contact
+        observer, tables, contact = self.observer, self.observer.scene.tables, self.contact
         force = observer.mass[:, None] * self.acceleration
         force[:, :, 1] += observer.mass * observer.scene.vector[L.GRAVITY]
-        normal, press = seen[:, :, O.SEEN_NX : O.SEEN_NY + 1], seen[:, :, O.SEEN_NORMAL, None]
-        push = press * normal + seen[:, :, O.SEEN_FRICTION, None] * _perpendicular(normal)
+        normal, press = contact[:, :, O.SEEN_NX : O.SEEN_NY + 1], contact[:, :, O.SEEN_NORMAL, None]
+        push = press * normal + contact[:, :, O.SEEN_FRICTION, None] * _perpendicular(normal)
         for c, (first, second, *_) in enumerate(tables.contact):
             if first >= 0:
                 force[:, first] -= push[:, c]

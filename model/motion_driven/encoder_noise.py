@@ -1,7 +1,4 @@
-"""Noise of angles that an encoder counted: width of a count, readings that repeat one rounding error, jitter.
-
-Angles or squared residuals in, plain numbers out; used by ``motion_fit``.
-"""
+"""Noise of encoder angles: width of a count, readings that repeat one rounding error, jitter of angle and clock."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""A table of the key's measured angle: read, checked, lost angles left out.
-
-Columns (n,) in, usable columns out; the first row that cannot be used ends in ``InputError``.
-"""
+"""Tables of the key's measured angle: read, checked, lost angles left out."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """One degree of freedom of an action: static paths, and mass, balance and friction reflected along them.
 
 The coordinate is the key's turn sigma from rest, rad, positive as the front goes down. For each sigma the other bodies
-stand where they balance without friction (felt as a spring), on one of two paths:
+are in equilibrium without friction (felt as a spring), on one of two paths:
 
 - *joined*: the hammer on the jack, the jack on its rest pad (friction under the knuckle holds it there);
 - *away*: no hammer on the action.
@@ -12,8 +12,7 @@ With J = dq/dsigma along a path and f(q, v, u) the generalised forces of the fiv
     M s'' + 1/2 dM/dsigma s'^2 = pull + lever u - dry tanh(s'/omega_t) - damp s',
 
 where dry and damp are the odd part of J'f(q, Js', 0) in s', taken at two speeds: joint and contact friction, and felt.
-Let-off is where the jack meets the button on the joined path. Tables over sigma; straight lines between their points.
-Fails with ``StaticsError`` where the action does not balance.
+Let-off is where the jack meets the button on the joined path. Tables over sigma are interpolated linearly.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
-"""What one blow did, in the numbers a technician would ask for: strike, check, hold, noise, return.
+"""Measures of one blow: strike, hold in the back check, bounces.
 
-A solution with contact forces goes in, a `BlowMeasures` comes out; NaN where something did not happen. Definitions:
-the hold ends when the force falls below 95 % of the level that it has 20 ms after the strike; the hammer is held where
-in the last 0.1 s of the hold it moves by no more than 1 mm and the back check presses for most of that time (after a
-soft blow it may let go for a moment while the key still swings).
+A solution with contact forces goes in, a `BlowMeasures` comes out; NaN where something did not happen. The hold ends
+when the force falls below 95 % of its level 20 ms after the strike. The hammer is held if in the last 0.1 s of the hold
+it moves by at most 1 mm and the back check presses for most of that time (after a soft blow it may let go for a moment
+while the key still swings).
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ class BlowMeasures:
 
 
 def measure_blow(action: Action, solution: Solution, force_n: Array) -> BlowMeasures:
-    """Read a blow off its solution; force (m,) N at the solution's times."""
+    """Measures of a blow from its solution; force (m,) N at the solution's times."""
     time = solution.time_s
     normal = solution.contact_normal_n
     assert normal is not None, "a blow is measured with its contact forces"
@@ -90,7 +90,7 @@ def _column(solution: Solution, normal: Array, contact: str) -> Array:
 
 
 def _release(time: Array, force: Array, settled: float) -> float:
-    """Last time at which the force keeps the level it has at ``settled``, s."""
+    """Last time (s) at which the force keeps its level at ``settled``."""
     if settled >= time[-1]:
         return float(time[-1])
     level = float(np.interp(settled, time, force))

@@ -1,6 +1,6 @@
 """Sheets of studies: the turns of key, whippen and hammer under one blow, all variants in each panel.
 
-Signs and degrees as in the thesis's figures. matplotlib is imported when a sheet is drawn.
+Signs and degrees as in the thesis's figures.
 """
 
 from __future__ import annotations

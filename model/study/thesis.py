@@ -1,6 +1,6 @@
 """The sensitivity studies of the thesis (Figs 4.9-4.11, 4.16-4.19) repeated, each of its observations a computed check.
 
-The thesis's words are qualitative; every check says by which number it judges and where it draws the line
+The thesis's statements are qualitative; every check names the number it judges by and its limit
 (docs/decisions/0036-model-study.md). "Range" is the widest turn of that body in the action as given. The measured
 forces are not printed, so the blows follow their description (`model.files.force_library`); another forte may be
 given. What the thesis compares with its experiment cannot be checked here and is left out.
@@ -43,16 +43,16 @@ FIGURES = (
 
 @dataclass(frozen=True)
 class Observation:
-    """One statement of the thesis and what the model says to it.
+    """One statement of the thesis and its check on the model.
 
     Attributes
     ----------
     figure : figure or section of the thesis
     statement : the observation in short
-    judged_by : the number looked at
+    judged_by : the number that decides
     found : its value, in ``unit``
-    allowed : where the line is drawn, in words
-    holds : whether the observation holds here
+    allowed : its limit, as text
+    holds : whether the observation is confirmed
     """
 
     figure: str
@@ -79,7 +79,7 @@ def thesis_studies(action: Action, forte: tuple[ArrayLike, ArrayLike] | None = N
     Parameters
     ----------
     action : the thesis used its own, regulated
-    forte : times (k,) s and forces (k,) N of the strong blow; by default made after Fig. 4.1
+    forte : times (k,) s and forces (k,) N of the strong blow; by default after Fig. 4.1
     """
     soft = compare(action, *force_table("piano"), [INCREASED])
     time, force = force_table("thesis-forte") if forte is None else forte
@@ -188,7 +188,7 @@ def _loose(study: Study) -> Iterator[Observation]:
 
 
 def _far(found: float, given: float) -> float:
-    """How far from given; what did not happen is farthest."""
+    """Distance from the given value; infinite where it did not happen."""
     return abs(found - given) if np.isfinite(found) else np.inf
 
 

@@ -1,7 +1,7 @@
 """The same blow on an action and on variants of it.
 
-`Variant` says what to change by the paths and names of parameters; `compare` simulates all and measures each
-(`blow_measures`). The first row is the action as given, to which the others are compared.
+`Variant` names parameters to set or scale; `compare` simulates all variants and measures each (`blow_measures`). The
+first row is the action as given, to which the others are compared.
 """
 
 from __future__ import annotations
@@ -107,7 +107,7 @@ def compare(
     Parameters
     ----------
     time_s, force_n : (k,) force table
-    variants : what to change; names must differ
+    variants : changes to the action; names must differ
     tolerance : requested largest error of any angle, rad
 
     Raises

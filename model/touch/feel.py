@@ -1,7 +1,4 @@
-"""All that is said about the feel of one action, and its rows for a table.
-
-Plain data: weights from a slow press, hammer speeds for a row of forces, fastest repetition.
-"""
+"""Touch of one action: weights from a slow press, hammer speeds for several forces, fastest repetition; table rows."""
 
 from __future__ import annotations
 
@@ -19,15 +16,16 @@ from model.touch.weights import Weights, weigh
 
 @dataclass(frozen=True)
 class Feel:
-    """How one action feels.
+    """Touch of one action.
 
     Attributes
     ----------
     name : of the action
     weights : from a slow press and release
-    blow_n, hammer_m_per_s : (k,) force of the blow and speed of the hammer at the string, NaN where it stays short
-    repetition_hz : fastest repetition, NaN where none was followed
-    gravity : m/s^2, to say weights in grams
+    blow_n, hammer_m_per_s : (k,) force of the blow and speed of the hammer at the string, NaN where it does not reach
+    it
+    repetition_hz : fastest repetition, NaN where it follows no rate
+    gravity : m/s^2, to express weights in grams
     """
 
     name: str
@@ -38,17 +36,17 @@ class Feel:
     gravity: float
 
     def rows(self) -> dict[str, float]:
-        """Everything but the curve, by words with their unit, in the order of the table."""
+        """Everything but the curve, by name and unit, in the order of the table."""
         w = self.weights
         out = {"key dip, mm": 1e3 * w.dip_m}
-        for words, force in (
+        for name, force in (
             ("down weight", w.down_n),
             ("up weight", w.up_n),
             ("friction weight", w.friction_n),
             ("let-off peak", w.let_off_n),
         ):
-            out[f"{words}, N"] = force
-            out[f"{words}, g"] = 1e3 * force / self.gravity
+            out[f"{name}, N"] = force
+            out[f"{name}, g"] = 1e3 * force / self.gravity
         for force, speed in zip(self.blow_n, self.hammer_m_per_s, strict=True):
             out[f"hammer at {force:g} N, m/s"] = float(speed)
         out["fastest repetition, 1/s"] = self.repetition_hz
@@ -61,21 +59,21 @@ def feel(
     name: str | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> Feel:
-    """Press slowly, strike at each force, repeat ever faster.
+    """Measure the touch of an action: a slow press, blows at each force, ever faster repetition.
 
     Parameters
     ----------
     action : parameter set
     forces_n : forces of the blows, N
     name : what to call it, by default the name of the set
-    progress : called with a few words at each step
+    progress : called with a short text at each step
     """
-    say = progress or (lambda _: None)
-    say("slow press")
+    report = progress or (lambda _: None)
+    report("slow press")
     weights = weigh(action)
-    say("blows")
+    report("blows")
     speeds = hammer_speeds(action, forces_n)
-    say("repetition")
+    report("repetition")
     return Feel(
         name=action.name if name is None else name,
         weights=weights,

@@ -1,7 +1,4 @@
-"""One sheet that compares how several actions feel: force over dip, hammer speed over force.
-
-The only file of ``touch`` that imports matplotlib, and only when a figure is drawn. Whole or absent on disk.
-"""
+"""One sheet that compares the touch of several actions: force over dip, hammer speed over force."""
 
 from __future__ import annotations
 
@@ -26,10 +23,10 @@ def draw(feels: Sequence[Feel], path: str | Path) -> None:
         press.plot(1e3 * dip, force, color=color, label=f"{one.name}, down")
         press.plot(1e3 * dip_up, force_up, color=color, linestyle="--", label=f"{one.name}, up")
         short = np.isnan(one.hammer_m_per_s)
-        said = f"{one.name}, up to {one.repetition_hz:.1f} blows/s"
+        label = f"{one.name}, up to {one.repetition_hz:.1f} blows/s"
         if np.isnan(one.repetition_hz):
-            said = f"{one.name}, repeats at no rate tried"
-        blow.plot(one.blow_n, one.hammer_m_per_s, color=color, marker="o", markersize=4, label=said)
+            label = f"{one.name}, repeats at no rate tried"
+        blow.plot(one.blow_n, one.hammer_m_per_s, color=color, marker="o", markersize=4, label=label)
         if short.any():
             blow.plot(one.blow_n[short], np.zeros(short.sum()), color=color, marker="x", linestyle="none")
     press.set(xlabel="key dip, mm", ylabel="force at the key front, N", title="Slow press and release")

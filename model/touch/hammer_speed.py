@@ -1,8 +1,7 @@
-"""How fast the hammer meets the string for a given force of the blow.
+"""Speed of the hammer at the string for a given force of the blow.
 
-A blow is a force on the key that rises linearly in `RISE` and stays. Out comes the speed of the hammer's
-striking point towards the string (m/s) when it first touches; NaN where it never does. Decisions:
-docs/decisions/0026-model-touch.md.
+A blow is a force on the key that rises linearly in `RISE` and then is constant. The result is the speed of the hammer's
+striking point towards the string (m/s) at first touch, NaN where it never touches.
 """
 
 from __future__ import annotations
@@ -23,7 +22,7 @@ Array = NDArray[np.float64]
 
 FORCES = (1.5, 2.0, 3.0, 5.0, 7.0, 10.0, 15.0, 20.0, 30.0, 50.0)  # N
 RISE = 0.02  # s; faster rises at 50 N let the back check overtake the hammer
-LONGEST = 0.6  # s, in which the softest blow must have arrived
+LONGEST = 0.6  # s, time limit of the softest blow
 SAMPLE = 2e-4  # s
 HAMMER = BODIES.index("hammer")
 
@@ -42,13 +41,13 @@ def touches(height_m: Array) -> NDArray[np.int64]:
 
 
 def hammer_speeds(action: Action, forces_n: Sequence[float] = FORCES) -> Array:
-    """Speed (m/s) of the hammer at the string for each force of the blow (N), (k,); NaN where it stays short."""
+    """Speed (m/s) of the hammer at the string for each force of the blow (N), (k,); NaN where it does not reach it."""
     rest = hand_set_rest(action)
     times = np.arange(round(LONGEST / SAMPLE) + 1) * SAMPLE
     out = np.full(len(forces_n), math.nan)
     for i, force in enumerate(forces_n):
         start = State(0.0, rest.copy(), np.zeros(len(BODIES)))
-        # the harder, the sooner it is over: 0.6 s at 1.5 N
+        # a harder blow takes less time: 0.6 s at 1.5 N
         end = min(LONGEST, max(0.1, LONGEST * 1.5 / force))
         output = times[times <= end]
         blow = simulate(action, [0.0, RISE, end], [0.0, force, force], initial=start, output_time_s=output)
@@ -57,6 +56,6 @@ def hammer_speeds(action: Action, forces_n: Sequence[float] = FORCES) -> Array:
         first = touches(height)
         if len(first):
             k = first[0]
-            # the last sample before touch: it flies, while just after the felt has slowed it already
+            # the last sample before touch, in free flight; just after it the felt has slowed the hammer
             out[i] = approach_speed(action, hammer[k : k + 1], blow.speed_rad_per_s[k : k + 1, HAMMER])[0]
     return out

@@ -1,9 +1,8 @@
-"""The fastest repetition an action can follow: every blow of a steady row must bring the hammer to the string.
+"""Fastest repetition of an action: the rate up to which every blow of a steady series brings the hammer to the string.
 
-Blows are pulses F sin^2(pi f t) of the force on the key, so that the finger is off the key for an instant between
-two. A rate counts as followed when it is with one of the strengths `PEAKS`, as a player finds the right one. Out
-comes the highest rate f (blows per second) such that it and every slower rate tried is followed.
-Decisions: docs/decisions/0026-model-touch.md.
+Blows are pulses F sin^2(pi f t) of the force on the key, so that the finger is off the key for an instant between two.
+An action follows a rate if it does so with one of the strengths `PEAKS`, as a player finds the right one. The result is
+the highest rate f (blows per second) such that it and every slower rate tried is followed.
 """
 
 from __future__ import annotations
@@ -23,7 +22,7 @@ from model.touch.hammer_speed import touches
 
 PEAKS = (3.0, 4.0, 5.0)  # N
 SLOWEST, FASTEST, COARSE, FINE = 3.0, 30.0, 1.0, 0.1  # blows/s
-BLOWS, SETTLING = 8, 2  # blows played, of which the first are not judged
+BLOWS, SETTLING = 8, 2  # blows of a series, of which the first are not counted
 POINTS = 32  # of the force per blow
 SAMPLE = 2e-4  # s
 
@@ -44,7 +43,7 @@ def sounded(action: Action, rate_hz: float, peak_n: float) -> NDArray[np.bool_]:
 
 
 def fastest_repetition(action: Action, peaks_n: Sequence[float] = PEAKS) -> float:
-    """Highest rate (blows/s, to `FINE`) the action follows; NaN where it does not even follow the slowest."""
+    """Highest rate (blows/s, to `FINE`) that the action follows; NaN where it does not follow the slowest."""
 
     def follows(rate: float) -> bool:
         return any(bool(sounded(action, rate, peak)[SETTLING:].all()) for peak in peaks_n)

@@ -1,9 +1,8 @@
-"""What a slow press and release of the key feels like: force over dip, down, up and friction weight, let-off peak.
+"""Touch weights of a slow press and release of the key: force over dip, down, up and friction weight, let-off peak.
 
 An action in; forces in N at the key front, dips in m. The key goes down to first touch of its felt and comes back at a
-steady speed, with all friction. Weights are medians over a middle part of the dip, where a technician's weights move
-the key.
-Decisions: docs/decisions/0026-model-touch.md.
+steady speed, with all friction. Weights are medians over the middle of the dip, where a technician's weights move the
+key.
 """
 
 from __future__ import annotations
@@ -24,13 +23,13 @@ Array = NDArray[np.float64]
 
 PRESS_SPEED = 0.005  # m/s
 HOLD = 0.3  # s at the bottom
-MIDDLE = (0.25, 0.60)  # of the dip: the hammer hangs on the jack, the button is not yet touched
-SMOOTH = 0.02  # s, mean over which a peak is read
+MIDDLE = (0.25, 0.60)  # of the dip: the jack carries the hammer and does not touch the button yet
+SMOOTH = 0.02  # s, moving average before a peak is read
 
 
 @dataclass(frozen=True)
 class Weights:
-    """Forces in N at the key front; ``press`` holds the curve they were read from, ``dip_m`` how far the key went."""
+    """Forces in N at the key front, the depth of the dip, and the press that they were read from."""
 
     down_n: float
     up_n: float
@@ -40,14 +39,14 @@ class Weights:
     press: Press
 
     def curve(self) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
-        """Dip (m) and force (N) of the way down and of the way up, force smoothed over `SMOOTH`."""
-        ways = []
+        """Dip (m) and force (N) of the press and of the release, force averaged over `SMOOTH`."""
+        branches = []
         force = _smooth(self.press)
         moving = np.gradient(self.press.dip_m, self.press.time_s)
         for leg, sign in ((0, 1.0), (1, -1.0)):
             on = (self.press.leg == leg) & (sign * moving > 0.5 * PRESS_SPEED)
-            ways.append((self.press.dip_m[on], force[on]))
-        return ways[0], ways[1]
+            branches.append((self.press.dip_m[on], force[on]))
+        return branches[0], branches[1]
 
 
 def _smooth(press: Press) -> Array:

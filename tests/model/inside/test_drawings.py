@@ -12,7 +12,8 @@ import pytest
 import model
 from model.files.force_library import force_table
 from model.inside.animation import FAR_STEP_S, NEAR_STEP_S, frame_rows, write_animation
-from model.inside.figure import close_up, draw_sheet
+from model.inside.figure import draw_sheet
+from model.inside.labels import close_up
 from model.inside.side_view import side_view
 
 SVG = "{http://www.w3.org/2000/svg}"
