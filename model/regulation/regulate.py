@@ -56,6 +56,11 @@ class Regulation:
     effect: dict[str, float]
     evaluations: dict[str, int]
 
+    @property
+    def looks(self) -> dict[str, int]:
+        """Former name of `evaluations`."""
+        return self.evaluations
+
 
 @dataclass
 class _Bench:

@@ -1,6 +1,6 @@
 """What happens inside the action along a motion: forces, sliding, losses and accelerations over the output times.
 
-`model.inside.observe` computes an `Inside`; `Solution.inside` carries it. World frame: x right, y up. Signs and
+`model.inside.observe_motion` computes an `Inside`; `Solution.inside` carries it. World frame: x right, y up. Signs and
 reasons: docs/decisions/0035-model-inside.md.
 """
 

@@ -80,7 +80,7 @@ def command(
         for t, s in zip(regulation.TARGETS, regulation.SCREWS, strict=True)
     ]
     if as_json:
-        print_json({"action": done.action.name, "out": out, "targets": rows, "looks": done.evaluations})
+        print_json({"action": done.action.name, "out": out, "targets": rows, "looks": done.looks})
         return
     print(f"{'target':<46}  wanted   before    after  {'screw':<20}  turned  (mm)")
     for t, s in zip(regulation.TARGETS, regulation.SCREWS, strict=True):

@@ -185,3 +185,11 @@ def test_hanging_centre_is_as_long_as_a_pendulum(reduced: null_model.Reduced, sm
     arm = math.hypot(smooth["hammer.center_of_mass.x"], smooth["hammer.center_of_mass.y"])
     own = smooth["hammer.inertia"] + smooth["hammer.mass"] * arm**2
     assert reduced.hammer_inertia == pytest.approx(own, rel=1e-12)
+
+
+def test_actions_of_equal_content_share_one_reduction(action: model.Action) -> None:
+    same, other = action.with_values({}), action.with_values({"hammer.mass": 0.99 * action["hammer.mass"]})
+    keys = [null_run._ByContent(a.content(), a) for a in (action, same, other)]
+    assert keys[0] == keys[1] and hash(keys[0]) == hash(keys[1])
+    assert keys[0] != keys[2] and hash(keys[0]) != hash(keys[2])
+    assert null_run._reduced(keys[0]) is null_run._reduced(keys[1])
