@@ -174,7 +174,7 @@ def check_energy(runner: Runner, tolerance: float) -> Audit:
     """Energy balance of the whole run."""
     end = float(runner.times[-1])
     return audit(
-        runner.action, lambda at: runner.states(at, tolerance), 0.0, end, runner.times, runner.forces,
+        runner.action, lambda at: runner.states(at, tolerance), (0.0, end), (runner.times, runner.forces),
         goal=0.03 * RESIDUAL, panel_s=1e-3,
     )  # fmt: skip
 

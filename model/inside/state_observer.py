@@ -52,9 +52,8 @@ class ObservedStates:
         self.contact, self.pose = np.zeros((m, len(scene.contacts), O.SEEN_SIZE)), np.zeros((m, n, L.POSE_SIZE))
         self.joint_loss_w, self.tip = np.zeros((m, n)), np.zeros((m, len(scene.tables.probe), 2))
         rate = np.zeros((m, n))  # of the coordinates' speeds
-        O.observe_along(
-            q, v, u, scene.vector, scene.tables, self.contact, self.pose, rate, self.joint_loss_w, self.tip
-        )  # fmt: skip
+        observed = O.Observed(self.contact, self.pose, rate, self.joint_loss_w, self.tip)
+        O.observe_along(q, v, u, scene.vector, scene.tables, observed)
         self.turning = np.zeros((m, n))
         self.velocity, self.acceleration = np.zeros((m, n, 2)), np.zeros((m, n, 2))
         pivot_v, pivot_a = np.zeros((m, n, 2)), np.zeros((m, n, 2))

@@ -55,14 +55,13 @@ POSE_SIZE = 8
 MAX_CHAIN = 4
 
 # counters written by the kernels
-N_STEPS, N_REJECTED, N_RHS, N_JACOBIAN, N_CONTACT, N_TOUCHING, N_SKIPPED, N_RESTS = range(8)
+N_STEPS, N_REJECTED, N_RHS, N_JACOBIAN, N_CONTACT, N_SKIPPED, N_RESTS = range(7)
 COUNTERS = (
     "n_steps",
     "n_rejected",
     "n_rhs",
     "n_jacobian",
     "n_contact_evaluations",
-    "n_contacts_touching",
     "n_contacts_skipped",
     "n_rests",
 )

@@ -250,6 +250,5 @@ class Simulation:
     def work(self) -> dict[str, int | float]:
         """Counters of the work done so far, by name; ``time_at_rest`` in s."""
         out: dict[str, int | float] = {n: int(k) for n, k in zip(L.COUNTERS, self.counters, strict=True)}
-        del out[L.COUNTERS[L.N_TOUCHING]]  # counted by the table kernels only; a 0 here would look like a count
         out["time_at_rest"] = float(self.times[0])
         return out

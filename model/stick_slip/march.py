@@ -16,7 +16,7 @@ from model.errors import InputError, IntegrationError
 from model.force_driven import check_force_table
 from model.kernels import layout as L
 from model.kernels.trajectory.contact_forces import forces_along
-from model.kernels.trajectory.stick_slip import SWEEPS, step_along
+from model.kernels.trajectory.stick_slip import SWEEPS, Forcing, FrictionLimits, Rows, step_along
 from model.parameters.action import Action
 from model.scene.build import Scene, build_scene
 from model.simulation.solution import Solution
@@ -74,8 +74,9 @@ def simulate(action: Action, time_s: ArrayLike, force_n: ArrayLike, step_s: floa
     first = q.copy()
     middles = times[0] + h * (np.arange(every * (m - 1)) + 0.5)
     u = np.interp(middles, times, forces)
-    smooth, ratio = _without_friction(scene), _static_ratio(action, scene)
-    sweeps = step_along(q, v, u, h, every, scene.vector, smooth, ratio, scene.tables, angle, speed, held)
+    smooth = _without_friction(scene)
+    limits = FrictionLimits(scene.vector, smooth, _static_ratio(action, scene))
+    sweeps = step_along(q, v, Forcing(u, h, every), limits, scene.tables, Rows(angle, speed, held))
     if not np.all(np.isfinite(angle)) or sweeps >= SWEEPS:
         raise IntegrationError(f"stick-slip march: no motion found with steps of {h:g} s; take a shorter step")
     angles, speeds = np.vstack([first, angle]), np.vstack([np.zeros(n), speed])

@@ -52,28 +52,27 @@ class Audit:
 def audit(
     action: Action,
     states: States,
-    start: float,
-    end: float,
-    force_time_s: ArrayLike,
-    force_n: ArrayLike,
+    span: tuple[float, float],
+    force: tuple[ArrayLike, ArrayLike],
     *,
     effects: Sequence[str] = (),
     panel_s: float = 5e-4,
     goal: float = 1e-6,
     rounds: int = 12,
 ) -> Audit:
-    """Energy balance from ``start`` to ``end`` (s).
+    """Energy balance over ``span``, from its first to its second time (s).
 
     Parameters
     ----------
     states : gives angles and speeds, (m, 5) each, at increasing times (m,) s; called once per round
-    force_time_s, force_n : (k,) force on the key, linear between its points
+    force : times (k,) s and force on the key (k,) N, linear between its points
     effects : of the scene that moved, in the order of its coordinates (`model.parameters.effects`)
     panel_s : longest panel, s
     goal : share of the turnover up to which errors of the integration over time are pursued
     rounds : how often panels are split at most; bodies jammed into each other part within nanoseconds
     """
-    knots, forces = np.asarray(force_time_s, float), np.asarray(force_n, float)
+    start, end = span
+    knots, forces = (np.asarray(column, float) for column in force)
     seen: dict[str, float] = {}
 
     def sample(times: Array) -> tuple[Array, Array]:

@@ -1,4 +1,6 @@
-"""Contact forces along a trajectory, computed only when a run asks for them."""
+"""Contact forces, penetrations and losses along a trajectory, computed only when a run asks for them."""
+
+from typing import NamedTuple
 
 import numpy as np
 
@@ -7,7 +9,6 @@ from model.kernels.laws import felt, friction
 from model.kernels.layout import (
     A_R,
     BODY_SIZE,
-    COUNTERS,
     DAMPER_SIZE,
     GLOBALS,
     GUIDED,
@@ -22,13 +23,23 @@ from model.kernels.layout import (
     PROBE_SIZE,
     V_T,
 )
-from model.kernels.trajectory.dynamics import acceleration, contact_state, probe_state
+from model.kernels.trajectory.dynamics import Equations, acceleration, contact_state, probe_state
 from model.kernels.trajectory.kinematics import contact_offset, gap_geometry, place
 
 # columns of what `observe_along` gives per contact
 SEEN_NORMAL, SEEN_FRICTION, SEEN_DEPTH, SEEN_SLIDE, SEEN_RUBBED, SEEN_FELT = range(6)
 SEEN_NX, SEEN_NY, SEEN_X, SEEN_Y = range(6, 10)
 SEEN_SIZE = 10
+
+
+class Observed(NamedTuple):
+    """What `observe_along` fills."""
+
+    contact: np.ndarray  # (m, c, SEEN_SIZE)
+    pose: np.ndarray  # (m, n, POSE_SIZE)
+    acceleration: np.ndarray  # (m, n) of the coordinates, rad/s^2
+    joint_loss: np.ndarray  # (m, n) power lost in the joints, W
+    tip: np.ndarray  # (m, b, 2) force of each one-sided probe, N, and power lost in it, W
 
 
 @kernel
@@ -68,21 +79,19 @@ def penetrations(q, v, p, tables, penetration):
 
 
 @kernel
-def observe_along(q, v, u, p, tables, seen, pose, turning, braked, tips):
-    """Everything that a motion shows inside the action, at states (m, n) under inputs (m,).
+def observe_along(q, v, u, p, tables, observed):
+    """Fill ``observed`` with all that acts inside the action, at states (m, n) under inputs (m,).
 
-    Fills ``seen`` (m, c, SEEN_SIZE): normal and friction force, N; penetration, m, negative where open; sliding speed
-    of A over B along t = z x n, m/s, 0 where open; power lost by rubbing and in the felt, W; normal and point of
-    action in the world. ``pose`` (m, n, POSE_SIZE); ``turning`` (m, n) accelerations, rad/s^2; ``braked`` (m, n) power
-    lost in the joints, W; ``tips`` (m, b, 2) force of each one-sided probe, N, and power lost in it, W.
+    Per contact: normal and friction force, N; penetration, m, negative where open; sliding speed of A over B along
+    t = z x n, m/s, 0 where open; power lost by rubbing and in the felt, W; normal and point of action in the world.
     """
+    seen, pose, turning, braked, tips = observed
     n = q.shape[1]
     m_diag = np.zeros(n)
     m_up = np.zeros(n)
     f = np.zeros(n)
-    counters = np.zeros(len(COUNTERS), dtype=np.int64)
     for k in range(q.shape[0]):
-        acceleration(q[k], v[k], u[k], p, tables, pose[k], m_diag, m_up, f, turning[k], counters)
+        acceleration(q[k], v[k], u[k], p, tables, Equations(pose[k], m_diag, m_up, f, turning[k]))
         for i in range(n):
             o = GLOBALS + BODY_SIZE * i
             threshold = p[V_T] if tables.parent[i] == GUIDED else p[OMEGA_T]

@@ -2,9 +2,13 @@
 
 Generalised coordinates are joint angles. A force F at X on body A and -F on body B gives, on each
 coordinate b that moves A against B, side_b * (X - P_b) x F; the same vectors turn speeds into the rates of
-penetration and of sliding. Contacts act at mid-penetration on the common normal (decision 10).
-Equations: thesis Sections 2.1, 2.2; inertia about the centre of mass (decision 7).
+penetration and of sliding. Contacts act at mid-penetration on the common normal; inertia is about the
+centre of mass (docs/decisions/0008-model-open-points.md). Equations: thesis Sections 2.1, 2.2.
 """
+
+from typing import NamedTuple
+
+import numpy as np
 
 from model.kernels.compile import inlined, kernel
 from model.kernels.laws import felt, friction
@@ -31,8 +35,6 @@ from model.kernels.layout import (
     MU_A,
     MU_B1,
     MU_B2,
-    N_CONTACT,
-    N_TOUCHING,
     OMEGA_T,
     POSE_CX,
     POSE_CY,
@@ -47,6 +49,16 @@ from model.kernels.layout import (
     V_T,
 )
 from model.kernels.trajectory.kinematics import along_chain, contact_offset, gap_geometry, place, point
+
+
+class Equations(NamedTuple):
+    """Poses and terms of M a = f at one state: what `acceleration` fills; (n,) each but ``pose`` (n, POSE_SIZE)."""
+
+    pose: np.ndarray
+    m_diag: np.ndarray  # diagonal of M
+    m_up: np.ndarray  # its coupling of child and parent
+    force: np.ndarray  # f
+    acceleration: np.ndarray  # a
 
 
 @inlined
@@ -204,8 +216,8 @@ def contact_state(c, v, p, tables, pose):
 
 
 @inlined
-def contact_forces(v, p, tables, pose, f, counters):
-    """Add the forces of all touching contacts and probes to ``f`` (n,)."""
+def contact_forces(v, p, tables, pose, f):
+    """Add the forces of all touching contacts and probes to ``f`` (n,); return how many contacts touch."""
     touching = 0
     for c in range(tables.contact.shape[0]):
         o, x, nx, ny, px, py = contact_frame(c, p, tables, pose)
@@ -231,8 +243,6 @@ def contact_forces(v, p, tables, pose, f, counters):
             b = tables.chain[c, k]
             gn, gt = along_chain(pose, tables.parent, b, tables.side[c, k], px, py, nx, ny)
             f[b] += fn * gn + ft * gt
-    counters[N_CONTACT] += tables.contact.shape[0]
-    counters[N_TOUCHING] += touching
     o = tables.offset[3]
     for k in range(tables.probe.shape[0]):
         a = tables.probe[k, 0]
@@ -244,13 +254,16 @@ def contact_forces(v, p, tables, pose, f, counters):
         if tables.parent[b] >= 0 and tables.parent[tables.parent[b]] == GUIDED:
             f[tables.parent[b]] -= fn
         o += PROBE_SIZE
+    return touching
 
 
 @kernel
-def acceleration(q, v, u, p, tables, pose, m_diag, m_up, f, a, counters):
-    """Fill ``a`` (n,) with the accelerations at (q, v) under input u; pose, m_diag, m_up, f are left filled."""
+def acceleration(q, v, u, p, tables, equations):
+    """Fill ``equations`` at (q, v) under input u; return how many contacts touch."""
+    pose, m_diag, m_up, f, a = equations
     place(q, v, p, tables.parent, pose)
     mass_matrix(pose, p, tables.parent, m_diag, m_up)
     inertia_and_joint_forces(q, v, u, p, tables, pose, f)
-    contact_forces(v, p, tables, pose, f, counters)
+    touching = contact_forces(v, p, tables, pose, f)
     solve_mass(m_diag, m_up, tables.parent, f, a)
+    return touching

@@ -9,7 +9,6 @@ import numpy as np
 from model.kernels.compile import kernel
 from model.kernels.layout import (
     BODY_SIZE,
-    COUNTERS,
     DRIVE_X,
     DRIVE_Y,
     GLOBALS,
@@ -36,14 +35,13 @@ def load_along(q, v, a, p, tables, force, rail):
     key = n - 1
     pose = np.zeros((n, POSE_SIZE))
     m_diag, m_up, f = np.zeros(n), np.zeros(n), np.zeros(n)
-    counters = np.zeros(len(COUNTERS), dtype=np.int64)
     m = p[GLOBALS + BODY_SIZE * key + MASS]
     at = tables.offset[2]
     for i in range(q.shape[0]):
         place(q[i], v[i], p, tables.parent, pose)
         mass_matrix(pose, p, tables.parent, m_diag, m_up)
         inertia_and_joint_forces(q[i], v[i], 0.0, p, tables, pose, f)
-        contact_forces(v[i], p, tables, pose, f, counters)
+        contact_forces(v[i], p, tables, pose, f)
         x, _ = point(pose, key, p[at + DRIVE_X], p[at + DRIVE_Y])
         force[i] = (f[key] - m_diag[key] * a[i]) / (x - pose[key, POSE_X])
         rx = pose[key, POSE_CX] - pose[key, POSE_X]

@@ -8,17 +8,43 @@ the kinetic one. Felt, inertia, springs and drive are those of ``dynamics`` with
 Source: J. J. Moreau, "Unilateral contact and dry friction in finite freedom dynamics" (1988); thesis eqs 2.8, 2.9.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 from model.kernels.compile import kernel
-from model.kernels.layout import BODY_SIZE, COUNTERS, GLOBALS, JF_A, MU_A, POSE_SIZE
-from model.kernels.trajectory.dynamics import acceleration, contact_frame, contact_state, solve_mass
+from model.kernels.layout import BODY_SIZE, GLOBALS, JF_A, MU_A, POSE_SIZE
+from model.kernels.trajectory.dynamics import Equations, acceleration, contact_frame, contact_state, solve_mass
 from model.kernels.trajectory.kinematics import along_chain, contact_offset
 
 SWEEPS = 300
 PATIENCE = 6  # sweeps between two tries to stop all pairs at once
 SOFT = 1e-10
 CLOSE = 1e-9  # change of a sliding or joint speed by an impulse, m/s or rad/s, at which the sweeps end
+
+
+class Forcing(NamedTuple):
+    """Inputs (k,) at the midpoints of k steps of ``step`` s; every ``every``-th end of a step is kept."""
+
+    value: np.ndarray
+    step: float
+    every: int
+
+
+class FrictionLimits(NamedTuple):
+    """Parameter vector, the same with all friction taken out, and static over kinetic coefficient (c,) of contacts."""
+
+    parameters: np.ndarray
+    frictionless: np.ndarray
+    static_ratio: np.ndarray
+
+
+class Rows(NamedTuple):
+    """What is kept: angles and speeds (m, n); 1 where a contact or joint (m, c + n) sticks, 0 elsewhere."""
+
+    angle: np.ndarray
+    speed: np.ndarray
+    sticks: np.ndarray
 
 
 @kernel
@@ -78,24 +104,17 @@ def stick_together(along, given, bound, impulse, change):
 
 
 @kernel
-def step_along(q, v, u, h, every, p, smooth, static_ratio, tables, angle, speed, held):
-    """March from (q, v), which change, under inputs ``u`` (k,) at the midpoints of k steps of ``h`` s.
+def step_along(q, v, forcing, limits, tables, rows):
+    """March from (q, v), which change, and fill ``rows``.
 
-    Parameters
-    ----------
-    p, smooth : parameter vector, and the same with all friction taken out
-    static_ratio : (c,) static over kinetic coefficient of each contact
-    angle, speed : (m, n) filled after every ``every`` steps
-    held : (m, c + n) filled with 1 where a contact or joint sticks then, 0 where it slides or is open
-
-    Returns
-    -------
-    most_sweeps : largest number of sweeps a step needed; SWEEPS where one did not converge
+    Returns the largest number of sweeps that a step needed; SWEEPS where one did not converge.
     """
+    u, h, every = forcing
+    p, smooth, static_ratio = limits
+    angle, speed, held = rows
     n, c = q.shape[0], tables.contact.shape[0]
-    pose = np.zeros((n, POSE_SIZE))
-    m_diag, m_up, f, a = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)
-    counters = np.zeros(len(COUNTERS), dtype=np.int64)
+    equations = Equations(np.zeros((n, POSE_SIZE)), np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n))
+    pose, m_diag, m_up, _, a = equations
     along = np.zeros((c + n, n))  # rows of D^T
     given = np.zeros((c + n, n))  # rows of (M^-1 D)^T
     bound, impulse, own = np.zeros(c + n), np.zeros(c + n), np.zeros(c + n)
@@ -108,7 +127,7 @@ def step_along(q, v, u, h, every, p, smooth, static_ratio, tables, angle, speed,
             mean[i] = v[i]
             free[i] = v[i]
         for _ in range(2):  # once more with the mean speed of the step, for felt that damps
-            acceleration(middle, mean, u[k], smooth, tables, pose, m_diag, m_up, f, a, counters)
+            acceleration(middle, mean, u[k], smooth, tables, equations)
             for j in range(c + n):
                 bound[j] = 0.0
                 if j < c:

@@ -43,9 +43,7 @@ def explicit(t: np.ndarray, force: np.ndarray, every: int = 10) -> np.ndarray:
     action = model.load_action()
     scene = model.build_scene(action)
     n = scene.size
-    pose = np.zeros((n, L.POSE_SIZE))
-    f, a, m_diag, m_up = (np.zeros(n) for _ in range(4))
-    counters = np.zeros(len(L.COUNTERS), dtype=np.int64)
+    equations = dynamics.Equations(np.zeros((n, L.POSE_SIZE)), *(np.zeros(n) for _ in range(4)))
 
     y = np.concatenate([model.rest_state(action).angle_rad, np.zeros(n)])
     rows = [np.concatenate([[t[0]], y])]
@@ -55,10 +53,8 @@ def explicit(t: np.ndarray, force: np.ndarray, every: int = 10) -> np.ndarray:
 
         def rhs(time: float, y: np.ndarray, k: int = k, slope: float = slope) -> np.ndarray:
             u = force[k] + slope * (time - t[k])
-            dynamics.acceleration(
-                y[:n].copy(), y[n:].copy(), u, scene.vector, scene.tables, pose, m_diag, m_up, f, a, counters
-            )
-            return np.concatenate([y[n:], a])
+            dynamics.acceleration(y[:n].copy(), y[n:].copy(), u, scene.vector, scene.tables, equations)
+            return np.concatenate([y[n:], equations.acceleration])
 
         solver = DOP853(rhs, t[k], y, t[k + 1], rtol=1e-12, atol=1e-12, first_step=min(step, t[k + 1] - t[k]))
         while solver.status == "running":

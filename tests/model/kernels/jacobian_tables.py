@@ -5,6 +5,10 @@ sliding direction and, through the rotation of both with each coordinate, the ch
 Every derivative rests on one rule: turning coordinate b moves a point X that hangs from it by z x (X - P_b).
 """
 
+import numpy as np
+
+import model
+from model.kernels import layout as L
 from model.kernels.compile import kernel
 from model.kernels.laws import felt, friction
 from model.kernels.layout import (
@@ -40,7 +44,8 @@ from model.kernels.layout import (
     SPRING_SIZE,
     V_T,
 )
-from model.kernels.trajectory.dynamics import probe_state
+from model.kernels.trajectory import dynamics
+from model.kernels.trajectory.dynamics import Equations, probe_state
 from model.kernels.trajectory.kinematics import along_chain, contact_offset, gap_geometry, point
 
 
@@ -245,3 +250,22 @@ def linearise(v, u, a, p, tables, pose, work, stiff, damp, f_u):
     """K, D and df/du at a state whose ``pose`` and accelerations ``a`` are already filled."""
     inertia_and_joints(v, u, a, p, tables, pose, stiff, damp, f_u)
     contacts(v, p, tables, pose, work, stiff, damp)
+
+
+class Evaluation:
+    """Terms of the equations of motion and their derivatives at (q, v, u), by loops over the scene's tables."""
+
+    def __init__(self, scene: model.Scene, q: np.ndarray, v: np.ndarray, u: float) -> None:
+        n, p, tables = scene.size, scene.vector, scene.tables
+        self.pose = np.zeros((n, L.POSE_SIZE))
+        self.f, self.a, self.m_diag, m_up, self.f_u = (np.zeros(n) for _ in range(5))
+        self.stiff, self.damp = np.zeros((n, n)), np.zeros((n, n))
+        self.touching = dynamics.acceleration(
+            q, v, u, p, tables, Equations(self.pose, self.m_diag, m_up, self.f, self.a)
+        )
+        work = np.zeros((4, L.MAX_CHAIN))
+        linearise(v, u, self.a, p, tables, self.pose, work, self.stiff, self.damp, self.f_u)
+        self.mass = np.diag(self.m_diag)
+        for i, w in enumerate(tables.parent):
+            if w >= 0:
+                self.mass[i, w] = self.mass[w, i] = m_up[i]

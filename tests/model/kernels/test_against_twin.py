@@ -12,33 +12,14 @@ from model.scene.build import build_scene
 from model.scene.selection import SceneChoice
 from model.verification.reference_equations import Twin
 from tests.model.conftest import random_states
-from tests.model.kernels import jacobian_tables
-
-
-class Compiled:
-    """One evaluation of the kernels at (q, v, u)."""
-
-    def __init__(self, scene: model.Scene, q: np.ndarray, v: np.ndarray, u: float) -> None:
-        n = scene.size
-        self.pose = np.zeros((n, L.POSE_SIZE))
-        self.f, self.a, self.m_diag, self.m_up, self.f_u = (np.zeros(n) for _ in range(5))
-        self.stiff, self.damp = np.zeros((n, n)), np.zeros((n, n))
-        self.counters = np.zeros(len(L.COUNTERS), dtype=np.int64)
-        p, t = scene.vector, scene.tables
-        dynamics.acceleration(q, v, u, p, t, self.pose, self.m_diag, self.m_up, self.f, self.a, self.counters)
-        work = np.zeros((4, L.MAX_CHAIN))
-        jacobian_tables.linearise(v, u, self.a, p, t, self.pose, work, self.stiff, self.damp, self.f_u)
-        self.mass = np.diag(self.m_diag)
-        for i, w in enumerate(t.parent):
-            if w >= 0:
-                self.mass[i, w] = self.mass[w, i] = self.m_up[i]
+from tests.model.kernels.jacobian_tables import Evaluation
 
 
 def test_accelerations_equal_the_twin(action: model.Action, twin: Twin) -> None:
     scene = build_scene(action)
     touched = set()
     for q, v, u in random_states(300, seed=1):
-        ours = Compiled(scene, q, v, u).a
+        ours = Evaluation(scene, q, v, u).a
         theirs = twin.acceleration(q, v, u)
         touched |= {c for c in twin.contacts if twin.gap(c)[0] > 0}
         np.testing.assert_allclose(ours, theirs, rtol=1e-10, atol=1e-12 * np.max(np.abs(theirs)))
@@ -49,7 +30,7 @@ def test_accelerations_equal_the_twin(action: model.Action, twin: Twin) -> None:
 def test_each_contact_force_equals_the_twin(action: model.Action, twin: Twin) -> None:
     scene = build_scene(action)
     for q, v, _ in random_states(100, seed=2):
-        state = Compiled(scene, q, v, 0.0)
+        state = Evaluation(scene, q, v, 0.0)
         twin._place(q, v)
         for c, name in enumerate(scene.contacts):
             normal, tangential, _ = twin.contact(name, v)
@@ -67,21 +48,21 @@ def test_jacobian_equals_central_differences(action: model.Action, effects: tupl
     for q, v, u in random_states(60, seed=3):
         if effects:
             q, v, u = np.append(q, -0.02), np.append(v, 0.3), 0.01 * u
-        at = Compiled(scene, q, v, u)
+        at = Evaluation(scene, q, v, u)
         for j in range(n):
             e = np.zeros(n)
             e[j] = h
-            plus, minus = Compiled(scene, q + e, v, u), Compiled(scene, q - e, v, u)
-            if plus.counters[L.N_TOUCHING] != minus.counters[L.N_TOUCHING]:
+            plus, minus = Evaluation(scene, q + e, v, u), Evaluation(scene, q - e, v, u)
+            if plus.touching != minus.touching:
                 continue  # a contact opens inside the difference: no derivative there
             # K = df/dq - (dM/dq) a
             stiff = (plus.f - minus.f - (plus.mass - minus.mass) @ at.a) / (2 * h)
             scale = 1e-3 + np.abs(at.stiff).max()
             worst = max(worst, np.abs(stiff - at.stiff[:, j]).max() / scale)
-            plus, minus = Compiled(scene, q, v + e, u), Compiled(scene, q, v - e, u)
+            plus, minus = Evaluation(scene, q, v + e, u), Evaluation(scene, q, v - e, u)
             damp = (plus.f - minus.f) / (2 * h)
             worst = max(worst, np.abs(damp - at.damp[:, j]).max() / (1e-3 + np.abs(at.damp).max()))
-        f_u = (Compiled(scene, q, v, u + 1e-3).f - Compiled(scene, q, v, u - 1e-3).f) / 2e-3
+        f_u = (Evaluation(scene, q, v, u + 1e-3).f - Evaluation(scene, q, v, u - 1e-3).f) / 2e-3
         np.testing.assert_allclose(f_u, at.f_u, atol=1e-6)
     assert worst < 2e-5
 

@@ -8,17 +8,15 @@ import numpy as np
 import pytest
 
 import model
-from model.kernels import layout as L
 from model.kernels import workspace as W
 from model.kernels.codegen import load as scenes
 from model.kernels.codegen.energy import emit_energy
 from model.kernels.codegen.step_kernels import emit, emit_with_pieces
-from model.kernels.trajectory import dynamics
 from model.scene.build import Scene, build_scene
 from model.scene.selection import SceneChoice
 from model.verification.reference_equations import Twin
 from tests.model.conftest import random_states
-from tests.model.kernels import jacobian_tables
+from tests.model.kernels.jacobian_tables import Evaluation
 
 CHANGED = {
     "key.pivot.x": 0.003,
@@ -80,7 +78,6 @@ def generated(scene: Scene, q: np.ndarray, v: np.ndarray, u: float) -> dict[str,
 def test_kernels_equal_twin_and_tables(changed: model.Action, effects: tuple[str, ...]) -> None:
     scene, twin = build_scene(changed, SceneChoice(effects=effects)), Twin(changed, effects)
     assert list(scene.bodies) == twin.coordinates
-    n, p, t = scene.size, scene.vector, scene.tables
     lifted = pressed = 0
     for q, v, u in states(300, scene, seed=21):
         ours = generated(scene, q, v, u)
@@ -92,12 +89,8 @@ def test_kernels_equal_twin_and_tables(changed: model.Action, effects: tuple[str
             at = scene.bodies.index("key_lift")
             force = twin.rail_force(q[at], v[at])
             lifted, pressed = lifted + (force == 0.0), pressed + (force > 0.0)
-        pose, counters = np.zeros((n, L.POSE_SIZE)), np.zeros(len(L.COUNTERS), dtype=np.int64)
-        f, a, m_diag, m_up, f_u = (np.zeros(n) for _ in range(5))
-        stiff, damp = np.zeros((n, n)), np.zeros((n, n))
-        dynamics.acceleration(q, v, u, p, t, pose, m_diag, m_up, f, a, counters)
-        jacobian_tables.linearise(v, u, a, p, t, pose, np.zeros((4, L.MAX_CHAIN)), stiff, damp, f_u)
-        for name, table in (("a", a), ("K", stiff), ("D", damp), ("f_u", f_u)):
+        at = Evaluation(scene, q, v, u)
+        for name, table in (("a", at.a), ("K", at.stiff), ("D", at.damp), ("f_u", at.f_u)):
             np.testing.assert_allclose(ours[name], table, rtol=1e-9, atol=1e-11 * np.abs(table).max())
     assert "balance_rail" not in effects or min(lifted, pressed) > 50
 

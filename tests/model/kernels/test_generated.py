@@ -25,7 +25,7 @@ from model.scene.build import build_scene
 from model.scene.selection import SceneChoice
 from model.simulation import run as simulation
 from tests.model.conftest import random_states, read_table
-from tests.model.kernels import jacobian_tables
+from tests.model.kernels.jacobian_tables import Evaluation
 
 
 def square(w: np.ndarray, start: int, n: int) -> np.ndarray:
@@ -38,16 +38,11 @@ def test_generated_kernels_equal_the_tables(action: model.Action, effects: tuple
     scene = build_scene(stiffening, SceneChoice(effects=effects))
     n, p, t = scene.size, scene.vector, scene.tables
     kernels = scenes.kernels_of(t)
-    counters = np.zeros(len(L.COUNTERS), dtype=np.int64)
     solved = 0
     for q, v, u in random_states(300, seed=11):
         if effects:
             q, v, u = np.append(q, -0.01), np.append(v, 0.3), 0.01 * u
-        pose = np.zeros((n, L.POSE_SIZE))
-        f, a, m_diag, m_up, f_u = (np.zeros(n) for _ in range(5))
-        stiff, damp = np.zeros((n, n)), np.zeros((n, n))
-        dynamics.acceleration(q, v, u, p, t, pose, m_diag, m_up, f, a, counters)
-        jacobian_tables.linearise(v, u, a, p, t, pose, np.zeros((4, L.MAX_CHAIN)), stiff, damp, f_u)
+        at = Evaluation(scene, q, v, u)
         w = np.zeros(W.SIZE)
         w[W.Q : W.Q + n], w[W.V : W.V + n] = q, v
         kernels.linearise(w, p, u)
@@ -55,10 +50,10 @@ def test_generated_kernels_equal_the_tables(action: model.Action, effects: tuple
         def close(ours: np.ndarray, theirs: np.ndarray, share: float = 1e-11) -> None:
             np.testing.assert_allclose(ours, theirs, rtol=1e-9, atol=share * np.max(np.abs(theirs)))
 
-        close(w[W.ACC : W.ACC + n], a)
-        close(w[W.F_U : W.F_U + n], f_u)
-        close(square(w, W.STIFF, n), stiff)
-        close(square(w, W.DAMP, n), damp)
+        close(w[W.ACC : W.ACC + n], at.a)
+        close(w[W.F_U : W.F_U + n], at.f_u)
+        close(square(w, W.STIFF, n), at.stiff)
+        close(square(w, W.DAMP, n), at.damp)
         # one stage with a_10 = 1, C_10 = -0.5 and a known stage before it
         h, gh, weight = 1e-6, 0.25e-6, 0.3
         if not kernels.prepare(w, gh):
@@ -70,19 +65,13 @@ def test_generated_kernels_equal_the_tables(action: model.Action, effects: tuple
         coefficients, coupling = np.zeros(64), np.zeros(64)
         coefficients[8], coupling[8] = 1.0, -0.5
         kernels.stage(w, p, coefficients, coupling, 1, gh, h, u, weight, 0)
-        dynamics.acceleration(
-            q + before[0], v + before[1], u, p, t, pose, *(np.zeros(n) for _ in range(3)), a, counters
-        )
-        mass = np.diag(m_diag)
-        for i, up in enumerate(t.parent):
-            if up >= 0:
-                mass[i, up] = mass[up, i] = m_up[i]
+        a = Evaluation(scene, q + before[0], v + before[1], u).a
         r_q = v + before[1] - 0.5 / h * before[0]
-        right = mass @ (a - 0.5 / h * before[1]) + gh * stiff @ r_q + weight * f_u
-        u_v = np.linalg.solve(mass / gh - damp - gh * stiff, right)
-        at = W.U + 2 * W.WIDTH
-        close(w[at + W.WIDTH : at + W.WIDTH + n], u_v, 1e-9)
-        close(w[at : at + n], gh * (r_q + u_v), 1e-9)
+        right = at.mass @ (a - 0.5 / h * before[1]) + gh * at.stiff @ r_q + weight * at.f_u
+        u_v = np.linalg.solve(at.mass / gh - at.damp - gh * at.stiff, right)
+        o = W.U + 2 * W.WIDTH
+        close(w[o + W.WIDTH : o + W.WIDTH + n], u_v, 1e-9)
+        close(w[o : o + n], gh * (r_q + u_v), 1e-9)
     assert solved > 270
 
 

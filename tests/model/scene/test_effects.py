@@ -113,7 +113,7 @@ def test_energy_balance_closes_with_both(action: model.Action, forte: np.ndarray
         run = model.Simulation(scene, model.State(float(times[0]), rest.copy(), np.zeros(7)), tolerance=1e-7)
         return run.advance(float(at[-1]), times, force, output_time_s=at)
 
-    balance = audit(action, states, times[0], times[-1], times, force, effects=BOTH.effects, goal=1e-8)
+    balance = audit(action, states, (times[0], times[-1]), (times, force), effects=BOTH.effects, goal=1e-8)
     assert balance.residual < 1e-7
     for name in ("rail", "shank"):
         assert balance.flow_j[name][-1] > 1e-5  # J, of 0.06 J put in

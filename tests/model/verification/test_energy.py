@@ -97,7 +97,7 @@ def test_pendulum_in_closed_form(action: model.Action) -> None:
     assert np.ptp(stored["kinetic"][falls]) > 1e-3
     assert all(np.all(p == 0.0) for p in powers.values())
     times = np.array([0.0, 0.4])
-    balance = audit(free, states_of(free, q[0], 1e-9, times, np.zeros(2)), 0.0, 0.4, times, np.zeros(2))
+    balance = audit(free, states_of(free, q[0], 1e-9, times, np.zeros(2)), (0.0, 0.4), (times, np.zeros(2)))
     assert balance.residual < 1e-8 and balance.turnover_j > 1e-3
 
 
@@ -112,7 +112,7 @@ def test_a_weightless_hammer_loses_what_its_joint_takes(action: model.Action) ->
         run = model.Simulation(scene, model.State(0.0, np.zeros(5), speed.copy()), tolerance=1e-9)
         return run.advance(float(at[-1]), times, nothing, output_time_s=at)
 
-    balance = audit(free, states, 0.0, 0.3, times, nothing)
+    balance = audit(free, states, (0.0, 0.3), (times, nothing))
     turned = states(times)[0][-1, 4]
     assert balance.flow_j["joint_friction"][-1] == pytest.approx(2e-3 * turned, rel=1e-7)
     assert balance.residual < 1e-8
@@ -125,7 +125,7 @@ def test_balance_of_a_blow_closes_and_follows_the_tolerance(action: model.Action
     residual = {}
     for tolerance in (1e-3, 1e-5, 1e-7):
         states = states_of(action, start, tolerance, times, force)
-        residual[tolerance] = audit(action, states, times[0], times[-1], times, force, goal=1e-8).residual
+        residual[tolerance] = audit(action, states, (times[0], times[-1]), (times, force), goal=1e-8).residual
     assert residual[1e-5] < 1e-5
     assert residual[1e-7] < 3e-8
     assert residual[1e-7] < residual[1e-5] < residual[1e-3]
@@ -141,4 +141,4 @@ def test_a_wrong_motion_is_noticed(action: model.Action) -> None:
         q, v = good(at)
         return q, v * np.array([1.0, 1.0, 1.0, 1.0, 1.01])
 
-    assert audit(action, states, times[0], times[-1], times, force).residual > 1e-3
+    assert audit(action, states, (times[0], times[-1]), (times, force)).residual > 1e-3
