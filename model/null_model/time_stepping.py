@@ -54,12 +54,16 @@ class Constants(NamedTuple):
     let_off: float
 
 
-@kernel
 def restitution(speed_m_per_s: float, damping: float) -> float:
     """Rebound speed over impact speed of a mass on felt F = g(x)(1 + D dx/dt), D in s/m.
 
     From v dv/dx = -g(x)(1 + D v)/m both ways, v/D - log(1 + D v)/D^2 is the same in and out whatever g and m are.
     """
+    return float(_restitution(speed_m_per_s, damping))
+
+
+@kernel
+def _restitution(speed_m_per_s: float, damping: float) -> float:
     z = damping * speed_m_per_s
     if z < 1e-6:
         return 1.0 - 2.0 / 3.0 * z
@@ -178,5 +182,5 @@ def integrate(
                     mode, omega = RIDING, ratio * w
                 phi = path
         if phi >= n.string and omega > 0.0:
-            omega *= -restitution(omega * n.reach, n.damping)
+            omega *= -_restitution(omega * n.reach, n.damping)
             phi, mode = n.string, FLYING
