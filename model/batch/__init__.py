@@ -1,10 +1,9 @@
 """Many simulations at once: trials times parameter sets, on threads, processes or a cluster, resumable.
 
-`job` says what one member is and computes it, `run` hands jobs to an executor, `store` keeps finished members on disk.
+In: force tables and parameter values by name; out: a `Member` each, with its solution or its error. ``job`` describes
+and computes one member, ``run`` hands jobs to an executor, ``store`` archives finished members in a folder.
 """
 
-from model.batch.job import Job, Member, make_jobs, run_job
-from model.batch.run import BatchInterrupt, run_jobs, simulate_many
-from model.batch.store import Store
+import lazy_loader as _lazy
 
-__all__ = ["BatchInterrupt", "Job", "Member", "Store", "make_jobs", "run_job", "run_jobs", "simulate_many"]
+__getattr__, __dir__, __all__ = _lazy.attach_stub(__name__, __file__)

@@ -3,7 +3,7 @@
 A job can be pickled and sent anywhere. Its hash covers everything the answer depends on, labels excluded: structure and
 numbers of the scene, start, force table, output times, tolerance, method, outputs, and the text of the model's code.
 Jobs of one parameter set share scene and rest state, jobs of one trial share the force table.
-A job that cannot be made or done gives a `Member` with its error; nothing is raised and nothing dropped.
+A job that cannot be made or computed gives a `Member` with its error; nothing is raised, nothing is left out.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+import numba
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -101,8 +102,6 @@ def _feed(digest: Any, value: Any) -> None:
 @cache
 def code_sha256() -> str:
     """Hash of the text of all code of the model and of the versions it computes with."""
-    import numba
-
     digest = hashlib.sha256(f"numpy {np.__version__} numba {numba.__version__}".encode())
     folder = Path(__file__).resolve().parents[1]
     for path in sorted(folder.rglob("*.py")):
@@ -167,7 +166,7 @@ def make_jobs(
 
 
 def run_job(job: Job, sha256: str) -> Member:
-    """Do one job; the same to the last bit as ``model.simulate`` with the same input."""
+    """Compute one job; the same to the last bit as ``model.simulate`` with the same input."""
     if job.run is None or job.start_rad is None:
         return Member(job.trial, job.parameters, sha256, error=job.failure)
     run = _writable(job.run)

@@ -1,8 +1,8 @@
-"""Hand the jobs of a batch to an executor and collect their members, always in the order of the jobs.
+"""Submit the jobs of a batch to an executor and collect their members, always in the order of the jobs.
 
 By default on threads: kernels run without Python's global lock. Any ``concurrent.futures.Executor`` can take their
-place (``ProcessPoolExecutor``, Dask's ``Client.get_executor()``). Only a few jobs are handed over ahead, so that an
-interrupt finds little to wait for. A worker that is lost gives members with its error.
+place (``ProcessPoolExecutor``, Dask's ``Client.get_executor()``). Only a few jobs are submitted ahead, so that an
+interrupt has little to wait for. Members of a lost worker carry its error.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from model.parameters.action import Action
 from model.simulation.options import ForceDrivenKeywords, ForceDrivenOptions
 from model.simulation.statics import RestState
 
-AHEAD = 4  # jobs handed over per worker
+AHEAD = 4  # jobs submitted per worker
 AHEAD_ELSEWHERE = 256  # to an executor that does not tell how many workers it has
 POLL_S = 0.2  # an interrupt is noticed after this time at the latest, also where waiting cannot be interrupted
 
@@ -50,7 +50,7 @@ def workers_here() -> int:
 
 
 def _warm(jobs: Iterable[Job]) -> None:
-    """Load or compile the kernels of every structure once, before workers would each do it for themselves."""
+    """Load or compile the kernels of every structure once, before each worker does."""
     seen = set()
     for job in jobs:
         if job.run is not None and id(job.run.scene) not in seen:
@@ -60,8 +60,8 @@ def _warm(jobs: Iterable[Job]) -> None:
                 energy_of(job.run.scene.tables)
 
 
-def _hand_over(pool: Executor, job: Job, sha256: str) -> Future[Member]:
-    """Submit a job; where the executor takes no more (its workers are gone), a future with that error."""
+def _submit(pool: Executor, job: Job, sha256: str) -> Future[Member]:
+    """Submit a job; a future with the error where the executor accepts none (its workers are gone)."""
     try:
         return pool.submit(run_job, job, sha256)
     except Exception as problem:
@@ -78,11 +78,11 @@ def run_jobs(
     progress: Progress | None = None,
     store: str | Path | Store | None = None,
 ) -> list[Member]:
-    """Do jobs of any kind; members come in the order of the jobs. See `simulate_many`."""
+    """Compute jobs; members come in the order of the jobs. See `simulate_many`."""
     if workers is not None and workers < 1:
         raise InputError(f"workers: found {workers}, allowed 1 or more")
-    kept = Store(store) if isinstance(store, (str, Path)) else store
-    if kept is not None and any(job.run is not None and "inside" in job.run.outputs for job in jobs):
+    archive = Store(store) if isinstance(store, (str, Path)) else store
+    if archive is not None and any(job.run is not None and "inside" in job.run.outputs for job in jobs):
         raise InputError("store: does not keep the inside view; allowed outputs contact_forces, energy")
     members: list[Member | None] = [None] * len(jobs)
     hashes = [job.sha256() if job.failure is None else "" for job in jobs]
@@ -90,8 +90,8 @@ def run_jobs(
     for i, job in enumerate(jobs):
         if job.failure is not None:
             members[i] = run_job(job, "")
-        elif kept is not None:
-            members[i] = kept.read(hashes[i], job.trial, job.parameters)
+        elif archive is not None:
+            members[i] = archive.read(hashes[i], job.trial, job.parameters)
         if members[i] is None:
             todo.append(i)
     done = len(jobs) - len(todo)
@@ -114,14 +114,14 @@ def run_jobs(
             member = Member(jobs[i].trial, jobs[i].parameters, hashes[i], error=problem)
         members[i] = member
         done += 1
-        if kept is not None:
-            kept.write(member)
+        if archive is not None:
+            archive.write(member)
         if progress is not None:
             progress(done, len(jobs))
 
     try:
         for i in queue:
-            waiting[_hand_over(pool, jobs[i], hashes[i])] = i
+            waiting[_submit(pool, jobs[i], hashes[i])] = i
             while len(waiting) >= ahead:
                 for future in wait(waiting, timeout=POLL_S, return_when=FIRST_COMPLETED).done:
                     collect(future)
@@ -133,10 +133,10 @@ def run_jobs(
         progress = None
         for future in started:
             collect(future)
-        if kept is not None:  # one may have been interrupted on its way there
+        if archive is not None:  # one may have been interrupted on its way there
             for member in members:
-                if member is not None and not kept.path(member.sha256).exists():
-                    kept.write(member)
+                if member is not None and not archive.path(member.sha256).exists():
+                    archive.write(member)
         raise BatchInterrupt(members) from None
     finally:
         for future in waiting:
@@ -185,7 +185,7 @@ def simulate_many(
     Raises
     ------
     InputError : scene, workers or store cannot be used
-    BatchInterrupt : Ctrl-C, a `KeyboardInterrupt`; running members are finished and kept, the rest cancelled
+    BatchInterrupt : Ctrl-C, a `KeyboardInterrupt`; running members are finished and stored, the rest cancelled
     """
     jobs = make_jobs(
         action,

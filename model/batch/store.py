@@ -1,8 +1,8 @@
 """Finished members of a batch in a folder, one file each, named by the hash of its job.
 
-A file is written under another name and renamed when whole; one that is cut short or damaged fails its checksum, or
-does not hold what its name says, and counts as absent. What failed for good (a `ModelError`) is kept with its message,
-what failed by accident (a lost worker) is not. The format is NumPy's .npz with a line of JSON.
+A file is written under another name and renamed when complete; a truncated or damaged one, or one whose content does
+not match its name, counts as absent. Failures that recur (a `ModelError`) are stored with their message, others (a lost
+worker) are not. The format is NumPy's .npz with a line of JSON.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class Store:
         return self.folder / f"{sha256}.npz"
 
     def read(self, sha256: str, trial: str, parameters: str) -> Member | None:
-        """The member kept under a hash, with the labels of the batch that asks for it; None where there is none."""
+        """The member stored under a hash, with the labels that this batch gives it; None where there is none."""
         try:
             with open(self.path(sha256), "rb") as raw, np.load(raw, allow_pickle=False) as file:
                 about: dict[str, Any] = json.loads(str(file["about"]))
@@ -71,7 +71,7 @@ class Store:
         return Member(trial, parameters, sha256, solution, reused=True)
 
     def write(self, member: Member) -> None:
-        """Keep a member; one without a hash or with an error that may not come again is not kept.
+        """Store a member, unless it has no hash or failed with an error that need not recur.
 
         Raises
         ------

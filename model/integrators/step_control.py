@@ -49,7 +49,7 @@ def ending_at(stop, t, step):
 
 @inlined
 def allow(w, step):
-    """How far each coordinate may move within the step before a contact that was left out must be looked at."""
+    """How far each coordinate may move within the step before a contact that was left out must be evaluated."""
     for i in range(WIDTH):  # prescribed coordinates too
         w[ALLOWANCE + i] = 1.5 * step * abs(w[V + i]) + step * step * abs(w[ACC + i]) + 1e-7
 

@@ -1,7 +1,7 @@
 """The decorator of every compiled kernel: numba with a disk cache that cannot return stale code.
 
-Numba's own cache looks at one file only; a caller in another file keeps an old callee and returns
-wrong numbers without a word. The cache folder is therefore keyed by a SHA-256 over all sources that
+Numba's own cache watches one file only: a caller in another file keeps using an old callee and silently
+returns wrong numbers. The cache folder is therefore keyed by a SHA-256 over all sources that
 kernels are made of, the versions of Python, numba and numpy, and the processor.
 Any change of any kernel compiles all of them once (about 20 s) into a new folder.
 Where no user cache can be written, kernels are compiled in memory only.
@@ -20,6 +20,7 @@ from typing import Any
 
 import numba
 import numpy as np
+from llvmlite import binding
 from numba.core import config as _config
 
 numba_config: Any = _config  # set at run time by numba; its names are unknown to type checkers
@@ -33,8 +34,6 @@ def kernel_sources() -> list[Path]:
 
 def cache_key() -> str:
     """Digest of all kernel sources, versions and the processor, as 16 hexadecimal digits."""
-    from llvmlite import binding
-
     digest = hashlib.sha256()
     for part in (
         sys.version,

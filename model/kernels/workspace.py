@@ -9,7 +9,7 @@ MAX_STAGES = 8
 MAX_CONTACTS = 60  # bits of the mask of skipped contacts
 
 Q, V, Q1, V1, ACC, F_U, M_DIAG, M_UP = (WIDTH * k for k in range(8))
-ALLOWANCE = 8 * WIDTH  # (WIDTH,) how far each coordinate may move before skipped contacts are looked at again
+ALLOWANCE = 8 * WIDTH  # (WIDTH,) how far each coordinate may move before skipped contacts are evaluated again
 STIFF = 9 * WIDTH  # (WIDTH, WIDTH) K = df/dq - (dM/dq) a
 DAMP = STIFF + WIDTH * WIDTH  # (WIDTH, WIDTH) D = df/dv
 LU = DAMP + WIDTH * WIDTH  # (WIDTH, WIDTH) factors; the diagonal holds reciprocals

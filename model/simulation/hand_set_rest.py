@@ -49,7 +49,7 @@ def slip_angle(action: Action, angle_rad: Array) -> Array:
 
 
 def _starts(usual: Array, found: list[Array]) -> Iterator[Array]:
-    """Where to let the hammer down from; later ones use what has been found."""
+    """States from which the hammer is let down; later ones use the rest states found so far."""
     for lift, room in LIFTS:
         start = usual.copy()
         start[HAMMER] -= lift

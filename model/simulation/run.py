@@ -75,13 +75,13 @@ class Simulation:
 
     Parameters
     ----------
-    scene : what takes part
-    state : where it starts; changed by `advance`
+    scene : what takes part, with all numbers
+    state : where it starts; replaced by `advance`
     tolerance : requested largest error of any angle, rad
     method : name of the integration method
     largest_step_s : upper bound of a step, s
     max_steps : most steps of one `advance`; by default in proportion to the time to cover
-    energy : also add up work and losses along the motion (see `energies`)
+    energy : also integrate work and losses along the motion
     """
 
     scene: Scene
@@ -190,7 +190,7 @@ class Simulation:
         return CREEP_SHARE * float(p[L.V_T]) / LEVER_M if np.any(friction) else np.inf
 
     def _extremes(self) -> str:
-        """What stands out in the present state, for a message: most often bodies that overlap or race."""
+        """Largest speed and contact force of the present state, for a message: most often bodies overlap."""
         q, v = self.state.angle_rad, self.state.speed_rad_per_s
         fastest = int(np.argmax(np.abs(v)))
         words = f" ({self.scene.bodies[fastest]} at {v[fastest]:.3g} rad/s"
@@ -206,7 +206,7 @@ class Simulation:
         values: NDArray[np.float64],
         outputs: NDArray[np.float64],
     ) -> None:
-        """Refuse what would end in a wrong answer without a word."""
+        """Refuse input that would silently give a wrong answer."""
         now = self.state.time_s
         if not until >= now - TIME_SLACK or np.isinf(until):
             raise InputError(f"end of the run: found {until:g} s, allowed a finite time from now on ({now:g} s)")

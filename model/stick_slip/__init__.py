@@ -1,10 +1,9 @@
 """Friction without a threshold speed: the limit that the smoothed law of eq. 2.10 stands for.
 
-`simulate` marches a blow with set-valued Coulomb friction, `compare` puts it beside the smoothed law at falling
-threshold speeds, ``figure`` draws that.
+In: an action and a force table; out: the blow with set-valued Coulomb friction (``march``), beside the smoothed law at
+falling threshold speeds (``limit``), as numbers and as a figure.
 """
 
-from model.stick_slip.limit import THRESHOLDS, Limit, compare
-from model.stick_slip.march import Marched, simulate
+import lazy_loader as _lazy
 
-__all__ = ["THRESHOLDS", "Limit", "Marched", "compare", "simulate"]
+__getattr__, __dir__, __all__ = _lazy.attach_stub(__name__, __file__)

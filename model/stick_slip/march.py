@@ -1,8 +1,8 @@
 """A blow with set-valued friction, marched at a fixed step.
 
 Force table in, angles and speeds at its times out, as from `model.simulate`; here bodies stick exactly. First order in
-the step where friction acts; the same felt, inertia and drive. A fixed step of a few microseconds makes it slow: it is
-a witness of the limit v_t -> 0, not a way to simulate. Refuses tables as `model.simulate` does.
+the step where friction acts; the same felt, inertia and drive. A fixed step of a few microseconds makes it slow: it
+shows the limit v_t -> 0 and does not replace `model.simulate`. Refuses tables as `model.simulate` does.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from model.calibration.friction import peak_ratio
 from model.errors import InputError, IntegrationError
 from model.force_driven import check_force_table
 from model.kernels import layout as L
@@ -112,6 +113,4 @@ def _without_friction(scene: Scene) -> Array:
 
 def _static_ratio(action: Action, scene: Scene) -> Array:
     """Static over kinetic coefficient (c,): the peak of eq. 2.10, which stays when its width goes to zero."""
-    from model.calibration.friction import peak_ratio
-
     return np.array([peak_ratio(action[f"{c}.friction.B1"], action[f"{c}.friction.B2"]) for c in scene.contacts])

@@ -65,7 +65,7 @@ def integrate_panels(
     rounds : how often panels are split at most
     """
     left, right = edges[:-1], edges[1:]
-    kept: list[tuple[Array, ...]] = []
+    accepted: list[tuple[Array, ...]] = []
     points = 0
     for level in range(rounds + 1):
         times = left[:, None] + (right - left)[:, None] * np.linspace(0.0, 1.0, 5)
@@ -88,13 +88,13 @@ def integrate_panels(
         # a panel given up before Simpson's rule settles is not yet in the range where fine - coarse shrinks by 15
         doubt = np.where(coarse_still, 15.0 * doubt, doubt)
         done = ~open_
-        kept.append((right[done], fine[done], rest[done], doubt[done], total[done, 4]))
+        accepted.append((right[done], fine[done], rest[done], doubt[done], total[done, 4]))
         if not open_.any():
             break
         parts = left[open_, None] + (right - left)[open_, None] * np.linspace(0.0, 1.0, SPLIT + 1)
         parts[:, -1] = right[open_]
         left, right = parts[:, :-1].ravel(), parts[:, 1:].ravel()
-    columns = [np.concatenate(part) for part in zip(*kept, strict=True)]
+    columns = [np.concatenate(part) for part in zip(*accepted, strict=True)]
     order = np.argsort(columns[0])
     ends, integral, rests, doubts, levels = (column[order] for column in columns)
     return Panels(ends, integral, rests, doubts, levels, points)

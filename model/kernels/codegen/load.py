@@ -27,7 +27,7 @@ _loaded: dict[bytes, StepKernels] = {}
 _energies: dict[bytes, Any] = {}
 # structures whose kernels this process has loaded, and how many of them it had to compile for that; values never do
 COMPILED = {"scenes": 0, "compiled": 0}
-_alone = threading.RLock()  # threads that start at once load or compile a structure once, not each for itself
+_lock = threading.RLock()  # threads that start together load or compile a structure once
 
 
 def _write(path: Path, text: str) -> None:
@@ -64,7 +64,7 @@ def energy_of(tables: Tables) -> Any:
     """Kernel of the energy audit of a structure; compiled only when a run asks for it."""
     key = _key(tables)
     if key not in _energies:
-        with _alone:
+        with _lock:
             if key not in _energies:
                 _energies[key] = _load(emit_energy(tables)).energy
     return _energies[key]
@@ -74,7 +74,7 @@ def kernels_of(tables: Tables) -> StepKernels:
     """Kernels of the structure in ``tables``: from memory, from the disk cache, or compiled (a few seconds, once)."""
     key = _key(tables)
     if key not in _loaded:
-        with _alone:
+        with _lock:
             if key not in _loaded:
                 text, pieces = emit_with_pieces(tables)
                 for piece in pieces:
