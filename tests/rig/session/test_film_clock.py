@@ -1,0 +1,52 @@
+"""Frames of a film get the times of the pulses that their trial counted, and no others."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from rig.errors import InputError
+from rig.session.film_clock import frame_times
+from rig.session.film_record import FilmRecord, write_record
+from rig.session.trial_data import CameraInfo
+
+CLOCK = CameraInfo(2000.0, 0.0123, 1e-4, 500, 2e-6)
+
+
+def trial(camera: CameraInfo | None = CLOCK) -> Any:
+    return SimpleNamespace(path=Path("trial_0001.h5"), read=lambda: SimpleNamespace(camera=camera))
+
+
+def film(path: Path, n_frames: int = 40, first: int | None = None) -> Any:
+    """A film whose header counts its frames from ``first``, or says nothing."""
+    own = None if first is None else (first + np.arange(n_frames)) / 2000.0 + 0.5e-4
+    return SimpleNamespace(path=path, n_frames=n_frames, exposure_s=1e-4, frame_time_s=own)
+
+
+@pytest.mark.parametrize(("header", "attached", "first"), [(None, None, 0), (17, None, 17), (17, 30, 30)])
+def test_the_record_of_an_attached_film_counts_before_its_header(
+    tmp_path: Path, header: int | None, attached: int | None, first: int
+) -> None:
+    path = tmp_path / "trial_0001.mraw"
+    path.write_bytes(b"film")
+    if attached is not None:
+        known = {"frame_rate_hz": 2000.0, "attached_utc": "2026-01-01T00:00:00+00:00", "author": "ana"}
+        record = {"film": path.name, "source": "C001", "sha256": "0" * 64, "n_frames": 40, "frames_after": 0, **known}
+        write_record(path, FilmRecord.model_validate({**record, "first_frame": attached}))
+    times, u_time = frame_times(trial(), film(path, first=header))
+    np.testing.assert_array_equal(times, CLOCK.frame_time_s[first : first + 40])
+    assert u_time == CLOCK.u_time_s
+
+
+def test_frames_without_a_counted_pulse_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "film.mraw"
+    with pytest.raises(InputError, match="frames 0 to 500 found, allowed 0 to 499"):
+        frame_times(trial(), film(path, 501))
+    with pytest.raises(InputError, match="frames -3 to 36 found"):
+        frame_times(trial(), film(path, first=-3))
+    with pytest.raises(InputError, match="has no frame clock"):
+        frame_times(trial(None), film(path))
