@@ -1,36 +1,48 @@
-"""One module per command, each a thin call of a documented function of the packages below."""
+"""One module per command, each a thin call of a documented function of the packages below.
+
+The table lists what ``pianorig --help`` prints; a command's module is imported when the command runs or its own
+``--help`` is asked for. In: options as typed by typer; out: lines or JSON on standard output, files, the exit code.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from importlib import import_module
-from typing import Any
+from typing import Any, NamedTuple
 
-HOME = {
-    "demo": "validation.demo",
-    "record": "bench.record",
-    "learn": "bench.learn",
-    "recover": "bench.recover",
-    "import": "bench.import_recording",
-    "attach": "film.attach",
-    "annotate": "bench.annotate",
-    "watch": "bench.watch",
-    "track": "film.track",
-    "calibrate-camera": "film.calibrate_camera",
-    "simulate": "model.simulate",
-    "touch": "model.touch",
-    "study": "model.study",
-    "regulate": "model.regulate",
-    "calibrate-felt": "model.calibrate_felt",
-    "validate": "validation.validate",
-    "serve-sim": "bench.serve_sim",
-    "selftest": "bench.selftest",
-    "info": "bench.info",
+
+class Listed(NamedTuple):
+    """Module of a command below ``pianorig.commands``, and the first line of its help."""
+
+    module: str
+    help: str
+
+
+COMMANDS = {
+    "demo": Listed("demo", "Record five virtual blows, film and track one, report."),
+    "record": Listed("bench.record", "Play a motor profile; record force, angles, frame clock."),
+    "learn": Listed("bench.learn", "Learn motor profiles whose force follows recorded ones."),
+    "recover": Listed("bench.recover", "Rebuild unsealed trials from the journals of a recording."),
+    "import": Listed("bench.import_recording", "Make a session of recordings by other programs."),
+    "attach": Listed("film.attach", "Check a film against a trial and copy it beside the trial."),
+    "annotate": Listed("bench.annotate", "Add a line to a session's annotations, or list them."),
+    "watch": Listed("bench.watch", "Show force and angles of the trial being recorded."),
+    "track": Listed("film.track", "Track rigid bodies; give angles and their uncertainty."),
+    "calibrate-camera": Listed("film.calibrate_camera", "Measure the camera's tilt, distortion and scale."),
+    "simulate": Listed("model.simulate", "Predict motion under a force, or the force of a motion."),
+    "touch": Listed("model.touch", "Compare how actions feel, from slow press to repetition."),
+    "study": Listed("model.study", "Ask what if: variants of an action under one blow."),
+    "regulate": Listed("model.regulate", "Measure and regulate an action as a technician does."),
+    "calibrate-felt": Listed("model.calibrate_felt", "Calibrate felt, friction, string damping and inertia."),
+    "validate": Listed("validation.validate", "Report how well models predict the measured angles."),
+    "serve-sim": Listed("bench.serve_sim", "Serve the virtual DAQ device over TCP until Ctrl-C."),
+    "selftest": Listed("bench.selftest", "Test a bench with gentle pushes before the first blow."),
+    "info": Listed("bench.info", "Show a session, a backend, or the installed versions."),
 }
-"""Module of each command, in the order of ``--help``."""
+"""Every command, in the order of ``--help``."""
 
 
 def load(name: str) -> Callable[..., Any]:
-    """The function of a command; its module imports nothing heavy."""
-    function: Callable[..., Any] = import_module(f"pianorig.commands.{HOME[name]}").command
+    """Import the module of a command and return its function."""
+    function: Callable[..., Any] = import_module(f"{__name__}.{COMMANDS[name].module}").command
     return function

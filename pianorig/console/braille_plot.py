@@ -1,4 +1,4 @@
-"""A curve as text: two by four dots per character cell (braille signs), so that it shows in any terminal."""
+"""A curve as text: two by four dots per character cell (braille characters), so that it shows in any terminal."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ DOTS = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]])
 
 
 def curve(values: NDArray[np.float64], width: int = 72, height: int = 8) -> list[str]:
-    """Draw values at even spacing as ``height`` lines of ``width`` signs, each column from its least to its largest.
+    """Draw evenly spaced values as ``height`` lines of ``width`` characters, minimum to maximum within each column.
 
     The lowest value is at the bottom, the highest at the top; a constant is a line in the middle.
     """

@@ -7,19 +7,32 @@ from typing import Annotated, TypeAlias
 
 import typer
 
-Rig: TypeAlias = Annotated[str, typer.Option("--rig", help="Built-in rig or a TOML file.")]
-Backend: TypeAlias = Annotated[str, typer.Option("--backend", help="sim://, ni://local or ni-grpc://host:31763.")]
-Yes: TypeAlias = Annotated[
-    bool, typer.Option("--yes", help="On ni*://: do not ask, where safety.allow_yes of the rig file permits.")
-]
-Selftests: TypeAlias = Annotated[
-    Path, typer.Option("--selftest", help="On ni*://: record of a self-test, or the folder of them.")
+DEFAULT_ACTION = "hirschkorn2004"
+BUILT_IN_ACTION = "Built-in action or a TOML file."
+SELFTESTS = Path("selftests")
+"""Where ``pianorig selftest`` puts its records."""
+
+AsJson: TypeAlias = Annotated[bool, typer.Option("--json", help="Print JSON.")]
+Action: TypeAlias = Annotated[str, typer.Option("--action", help=BUILT_IN_ACTION)]
+Settings: TypeAlias = Annotated[
+    list[str] | None, typer.Option("--set", help="Parameter to change, path=value; may be repeated.")
 ]
 Scale: TypeAlias = Annotated[
     list[str] | None,
     typer.Option(
         "--scale",
         help="Parameter, law, pattern or group (damping, friction, joint_friction) to multiply, name=factor; "
-        "repeatable.",
+        "may be repeated.",
     ),
+]
+Tolerance: TypeAlias = Annotated[float, typer.Option("--tolerance", help="Largest error of any predicted angle, rad.")]
+Rig: TypeAlias = Annotated[str, typer.Option("--rig", help="Built-in rig or a TOML file.")]
+Backend: TypeAlias = Annotated[str, typer.Option("--backend", help="sim://, ni://local or ni-grpc://host:31763.")]
+Profile: TypeAlias = Annotated[str, typer.Option("--profile", help="forte, piano, double, or a TOML file.")]
+Operator: TypeAlias = Annotated[str, typer.Option("--operator", help="Who operates the bench.")]
+Yes: TypeAlias = Annotated[
+    bool, typer.Option("--yes", help="On ni*://: do not ask, where safety.allow_yes of the rig file permits.")
+]
+Selftests: TypeAlias = Annotated[
+    Path, typer.Option("--selftest", help="On ni*://: record of a self-test, or the folder of them.")
 ]

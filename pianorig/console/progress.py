@@ -1,4 +1,4 @@
-"""Progress on the terminal for long work; silent where the output is not a terminal or JSON is asked for."""
+"""Progress of long work on the terminal; silent where standard error is no terminal, or where JSON is printed."""
 
 from __future__ import annotations
 
@@ -33,30 +33,20 @@ def say(text: str, quiet: bool = False) -> None:
         print(text, file=sys.stderr, flush=True)
 
 
-def _left(left_s: float | None) -> str:
-    """Time left in words; nothing before it is known."""
-    if left_s is None:
-        return ""
-    minutes, seconds = divmod(round(left_s), 60)
-    return f"{minutes}:{seconds:02d} left"
-
-
 @contextmanager
 def recording_line(quiet: bool = False) -> Iterator[Callable[[Any], None] | None]:
     """One line that follows a recording: trial, time, peak force; yields the recorder's callback."""
     if quiet or not sys.stderr.isatty():
         yield None
         return
-    peak = [0.0]
+    peak_n = 0.0
 
     def update(at: Any) -> None:
-        peak[0] = at.peak_force_n if at.time_s < 0.05 else max(peak[0], at.peak_force_n)
-        print(
-            f"\rtrial {at.trial}/{at.trials}  t = {at.time_s:5.2f} s  peak {peak[0]:5.1f} N  {_left(at.left_s):18s}",
-            end="",
-            file=sys.stderr,
-            flush=True,
-        )
+        nonlocal peak_n
+        peak_n = at.peak_force_n if at.time_s < 0.05 else max(peak_n, at.peak_force_n)
+        left = "" if at.left_s is None else "{}:{:02d} left".format(*divmod(round(at.left_s), 60))
+        line = f"\rtrial {at.trial}/{at.trials}  t = {at.time_s:5.2f} s  peak {peak_n:5.1f} N  {left:18s}"
+        print(line, end="", file=sys.stderr, flush=True)
 
     try:
         yield update

@@ -1,4 +1,4 @@
-"""Asking whoever sits at the terminal; where nobody does, there is no answer."""
+"""Questions to the operator at the terminal; without a terminal there is no answer."""
 
 from __future__ import annotations
 

@@ -8,22 +8,23 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+import model
+import validation
+import vision
 from pianorig.workflows.bench.record import record
+from pianorig.workflows.film.session_film import SessionFilm
 from pianorig.workflows.film.track import track_film_file
-
-if TYPE_CHECKING:
-    from rig.session import Session
-    from rig.simulated.bench.camera import FilmTruth
-    from validation import ValidationResult
-    from vision.results.track_result import TrackResult
+from rig import Session
+from rig.simulated.bench.camera import FilmTruth
 
 FILMED = 1
 
@@ -59,16 +60,16 @@ class Figures:
 
 @dataclass(frozen=True)
 class Demo:
-    """Everything the demo made."""
+    """What the demo made."""
 
     session: Session
     film: FilmTruth
-    track: TrackResult
-    result: ValidationResult
+    track: vision.TrackResult
+    result: validation.ValidationResult
     figures: Figures
 
 
-def tracking_errors(result: TrackResult, truth: FilmTruth) -> tuple[TrackingError, ...]:
+def tracking_errors(result: vision.TrackResult, truth: FilmTruth) -> tuple[TrackingError, ...]:
     """Compare tracked relative angles with the exposure-mean truth of the film.
 
     Both are zeroed on the still frames, as the tracker does.
@@ -97,8 +98,6 @@ def measure_simulation(
     time_s: NDArray[np.float64], force_n: NDArray[np.float64], tolerance: float = 1e-5
 ) -> tuple[float, float, int]:
     """Warm run time (s, best of 5), error against a run at 1e-9 (rad), and steps of one simulation."""
-    import model
-
     action = model.load_action()
     fine = model.simulate(action, time_s, force_n, tolerance=1e-9)
     best = float("inf")
@@ -111,9 +110,9 @@ def measure_simulation(
 
 
 def peak_memory_mib() -> float | None:
-    """Largest resident memory of this process so far, MiB; None where the system does not tell."""
+    """Largest resident memory of this process so far, MiB; None where the system does not report it."""
     try:
-        import resource
+        import resource  # platform: POSIX only
     except ImportError:
         return None
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
@@ -137,50 +136,40 @@ def run_demo(
     out : session folder to create
     say : called with a line per step
     """
-    import validation
-
-    speak = say or (lambda text: None)
     seconds: dict[str, float] = {}
 
-    def lap(name: str, start: float) -> None:
+    @contextmanager
+    def stage(name: str, text: str = "") -> Iterator[None]:
+        if say is not None and text:
+            say(text)
+        start = time.perf_counter()
+        yield
         seconds[name] = time.perf_counter() - start
 
-    start = time.perf_counter()
-    speak(f"recording {trials} {profile} blows on the virtual bench, filming trial {FILMED}")
-    session, _, films = record(
-        out,
-        profile=profile,
-        trials=trials,
-        film=(FILMED,),
-        operator="pianorig demo",
-        action_name="virtual specimen (rig/simulated/bench.toml)",
-        progress=record_progress,
-        film_progress=film_progress,
-    )
-    lap("record and film", start)
+    with stage("record and film", f"recording {trials} {profile} blows on the virtual bench, filming trial {FILMED}"):
+        session, films = record(
+            out,
+            profile=profile,
+            trials=trials,
+            film=(FILMED,),
+            operator="pianorig demo",
+            action_name="virtual specimen (rig/simulated/bench.toml)",
+            progress=record_progress,
+            film_progress=film_progress,
+        )
     film = session.trial(FILMED).film
     if film is None:
         raise RuntimeError("the demo's film was not written")
-    start = time.perf_counter()
-    speak(f"tracking {film.name}")
-    track = track_film_file(film, progress=track_progress)
-    lap("track", start)
-    start = time.perf_counter()
-    speak("comparing with the model")
-    result = validation.validate_session(session, "hirschkorn2004", progress=None)
-    lap("validate", start)
-    start = time.perf_counter()
-    trace = result.traces[FILMED]
-    blow = (trace["force_time_s"] >= 0.3) & (trace["force_time_s"] <= 1.0)  # 0.7 s around the blow
-    simulation = measure_simulation(trace["force_time_s"][blow].to_numpy(), trace["force_n"][blow].to_numpy())
-    lap("measure the simulation", start)
-    figures = Figures(
-        tracking_errors(track, films[FILMED]),
-        len(track.frame) / seconds["track"],
-        *simulation,
-        seconds,
-        peak_memory_mib(),
-    )
+    with stage("track", f"tracking {film.name}"):
+        track = track_film_file(SessionFilm(film), progress=track_progress)
+    with stage("validate", "comparing with the model"):
+        result = validation.validate_session(session, "hirschkorn2004", progress=None)
+    with stage("measure the simulation"):
+        trace = result.traces[FILMED]
+        trace = trace[trace["force_time_s"].between(0.3, 1.0)]  # 0.7 s around the blow
+        simulation = measure_simulation(trace["force_time_s"].to_numpy(), trace["force_n"].to_numpy())
+    errors, frames_per_s = tracking_errors(track, films[FILMED]), len(track.frame) / seconds["track"]
+    figures = Figures(errors, frames_per_s, *simulation, seconds, peak_memory_mib())
     return Demo(session, films[FILMED], track, result, figures)
 
 

@@ -13,7 +13,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pianorig import commands
 from tests.command_line import run
 
 DATA = Path(__file__).parents[1] / "model" / "data"
@@ -98,36 +97,6 @@ def test_track_refuses_a_film_without_outlines(tmp_path: Path, refused: Callable
     film = tmp_path / "film.mraw"
     film.write_bytes(b"1234")
     refused("--bodies", "track", film)
-
-
-def test_every_command_has_an_example_and_json(capsys: pytest.CaptureFixture[str]) -> None:
-    for name in commands.HOME:
-        assert run(name, "--help") == 0
-        text = capsys.readouterr().out
-        assert f"pianorig {name}" in text and "Example:" in text and "--json" in text, name
-
-
-def modules_after(*arguments: str) -> set[str]:
-    """Modules that a fresh process has imported after a command."""
-    code = (
-        "import sys\n"
-        "from pianorig.cli import main\n"
-        f"try:\n    main({list(arguments)!r})\nexcept SystemExit as stop:\n    assert not stop.code, stop.code\n"
-        "print('MODULES', *sorted(sys.modules))\n"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, env=os.environ)
-    return set(done.stdout.splitlines()[-1].split()[1:])
-
-
-def test_start_up_imports_only_what_a_command_needs(short_force: Path, tmp_path: Path) -> None:
-    heavy = {"numpy", "numba", "pandas", "scipy", "matplotlib", "h5py", "cv2", "nidaqmx"}
-    assert not modules_after("--help") & heavy
-    out = str(tmp_path / "o.csv")
-    loaded = modules_after("simulate", "--force", str(short_force), "--out", out)
-    assert "numba" in loaded
-    assert not loaded & {"pandas", "matplotlib", "cv2", "nidaqmx", "h5py", "model.inside"}
-    # numba itself loads scipy.linalg for BLAS (docs/decisions/0005-start-up-imports.md); we load nothing of SciPy
-    assert not loaded & {"scipy.integrate", "scipy.optimize", "scipy.sparse", "scipy.special", "scipy.stats"}
 
 
 def test_output_survives_a_narrow_encoding(tmp_path: Path) -> None:

@@ -1,11 +1,17 @@
-"""``pianorig annotate``: note something about a trial, reject it with a reason, or take it back."""
+"""``pianorig annotate``: note something about a trial, reject it with a reason, or accept it again."""
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
+
+import rig
+from pianorig.console.options import AsJson
+from pianorig.console.output import print_json
+from pianorig.errors import CommandInputError
 
 
 def command(
@@ -14,35 +20,30 @@ def command(
     note: Annotated[str | None, typer.Option("--note", help="Something to remember.")] = None,
     reject: Annotated[str | None, typer.Option("--reject", help="Reject the trial; the text is the reason.")] = None,
     accept: Annotated[str | None, typer.Option("--accept", help="Take a rejection back; the text says why.")] = None,
-    author: Annotated[str, typer.Option("--author", help="Who says so.")] = "unknown",
-    as_json: Annotated[bool, typer.Option("--json", help="Print a JSON list of all annotations.")] = False,
+    author: Annotated[str, typer.Option("--author", help="Who writes this.")] = "unknown",
+    as_json: AsJson = False,
 ) -> None:
-    """Add a line to a session's annotations, or list them; trials are never changed or deleted.
+    """Add a line to a session's annotations, or list them.
+
+    Trials are never changed or deleted.
 
     Example:  pianorig annotate sessions/2026-11-21_forte --trial 3 --reject "cable touched the whippen"
     """
-    from dataclasses import asdict
-
-    from pianorig.console.output import print_json
-    from pianorig.errors import InputError
-    from rig.session import Session
-    from rig.session.annotation_file import Kind
-
-    texts: dict[Kind, str | None] = {"note": note, "reject": reject, "accept": accept}
-    given: list[tuple[Kind, str]] = [(kind, text) for kind, text in texts.items() if text is not None]
+    texts: dict[Literal["note", "reject", "accept"], str | None] = {"note": note, "reject": reject, "accept": accept}
+    given = [(kind, text) for kind, text in texts.items() if text is not None]
     if len(given) > 1:
-        raise InputError("--note, --reject and --accept: allowed is one at a time")
-    folder = Session.open(session, require_trials=False)
+        raise CommandInputError("--note, --reject and --accept: allowed is one at a time")
+    opened = rig.Session.open(session, require_trials=False)
     for kind, text in given:
-        standing = folder.trial(trial).rejected if kind == "accept" and trial else None
-        if kind == "accept" and trial and standing is None:
-            raise InputError(f"{session}: trial {trial} is not rejected; nothing to take back")
-        folder.annotate(trial, kind, text, author=author)
+        if kind == "accept" and trial and opened.trial(trial).rejected is None:
+            raise CommandInputError(f"{session}: trial {trial} is not rejected; nothing to accept")
+        opened.annotate(trial, kind, text, author=author)
+    annotations = opened.annotations
     if as_json:
-        print_json({"session": session, "annotations": [asdict(entry) for entry in folder.annotations]})
+        print_json({"session": session, "annotations": [asdict(entry) for entry in annotations]})
         return
-    for entry in folder.annotations:
+    for entry in annotations:
         what = f"trial {entry.trial}" if entry.trial else "session"
         print(f"{entry.time_utc}  {what}: {entry.kind}, {entry.reason} ({entry.author})")
-    if not folder.annotations:
+    if not annotations:
         print(f"{session}: no annotations")

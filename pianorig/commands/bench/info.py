@@ -2,10 +2,20 @@
 
 from __future__ import annotations
 
+import platform
+from importlib import metadata
 from pathlib import Path
 from typing import Annotated
 
 import typer
+
+from pianorig import workflows
+from pianorig.console.options import AsJson
+from pianorig.console.output import print_json
+
+PACKAGES = (
+    "piano-action-rig", "numpy", "scipy", "pandas", "h5py", "matplotlib", "opencv-python-headless", "nidaqmx", "numba",
+)  # fmt: skip
 
 
 def command(
@@ -14,22 +24,17 @@ def command(
         str | None, typer.Option("--backend", help="Show what answers at sim://, ni://local or ni-grpc://host:31763.")
     ] = None,
     rig: Annotated[str, typer.Option("--rig", help="Built-in rig or a TOML file, with --backend.")] = "virtual",
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+    as_json: AsJson = False,
 ) -> None:
-    """Show the trials of a session, what answers at a backend, or the versions of everything this tool rests on.
+    """Show a session, a backend, or the installed versions.
 
     Example:  pianorig info sessions/2026-11-21_forte_key52
     Example:  pianorig info --backend sim:// --rig pcie6363
     """
-    from pianorig.console.output import print_json
-    from pianorig.workflows.bench.info import session_facts, versions
-
     if backend is not None:
-        from pianorig.workflows.bench.dry_run import backend_facts
-
-        facts = backend_facts(backend, rig)
+        facts = workflows.backend_facts(backend, rig)
     else:
-        facts = versions() if session is None else session_facts(session)
+        facts = _versions() if session is None else workflows.session_facts(session)
     if as_json:
         print_json(facts)
         return
@@ -39,3 +44,14 @@ def command(
                 print("  " + "  ".join(f"{k} {v}" for k, v in row.items()))
         else:
             print(f"{key:<16} {value}")
+
+
+def _versions() -> dict[str, str]:
+    """Versions of Python, the platform and the packages this tool rests on."""
+    found = {"python": platform.python_version(), "platform": platform.platform()}
+    for package in PACKAGES:
+        try:
+            found[package] = metadata.version(package)
+        except metadata.PackageNotFoundError:
+            found[package] = "not installed"
+    return found

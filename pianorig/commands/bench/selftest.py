@@ -7,32 +7,35 @@ from typing import Annotated
 
 import typer
 
-from pianorig.console.options import Backend, Rig, Yes
+from pianorig import workflows
+from pianorig.console.options import SELFTESTS, AsJson, Backend, Operator, Rig, Yes
+from pianorig.console.output import print_json
+from pianorig.console.prompt import type_answer
 
 
 def command(
     backend: Backend = "sim://?hand=yes",
     rig: Rig = "virtual",
-    out: Annotated[Path, typer.Option("--out", help="Folder for the record.")] = Path("selftests"),
-    operator: Annotated[str, typer.Option("--operator", help="Who tests.")] = "unknown",
+    out: Annotated[Path, typer.Option("--out", help="Folder for the record.")] = SELFTESTS,
+    operator: Operator = "unknown",
     yes: Yes = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the findings as JSON.")] = False,
+    as_json: AsJson = False,
 ) -> None:
-    """Test wiring, signs, scales, delay, bridge, camera, drive-enable and watchdog; gentle pushes, no blow.
+    """Test a bench with gentle pushes before the first blow.
+
+    Wiring, signs, scales, delay, bridge, camera, drive-enable and watchdog.
 
     Example:  pianorig selftest --backend ni://local --rig my_rig.toml --operator ana
     """
-    from pianorig.console.output import print_json
-    from pianorig.console.prompt import type_answer
-    from pianorig.workflows.bench.selftest import check_bench
 
-    def show(check: str, passed: bool, found: str, allowed: str, advice: str) -> None:
+    def show(finding: workflows.SelftestFinding) -> None:
         if not as_json:
-            print(f"{'ok  ' if passed else 'FAIL'} {check:<24} {found:<36} allowed {allowed}")
-            if advice:
-                print(f"     {advice}")
+            passed = "ok  " if finding.passed else "FAIL"
+            print(f"{passed} {finding.check:<24} {finding.found:<36} allowed {finding.allowed}")
+            if finding.advice:
+                print(f"     {finding.advice}")
 
-    path, record = check_bench(backend, rig, out, operator=operator, yes=yes, ask=type_answer, show=show)
+    path, record = workflows.check_bench(backend, rig, out, operator=operator, yes=yes, ask=type_answer, show=show)
     if as_json:
         print_json({"record": path, **record.model_dump(mode="json")})
     else:

@@ -7,6 +7,10 @@ from typing import Annotated
 
 import typer
 
+from pianorig import workflows
+from pianorig.console.options import AsJson
+from pianorig.console.output import print_json
+
 
 def command(
     film: Annotated[Path, typer.Argument(help="Film: .mraw (with its .cihx), .avi, .tif, .mp4.")],
@@ -19,24 +23,23 @@ def command(
     ] = None,
     first_frame: Annotated[
         int | None,
-        typer.Option("--first-frame", min=0, help="First frame after the trigger, if it is not said."),
+        typer.Option("--first-frame", min=0, help="First frame after the trigger, if the film does not say."),
     ] = None,
     frame_rate: Annotated[
         float | None, typer.Option("--frame-rate", help="Rate it was filmed at, Hz, if the film does not say.")
     ] = None,
     author: Annotated[str, typer.Option("--author", help="Who attaches it.")] = "unknown",
-    as_json: Annotated[bool, typer.Option("--json", help="Print the record as JSON.")] = False,
+    as_json: AsJson = False,
 ) -> None:
-    """Check a film's frame count, rate, trigger frame and hash against a trial, and copy it beside the trial.
+    """Check a film against a trial and copy it beside the trial.
+
+    Frame count, rate, trigger frame and hash must fit; the original stays where it is.
 
     Example:  pianorig attach /media/camera/C001.mraw --trial 3 sessions/2026-11-21_forte
     """
-    from pianorig.console.output import print_json
-    from pianorig.workflows.film.attach import attach_film, session_folder
-
-    record = attach_film(
+    record = workflows.attach_film(
         film,
-        session_folder(session),
+        workflows.session_folder(session),
         trial,
         sha256=sha256,
         first_frame=first_frame,

@@ -7,6 +7,13 @@ from typing import Annotated
 
 import typer
 
+from pianorig import workflows
+from pianorig.console.column_file import check_writable, write_table
+from pianorig.console.options import AsJson
+from pianorig.console.output import print_json
+from pianorig.console.progress import bar, say
+from pianorig.errors import CommandInputError
+
 
 def command(
     film: Annotated[Path, typer.Argument(help="Film: .mraw (+ .cih/.cihx), .avi, .mp4, .tif, folder of pictures.")],
@@ -38,7 +45,7 @@ def command(
         bool, typer.Option("--allow-truncated", help="Read a film that was cut short to its last whole frame.")
     ] = False,
     restart: Annotated[
-        bool, typer.Option("--restart", help="Start anew, although an interrupted run could go on.")
+        bool, typer.Option("--restart", help="Start from the first frame, although an interrupted run could go on.")
     ] = False,
     retrack: Annotated[
         list[int] | None,
@@ -57,77 +64,55 @@ def command(
         Path | None, typer.Option("--contact-sheet", help="Picture (.png) of the worst frames.")
     ] = None,
     plot: Annotated[Path | None, typer.Option("--plot", help="Plot (.png) of angles and residuals.")] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print a JSON summary.")] = False,
+    as_json: AsJson = False,
 ) -> None:
-    """Track rigid bodies and give their angles with a standard uncertainty per frame.
+    """Track rigid bodies; give angles and their uncertainty.
 
     Stopped by Ctrl-C, the same command goes on where it was.
 
     Example:  pianorig track film.mraw --bodies bodies.toml --out jack.csv --contact-sheet worst.png --plot jack.png
     """
-    from pianorig.console.output import check_writable, print_json, write_table
-    from pianorig.console.progress import bar, say
-    from pianorig.errors import InputError
-    from pianorig.workflows.film.track import budget_lines, camera_of, draw_track, summary, track_film_file
-
     target = out if out is not None else film.with_suffix(".angles.csv")
     for path in (target, propose_bodies, overlay, contact_sheet, plot):
         if path is not None:
             check_writable(path)
     if propose_bodies is not None:
-        from pianorig.workflows.film.propose_outlines import propose
-
-        found = propose(film, propose_bodies, allow_truncated=allow_truncated)
+        found = workflows.propose_outlines(film, propose_bodies, allow_truncated=allow_truncated)
         if as_json:
             print_json(found)
         else:
-            print(
-                f"{found['out']}: {', '.join(found['bodies'])}; look at {found['picture']}, then correct and name them"
-            )
+            names = ", ".join(found["bodies"])
+            print(f"{found['out']}: {names}; look at {found['picture']}, then correct and name them")
         return
-    camera = camera_of(calibration, tilt, distortion)
+    filmed = workflows.SessionFilm(film, bodies, frame_rate, allow_truncated)
+    camera = workflows.camera_of(calibration, tilt, distortion)
     if retrack:
-        from pianorig.workflows.film.retrack import read_places
-        from pianorig.workflows.film.retrack import retrack as fit_again
-
-        rows = fit_again(
-            film,
-            bodies,
-            target,
-            retrack,
-            read_places(place or []),
-            method=method,
-            camera=camera,
-            frame_rate_hz=frame_rate,
-            allow_truncated=allow_truncated,
-        )
+        places = workflows.read_places(place or [])
+        rows = workflows.retrack(filmed, target, retrack, places, method=method, camera=camera)
         if as_json:
             print_json({"out": target, "rows": rows.to_dict(orient="records")})
         else:
             print(f"{target}: {len(rows)} frames fitted again")
         return
     if place:
-        raise InputError("--place: goes with --retrack FRAME")
+        raise CommandInputError("--place: goes with --retrack FRAME")
     unfinished = target.with_name(f"{target.name}.unfinished.npz")
     if restart:
         unfinished.unlink(missing_ok=True)
     with bar("tracking", quiet=as_json) as progress:
-        result = track_film_file(
-            film,
-            bodies,
+        result = workflows.track_film_file(
+            filmed,
+            every,
             method=method,
-            every=every,
             confirm=confirm,
             camera=camera,
-            frame_rate_hz=frame_rate,
-            allow_truncated=allow_truncated,
             checkpoint=unfinished,
-            expected=lambda budget: say("expected " + "\n".join(budget_lines(budget)), quiet=as_json),
+            expected=lambda budget: say("expected " + "\n".join(workflows.budget_lines(budget)), quiet=as_json),
             progress=progress,
         )
     write_table(target, result.to_table())
-    draw_track(film, bodies, result, overlay, contact_sheet, plot)
-    facts = summary(result)
+    workflows.draw_track(filmed, result, overlay=overlay, contact_sheet=contact_sheet, plot=plot)
+    facts = workflows.tracking_summary(result)
     if as_json:
         print_json({"out": target, **facts})
         return
@@ -135,6 +120,6 @@ def command(
     print(f"{target}: {facts['frames']} frames{again}, {facts['rows_confirmed']} confirmed backward")
     for body in result.bodies:
         print(f"  {body:<11} {facts['lost'][body]} frames lost")
-    print("\n".join(budget_lines(result.budget)))
+    print("\n".join(workflows.budget_lines(result.budget)))
     for body, (offset, u) in facts["clock_offset_s"].items():
         print(f"  film against the encoder of the {body}: {offset * 1e6:+.0f} us (u {u * 1e6:.0f})")

@@ -7,56 +7,62 @@ from typing import Annotated
 
 import typer
 
+import model
+from pianorig.console.column_file import check_writable
+from pianorig.console.options import BUILT_IN_ACTION, AsJson, Settings
+from pianorig.console.output import nan_as_null, print_json
+from pianorig.console.overrides import read_settings
+
 
 def command(
-    action: Annotated[str, typer.Argument(help="Built-in action or a TOML file.")],
+    action: Annotated[str, typer.Argument(help=BUILT_IN_ACTION)],
     out: Annotated[
         Path | None, typer.Option("--out", help="TOML file to write; without it the action is only measured.")
     ] = None,
-    set_: Annotated[
-        list[str] | None, typer.Option("--set", help="Parameter to change first, path=value; may be repeated.")
-    ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+    set_: Settings = None,
+    as_json: AsJson = False,
 ) -> None:
-    """Measure and regulate an action: dip, hammer height, jack, repetition lever, let-off, drop, back check.
+    """Measure and regulate an action as a technician does.
+
+    Dip, hammer height, jack, repetition lever, let-off, drop, back check.
 
     Example:  pianorig regulate hirschkorn2004 --out regulated.toml
     """
-    import model
-    from model import regulation
-    from pianorig.console.output import check_writable, print_json
-    from pianorig.console.overrides import read_settings
-    from pianorig.errors import InputError
-
     if out is not None:
-        if out.suffix != ".toml":
-            raise InputError(f"{out}: ending found {out.suffix!r}, allowed .toml")
-        check_writable(out)
+        check_writable(out, ".toml")
     given = model.load_action(action, read_settings(set_ or []))
-    rows: list[dict[str, object]]
     if out is None:
-        seen = regulation.measure(given)
-        rows = [
-            {
-                "target": t.name,
-                "words": t.words,
-                "wanted_m": t.wanted_m,
-                "measured_m": _known(seen.value_m[t.name]),
-                "remark": seen.remarks.get(t.name),
-            }
-            for t in regulation.TARGETS
-        ]
-        if as_json:
-            print_json({"action": given.name, "targets": rows})
-            return
-        print(f"{given.name}: {'target':<46}  wanted  measured   (mm)")
-        for t in regulation.TARGETS:
-            remark = seen.remarks.get(t.name)
-            value = _millimetres(seen.value_m[t.name], 8)
-            print(f"  {t.words:<58}{_millimetres(t.wanted_m, 8)}  {value}{f'   {remark}' if remark else ''}")
+        _measure(given, as_json)
+    else:
+        _regulate(given, out, as_json)
+
+
+def _measure(given: model.Action, as_json: bool) -> None:
+    """Print the seven targets as they are."""
+    seen = model.regulation.measure(given)
+    rows = [
+        {
+            "target": t.name,
+            "words": t.words,
+            "wanted_m": t.wanted_m,
+            "measured_m": seen.value_m[t.name],
+            "remark": seen.remarks.get(t.name),
+        }
+        for t in model.regulation.TARGETS
+    ]
+    if as_json:
+        print_json({"action": given.name, "targets": [nan_as_null(row) for row in rows]})
         return
-    done = regulation.regulate(given)
-    regulation.write_action(
+    print(f"{given.name}: {'target':<46}  wanted  measured   (mm)")
+    for row in rows:
+        remark = f"   {row['remark']}" if row["remark"] else ""
+        print(f"  {row['words']:<58}{_millimetres(row['wanted_m'])}  {_millimetres(row['measured_m'])}{remark}")
+
+
+def _regulate(given: model.Action, out: Path, as_json: bool) -> None:
+    """Turn the seven screws, write the action, print each target before and after."""
+    done = model.regulation.regulate(given)
+    model.regulation.write_action(
         done.action,
         out,
         [
@@ -71,31 +77,25 @@ def command(
             "target": t.name,
             "words": t.words,
             "wanted_m": t.wanted_m,
-            "before_m": _known(done.before.value_m[t.name]),
-            "after_m": _known(done.after.value_m[t.name]),
+            "before_m": done.before.value_m[t.name],
+            "after_m": done.after.value_m[t.name],
             "screw": s.name,
             "path": s.path,
             "turned_m": done.turned_m[t.name],
         }
-        for t, s in zip(regulation.TARGETS, regulation.SCREWS, strict=True)
+        for t, s in zip(model.regulation.TARGETS, model.regulation.SCREWS, strict=True)
     ]
     if as_json:
-        print_json({"action": done.action.name, "out": out, "targets": rows, "looks": done.looks})
+        plain = [nan_as_null(row) for row in rows]
+        print_json({"action": done.action.name, "out": out, "targets": plain, "looks": done.looks})
         return
     print(f"{'target':<46}  wanted   before    after  {'screw':<20}  turned  (mm)")
-    for t, s in zip(regulation.TARGETS, regulation.SCREWS, strict=True):
-        before, after = done.before.value_m[t.name], done.after.value_m[t.name]
-        print(
-            f"{t.words:<46}{_millimetres(t.wanted_m, 8)} {_millimetres(before, 8)} {_millimetres(after, 8)}"
-            f"  {s.name:<20} {1e3 * done.turned_m[t.name]:+7.3f}"
-        )
+    for row in rows:
+        wanted, before, after = (_millimetres(row[key]) for key in ("wanted_m", "before_m", "after_m"))
+        print(f"{row['words']:<46}{wanted} {before} {after}  {row['screw']:<20} {1e3 * row['turned_m']:+7.3f}")
     print(f"{out}: {done.action.name}")
 
 
-def _known(value: float) -> float | None:
-    return value if value == value else None
-
-
-def _millimetres(value: float, width: int) -> str:
+def _millimetres(value: float) -> str:
     # + 0.0 so that a tiny negative number does not read -0.00
-    return f"{'-':>{width}}" if value != value else f"{round(1e3 * value, 2) + 0.0:>{width}.2f}"
+    return f"{'-':>8}" if value != value else f"{round(1e3 * value, 2) + 0.0:>8.2f}"

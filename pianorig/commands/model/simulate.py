@@ -7,27 +7,31 @@ from typing import Annotated
 
 import typer
 
-from pianorig.console.options import Scale
+import model
+from pianorig import workflows
+from pianorig.console.column_file import FIGURE_ENDINGS, check_writable, run_attributes, write_columns
+from pianorig.console.options import DEFAULT_ACTION, Action, AsJson, Scale, Settings, Tolerance
+from pianorig.console.output import print_files, print_json
+from pianorig.console.overrides import load_changed
+from pianorig.errors import CommandInputError
 
 
 def command(
     out: Annotated[Path, typer.Option("--out", help="File to write: .csv or .h5.")],
     force: Annotated[
-        Path | None, typer.Option("--force", help="CSV file with the columns time_s,force_n: the motion is the answer.")
+        Path | None, typer.Option("--force", help="CSV file with the columns time_s,force_n: the motion is computed.")
     ] = None,
     key_motion: Annotated[
         Path | None,
-        typer.Option("--key-motion", help="CSV file with the columns time_s,key_rad: the force is the answer."),
+        typer.Option("--key-motion", help="CSV file with the columns time_s,key_rad: the force is computed."),
     ] = None,
     from_rest: Annotated[
         bool, typer.Option("--from-rest", help="Angles of --key-motion are changes since rest, as an encoder counts.")
     ] = False,
-    action: Annotated[str, typer.Option("--action", help="Built-in action or a TOML file.")] = "hirschkorn2004",
-    set_: Annotated[
-        list[str] | None, typer.Option("--set", help="Parameter to change, path=value; may be repeated.")
-    ] = None,
+    action: Action = DEFAULT_ACTION,
+    set_: Settings = None,
     scale: Scale = None,
-    tolerance: Annotated[float, typer.Option("--tolerance", help="Largest error of any angle wanted, rad.")] = 1e-5,
+    tolerance: Tolerance = 1e-5,
     output_rate: Annotated[
         float | None, typer.Option("--output-rate", help="Rows per second, Hz; default: the force table's times.")
     ] = None,
@@ -58,50 +62,45 @@ def command(
         ),
     ] = "whole",
     method: Annotated[str, typer.Option("--method", help="Integration method.")] = "rodas4p",
-    as_json: Annotated[bool, typer.Option("--json", help="Print a JSON summary.")] = False,
+    as_json: AsJson = False,
 ) -> None:
-    """Predict all five bodies under a force on the key, or the force that a measured motion of the key takes.
+    """Predict motion under a force, or the force of a motion.
+
+    With --force all five bodies are predicted; with --key-motion the force at the key front that this motion takes.
 
     Example:  pianorig simulate --force forte.csv --set contact04.friction=0 --inside --out forte_angles.csv
     """
-    import model
-    from pianorig.console.output import check_writable, print_json, run_attributes, write_columns
-    from pianorig.console.overrides import load_changed
-    from pianorig.errors import InputError
-    from pianorig.workflows.model.inside_view import (
-        check_drawings,
-        described,
-        draw_inside,
-        inside_facts,
-        lift_attributes,
-        print_inside,
-    )
-    from pianorig.workflows.model.simulate_motion import drive_by_motion
-
-    if out.suffix in (".csv", ".h5"):
-        check_writable(out)
-    check_drawings(figures, animation)
+    check_writable(out, ".csv", ".h5")
+    if figures is not None:
+        check_writable(figures, *FIGURE_ENDINGS)
+    if animation is not None:
+        check_writable(animation, ".html", ".svg")
     chosen = load_changed(action, set_, scale)
-    force_only = {"--force": force, "--forces": forces, "--inside": inside, "--figures": figures}
-    force_only |= {"--animation": animation}
     if key_motion is not None:
-        drive_by_motion(
+        force_only = {"--force": force, "--forces": forces, "--inside": inside, "--figures": figures}
+        also = [name for name, given in (force_only | {"--animation": animation}).items() if given]
+        if also:
+            raise CommandInputError(f"--key-motion: found together with {', '.join(also)}; give one or the other")
+        driven = workflows.drive_by_motion(
             chosen,
             key_motion,
             out,
-            also=[name for name, given in force_only.items() if given],
             from_rest=from_rest,
             tolerance=tolerance,
             output_rate=output_rate,
             scene=scene,
             method=method,
-            as_json=as_json,
         )
+        if as_json:
+            print_json({"out": out, "tolerance_rad": tolerance} | workflows.motion_facts(driven))
+        else:
+            print(f"{out}: {len(driven.time_s)} rows, {driven.counters['n_steps']} steps")
+            workflows.print_motion(driven)
         return
     if from_rest:
-        raise InputError("--from-rest: found without --key-motion, whose angles it is about; leave it out")
+        raise CommandInputError("--from-rest: found without --key-motion, whose angles it is about; leave it out")
     if force is None:
-        raise InputError("simulate: found neither --force nor --key-motion; give one of them")
+        raise CommandInputError("simulate: found neither --force nor --key-motion; give one of them")
     choice = model.load_scene(scene)
     chosen = choice.on(chosen)
     times, values = model.read_force_table(force, choice.input_column)
@@ -118,33 +117,25 @@ def command(
         method=method,
     )
     seen = solution.inside
+    words = {} if seen is None else workflows.described(chosen)
+    effects = ", ".join([*choice.effects, *(f"{k}={v!r}" for k, v in choice.values)])
     write_columns(
         out,
         solution.columns(),
         run_attributes(chosen, tolerance, method, scene)
-        | {
-            "effects": ", ".join([*choice.effects, *(f"{k}={v!r}" for k, v in choice.values)]),
-            "force_table": str(force),
-        }
-        | ({} if seen is None else lift_attributes(seen)),
-        None if seen is None else seen.long_names(described(chosen)),
+        | {"effects": effects, "force_table": str(force)}
+        | ({} if seen is None else workflows.lift_attributes(seen)),
+        None if seen is None else seen.long_names(words),
     )
-    facts: dict[str, object] = {
-        "out": out,
-        "rows": len(solution.time_s),
-        "tolerance_rad": tolerance,
-        **solution.counters,
-    }
-    if figures is not None or animation is not None:
-        draw_inside(chosen, times, values, figures, animation, tolerance=tolerance, scene=scene, method=method)
     drawings = {"figures": figures, "animation": animation}
+    if any(drawings.values()):
+        workflows.draw_inside(chosen, times, values, **drawings, tolerance=tolerance, scene=scene, method=method)
     if as_json:
-        facts |= {} if seen is None else inside_facts(seen)
+        facts = {"out": out, "rows": len(solution.time_s), "tolerance_rad": tolerance, **solution.counters}
+        facts |= {} if seen is None else workflows.inside_facts(seen)
         print_json(facts | {name: path for name, path in drawings.items() if path is not None})
         return
     print(f"{out}: {len(solution.time_s)} rows, {solution.counters['n_steps']} steps")
     if seen is not None:
-        print_inside(seen, described(chosen))
-    for path in drawings.values():
-        if path is not None:
-            print(path)
+        workflows.print_inside(seen, words)
+    print_files(drawings.values())

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated
 
 import typer
 
-if TYPE_CHECKING:
-    from validation import SideBySide
-
-DEFAULT_ACTION = "hirschkorn2004"
+import model
+import validation
+from pianorig.console.options import DEFAULT_ACTION, AsJson, Settings, Tolerance
+from pianorig.console.output import print_json, print_verdict
+from pianorig.console.overrides import read_settings
+from pianorig.console.progress import say
+from validation.cache.report_cache import inputs_sha256, report_folder, store_report, stored_report
 
 
 def command(
@@ -19,55 +22,57 @@ def command(
         list[str] | None,
         typer.Option("--action", help=f"Built-in action or a TOML file; may be repeated.  [default: {DEFAULT_ACTION}]"),
     ] = None,
-    set_: Annotated[
-        list[str] | None,
-        typer.Option("--set", help="Parameter to change in every action, path=value; may be repeated."),
-    ] = None,
+    set_: Settings = None,
     out: Annotated[
         Path | None, typer.Option("--out", help="Folder for the report; default: that of the only session.")
     ] = None,
-    tolerance: Annotated[float, typer.Option("--tolerance", help="Largest error of any predicted angle, rad.")] = 1e-5,
+    tolerance: Tolerance = 1e-5,
     by_motion: Annotated[
         bool, typer.Option("--by-motion/--no-by-motion", help="Also predict the force from the key's motion.")
     ] = True,
     condition: Annotated[
         str | None,
-        typer.Option("--condition", help="Condition of the trial plan to keep to; default: each stands for itself."),
+        typer.Option("--condition", help="Compare only this condition of the trial plan; default: each on its own."),
     ] = None,
     again: Annotated[
         bool,
         typer.Option(
-            "--again", help="Make the report again though nothing has changed; known predictions and scores are used."
+            "--again",
+            help="Make the report again although nothing has changed; stored predictions and scores are used.",
         ),
     ] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Print a JSON summary.")] = False,
+    as_json: AsJson = False,
 ) -> None:
-    """Drive every model with each trial's own force and report how well it predicts the angles.
+    """Report how well models predict the measured angles.
 
-    Several sessions and several models stand side by side in one report; they are never pooled.
+    Every model is driven with each trial's own force. Several sessions and several models stand side by side in one
+    report; they are never pooled.
 
     Example:  pianorig validate sessions/2026-11-21_forte_key52 --action hirschkorn2004
 
     Example:  pianorig validate sessions/forte sessions/piano --action hirschkorn2004 --action mine.toml --out report
     """
-    from pianorig.console.output import print_json, print_verdict
-    from validation.cache.report_cache import inputs_sha256, report_folder, store_report, stored_report
-
     folder = report_folder(sessions, out)
     actions = action or [DEFAULT_ACTION]
     options = {"set": set_ or [], "tolerance": tolerance, "by_motion": by_motion, "condition": condition}
     inputs = inputs_sha256(sessions, actions, options)
-    kept = None if again else stored_report(folder, inputs)
+    stored = None if again else stored_report(folder, inputs)
     refused: tuple[str, ...] = ()
-    if kept is not None:
-        verdict, files, reused = kept.verdict_lines, kept.files, f"everything, as made {kept.made_utc}"
+    if stored is not None:
+        verdict, files, reused = stored.verdict_lines, stored.files, f"everything, as made {stored.made_utc}"
     else:
-        side = _validate(
-            sessions, actions, set_ or [], folder, quiet=as_json,
-            tolerance=tolerance, by_motion=by_motion, condition=condition,
-        )  # fmt: skip
+        changes = read_settings(set_ or [])
+        side = validation.validate_sessions(
+            sessions,
+            [model.load_action(name, changes) for name in actions],
+            folder,
+            progress=None if as_json else say,
+            tolerance=tolerance,
+            by_motion=by_motion,
+            condition=condition,
+        )
         verdict, files, refused, reused = side.verdict_lines, side.files, side.refused, _reused(side)
-        # what could not be read is to be named again, and what changed meanwhile to be read again
+        # a report is not stored when a session could not be read, or when an input changed while it was made
         if not refused and inputs_sha256(sessions, actions, options) == inputs:
             note = store_report(folder, inputs, files, verdict, side.results[0].provenance["created_utc"])
             reused += f"; {note}" if note else ""
@@ -82,20 +87,7 @@ def command(
         raise typer.Exit(2)
 
 
-def _validate(
-    sessions: list[Path], actions: list[str], settings: list[str], folder: Path, *, quiet: bool, **options: Any
-) -> SideBySide:
-    import model
-    import validation
-    from pianorig.console.overrides import read_settings
-    from pianorig.console.progress import say
-
-    changes = read_settings(settings)
-    chosen = [model.load_action(action, changes) for action in actions]
-    return validation.validate_sessions(sessions, chosen, folder, progress=None if quiet else say, **options)
-
-
-def _reused(side: SideBySide) -> str:
+def _reused(side: validation.SideBySide) -> str:
     """What was not made again, for every session and model."""
     texts = []
     for result in side.results:

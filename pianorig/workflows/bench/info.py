@@ -1,32 +1,16 @@
-"""What is there: versions of the software, contents of a session."""
+"""What is there: the contents of a session, the device behind an address."""
 
 from __future__ import annotations
 
-import platform
-from importlib import metadata
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
-_PACKAGES = (
-    "piano-action-rig", "numpy", "scipy", "pandas", "h5py", "matplotlib", "opencv-python-headless", "nidaqmx", "numba",
-)  # fmt: skip
-
-
-def versions() -> dict[str, Any]:
-    """Versions of Python, the platform and the packages this tool rests on."""
-    out: dict[str, Any] = {"python": platform.python_version(), "platform": platform.platform()}
-    for package in _PACKAGES:
-        try:
-            out[package] = metadata.version(package)
-        except metadata.PackageNotFoundError:
-            out[package] = "not installed"
-    return out
+from rig import Session, load_rig, open_backend
 
 
 def session_facts(path: Path) -> dict[str, Any]:
     """Name, date, profile and trials of a session; trials as a list of rows."""
-    from rig.session import Session
-
     session = Session.open(path)
     rows = []
     for trial in session.trials:
@@ -51,4 +35,23 @@ def session_facts(path: Path) -> dict[str, Any]:
         "action": info.action.name,
         "profile": info.profile.name,
         "trials": rows,
+    }
+
+
+def backend_facts(backend: str, rig: str) -> dict[str, Any]:
+    """What answers at a backend address: device, versions, and the settings of the rig file."""
+    config = load_rig(rig).config
+    with closing(open_backend(backend, config)) as bench:
+        facts = bench.capabilities
+    return {
+        "backend": facts.name,
+        "simulated": facts.simulated,
+        "permission": "needed before anything moves" if facts.hardware else "not needed, nothing real moves",
+        "watchdog": "yes" if facts.watchdog else "no",
+        "rig": config.name,
+        "device": config.device.name,
+        **facts.description,
+        "sample_rate_hz": config.device.sample_rate_hz,
+        "force_group_delay_s": config.force.group_delay(config.device.sample_rate_hz),
+        "camera": "none" if config.camera is None else config.camera.mode,
     }

@@ -8,20 +8,35 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from pianorig.errors import InputError
-
-if TYPE_CHECKING:
-    from rig.configuration.profile import Profile
-    from rig.learning import Blow, Learned, TargetForce
-    from rig.session.trial_data import TrialData
+from pianorig.errors import CommandInputError
+from pianorig.workflows.bench.access import BenchAccess
+from pianorig.workflows.bench.learning_figures import draw_learned
+from pianorig.workflows.model.predict_blow import predictor
+from rig import (
+    Blow,
+    Learned,
+    Profile,
+    TargetForce,
+    TrialData,
+    learn,
+    load_rig,
+    make_target,
+    open_backend,
+    read_channels,
+)
+from rig import record as record_session
+from rig.foreign.channel_table import SECONDS
+from rig.foreign.units import known
+from rig.storage.atomic_write import write_text
 
 
 def load_target(
     source: Path,
-    sample_rate_hz: float,
+    rig: str | Path,
     *,
     force_channel: str = "force_n",
     time_channel: str | None = "time_s",
@@ -30,73 +45,55 @@ def load_target(
     separator: str = ",",
     decimal: str = ".",
 ) -> TargetForce:
-    """A recorded force as a target of learning; CSV, LVM, TDMS, HDF5 or a sealed trial.
+    """A recorded force as a target of learning on a rig; CSV, LVM, TDMS, HDF5 or a sealed trial.
 
-    A file that states its own sample interval needs no channel of times; one that states another unit than N needs a
+    A file that states its own sample interval needs no time channel; one that states another unit than N needs a
     scale.
     """
-    from rig.foreign import read_channels
-    from rig.foreign.channel_table import SECONDS
-    from rig.foreign.units import known
-    from rig.learning import make_target
-
     table = read_channels(source, separator=separator, decimal=decimal)
     unit = known(table.units.get(force_channel, ""))
     if unit not in (None, "N") and scale == 1.0:
-        raise InputError(
+        raise CommandInputError(
             f"{source}: {force_channel} is in {unit!r} by the file itself; give --scale, newtons per {unit}"
         )
     if time_channel not in table.channels and force_channel in table.clocks:
         time_channel = None
     time_unit = known(table.units.get(time_channel or "", "")) or "s"
     if time_unit not in SECONDS:
-        raise InputError(
+        raise CommandInputError(
             f"{source}: {time_channel} is in {time_unit!r} by the file itself, allowed {', '.join(SECONDS)}"
         )
     interval_s = table.interval([force_channel], time_channel, "--time CHANNEL", unit=time_unit)
+    rate_hz = load_rig(rig).config.device.sample_rate_hz
     return make_target(
-        source.stem, table.channel(force_channel), interval_s, sample_rate_hz, scale=scale, key_bottom_s=key_bottom_s
+        source.stem, table.channel(force_channel), interval_s, rate_hz, scale=scale, key_bottom_s=key_bottom_s
     )
 
 
 def learn_profile(
     target: TargetForce,
     out: Path,
+    access: BenchAccess,
     *,
-    rig: str | Path = "virtual",
-    backend: str = "sim://",
     blows: int = 8,
     goal: float = 0.03,
     operator: str = "unknown",
     progress: Callable[[Blow], None] | None = None,
-    yes: bool = False,
-    ask: Callable[[str], str | None] = lambda question: None,
-    selftests: Path = Path("selftests"),
 ) -> Learned:
     """Learn one profile and write the folder ``out``.
 
     Raises
     ------
-    InputError : the folder exists, the target or a command leaves the limits, or the dry run does
-    rig.errors.RigError : the bench stopped a blow; what was recorded is kept
+    CommandInputError : the folder exists
+    rig.errors.RigError : the target, a command or the dry run leaves the limits, or the bench stopped a blow; what was
+        recorded is kept
     """
-    from pianorig.workflows.bench.learning_figures import draw_learned
-    from pianorig.workflows.model.predict_blow import predictor
-    from rig.backend import open_backend
-    from rig.configuration.rig_file import load_rig
-    from rig.learning import learn
-    from rig.recording.recorder import record_session
-    from rig.safety.permission import permit
-
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
-        raise InputError(f"{out}: exists already and is not an empty folder; choose another --out")
-    rig_file = load_rig(rig)
+        raise CommandInputError(f"{out}: exists already and is not an empty folder; choose another --out")
+    rig_file = load_rig(access.rig)
     predict = predictor(rig_file)
-    bench = open_backend(backend, rig_file.config)
-    try:
-        permission = None
-        if bench.capabilities.hardware:
-            permission = permit(rig_file, backend, selftests, yes=yes, ask=ask)
+    with closing(open_backend(access.backend, rig_file.config)) as bench:
+        permission = access.permission(rig_file, bench)
 
         def blow(profile: Profile, number: int) -> TrialData:
             session = record_session(
@@ -113,14 +110,12 @@ def learn_profile(
             return session.trials[0].read()
 
         learned = learn(target, rig_file.config, blow, blows=blows, goal=goal, progress=progress)
-    finally:
-        bench.close()
     _write(out, learned)
     draw_learned(out, learned)
     return learned
 
 
-def summary(learned: Learned) -> dict[str, Any]:
+def learning_summary(learned: Learned) -> dict[str, Any]:
     """What was reached, as plain values."""
     best = learned.best
     return {
@@ -139,12 +134,10 @@ def summary(learned: Learned) -> dict[str, Any]:
 
 
 def _write(out: Path, learned: Learned) -> None:
-    from rig.storage.atomic_write import write_text
-
     best = learned.best
     found = f"{100 * best.error:.2f} % RMS of the peak before key bottom in blow {best.number}"
     text = best.profile.text.replace(
         f"blow {best.number} of learning {learned.target.name}", f"learned from {learned.target.name}: {found}", 1
     )
     write_text(out / "profile.toml", text)
-    write_text(out / "learning.json", json.dumps(summary(learned), indent=1) + "\n")
+    write_text(out / "learning.json", json.dumps(learning_summary(learned), indent=1) + "\n")

@@ -4,35 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from pianorig.workflows.bench.figure_file import new_figure, save_png
+from rig import Learned, TargetForce
 
-    from rig.learning import Learned, TargetForce
-
-
-def _figure(height_in: float) -> Figure:
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(7.5, height_in), layout="constrained")
-    FigureCanvasAgg(figure)
-    return figure
-
-
-def _save(figure: Figure, path: Path) -> None:
-    from rig.storage.atomic_write import replace_when_complete
-
-    with replace_when_complete(path) as part:
-        figure.savefig(part, format="png", dpi=120)
+DPI = 120
 
 
 def draw_recorded(path: Path, targets: Sequence[TargetForce]) -> None:
     """Draw the recorded forces over time, one line each, key bottoms marked (after Fig. 3.6)."""
-    figure = _figure(3.6)
+    figure = new_figure(7.5, 3.6)
     axes = figure.subplots()
     for target in targets:
         (line,) = axes.plot(target.time_s, target.force_n, lw=1.0, label=target.name)
@@ -41,13 +25,13 @@ def draw_recorded(path: Path, targets: Sequence[TargetForce]) -> None:
     axes.set(xlabel="Time (s)", ylabel="Force at the key front (N)", title="Recorded force (dot: key bottom)")
     axes.grid(alpha=0.3)
     axes.legend(fontsize=8)
-    _save(figure, path)
+    save_png(figure, path, DPI)
 
 
 def draw_learned(folder: Path, learned: Learned) -> None:
     """Draw pianist and motor (after Figs 3.7, 3.8) and the error of each blow into ``folder``."""
     target, best = learned.target, learned.best
-    figure = _figure(6.6)
+    figure = new_figure(7.5, 6.6)
     top, zoom, steps = figure.subplots(3, 1, height_ratios=(3, 3, 2))
     command = best.profile.force_at(target.time_s)
     for axes in (top, zoom):
@@ -64,7 +48,7 @@ def draw_learned(folder: Path, learned: Learned) -> None:
     zoom.set_ylim(-0.1 * high, high)
     zoom.set_title("before key bottom (dotted), where it is learned", fontsize=9)
     _draw_errors(steps, learned)
-    _save(figure, folder / "pianist_and_motor.png")
+    save_png(figure, folder / "pianist_and_motor.png", DPI)
 
 
 def _draw_errors(axes: Any, learned: Learned) -> None:

@@ -1,174 +1,87 @@
-"""Recording a session, with films where the bench is the virtual one.
-
-The only place that joins the virtual bench's plant to its camera: after a filmed trial the plant's true angles are
-rendered into the film that a real camera would have saved beside the trial.
-"""
+"""Recording a session, with films where the bench is the virtual one."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Collection
+from contextlib import closing
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Unpack
 
-import numpy as np
-
-from pianorig.errors import InputError
-from pianorig.workflows.film.track import BODIES_NAME
-
-if TYPE_CHECKING:
-    from rig.session import Session, Trial
-    from rig.session.info import RoomInfo
-    from rig.simulated.bench.camera import FilmTruth
-    from rig.simulated.bench.camera_view import ActionGeometry, CameraSettings
-    from rig.simulated.bench.plant import PlantTruth
-
-SELFTESTS = Path("selftests")
-"""Where ``pianorig selftest`` puts its records."""
-STILL_BEFORE_S = 0.03  # still frames before the blow: reference picture and zero of the angles
+from pianorig.errors import CommandInputError
+from pianorig.workflows.bench.access import BenchAccess
+from pianorig.workflows.bench.render_film import film_virtual_trial
+from pianorig.workflows.model.predict_blow import predictor
+from rig import Profile, RoomInfo, Session, Trial, load_plan, load_profile, load_rig, open_backend, plain_plan
+from rig import record as record_session
+from rig.configuration.toml_file import check
+from rig.recording.options import RecordingKeywords, RecordingOptions
+from rig.simulated.bench.camera import FilmTruth
 
 
-def action_geometry(truth: PlantTruth) -> ActionGeometry:
-    """Pivots and rest angles of the specimen's filmed bodies, as the camera sees them before the blow."""
-    from rig.simulated.bench.camera_view import ActionGeometry
-
-    def pivot(body: str) -> tuple[float, float]:
-        return truth.action[f"{body}.pivot.x"], truth.action[f"{body}.pivot.y"]
-
-    whippen, jack, repetition = (float(angle) for angle in truth.film_angles_at(truth.time_s[:1])[0])
-    return ActionGeometry(pivot("whippen"), pivot("jack"), pivot("repetition"), (whippen, jack, repetition))
-
-
-def film_virtual_trial(
-    session: Session,
-    trial: Trial,
-    truth: PlantTruth,
-    settings: CameraSettings | None = None,
-    seed: int = 0,
-    progress: Callable[[int, int], None] | None = None,
-) -> FilmTruth:
-    """Render the film of one recorded trial from the plant's truth and put it beside the trial.
-
-    Frames start `STILL_BEFORE_S` before the blow and follow the frame pulses of the trial's counter.
-
-    Raises
-    ------
-    InputError : the trial has no frame clock
-    """
-    from dataclasses import replace
-
-    from rig.simulated.bench.camera import film_trial
-    from rig.simulated.bench.camera_view import CameraSettings, film_bodies
-    from vision import save_bodies
-
-    data = trial.read()
-    if data.camera is None:
-        raise InputError(f"{trial.path}: has no frame clock; add a [camera] to the rig file to film")
-    camera = data.camera
-    settings = replace(settings or CameraSettings(), frame_rate_hz=camera.frame_rate_hz, exposure_s=camera.exposure_s)
-    times = camera.frame_time_s
-    inside = (times >= data.blow_start_s - STILL_BEFORE_S) & (times <= data.time_s[-1] - camera.exposure_s)
-    first = int(np.argmax(inside))
-    geometry = action_geometry(truth)
-    film = film_trial(
-        trial.path.with_suffix(".mraw"),
-        times[inside],
-        truth.film_angles_at,
-        geometry,
-        settings,
-        seed=seed,
-        progress=progress,
-        start_frame=first,
-    )
-    outlines = session.path / BODIES_NAME
-    if not outlines.exists():
-        save_bodies(outlines, film_bodies(geometry, settings))
-    return film
+def room_conditions(temperature_c: float | None, humidity_percent: float | None) -> RoomInfo | None:
+    """The room as ``session.toml`` describes it; None where nothing was measured."""
+    measured = {"temperature_c": temperature_c, "relative_humidity_percent": humidity_percent}
+    known = {name: value for name, value in measured.items() if value is not None}
+    return check(RoomInfo, known, "--temperature, --humidity") if known else None
 
 
 def record(
     out: Path,
+    access: BenchAccess | None = None,
     *,
-    profile: str | Path = "forte",
-    rig: str | Path = "virtual",
-    backend: str = "sim://",
-    trials: int = 5,
+    plan_file: Path | None = None,
     film: Collection[int] = (),
-    operator: str = "unknown",
-    action_name: str = "unknown",
-    progress: Callable[[Any], None] | None = None,
     film_progress: Callable[[int, int], None] | None = None,
-    settings: CameraSettings | None = None,
-    yes: bool = False,
-    ask: Callable[[str], str | None] | None = None,
-    selftests: Path = SELFTESTS,
-    plan: Path | None = None,
-    room: RoomInfo | None = None,
-) -> tuple[Session, dict[int, PlantTruth], dict[int, FilmTruth]]:
-    """Record a session and film the trials named in ``film``; a dry run on the model comes first.
+    **keywords: Unpack[RecordingKeywords],
+) -> tuple[Session, dict[int, FilmTruth]]:
+    """Record a session and film the trials numbered in ``film``; a dry run on the model comes first.
 
-    On hardware nothing moves before a valid self-test was found in ``selftests`` (a record or a folder of them) and
-    somebody confirmed: ``ask`` shows a question and returns what was typed, ``yes`` takes its place where the rig
-    file permits. A ``plan`` file takes the place of ``profile`` and ``trials``; ``ask`` also shows its prompts.
+    On hardware nothing moves before a valid self-test was found and somebody confirmed, see `BenchAccess`.
+
+    Parameters
+    ----------
+    access : the bench; by default the virtual one
+    plan_file : trial plan, in place of ``profile`` and ``trials``
+    film_progress : called with frames done and frames in all
+    keywords : profile, trials, operator, action_name, room, progress, notes, see `rig.record`
 
     Returns
     -------
-    session : rig.session.Session
-    plants, films : truth of each filmed trial of a virtual bench, by number; empty on hardware
+    session : rig.Session
+    films : truth of each filmed trial of a virtual bench, by number; empty on hardware
 
     Raises
     ------
-    InputError : bad profile, rig file, backend, trial numbers or path, or a dry run outside the limits
-    rig.errors.NotPermitted : hardware without self-test or confirmation; nothing has moved
+    CommandInputError : bad trial numbers, or a film wanted of a bench without virtual camera
+    rig.RigError : bad profile, rig file, backend or path, a dry run outside the limits, no permission, a fault
     """
-    from pianorig.workflows.model.predict_blow import predictor
-    from rig.backend import open_backend
-    from rig.configuration.profile import load_profile
-    from rig.configuration.rig_file import load_rig
-    from rig.recording.recorder import record_session
-    from rig.recording.trial_plan import load_plan, plain_plan
-    from rig.safety.permission import permit
-
-    trial_plan = load_plan(plan) if plan is not None else plain_plan(load_profile(profile), trials)
-    trials = len(trial_plan.entries)
-    wrong = [n for n in film if not 1 <= n <= trials]
+    access, options = access or BenchAccess(), RecordingOptions(**keywords)
+    profile = options.profile if isinstance(options.profile, Profile) else load_profile(options.profile)
+    plan = load_plan(plan_file) if plan_file else options.plan or plain_plan(profile, options.trials)
+    wrong = [n for n in film if not 1 <= n <= len(plan.entries)]
     if wrong:
-        raise InputError(f"--film {wrong[0]}: allowed trial numbers 1 to {trials}")
-    rig_file = load_rig(rig)
-    bench = open_backend(backend, rig_file.config)
-    plants: dict[int, PlantTruth] = {}
+        raise CommandInputError(f"--film {wrong[0]}: allowed trial numbers 1 to {len(plan.entries)}")
+    rig_file = load_rig(access.rig)
     films: dict[int, FilmTruth] = {}
+    with closing(open_backend(access.backend, rig_file.config)) as bench:
 
-    def after_trial(trial: Trial) -> None:
-        if trial.number not in film:
-            return
-        from rig.session import Session
+        def after_trial(trial: Trial) -> None:
+            if trial.number in film:
+                truth = bench.plant.truth()  # type: ignore[attr-defined]
+                films[trial.number] = film_virtual_trial(Session.open(out), trial, truth, film_progress)
 
-        session = Session.open(out)
-        plants[trial.number] = bench.plant.truth()  # type: ignore[attr-defined]
-        films[trial.number] = film_virtual_trial(
-            session, trial, plants[trial.number], settings, seed=trial.number, progress=film_progress
-        )
-
-    try:
         if film and not hasattr(bench, "plant"):
-            raise InputError(f"--film: {backend} has no virtual camera; save the real film beside the trial instead")
-        permission = None
-        if bench.capabilities.hardware:
-            permission = permit(rig_file, backend, selftests, yes=yes, ask=ask)
-        session = record_session(
-            out,
-            plan=trial_plan,
+            raise CommandInputError(
+                f"--film: {access.backend} has no virtual camera; save the real film beside the trial instead"
+            )
+        on_bench = RecordingKeywords(
+            plan=plan,
             rig_config=rig_file,
             backend=bench,
-            room=room,
-            ask=ask,
-            operator=operator,
-            action_name=action_name,
-            progress=progress,
+            ask=access.ask,
             after_trial=after_trial,
             predict=predictor(rig_file),
-            permission=permission,
+            permission=access.permission(rig_file, bench),
         )
-    finally:
-        bench.close()
-    return session, plants, films
+        session = record_session(out, **(keywords | on_bench))
+    return session, films

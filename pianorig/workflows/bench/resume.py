@@ -1,53 +1,37 @@
-"""Going on with an interrupted session on the bench it was begun on."""
+"""Resuming an interrupted session on the bench it was begun on."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
-if TYPE_CHECKING:
-    from rig.session import Session
+from pianorig.workflows.bench.access import BenchAccess
+from pianorig.workflows.model.predict_blow import predictor
+from rig import Progress, Session, open_backend, resume_session, session_rig
 
 
 def resume(
-    folder: Path,
-    *,
-    backend: str = "sim://",
-    progress: Callable[[Any], None] | None = None,
-    yes: bool = False,
-    ask: Callable[[str], str | None] | None = None,
-    selftests: Path = Path("selftests"),
+    folder: Path, access: BenchAccess, progress: Callable[[Progress], None] | None = None
 ) -> tuple[Session, list[int]]:
     """Record what is left of a session's plan; return the session and the numbers of the new trials.
+
+    The rig file is the session's own; that of ``access`` does not count.
 
     Raises
     ------
     rig.errors.RigError : nothing left, another kind of bench, or the bench stopped
     """
-    from pianorig.workflows.model.predict_blow import predictor
-    from rig.backend import open_backend
-    from rig.recording.resume import resume_session, session_rig
-    from rig.safety.permission import permit
-    from rig.session import Session
-
     rig_file = session_rig(Session.open(folder, require_trials=False))
-    bench = open_backend(backend, rig_file.config)
     before: list[int] = []
-    try:
-        permission = None
-        if bench.capabilities.hardware:
-            permission = permit(rig_file, backend, selftests, yes=yes, ask=ask)
-
+    with closing(open_backend(access.backend, rig_file.config)) as bench:
         session = resume_session(
             folder,
             bench,
-            progress=progress,
-            ask=ask,
-            predict=predictor(rig_file),
-            permission=permission,
             opened=before.append,
+            progress=progress,
+            ask=access.ask,
+            predict=predictor(rig_file),
+            permission=access.permission(rig_file, bench),
         )
-    finally:
-        bench.close()
     return session, [trial.number for trial in session.trials if trial.number > before[0]]

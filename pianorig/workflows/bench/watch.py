@@ -1,22 +1,21 @@
-"""A session seen from a second process, as text or as a picture that is refreshed."""
+"""A session seen from a second process while it is recorded, as numbers or as text."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from rig.session.journal.live_reader import LiveView
+from pianorig.console.braille_plot import curve
+from rig.session.journal.live_reader import LiveView, SessionFollower
+from rig.session.trial_data import absent_bodies
 
 
-def facts(view: LiveView) -> dict[str, Any]:
-    """Figures of what is seen."""
-    from rig.session.trial_data import absent_bodies
-
+def view_facts(view: LiveView) -> dict[str, Any]:
+    """The state of the recording, its last force and angles."""
     return {
         "trial": view.trial,
         "trials": view.trials,
@@ -31,11 +30,8 @@ def facts(view: LiveView) -> dict[str, Any]:
     }
 
 
-def as_text(view: LiveView, width: int = 72) -> str:
+def view_as_text(view: LiveView, width: int = 72) -> str:
     """Force and the last body's angle, the hammer's, over time as lines of text."""
-    from pianorig.console.braille_plot import curve
-    from rig.session.trial_data import absent_bodies
-
     head = f"trial {view.trial} of {view.trials}  {view.state}" + (f"  {view.condition}" if view.condition else "")
     lines = [f"{head}  t = {view.time_s[-1]:.2f} s  force {view.force_n[-1]:.2f} N (peak {view.force_n.max():.1f})"]
     curves = [("force, N", view.force_n)]
@@ -51,32 +47,6 @@ def as_text(view: LiveView, width: int = 72) -> str:
     return "\n".join(lines)
 
 
-def draw(path: Path, view: LiveView) -> None:
-    """Force and angles over time as a PNG, whole or not at all."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    from rig.session.trial_data import absent_bodies
-    from rig.storage.atomic_write import replace_when_complete
-
-    figure = Figure(figsize=(8.0, 5.0), layout="constrained")
-    FigureCanvasAgg(figure)
-    top, bottom = figure.subplots(2, 1, sharex=True)
-    top.plot(view.time_s, view.force_n, lw=0.8, color="C3")
-    top.set(ylabel="Force (N)", title=f"trial {view.trial} of {view.trials}: {view.state} {view.condition}".strip())
-    for k, name in enumerate(view.names):
-        bottom.plot(view.time_s, np.degrees(view.angle_rad[:, k]), lw=0.9, label=name)
-    absent = absent_bodies(view.names)
-    bottom.set(xlabel="Time (s)", ylabel="Angle from rest (deg)")
-    bottom.set_title(f"not recorded: {', '.join(absent)}" if absent else "", fontsize=9)
-    if view.names:
-        bottom.legend(fontsize=8)
-    for axes in (top, bottom):
-        axes.grid(alpha=0.3)
-    with replace_when_complete(path) as part:
-        figure.savefig(part, format="png", dpi=100)
-
-
 def watch(
     session: Path,
     show: Callable[[LiveView], None],
@@ -85,14 +55,12 @@ def watch(
     once: bool = False,
     wait: Callable[[float], None] = time.sleep,
 ) -> LiveView | None:
-    """Show a session whenever there is something new, until its plan is done; return the last view.
+    """Show a session whenever there is something new, until its plan is complete; return the last view.
 
     Raises
     ------
     rig.errors.InputError : no session there, or a trial that cannot be read
     """
-    from rig.session.journal.live_reader import SessionFollower
-
     follower = SessionFollower(session)
     seen: tuple[int, str, int] | None = None
     view: LiveView | None = None

@@ -8,14 +8,14 @@ from __future__ import annotations
 
 import shutil
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from pianorig.errors import InputError
+import vision
+from pianorig.errors import CommandInputError
 from pianorig.workflows.session_paths import SESSIONS
-
-if TYPE_CHECKING:
-    from rig.session import CameraInfo, Session, Trial
-    from rig.session.film_record import FilmRecord
+from rig import CameraInfo, Session, Trial
+from rig.session.annotation_file import utc_now
+from rig.session.film_record import FilmRecord, record_path, write_record
+from rig.storage.atomic_write import replace_when_complete, sha256_of_file
 
 RATE_TOLERANCE = 1e-3
 HEADERS = (".cihx", ".cih")
@@ -29,7 +29,7 @@ def session_folder(named: Path | None, sessions: Path = SESSIONS) -> Path:
         return Path()
     found = [file.parent for file in sessions.glob("*/session.toml")]
     if not found:
-        raise InputError(f"no session named, and none in {sessions}; name the session folder")
+        raise CommandInputError(f"no session named, and none in {sessions}; name the session folder")
     return max(found, key=lambda folder: (folder / "session.toml").stat().st_mtime)
 
 
@@ -53,21 +53,15 @@ def attach_film(
 
     Raises
     ------
-    InputError : the film does not belong to the trial, was cut or altered; nothing is left beside the trial
+    CommandInputError : the film does not belong to the trial, was cut or altered; nothing is left beside the trial
     """
-    import vision
-    from rig.session import Session
-    from rig.session.annotation_file import utc_now
-    from rig.session.film_record import FilmRecord, record_path, write_record
-    from rig.storage.atomic_write import replace_when_complete, sha256_of_file
-
     session = Session.open(session_path)
     trial = session.trial(number)
     if trial.film is not None:
-        raise InputError(f"{trial.film}: trial {number} has a film already; move it away first")
+        raise CommandInputError(f"{trial.film}: trial {number} has a film already; move it away first")
     camera = trial.read().camera
     if camera is None:
-        raise InputError(f"{trial.path}: has no frame clock; it was recorded without a camera")
+        raise CommandInputError(f"{trial.path}: has no frame clock; it was recorded without a camera")
     with vision.open_film(film) as source:
         data = Path(source.path)
         n_frames, rate = source.n_frames, source.frame_rate_hz
@@ -75,15 +69,17 @@ def attach_film(
         said = int(header.start_frame) if header is not None else None
         step = int(header.frame_step) if header is not None else 1
     if data.is_dir():
-        raise InputError(f"{film}: is a folder of pictures; save the film as .mraw, .tif, .avi or .mp4")
+        raise CommandInputError(f"{film}: is a folder of pictures; save the film as .mraw, .tif, .avi or .mp4")
     if frame_rate_hz is not None and header is not None:
-        raise InputError(f"{film}: its header says {rate} frames/s; leave out --frame-rate")
+        raise CommandInputError(f"{film}: its header says {rate} frames/s; leave out --frame-rate")
     rate = frame_rate_hz if frame_rate_hz is not None else rate
     first = _first_frame(film, said, first_frame)
     _check_clock(film, trial, camera, n_frames, rate, first, step)
     digest = sha256_of_file(data)
     if sha256 is not None and digest != sha256.strip().lower():
-        raise InputError(f"{data}: SHA-256 {digest}, expected {sha256.strip().lower()}; copy it again from the camera")
+        raise CommandInputError(
+            f"{data}: SHA-256 {digest}, expected {sha256.strip().lower()}; copy it again from the camera"
+        )
     _check_unused(session, trial, data, digest)
     target = trial.path.with_suffix(data.suffix.lower())
     copies = [(data, target)]
@@ -99,7 +95,7 @@ def attach_film(
             with replace_when_complete(copy) as temporary:
                 shutil.copyfile(original, temporary)
         if sha256_of_file(target) != digest:
-            raise InputError(f"{target}: differs from {data} after copying; look at the disk, then try again")
+            raise CommandInputError(f"{target}: differs from {data} after copying; look at the disk, then try again")
         record = FilmRecord(
             film=target.name, source=str(data), sha256=digest, n_frames=n_frames, first_frame=first,
             frames_after=camera.n_frames - first - n_frames,
@@ -117,14 +113,12 @@ def attach_film(
 
 def _check_unused(session: Session, trial: Trial, data: Path, digest: str) -> None:
     """Refuse a film that lies beside another trial already."""
-    from rig.storage.atomic_write import sha256_of_file
-
     for other in session.trials:
         film = other.film
         if film is None or other.number == trial.number or film.stat().st_size != data.stat().st_size:
             continue
         if sha256_of_file(film) == digest:
-            raise InputError(
+            raise CommandInputError(
                 f"{data}: is the film of trial {other.number} already ({film.name}), allowed one trial a film; "
                 f"name the film of trial {trial.number}"
             )
@@ -132,9 +126,11 @@ def _check_unused(session: Session, trial: Trial, data: Path, digest: str) -> No
 
 def _first_frame(film: Path, said: int | None, given: int | None) -> int:
     if said is not None and given is not None and said != given:
-        raise InputError(f"{film}: its header says first frame {said}, --first-frame {given}; leave out the option")
+        raise CommandInputError(
+            f"{film}: its header says first frame {said}, --first-frame {given}; leave out the option"
+        )
     if said is None and given is None:
-        raise InputError(f"{film}: does not say its first frame after the trigger; add --first-frame")
+        raise CommandInputError(f"{film}: does not say its first frame after the trigger; add --first-frame")
     first = said if said is not None else given
     return int(first or 0)
 
@@ -143,16 +139,18 @@ def _check_clock(
     film: Path, trial: Trial, camera: CameraInfo, n_frames: int, rate: float | None, first: int, step: int
 ) -> None:
     if rate is not None and abs(rate - camera.frame_rate_hz) > RATE_TOLERANCE * camera.frame_rate_hz:
-        raise InputError(
+        raise CommandInputError(
             f"{film}: {rate:.6g} frames/s, trial {trial.number} has {camera.frame_rate_hz:.6g}; allowed within "
             f"{RATE_TOLERANCE:.1%}; it belongs to another trial, or says its play-back rate: then add --frame-rate"
         )
     if step != 1:
-        raise InputError(f"{film}: every {step}th frame was saved, allowed every frame; save it again from the camera")
+        raise CommandInputError(
+            f"{film}: every {step}th frame was saved, allowed every frame; save it again from the camera"
+        )
     if first < 0:
-        raise InputError(f"{film}: begins {-first} frames before the trigger; save it from the trigger on")
+        raise CommandInputError(f"{film}: begins {-first} frames before the trigger; save it from the trigger on")
     if first + n_frames > camera.n_frames:
-        raise InputError(
+        raise CommandInputError(
             f"{film}: frames {first} to {first + n_frames - 1}, trial {trial.number} has 0 to {camera.n_frames - 1}; "
             "the film belongs to another trial"
         )

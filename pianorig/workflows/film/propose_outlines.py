@@ -1,28 +1,27 @@
-"""Outlines proposed from a film: a TOML file to correct and a picture to look at."""
+"""Outlines proposed from a film: a TOML file to correct and a picture to judge it by."""
 
 from __future__ import annotations
 
 from pathlib import Path
 from typing import Any
 
-from pianorig.errors import InputError
+import vision
+from pianorig.errors import CommandInputError
+from vision.output.overlay import write_picture
+from vision.tracking.propose_outlines import draw_bodies, propose_bodies
 
 
-def propose(film: Path, out: Path, *, allow_truncated: bool = False) -> dict[str, Any]:
+def propose_outlines(film: Path, out: Path, *, allow_truncated: bool = False) -> dict[str, Any]:
     """Write proposed outlines to ``out`` and a picture of them beside it; an existing file is not overwritten.
 
     Returns
     -------
     dict : ``out``, ``picture``, ``bodies`` (names)
     """
-    import vision
-    from vision.output.outline_drawing import draw_bodies, write_picture
-    from vision.tracking.propose_outlines import propose_bodies
-
     if out.suffix != ".toml":
-        raise InputError(f"{out}: --propose-bodies writes outlines; the name must end in .toml")
+        raise CommandInputError(f"{out}: --propose-bodies writes outlines; the name must end in .toml")
     if out.exists():
-        raise InputError(f"{out}: exists and may hold corrected outlines; choose another name or remove it")
+        raise CommandInputError(f"{out}: exists and may hold corrected outlines; choose another name or remove it")
     with vision.open_film(film, allow_truncated=allow_truncated) as source:
         bodies = propose_bodies(source)
         picture = draw_bodies(source.read(0), bodies, source.bit_depth)

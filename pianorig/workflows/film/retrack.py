@@ -1,27 +1,26 @@
 """Frames of a tracked film fitted again, each alone, from corrected places; the table is rewritten with them.
 
-A place is read from the table's own columns (angle, x, y), so a neighbour's row shows how to write one.
+A place is given in the table's own columns (angle, x, y), so that a neighbour's row shows how to write one.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 
-from pianorig.errors import InputError
-from pianorig.workflows.film.track import STEP, frame_times_of, outlines_of, session_trial_of, store_angles
+import vision
+from pianorig.console.column_file import write_table
+from pianorig.errors import CommandInputError
+from pianorig.workflows.film.session_film import STEP, SessionFilm
+from vision.camera.model import CameraModel
 
-if TYPE_CHECKING:
-    import pandas as pd
-
-    from vision.bodies.outlines import Body
-    from vision.camera.model import CameraModel
+Place = tuple[float, float, float]  # angle rad, x px, y px
 
 
-def read_places(texts: Sequence[str]) -> dict[str, tuple[float, float, float]]:
+def read_places(texts: Sequence[str]) -> dict[str, Place]:
     """``body=angle_deg,x_px,y_px`` texts as body: (angle rad, x px, y px)."""
     places = {}
     for text in texts:
@@ -29,7 +28,7 @@ def read_places(texts: Sequence[str]) -> dict[str, tuple[float, float, float]]:
         try:
             angle, x, y = (float(value) for value in values.split(","))
         except ValueError:
-            raise InputError(
+            raise CommandInputError(
                 f"--place {text}: allowed body=ANGLE_DEG,X_PX,Y_PX, for example jack=-12.5,213,88"
             ) from None
         places[name.strip()] = (float(np.radians(angle)), x, y)
@@ -37,50 +36,40 @@ def read_places(texts: Sequence[str]) -> dict[str, tuple[float, float, float]]:
 
 
 def retrack(
-    film: Path,
-    bodies_file: Path | None,
+    film: SessionFilm,
     table_file: Path,
     frames: Sequence[int],
-    places: dict[str, tuple[float, float, float]],
+    places: dict[str, Place],
     *,
     method: str = "icgn",
     camera: CameraModel | None = None,
-    frame_rate_hz: float | None = None,
-    allow_truncated: bool = False,
 ) -> pd.DataFrame:
     """Fit single frames again and put them into the film's table, and into its session.
 
     Parameters
     ----------
-    film, bodies_file, method, camera, frame_rate_hz, allow_truncated : as for `tracking.track_film_file`
     table_file : CSV that tracking wrote; rewritten whole
     frames : frame numbers that stand in the table
     places : body to (angle rad, x px, y px); bodies not named start between their good neighbours
+    method, camera : as for `vision.track_film`
 
     Returns
     -------
     pandas.DataFrame : the new rows
     """
-    import pandas as pd
-
-    import vision
-    from pianorig.console.output import write_table
-
-    bodies_path = outlines_of(film, bodies_file)
-    bodies = vision.load_bodies(bodies_path)
+    bodies = vision.load_bodies(film.outlines)
     table = _read_table(table_file, bodies)
     unknown = sorted(set(places) - {body.name for body in bodies})
     if unknown:
-        raise InputError(f"--place {unknown[0]}: is not a body of {bodies_path}")
+        raise CommandInputError(f"--place {unknown[0]}: is not a body of {film.outlines}")
     rows = []
     for frame in frames:
         found = np.flatnonzero(table["frame"].to_numpy() == frame)
         if found.size != 1:
-            raise InputError(f"--retrack {frame}: no such frame in {table_file}")
+            raise CommandInputError(f"--retrack {frame}: no such frame in {table_file}")
         rows.append(int(found[0]))
-    owner = session_trial_of(film)
-    with vision.open_film(film, allow_truncated=allow_truncated) as source:
-        times, u_time = frame_times_of(source, owner, frame_rate_hz)
+    with vision.open_film(film.path, allow_truncated=film.allow_truncated) as source:
+        times, u_time = film.frame_times(source)
         result = vision.retrack_frames(
             source,
             bodies,
@@ -91,34 +80,32 @@ def retrack(
             camera=camera,
             u_time_s=u_time,
         )
-    new = result.to_table()
+    new = pd.DataFrame(result.to_table())
     for number, row in enumerate(rows):
         for name in table.columns:
             table.loc[row, name] = new.loc[number, name]
     write_table(table_file, table)
-    if owner is not None:
-        stored = owner[0].read_derived(STEP, owner[1].number)
+    if film.owner is not None:
+        session, trial = film.owner
+        stored = session.read_derived(STEP, trial.number)
         attributes = {} if stored is None else {k: v for k, v in stored[1].items() if k != "parents_sha256"}
-        again = ", ".join(map(str, frames))
-        store_angles(owner, film, bodies_path, table, {**attributes, "retracked_frames": again})
-    return pd.DataFrame(new)
+        film.store_angles(table, {**attributes, "retracked_frames": ", ".join(map(str, frames))})
+    return new
 
 
-def _read_table(path: Path, bodies: Sequence[Body]) -> pd.DataFrame:
-    import pandas as pd
-
+def _read_table(path: Path, bodies: Sequence[vision.Body]) -> pd.DataFrame:
     try:
         table = pd.read_csv(path)
     except (OSError, ValueError) as problem:
-        raise InputError(f"{path}: cannot be read ({problem}); track the film first") from None
+        raise CommandInputError(f"{path}: cannot be read ({problem}); track the film first") from None
     needed = ["time_s", "frame", *(f"{b.name}{tail}" for b in bodies for tail in ("_rad", "_x_px", "_y_px", "_flag"))]
     missing = [name for name in needed if name not in table]
     if missing:
-        raise InputError(f"{path}: column {missing[0]!r} is missing; track the film first")
+        raise CommandInputError(f"{path}: column {missing[0]!r} is missing; track the film first")
     return table
 
 
-def _between_neighbours(table: pd.DataFrame, row: int, bodies: Sequence[Body]) -> dict[str, tuple[float, float, float]]:
+def _between_neighbours(table: pd.DataFrame, row: int, bodies: Sequence[vision.Body]) -> dict[str, Place]:
     """Places between the nearest rows before and after in which the bodies are known."""
     places = {}
     frame = table["frame"].to_numpy(dtype=float)
@@ -127,7 +114,7 @@ def _between_neighbours(table: pd.DataFrame, row: int, bodies: Sequence[Body]) -
         known = np.isfinite(values).all(axis=1)
         known[row] = False
         if not known.any():
-            raise InputError(f"body {body.name} is lost in every other frame; name its place with --place")
+            raise CommandInputError(f"body {body.name} is lost in every other frame; name its place with --place")
         angle, x, y = (float(np.interp(frame[row], frame[known], values[known, k])) for k in range(3))
         places[body.name] = (angle, x, y)
     return places

@@ -3,41 +3,33 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from pianorig.console.output import write_table
-
-if TYPE_CHECKING:
-    from model import Action
-    from model.stick_slip import Limit
+import model
+from model.files.force_library import force_table
+from model.stick_slip import Limit, compare
+from model.stick_slip.figure import draw
+from pianorig.console.column_file import write_rows
+from pianorig.console.output import nan_as_null, print_files
 
 _HEAD = ("friction", "strike", "speed", "hold", "moves in it", "differs by", "until release")
 _UNITS = ("", "ms", "m/s", "mm", "mm/s", "rad", "rad")
 
 
-def friction_limit(action: Action, force: Path | None, out: Path | None, quiet: bool) -> dict[str, Any]:
+def friction_limit(action: model.Action, force: Path | None, out: Path | None, quiet: bool) -> dict[str, Any]:
     """Simulate, print and write the comparison; force table of a CSV file, by default the built-in forte."""
-    import model
-    from model.files.force_library import force_table
-    from model.stick_slip import compare
-
     times, forces = force_table("thesis-forte") if force is None else model.read_force_table(force)
     limit = compare(action, times, forces)
     rows = _rows(limit)
     files: list[Path] = []
     if out is not None:
-        import pandas as pd
-
-        from model.stick_slip.figure import draw
-
         files = [out / "friction_limit.svg", out / "friction_limit.csv"]
         draw(limit, files[0])
-        write_table(files[1], pd.DataFrame(rows))
+        write_rows(files[1], rows)
     if not quiet:
         _print(action, limit, rows)
-        for path in files:
-            print(path)
-    plain = [{k: v if v == v else None for k, v in row.items()} for row in rows]
+        print_files(files)
+    plain = [nan_as_null(row) for row in rows]
     return {"action": action.name, "march_error_rad": limit.march_error_rad, "friction": plain, "files": files}
 
 
@@ -60,7 +52,7 @@ def _rows(limit: Limit) -> list[dict[str, Any]]:
     return rows
 
 
-def _print(action: Action, limit: Limit, rows: list[dict[str, Any]]) -> None:
+def _print(action: model.Action, limit: Limit, rows: list[dict[str, Any]]) -> None:
     print(f"{action.name}: eq. 2.10 with falling threshold speed, and set-valued friction in steps of")
     print(f"{1e6 * limit.marched.step_s:g} us (its own error, step halved: {limit.march_error_rad:.1e} rad)")
     for line in (_HEAD, _UNITS):

@@ -1,69 +1,27 @@
-"""The inside view of ``pianorig simulate``: sums in the terminal and for ``--json``, sheet and animation on disk."""
+"""The inside view of ``pianorig simulate``: its sums, printed and as JSON, its sheet of figures and its animation."""
 
 from __future__ import annotations
 
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from pianorig.console.output import check_writable
-from pianorig.errors import InputError
+import numpy as np
+from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
-    from model import Action
-    from model.inside import Inside
+import model
+from model.inside.animation import write_animation
+from model.inside.figure import draw_sheet
 
 DRAWING_RATE_HZ = 10_000.0
 
 
-def check_drawings(figures: Path | None, animation: Path | None) -> None:
-    """Refuse, before any work, what could not be drawn in the end."""
-    for path, endings in ((figures, (".svg", ".pdf", ".png")), (animation, (".html", ".svg"))):
-        if path is not None:
-            if path.suffix not in endings:
-                raise InputError(f"{path}: ending found {path.suffix!r}, allowed {', '.join(endings)}")
-            check_writable(path)
-
-
-def draw_inside(
-    action: Action,
-    times: NDArray[np.float64],
-    force_n: NDArray[np.float64],
-    figures: Path | None,
-    animation: Path | None,
-    **how: float | str,
-) -> None:
-    """Draw sheet and animation of a blow, at a row rate of their own; only the sheet needs matplotlib.
-
-    ``how`` goes to ``model.simulate``: tolerance, scene, method.
-    """
-    import numpy as np
-
-    import model
-
-    fine = model.output_times(times[0], times[-1], DRAWING_RATE_HZ)
-    solution = model.simulate(action, times, force_n, output_time_s=fine, inside=True, **how)
-    at = np.interp(fine, times, force_n)
-    if figures is not None:
-        from model.inside.figure import draw_sheet
-
-        draw_sheet(action, solution, at, figures)
-    if animation is not None:
-        from model.inside.animation import write_animation
-
-        write_animation(action, solution, at, animation)
-
-
-def described(action: Action) -> dict[str, str]:
+def described(action: model.Action) -> dict[str, str]:
     """What each contact is, in the words of the action's file."""
     ending = ".description"
     return {path[: -len(ending)]: words for path, words in action.structure.items() if path.endswith(ending)}
 
 
-def inside_facts(seen: Inside) -> dict[str, object]:
+def inside_facts(seen: model.inside.Inside) -> dict[str, object]:
     """Sums of an inside view for ``--json``."""
     contacts = [
         {
@@ -84,7 +42,7 @@ def inside_facts(seen: Inside) -> dict[str, object]:
     }
 
 
-def lift_attributes(seen: Inside) -> dict[str, list[float]]:
+def lift_attributes(seen: model.inside.Inside) -> dict[str, list[float]]:
     """Intervals in which the key lifts or would, as attributes of the output file; none where it stays."""
     out = {}
     for name, found in (("key_would_lift", seen.key_tensions()), ("key_lifts", seen.key_lifts())):
@@ -93,7 +51,7 @@ def lift_attributes(seen: Inside) -> dict[str, list[float]]:
     return out
 
 
-def print_inside(seen: Inside, words: dict[str, str]) -> None:
+def print_inside(seen: model.inside.Inside, words: dict[str, str]) -> None:
     """Table of contacts and joints, then the intervals in which the key lifts or would."""
     print(f"{'contact':<34}{'largest N':>10}{'rubbed mm':>11}{'friction mJ':>13}{'felt mJ':>9}")
     for i, name in enumerate(seen.contacts):
@@ -118,3 +76,26 @@ def print_inside(seen: Inside, words: dict[str, str]) -> None:
         )
     if not seen.key_tensions() and not seen.key_lifts():
         print("key stays on its balance rail")
+
+
+def draw_inside(
+    action: model.Action,
+    times: NDArray[np.float64],
+    force_n: NDArray[np.float64],
+    *,
+    figures: Path | None,
+    animation: Path | None,
+    tolerance: float,
+    scene: str,
+    method: str,
+) -> None:
+    """Simulate a blow again at a row rate for drawing; draw its sheet (needs matplotlib) and its animation."""
+    fine = model.output_times(times[0], times[-1], DRAWING_RATE_HZ)
+    solution = model.simulate(
+        action, times, force_n, output_time_s=fine, inside=True, tolerance=tolerance, scene=scene, method=method
+    )
+    at = np.interp(fine, times, force_n)
+    if figures is not None:
+        draw_sheet(action, solution, at, figures)
+    if animation is not None:
+        write_animation(action, solution, at, animation)

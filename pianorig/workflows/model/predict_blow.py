@@ -1,19 +1,17 @@
 """The model's prediction of a profile's blow on a bench, for the rig's dry run.
 
-The nominal action is played by the arm of the rig file, held command and all, from rest to half a second after the
-profile's end. `predictor` gives the callable that `rig.safety.dry_run` asks.
+The nominal action is played by the arm of the rig file, the command held between samples as the bench holds it, from
+rest to half a second after the profile's end. `predictor` gives the callable that `rig.safety.dry_run` calls.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
-if TYPE_CHECKING:
-    from rig.configuration.profile import Profile
-    from rig.configuration.rig_file import Rig
-    from rig.safety.dry_run import Predict, PredictedBlow
+import model
+from rig import PredictedBlow, Profile, Rig, RigInputError
+from rig.configuration.channels import BODIES
+from rig.safety.dry_run import Predict
 
 AFTER_S = 0.5
 TOLERANCE = 1e-5
@@ -21,16 +19,11 @@ TOLERANCE = 1e-5
 
 def predictor(rig: Rig, action_name: str = "hirschkorn2004") -> Predict:
     """A callable that predicts what a profile does on the bench of ``rig`` with a built-in action or one by path."""
-    import model
-    from rig.configuration.channels import BODIES
-    from rig.errors import InputError
-    from rig.safety.dry_run import PredictedBlow
-
     config = rig.config
 
     def predict(profile: Profile) -> PredictedBlow:
         if config.arm is None:
-            raise InputError(f"rig {config.name}: the dry run needs the motor arm's data; add [arm] to the rig file")
+            raise RigInputError(f"rig {config.name}: the dry run needs the motor arm's data; add [arm] to the rig file")
         arm = {
             "inertia": config.arm.inertia_kg_m2,
             "length": config.arm.length_m,

@@ -181,7 +181,7 @@ def test_hardware_is_not_pushed_before_somebody_confirms(rig, make_backend, tmp_
 
     backend = make_backend(rig.config)
     monkeypatch.setattr(type(backend), "capabilities", Capabilities("card", False, {}, hardware=True))
-    monkeypatch.setattr("rig.backend.open_backend", lambda url, config: backend)
+    monkeypatch.setattr("pianorig.workflows.bench.selftest.open_backend", lambda url, config: backend)
     with pytest.raises(NotPermitted):
         check_bench("ni://local", "virtual", tmp_path, ask=lambda question: None)
     assert backend.service.trace == [] and list(tmp_path.iterdir()) == []

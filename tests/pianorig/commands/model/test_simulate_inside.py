@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.command_line import run
-from tests.pianorig.test_commands import DATA, modules_after
+from tests.command_line import modules_after, run
+from tests.pianorig.test_commands import DATA
 
 FORTE = str(DATA / "forte_force.csv")
 
@@ -88,8 +88,8 @@ def test_sheet_and_animation(short_force: Path, tmp_path: Path, capsys: pytest.C
 @pytest.mark.parametrize(
     ("option", "name", "words"),
     [
-        ("--figures", "sheet.jpeg", "allowed .svg, .pdf, .png"),
-        ("--animation", "blow.mp4", "allowed .html, .svg"),
+        ("--figures", "sheet.jpeg", "allowed .svg, .pdf or .png"),
+        ("--animation", "blow.mp4", "allowed .html or .svg"),
         ("--animation", "nowhere/blow.html", "does not exist"),
     ],
 )
@@ -101,6 +101,6 @@ def test_drawings_that_cannot_be_are_refused_first(
 
 def test_only_the_sheet_needs_matplotlib(short_force: Path, tmp_path: Path) -> None:
     out, moving = str(tmp_path / "o.csv"), str(tmp_path / "a.svg")
-    loaded = modules_after("simulate", "--force", str(short_force), "--inside", "--animation", moving, "--out", out)
+    loaded = modules_after(("simulate", "--force", str(short_force), "--inside", "--animation", moving, "--out", out))
     assert "model.inside.animation" in loaded
     assert not loaded & {"pandas", "matplotlib", "scipy.integrate", "scipy.optimize", "scipy.sparse"}

@@ -10,7 +10,7 @@ import pytest
 
 from pianorig.errors import InputError
 from pianorig.workflows.film.attach import attach_film, session_folder
-from pianorig.workflows.film.track import frame_times_of, store_angles
+from pianorig.workflows.film.session_film import SessionFilm
 from rig.configuration.profile import load_profile
 from rig.recording.recorder import record_session
 from rig.session import Session
@@ -63,7 +63,7 @@ def test_the_film_of_a_trial_is_copied_with_its_header_and_recorded(session, tmp
     (note,) = session.annotations
     assert (note.trial, note.kind) == (2, "note") and digest in note.reason
     with open_film(trial.film) as source:
-        times, u_time = frame_times_of(source, (session, trial), None)
+        times, u_time = SessionFilm(trial.film).frame_times(source)
     np.testing.assert_array_equal(times, trial.read().camera.frame_time_s[100:140])
     with pytest.raises(InputError, match="has a film already"):
         attach_film(path, session.path, 2)
@@ -79,13 +79,13 @@ def test_angles_of_a_film_altered_since_it_was_attached_are_not_kept(session, tm
     outlines = session.path / "bodies.toml"
     outlines.write_text("# any")
     table = pd.DataFrame({"time_s": [0.0, 1.0]})
-    store_angles((session, trial), trial.film, outlines, table, {})
+    SessionFilm(trial.film, outlines).store_angles(table, {})
     assert session.read_derived("angles", 2) is not None
     with trial.film.open("r+b") as stream:
         stream.seek(7)
         stream.write(b"\x01\x02")
     with pytest.raises(InputError, match=r"trial_0002\.mraw: SHA-256 .* altered since"):
-        store_angles((session, trial), trial.film, outlines, table, {})
+        SessionFilm(trial.film, outlines).store_angles(table, {})
 
 
 @pytest.mark.parametrize(
@@ -120,7 +120,7 @@ def test_a_film_without_a_header_needs_its_first_frame_and_real_rate(session, tm
     attach_film(path, session.path, 2, first_frame=7, frame_rate_hz=2000.0)
     trial = session.trial(2)
     with open_film(trial.film) as source:
-        times, _ = frame_times_of(source, (session, trial), None)
+        times, _ = SessionFilm(trial.film).frame_times(source)
     np.testing.assert_array_equal(times, trial.read().camera.frame_time_s[7:17])
 
 

@@ -7,31 +7,31 @@ from typing import Annotated
 
 import typer
 
+from pianorig import workflows
+from pianorig.console.options import AsJson, Profile
+from pianorig.console.output import print_json, print_verdict
+from pianorig.console.progress import bar, recording_line, say
+
 
 def command(
     out: Annotated[
         Path | None, typer.Option("--out", help="Session folder to create; default: sessions/<date>_demo.")
     ] = None,
-    profile: Annotated[str, typer.Option("--profile", help="forte, piano, double, or a TOML file.")] = "forte",
+    profile: Profile = "forte",
     trials: Annotated[int, typer.Option("--trials", help="Number of blows.")] = 5,
-    as_json: Annotated[bool, typer.Option("--json", help="Print a JSON summary.")] = False,
+    as_json: AsJson = False,
 ) -> None:
-    """Record five blows on the virtual bench, film one, track it, simulate all, and write a report.
+    """Record five virtual blows, film and track one, report.
 
     Example:  pianorig demo --out sessions/try
     """
-    from pianorig.console.output import print_json, print_verdict
-    from pianorig.console.progress import bar, recording_line, say
-    from pianorig.workflows.demo import figure_lines, run_demo
-    from pianorig.workflows.session_paths import new_session_folder
-
-    target = out if out is not None else new_session_folder("demo")
+    target = out or workflows.new_session_folder("demo")
     with recording_line(as_json) as recording, bar("film", as_json) as film, bar("track", as_json) as track:
-        demo = run_demo(
+        demo = workflows.run_demo(
             target,
             trials=trials,
             profile=profile,
-            say=(lambda text: None) if as_json else say,
+            say=None if as_json else say,
             record_progress=recording,
             film_progress=film,
             track_progress=track,
@@ -56,5 +56,5 @@ def command(
     print_verdict(demo.result.verdict_lines)
     print(f"report: {report}")
     print()
-    for line in figure_lines(demo.figures):
+    for line in workflows.figure_lines(demo.figures):
         print(line)

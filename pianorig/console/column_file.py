@@ -1,0 +1,135 @@
+"""Column files (CSV or HDF5) that are whole or absent, refused before any work if they could not be written."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import model
+from model.files.atomic_write import whole_file
+from pianorig.errors import CommandInputError
+
+if TYPE_CHECKING:  # start-up: NumPy and pandas would be loaded by every --help
+    import numpy as np
+    import pandas as pd
+    from numpy.typing import NDArray
+
+ADVICE = "choose another --out"
+FIGURE_ENDINGS = (".svg", ".pdf", ".png")
+
+
+def check_writable(path: Path, *endings: str) -> None:
+    """Refuse, before any work is done, a file that could not be written in the end, or ends in none of ``endings``."""
+    if endings and path.suffix not in endings:
+        allowed = " or ".join(filter(None, (", ".join(endings[:-1]), endings[-1])))
+        raise CommandInputError(f"{path}: ending found {path.suffix!r}, allowed {allowed}")
+    folder = path.parent
+    if not folder.is_dir():
+        raise CommandInputError(f"{path}: folder {folder} does not exist; create it or {ADVICE}")
+    if path.is_dir():
+        raise CommandInputError(f"{path}: is a folder; --out names a file")
+    try:
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as problem:
+        raise CommandInputError(f"{path}: cannot be written ({problem.strerror}); {ADVICE}") from None
+
+
+def make_folder(out: Path) -> None:
+    """Make the folder for results, or say why that cannot be."""
+    try:
+        out.mkdir(exist_ok=True)
+    except OSError as problem:
+        raise CommandInputError(f"{out}: folder cannot be made ({problem.strerror}); {ADVICE}") from None
+
+
+def _write_csv(path: Path, columns: Mapping[str, NDArray[np.float64]]) -> None:
+    with open(path, "w", encoding="utf-8", newline="\n") as file:
+        file.write(",".join(columns) + "\n")
+        # repr of a float is the shortest text that reads back to the same number
+        rows = zip(*(column.tolist() for column in columns.values()), strict=True)
+        file.writelines(",".join(map(repr, row)) + "\n" for row in rows)
+
+
+def _write_h5(
+    path: Path,
+    columns: Mapping[str, NDArray[np.float64]],
+    attributes: Mapping[str, Any],
+    long_names: Mapping[str, str],
+) -> None:
+    import h5py  # start-up: 0.1 s that only an .h5 file needs
+
+    with h5py.File(path, "w") as file:
+        file.attrs.update(attributes)
+        for name, column in columns.items():
+            data = file.create_dataset(name, data=column)
+            data.attrs["units"] = next((unit for ending, unit in _UNITS if name.endswith(ending)), "1")
+            if name in long_names:
+                data.attrs["long_name"] = long_names[name]
+            if name == "time_s":
+                data.make_scale("time_s")
+            else:
+                data.dims[0].attach_scale(file["time_s"])
+
+
+# by the ending of a column's name; a longer ending before the shorter one it ends with
+_UNITS = (
+    ("_rad_per_s2", "rad/s^2"),
+    ("_rad_per_s", "rad/s"),
+    ("_m_per_s2", "m/s^2"),
+    ("_m_per_s", "m/s"),
+    ("_rad", "rad"),
+    ("_m", "m"),
+    ("_n", "N"),
+    ("_j", "J"),
+    ("_s", "s"),
+)
+
+
+def run_attributes(action: model.Action, tolerance: float, method: str, scene: str) -> dict[str, Any]:
+    """What a file of columns says about the run that it came from."""
+    return {
+        "action": action.name,
+        "changed": ", ".join(f"{k}={v!r}" for k, v in action.changed.items()),
+        "tolerance_rad": tolerance,
+        "method": method,
+        "scene": scene,
+    }
+
+
+def write_columns(
+    path: Path,
+    columns: Mapping[str, NDArray[np.float64]],
+    attributes: Mapping[str, Any] | None = None,
+    long_names: Mapping[str, str] | None = None,
+) -> None:
+    """Write columns of equal length to ``path`` (.csv, or .h5 with units and a time scale), whole or not at all.
+
+    ``attributes`` of the file and ``long_names`` of columns go into .h5 only.
+
+    Raises
+    ------
+    CommandInputError : unknown ending, or the file cannot be written
+    """
+    check_writable(path, ".csv", ".h5")
+    with whole_file(path, ADVICE) as part:
+        if path.suffix == ".csv":
+            _write_csv(part, columns)
+        else:
+            _write_h5(part, columns, attributes or {}, long_names or {})
+
+
+def write_table(path: Path, table: pd.DataFrame) -> None:
+    """Write a pandas table as CSV, whole or not at all."""
+    check_writable(path)
+    with whole_file(path, ADVICE) as part:
+        table.to_csv(part, index=False)
+
+
+def write_rows(path: Path, rows: list[dict[str, Any]]) -> None:
+    """Write rows of equal keys as a CSV table, whole or not at all."""
+    import pandas as pd  # start-up: 0.3 s that only a table needs
+
+    write_table(path, pd.DataFrame(rows))

@@ -1,0 +1,79 @@
+"""The list of commands, and what each of them imports: nothing heavy before it is needed."""
+
+from __future__ import annotations
+
+import inspect
+import shutil
+import subprocess
+import sys
+from importlib import metadata
+from pathlib import Path
+
+import pytest
+
+import pianorig
+from pianorig import commands
+from pianorig.errors import CommandInputError, InputError
+from tests.command_line import modules_after, run
+from validation.cache.report_cache import inputs_sha256, store_report
+
+HEAVY = {"numpy", "numba", "pandas", "scipy", "matplotlib", "h5py", "cv2", "nidaqmx"}
+SHIPPED = Path(__file__).parents[2] / "sessions" / "example_forte"
+
+
+def test_the_list_of_commands_says_what_each_command_says_of_itself() -> None:
+    for name, listed in commands.COMMANDS.items():
+        function = commands.load(name)
+        assert (inspect.getdoc(function) or "").splitlines()[0] == listed.help, name
+
+
+def test_help_lists_every_command_and_an_unknown_one_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run("--help") == 0
+    text = capsys.readouterr().out
+    assert all(f"\n  {name} " in text and listed.help in text for name, listed in commands.COMMANDS.items())
+    assert run("simulat") == 2
+    assert "Did you mean 'simulate'?" in capsys.readouterr().err
+
+
+def test_every_command_has_an_example_and_json(capsys: pytest.CaptureFixture[str]) -> None:
+    for name in commands.COMMANDS:
+        assert run(name, "--help") == 0
+        text = capsys.readouterr().out
+        assert f"pianorig {name}" in text and "Example:" in text and "--json" in text, name
+
+
+def test_the_list_imports_no_command_and_help_of_a_command_nothing_heavy() -> None:
+    loaded = modules_after(("--help",))
+    assert not loaded & HEAVY
+    assert not [name for name in loaded if name.startswith("pianorig.commands.")]
+    loaded = modules_after(*((name, "--help") for name in commands.COMMANDS))
+    assert not loaded & HEAVY
+    assert not [name for name in loaded if name.startswith("pianorig.workflows.")]
+
+
+def test_simulate_imports_only_what_it_needs(short_force: Path, tmp_path: Path) -> None:
+    loaded = modules_after(("simulate", "--force", short_force, "--out", tmp_path / "o.csv"))
+    assert "numba" in loaded
+    assert not loaded & {"pandas", "matplotlib", "cv2", "nidaqmx", "h5py", "model.inside"}
+    # numba itself loads scipy.linalg for BLAS (docs/decisions/0005-start-up-imports.md); we load nothing of SciPy
+    assert not loaded & {"scipy.integrate", "scipy.optimize", "scipy.sparse", "scipy.special", "scipy.stats"}
+
+
+def test_an_unchanged_validate_only_compares_hashes(tmp_path: Path) -> None:
+    session = tmp_path / "session"
+    shutil.copytree(SHIPPED, session, ignore=shutil.ignore_patterns("*.mraw", "derived"))
+    files = {name: session / name for name in ("report.html", "results.json")}
+    for path in files.values():
+        path.write_text("made before")
+    options = {"set": [], "tolerance": 1e-5, "by_motion": True, "condition": None}
+    store_report(session, inputs_sha256([session], ["hirschkorn2004"], options), files, ["fine"], "2026-01-01")
+    assert not modules_after(("validate", session)) & HEAVY
+
+
+def test_the_package_runs_as_a_module_and_knows_its_version() -> None:
+    done = subprocess.run([sys.executable, "-m", "pianorig", "--help"], capture_output=True, text=True, check=True)
+    assert "Commands:" in done.stdout
+    assert pianorig.__version__ == metadata.version("piano-action-rig")
+    assert InputError is CommandInputError
+    with pytest.raises(AttributeError, match="'pianorig' has no attribute 'nothing'"):
+        pianorig.nothing  # noqa: B018
