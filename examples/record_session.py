@@ -9,13 +9,12 @@ from pathlib import Path
 
 import numpy as np
 
-from rig.recording.recorder import record_session
-from rig.session import Session
+import rig
 
 folder = Path(sys.argv[1]) if len(sys.argv) > 1 else Path(tempfile.mkdtemp()) / "session"
-record_session(folder, profile="piano", trials=2, backend="sim://", operator="example")
+rig.record(folder, profile="piano", trials=2, backend="sim://", operator="example")
 
-for trial in Session.open(folder).trials:
+for trial in rig.Session.open(folder).trials:
     data = trial.read()
     turn = np.degrees(np.ptp(data.angle_rad(), axis=0))
     names = [encoder.name for encoder in data.encoders]

@@ -12,12 +12,12 @@ from dataclasses import replace
 from pathlib import Path
 
 import model
+import rig
 import validation
-from rig.recording.recorder import record_session
 
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else tempfile.mkdtemp())
 sessions = [
-    record_session(folder / profile, profile=profile, trials=2, backend="sim://", operator="example")
+    rig.record(folder / profile, profile=profile, trials=2, backend="sim://", operator="example")
     for profile in ("forte", "piano", "double")
 ]
 

@@ -7,11 +7,11 @@ import tempfile
 from pathlib import Path
 
 import model
+import rig
 import validation
-from rig.recording.recorder import record_session
 
 folder = Path(tempfile.mkdtemp()) / "session"
-session = record_session(folder, profile="forte", trials=3, backend="sim://", operator="example")
+session = rig.record(folder, profile="forte", trials=3, backend="sim://", operator="example")
 
 printed = validation.compare_session(session, "hirschkorn2004")
 stiffer = validation.compare_session(session, model.load_action(overrides={"contact04.friction": 0}))
