@@ -106,7 +106,7 @@ def measure_simulation(
         solution = model.simulate(action, time_s, force_n, tolerance=tolerance)
         best = min(best, time.perf_counter() - start)
     error = float(np.abs(solution.angle_rad - fine.angle_rad).max())
-    return best, error, solution.counters["n_steps"]
+    return best, error, int(solution.counters["n_steps"])
 
 
 def peak_memory_mib() -> float | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -40,7 +40,7 @@ def command(
 def _measure(given: model.Action, as_json: bool) -> None:
     """Print the seven targets as they are."""
     seen = model.regulation.measure(given)
-    rows = [
+    rows: list[dict[str, Any]] = [
         {
             "target": t.name,
             "words": t.words,
@@ -72,7 +72,7 @@ def _regulate(given: model.Action, out: Path, as_json: bool) -> None:
             "changes the target by its tolerance of 0.02 mm (rectangular).",
         ],
     )
-    rows = [
+    rows: list[dict[str, Any]] = [
         {
             "target": t.name,
             "words": t.words,

@@ -131,7 +131,12 @@ def command(
     if any(drawings.values()):
         workflows.draw_inside(chosen, times, values, **drawings, tolerance=tolerance, scene=scene, method=method)
     if as_json:
-        facts = {"out": out, "rows": len(solution.time_s), "tolerance_rad": tolerance, **solution.counters}
+        facts: dict[str, object] = {
+            "out": out,
+            "rows": len(solution.time_s),
+            "tolerance_rad": tolerance,
+            **solution.counters,
+        }
         facts |= {} if seen is None else workflows.inside_facts(seen)
         print_json(facts | {name: path for name, path in drawings.items() if path is not None})
         return

@@ -50,6 +50,7 @@ def blow_speeds(
     for path in [*forces, *motions]:
         if path.stem in blows:
             raise CommandInputError(f"{path}: a blow named {path.stem} is there already; rename the file")
+        moved: tuple[Any, ...]
         if path in forces:
             seen = model.simulate(action, *model.read_force_table(path))
             moved = (seen.time_s, seen.angle_rad, seen.speed_rad_per_s)
