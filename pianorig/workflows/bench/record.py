@@ -56,8 +56,13 @@ def record(
     rig.RigError : bad profile, rig file, backend or path, a dry run outside the limits, no permission, a fault
     """
     access, options = access or BenchAccess(), RecordingOptions(**keywords)
-    profile = options.profile if isinstance(options.profile, Profile) else load_profile(options.profile)
-    plan = load_plan(plan_file) if plan_file else options.plan or plain_plan(profile, options.trials)
+    if plan_file is not None:
+        plan = load_plan(plan_file)
+    elif options.plan is not None:
+        plan = options.plan
+    else:
+        profile = options.profile if isinstance(options.profile, Profile) else load_profile(options.profile)
+        plan = plain_plan(profile, options.trials)
     wrong = [n for n in film if not 1 <= n <= len(plan.entries)]
     if wrong:
         raise CommandInputError(f"--film {wrong[0]}: allowed trial numbers 1 to {len(plan.entries)}")
