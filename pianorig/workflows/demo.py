@@ -24,7 +24,7 @@ from pianorig.workflows.bench.record import record
 from pianorig.workflows.film.session_film import SessionFilm
 from pianorig.workflows.film.track import track_film_file
 from rig import Session
-from rig.simulated.bench.camera import FilmTruth
+from rig.simulated import FilmTruth
 
 FILMED = 1
 

@@ -15,7 +15,7 @@ from rig import Profile, RoomInfo, Session, Trial, load_plan, load_profile, load
 from rig import record as record_session
 from rig.configuration.toml_file import check
 from rig.recording.options import RecordingKeywords, RecordingOptions
-from rig.simulated.bench.camera import FilmTruth
+from rig.simulated import FilmTruth
 
 
 def room_conditions(temperature_c: float | None, humidity_percent: float | None) -> RoomInfo | None:

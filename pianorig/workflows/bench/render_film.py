@@ -15,9 +15,7 @@ import vision
 from pianorig.errors import CommandInputError
 from pianorig.workflows.film.session_film import BODIES_NAME
 from rig import Session, Trial
-from rig.simulated.bench.camera import FilmTruth, film_trial
-from rig.simulated.bench.camera_view import ActionGeometry, CameraSettings, film_bodies
-from rig.simulated.bench.plant import PlantTruth
+from rig.simulated import ActionGeometry, CameraSettings, FilmTruth, PlantTruth, film_bodies, film_trial
 
 STILL_BEFORE_S = 0.03  # still frames before the blow: reference picture and zero of the angles
 
