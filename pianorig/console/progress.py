@@ -14,6 +14,7 @@ def bar(label: str, quiet: bool = False) -> Iterator[Callable[[int, int], None] 
     if quiet or not sys.stderr.isatty():
         yield None
         return
+    # start-up: rich costs 30 ms, only a progress bar on a terminal needs it
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
