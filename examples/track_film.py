@@ -24,7 +24,7 @@ def angles(t: np.ndarray) -> np.ndarray:
 
 film = Path(tempfile.mkdtemp()) / "film.mraw"
 truth = film_trial(film, times_s, angles, geometry, camera, seed=1)
-result = vision.track_film(film, film_bodies(geometry, camera), times_s)
+result = vision.track(film, film_bodies(geometry, camera), times_s)
 
 for body in ("jack", "repetition"):
     angle, u, _ = result.relative(body)

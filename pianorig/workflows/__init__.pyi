@@ -21,7 +21,6 @@ from .demo import figure_lines as figure_lines
 from .demo import run_demo as run_demo
 from .film.attach import attach_film as attach_film
 from .film.attach import session_folder as session_folder
-from .film.calibrate_camera import calibrate_camera as calibrate_camera
 from .film.propose_outlines import propose_outlines as propose_outlines
 from .film.retrack import read_places as read_places
 from .film.retrack import retrack as retrack

@@ -8,10 +8,11 @@ from typing import Annotated
 
 import typer
 
-from pianorig import workflows
+import vision
 from pianorig.console.column_file import check_writable
 from pianorig.console.options import AsJson
 from pianorig.console.output import print_json
+from pianorig.errors import CommandInputError
 
 
 def command(
@@ -30,20 +31,39 @@ def command(
     Example:  pianorig calibrate-camera target.mraw --target checkerboard --grid 9x6 --pitch-mm 5 --out camera.toml
     """
     check_writable(out, ".toml")
-    camera, facts = workflows.calibrate_camera(film, out, grid=grid, pitch_mm=pitch_mm, target=target, every=every)
+    columns, cross, rows = grid.lower().partition("x")
+    if not (cross and columns.isdecimal() and rows.isdecimal()):
+        raise CommandInputError(f"--grid {grid}: allowed COLUMNSxROWS, for example 9x6")
+    if every < 1:
+        raise CommandInputError(f"--every {every}: allowed 1 or more")
+    chosen = vision.Target(target, int(columns), int(rows), pitch_mm * 1e-3)
+    with vision.open_film(film) as source:
+        found = vision.calibrate(source, chosen, every)
+    camera = found.camera
+    facts = {
+        "film": film.name,
+        "target": f"{target} {columns}x{rows}, pitch {pitch_mm:g} mm",
+        "frames": found.n_frames,
+        "views": found.n_views,
+        "points": found.n_points,
+        "residual_px": found.residual_px,
+        "picture_covered": found.coverage,
+        "effect_on_angles_rad": found.effect_rad,
+        "u_after_correction_rad": found.u_effect_rad,
+    }
+    vision.save_calibration(out, camera, facts)
     a, b, p, q, k = (float(v) for v in camera.parameters)
     if as_json:
         print_json({"out": out, "scale_px_per_m": camera.scale_px_per_m, "parameters": [a, b, p, q, k], **facts})
         return
     mdeg = 1e3 * math.degrees(1.0)
-    print(f"{out}: {facts['points']} points in {facts['views']} views, residual {facts['residual_px']:.3f} px")
+    print(f"{out}: {found.n_points} points in {found.n_views} views, residual {found.residual_px:.3f} px")
     print(f"  scale        {camera.scale_px_per_m / 1e3:.4f} px/mm (u {camera.u_scale_px_per_m / 1e3:.4f})")
     print(f"  stretch      {100 * math.hypot(a, b):.3f} %, perspective {100 * math.hypot(p, q):.3f} % at the corner")
     print(f"  distortion   {100 * k:.3f} % at the corner (u {100 * math.sqrt(camera.covariance[4, 4]):.3f})")
     print(
-        f"  angles       off by up to {facts['effect_on_angles_rad'] * mdeg:.1f} mdeg without correction (block of "
-        f"120 x 40 px turning by 15 deg), u {facts['u_after_correction_rad'] * mdeg:.1f} mdeg with it"
+        f"  angles       off by up to {found.effect_rad * mdeg:.1f} mdeg without correction (block of "
+        f"120 x 40 px turning by 15 deg), u {found.u_effect_rad * mdeg:.1f} mdeg with it"
     )
-    covered = facts["picture_covered"]
-    if covered < 0.3:
-        print(f"  only {100 * covered:.0f} % of the picture was covered; use a larger target, or move it about")
+    if found.coverage < 0.3:
+        print(f"  only {100 * found.coverage:.0f} % of the picture was covered; use a larger target, or move it about")

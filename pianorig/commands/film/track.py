@@ -102,7 +102,7 @@ def command(
     with bar("tracking", quiet=as_json) as progress:
         result = workflows.track_film_file(
             filmed,
-            every,
+            every=every,
             method=method,
             confirm=confirm,
             camera=camera,

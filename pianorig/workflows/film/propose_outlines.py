@@ -7,8 +7,6 @@ from typing import Any
 
 import vision
 from pianorig.errors import CommandInputError
-from vision.output.overlay import write_picture
-from vision.tracking.propose_outlines import draw_bodies, propose_bodies
 
 
 def propose_outlines(film: Path, out: Path, *, allow_truncated: bool = False) -> dict[str, Any]:
@@ -23,9 +21,9 @@ def propose_outlines(film: Path, out: Path, *, allow_truncated: bool = False) ->
     if out.exists():
         raise CommandInputError(f"{out}: exists and may hold corrected outlines; choose another name or remove it")
     with vision.open_film(film, allow_truncated=allow_truncated) as source:
-        bodies = propose_bodies(source)
-        picture = draw_bodies(source.read(0), bodies, source.bit_depth)
+        bodies = vision.propose_bodies(source)
+        picture = vision.draw_bodies(source.read(0), bodies, source.bit_depth)
     drawing = out.with_suffix(".png")
-    write_picture(drawing, picture)
+    vision.write_picture(drawing, picture)
     vision.save_bodies(out, bodies)
     return {"out": out, "picture": drawing, "bodies": [body.name for body in bodies]}

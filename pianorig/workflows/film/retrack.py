@@ -15,7 +15,6 @@ import vision
 from pianorig.console.column_file import write_table
 from pianorig.errors import CommandInputError
 from pianorig.workflows.film.session_film import STEP, SessionFilm
-from vision.camera.model import CameraModel
 
 Place = tuple[float, float, float]  # angle rad, x px, y px
 
@@ -42,7 +41,7 @@ def retrack(
     places: dict[str, Place],
     *,
     method: str = "icgn",
-    camera: CameraModel | None = None,
+    camera: vision.CameraModel | None = None,
 ) -> pd.DataFrame:
     """Fit single frames again and put them into the film's table, and into its session.
 
@@ -51,7 +50,7 @@ def retrack(
     table_file : CSV that tracking wrote; rewritten whole
     frames : frame numbers that stand in the table
     places : body to (angle rad, x px, y px); bodies not named start between their good neighbours
-    method, camera : as for `vision.track_film`
+    method, camera : as for `vision.track`
 
     Returns
     -------

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any, TypedDict, Unpack
+from typing import Any, Unpack
 
 import numpy as np
 
@@ -12,25 +11,13 @@ import vision
 from pianorig.errors import CommandInputError
 from pianorig.workflows.film.session_film import SessionFilm
 from validation.measurement.film_offset import clock_offsets
-from vision.camera.file import load_calibration
-from vision.camera.model import CameraModel
+from vision.tracking.options import TrackOptions
 from vision.uncertainty.budget import TERMS
-
-
-class TrackingKeywords(TypedDict, total=False):
-    """What `track_film_file` hands on to `vision.track_film`."""
-
-    method: str
-    confirm: str
-    camera: CameraModel | None
-    checkpoint: Path | None
-    expected: Callable[[vision.ErrorBudget], None] | None
-    progress: Callable[[int, int], None] | None
 
 
 def camera_of(
     calibration: Path | None, u_tilt_deg: float | None = None, u_distortion_percent: float | None = None
-) -> CameraModel:
+) -> vision.CameraModel:
     """What is known of the camera: its calibration file, or the standard uncertainties assumed without one."""
     if calibration is None:
         plain = vision.AssumedCamera()
@@ -40,7 +27,7 @@ def camera_of(
         )
     if u_tilt_deg is not None or u_distortion_percent is not None:
         raise CommandInputError(f"{calibration}: a calibrated camera needs no --tilt and --distortion; leave one out")
-    return load_calibration(calibration)
+    return vision.load_calibration(calibration)
 
 
 def draw_track(
@@ -71,13 +58,12 @@ def draw_track(
             vision.write_contact_sheet(contact_sheet, source, bodies, result)
 
 
-def track_film_file(film: SessionFilm, every: int = 1, **keywords: Unpack[TrackingKeywords]) -> vision.TrackResult:
+def track_film_file(film: SessionFilm, **options: Unpack[TrackOptions]) -> vision.TrackResult:
     """Track the bodies of one film; frame times from the trial's frame clock when it has one.
 
     Parameters
     ----------
-    every : track every N-th frame
-    keywords : method, confirm, camera, checkpoint, expected, progress, see `vision.track_film`
+    options : every, method, confirm, camera, checkpoint, expected, progress and more, see `vision.track`
 
     Raises
     ------
@@ -86,11 +72,11 @@ def track_film_file(film: SessionFilm, every: int = 1, **keywords: Unpack[Tracki
     """
     bodies = vision.load_bodies(film.outlines)
     with vision.open_film(film.path, allow_truncated=film.allow_truncated) as source:
-        times, u_time = film.frame_times(source)
-        result = vision.track_film(source, bodies, times, every=every, u_time_s=u_time, **keywords)
+        times, options["u_time_s"] = film.frame_times(source)
+        result = vision.track(source, bodies, times, **options)
     if film.owner is not None:
         result.info["clock_offset"] = clock_offsets(film.owner[1], result)
-        film.store_angles(result.to_table(), _attributes(result, every))
+        film.store_angles(result.to_table(), _attributes(result, options.get("every", 1)))
     return result
 
 
