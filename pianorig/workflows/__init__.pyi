@@ -46,5 +46,4 @@ from .model.simulate_motion import motion_facts as motion_facts
 from .model.simulate_motion import print_motion as print_motion
 from .model.study import study_thesis as study_thesis
 from .model.study import study_variants as study_variants
-from .model.touch import feel_actions as feel_actions
 from .session_paths import new_session_folder as new_session_folder

@@ -109,7 +109,7 @@ def command(
             raise CommandInputError(f"{out}: nothing to write; name with --contact or --body what was measured")
         name = f"{given.name}-calibrated"
         heading = [f"{name}: {given.name} with values calibrated by `pianorig calibrate-felt`."]
-        model.regulation.write_action(replace(calibrated, name=name), out, heading)
+        model.write_action(replace(calibrated, name=name), out, heading)
         facts["out"] = out
         lines.append(f"{out}: {name}, {changed} values changed")
     if as_json:

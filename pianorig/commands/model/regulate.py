@@ -62,7 +62,7 @@ def _measure(given: model.Action, as_json: bool) -> None:
 def _regulate(given: model.Action, out: Path, as_json: bool) -> None:
     """Turn the seven screws, write the action, print each target before and after."""
     done = model.regulation.regulate(given)
-    model.regulation.write_action(
+    model.write_action(
         done.action,
         out,
         [
@@ -87,7 +87,7 @@ def _regulate(given: model.Action, out: Path, as_json: bool) -> None:
     ]
     if as_json:
         plain = [nan_as_null(row) for row in rows]
-        print_json({"action": done.action.name, "out": out, "targets": plain, "looks": done.looks})
+        print_json({"action": done.action.name, "out": out, "targets": plain, "looks": done.evaluations})
         return
     print(f"{'target':<46}  wanted   before    after  {'screw':<20}  turned  (mm)")
     for row in rows:

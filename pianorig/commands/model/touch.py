@@ -7,8 +7,8 @@ from typing import Annotated
 
 import typer
 
-from pianorig import workflows
-from pianorig.console.column_file import FIGURE_ENDINGS, check_writable
+import model
+from pianorig.console.column_file import FIGURE_ENDINGS, check_writable, write_rows
 from pianorig.console.options import AsJson, Scale, Settings
 from pianorig.console.output import nan_as_null, print_files, print_json
 from pianorig.console.overrides import load_changed
@@ -37,7 +37,17 @@ def command(
     chosen = [load_changed(action, set_, scale) for action in actions]
     names = [a.name for a in chosen]
     names = [n if names.count(n) == 1 else given for n, given in zip(names, actions, strict=True)]
-    feels = workflows.feel_actions(list(zip(names, chosen, strict=True)), figure, curve)
+    feels = [model.touch.feel(action, name=name) for action, name in zip(chosen, names, strict=True)]
+    if figure is not None:
+        model.touch.figure.draw(feels, figure)
+    if curve is not None:
+        points = [
+            {"action": felt.name, "way": way, "dip_m": dip_m, "force_n": force_n}
+            for felt in feels
+            for way, columns in zip(("down", "up"), felt.weights.curve(), strict=True)
+            for dip_m, force_n in zip(*columns, strict=True)
+        ]
+        write_rows(curve, points)
     rows = [f.rows() for f in feels]
     if as_json:
         plain = [{"action": f.name} | nan_as_null(row) for f, row in zip(feels, rows, strict=True)]

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 
 import model
 from model.calibration import (
+    REST_SHARE,
     MeanSpeeds,
     damping_factor,
     damping_from_rebound,
@@ -22,7 +23,6 @@ from model.calibration import (
     read_motion,
 )
 from model.calibration.figure import draw
-from model.calibration.speeds import REST_SHARE
 from pianorig.console.output import nan_as_null
 from pianorig.console.overrides import read_measured
 from pianorig.errors import CommandInputError

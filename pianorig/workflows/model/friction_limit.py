@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import model
-from model.files.force_library import force_table
 from model.stick_slip import Limit, compare
 from model.stick_slip.figure import draw
 from pianorig.console.column_file import write_rows
@@ -18,7 +17,7 @@ _UNITS = ("", "ms", "m/s", "mm", "mm/s", "rad", "rad")
 
 def friction_limit(action: model.Action, force: Path | None, out: Path | None, quiet: bool) -> dict[str, Any]:
     """Simulate, print and write the comparison; force table of a CSV file, by default the built-in forte."""
-    times, forces = force_table("thesis-forte") if force is None else model.read_force_table(force)
+    times, forces = model.force_table("thesis-forte") if force is None else model.read_force_table(force)
     limit = compare(action, times, forces)
     rows = _rows(limit)
     files: list[Path] = []

@@ -9,8 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 import model
-from model.inside.animation import write_animation
-from model.inside.figure import draw_sheet
 
 DRAWING_RATE_HZ = 10_000.0
 
@@ -96,6 +94,6 @@ def draw_inside(
     )
     at = np.interp(fine, times, force_n)
     if figures is not None:
-        draw_sheet(action, solution, at, figures)
+        model.inside.draw_sheet(action, solution, at, figures)
     if animation is not None:
-        write_animation(action, solution, at, animation)
+        model.inside.write_animation(action, solution, at, animation)

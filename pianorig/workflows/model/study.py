@@ -9,9 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import model
-from model.study import Study, Variant, compare
-from model.study.figure import draw_study, draw_thesis
-from model.study.thesis import ThesisStudy, thesis_studies
+from model.study import Study, ThesisStudy, Variant, compare, draw_study, draw_thesis, thesis_studies
 from pianorig.console.column_file import write_rows
 from pianorig.console.output import nan_as_null, print_files
 from pianorig.console.overrides import read_variant

@@ -61,12 +61,12 @@ def test_inside_as_hdf5_opens_in_xarray(tmp_path: Path, capsys: pytest.CaptureFi
 
 
 def test_nothing_is_looked_at_unless_asked(monkeypatch: pytest.MonkeyPatch) -> None:
-    import model.inside
+    import model.force_driven
 
     def refuse(*_: object) -> None:
         raise AssertionError("looked inside")
 
-    monkeypatch.setattr(model.inside, "observe", refuse)
+    monkeypatch.setattr(model.force_driven, "observe", refuse)
     solution = model.simulate(model.load_action(), [0.0, 0.01], [0.0, 1.0])
     assert solution.inside is None
     with pytest.raises(AssertionError, match="looked inside"):
