@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -64,25 +65,28 @@ def command_n(kind: str, time_s: np.ndarray, rng: np.random.Generator) -> np.nda
     return strength * np.interp(time_s, corners, newton)
 
 
-def play(
-    kind: str,
-    seed: int,
-    *,
-    rate_hz: float = 5000.0,
-    jitter_counts: float = 0.0,
-    changed: Mapping[str, float] | None = None,
-    effects: tuple[str, ...] = (),
-    number: int = 1,
-    alike: bool = False,
-    strength: float = 1.0,
-    late_s: float = 0.0,
-) -> Stroke:
-    """Return one stroke of one kind on the bench with one seed; `changed` adds to parameters of the specimen (SI).
+@dataclass(frozen=True)
+class StrokeOptions:
+    """How a stroke is played and read; `changed` adds to parameters of the specimen (SI).
 
     Trials that are ``alike`` differ only by the bench's scatter and the given strength and delay.
     """
-    rng = np.random.default_rng([seed, 0 if alike else number, 99])
-    plant = _plant(FINE * rate_hz, seed, effects)
+
+    rate_hz: float = 5000.0
+    jitter_counts: float = 0.0
+    changed: Mapping[str, float] | None = None
+    effects: tuple[str, ...] = ()
+    alike: bool = False
+    strength: float = 1.0
+    late_s: float = 0.0
+
+
+def play(kind: str, seed: int, number: int = 1, **options: Any) -> Stroke:
+    """Return one stroke of one kind on the bench with one seed; options are those of `StrokeOptions`."""
+    given = StrokeOptions(**options)
+    rate_hz, strength, changed = given.rate_hz, given.strength, given.changed
+    rng = np.random.default_rng([seed, 0 if given.alike else number, 99])
+    plant = _plant(FINE * rate_hz, seed, given.effects)
     shipped = plant.action
     moved = {**MISREGULATED.get(kind, {}), **(changed or {})}
     try:
@@ -90,12 +94,12 @@ def play(
         plant.start_trial(number)
         length = BEFORE_S + 1.2 * KINDS["forte" if kind in MISREGULATED else kind][0][-1] + AFTER_S
         edges = np.arange(int(length * rate_hz)) / rate_hz
-        newton = strength * command_n(kind, edges - late_s, rng)
+        newton = strength * command_n(kind, edges - given.late_s, rng)
         plant.advance(np.repeat(newton / 12.0, FINE))
         truth = plant.truth()
     finally:
         plant.action = shipped
-    return Stroke(record(truth, seed, number, rate_hz, jitter_counts), truth)
+    return Stroke(record(truth, seed, number, rate_hz, given.jitter_counts), truth)
 
 
 def record(truth: PlantTruth, seed: int, number: int, rate_hz: float, jitter_counts: float) -> TrialData:

@@ -25,6 +25,7 @@ from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
+METHODS.update(COMPARISON)  # raced beside the methods of the package
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))  # measure the checkout that contains this file
 
@@ -143,7 +144,6 @@ def parse(arguments: list[str] | None) -> argparse.Namespace:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    METHODS.update(COMPARISON)
     args = parse(arguments)
     blows = args.blow or (["forte"] if args.quick else list(BLOWS))
     names = [] if args.only_ours else list(QUICK_PEERS if args.quick else PEERS)

@@ -8,12 +8,16 @@ what they import.
 
 from __future__ import annotations
 
+import ast
 from itertools import pairwise
 from pathlib import Path
 
 import grimp
 
-PICTURE = Path(__file__).parent / "images" / "architecture.svg"
+ROOT = Path(__file__).parents[1]
+PICTURE = ROOT / "docs" / "images" / "architecture.svg"
+PAGE = ROOT / "docs" / "architecture.md"
+MARK = "<!-- below: made by docs/make_architecture.py from the docstrings of the folders -->"
 ROWS = (("pianorig",), ("validation",), ("rig",), ("model", "vision"))
 WIDTH, MARGIN = 1120, 16
 ROOM_HEIGHT, LEVEL_GAP, ROOM_GAP, TITLE = 36, 26, 12, 30
@@ -154,5 +158,27 @@ text {{ font: 12px system-ui, sans-serif; fill: #222 }} .name {{ font-weight: 70
     return head + "\n".join(body) + "\n</svg>\n"
 
 
+def rooms() -> str:
+    """The rooms of each package with what their docstrings say, and the names of their modules, as Markdown."""
+    lines: list[str] = []
+    for package in (name for row in ROWS for name in row):
+        lines.append(f"## {package}/\n")
+        for face in sorted((ROOT / package).rglob("__init__.py"), key=lambda path: path.parent.parts):
+            folder = face.parent
+            said = " ".join((ast.get_docstring(ast.parse(face.read_text(encoding="utf-8"))) or "").split())
+            said = said.split(" >>> ")[0].replace("``", "`")
+            modules = sorted(path.stem for path in folder.glob("*.py") if not path.stem.startswith("__"))
+            name = folder.relative_to(ROOT).as_posix()
+            lines.append(f"**`{name}/`** {said}  \n<small>{' · '.join(modules)}</small>\n")
+    return "\n".join(lines)
+
+
+def page() -> str:
+    """`docs/architecture.md` with its rooms written anew."""
+    head, _, _ = PAGE.read_text(encoding="utf-8").partition(MARK)
+    return f"{head}{MARK}\n\n{rooms()}"
+
+
 if __name__ == "__main__":
     PICTURE.write_text(draw(), encoding="utf-8")
+    PAGE.write_text(page(), encoding="utf-8")
