@@ -25,7 +25,6 @@ from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
-METHODS.update(COMPARISON)  # raced beside the methods of the package
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))  # measure the checkout that contains this file
 
@@ -41,6 +40,7 @@ from peers.race import Entry, Row, add_ratios, race, time_at_error  # noqa: E402
 import model  # noqa: E402
 from model.integrators.methods import DEFAULT_METHOD, METHODS  # noqa: E402
 
+METHODS.update(COMPARISON)  # raced beside the methods of the package
 OUR_TOLERANCES = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9)
 PEERS: dict[str, tuple[Callable[[solvers.Task], solvers.Solver], tuple[float, ...]]] = {
     "CVODE from C": (solvers.c_cvode, (1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9)),
