@@ -118,7 +118,7 @@ def render_film(folder: Path) -> None:
     code = (
         "import sys; from pathlib import Path; import numpy as np; sys.path.insert(0, 'benchmarks');"
         "from filmed_blow import blow;"
-        "from rig.simulated.bench.camera import CameraSettings, film_bodies, film_trial; import vision;"
+        "from rig.simulated import CameraSettings, film_bodies, film_trial; import vision;"
         "s = CameraSettings(); t = np.arange(300) / s.frame_rate_hz; d = Path(sys.argv[1]);"
         "film_trial(d / 'film.mraw', t, blow, settings=s);"
         "vision.save_bodies(d / 'bodies.toml', film_bodies(settings=s))"
