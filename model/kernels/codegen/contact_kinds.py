@@ -44,6 +44,11 @@ def _piece(kind: str, arguments: list[str], lines: list[str], results: list[str]
     return Piece(name, f"{_HEAD}{name}{rest}")
 
 
+def _whole(number: int) -> str:
+    """Text of an integer that numba takes for any integer: for each constant it would compile the function again."""
+    return f"int64({number})"
+
+
 def _poses(lines: list[str], bodies: list[int]) -> tuple[list[str], list[str]]:
     """Names of what a text needs of the bodies: there, and in the scene."""
     found = sorted({name for line in lines for name in _POSE.findall(line)})
@@ -60,7 +65,7 @@ def forces_piece(s: Structure, c: int) -> tuple[Piece, list[str]]:
         "push", ["p", "o", *here], [*(f"f{i} = 0.0" for i in pushed), *lines], [f"f{i}" for i in pushed] + ["0.0"]
     )
     names = [f"m{k}" for k in range(len(pushed))]
-    call = f"{', '.join(names)}, _ = {piece.name}(p, {s.offset[1] + L.CONTACT_SIZE * c}, {', '.join(there)})"
+    call = f"{', '.join(names)}, _ = {piece.name}(p, {_whole(s.offset[1] + L.CONTACT_SIZE * c)}, {', '.join(there)})"
     return piece, [call, *(f"f{one.bodies[i]} += {m}" for i, m in zip(pushed, names, strict=True))]
 
 
@@ -70,7 +75,7 @@ def linearised_piece(s: Structure, c: int) -> tuple[Piece, list[str]]:
     lines = contact_linearised(one, 0)
     pushed = [i for i in one.joints if one.solved(i)]
     here, there = _poses(lines, one.bodies)
-    places = [f"n{i}" for i in one.joints], [str(one.bodies[i]) for i in one.joints]
+    places = [f"n{i}" for i in one.joints], [_whole(one.bodies[i]) for i in one.joints]
     ease = [f"easy{i}" for i in pushed], [f"easy{one.bodies[i]}" for i in pushed]
     ways = [f"{name}{k}" for name in ("turns", "slides") for k in range(len(one.joints))]
     piece = _piece(
@@ -80,7 +85,7 @@ def linearised_piece(s: Structure, c: int) -> tuple[Piece, list[str]]:
         ["touching", *(f"f{i}" for i in pushed), *(f"{way}_0" for way in ways)],
     )
     names = [f"m{k}" for k in range(len(pushed))]
-    given = [str(s.offset[1] + L.CONTACT_SIZE * c), str(s.place[c]), *places[1], *ease[1], *there]
+    given = [_whole(s.offset[1] + L.CONTACT_SIZE * c), _whole(s.place[c]), *places[1], *ease[1], *there]
     results = ["on", *names, *(f"{way}_{c}" for way in ways)]
     call = f"{', '.join(results)} = {piece.name}(w, p, {', '.join(given)})"
     adding = [f"f{one.bodies[i]} += {m}" for i, m in zip(pushed, names, strict=True)]
@@ -97,5 +102,5 @@ def rates_piece(s: Structure, c: int) -> tuple[Piece, list[str]]:
         second_rates(one, 0),
         ["0"],
     )
-    given = [str(s.offset[1] + L.CONTACT_SIZE * c), str(s.place[c]), *(f"{way}_{c}" for way in ways)]
+    given = [_whole(s.offset[1] + L.CONTACT_SIZE * c), _whole(s.place[c]), *(f"{way}_{c}" for way in ways)]
     return piece, [f"{piece.name}(w, p, {', '.join([*given, *(f'a{one.bodies[i]}' for i in one.joints)])})"]

@@ -18,6 +18,8 @@ from model.kernels.codegen.structure import Structure
 
 _HEAD = '''"""Generated from the structure of a scene by model.kernels.codegen.step_kernels; do not edit."""
 
+from numba import int64
+
 from model.kernels.compile import generated
 from model.kernels.laws import felt, friction
 from model.kernels.motion import motion_at, piece_at

@@ -148,6 +148,8 @@ def test_a_changed_value_compiles_nothing_and_a_left_out_element_is_not_in_the_s
     less, same = emit_with_pieces(build_scene(action.with_values({"contact12": 0, "jack_spring": 0})).tables)
     assert len(less) < len(text) and text.count("= push_") == 1 + less.count("= push_") > 10
     assert set(same) <= set(kinds)  # so that the second scene compiles no kind of contact again
+    for kind in kinds:  # nor the first scene for each of its contacts
+        assert len(getattr(sys.modules[kind.name], kind.name).signatures) <= 1
 
 
 def test_a_switched_element_compiles_once_and_is_then_loaded(
