@@ -85,7 +85,7 @@ def observe(scene: Scene, states: States, time_s: Array, start: float, input_tim
         panels = integrate_panels(rates, edges, np.zeros(width), lambda: GOAL * work[0] / len(edges), ROUNDS)
         sums = np.vstack([np.zeros(width), np.cumsum(panels.integral, axis=0)])
         totals = sums[np.searchsorted(panels.end_s, time_s, side="right")]
-        error = float(panels.doubt.sum())
+        error = float(panels.error_bound.sum())
     at = evaluate(time_s)
     rubbed, felt, joint, tip, slid = np.split(totals, np.cumsum([c, c, n, b]), axis=1)
     dense, first = np.unique(np.concatenate(record.time_s), return_index=True)

@@ -28,7 +28,7 @@ class Panels:
     end_s : (k,) where each panel ends, s
     integral : (k, f) integral of each rate
     rest : (k,) what the integrals leave unexplained of the change of the level
-    doubt : (k,) bound on the error of the integrals, all together
+    error_bound : (k,) bound on the error of the integrals, all together
     level : (k,) level at the end of the panel
     points : times sampled
     """
@@ -36,7 +36,7 @@ class Panels:
     end_s: Array
     integral: Array
     rest: Array
-    doubt: Array
+    error_bound: Array
     level: Array
     points: int
 
@@ -79,16 +79,16 @@ def integrate_panels(
         coarse = width / 6.0 * (flows[..., 0] + 4.0 * flows[..., 2] + flows[..., 4])
         fine = width / 12.0 * (flows @ np.array([1.0, 4.0, 2.0, 4.0, 1.0]))
         rest = fine @ sign - (total[:, 4] - total[:, 0])
-        doubt = np.abs(fine - coarse).sum(axis=1) / 15.0
-        worst = np.maximum(np.abs(rest), doubt)
+        error_bound = np.abs(fine - coarse).sum(axis=1) / 15.0
+        worst = np.maximum(np.abs(rest), error_bound)
         coarse_still = open_ = ~(worst <= allowed())
         room = (MOST_POINTS - points) // (4 * SPLIT) if level < rounds else 0
         if open_.sum() > room:  # the worst first
             open_ = open_ & np.isin(np.arange(len(worst)), np.argsort(-worst)[: max(room, 0)])
         # a panel given up before Simpson's rule settles is not yet in the range where fine - coarse shrinks by 15
-        doubt = np.where(coarse_still, 15.0 * doubt, doubt)
+        error_bound = np.where(coarse_still, 15.0 * error_bound, error_bound)
         done = ~open_
-        accepted.append((right[done], fine[done], rest[done], doubt[done], total[done, 4]))
+        accepted.append((right[done], fine[done], rest[done], error_bound[done], total[done, 4]))
         if not open_.any():
             break
         parts = left[open_, None] + (right - left)[open_, None] * np.linspace(0.0, 1.0, SPLIT + 1)

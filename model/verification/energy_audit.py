@@ -104,5 +104,5 @@ def audit(
         residual_j=residual,
         turnover_j=turnover,
         residual=float(np.max(np.abs(residual))) / scale,
-        quadrature=float(panels.doubt.sum()) / scale,
+        quadrature=float(panels.error_bound.sum()) / scale,
     )
