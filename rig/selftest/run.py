@@ -56,7 +56,7 @@ def run_selftest(
     prompt: Callable[[str], None],
     operator: str = "unknown",
     now: datetime | None = None,
-    tell: Callable[[SelftestFinding], None] = lambda finding: None,
+    tell: Callable[[SelftestFinding], None] | None = None,
 ) -> SelftestRecord:
     """Test a bench; ``prompt`` shows an instruction and returns when the operator is ready.
 
@@ -67,7 +67,7 @@ def run_selftest(
     """
     if rig.config.selftest is None:
         raise RigInputError(f"{rig.source}: has no [selftest]; add it, with stroke_rad, to say what a sound bench does")
-    checks = _Checks(rig.config, rig.config.selftest, backend, tell)
+    checks = _Checks(rig.config, rig.config.selftest, backend, tell or (lambda finding: None))
     steps: tuple[tuple[str, Callable[[], None]], ...] = (
         ("by hand", lambda: checks.by_hand(prompt)),
         ("drive disabled", checks.pushed_disabled),

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, ConfigDict, Field
+from pydantic import ConfigDict, Field, field_validator
 
 from rig.configuration.channels import Table
 
@@ -41,20 +41,21 @@ class AddedMassInfo(Table):
     note: str = ""
 
 
-def _as_note(value: object) -> object:
-    """A text in place of a table is its note; ``unknown`` is an empty table."""
-    if isinstance(value, str):
-        return {} if value in ("", "unknown") else {"note": value}
-    return value
-
-
 class ActionInfo(Table):
     """The action on the bench: its name, key number, measured regulation and masses added by sensors."""
 
     name: str = "unknown"
     key: str = "unknown"
-    regulation: Annotated[RegulationInfo, BeforeValidator(_as_note)] = RegulationInfo()
-    added_masses: Annotated[AddedMassInfo, BeforeValidator(_as_note)] = AddedMassInfo()
+    regulation: RegulationInfo = RegulationInfo()
+    added_masses: AddedMassInfo = AddedMassInfo()
+
+    @field_validator("regulation", "added_masses", mode="before")
+    @classmethod
+    def _as_note(cls, value: object) -> object:
+        """A text in place of a table is its note; ``unknown`` is an empty table."""
+        if isinstance(value, str):
+            return {} if value in ("", "unknown") else {"note": value}
+        return value
 
 
 class FileInfo(Table):

@@ -1,0 +1,67 @@
+"""Run the Python code of tutorials and how-to guides, and write what it prints into the pages.
+
+Run after changing a page or what it shows:  python docs/run_pages.py
+The blocks of a page run in order in an empty folder, as one program. A block marked ``python no-run`` is skipped. A
+``text`` block right after a code block is its output. A test runs every page and compares outputs, numbers aside: they
+may differ from machine to machine in their last digits.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import os
+import re
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+DOCS = Path(__file__).parent
+BLOCK = re.compile(
+    r"^```python\n(?P<code>.*?)^```\n(?P<gap>\n```text\n(?P<output>.*?)^```\n)?", re.MULTILINE | re.DOTALL
+)
+NUMBER = re.compile(r"[-+]?\d+(\.\d+)?(e[-+]?\d+)?")
+
+
+def pages() -> list[Path]:
+    """Pages of tutorials and how-to guides that have code to run."""
+    found = (page for folder in ("tutorials", "howto") for page in sorted((DOCS / folder).glob("*.md")))
+    return [page for page in found if BLOCK.search(page.read_text(encoding="utf-8"))]
+
+
+def run(page: Path) -> str:
+    """Run a page's code in the present folder; return its text with the outputs of this run."""
+    namespace: dict[str, Any] = {"__name__": page.stem}
+
+    def replaced(block: re.Match[str]) -> str:
+        printed = io.StringIO()
+        with contextlib.redirect_stdout(printed):
+            exec(compile(block["code"], page.name, "exec"), namespace)
+        output = "\n".join(line.rstrip() for line in printed.getvalue().splitlines())
+        shown = f"\n```text\n{output}\n```\n" if output else ""
+        return f"```python\n{block['code']}```\n{shown}"
+
+    return BLOCK.sub(replaced, page.read_text(encoding="utf-8"))
+
+
+def outputs(text: str) -> list[str]:
+    """What the blocks of a page print, with numbers and spaces made equal."""
+    shown = (block["output"] or "" for block in BLOCK.finditer(text))
+    return [" ".join(NUMBER.sub("#", output).split()) for output in shown]
+
+
+def main() -> None:
+    """Run the pages named on the command line, or all, and write their outputs."""
+    home = Path.cwd()
+    for page in [Path(name).resolve() for name in sys.argv[1:]] or pages():
+        with tempfile.TemporaryDirectory() as folder:
+            os.chdir(folder)
+            text = run(page)
+            os.chdir(home)
+        page.write_text(text, encoding="utf-8")
+        print(page.relative_to(DOCS))
+
+
+if __name__ == "__main__":
+    main()
