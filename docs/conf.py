@@ -7,6 +7,7 @@ so that they cannot lag behind the code (docs/decisions/0075-docs-site.md).
 from __future__ import annotations
 
 import sys
+import tomllib
 from pathlib import Path
 
 DOCS = Path(__file__).parent
@@ -14,12 +15,11 @@ sys.path[:0] = [str(DOCS), str(DOCS.parent)]
 
 import make_reference_pages  # noqa: E402
 
-import model  # noqa: E402
-
 project = "piano-action-rig"
 author = "the piano-action-rig developers"
 copyright = f"2026, {author}"
-release = version = model.__version__
+project_table = tomllib.loads((DOCS.parent / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+release = version = project_table["version"]
 
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.autosummary", "numpydoc", "site_extensions"]
 exclude_patterns = ["_build"]
@@ -37,5 +37,6 @@ autodoc_member_order = "bysource"
 autosummary_generate = False
 numpydoc_show_class_members = False
 default_role = "code"
+smartquotes = False  # of two hyphens it would make a dash, also in options
 
 make_reference_pages.write(DOCS / "reference" / "generated")

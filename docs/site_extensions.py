@@ -1,18 +1,19 @@
-"""Small additions to Sphinx: formulas as MathML, links out of the site, the list of decisions in the side bar.
+"""Small additions to Sphinx: formulas as MathML, and the list of decisions in the side bar.
 
 MathML is drawn by browsers themselves: no script from a network, so that the built site works offline.
 """
 
 from __future__ import annotations
 
-from pathlib import Path
+import re
 from typing import Any
 
 from docutils import nodes
 from latex2mathml.converter import convert
 from sphinx.application import Sphinx
 
-ROOT = Path(__file__).parents[1]
+TAG = re.compile(r"\\tag\{(.+?)\}")
+ROW = "display: flex; justify-content: space-between; margin: 1em 0"
 DECISIONS = "\n\n```{toctree}\n:hidden:\n:glob:\n\n[0-9]*\n```\n"
 
 
@@ -29,7 +30,9 @@ def _inline(translator: Any, node: nodes.math) -> None:
 
 
 def _block(translator: Any, node: nodes.math_block) -> None:
-    translator.body.append(f'<div class="math">{convert(node.astext(), display="block")}</div>')
+    formula = convert(TAG.sub("", node.astext()).strip(), display="block")
+    number = "".join(f"({tag})" for tag in TAG.findall(node.astext()))
+    translator.body.append(f'<div style="{ROW}"><span></span><span>{formula}</span><span>{number}</span></div>')
     raise nodes.SkipNode
 
 
