@@ -18,16 +18,18 @@ from model.files.csv_columns import read_columns
 from model.files.time_table import check_rows, two_columns
 from model.inside.observe_motion import observe
 from model.parameters.action import Action
+from model.parameters.effects import column
 from model.scene.build import Scene, build_scene
 from model.simulation.loads_and_losses import Inside
 from model.simulation.options import ForceDrivenKeywords, ForceDrivenOptions
-from model.simulation.run import Simulation, State
+from model.simulation.run import SMALLEST_TOLERANCE, Simulation, State
 from model.simulation.solution import EnergyAudit, Solution
 from model.simulation.statics import RestState, solve_rest
 
 Array = NDArray[np.float64]
 
 LARGEST_FORCE_N = 1000.0
+COMPANION = 0.1  # tolerance of the run that an error is estimated with, of the requested one
 
 
 def check_force_table(
@@ -90,6 +92,7 @@ def simulate(
     contact_forces : also compute normal and friction force of each contact
     energy : also account for the work of the force (`Solution.energy`)
     inside : also evaluate contacts, joints and bodies (`Solution.inside`)
+    estimate_error : also estimate the largest error of any angle (`Solution.error_rad`), at about twice the cost
 
     Raises
     ------
@@ -109,7 +112,9 @@ def simulate(
     else:
         angle = solve_rest(scene) if initial is None else initial.angle_rad
         state = State(float(times[0]), np.array(angle, dtype=float), np.zeros(scene.size))
-    run = ForceDrivenRun(scene, times, forces, outputs, options.tolerance, options.method, options.choice.outputs)
+    run = ForceDrivenRun(
+        scene, times, forces, outputs, options.tolerance, options.method, options.choice.outputs, options.estimate_error
+    )
     return run.from_state(state)
 
 
@@ -124,6 +129,7 @@ class ForceDrivenRun:
     output_time_s : (m,)
     tolerance, method : as for `simulate`
     outputs : beyond angles and speeds, as in a `SceneChoice`
+    estimate_error : also integrate with a tenth of the tolerance and compare
     """
 
     scene: Scene
@@ -133,6 +139,7 @@ class ForceDrivenRun:
     tolerance: float
     method: str
     outputs: tuple[str, ...] = ()
+    estimate_error: bool = False
 
     def from_state(self, state: State) -> Solution:
         """The motion from ``state``, which is left as it is."""
@@ -161,7 +168,20 @@ class ForceDrivenRun:
             tolerance=self.tolerance,
             energy=audit,
             inside=self._inside(state) if "inside" in self.outputs else None,
+            error_rad=self._error(state, angles) if self.estimate_error else None,
         )
+
+    def _error(self, first: State, angles: Array) -> float:
+        """Largest difference (rad) of ``angles`` from the same motion integrated with a tenth of the tolerance.
+
+        The tighter run contains what no local estimate knows: how much the errors of early steps grow.
+        """
+        tighter = max(COMPANION * self.tolerance, SMALLEST_TOLERANCE)
+        companion = Simulation(self.scene, first.copy(), tighter, self.method)
+        end = float(self.output_time_s[-1]) if len(self.output_time_s) else first.time_s
+        other, _ = companion.advance(end, self.time_s, self.force_n, output_time_s=self.output_time_s)
+        turning = [i for i, body in enumerate(self.scene.bodies) if column(body).endswith("_rad")]
+        return float(np.max(np.abs(angles - other)[:, turning], initial=0.0))
 
     def _inside(self, first: State) -> Inside:
         """Inside view of the motion from ``first``, which is integrated again for the times that the view needs."""

@@ -160,7 +160,16 @@ def make_jobs(
         for trial, times, forces, outputs, unusable in tables:
             run = None
             if scene is not None and failure is None and unusable is None:
-                run = ForceDrivenRun(scene, times, forces, outputs, options.tolerance, options.method, choice.outputs)
+                run = ForceDrivenRun(
+                    scene,
+                    times,
+                    forces,
+                    outputs,
+                    options.tolerance,
+                    options.method,
+                    choice.outputs,
+                    options.estimate_error,
+                )
             jobs.append(Job(trial, label, run, start, failure or unusable))
     return jobs
 

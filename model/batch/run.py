@@ -174,7 +174,7 @@ def simulate_many(
     workers : how many threads; by default one per processor this process may use
     progress : called with members done and members in all
     store : folder that keeps finished members; a batch that was interrupted goes on where it stopped
-    tolerance, output_time_s, scene, method, contact_forces, energy, inside : as for `simulate`
+    tolerance, output_time_s, scene, method, contact_forces, energy, inside, estimate_error : as for `simulate`
 
     Returns
     -------

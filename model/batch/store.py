@@ -1,12 +1,14 @@
 """Finished members of a batch in a folder, one file each, named by the hash of its job.
 
-A file is written under another name and renamed when complete; a truncated or damaged one, or one whose content does
-not match its name, counts as absent. Failures that recur (a `ModelError`) are stored with their message, others (a lost
-worker) are not. The format is NumPy's .npz with a line of JSON.
+A file is written under another name and renamed when complete. It holds a digest of everything in it; a file that is
+truncated or damaged, whose numbers were altered or cut, or that belongs to another job counts as absent. Failures that
+recur (a `ModelError`) are stored with their message, others (a lost worker) are not. The format is NumPy's .npz with a
+line of JSON.
 """
 
 from __future__ import annotations
 
+import hashlib
 import json
 import tempfile
 import zipfile
@@ -15,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from model import errors
 from model.batch.job import Member
@@ -23,6 +26,15 @@ from model.files.atomic_write import whole_file
 from model.simulation.solution import EnergyAudit, Solution
 
 _ARRAYS = ("time_s", "angle_rad", "speed_rad_per_s", "contact_normal_n", "contact_friction_n")
+
+
+def _digest(about: dict[str, Any], arrays: dict[str, NDArray[np.float64]]) -> str:
+    """SHA-256 of facts and arrays, with names, types and shapes."""
+    digest = hashlib.sha256(json.dumps(about, sort_keys=True).encode())
+    for name, array in sorted(arrays.items()):
+        digest.update(f"\0{name} {array.dtype.str} {array.shape}\0".encode())
+        digest.update(np.ascontiguousarray(array).tobytes())
+    return digest.hexdigest()
 
 
 class Store:
@@ -52,7 +64,7 @@ class Store:
             with open(self.path(sha256), "rb") as raw, np.load(raw, allow_pickle=False) as file:
                 about: dict[str, Any] = json.loads(str(file["about"]))
                 arrays = {name: file[name] for name in _ARRAYS if name in file}
-            if about["sha256"] != sha256:
+            if about.pop("content_sha256") != _digest(about, arrays) or about["sha256"] != sha256:
                 return None
             if "error" in about:
                 kind, message = about["error"]
@@ -63,6 +75,7 @@ class Store:
                 contacts=tuple(about["contacts"]),
                 counters=about["counters"],
                 tolerance=about["tolerance"],
+                error_rad=about["error_rad"],
                 energy=energy,
                 **arrays,
             )
@@ -86,8 +99,11 @@ class Store:
         else:
             s = member.solution
             about |= {"bodies": s.bodies, "contacts": s.contacts, "counters": s.counters, "tolerance": s.tolerance}
+            about["error_rad"] = s.error_rad
             about["energy"] = None if s.energy is None else asdict(s.energy)
             arrays = {name: getattr(s, name) for name in _ARRAYS if getattr(s, name) is not None}
+        about = json.loads(json.dumps(about))  # digest of what reading gives back
+        about["content_sha256"] = _digest(about, arrays)
         path = self.path(member.sha256)
         with whole_file(path, "free space, then go on") as part, open(part, "wb") as file:
             np.savez(file, about=np.array(json.dumps(about)), **arrays)

@@ -5,13 +5,15 @@ of the two over the displacements both cover, and the cubic is the least-squares
 Standard errors come from each point's own residual (sandwich estimator, HC3), so that noise that grows with the force
 and noise of the displacement are included. A felt neither pulls nor softens below zero stiffness: a, c >= 0 and
 f_fit' >= 0 for every depth, so that penetrations beyond the measured ones stay physical; a fit on such a bound reports
-it and has the errors of the free fit. Source: thesis Section 2.2.3, Figs 2.5 and 2.6.
+it and has the errors of the free fit. The fit is judged: a mid-line farther from the cubic than its own uncertainty
+explains, or a loop that is not a constant share of the cubic as eq. 2.7 has it, is said, and widens the errors.
+Source: thesis Section 2.2.3, Figs 2.5 and 2.6.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.polynomial import chebyshev
@@ -23,6 +25,8 @@ from model.errors import InputError
 
 GRID = 201  # points of the mid-line
 DEGREES = range(3, 10)
+# a misfit counts from this many times the mid-line's own uncertainty, and from this share of the largest force
+EXPLAINED, NEGLIGIBLE = 3.0, 1e-3
 
 Array = NDArray[np.float64]
 
@@ -59,6 +63,8 @@ class FeltFit:
     measured_m : smallest and largest displacement of the mid-line
     mid_m, mid_n : (GRID,) the mid-line
     misfit_n : root mean square of mid-line minus cubic
+    u_mid_n : root mean square standard uncertainty of the mid-line, from the scatter of the points
+    loop_misfit_n : root mean square of half the loop minus the best constant share of the cubic
     bound : the bound the fit lies on, in words, or None
     loading, unloading : the smoothed phases
     gain : (3, m + k) d(abc)/d(forces of loading, then unloading) of the free fit
@@ -70,10 +76,30 @@ class FeltFit:
     mid_m: Array
     mid_n: Array
     misfit_n: float
+    u_mid_n: float
+    loop_misfit_n: float
     bound: str | None
     loading: Phase
     unloading: Phase
     gain: Array
+
+    @property
+    def law_fits(self) -> bool:
+        """Whether the scatter of the points explains how far the mid-line is from the cubic, eq. 2.5."""
+        return not self._beyond(self.misfit_n)
+
+    @property
+    def loop_fits(self) -> bool:
+        """Whether it explains how far the loop is from a constant share of the cubic, as eq. 2.7 has it."""
+        return not self._beyond(self.loop_misfit_n)
+
+    def _beyond(self, misfit_n: float) -> bool:
+        return misfit_n > max(EXPLAINED * self.u_mid_n, NEGLIGIBLE * float(self.mid_n[-1]))
+
+    @property
+    def widened(self) -> float:
+        """Factor by which the errors are widened: misfit over the mid-line's uncertainty where the law does not fit."""
+        return 1.0 if self.law_fits else self.misfit_n / max(self.u_mid_n, 1e-300)
 
     @property
     def u_abc(self) -> Array:
@@ -90,7 +116,10 @@ class FeltFit:
         by_force = -load / fit**2 * (_cubic([x_m])[0] @ self.gain)
         by_force[: self.loading.solve.shape[1]] += (self.loading.basis([x_m])[0] @ self.loading.solve) / fit
         variance = np.concatenate([self.loading.variance, self.unloading.variance])
-        return load / fit, float(np.sqrt(by_force**2 @ variance))
+        u = self.widened * float(np.sqrt(by_force**2 @ variance))
+        # where the share depends on the depth, which depth it is read at is arbitrary
+        other = 0.0 if self.loop_fits else self.loop_misfit_n / float(np.sqrt(np.mean(self.force_n(self.mid_m) ** 2)))
+        return load / fit, math.hypot(u, other)
 
 
 def _cubic(x_m: ArrayLike) -> Array:
@@ -149,18 +178,23 @@ def fit_felt(curve: LoadingCurve) -> FeltFit:
     # that of the free fit: going to the nearest point of a convex set lengthens no error, so it is safe on a bound too
     gain = (free @ half) / scale[:, None]
     variance = np.concatenate([loading.variance, unloading.variance])
-    return FeltFit(
+    cubic = columns @ beta
+    loop = 0.5 * (loading.force_n(x) - unloading.force_n(x))
+    fit = FeltFit(
         abc=beta / scale,
         covariance=(gain * variance) @ gain.T,
         measured_m=(low, high),
         mid_m=x,
         mid_n=mid,
-        misfit_n=float(np.sqrt(np.mean((mid - columns @ beta) ** 2))),
+        misfit_n=float(np.sqrt(np.mean((mid - cubic) ** 2))),
+        u_mid_n=float(np.sqrt(np.mean(half**2 @ variance))),
+        loop_misfit_n=float(np.sqrt(np.mean((loop - float(loop @ cubic) / float(cubic @ cubic) * cubic) ** 2))),
         bound=bound,
         loading=loading,
         unloading=unloading,
         gain=gain,
     )
+    return replace(fit, covariance=fit.widened**2 * fit.covariance)
 
 
 def _constrain(columns: Array, mid: Array, free: Array) -> tuple[Array, str | None]:

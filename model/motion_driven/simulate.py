@@ -107,6 +107,17 @@ class MotionDriven:
         """Intervals in which the balance rail would have to pull the key down: predicted lift."""
         return tensions(self.time_s, self.rail_n)
 
+    def half_width_share(self) -> float:
+        """Half the 95 % interval of the force as a share of it: at the largest force or rms, whichever is larger.
+
+        Samples where the key would lift do not count. NaN without an ensemble; from 0.5 the force says next to nothing.
+        """
+        half, force = (a[~self.lifted] for a in (self.coverage_factor * self.u_force_n, np.abs(self.force_n)))
+        if not len(force) or not np.max(force) > 0.0:
+            return float("nan")
+        rms = float(np.sqrt(np.mean(half**2) / np.mean(force**2)))
+        return max(rms, float(half[np.argmax(force)] / np.max(force)))
+
     def columns(self) -> dict[str, Array]:
         """Columns by name, in the order of the command's output file."""
         out = {"time_s": self.time_s, "force_n": self.force_n, "u_force_n": self.u_force_n}

@@ -24,8 +24,9 @@ RANGES: dict[str, tuple[float, float, bool]] = {
     "inertia": (0.0, 10.0, True),
     "x": (-2.0, 2.0, False),
     "y": (-2.0, 2.0, False),
-    "normal.x": (-1.0, 1.0, False),
-    "normal.y": (-1.0, 1.0, False),
+    # a component may be as large as the length of a normal, 0.9 to 1.1 (`model.parameters.action`)
+    "normal.x": (-1.1, 1.1, False),
+    "normal.y": (-1.1, 1.1, False),
     "radius": (0.0, 1.0, True),
     "arc_start": (-2.0 * math.pi, 2.0 * math.pi, False),
     "arc_end": (-2.0 * math.pi, 2.0 * math.pi, False),

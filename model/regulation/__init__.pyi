@@ -8,5 +8,6 @@ from .regulate import Regulation as Regulation
 from .regulate import RegulationError as RegulationError
 from .regulate import regulate as regulate
 from .regulate import write_action as write_action
+from .screws import REST_RAIL as REST_RAIL
 from .screws import SCREWS as SCREWS
 from .screws import Screw as Screw

@@ -1,4 +1,6 @@
-"""The seven adjustments of an action, each one geometric parameter, and how far each can be turned.
+"""The adjustments of an action, each one geometric parameter, and how far each can be turned.
+
+Seven screws have a target each. The rest rail has none: it is lowered where the hammer lies on it instead of the jack.
 
 A screw's travel is counted from where the given action has it, as on a bench: what is inside the travel is reachable
 without another part. Decisions: docs/decisions/0025-model-regulation.md.
@@ -7,6 +9,9 @@ without another part. Decisions: docs/decisions/0025-model-regulation.md.
 from __future__ import annotations
 
 from dataclasses import dataclass
+
+from model.parameters.action import Action
+from model.parameters.quantity import allowed_range
 
 
 @dataclass(frozen=True)
@@ -39,3 +44,12 @@ SCREWS = (
     Screw("drop", "drop screw", "contact11.first.y", (-4e-3, 4e-3), -4.5),
     Screw("check", "back-check wire", "contact04.second.x", (-8e-3, 8e-3), -3.0),
 )
+
+REST_RAIL = Screw("hammer_height", "rest rail", "contact13.first.y", (-5e-3, 0.0), -5.0)
+
+
+def limits(given: Action, screw: Screw, wider: float = 0.0) -> tuple[float, float]:
+    """Smallest and largest turn (m) within travel and allowed range of the parameter, the travel ``wider`` (m)."""
+    low, high, _ = allowed_range(screw.path)
+    here = given[screw.path]
+    return max(screw.travel_m[0] - wider, low - here), min(screw.travel_m[1] + wider, high - here)

@@ -56,6 +56,7 @@ class ForceDrivenKeywords(SimulationKeywords, total=False):
     contact_forces: bool
     energy: bool
     inside: bool
+    estimate_error: bool
 
 
 @dataclass(frozen=True)
@@ -67,11 +68,13 @@ class ForceDrivenOptions(SimulationOptions):
     contact_forces : normal and friction force of each contact
     energy : where the work of the force went (`Solution.energy`)
     inside : what acts at contacts, joints and bodies (`Solution.inside`)
+    estimate_error : the largest error of any angle (`Solution.error_rad`), by a second run at a tenth of the tolerance
     """
 
     contact_forces: bool = False
     energy: bool = False
     inside: bool = False
+    estimate_error: bool = False
 
     @cached_property
     def choice(self) -> SceneChoice:

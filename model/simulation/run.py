@@ -153,6 +153,8 @@ class Simulation:
         times = np.require(input_time_s, float, ["C", "W"])
         values = np.require(input_value, float, ["C", "W"])
         self._check(float(until), times, values, outputs)
+        # what rounding puts just past the end, `_check` lets through, the step loop would not reach
+        outputs = np.minimum(outputs, max(float(until), self.state.time_s))
         if len(times) == 1:
             times, values = np.array([times[0], times[0] + 1.0]), np.array([values[0], values[0]])
         most = self.max_steps
@@ -181,6 +183,9 @@ class Simulation:
         self.state = State(time, q, v, step)
         if status in _ADVICE:
             raise IntegrationError(f"simulation stopped at t = {time:.6g} s{self._extremes()}: {_ADVICE[status]}")
+        if not (np.all(np.isfinite(out_q)) and np.all(np.isfinite(out_v))):
+            row = int(np.argmin(np.all(np.isfinite(out_q) & np.isfinite(out_v), axis=1)))
+            raise IntegrationError(f"simulation: no finite state at t = {outputs[row]:.6g} s; {_ADVICE[NOT_FINITE]}")
         return out_q, out_v
 
     def _creep(self) -> float:

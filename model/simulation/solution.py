@@ -14,6 +14,8 @@ from model.simulation.loads_and_losses import Inside
 if TYPE_CHECKING:
     import pandas as pd
 
+MISSED = 10.0  # times the requested tolerance, from which an error counts as a request missed
+
 
 @dataclass(frozen=True)
 class EnergyAudit:
@@ -52,6 +54,7 @@ class Solution:
     tolerance : requested largest error of any angle, rad
     energy : where the work went, or None where it was not asked for
     inside : what acts at contacts, joints and bodies, or None where it was not asked for
+    error_rad : estimate of the largest error of any angle at the output times, or None where it was not asked for
     """
 
     bodies: tuple[str, ...]
@@ -65,6 +68,12 @@ class Solution:
     tolerance: float = 1e-5
     energy: EnergyAudit | None = None
     inside: Inside | None = None
+    error_rad: float | None = None
+
+    @property
+    def misses_tolerance(self) -> bool:
+        """Whether the estimated error is more than `MISSED` times the tolerance; False where it was not estimated."""
+        return self.error_rad is not None and self.error_rad > MISSED * self.tolerance
 
     def columns(self) -> dict[str, NDArray[np.float64]]:
         """Columns by name, in the order of the command's output file."""

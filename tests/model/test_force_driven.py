@@ -97,6 +97,20 @@ def test_resumed_run_is_the_same_to_the_last_bit(action: model.Action) -> None:
     assert again.state.step_s == through.state.step_s
 
 
+@pytest.mark.parametrize("past", [5e-10, 9e-10, -5e-10])
+def test_output_time_that_rounding_puts_past_the_end_has_the_state_there(action: model.Action, past: float) -> None:
+    time, force, _ = reference("forte")
+    rest = model.rest_state(action).angle_rad
+    run = model.Simulation(model.build_scene(action), model.State(0.0, rest, np.zeros(5)))
+    angles, speeds = run.advance(0.11, time, force, output_time_s=np.array([-past, 0.1, 0.11 + past]))
+    np.testing.assert_allclose(angles[-1], run.state.angle_rad, atol=1e-8)
+    np.testing.assert_allclose(speeds[-1], run.state.speed_rad_per_s, atol=1e-5)
+    assert np.all(np.isfinite(angles)) and np.all(np.isfinite(speeds))
+    # a run that has already got there
+    angles, speeds = run.advance(0.11 - 5e-10, time, force, output_time_s=np.array([0.11 + 4e-10]))
+    np.testing.assert_array_equal(angles[0], run.state.angle_rad)
+
+
 @pytest.mark.parametrize("block", [0.02, 0.00317])
 def test_blocks_change_the_answer_by_less_than_the_tolerance(action: model.Action, block: float) -> None:
     time, force, _ = reference("forte")
@@ -272,3 +286,23 @@ def test_a_misspelt_keyword_is_refused(action: model.Action) -> None:
         model.simulate(action, [0.0, 1.0], [0.0, 0.0], tolerence=1e-4)  # type: ignore[call-arg]
     with pytest.raises(TypeError, match="unexpected keyword argument 'outputs'"):
         model.simulate_many(action, [([0.0, 1.0], [0.0, 0.0])], outputs=[1.0])  # type: ignore[call-arg]
+
+
+def test_an_error_that_grows_is_said(action: model.Action) -> None:
+    """White noise of 5 N: the estimate is near the true error, which is far above the request; a blow keeps it."""
+    rest = model.rest_state(action)
+    at = np.arange(0.0, 0.4, 2e-4)
+    noise = np.random.default_rng(5).normal(0.0, 5.0, len(at))
+    keywords = {"initial": rest, "output_time_s": np.linspace(0.0, 0.39, 200)}
+    plain = model.simulate(action, at, noise, **keywords)
+    said = model.simulate(action, at, noise, estimate_error=True, **keywords)
+    np.testing.assert_array_equal(plain.angle_rad, said.angle_rad)
+    exact = model.simulate(action, at, noise, tolerance=1e-11, method="rodas5p", **keywords)
+    error = float(np.abs(said.angle_rad - exact.angle_rad).max())
+    assert plain.error_rad is None and not plain.misses_tolerance
+    assert error > 1e-4 and said.misses_tolerance and said.error_rad is not None
+    assert error / 10.0 < said.error_rad < 10.0 * error
+    time, force, rows = reference("forte")
+    blow = model.simulate(action, time, force, output_time_s=rows[:, 0], estimate_error=True)
+    error = float(np.abs(blow.angle_rad - rows[:, 1:6]).max())
+    assert blow.error_rad == pytest.approx(error, rel=1.0) and not blow.misses_tolerance

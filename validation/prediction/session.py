@@ -9,6 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from model.errors import ModelError
+from model.simulation.solution import MISSED
 from validation.errors import PredictionError, ValidationInputError
 from validation.measurement.session import MeasuredSession
 from validation.measurement.trial import MeasuredTrial
@@ -54,6 +55,9 @@ def predict_session(
             progress(f"predicting trial {m.number}")
         try:
             predictions[m.number] = _predict(m, tested)
+            missed = _missed(predictions[m.number].model, tested.tolerance)
+            if missed and progress is not None:
+                progress(f"trial {m.number}: {missed}")
         except ModelError as error:
             refused[m.number] = f"not predicted: {error}"
     if not predictions:
@@ -65,13 +69,25 @@ def predict_session(
 
 def _predict(m: MeasuredTrial, tested: ModelUnderTest) -> PredictedTrial:
     found = predict_trial(m, tested)
-    notes, rivals = [], {}
+    missed = _missed(found, tested.tolerance)
+    notes, rivals = [missed] if missed else [], {}
     for name in tested.rivals:
         try:
             rivals[name] = predict_trial(m, tested, name)
         except (ModelError, PredictionError) as error:
             notes.append(f"{name.replace('_', ' ')} not predicted: {error}")
     return PredictedTrial(found, rivals, tuple(notes))
+
+
+def _missed(found: PredictedAngles, tolerance: float) -> str:
+    """What to say where the numerical error is far above the requested one; empty where it is not."""
+    if not found.error_rad > MISSED * tolerance:
+        return ""
+    return (
+        f"the requested error of the simulation is missed: angles off by about {found.error_rad:.1e} rad, "
+        f"{found.error_rad / tolerance:.0f} x the requested {tolerance:g}; small errors grow under this force, "
+        "tighten --tolerance"
+    )
 
 
 def _reasons(refused: dict[int, str]) -> str:

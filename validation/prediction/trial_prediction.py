@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -29,7 +30,11 @@ COLUMNS = [f"{body}_rad" for body in BODIES], [f"{body}_rad_per_s" for body in B
 
 @dataclass(frozen=True)
 class PredictedAngles:
-    """Predicted angles of one trial; ``reused`` says that no simulation was needed."""
+    """Predicted angles of one trial.
+
+    ``reused`` says that no simulation was needed, ``error_rad`` how large their largest numerical error is (estimated;
+    NaN where it was not: for rivals and stand-ins).
+    """
 
     time_s: Array
     angle_rad: Array
@@ -38,6 +43,7 @@ class PredictedAngles:
     input_sha256: str
     reused: bool
     counters: Mapping[str, float]
+    error_rad: float = float("nan")
 
     def change_rad(self, body: str) -> Array:
         """Change of one body's angle since rest on the DAQ's sample times, (n,) rad."""
@@ -85,6 +91,8 @@ def predict_trial(m: MeasuredTrial, tested: ModelUnderTest, variant: str = "mode
         return stored
     inside = (m.time_s >= force_s[0]) & (m.time_s <= force_s[-1])
     simulate = model.null_model.simulate if variant == "null" else tested.simulate
+    # a stand-in for the model need not know how to estimate its error
+    estimate = {"estimate_error": True} if variant == "model" and tested.stand_ins.predict is None else {}
     solution = simulate(
         tested.action,
         force_s,
@@ -92,6 +100,7 @@ def predict_trial(m: MeasuredTrial, tested: ModelUnderTest, variant: str = "mode
         tolerance=tested.tolerance,
         output_time_s=m.time_s[inside],
         initial=load.rest,
+        **estimate,
     )
     angle, speed = np.full((m.time_s.size, 5), np.nan), np.full((m.time_s.size, 5), np.nan)
     got = np.asarray(solution.angle_rad, dtype=float)
@@ -100,10 +109,14 @@ def predict_trial(m: MeasuredTrial, tested: ModelUnderTest, variant: str = "mode
     angle[inside], speed[inside] = got, np.asarray(solution.speed_rad_per_s, dtype=float)
     counters = {name: float(value) for name, value in dict(getattr(solution, "counters", {})).items()}
     columns = {"time_s": m.time_s} | dict(zip([*COLUMNS[0], *COLUMNS[1]], [*angle.T, *speed.T], strict=True))
-    attributes = {"input_sha256": key, "counters": counters}
+    error = getattr(solution, "error_rad", None)
+    error_rad = float("nan") if error is None else float(error)
+    attributes: dict[str, Any] = {"input_sha256": key, "counters": counters}
+    if error is not None:
+        attributes["error_rad"] = error_rad
     failure = tested.store.write_table(step, m.number, m.seal, pd.DataFrame(columns), attributes, versioned=True)
     tested.store.count("predictions", reused=False, failure=failure)
-    return PredictedAngles(m.time_s, angle, speed, rest, key, False, counters)
+    return PredictedAngles(m.time_s, angle, speed, rest, key, False, counters, error_rad)
 
 
 def _stored(tested: ModelUnderTest, m: MeasuredTrial, step: str, key: str, rest: Array) -> PredictedAngles | None:
@@ -114,4 +127,5 @@ def _stored(tested: ModelUnderTest, m: MeasuredTrial, step: str, key: str, rest:
     if not all(name in table for group in COLUMNS for name in group) or len(table) != m.time_s.size:
         return None
     angle, speed = (table[group].to_numpy(dtype=float) for group in COLUMNS)
-    return PredictedAngles(m.time_s, angle, speed, rest, key, True, attributes.get("counters", {}))
+    error_rad = float(attributes.get("error_rad", float("nan")))
+    return PredictedAngles(m.time_s, angle, speed, rest, key, True, attributes.get("counters", {}), error_rad)

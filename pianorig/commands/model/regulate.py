@@ -68,8 +68,8 @@ def _regulate(given: model.Action, out: Path, as_json: bool) -> None:
         [
             f"{done.action.name}: {given.name} regulated by `pianorig regulate` to the targets of Hirschkorn (2004), "
             "Section 2.3.",
-            "Seven quantities differ from the given set; their source begins with 'regulated'. u of these: what",
-            "changes the target by its tolerance of 0.02 mm (rectangular).",
+            f"{_turned_words(done)} differ from the given set; their source begins with 'regulated'. u of a screw:",
+            "what changes its target by its tolerance of 0.02 mm (rectangular).",
         ],
     )
     rows: list[dict[str, Any]] = [
@@ -87,13 +87,25 @@ def _regulate(given: model.Action, out: Path, as_json: bool) -> None:
     ]
     if as_json:
         plain = [nan_as_null(row) for row in rows]
-        print_json({"action": done.action.name, "out": out, "targets": plain, "looks": done.evaluations})
+        facts = {"action": done.action.name, "out": out, "targets": plain, "looks": done.evaluations}
+        print_json(facts | {"rest_rail_m": done.rest_rail_m})
         return
     print(f"{'target':<46}  wanted   before    after  {'screw':<20}  turned  (mm)")
     for row in rows:
         wanted, before, after = (_millimetres(row[key]) for key in ("wanted_m", "before_m", "after_m"))
         print(f"{row['words']:<46}{wanted} {before} {after}  {row['screw']:<20} {1e3 * row['turned_m']:+7.3f}")
+    if done.rest_rail_m:
+        rail = model.regulation.REST_RAIL
+        print(f"the hammer lay on its rest rail ({rail.path}): lowered {-1e3 * done.rest_rail_m:.2f} mm, clear of it")
+    if done.action is given:
+        print("all seven targets are met: nothing was turned")
     print(f"{out}: {done.action.name}")
+
+
+def _turned_words(done: model.regulation.Regulation) -> str:
+    """How many quantities a regulation changed."""
+    count = sum(1 for turn in (*done.turned_m.values(), done.rest_rail_m) if turn)
+    return f"{count or 'No'} quantities"
 
 
 def _millimetres(value: float) -> str:

@@ -115,6 +115,7 @@ def command(
         inside=inside,
         scene=choice,
         method=method,
+        estimate_error=True,
     )
     seen = solution.inside
     words = {} if seen is None else workflows.described(chosen)
@@ -123,7 +124,7 @@ def command(
         out,
         solution.columns(),
         run_attributes(chosen, tolerance, method, scene)
-        | {"effects": effects, "force_table": str(force)}
+        | {"effects": effects, "force_table": str(force), "estimated_error_rad": solution.error_rad or 0.0}
         | ({} if seen is None else workflows.lift_attributes(seen)),
         None if seen is None else seen.long_names(words),
     )
@@ -135,12 +136,15 @@ def command(
             "out": out,
             "rows": len(solution.time_s),
             "tolerance_rad": tolerance,
+            "estimated_error_rad": solution.error_rad,
+            "tolerance_missed": solution.misses_tolerance,
             **solution.counters,
         }
         facts |= {} if seen is None else workflows.inside_facts(seen)
         print_json(facts | {name: path for name, path in drawings.items() if path is not None})
         return
     print(f"{out}: {len(solution.time_s)} rows, {solution.counters['n_steps']} steps")
+    workflows.print_error(solution)
     if seen is not None:
         workflows.print_inside(seen, words)
     print_files(drawings.values())

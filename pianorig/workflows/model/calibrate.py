@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import model
 from model.calibration import (
     REST_SHARE,
+    FeltFit,
     MeanSpeeds,
     damping_factor,
     damping_from_rebound,
@@ -111,6 +112,7 @@ def felt(
     for name, unit, v, u in zip("abc", ("N/m^3", "N/m^2", "N/m"), fit.abc, fit.u_abc, strict=True):
         lines.append(f"  {name} = {v:.4g}  u {u:.2g}  {unit}")
     lines.append(f"  mid-line off the cubic: {fit.misfit_n:.3g} N rms of {fit.mid_n[-1]:.3g} N")
+    lines += [f"  {line}" for line in _judgement(fit)]
     if fit.bound is not None:
         lines.append(f"  the fit lies on a bound of what a felt can do: {fit.bound}; look at the figure")
     for blow, one in dampings.items():
@@ -129,6 +131,11 @@ def felt(
         "covariance": fit.covariance,
         "measured_m": fit.measured_m,
         "misfit_n": fit.misfit_n,
+        "u_mid_n": fit.u_mid_n,
+        "law_fits": fit.law_fits,
+        "loop_misfit_n": fit.loop_misfit_n,
+        "loop_fits": fit.loop_fits,
+        "u_widened": fit.widened,
         "bound": fit.bound,
         "D": {b: {"d": o.d, "u": o.u_d, "at_m": o.at_m, "speed_m_per_s": o.speed_m_per_s} for b, o in dampings.items()},
         "figure": figure,
@@ -139,6 +146,22 @@ def felt(
     for first in list(dampings.values())[:1]:
         values[f"{contact}.normal.D"] = (first.d, first.u_d)
     return Calibrated(facts, lines, values)
+
+
+def _judgement(fit: FeltFit) -> list[str]:
+    """What the measured points say against the law of eqs 2.5 and 2.7."""
+    lines = []
+    if not fit.law_fits:
+        lines.append(
+            f"the law does not fit: the points know their mid-line to {fit.u_mid_n:.2g} N rms, the cubic of eq. 2.5 is "
+            f"{fit.widened:.2g} x as far off; u of a, b, c widened by that factor"
+        )
+    if not fit.loop_fits:
+        lines.append(
+            f"the loop does not fit: loading above unloading is not one share of the cubic at every depth (eq. 2.7), "
+            f"off by {fit.loop_misfit_n:.2g} N rms; u of D widened; a felt that remembers, or a speed that changed"
+        )
+    return lines
 
 
 def friction(contact: str | None, mu: Sequence[float], u: Sequence[float]) -> Calibrated:

@@ -10,6 +10,7 @@ import numpy as np
 import model
 from pianorig.console.column_file import run_attributes, write_columns
 
+USELESS_SHARE = 0.5  # half the 95 % interval, of the force
 FAR_FROM_REST_RAD = 5e-4  # 0.1 mm at the key front; most records begin at rest, so a larger offset is mentioned
 
 
@@ -59,6 +60,8 @@ def motion_facts(driven: model.MotionDriven) -> dict[str, Any]:
         "first_force_n": driven.force_n[0],
         "largest_force_n": driven.force_n[largest],
         "u_largest_force_n": driven.u_force_n[largest],
+        "half_width_share": driven.half_width_share(),
+        "interval_useless": bool(driven.half_width_share() > USELESS_SHARE),
         **_reading(driven),
         "key_would_lift": [{"start_s": lift.start_s, "end_s": lift.end_s} for lift in driven.key_tensions()],
         **driven.counters,
@@ -73,6 +76,12 @@ def print_motion(driven: model.MotionDriven) -> None:
         f"largest force {driven.force_n[largest]:.2f} N +- {half:.2f} N (95 %) at {driven.time_s[largest]:.4f} s; "
         f"key angle read to {driven.fit.resolution_rad:.3g} rad, jitter {driven.fit.jitter_rad:.2g} rad"
     )
+    share = driven.half_width_share()
+    if share > USELESS_SHARE:
+        print(
+            f"this force is useless: its 95 % interval is +-{100.0 * share:.0f} % of it, because the key's angle is "
+            f"read only to {driven.fit.resolution_rad:.2g} rad; use an encoder with finer counts or a slower motion"
+        )
     away = driven.angle_rad[0, driven.bodies.index("key")] - driven.rest_rad
     if abs(away) > FAR_FROM_REST_RAD:
         print(

@@ -207,6 +207,35 @@ def test_damaged_or_foreign_files_are_done_again(action: model.Action, tmp_path:
     assert all(m.reused for m in many(action, store=tmp_path, energy=True, contact_forces=True))
 
 
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda f: f | {"angle_rad": f["angle_rad"] + 1e-9},
+        lambda f: f | {name: f[name][:10] for name in ("time_s", "angle_rad", "speed_rad_per_s")},
+        lambda f: {name: item for name, item in f.items() if name != "contact_normal_n"},
+        lambda f: f | {"about": np.array(str(f["about"]).replace('"tolerance": 0.0001', '"tolerance": 1e-07'))},
+        lambda f: f | {"angle_rad": f["angle_rad"].astype(np.float32)},
+    ],
+    ids=["altered", "cut", "column lost", "facts altered", "rounded"],
+)
+def test_a_stored_file_whose_content_was_changed_is_done_again(
+    action: model.Action, tmp_path: Path, change: Callable[[dict[str, Any]], dict[str, Any]]
+) -> None:
+    options: dict[str, Any] = {"tolerance": 1e-4, "output_time_s": OUT, "contact_forces": True, "store": tmp_path}
+    options["estimate_error"] = True
+    (first,) = model.simulate_many(action, [blow(3.0)], **options)
+    (path,) = tmp_path.glob("*.npz")
+    with np.load(path) as file:
+        held = dict(file)
+    np.savez(path, **held)  # written again as it was: still good
+    assert model.simulate_many(action, [blow(3.0)], **options)[0].reused
+    np.savez(path, **change(held))
+    (again,) = model.simulate_many(action, [blow(3.0)], **options)
+    assert not again.reused and first.solution is not None and again.solution is not None
+    assert_same(first.solution, again.solution)
+    assert again.solution.error_rad is not None and again.solution.error_rad > 0.0
+
+
 def test_lasting_failure_is_kept_and_an_accident_is_not(tmp_path: Path) -> None:
     store = batch.Store(tmp_path)
     store.write(batch.Member("t", "p", "a" * 64, error=model.IntegrationError("stopped at t = 1 s")))

@@ -125,3 +125,34 @@ def test_speed_must_be_positive(speed: float) -> None:
     fit = fit_felt(experiment(abc, d, 1e-3, 0.0, np.random.default_rng(5)))
     with pytest.raises(InputError, match="mean normal speed"):
         damping_factor(fit, speed)
+
+
+def stulov(p: float, noise: float, rng: np.random.Generator) -> LoadingCurve:
+    """A felt with another power than the cubic can take, and memory that closes at the turn."""
+    x = np.concatenate([np.linspace(0.0, 1e-3, 150), np.linspace(1e-3, 0.0, 150)])
+    s = x / 1e-3
+    f = 40.0 * s**p * np.where(np.arange(300) < 150, 1.0, 1.0 - 0.8 * (1.0 - s))
+    return check_curve(x, f + rng.normal(0.0, noise, 300), ["loading"] * 150 + ["unloading"] * 150)
+
+
+@pytest.mark.parametrize("noise", [0.02, 0.2])
+def test_a_felt_of_another_law_is_said_and_its_errors_widened(noise: float) -> None:
+    fit = fit_felt(stulov(5.0, noise, np.random.default_rng(8)))
+    assert not fit.law_fits and not fit.loop_fits
+    assert fit.widened == pytest.approx(fit.misfit_n / fit.u_mid_n) and fit.widened > 3.0
+    plain = np.sqrt(np.diag(fit.gain * np.concatenate([fit.loading.variance, fit.unloading.variance]) @ fit.gain.T))
+    np.testing.assert_allclose(fit.u_abc, fit.widened * plain, rtol=1e-9)
+    # the share at which D is read depends on the depth by more than its stated error without widening
+    ratio, u = fit.loading_ratio(0.9e-3)
+    assert u > fit.loop_misfit_n / 40.0 and ratio > 1.0
+
+
+@pytest.mark.parametrize(("contact", "deepest"), [("contact02", 1e-3), ("contact10", 4e-4), ("contact13", 4e-4)])
+@pytest.mark.parametrize("share", [0.001, 0.02])
+def test_a_felt_of_the_law_is_hardly_ever_doubted(contact: str, deepest: float, share: float) -> None:
+    abc, d = printed(contact)
+    rng = np.random.default_rng(77)
+    noise = share * cubic(abc, np.array([deepest]))[0]
+    fits = [fit_felt(experiment(abc, d, deepest, noise, rng)) for _ in range(200)]
+    assert sum(not fit.law_fits for fit in fits) <= 4
+    assert sum(not fit.loop_fits for fit in fits) <= 4

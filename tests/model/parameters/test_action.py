@@ -112,3 +112,13 @@ def test_bad_overrides_are_refused(action: model.Action, path: str, value: float
 def test_a_written_value_is_read_back_exactly(value: float) -> None:
     action = model.load_action(overrides={"hammer.mass": value})
     assert action["hammer.mass"] == value
+
+
+def test_a_normal_may_be_as_long_along_an_axis_as_across() -> None:
+    for x, y in ((0.0, -1.0999), (0.0, 1.05), (-1.09, 0.0), (0.77, 0.77)):
+        changed = model.load_action(overrides={"contact13.second.normal.x": x, "contact13.second.normal.y": y})
+        assert changed["contact13.second.normal.y"] == y
+    with pytest.raises(model.InputError, match=r"length found 1\.5"):
+        model.load_action(overrides={"contact13.second.normal.x": 1.09, "contact13.second.normal.y": 1.09})
+    with pytest.raises(model.InputError, match=r"allowed from -1\.1 to 1\.1"):
+        model.load_action(overrides={"contact13.second.normal.x": 1.2})

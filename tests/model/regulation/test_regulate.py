@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from pathlib import Path
 
@@ -9,7 +10,7 @@ import numpy as np
 import pytest
 
 import model
-from model.regulation import SCREWS, TARGETS, Regulation, RegulationError, measure, regulate, write_action
+from model.regulation import REST_RAIL, SCREWS, TARGETS, Regulation, RegulationError, measure, regulate, write_action
 
 SHIPPED = "hirschkorn2004-regulated"
 
@@ -93,3 +94,58 @@ def test_a_capstan_out_of_reach_is_blamed_before_what_it_disturbs(action: model.
 def test_a_check_without_friction_cannot_be_regulated(action: model.Action) -> None:
     with pytest.raises(RegulationError, match=r"check height, medium blow .* the back-check wire"):
         regulate(model.load_action(SHIPPED, {"contact04.friction": 0}))
+
+
+def test_a_regulated_action_comes_back_unchanged() -> None:
+    shipped = model.load_action(SHIPPED)
+    again = regulate(shipped)
+    assert again.action is shipped and set(again.turned_m.values()) == {0.0} and again.rest_rail_m == 0.0
+    assert max(distances_mm(again.after)) < 0.02
+
+
+@pytest.mark.parametrize(
+    "small",
+    [
+        {"contact02.first.y": -0.0081917, "contact05.second.x": 0.0758402},
+        pytest.param({"contact12.second.y": 1e-4}, marks=pytest.mark.slow),
+        pytest.param({"hammer.center_of_mass.x": 1e-3}, marks=pytest.mark.slow),
+        {"contact07.first.radius": 10e-6},
+        pytest.param({"contact01.first.y": 5e-6}, marks=pytest.mark.slow),
+    ],
+    ids=["two screws", "string", "hammer", "knuckle", "capstan"],
+)
+def test_what_is_nearly_regulated_is_regulated(small: dict[str, float]) -> None:
+    """A screw that hardly has to turn keeps a stated uncertainty, and the regulation."""
+    shipped = model.load_action(SHIPPED)
+    off = shipped.with_values({path: x if len(small) == 2 else shipped[path] + x for path, x in small.items()})
+    done = regulate(off)
+    assert max(distances_mm(done.after)) < 0.02
+    for s in SCREWS:
+        if done.turned_m[s.target]:
+            assert 1e-7 < done.action.quantities[s.path].u < 2e-4, s.name
+
+
+def test_a_hammer_that_lies_on_its_rail_is_freed_by_lowering_the_rail(action: model.Action) -> None:
+    high = model.load_action(SHIPPED).with_values({REST_RAIL.path: action[REST_RAIL.path] + 1e-3})
+    rest = model.rest_state(high)
+    assert rest.contact_normal_n[rest.contacts.index("contact13")] > 0.02
+    done = regulate(high)
+    assert max(distances_mm(done.after)) < 0.02 and -2.5e-3 < done.rest_rail_m < -1e-3
+    after = model.rest_state(done.action)
+    assert after.penetration_m[after.contacts.index("contact13")] == pytest.approx(-0.5e-3, abs=0.02e-3)
+    rail = done.action.quantities[REST_RAIL.path]
+    assert rail.value - high[REST_RAIL.path] == pytest.approx(done.rest_rail_m, abs=1e-12)
+    assert rail.source.startswith("regulated: rest rail lowered")
+
+
+def test_a_rail_too_high_for_its_travel_is_named(action: model.Action) -> None:
+    with pytest.raises(RegulationError, match=r"lies on the rest rail \(contact13\.first\.y\) at its limit, -5\.00 mm"):
+        regulate(action.with_values({REST_RAIL.path: action[REST_RAIL.path] + 8e-3}))
+
+
+def test_a_screw_that_is_too_short_is_told_how_far_it_would_have_to_go(action: model.Action) -> None:
+    off = action.with_values({"contact02.first.y": action["contact02.first.y"] - 4e-3})
+    with pytest.raises(RegulationError, match=r"key-dip washers .* at its limit, \+3\.00 mm") as caught:
+        regulate(off)
+    found = re.search(r"would have to go to \+(\d\.\d\d) mm", str(caught.value))
+    assert found and math.isclose(float(found[1]), 4.0 - 0.59, abs_tol=0.03)

@@ -105,3 +105,16 @@ def test_changes_since_rest(
     refused("allowed up to 1000 N", "simulate", "--key-motion", table, "--out", out)
     words = "--from-rest: found without --key-motion"
     refused(words, "simulate", "--force", FORCE, "--from-rest", "--out", out)
+
+
+def test_a_force_from_coarse_counts_is_called_useless(
+    blow: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rows = np.loadtxt(blow, delimiter=",", skiprows=1)[::2]
+    for counts, useless in ((2000, True), (327680, False)):
+        coarse, out = tmp_path / f"{counts}.csv", tmp_path / "force.csv"
+        width = 2.0 * np.pi / counts
+        angles = np.round(rows[:, 1] / width) * width
+        np.savetxt(coarse, np.column_stack([rows[:, 0], angles]), "%.12g", ",", header="time_s,key_rad", comments="")
+        assert run("simulate", "--key-motion", str(coarse), "--out", str(out)) == 0
+        assert ("this force is useless: its 95 % interval is +-" in capsys.readouterr().out) == useless

@@ -1,0 +1,106 @@
+"""The action being regulated: where its screws are, what they were measured to do, and how far off its targets are.
+
+Lengths in metres; a target that cannot be measured has the error NaN. Nothing here decides how a screw is turned.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.errors import InputError, RegulationError, StaticsError
+from model.parameters.action import Action
+from model.regulation.contact_gap import contact_gap
+from model.regulation.measures import TARGETS, at_rest, in_blow, in_press
+from model.regulation.screws import REST_RAIL, SCREWS, limits
+from model.simulation.hand_set_rest import hand_set_rest
+
+TOLERANCE = 20e-6  # m, within which a target counts as met
+CONVERGED = {"rest": 0.1e-6, "press": 4e-6, "blow": 4e-6}  # m, error at which a screw is left as it is
+TARGET = {t.name: t for t in TARGETS}
+SCREW = {s.target: s for s in SCREWS}
+RAIL = "rest_rail"  # key of the rest rail among the turns
+
+Array = NDArray[np.float64]
+
+
+@dataclass
+class Bench:
+    """The action being regulated: positions of its screws and their measured effects.
+
+    Attributes
+    ----------
+    given : action as it came
+    turn_m : target name (or `RAIL`) -> turn of its screw
+    effect : target name -> change of the target per turn of its own screw
+    evaluations : number of rest states, presses and blows
+    wider_m : by how much screws may pass the ends of their travel; above 0 only to find out what is in the way
+    """
+
+    given: Action
+    turn_m: dict[str, float] = field(default_factory=lambda: {s.target: 0.0 for s in SCREWS} | {RAIL: 0.0})
+    effect: dict[str, float] = field(default_factory=dict)
+    evaluations: dict[str, int] = field(default_factory=lambda: {"rest": 0, "press": 0, "blow": 0})
+    wider_m: float = 0.0
+
+    def limits(self, name: str) -> tuple[float, float]:
+        """Travel of a screw (m)."""
+        return limits(self.given, REST_RAIL if name == RAIL else SCREW[name], self.wider_m)
+
+    def at_limit(self, name: str) -> bool:
+        """Whether a screw is at an end of its travel."""
+        low, high = self.limits(name)
+        return min(self.turn_m[name] - low, high - self.turn_m[name]) < 1e-6
+
+    def action(self, turns: Mapping[str, float] | None = None) -> Action:
+        """The action with its screws as they are, or some of them at ``turns`` (m)."""
+        wanted = self.turn_m | dict(turns or {})
+        path = {name: REST_RAIL.path if name == RAIL else SCREW[name].path for name in wanted}
+        return self.given.with_values({path[name]: self.given[path[name]] + x for name, x in wanted.items() if x})
+
+    def rest_errors(self, names: Iterable[str], turns: Mapping[str, float] | None = None) -> Array:
+        """Errors (m) of targets measured at rest; NaN where the action does not rest."""
+        self.evaluations["rest"] += 1
+        try:
+            found = at_rest(self.action(turns))
+        except (StaticsError, InputError):
+            found = {}
+        return np.array([found.get(name, math.nan) - TARGET[name].wanted_m for name in names])
+
+    def error(self, name: str, turn: float) -> float:
+        """Error (m) of one target with its screw at ``turn``; NaN where it cannot be measured."""
+        kind = TARGET[name].measured_in
+        if kind == "rest":
+            return float(self.rest_errors([name], {name: turn})[0])
+        action = self.action({name: turn})
+        self.evaluations[kind] += 1
+        try:
+            rest = hand_set_rest(action)
+            if kind == "press":
+                found, _, _ = in_press(action, rest, at_rest(action, rest)["dip"])
+            else:
+                found, _ = in_blow(action, rest)
+        except (StaticsError, InputError):
+            return math.nan
+        return found[name] - TARGET[name].wanted_m
+
+    def room(self, contact: str) -> float:
+        """Gap (m) of a contact with the action at rest."""
+        action = self.action()
+        return -contact_gap(action, contact, hand_set_rest(action)).penetration_m
+
+    def failure(self, name: str, error: float, why: str = "") -> RegulationError:
+        """The error that says which target stays how far off with which screw where."""
+        target, screw, turn = TARGET[name], SCREW[name], self.turn_m[name]
+        low, high = self.limits(name)
+        where = f"{1e3 * turn:+.2f} mm of {1e3 * low:+.1f} to {1e3 * high:+.1f}"
+        where = f"at its limit, {where}" if self.at_limit(name) else f"at {where}"
+        far = f"stays {1e3 * abs(error):.2f} mm from" if math.isfinite(error) else "cannot be brought to"
+        return RegulationError(
+            f"{self.given.origin}: cannot be regulated: {target.words} {far} {1e3 * target.wanted_m:.1f} mm "
+            f"with the {screw.name} ({screw.path}) {where}{'; ' + why if why else ''}"
+        )

@@ -1,0 +1,99 @@
+"""One screw turned until its own target is met: a secant kept within its bracket, then a search over its travel."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+from model.regulation.bench import CONVERGED, SCREW, TARGET, TOLERANCE, Bench
+
+MOST_TURNS = 16  # of a screw in a round
+LARGEST_TURN = 1e-3  # m in one step
+SMALL_TURN = 10e-6  # m, below which the slope of a step is not used again
+NOT_MEASURABLE = {"let_off": -2e-3, "check": 5e-3}  # error (m) assumed then: jack stuck, hammer free
+SEARCH = {"rest": 16, "press": 8, "blow": 32}  # places over the travel where the secant fails
+
+
+def turn_screw(bench: Bench, name: str, report: Callable[[str], None], beyond_m: float = 0.0) -> float:
+    """Turn one screw until its target plus ``beyond_m`` is met, or as near as it can; returns the error left (m)."""
+    errors: dict[float, float] = {}
+
+    def error_at(turn: float) -> float:
+        if turn not in errors:
+            report(f"{SCREW[name].name} {1e3 * turn:+.3f} mm")
+            errors[turn] = bench.error(name, turn) - beyond_m
+        return errors[turn]
+
+    _secant(bench, name, bench.turn_m[name], error_at)
+    best = _best(errors)
+    if not abs(errors[best]) <= TOLERANCE:
+        for start in _sign_changes(bench, name, errors, error_at):
+            _secant(bench, name, start, error_at)
+            best = _best(errors)
+            if abs(errors[best]) <= TOLERANCE:
+                break
+    bench.turn_m[name] = best
+    return errors[best]
+
+
+def _best(errors: dict[float, float]) -> float:
+    return min(errors, key=lambda x: abs(errors[x]) if math.isfinite(errors[x]) else math.inf)
+
+
+def _sign_changes(
+    bench: Bench, name: str, errors: dict[float, float], error_at: Callable[[float], float]
+) -> list[float]:
+    """Turns to start again from: beside each change of sign, or where there is none the measurable place nearest."""
+    low, high = bench.limits(name)
+    count = SEARCH[TARGET[name].measured_in]
+    for k in range(count + 1):
+        error_at(low + (high - low) * k / count)
+    turns = sorted(turn for turn, error in errors.items() if math.isfinite(error))
+    changes = [b if abs(errors[b]) < abs(errors[a]) else a
+               for a, b in zip(turns, turns[1:], strict=False) if errors[a] * errors[b] <= 0.0]  # fmt: skip
+    return sorted(changes, key=lambda turn: abs(errors[turn])) or turns[:0]
+
+
+def _secant(bench: Bench, name: str, turn: float, error_at: Callable[[float], float]) -> None:
+    """Follow the target's slope from ``turn``; keeps what it measures in ``bench.effect``."""
+    low, high = bench.limits(name)
+    aim = CONVERGED[TARGET[name].measured_in]
+    usual = SCREW[name].usual_effect
+
+    def known(at: float) -> tuple[float, bool]:
+        error = error_at(at)
+        return (error, True) if math.isfinite(error) else (NOT_MEASURABLE.get(name, math.nan), False)
+
+    error, measured = known(turn)
+    slope = bench.effect.get(name, usual)
+    idle = 0.0  # last turn, where it hardly had an effect
+    low_side = high_side = math.nan  # turns with negative and positive error nearest to each other
+    for _ in range(MOST_TURNS):
+        if abs(error) < aim or math.isnan(error):
+            return
+        if error < 0.0:
+            low_side = turn
+        else:
+            high_side = turn
+        if slope * usual <= 0.0:
+            slope = usual
+        step = -error / slope
+        if idle:  # no effect: something else carries the part, go on until the screw does
+            step = math.copysign(max(abs(step), 2.0 * abs(idle)), step)
+        new = min(high, max(low, turn + max(-LARGEST_TURN, min(LARGEST_TURN, step))))
+        if math.isfinite(low_side + high_side) and not min(low_side, high_side) < new < max(low_side, high_side):
+            new = 0.5 * (low_side + high_side)
+        if abs(new - turn) < 1e-10:
+            return
+        new_error, new_measured = known(new)
+        if math.isnan(new_error):  # gone too far for the target to be measured
+            new = 0.5 * (turn + new)
+            new_error, new_measured = known(new)
+            if math.isnan(new_error):
+                return
+        idle = new - turn if abs(new_error) > 0.7 * abs(error) and new_error * error > 0.0 else 0.0
+        if measured and new_measured:
+            slope = (new_error - error) / (new - turn)
+            if abs(new - turn) > SMALL_TURN and slope * usual > 0.0:
+                bench.effect[name] = slope
+        turn, error, measured = new, new_error, new_measured
