@@ -19,7 +19,7 @@ from validation.statistics.common_base import on_common_base
 from validation.statistics.paired_difference import COLUMNS as JUDGED
 from validation.statistics.paired_difference import NOT_JUDGED, Judgement
 from validation.statistics.repeatability import curve_repeatability
-from validation.statistics.simultaneous_band import simultaneous_band
+from validation.statistics.simultaneous_band import FEWEST_FOR_BAND, simultaneous_band
 
 COLUMNS = (
     "range_rad",
@@ -122,4 +122,7 @@ def _state(curves: Array) -> str:
     """Why a channel has no repeatability, or an empty text."""
     if not np.isfinite(curves).any():
         return "no frame tracked"
-    return "one trial" if curves.shape[1] == 1 else ""
+    n = curves.shape[1]
+    if n == 1:
+        return "one trial"
+    return f"{n} trials: too few for a band, {FEWEST_FOR_BAND} needed" if n < FEWEST_FOR_BAND else ""

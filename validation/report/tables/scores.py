@@ -67,8 +67,8 @@ def iso_table(result: ValidationResult) -> PageTable:
     head = ["channel", "overall", "corridor", "phase", "magnitude", "slope", "perfect model", "largest shift (ms)"]
     notes = [
         "From 0 to 1, mean over trials; perfect model: what it would score overall under the force as measured. "
-        "The specification is made for forces and accelerations of vehicle safety; here it is a style of scoring. A curve "
-        "with lost frames has no score."
+        "The specification is made for forces and accelerations of vehicle safety; here it is a style of scoring. "
+        "A curve with lost frames has no score."
     ]
     return PageTable("iso", "ISO/TS 18571-style scores", head, rows, notes)
 
