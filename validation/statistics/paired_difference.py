@@ -72,7 +72,7 @@ class Judgement:
             row: dict[str, object] = dict.fromkeys(COLUMNS, nan)
             return ChannelDifference(nothing, nothing, nothing, row | {"judgement": NOT_JUDGED})
         t, time = self.test, self.draws.time_s
-        size, u = np.abs(t.difference[:, i]), t.u[:, i]
+        size, u, scale = np.abs(t.difference[:, i]), t.u[:, i], t.scale[:, i]
         known = np.isfinite(size)
         right = np.sort(np.sqrt(np.nanmean(self.draws.draws[..., i] ** 2, axis=(1, 2))))
         row = {
@@ -82,14 +82,14 @@ class Judgement:
             "largest_ratio_difference_rad": float(t.difference[t.largest_at[i], i]),
             "largest_ratio_at_s": float(time[t.largest_at[i]]),
             "ratio_limit": t.factor,
-            "resolved_share": float(np.mean(size[known] > t.factor * u[known])),
+            "resolved_share": float(np.mean(size[known] > t.factor * scale[known])),
             "resolved_pointwise_share": float(np.mean(size[known] > POINTWISE * u[known])),
             "rmse_right_rad": float(np.median(right)),
             "rmse_right_95_rad": float(right[min(int(np.ceil((1 - LEVEL) * (right.size + 1) - 1e-9)), right.size) - 1]),
             "judgement": SHOWN if t.reached[i] > t.factor else NOT_SHOWN,
         }
-        mean, u_base = (np.interp(base_s, time[known], v[known]) for v in (t.difference[:, i], u))
-        return ChannelDifference(mean, u_base, t.factor * u_base, row)
+        mean, u_base, unit = (np.interp(base_s, time[known], v[known]) for v in (t.difference[:, i], u, scale))
+        return ChannelDifference(mean, u_base, t.factor * unit, row)
 
 
 COLUMNS = (

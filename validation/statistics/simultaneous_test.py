@@ -3,9 +3,11 @@
 Conventions: curves are stacked (…, n_samples, n_channels) in rad; *draws* are differences as they would be if the model
 were right, each with all inputs drawn anew (`validation.prediction.joint_draws`), so their covariance over time and
 channels is that of the declared uncertainties, whatever its form.
-Source: Monte Carlo test (Besag and Clifford 1989). u(t) is the root mean square of the draws, T the largest |D|/u over
-time and channels. The difference found is one more draw if the model is right, so that it exceeds the draw of rank
-0.95 (N + 1) with a probability of 5 %, however skewed and correlated the curves are. A draw is judged by the others' u.
+Source: Monte Carlo test (Besag and Clifford 1989). u(t) is the root mean square of the draws; T is the largest |D| over
+time and channels in units of √(u² + u_w²), where u_w is a quarter of the root mean square of u over the window: without
+it an instant at which few draws differ decides, and power is lost (the quarter was chosen by power, on seeds of its
+own). The difference found is one more draw if the model is right, so that it exceeds the draw of rank 0.95 (N + 1) with
+a probability of 5 %, however skewed and correlated the curves are. A draw is judged by the others' u.
 Scatter of the trials enters where it is larger than the draws' own (their 95 % rank) and there are at least four
 trials: random combinations of the trials' residuals, with Student's factor, are added to the draws.
 """
@@ -21,6 +23,7 @@ from validation.conventions import Array
 
 LEVEL = 0.05
 FEWEST_FOR_SCATTER = 4
+STEADY = 0.25
 SEED = 1989
 
 
@@ -31,8 +34,9 @@ class SimultaneousTest:
     Attributes
     ----------
     difference, u : (n_samples, n_channels) mean difference, model minus trial, and its standard uncertainty
-    factor : largest |D|/u that a right model reaches in 95 % of sessions; the band is ± factor · u
-    reached : (n_channels,) largest |D|/u found, NaN where a channel is not known
+    scale : (n_samples, n_channels) unit in which the difference is judged, at least ``u``
+    factor : largest |D|/scale that a right model reaches in 95 % of sessions; the band is ± factor · scale
+    reached : (n_channels,) largest |D|/scale found, NaN where a channel is not known
     largest_at : (n_channels,) its sample
     p : share of draws that reach at least as far; at least 1/(N + 1)
     draws : N
@@ -41,6 +45,7 @@ class SimultaneousTest:
 
     difference: Array
     u: Array
+    scale: Array
     factor: float
     reached: Array
     largest_at: NDArray[np.int64]
@@ -91,15 +96,18 @@ def simultaneous_test(found: Array, draws: Array, floor: Array) -> SimultaneousT
     square = np.where(known, drawn, 0.0) ** 2
     total = square.sum(axis=0)
     u = np.sqrt(total / n_draws + floor**2)
-    others = np.sqrt((total - square) / (n_draws - 1) + floor**2)
+    scale = _steadied(u, known)
+    others = _steadied(np.sqrt((total - square) / (n_draws - 1) + floor**2), known)
     reach = np.sort((np.sqrt(square) / np.where(others > 0, others, np.inf)).max(axis=(1, 2)))
     rank = int(np.ceil((1 - LEVEL) * (n_draws + 1) - 1e-9))
-    ratio = np.where(known & (u > 0), np.abs(np.where(known, mean, 0.0)) / np.where(u > 0, u, 1.0), -np.inf)
+    there = known & (scale > 0)
+    ratio = np.where(there, np.abs(np.where(known, mean, 0.0)) / np.where(there, scale, 1.0), -np.inf)
     reached = ratio.max(axis=0)
     found_reach = float(reached.max())
     return SimultaneousTest(
         difference=np.where(known, mean, np.nan),
         u=np.where(known, u, np.nan),
+        scale=np.where(known, scale, np.nan),
         factor=float(reach[min(rank, n_draws) - 1]),
         reached=np.where(np.isfinite(reached), reached, np.nan),
         largest_at=np.asarray(ratio.argmax(axis=0), dtype=np.int64),
@@ -107,6 +115,12 @@ def simultaneous_test(found: Array, draws: Array, floor: Array) -> SimultaneousT
         draws=n_draws,
         excess_scatter=excess,
     )
+
+
+def _steadied(u: Array, known: NDArray[np.bool_]) -> Array:
+    """Unit of the statistic, (…, n_samples, n_channels): u and a share of its root mean square over the window."""
+    mean_square = np.where(known, u**2, 0.0).sum(axis=-2, keepdims=True) / np.maximum(known.sum(axis=0), 1)
+    return np.asarray(np.sqrt(u**2 + STEADY**2 * mean_square))
 
 
 def _more_scatter(found: Array, draws: Array, usable: NDArray[np.bool_], mean: Array, drawn: Array) -> bool:

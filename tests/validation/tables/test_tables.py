@@ -19,6 +19,7 @@ from validation.scores.traces import SessionTraces
 from validation.statistics.common_base import on_common_base
 from validation.statistics.difference_draws import DifferenceDraws
 from validation.statistics.paired_difference import NOT_JUDGED, NOT_SHOWN, SHOWN, judge
+from validation.statistics.simultaneous_test import STEADY
 from validation.tables.channels import channel_tables
 from validation.tables.events import event_summary, event_table
 from validation.tables.scorecard import scorecard, with_repeatability, with_scores
@@ -99,12 +100,13 @@ def test_the_channel_table_holds_the_numbers_of_the_one_test():
     channels, spread = channel_tables(session, {}, (), far)
     row = channels.set_index("channel").loc["hammer"]
     assert row["judgement"] == SHOWN and row["resolved_share"] == 1.0
-    assert row["largest_ratio"] == pytest.approx(0.18 / row["u_difference_rad"]) and row["largest_ratio"] > 5
+    unit = np.hypot(1.0, STEADY) * row["u_difference_rad"]
+    assert row["largest_ratio"] == pytest.approx(0.18 / unit) and row["largest_ratio"] > 5
     assert row["largest_ratio_difference_rad"] == pytest.approx(0.18)
     assert row["mean_difference_rad"] == pytest.approx(0.18)
     assert 0.01 < row["rmse_right_rad"] < row["rmse_right_95_rad"] < 0.1
     band = spread["hammer_difference_band95_rad"].to_numpy()
-    assert band == pytest.approx(row["ratio_limit"] * row["u_difference_rad"])
+    assert band == pytest.approx(row["ratio_limit"] * unit)
     assert far.facts()["rejected"] and not near.facts()["rejected"]
     same = channel_tables(session, {}, (), near)[0].set_index("channel")
     assert set(same.loc[["key", "whippen", "hammer"], "judgement"]) == {NOT_SHOWN}
