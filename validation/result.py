@@ -48,7 +48,7 @@ class SessionTables:
         One row per trial and channel: every score of the model, of the null model and of the model driven by the raw
         force.
     scorecard : DataFrame
-        One row per channel and score: of all trials, beside its ceiling, the score of trial against trial.
+        One row per channel and score: of all trials, beside its ceiling, the score of a perfect model.
     marked : DataFrame
         Samples left out of the scores, because the key lifts.
     findings : DataFrame
@@ -66,7 +66,7 @@ class SessionTables:
     spread : DataFrame
         On the common time base inside the window: time_s, then <channel>_mean_rad, _s_r_rad, _band95_rad (half width
         of the simultaneous 95 % band of the mean), _difference_rad (mean paired difference), its _difference_u95_rad
-        (pointwise) and _difference_band95_rad (simultaneous).
+        (pointwise, 1.96 u) and _difference_band95_rad (simultaneous), both of all declared uncertainties.
     traces : dict
         Trial → DataFrame of time_s, raw_force_n, force_time_s, force_n, u_force_n, <channel>_measured_rad, key_marked,
         <body>_predicted_rad, <channel>_null_rad (null model), <channel>_raw_rad (driven by the raw force),
@@ -78,6 +78,11 @@ class SessionTables:
         Force predicted from the key's measured motion, in one row; empty when not requested.
     motion_trace : DataFrame or None
         The same over time, see `validation.prediction.motion_driven.motion_driven`.
+    judgement : dict
+        The simultaneous test of the difference: whether it was judged or why not, rejected, p, factor, draws, trials.
+    nuisance : DataFrame
+        Scores of each trial under drawn errors of force and sensors: trial, channel, draw, rmse_rad,
+        before_impact_rmse_rad, iso_overall; the same draws for every model of a session.
     """
 
     warnings: list[str]
@@ -98,6 +103,8 @@ class SessionTables:
     film_traces: dict[int, pd.DataFrame]
     motion_driven: pd.DataFrame
     motion_trace: pd.DataFrame | None
+    judgement: dict[str, Any]
+    nuisance: pd.DataFrame
 
     @property
     def tables(self) -> dict[str, pd.DataFrame]:

@@ -2,9 +2,10 @@
 
 The hammer *rides* on the jack until let-off, or until it would have to be pulled. It then *flies* under gravity alone.
 At the string its speed reverses at once, by the restitution that the string contact's own law gives. While the jack
-is out it is *caught*, for good and without a bounce, where the back check first touches it; the action then carries
-its weight. It rides again, sharing its angular momentum, when the jack is under it: at let-off or above, where the
-joined path meets it. The repetition lever does not act on a hammer in flight, and a hammer in flight weighs nothing.
+is out it is *caught*, without a bounce, where the back check first touches it, or else on the repetition lever, which
+holds it as high as the jack did at let-off; the action then carries its weight. It rides again, sharing its angular
+momentum, when the jack is back under it: at let-off or above, where the joined path meets it. A hammer in flight weighs
+nothing. So the hammer stays between the joined path and the string; a key that leaves its tables is an error.
 
 Integrated by `time_stepping`. In: force table as for ``simulate``; out: the same `Solution`.
 """
@@ -18,7 +19,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from model.errors import InputError
+from model.errors import InputError, IntegrationError
 from model.force_driven import check_force_table, check_output_times
 from model.null_model.reduction import HAMMER, KEY, Path, Reduced, reduce_action
 from model.null_model.time_stepping import Constants, integrate
@@ -28,6 +29,7 @@ from model.simulation.statics import RestState
 
 Array = NDArray[np.float64]
 
+ROUNDING = 1e-9  # rad
 STEP = 5e-5  # s; a sixtieth of the fastest swing of a key on its felt under 60 N
 
 
@@ -71,6 +73,7 @@ def simulate(
     ------
     InputError : table or times cannot be used
     StaticsError : the action does not balance somewhere along the key's travel
+    IntegrationError : the key turns further than its stops were computed for; the message says when
 
     Notes
     -----
@@ -93,6 +96,7 @@ def simulate(
     step = float(grid[2] - grid[0])
     joined, away = _table(reduced.joined), _table(reduced.away)
     integrate(joined, away, reduced.check_rad, _constants(action, reduced), start, step, table, rows)
+    _check_stops(reduced, grid[::2], rows, table[::2])
     angle, speed = _angles(reduced, grid[::2], rows, outputs)
     return Solution(
         bodies=BODIES,
@@ -102,6 +106,21 @@ def simulate(
         counters={"n_steps": count},
         tolerance=tolerance,
     )
+
+
+def _check_stops(reduced: Reduced, time_s: Array, rows: Array, force_n: Array) -> None:
+    """Refuse a motion beyond the key's stops or the hammer's, where the tables say nothing."""
+    lowest, highest = float(reduced.sigma[0]), float(reduced.sigma[-1])
+    lowest_rise = float(np.min(reduced.up * (reduced.joined.angle_rad[:, HAMMER] - reduced.rest_rad[HAMMER])))
+    for body, column, low, high in (("key", 0, lowest, highest), ("hammer", 2, lowest_rise, reduced.string_rad)):
+        turn = rows[:, column]
+        beyond = np.flatnonzero(~((turn >= low - ROUNDING) & (turn <= high + ROUNDING)))
+        if len(beyond):
+            i = int(beyond[0])
+            raise IntegrationError(
+                f"null model cannot predict this blow: {body} turns {turn[i]:.4g} rad from rest at {time_s[i]:.4f} s "
+                f"under {force_n[i]:.4g} N; its stops allow {low:.4g} to {high:.4g} rad; check the force table"
+            )
 
 
 def _table(path: Path) -> Array:

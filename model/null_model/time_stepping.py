@@ -173,8 +173,12 @@ def integrate(
                 jack_out = True
             ratio = n.up * _interpolate(joined, n, s, RATIO)
             path, along = n.up * (_interpolate(joined, n, s, ANGLE) - n.rest), ratio * w
-            if jack_out and s < n.let_off and path <= phi:
-                jack_out, mode = False, FLYING  # what was caught falls on
+            if jack_out and s < n.let_off:
+                jack_out, mode = False, FLYING  # what was held up falls on, or meets the jack at once
+            if jack_out and phi <= path:  # lies on the repetition lever, about as high as the jack carried it
+                phi = path
+                if omega <= 0.0:
+                    omega, mode = 0.0, CAUGHT
             if not jack_out and phi <= path:  # comes down on the jack: both go on with the angular momentum they have
                 if omega <= along:
                     alone = _interpolate(away, n, s, MASS)

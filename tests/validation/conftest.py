@@ -173,8 +173,13 @@ def side(compared):
     def other(session, model, factor):
         columns = [c for c in compared.scores.columns if c.endswith("rmse_rad")]
         scores = compared.scores.assign(**{c: compared.scores[c] * factor for c in columns})
-        few = {number: compared.traces[number] for number in (1, 2)}  # curves cost most of the drawing
-        return replace(compared, session_name=session, action_name=model, scores=scores, traces=few, motion_trace=None)
+        drawn = [c for c in columns if c in compared.nuisance]
+        changed = {
+            "scores": scores,
+            "nuisance": compared.nuisance.assign(**{c: compared.nuisance[c] * factor for c in drawn}),
+            "traces": {number: compared.traces[number] for number in (1, 2)},  # curves cost most of the drawing
+        }
+        return replace(compared, session_name=session, action_name=model, motion_trace=None, **changed)
 
     results = tuple(
         other(session, model, factor)

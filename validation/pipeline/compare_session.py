@@ -18,11 +18,12 @@ from validation.findings.session import find_faults
 from validation.measurement.session import measure_session, open_session
 from validation.options import CompareOptions, ComparisonOptions
 from validation.pipeline.provenance import provenance
-from validation.pipeline.verdict import verdict_lines
+from validation.pipeline.verdict import Standing, verdict_lines
 from validation.prediction.model_under_test import ModelUnderTest
 from validation.prediction.session import predict_session
 from validation.result import ValidationResult
 from validation.scores.session import score_session
+from validation.statistics.null_comparison import null_closer
 from validation.tables.session import make_tables
 
 
@@ -95,13 +96,15 @@ def compare_by(session: Session, action: model.Action, chosen: ComparisonOptions
     findings = find_faults(predicted, events, scored, tested, search_friction=chosen.suspect)
     tables = make_tables(predicted, events, scored, findings, tested, chosen)
     name = session.info.name or session.path.name
+    standing = Standing(tables.judgement, tables.budget, null_closer(scored.scores, findings.left_out))
     return ValidationResult(
         session_name=name,
         action_name=action.name,
         verdict_lines=verdict_lines(
-            name, action.name, tables.channels, tables.event_summary, len(predicted.trials), findings.faults
+            name, action.name, tables.channels, tables.event_summary, len(predicted.trials), findings.faults, standing
         ),
-        provenance=provenance(session, tested, predicted.trials, events.window, chosen.now()),
+        provenance=provenance(session, tested, predicted.trials, events.window, chosen.now())
+        | {"judgement": tables.judgement},
         **vars(tables),
     )
 

@@ -1,19 +1,38 @@
-"""The first lines of the report: what was compared, how far apart, against which repeatability, which events differ.
+"""The first lines of the report: what was compared, and what the stated uncertainties allow to say of the difference.
 
-Conventions: degrees for reading; the RMSE is set against the repeatability limit, the paired difference against its own
-uncertainty; no model is called valid; what is not known is left out or said to be unknown.
+Conventions: degrees for reading. The head is the outcome of the simultaneous test (`simultaneous_test`): *model error
+shown in …*, *agrees within the stated uncertainty*, or *cannot be judged, because …*; an RMSE is set against the RMSE
+that a right model would reach; no model is called valid; what is not known is left out or said to be unknown.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import pandas as pd
 
 from validation.events.definitions import EVENTS
 from validation.findings.finding import SessionFinding, distorted_trials, summary_line
+from validation.statistics.paired_difference import SHOWN
+
+
+@dataclass(frozen=True)
+class Standing:
+    """What the head of the verdict is made of beside the tables of channels and events.
+
+    Attributes
+    ----------
+    judgement : `validation.result.SessionTables.judgement`
+    budget : the uncertainty budget of the events
+    null_closer : what is to be said where the null model is closer, see `validation.statistics.null_comparison`
+    """
+
+    judgement: Mapping[str, Any] = field(default_factory=dict)
+    budget: pd.DataFrame = field(default_factory=pd.DataFrame)
+    null_closer: str = ""
 
 
 def verdict_lines(
@@ -23,6 +42,7 @@ def verdict_lines(
     events: pd.DataFrame,
     n_trials: int,
     findings: Sequence[SessionFinding] = (),
+    standing: Standing = Standing(),
 ) -> list[str]:
     """The verdict as sentences, the most important first.
 
@@ -35,66 +55,101 @@ def verdict_lines(
         Trials used.
     findings : sequence of SessionFinding
         Faults of the session.
+    standing : Standing
     """
     scored = channels[channels["rmse_rad"].notna()]
     trials = "1 trial" if n_trials == 1 else f"{n_trials} trials"
+    distorted = distorted_trials(findings)
     head = f"Model {action} against {trials} of {session}, each driven by its own measured force: "
-    ranked = scored[scored["rmse_over_range"].notna()]
-    if len(ranked):
-        worst = ranked.loc[ranked["rmse_over_range"].astype(float).idxmax()]
-        head += f"largest RMSE for its range: {worst['channel']} {_score(worst)}; "
+    head += _head(scored, standing.judgement, distorted)
+    if standing.null_closer:
+        head += f" {standing.null_closer}"
     differing = int((~events["agree"].astype(bool)).sum())
-    head += (
-        "every event happens in the model as often as in the trials."
-        if differing == 0
-        else f"{differing} kind{'s' if differing > 1 else ''} of event happen in one but not in the other."
-    )
+    if differing:
+        head += f" {differing} kind{'s' if differing > 1 else ''} of event happen in one but not in the other."
     lines = [text for text in (head, summary_line(findings)) if text]
     if len(scored):
         lines.append("RMSE: " + "; ".join(f"{row['channel']} {_score(row)}" for _, row in scored.iterrows()) + ".")
     lines += _beside_ceiling(scored)
-    lines += _against_repeatability(scored, distorted_trials(findings))
-    return lines + _events(events)
+    lines += _distorted(distorted) if distorted else _shares(scored, standing.judgement)
+    return lines + _resolved(standing.budget) + _events(events)
+
+
+def _head(scored: pd.DataFrame, judgement: Mapping[str, Any], distorted: list[int]) -> str:
+    """Outcome of the test in one sentence."""
+    if distorted:
+        return f"cannot be judged, because trials {', '.join(map(str, distorted))} are faulty (below)."
+    if not judgement.get("judged", False):
+        return f"cannot be judged, because {judgement.get('reason', 'the uncertainty budget was not made')}."
+    shown = scored[scored["judgement"] == SHOWN]
+    limit = f"{judgement['factor']:.2g} u allowed for all channels and times together"
+    if not len(shown):
+        largest = float(scored["largest_ratio"].astype(float).max())
+        return f"agrees within the stated uncertainty (largest difference {largest:.2g} u; {limit})."
+    order = shown.sort_values("largest_ratio", ascending=False, kind="stable")
+    parts = [
+        f"{row.channel} ({math.degrees(row.largest_ratio_difference_rad):+.2g}° at {row.largest_ratio_at_s:.3f} s, "
+        f"{row.largest_ratio:.2g} u)"
+        for row in order.itertuples()
+    ]
+    return f"model error shown in {', '.join(parts)}; {limit}."
 
 
 def _score(row: Any) -> str:
     text = f"{math.degrees(row['rmse_rad']):.2g}°"
-    if math.isfinite(row["rmse_over_range"]):
-        text += f" ({100 * row['rmse_over_range']:.2g} % of its range"
-        ceiling = math.degrees(row["trial_to_trial_rmse_rad"])
-        text += f"; one trial against another {ceiling:.2g}°)" if math.isfinite(ceiling) else ")"
-    return text
+    parts = [f"{100 * row['rmse_over_range']:.2g} % of its range"] if math.isfinite(row["rmse_over_range"]) else []
+    if math.isfinite(row["rmse_right_rad"]):
+        right, most = math.degrees(row["rmse_right_rad"]), math.degrees(row["rmse_right_95_rad"])
+        parts.append(f"a right model {right:.2g}°, in 95 % below {most:.2g}°")
+    return text + (f" ({'; '.join(parts)})" if parts else "")
 
 
 def _beside_ceiling(scored: pd.DataFrame) -> list[str]:
-    """The ISO-style score of each channel beside what trials score among themselves."""
+    """The ISO-style score of each channel beside what a perfect model would score."""
     shown = [
         f"{row.channel} {row.iso_overall:.2f}" + (f" ({row.iso_ceiling:.2f})" if math.isfinite(row.iso_ceiling) else "")
         for row in scored.itertuples()
         if math.isfinite(row.iso_overall)
     ]
-    text = "ISO 18571-style score, 1 at best, in brackets that of one trial against another: "
+    text = "ISO 18571-style score, 1 at best, in brackets that of a perfect model: "
     return [text + ", ".join(shown) + "."] if shown else []
 
 
-def _against_repeatability(scored: pd.DataFrame, distorted: list[int]) -> list[str]:
-    if distorted:
-        return [
-            "Not judged against repeatability: sᵣ, limits and bands hold faulty trials "
-            f"({', '.join(map(str, distorted))}) and are too wide, which flatters the model; mend or reject them "
-            "(pianorig annotate) and validate again."
-        ]
+def _distorted(distorted: list[int]) -> list[str]:
+    return [
+        "Not judged against repeatability: sᵣ, limits and bands hold faulty trials "
+        f"({', '.join(map(str, distorted))}) and are too wide, which flatters the model; mend or reject them "
+        "(pianorig annotate) and validate again."
+    ]
+
+
+def _shares(scored: pd.DataFrame, judgement: Mapping[str, Any]) -> list[str]:
+    """Share of the window outside the band, and what the band is made of."""
     judged = scored[scored["resolved_share"].notna()]
-    if not len(judged):
+    if not len(judged) or not judgement.get("judged", False):
         return []
     shares = ", ".join(f"{row.channel} {100 * row.resolved_share:.0f} %" for row in judged.itertuples())
-    beyond = list(judged.loc[judged["rmse_rad"] > judged["limit_rad"], "channel"])
+    made = f"{judgement['draws']} draws of force, sensors and parameters on trials "
+    made += ", ".join(map(str, judgement["trials"]))
+    scatter = "; scatter of the trials added" if judgement["scatter_of_trials_added"] else ""
     return [
-        f"Share of the window in which model and trials differ beyond the simultaneous 95 % band: {shares}.",
-        f"RMSE above the repeatability limit: {', '.join(beyond)}."
-        if beyond
-        else "In no channel is the RMSE above the repeatability limit, by which two trials may differ.",
+        f"Share of the window in which model and trials differ beyond the simultaneous 95 % band: {shares} ({made}"
+        f"{scatter})."
     ]
+
+
+def _resolved(budget: pd.DataFrame) -> list[str]:
+    """Events beyond two standard uncertainties; each is judged for itself."""
+    if not len(budget):
+        return []
+    beyond = budget[budget["resolved"].astype(bool)]
+    parts = []
+    for row in beyond.itertuples():
+        kind = EVENTS[str(row.event)]
+        k = kind.display_factor
+        parts.append(f"{kind.label} {k * row.difference:+.2g} (u {k * row.u_val:.1g})")
+    count = f"Events beyond two standard uncertainties (each for itself; one in twenty is by chance): of {len(budget)} "
+    return [count + (", ".join(parts) if parts else "none") + "."]
 
 
 def _events(events: pd.DataFrame) -> list[str]:

@@ -73,6 +73,12 @@ def cases(m: MeasuredTrial, action: model.Action, tolerance: float) -> list[Case
     return found
 
 
+def parameter_draws(action: model.Action, n: int, rng: np.random.Generator) -> list[dict[str, float]]:
+    """Draw ``n`` sets of all uncertain parameters, stated and assumed ones together."""
+    known = uncertain_parameters(action, assumed=False) | uncertain_parameters(action, assumed=True)
+    return [_unit_vectors(values, action) for values in _draws(known, n, rng)] if known else [{} for _ in range(n)]
+
+
 def uncertain_parameters(action: model.Action, *, assumed: bool) -> dict[str, tuple[float, float]]:
     """Value and standard uncertainty of every parameter with u > 0 whose basis is (not) an assumption."""
     return {

@@ -103,8 +103,12 @@ class ModelUnderTest:
 
     def load_of(self, action: model.Action, preload_n: float) -> Load:
         """Rest and geometry of any action under a preload."""
-        rest = (self.stand_ins.rest_state or model.rest_state)(action, force_n=preload_n)
+        rest = self.rest_of(action, preload_n)
         return Load(rest, (self.stand_ins.geometry or geometry_of)(action, rest.angle_rad))
+
+    def rest_of(self, action: model.Action, preload_n: float) -> model.RestState:
+        """Rest of any action under a preload."""
+        return (self.stand_ins.rest_state or model.rest_state)(action, force_n=preload_n)
 
     def geometry_at(self, preload_n: float) -> ActionGeometry:
         """Geometry under a preload."""

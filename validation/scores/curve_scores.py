@@ -7,17 +7,14 @@ Source: `validation.scores.metrics` and `validation.scores.iso18571`.
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from validation.cache.content_hash import sha256_of
-from validation.cache.result_store import ResultStore
-from validation.conventions import WORKERS, Array
+from validation.conventions import Array
 from validation.scores.iso18571 import FEWEST_SAMPLES, iso_score
-from validation.scores.metrics import score_curve, sprague_geers, trial_pairs
+from validation.scores.metrics import score_curve, sprague_geers
 
 # film frames are lost one by one; a curve with more holes than this is not one curve any more
 MOST_CUT_FOR_ISO = 0.1
@@ -90,47 +87,6 @@ def _iso(trial: Array, model: Array, step_s: float) -> dict[str, float]:
         "iso_slope": s.slope,
         "iso_shift_s": s.shift_samples * step_s,
     }
-
-
-def ceiling_scores(
-    time: Array, curves: Array, early: NDArray[np.bool_], store: ResultStore
-) -> tuple[dict[str, float], int]:
-    """The same scores of one trial against another, pooled over pairs: the best that a perfect model could reach.
-
-    Errors in rad are pooled by root mean square, the others by mean of magnitudes.
-
-    Parameters
-    ----------
-    time : (n,) array
-    curves : (n, n_trials) array
-    early : (n,) array of bool
-        Samples before the string impact.
-    store : ResultStore
-
-    Returns
-    -------
-    scores : dict
-        NaN with fewer than two trials.
-    pairs : int
-    """
-    pairs = trial_pairs(curves.shape[1])
-    if not pairs:
-        return dict.fromkeys(SCORES, float("nan")), 0
-    columns = [np.ascontiguousarray(column) for column in curves.T]
-    frame, hashes = sha256_of((time, early)), [sha256_of(column) for column in columns]  # a curve is in many pairs
-
-    def score(pair: tuple[int, int]) -> dict[str, float]:
-        a, b = pair
-        scores: dict[str, float] = store.value(
-            "pair scores",
-            (frame, hashes[a], hashes[b]),
-            lambda: all_scores(time, columns[a], columns[b], early),
-        )
-        return scores
-
-    with ThreadPoolExecutor(WORKERS) as pool:
-        found = list(pool.map(score, pairs))
-    return {name: pooled_score(name, np.array([f[name] for f in found])) for name in SCORES}, len(pairs)
 
 
 def pooled_score(name: str, values: Array) -> float:

@@ -1,74 +1,115 @@
-"""Paired differences: is a difference between model and trials larger than what scatter and sensors can explain?
+"""The difference of model and trials, judged: one test for the headline, the bands and the channel table.
 
-Conventions: columns are trials; difference = model − trial of the same trial, so that the scatter of the blows, which
-both share through the force, cancels. Fewer than two trials give NaN.
-Source: Student's t for the mean of n paired differences at each instant, with the encoder's or film's own standard
-uncertainty added in quadrature (it is common to all trials at worst); instant by instant, and for the whole curve at
-once with the critical value of `validation.statistics.simultaneous_band`.
+Conventions: difference = model − trial of the same trial, mean over the trials of `DifferenceDraws`, rad. Its standard
+uncertainty is that of the draws: force, parameters as declared, encoders and film, and the scatter of the trials where
+it is larger than these explain. What was not judged is NaN, and ``why`` says so.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from scipy.special import stdtrit
 
 from validation.conventions import Array
-from validation.statistics.simultaneous_band import FEWEST_FOR_BAND, simultaneous_band
+from validation.prediction.joint_draws import CHANNELS
+from validation.statistics.difference_draws import DifferenceDraws
+from validation.statistics.simultaneous_test import LEVEL, SimultaneousTest, simultaneous_test
+
+POINTWISE = 2.0  # standard uncertainties
+MOST_FAILED = 0.2  # of the draws: beyond, those that could be run are a selection
+SHOWN, NOT_SHOWN, NOT_JUDGED = "model error shown", "within the stated uncertainty", "not judged"
 
 
 @dataclass(frozen=True)
-class PairedDifference:
-    """Mean difference over trials and its 95 % uncertainty, at each instant (`u95`) and for all at once (`band95`).
+class ChannelDifference:
+    """Mean difference of a channel on the base asked for, and what it amounts to.
 
-    ``resolved_share`` and ``pointwise_share`` are the shares of time at which the mean exceeds the one or the other.
+    Attributes
+    ----------
+    mean, u, band : (n,) rad; ``band`` is the half width of the simultaneous 95 % band
+    row : values of the channel table
     """
 
     mean: Array
-    u95: Array
-    band95: Array
-    rms: float
-    resolved_share: float
-    pointwise_share: float
+    u: Array
+    band: Array
+    row: dict[str, object]
 
 
-def paired_difference(model: Array, trial: Array, u_sample: float, u_scale_relative: float = 0.0) -> PairedDifference:
-    """Mean paired difference at each instant.
+@dataclass(frozen=True)
+class Judgement:
+    """Draws and test of a session, or why there are none."""
 
-    Parameters
-    ----------
-    model, trial : (n_samples, n_trials) arrays
-    u_sample : float
-        Standard uncertainty of one measured sample.
-    u_scale_relative : float
-        Of the sensor's scale, the same in all trials: it grows with the angle.
+    draws: DifferenceDraws | None = None
+    test: SimultaneousTest | None = None
+    why: str = "the uncertainty budget was not made"
 
-    Returns
-    -------
-    PairedDifference
-        ``rms`` is the root mean square of the mean difference over the window.
-    """
-    difference = np.asarray(model, dtype=float) - np.asarray(trial, dtype=float)
-    n = difference.shape[1]
-    nan = float("nan")
-    if n < 2:
-        nothing = np.full(difference.shape[0], nan)
-        return PairedDifference(difference[:, 0] if n else nothing, nothing, nothing, nan, nan, nan)
-    mean = difference.mean(axis=1)
-    scatter = difference.std(axis=1, ddof=1) / np.sqrt(n)
-    sensor = 1.96 * np.hypot(u_sample, u_scale_relative * np.abs(np.asarray(trial, dtype=float)).mean(axis=1))
-    u95 = np.hypot(stdtrit(n - 1, 0.975) * scatter, sensor)
-    band95 = np.hypot(simultaneous_band(difference, u_sample=u_sample).half_width, sensor)
-    known = np.isfinite(mean)
-    if not known.any():
-        return PairedDifference(mean, u95, band95, nan, nan, nan)
-    size = np.abs(mean[known])
-    return PairedDifference(
-        mean,
-        u95,
-        band95,
-        float(np.sqrt(np.mean(size**2))),
-        float(np.mean(size > band95[known])) if n >= FEWEST_FOR_BAND else nan,
-        float(np.mean(size > u95[known])),
-    )
+    def facts(self) -> dict[str, Any]:
+        """The test in plain values, for the provenance."""
+        if self.draws is None or self.test is None:
+            return {"judged": False, "reason": self.why}
+        t = self.test
+        return {
+            "judged": True,
+            "level": LEVEL,
+            "rejected": t.rejected,
+            "p": t.p,
+            "factor": t.factor,
+            "draws": t.draws,
+            "failed_draws": self.draws.failed,
+            "trials": list(self.draws.trials),
+            "scatter_of_trials_added": t.excess_scatter,
+        }
+
+    def channel(self, name: str, base_s: Array) -> ChannelDifference:
+        """The judged difference of one channel at times ``base_s``."""
+        nan = float("nan")
+        nothing = np.full(base_s.size, nan)
+        i = CHANNELS.index(name)
+        if self.draws is None or self.test is None or not np.isfinite(self.test.reached[i]):
+            row: dict[str, object] = dict.fromkeys(COLUMNS, nan)
+            return ChannelDifference(nothing, nothing, nothing, row | {"judgement": NOT_JUDGED})
+        t, time = self.test, self.draws.time_s
+        size, u, scale = np.abs(t.difference[:, i]), t.u[:, i], t.scale[:, i]
+        known = np.isfinite(size)
+        right = np.sort(np.sqrt(np.nanmean(self.draws.draws[..., i] ** 2, axis=(1, 2))))
+        row = {
+            "mean_difference_rad": float(np.sqrt(np.mean(size[known] ** 2))),
+            "u_difference_rad": float(np.sqrt(np.mean(u[known] ** 2))),
+            "largest_ratio": float(t.reached[i]),
+            "largest_ratio_difference_rad": float(t.difference[t.largest_at[i], i]),
+            "largest_ratio_at_s": float(time[t.largest_at[i]]),
+            "ratio_limit": t.factor,
+            "resolved_share": float(np.mean(size[known] > t.factor * scale[known])),
+            "resolved_pointwise_share": float(np.mean(size[known] > POINTWISE * u[known])),
+            "rmse_right_rad": float(np.median(right)),
+            "rmse_right_95_rad": float(right[min(int(np.ceil((1 - LEVEL) * (right.size + 1) - 1e-9)), right.size) - 1]),
+            "judgement": SHOWN if t.reached[i] > t.factor else NOT_SHOWN,
+        }
+        mean, u_base, unit = (np.interp(base_s, time[known], v[known]) for v in (t.difference[:, i], u, scale))
+        return ChannelDifference(mean, u_base, t.factor * unit, row)
+
+
+COLUMNS = (
+    "mean_difference_rad",
+    "u_difference_rad",
+    "largest_ratio",
+    "largest_ratio_difference_rad",
+    "largest_ratio_at_s",
+    "ratio_limit",
+    "resolved_share",
+    "resolved_pointwise_share",
+    "rmse_right_rad",
+    "rmse_right_95_rad",
+)
+
+
+def judge(draws: DifferenceDraws) -> Judgement:
+    """Test a session's difference, unless too many draws failed."""
+    n = len(draws.draws) + draws.failed
+    if draws.failed > MOST_FAILED * n:
+        return Judgement(draws, None, f"{draws.failed} of {n} draws of the declared uncertainties cannot be simulated")
+    test = simultaneous_test(draws.found, draws.draws, draws.floor)
+    return Judgement(draws, test, "" if test is not None else "no sample is known in model and trials")

@@ -7,7 +7,6 @@ cannot be stated is NaN, and the column ``state`` says why.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from types import MappingProxyType
 
 import numpy as np
 import pandas as pd
@@ -17,9 +16,10 @@ from validation.findings.pooling import LeftOut, pooled, state_of
 from validation.scores.metrics import pair_rmse
 from validation.scores.traces import SessionTraces
 from validation.statistics.common_base import on_common_base
-from validation.statistics.paired_difference import paired_difference
+from validation.statistics.paired_difference import COLUMNS as JUDGED
+from validation.statistics.paired_difference import NOT_JUDGED, Judgement
 from validation.statistics.repeatability import curve_repeatability
-from validation.statistics.simultaneous_band import simultaneous_band
+from validation.statistics.simultaneous_band import FEWEST_FOR_BAND, simultaneous_band
 
 COLUMNS = (
     "range_rad",
@@ -31,22 +31,21 @@ COLUMNS = (
     "band_factor",
     "trial_to_trial_rmse_rad",
     "pairs",
-    "mean_difference_rad",
-    "resolved_share",
-    "resolved_pointwise_share",
+    *JUDGED,
 )
+NOT_MADE = Judgement()
 
 
 def channel_tables(
     traces: SessionTraces,
     u_sample: Mapping[str, float],
     without: LeftOut = (),
-    u_scale: Mapping[str, float] = MappingProxyType({}),
+    judgement: Judgement = NOT_MADE,
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Channel summary without scores; mean, s_r, bands and paired difference over time, per channel.
 
     ``u_sample`` is the standard uncertainty of one sample by channel; ``without`` the trials and channels not
-    pooled; ``u_scale`` the relative standard uncertainty of each scale.
+    pooled; ``judgement`` the test of the difference.
     """
     base = traces.base_s
     rows: list[dict[str, object]] = []
@@ -56,11 +55,20 @@ def channel_tables(
         for name in names:
             frames, state = pooled(every, name, without), state_of(every, name, without)
             if not frames:
-                nothing = dict.fromkeys(COLUMNS, np.nan)
+                nothing = dict.fromkeys(COLUMNS, np.nan) | {"judgement": NOT_JUDGED}
                 state = state or "not filmed"
-                rows.append({"channel": name, "source": source, "n_trials": 0, **nothing, "state": state})
+                rows.append(
+                    {
+                        "channel": name,
+                        "source": source,
+                        "n_trials": 0,
+                        **nothing,
+                        "judgement": NOT_JUDGED,
+                        "state": state,
+                    }
+                )
                 continue
-            row, columns = _channel(name, source, base, frames, u_sample.get(name, 0.0), u_scale.get(name, 0.0))
+            row, columns = _channel(name, source, base, frames, u_sample.get(name, 0.0), judgement)
             row["state"] = "; ".join(text for text in (str(row["state"]), state) if text)
             rows.append(row)
             spread |= columns
@@ -68,10 +76,16 @@ def channel_tables(
 
 
 def _channel(
-    name: str, source: str, base: Array, frames: dict[int, pd.DataFrame], u: float, u_scale: float
+    name: str, source: str, base: Array, frames: dict[int, pd.DataFrame], u: float, judgement: Judgement
 ) -> tuple[dict[str, object], dict[str, Array]]:
     curves = on_common_base(base, frames, f"{name}_measured_rad")
-    paired = paired_difference(on_common_base(base, frames, f"{name}_predicted_rad"), curves, u, u_scale)
+    difference = judgement.channel(name, base)
+    if not np.isfinite(difference.mean).any():  # shown, not judged
+        apart = on_common_base(base, frames, f"{name}_predicted_rad") - curves
+        known = np.isfinite(apart).any(axis=1)
+        difference.mean[known] = np.nanmean(apart[known], axis=1)
+        if known.any():
+            difference.row["mean_difference_rad"] = float(np.sqrt(np.mean(difference.mean[known] ** 2)))
     r = curve_repeatability(curves)
     band = simultaneous_band(curves, u_sample=u)
     low, high = r.interval
@@ -81,9 +95,9 @@ def _channel(
         f"{name}_mean_rad": r.mean,
         f"{name}_s_r_rad": r.s_r,
         f"{name}_band95_rad": band.half_width,
-        f"{name}_difference_rad": paired.mean,
-        f"{name}_difference_u95_rad": paired.u95,
-        f"{name}_difference_band95_rad": paired.band95,
+        f"{name}_difference_rad": difference.mean,
+        f"{name}_difference_u95_rad": 1.96 * difference.u,
+        f"{name}_difference_band95_rad": difference.band,
     }
     row: dict[str, object] = {
         "channel": name,
@@ -98,9 +112,7 @@ def _channel(
         "band_factor": band.factor,
         "trial_to_trial_rmse_rad": ceiling,
         "pairs": pairs,
-        "mean_difference_rad": paired.rms,
-        "resolved_share": paired.resolved_share,
-        "resolved_pointwise_share": paired.pointwise_share,
+        **difference.row,
         "state": _state(curves),
     }
     return row, spread
@@ -110,4 +122,7 @@ def _state(curves: Array) -> str:
     """Why a channel has no repeatability, or an empty text."""
     if not np.isfinite(curves).any():
         return "no frame tracked"
-    return "one trial" if curves.shape[1] == 1 else ""
+    n = curves.shape[1]
+    if n == 1:
+        return "one trial"
+    return f"{n} trials: too few for a band, {FEWEST_FOR_BAND} needed" if n < FEWEST_FOR_BAND else ""

@@ -1,7 +1,8 @@
 """Every score of every channel beside its ceiling, the null model and the raw force.
 
-Conventions: scores of several trials are pooled without those whose encoder is wired wrong. The *ceiling* is the same
-score of trial against trial: no model can do better. What cannot be stated is NaN.
+Conventions: scores of several trials are pooled without those whose encoder is wired wrong. The *ceiling* is what a
+perfect model would score that knows each trial's force as well as it was measured (`validation.scores.perfect_model`).
+What cannot be stated is NaN.
 """
 
 from __future__ import annotations
@@ -9,32 +10,33 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
-from validation.cache.result_store import ResultStore
 from validation.conventions import CHANNEL_GROUPS
 from validation.findings.pooling import LeftOut, pooled
-from validation.scores.curve_scores import SCORES, ceiling_scores, pooled_score
+from validation.scores.curve_scores import SCORES, pooled_score
+from validation.scores.perfect_model import Ceiling
 from validation.scores.traces import SessionTraces
-from validation.statistics.common_base import on_common_base
+
+NO_CEILING = Ceiling()
 
 
-def scorecard(scores: pd.DataFrame, traces: SessionTraces, store: ResultStore, without: LeftOut = ()) -> pd.DataFrame:
-    """Every score of every channel beside its repeatability ceiling, the null model, and the raw force.
+def scorecard(
+    scores: pd.DataFrame, traces: SessionTraces, ceiling: Ceiling = NO_CEILING, without: LeftOut = ()
+) -> pd.DataFrame:
+    """Every score of every channel beside its ceiling, the null model, and the raw force.
 
     Returns
     -------
     DataFrame
-        channel, score, title, unit, better (lower or higher), value, ceiling, pairs, null, raw_force.
+        channel, score, title, unit, better (lower or higher), value, ceiling (median over draws), ceiling_low,
+        ceiling_high (their range), ceiling_draws, reading, null, raw_force.
     """
-    base = traces.base_s
-    early = base < min(traces.impact_s.values(), default=np.inf)
     rows = []
     for names, source in CHANNEL_GROUPS:
         every = traces.of(source)
         for name in names if every else ():
             frames = pooled(every, name, without)
-            curves = on_common_base(base, frames, f"{name}_measured_rad")
-            ceiling, pairs = ceiling_scores(base, curves, early, store)
             part = scores[(scores["channel"] == name) & scores["trial"].isin(frames)]
+            same = part[part["trial"].isin(ceiling.trials)]
             for score, kind in SCORES.items():
                 rows.append(
                     {
@@ -44,8 +46,7 @@ def scorecard(scores: pd.DataFrame, traces: SessionTraces, store: ResultStore, w
                         "unit": kind.unit,
                         "better": kind.better,
                         "value": pooled_score(score, part[score].to_numpy(dtype=float)),
-                        "ceiling": ceiling[score],
-                        "pairs": pairs,
+                        **ceiling.row(name, score, pooled_score(score, same[score].to_numpy(dtype=float))),
                         "null": pooled_score(score, part[f"null_{score}"].to_numpy(dtype=float)),
                         "raw_force": pooled_score(score, part[f"raw_force_{score}"].to_numpy(dtype=float)),
                     }

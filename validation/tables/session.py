@@ -19,13 +19,16 @@ from validation.prediction.motion_driven import COLUMNS as MOTION_COLUMNS
 from validation.prediction.motion_driven import motion_driven, motion_row
 from validation.prediction.session import PredictedSession
 from validation.result import SessionTables
+from validation.scores.perfect_model import perfect_scores
 from validation.scores.session import ScoredSession
+from validation.statistics.difference_draws import difference_draws
 from validation.statistics.event_budget import COLUMNS as BUDGET_COLUMNS
 from validation.statistics.event_budget import event_budget
+from validation.statistics.paired_difference import Judgement, judge
 from validation.statistics.repeatability import event_repeatability, few_trials_warning
 from validation.tables.channels import channel_tables
 from validation.tables.events import event_summary, event_table
-from validation.tables.scorecard import scorecard, with_repeatability, with_scores
+from validation.tables.scorecard import NO_CEILING, scorecard, with_repeatability, with_scores
 from validation.tables.trials import lift_table, trial_table, uncertainty_table
 
 FINDING_COLUMNS = ["kind", "trial", "channel", "value", "limit", "text"]
@@ -54,10 +57,14 @@ def make_tables(
     """Make every table, with the further runs that were asked for, and save what was computed for the next run."""
     traces, without = scored.traces, findings.left_out
     uncertainty = uncertainty_table(predicted.trials, traces.film)
-    by_channel = uncertainty.groupby("channel")
-    u_scale = by_channel["scale_relative_u"].mean().fillna(0.0).to_dict()
-    channels, spread = channel_tables(traces, by_channel["u_rad"].mean().to_dict(), without, u_scale)
-    card = scorecard(scored.scores, traces, tested.store, without)
+    u_sample = uncertainty.groupby("channel")["u_rad"].mean().to_dict()
+    judgement, ceiling = Judgement(), NO_CEILING
+    if options.budget:
+        options.say("uncertainty of the difference: draws of all inputs")
+        judgement = judge(difference_draws(predicted.trials, traces, tested, without))
+        ceiling = perfect_scores(predicted.trials, traces, tested, without)
+    channels, spread = channel_tables(traces, u_sample, without, judgement)
+    card = scorecard(scored.scores, traces, ceiling, without)
     counting = counting_events(events.trial, without)
     summary = event_summary(counting, events.model)
     motion = _by_motion(predicted, events, findings, tested) if options.by_motion else NO_MOTION
@@ -85,6 +92,8 @@ def make_tables(
         film_traces=traces.film,
         motion_driven=motion.table,
         motion_trace=motion.trace,
+        judgement=judgement.facts(),
+        nuisance=ceiling.nuisance,
     )
 
 

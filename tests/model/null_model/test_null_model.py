@@ -193,3 +193,46 @@ def test_actions_of_equal_content_share_one_reduction(action: model.Action) -> N
     assert keys[0] == keys[1] and hash(keys[0]) == hash(keys[1])
     assert keys[0] != keys[2] and hash(keys[0]) != hash(keys[2])
     assert null_run._reduced(keys[0]) is null_run._reduced(keys[1])
+
+
+@pytest.mark.parametrize("name", ["hirschkorn2004", "hirschkorn2004-regulated"])
+@pytest.mark.parametrize(
+    "corners_s, corners_n",
+    [
+        ((0, 0.05, 0.35, 0.8, 0.9), (0, 0, 1.5, 1.5, 0)),  # pressed slowly past let-off: no impact, no check
+        ((0, 0.1, 0.11, 0.16, 0.18, 0.24, 0.3, 0.6), (0, 8, 9, 9, 0, 0, 8, 0)),  # a second blow before the check
+        ((0, 0.1, 0.103, 0.5, 0.7), (0, 0, 6, 1.2, 0)),
+        ((0, 0.02, 0.08, 0.5), (0, 120, 0, 0)),
+    ],
+)
+def test_hammer_and_key_stay_within_their_stops(
+    name: str, corners_s: tuple[float, ...], corners_n: tuple[float, ...]
+) -> None:
+    action = model.load_action(name)
+    reduced = null_model.reduce_action(action)
+    time = np.linspace(0.0, 1.0, 5001)
+    blow = null_model.simulate(action, time, np.interp(time, corners_s, corners_n))
+    hammer = heights(action, reduced, blow)
+    joined = reduced.up * (reduced.joined.angle_rad[:, HAMMER] - reduced.rest_rad[HAMMER])
+    assert hammer.min() > -0.003 and hammer.max() <= reduced.string_rad + 1e-9
+    sigma = reduced.rest_rad[KEY] - blow.angle_rad[:, KEY]
+    assert sigma.min() > reduced.sigma[0] and sigma.max() < reduced.sigma[-1]
+    # nothing holds the hammer up for ever, and nothing lets it through: the jack or the lever is under it
+    assert np.all(hammer >= np.interp(sigma, reduced.sigma, joined) - 2e-3)
+
+
+def test_hammer_that_misses_the_check_lies_on_the_lever_until_the_jack_is_back(action: model.Action) -> None:
+    reduced = null_model.reduce_action(action)
+    time = np.linspace(0.0, 1.2, 6001)
+    force = np.interp(time, [0, 0.05, 0.35, 0.8, 0.9], [0, 0, 1.5, 1.5, 0])
+    blow = null_model.simulate(action, time, force)
+    hammer = heights(action, reduced, blow)
+    held = (time > 0.7) & (time < 0.8)
+    lever = reduced.up * (reduced.joined.angle_rad[-1, HAMMER] - reduced.rest_rad[HAMMER])
+    np.testing.assert_allclose(hammer[held], lever, atol=1e-9)
+    assert abs(hammer[-1]) < 0.01
+
+
+def test_key_beyond_its_stops_is_an_error_not_a_number(action: model.Action) -> None:
+    with pytest.raises(model.ModelError, match="cannot predict this blow: key turns .* its stops allow"):
+        null_model.simulate(action, [0.0, 0.001, 0.5], [0.0, 900.0, 900.0])

@@ -14,7 +14,6 @@ from tests.validation.prediction.test_trial_prediction import Counting
 from validation import compare_session
 from validation.cache import result_store
 
-PAIRS = {2: 3, 3: 9, 4: 18}  # of trials, in three encoder channels
 SIMPLE = {"rivals": (), "budget": False, "suspect": False}
 
 
@@ -71,7 +70,6 @@ def all_of(n, filmed=1):
         "predictions": f"{n} of {n}",
         "events": f"{2 * n} of {2 * n}",
         "curve scores": f"{3 * n + 2 * filmed} of {3 * n + 2 * filmed}",
-        "pair scores": f"{PAIRS[n]} of {PAIRS[n]}",
     }
 
 
@@ -91,8 +89,7 @@ def test_a_rejected_trial_leaves_the_others_known_and_comes_back_known(bench):
 
     folder, action = bench
     Session.open(folder).annotate(2, "reject", "string broke")
-    # its impact came first, and until then pairs of trials are compared "before the impact"
-    assert again(folder, action) == all_of(2, filmed=0) | {"pair scores": "0 of 3"}
+    assert again(folder, action) == all_of(2, filmed=0)
     Session.open(folder).annotate(2, "accept", "it did not")
     assert again(folder, action) == all_of(3)
 
@@ -102,7 +99,7 @@ def test_without_the_trial_that_rests_last_the_window_is_another_and_all_is_scor
 
     folder, action = bench
     Session.open(folder).annotate(3, "reject", "string broke")
-    assert again(folder, action) == all_of(2) | {"curve scores": "0 of 8", "pair scores": "0 of 3"}
+    assert again(folder, action) == all_of(2) | {"curve scores": "0 of 8"}
 
 
 def test_a_further_trial_is_the_only_one_scored(bench, make):
@@ -117,7 +114,6 @@ def test_a_further_trial_is_the_only_one_scored(bench, make):
         "predictions": "3 of 4",
         "events": "6 of 8",
         "curve scores": "11 of 14",
-        "pair scores": "9 of 18",
     }
 
 
@@ -145,7 +141,6 @@ def test_one_altered_count_of_one_encoder_makes_again_what_saw_it(bench):
     assert again(altered(folder, change), action) == all_of(3) | {
         "events": "5 of 6",
         "curve scores": "10 of 11",
-        "pair scores": "7 of 9",
     }
 
 
@@ -188,7 +183,6 @@ def test_another_action_tolerance_or_level_makes_again_what_depends_on_it(bench)
     lighter = action.with_values({"hammer.mass": 0.0118})
     found = again(folder, lighter)
     assert found["predictions"] == "0 of 3" and found["curve scores"] == "0 of 11"
-    assert found["pair scores"] == all_of(3)["pair scores"]  # trial against trial
     assert again(folder, action) == all_of(3)
     found = again(folder, action, tolerance=1e-6)
     assert found == all_of(3) | {"predictions": "0 of 3", "events": "3 of 6"}
@@ -218,12 +212,15 @@ def test_budget_and_friction_search_are_done_once(bench, predict):
     assert len(predict.calls) == runs
     assert found.provenance["reused"]["uncertainty budget"] == "1 of 1"
     assert found.provenance["reused"]["friction search"] == "1 of 1"
+    assert found.provenance["reused"]["difference draws"] == "3 of 3"
+    assert found.provenance["reused"]["perfect model"] == "3 of 3"
     assert len(found.budget) > 0
     wider = replace(action, quantities=dict(action.quantities))
     path = next(p for p, q in sorted(action.quantities.items()) if q.u > 0)
     wider.quantities[path] = replace(action.quantities[path], u=2 * action.quantities[path].u)
     found = compare_session(folder, wider, **SIMPLE | options)
     assert found.provenance["reused"]["uncertainty budget"] == "0 of 1"
+    assert found.provenance["reused"]["difference draws"] == "0 of 3"
     assert found.provenance["reused"]["predictions"] == "3 of 3"
 
 

@@ -55,7 +55,7 @@ def test_verdict_matrix_and_files_name_session_and_model(side, side_written, pag
     assert [row[:2] for row in rows[:4]] == [
         ["blow piano", "calibrated"],
         ["blow piano", html.escape(side.models[1], quote=False).replace('"', "&#34;")],
-        ["blow piano", "trial by another trial (ceiling)"],
+        ["blow piano", "perfect model (ceiling)"],
         ["blow piano", "null model"],
     ]
     key = next(r for r in content["tables"]["scorecard"] if r["channel"] == "key" and r["score"] == "rmse_rad")

@@ -88,7 +88,7 @@ def test_text_from_a_session_is_escaped(lonely):
 def test_results_json_has_no_nan_and_the_same_numbers(compared, written):
     text = written.files["results.json"].read_text(encoding="utf-8")
     content = json.loads(text, parse_constant=lambda name: pytest.fail(f"{name} in results.json"))
-    assert (content["schema"], content["schema_version"]) == ("piano-action-rig results", 2)
+    assert (content["schema"], content["schema_version"]) == ("piano-action-rig results", 3)
     assert content["results"][0]["verdict_lines"] == compared.verdict_lines
     assert set(content["event_definitions"]) == set(EVENTS)
     first = content["tables"]["scores"][0]
@@ -256,8 +256,9 @@ def test_overlays_show_bands_and_the_lifts_that_are_left_out(compared):
     assert shaded.svg.count("FillBetweenPolyCollection") == 4
 
 
-def test_a_single_trial_has_no_bands(lonely):
+def test_a_single_trial_is_judged_but_has_no_band_of_its_own(lonely):
     _, result = lonely
     figures = {f.key: f for group in all_figures(SessionView((result,))).values() for f in group}
-    assert "FillBetweenPolyCollection" not in figures["key-model"].svg
-    assert "Shaded" not in figures["key-model"].caption + figures["key-all"].caption
+    assert "FillBetweenPolyCollection" not in figures["key-all"].svg
+    assert "Shaded above" not in figures["key-model"].caption and "Shaded" not in figures["key-all"].caption
+    assert "Shaded below" in figures["key-model"].caption and result.judgement["trials"] == [1]

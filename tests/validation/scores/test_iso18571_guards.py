@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from validation.cache.result_store import ResultStore
-from validation.scores.curve_scores import SCORES, all_scores, ceiling_scores
+from validation.scores.curve_scores import all_scores
 from validation.scores.iso18571 import iso_score
 from validation.scores.iso18571_guards import guard_notes
 from validation.scores.metrics import trial_pairs
@@ -93,15 +92,3 @@ def test_at_most_two_hundred_seeded_pairs():
     assert many == trial_pairs(60)
     assert many != trial_pairs(60, seed=1)
     assert trial_pairs(1) == []
-
-
-def test_every_score_has_a_ceiling():
-    time = np.arange(500) * STEP
-    curves = np.column_stack([(1 + 0.02 * k) * stroke(time) for k in range(3)])
-    ceiling, pairs = ceiling_scores(time, curves, time < 0.05, ResultStore())
-    assert pairs == 3
-    assert set(ceiling) == set(SCORES)
-    assert all(np.isfinite(v) for v in ceiling.values())
-    # trials in proportion: the magnitude error of 1.02/1, 1.04/1, 1.04/1.02
-    assert ceiling["sg_magnitude"] == pytest.approx((0.02 + 0.04 + 1.04 / 1.02 - 1) / 3)
-    assert ceiling_scores(time, curves[:, :1], time < 0.05, ResultStore())[1] == 0

@@ -10,11 +10,14 @@ import pytest
 from scipy import stats
 
 from validation.events.evaluation_window import Window
-from validation.statistics.model_comparison import holm, paired_models, sign_flip_p
+from validation.statistics.model_comparison import joint_sign_flip, paired_models, sign_flip_p
 
 
-def result(name, rmse_rad, *, session="forte", window=(0.0, 1.0), n=1000, tolerance_rad=1e-5):
-    """What the comparison of models needs of a result; ``rmse_rad``: channel → one value per trial."""
+def result(name, rmse_rad, *, session="forte", window=(0.0, 1.0), n=1000, tolerance_rad=1e-5, common=0.0):
+    """What the comparison of models needs of a result; ``rmse_rad``: channel → one value per trial.
+
+    ``common``: what one standard uncertainty of the errors common to all trials makes of a score.
+    """
     rows = [
         {
             "trial": trial,
@@ -27,7 +30,14 @@ def result(name, rmse_rad, *, session="forte", window=(0.0, 1.0), n=1000, tolera
         for channel, values in rmse_rad.items()
         for trial, value in enumerate(values, start=1)
     ]
+    drawn = [
+        {**{k: row[k] for k in ("trial", "channel")}, "draw": draw}
+        | {k: row[k] + z * common for k in ("rmse_rad", "before_impact_rmse_rad", "iso_overall")}
+        for row in rows
+        for draw, z in enumerate(np.linspace(-2, 2, 19))
+    ]
     return SimpleNamespace(
+        nuisance=pd.DataFrame(drawn),
         session_name=session,
         action_name=name,
         scores=pd.DataFrame(rows),
@@ -69,21 +79,45 @@ def test_eight_trials_may_and_a_higher_score_is_the_better_one():
     assert "before_impact_rmse_rad" not in pairs.index  # nothing known of it
 
 
-def test_many_channels_cost_evidence():
-    """Six trials reach 1/32; with three channels Holm asks for more."""
+def test_proportional_channels_cost_no_evidence():
+    """Six trials reach 1/32, in three channels as in one: their signs flip together."""
     rng = np.random.default_rng(3)
     first = {c: 0.01 + 0.001 * rng.random(6) for c in ("key", "whippen", "hammer")}
     second = {c: v - 0.002 for c, v in first.items()}
     second = {c: v + 1e-4 * rng.random(6) for c, v in second.items()}
     rows = claims(result("a", first), result("b", second))
-    assert rows["p"].tolist() == [1 / 32] * 3
-    assert rows["p_holm"].tolist() == pytest.approx([3 / 32] * 3)
-    assert set(rows["claim"]) == {"b closer on average; not shown at 5 % for all channels together"}
+    assert rows["p"].tolist() == rows["p_joint"].tolist() == [1 / 32] * 3
+    assert set(rows["claim"]) == {"b closer (5 %, all channels together)"}
     # a channel of one trial is no test and costs nothing
     one = claims(result("a", {**first, "jack": [0.1]}), result("b", {**second, "jack": [0.2]}))
-    assert one.loc["key", "p_holm"] == pytest.approx(3 / 32)
+    assert one.loc["key", "p_joint"] == pytest.approx(1 / 32)
     assert one.loc["jack", "claim"] == "no claim: one trial"
     assert np.isnan(one.loc["jack", "u_difference"])
+
+
+def test_what_errors_common_to_all_trials_explain_is_no_claim():
+    first, gain = np.linspace(0.01, 0.02, 8), np.linspace(0.003, 0.004, 8)
+    a = result("a", {"key": first})
+    sure = claims(a, result("b", {"key": first - gain}, common=5e-4)).loc["key"]
+    unsure = claims(a, result("b", {"key": first - gain}, common=2e-3)).loc["key"]
+    assert sure["claim"] == "b closer (5 %, all channels together)"
+    assert unsure["claim"] == "no claim: the 95 % interval holds zero" and unsure["p_joint"] < 0.05
+    assert unsure["u_nuisance"] == pytest.approx(2e-3 * np.sqrt(np.mean(np.linspace(-2, 2, 19) ** 2)))
+    b = result("b", {"key": first - gain})
+    b.nuisance = b.nuisance.iloc[:0]
+    assert "was not drawn" in claims(a, b).loc["key", "claim"]
+
+
+def test_claims_of_different_models_before_impact_and_over_the_window_are_a_contradiction():
+    first, gain = np.linspace(0.01, 0.02, 8), np.linspace(0.003, 0.004, 8)
+    a, b = result("a", {"key": first}), result("b", {"key": first - gain})
+    for r, early in ((a, first), (b, first + gain)):
+        r.scores["before_impact_rmse_rad"] = early
+        r.nuisance["before_impact_rmse_rad"] = np.repeat(early, 19)
+    pairs = paired_models([a, b]).set_index("score")["claim"]
+    said = "contradiction: over the whole window b is closer, before the impact a (5 % each); neither model is closer"
+    assert pairs["rmse_rad"].startswith(said) and pairs["before_impact_rmse_rad"].startswith(said)
+    assert pairs["iso_overall"] == "b closer (5 %, all channels together)"
 
 
 def test_no_claim_where_there_is_nothing_to_claim():
@@ -123,7 +157,16 @@ def test_sign_flip_p_is_exact_and_holds_its_level():
     assert sign_flip_p(many) == pytest.approx(1 / 20001)
 
 
-def test_holm_by_hand():
-    assert holm([0.01, 0.04, 0.03]) == pytest.approx([0.03, 0.06, 0.06])
-    assert holm([0.9, 0.5]) == pytest.approx([1.0, 1.0])
-    assert holm([]) == []
+def test_joint_sign_flip_holds_its_level_under_correlated_channels_and_loses_nothing():
+    rng = np.random.default_rng(12)
+    rejected, alone = 0, 0
+    for _ in range(1500):
+        one = rng.normal(size=(7, 1))
+        d = one * [1.0, 2.0, 9.0] + 0.3 * rng.normal(size=(7, 3))
+        rejected += joint_sign_flip(d).min() <= 0.05
+        alone += sign_flip_p(d[:, 0]) <= 0.05
+    assert rejected / 1500 <= 0.05 + 4 * np.sqrt(0.05 * 0.95 / 1500)
+    assert rejected > 0.4 * alone
+    assert joint_sign_flip(np.zeros((5, 2))).tolist() == joint_sign_flip(np.ones((1, 2))).tolist() == [1.0, 1.0]
+    d = rng.normal(1.0, 1.0, size=(6, 1))
+    assert joint_sign_flip(d) == pytest.approx(sign_flip_p(d[:, 0]))

@@ -59,6 +59,7 @@ def test_the_band_of_known_scatter_is_wider_than_pointwise_and_follows_the_scatt
 def test_few_trials_lost_samples_and_equal_curves():
     curves = KINDS["even"](np.random.default_rng(5), 6)
     assert np.isnan(simultaneous_band(curves[:, :2]).half_width).all()
+    assert np.isnan(simultaneous_band(curves[:, :4]).half_width).all()  # four are too few as well
     curves[17, 3] = np.nan
     band = simultaneous_band(curves)
     assert np.isnan(band.half_width[17])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -12,11 +13,13 @@ from validation.cache.result_store import ResultStore
 from validation.errors import InputError
 from validation.events.definitions import EVENTS, Event, absent
 from validation.events.evaluation_window import Window, common_window
-from validation.pipeline.verdict import verdict_lines
+from validation.pipeline.verdict import Standing, verdict_lines
 from validation.scores.session import score_curves
 from validation.scores.traces import SessionTraces
 from validation.statistics.common_base import on_common_base
-from validation.statistics.paired_difference import paired_difference
+from validation.statistics.difference_draws import DifferenceDraws
+from validation.statistics.paired_difference import NOT_JUDGED, NOT_SHOWN, SHOWN, judge
+from validation.statistics.simultaneous_test import STEADY
 from validation.tables.channels import channel_tables
 from validation.tables.events import event_summary, event_table
 from validation.tables.scorecard import scorecard, with_repeatability, with_scores
@@ -43,7 +46,7 @@ def tables(traces, u=1e-4):
     session = SessionTraces(traces, {}, WINDOW, {1: 0.25})
     channels, spread = channel_tables(session, {"key": u, "whippen": u, "hammer": u})
     scores = with_repeatability(score_curves(session, {n: np.full(3, u) for n in traces}, ResultStore()), channels)
-    card = scorecard(scores, session, ResultStore())
+    card = scorecard(scores, session)
     return with_scores(channels, scores, card).set_index("channel"), scores, spread
 
 
@@ -55,8 +58,7 @@ def test_channel_table_of_a_known_difference():
         assert row["mean_difference_rad"] == pytest.approx(0.01 * size)
         assert row["trial_to_trial_rmse_rad"] == pytest.approx(np.sqrt(2) * row["s_r_rad"], rel=1e-9)
         assert row["rmse_over_s_r"] == pytest.approx(row["rmse_rad"] / row["s_r_rad"])
-        # the scatter of the blows cancels in pairs, so the offset is resolved everywhere
-        assert row["resolved_share"] == 1.0
+        assert np.isnan(row["resolved_share"]) and row["judgement"] == NOT_JUDGED  # without draws nothing is judged
         assert row["pairs"] == 10
     assert set(channels.loc[["jack", "repetition"], "state"]) == {"not filmed"}
     assert channels.loc["jack"].isna()["rmse_rad"]
@@ -81,15 +83,63 @@ def test_a_trial_that_does_not_reach_the_window_is_nan_there():
     assert np.isnan(out[[0, 2], 0]).all()
 
 
-def test_resolved_share_of_no_difference_is_the_stated_rate():
-    rng = np.random.default_rng(13)
-    trial = np.zeros((4000, 5))
-    p = paired_difference(rng.normal(0, 1e-3, trial.shape), trial, 0.0)
-    assert p.pointwise_share == pytest.approx(0.05, abs=0.014)  # 4 standard errors
-    assert p.resolved_share == 0.0
-    one = paired_difference(trial[:, :1] + 1.0, trial[:, :1], 0.0)
-    assert np.isnan(one.resolved_share)
-    assert one.mean[0] == 1.0
+def judged(frame_of_trial, shift=0.0):
+    """Judgement of traces whose model is off by ``shift`` of the size; draws as declared, 1 % of the size."""
+    rng = np.random.default_rng(14)
+    time = next(iter(frame_of_trial.values()))["time_s"].to_numpy()[::20]
+    size = np.array([1.0, 2.0, 3.0, np.nan, np.nan])
+    shape = np.ones((5, time.size, 1)) * size
+    drawn = 0.01 * rng.standard_normal((59, 1, 1, 1)) * shape
+    return judge(DifferenceDraws(time, (1, 2, 3, 4, 5), shift * shape, drawn, np.full(5, 1e-9), 0))
+
+
+def test_the_channel_table_holds_the_numbers_of_the_one_test():
+    traces = frames(np.arange(0, 1, 2e-4), scatter=0.05)
+    session = SessionTraces(traces, {}, WINDOW, {1: 0.25})
+    far, near = judged(traces, 0.06), judged(traces, 0.005)
+    channels, spread = channel_tables(session, {}, (), far)
+    row = channels.set_index("channel").loc["hammer"]
+    assert row["judgement"] == SHOWN and row["resolved_share"] == 1.0
+    unit = np.hypot(1.0, STEADY) * row["u_difference_rad"]
+    assert row["largest_ratio"] == pytest.approx(0.18 / unit) and row["largest_ratio"] > 5
+    assert row["largest_ratio_difference_rad"] == pytest.approx(0.18)
+    assert row["mean_difference_rad"] == pytest.approx(0.18)
+    assert 0.01 < row["rmse_right_rad"] < row["rmse_right_95_rad"] < 0.1
+    band = spread["hammer_difference_band95_rad"].to_numpy()
+    assert band == pytest.approx(row["ratio_limit"] * unit)
+    assert far.facts()["rejected"] and not near.facts()["rejected"]
+    same = channel_tables(session, {}, (), near)[0].set_index("channel")
+    assert set(same.loc[["key", "whippen", "hammer"], "judgement"]) == {NOT_SHOWN}
+    assert same.loc["hammer", "resolved_share"] == 0.0 and same.loc["jack", "judgement"] == NOT_JUDGED
+
+
+def test_draws_that_fail_too_often_judge_nothing():
+    draws = judged(frames(np.arange(0, 1, 2e-4), 0.05)).draws
+    outcome = judge(replace(draws, failed=20))
+    assert outcome.test is None
+    assert outcome.facts() == {
+        "judged": False,
+        "reason": "20 of 79 draws of the declared uncertainties cannot be simulated",
+    }
+
+
+@pytest.mark.parametrize(
+    "shift, words",
+    [(0.06, "model error shown in "), (0.005, "agrees within the stated uncertainty (largest difference 0.")],
+)
+def test_headline_is_the_outcome_of_the_test(shift, words):
+    traces = frames(np.arange(0, 1, 2e-4), scatter=0.05)
+    session = SessionTraces(traces, {}, WINDOW, {1: 0.25})
+    judgement = judged(traces, shift)
+    channels, _ = channel_tables(session, {}, (), judgement)
+    scores = score_curves(session, {n: np.full(3, 1e-4) for n in traces}, ResultStore())
+    channels = with_scores(channels, scores, scorecard(scores, session))
+    summary = event_summary({1: keystroke()}, {1: keystroke()})
+    standing = Standing(judgement.facts(), null_closer="The null model of one degree of freedom is closer in hammer.")
+    head = verdict_lines("s", "m", channels, summary, 5, (), standing)[0]
+    assert words in head and head.endswith("The null model of one degree of freedom is closer in hammer.")
+    alone = verdict_lines("s", "m", channels, summary, 5)[0]
+    assert alone.endswith("cannot be judged, because the uncertainty budget was not made.")
 
 
 def keystroke(**changes):

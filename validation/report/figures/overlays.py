@@ -107,7 +107,7 @@ def model_against_trial(view: SessionView, channel: str) -> ReportFigure:
     if any(reached):
         caption += (
             " Shaded below: simultaneous 95 % band of the mean difference; where it leaves zero, model and trials "
-            "differ by more than scatter and sensors explain."
+            "differ by more than the declared uncertainties explain."
         )
     caption += lift_text(lifts)
     anchor = compared_anchor(view.condition, channel, n)

@@ -32,12 +32,12 @@ def matrix(side: SideBySide) -> PageTable:
         for r in results:
             agree = f"{int(r.event_summary['agree'].sum())} of {len(r.event_summary)}"
             rows.append([name, r.action_name, str(len(r.traces)), *_cells(r, channels, "value"), agree])
-        rows.append([name, "trial by another trial (ceiling)", n, *_cells(first, channels, "ceiling"), DASH])
+        rows.append([name, "perfect model (ceiling)", n, *_cells(first, channels, "ceiling"), DASH])
         rows.append([name, "null model", n, *_cells(first, channels, "null"), DASH])
     notes = [
         "Over all trials of a session: RMSE by root mean square, the ISO 18571-style score (0 to 1, 1 is best) by "
-        "mean. Ceiling: the same score of one trial against another, the best that can be asked of a model; a dash "
-        "with fewer than two trials. Null model: the key’s turn alone, all else balanced along it, no fit to trials; a "
+        "mean. Ceiling: what a perfect model would score that knows each trial’s force as it was measured; "
+        "a dash without budget. Null model: the key’s turn alone, all else balanced along it, no fit to trials; a "
         "model of many bodies should do better. Sessions are never pooled: blows of different conditions or sample "
         "rates have no common repeatability. Jack and repetition lever: filmed trials only."
     ]
@@ -80,7 +80,7 @@ def _pairs(pairs: pd.DataFrame, key: str, caption: str) -> PageTable:
                 f"{p.first_closer} : {p.second_closer} of {n}",
                 number(p.p, 3) if n > 1 else DASH,
                 number(p.p_least, 3) if n > 1 else DASH,
-                number(p.p_holm, 3) if n > 1 else DASH,
+                number(p.p_joint, 3) if n > 1 else DASH,
             ]
         )
     head = [
@@ -97,9 +97,10 @@ def _pairs(pairs: pd.DataFrame, key: str, caption: str) -> PageTable:
     ]
     notes = [
         "Every trial is predicted by both models; the difference of their scores is taken trial by trial, so that the "
-        "scatter of the blows cancels. u: standard uncertainty of the mean; interval by Student’s t. p: exact "
-        "sign-flip test, two-sided; least p: the smallest that so many trials allow (five: 0.0625); all channels: "
-        "Holm’s correction. Closer to these trials does not mean right."
+        "scatter of the blows cancels. u: standard uncertainty of the mean; interval by Student’s t, "
+        "widened by what errors of force and sensors common to the trials make of the difference. p: exact sign-flip "
+        "test, two-sided; least p: the smallest that so many trials allow (five: 0.0625); all channels: signs flipped "
+        "in all channels together. Closer to these trials does not mean right."
     ]
     return PageTable(key, caption, head, rows, notes)
 

@@ -21,7 +21,8 @@ def score_matrix(result: ValidationResult) -> PageTable:
         "of range",
         "sᵣ",
         "RMSE / sᵣ",
-        "limit",
+        "right model",
+        "95 % below",
         "trial–trial",
     ]
     rows = []
@@ -37,14 +38,16 @@ def score_matrix(result: ValidationResult) -> PageTable:
                 percent(c.rmse_over_range),
                 degrees(c.s_r_rad),
                 number(c.rmse_over_s_r, 2),
-                degrees(c.limit_rad),
+                degrees(c.rmse_right_rad),
+                degrees(c.rmse_right_95_rad),
                 degrees(c.trial_to_trial_rmse_rad),
             ]
         )
     notes = [
         "RMSE of model − trial in degrees inside the evaluation window; “all” is the root mean square over trials.",
-        "sᵣ: repeatability standard deviation; limit: 95 % of differences between two trials are smaller (ISO 5725, "
-        "factor for few trials); trial–trial: the same RMSE between trials, the best a model could be asked for.",
+        "sᵣ: repeatability standard deviation; right model: the RMSE of a model that is right within the declared "
+        "uncertainties of force, sensors and parameters, its median and what 95 % of them stay below (at most five "
+        "trials); trial–trial: the RMSE of one trial against another, which says how alike the blows were.",
     ]
     if not trials:
         notes.append(f"The RMSE of each of the {len(result.traces)} trials stands in tables/scores.csv.")
@@ -52,7 +55,7 @@ def score_matrix(result: ValidationResult) -> PageTable:
 
 
 def iso_table(result: ValidationResult) -> PageTable:
-    """ISO 18571-style scores per channel: mean over trials, and what trials score against each other."""
+    """ISO 18571-style scores per channel: mean over trials, and what a perfect model would score."""
     rows = []
     ceiling = dict(zip(result.channels["channel"], result.channels["iso_ceiling"].astype(float), strict=True))
     for channel, part in result.scores.groupby("channel", sort=False):
@@ -61,11 +64,11 @@ def iso_table(result: ValidationResult) -> PageTable:
         shift = 1e3 * float(part["iso_shift_s"].abs().max())
         cells = [number(value, 3) if math.isfinite(value) else DASH for value in means]
         rows.append([str(channel), *cells, number(ceiling[str(channel)], 3), number(shift, 2)])
-    head = ["channel", "overall", "corridor", "phase", "magnitude", "slope", "trial–trial", "largest shift (ms)"]
+    head = ["channel", "overall", "corridor", "phase", "magnitude", "slope", "perfect model", "largest shift (ms)"]
     notes = [
-        "From 0 to 1, mean over trials; trial–trial: the overall score of trials against each other. The specification "
-        "is made for forces and accelerations of vehicle safety; here it is a style of scoring. A curve with lost "
-        "frames has no score."
+        "From 0 to 1, mean over trials; perfect model: what it would score overall under the force as measured. "
+        "The specification is made for forces and accelerations of vehicle safety; here it is a style of scoring. "
+        "A curve with lost frames has no score."
     ]
     return PageTable("iso", "ISO/TS 18571-style scores", head, rows, notes)
 
@@ -102,7 +105,7 @@ def resolution_table(result: ValidationResult) -> PageTable:
     ]
     notes = [
         "resolved: share of the window in which the mean paired difference leaves its simultaneous 95 % band "
-        "(random-field t over trials, and the sensor's own uncertainty)."
+        "(declared uncertainties of force, sensors and parameters; scatter of the trials where larger)."
     ]
     return PageTable("differences", "Differences model − trial by channel (°)", head, rows, notes)
 

@@ -1,0 +1,151 @@
+"""How often does the verdict's simultaneous test reject a model that is right within what it declares? And its power.
+
+    python benchmarks/verdict_level.py [--sessions 40] [--trials 3,5,10] [--kinds forte,piano,double,staccato]
+                                       [--seed 1] [--exact] [--power]
+
+For every session the specimen's parameters, the force's gain, preload and delay, and the errors of the encoders are
+drawn anew from their declared standard uncertainties; its trials differ in strength and pace. ``--exact``: the
+specimen is the model, only force and sensors are drawn. ``--power``: a shift of 1 to 6 standard uncertainties is added
+to one channel of each session, over the whole window. Prints a row per cell with its 99 % interval.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from scipy import stats
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+import model
+from benchmarks.bench_strokes import BEFORE_S, KINDS
+from model.errors import ModelError
+from rig.configuration.rig_file import load_rig
+from rig.session import EncoderInfo, ForceInfo, TrialData
+from validation.events.session import find_session_events
+from validation.measurement.trial import MeasuredTrial, measure
+from validation.prediction.input_sampling import parameter_draws
+from validation.prediction.model_under_test import ModelUnderTest
+from validation.prediction.session import PredictedSession, PredictedTrial
+from validation.prediction.trial_prediction import predict_trial
+from validation.scores.traces import SessionTraces, trace_table
+from validation.statistics.difference_draws import DifferenceDraws, difference_draws
+from validation.statistics.simultaneous_test import simultaneous_test
+
+RATE_HZ, AFTER_S, DELAY_S, TOLERANCE = 5000.0, 0.4, 0.0024, 3e-5
+SHIFTS = (1, 2, 3, 4, 5, 6)
+
+
+def recorded(action: model.Action, kind: str, n: int, rng: np.random.Generator) -> list[TrialData]:
+    """Trials of one kind on a specimen, read by sensors with drawn errors."""
+    config = load_rig("virtual").config
+    f = config.force
+    gain = 1 + f.u_gain_relative * rng.standard_normal()
+    delay = DELAY_S + f.u_group_delay_s * rng.standard_normal()
+    preload = f.preload_n + f.u_preload_n * rng.standard_normal()
+    encoders = tuple(EncoderInfo.of(e) for e in config.encoders)
+    order = [("key", "whippen", "hammer").index(e.name) for e in encoders]
+    turn = np.array([e.u_turn_relative for e in encoders]) * rng.standard_normal(len(encoders))
+    change = np.array([e.u_change_rad for e in encoders]) * rng.standard_normal(len(encoders))
+    rest = model.rest_state(action, force_n=preload)
+    at, newton = KINDS[kind]
+    t = np.arange(int((BEFORE_S + 1.2 * at[-1] + AFTER_S) * RATE_HZ)) / RATE_HZ
+    out = []
+    for number in range(1, n + 1):
+        pace, strength = rng.uniform(0.98, 1.02), rng.uniform(0.98, 1.06)
+        corners = BEFORE_S + rng.uniform(0, 1e-3) + pace * np.array(at)
+        force = preload + strength * np.interp(t, corners, newton)
+        solution = model.simulate(action, t, force, tolerance=TOLERANCE, initial=rest)
+        true = (solution.angle_rad - rest.angle_rad)[:, [0, 1, 4]][:, order]
+        read = true * (1 + turn) + change * (1 - np.exp(-np.abs(true) / 1e-3))
+        per = np.array([e.rad_per_count for e in encoders])
+        count = np.floor(read / per + rng.uniform(0, 1, len(per))).astype(np.int64)
+        felt = np.interp(t - delay, t, force, left=force[0])
+        seen = (felt - preload) / gain + 0.3 + f.u_noise_n * rng.standard_normal(t.size)
+        info = ForceInfo.of(config, DELAY_S)
+        out.append(
+            TrialData(
+                number=number, status="complete", started_utc="2026-11-22T09:00:00Z", simulated=True,
+                sample_rate_hz=RATE_HZ, time_s=t, force_n=seen, force_raw=seen, motor_command_v=np.zeros(t.size),
+                encoder_count=count - count[0], encoders=encoders, force_info=info, blow_start_s=BEFORE_S,
+            )
+        )  # fmt: skip
+    return out
+
+
+def session_draws(kind: str, n: int, seed: list[int], exact: bool) -> DifferenceDraws | None:
+    """Differences of one session, found and drawn; None when the specimen cannot be played."""
+    rng = np.random.default_rng(seed)
+    tested = ModelUnderTest(model.load_action(), TOLERANCE, rivals=())
+    changed = {} if exact else parameter_draws(tested.action, 1, rng)[0]
+    try:
+        data = recorded(tested.action.with_values(changed), kind, n, rng)
+    except ModelError:
+        return None
+    seal = f"{seed}"
+    trials: list[MeasuredTrial] = [
+        measure(d, None, tested.geometry_at(d.force_info.preload_n), seal=seal) for d in data
+    ]
+    found = {m.number: PredictedTrial(predict_trial(m, tested), {}, ()) for m in trials}
+    predicted = PredictedSession(tuple(trials), found, {})
+    events = find_session_events(predicted, tested)
+    no_speeds = pd.DataFrame({"time_s": trials[0].time_s})
+    frames = {m.number: trace_table(m, found[m.number], events.lifts[m.number], no_speeds) for m in trials}
+    traces = SessionTraces(frames, {}, events.window, events.impact_s)
+    return difference_draws(trials, traces, tested)
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--sessions", type=int, default=40)
+    parser.add_argument("--trials", default="3,5,10")
+    parser.add_argument("--kinds", default="forte,piano,double,staccato")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--exact", action="store_true")
+    parser.add_argument("--power", action="store_true")
+    options = parser.parse_args()
+    total, rejected = 0, 0
+    power = np.zeros((len(SHIFTS), 3), dtype=int)
+    print(
+        f"{'kind':10s} {'n':>3s} {'sessions':>8s} {'rejected':>8s} {'99 % interval':>18s} {'factor':>7s} {'excess':>6s}"
+    )
+    for kind in options.kinds.split(","):
+        for n in map(int, options.trials.split(",")):
+            start, here, out, factors, excess = time.perf_counter(), 0, 0, [], 0
+            for k in range(options.sessions):
+                d = session_draws(kind, n, [options.seed, list(KINDS).index(kind), n, k], options.exact)
+                outcome = None if d is None else simultaneous_test(d.found, d.draws, d.floor)
+                if d is None or outcome is None:
+                    continue
+                here, out = here + 1, out + outcome.rejected
+                factors.append(outcome.factor)
+                excess += outcome.excess_scatter
+                for i, shift in enumerate(SHIFTS) if options.power else ():
+                    for c in range(3):
+                        moved = d.found.copy()
+                        moved[:, :, c] += shift * outcome.u[:, c]
+                        again = simultaneous_test(moved, d.draws, d.floor)
+                        power[i, c] += again is not None and again.rejected
+            total, rejected = total + here, rejected + out
+            low, high = stats.binomtest(out, max(here, 1)).proportion_ci(0.99, "exact")
+            print(
+                f"{kind:10s} {n:3d} {here:8d} {out / max(here, 1):8.3f} {low:8.3f} to {high:.3f} "
+                f"{np.median(factors):7.2f} {excess:6d}   ({time.perf_counter() - start:.0f} s)", flush=True,
+            )  # fmt: skip
+    low, high = stats.binomtest(rejected, max(total, 1)).proportion_ci(0.99, "exact")
+    print(f"pooled: {rejected} of {total}: {rejected / max(total, 1):.3f}, 99 % interval {low:.3f} to {high:.3f}")
+    if options.power:
+        for i, shift in enumerate(SHIFTS):
+            print(
+                f"shift of {shift} u: rejected {' '.join(f'{v / total:.2f}' for v in power[i])} (key, whippen, hammer)"
+            )
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,143 @@
+"""Draws of all uncertain inputs at once: what the trials would have read, had the model been right.
+
+Conventions: a draw is one possible truth of the *whole session*. Common to its trials: the action's parameters, the
+gain and delay of the force, the preload, the scale of each encoder and the part of its error that does not grow with
+the angle. Each trial's own: the offset fitted on its baseline, the noise of its force, quantisation. A draw with
+``parameters=False`` leaves the action as it is: a *perfect* model under a force known as well as declared.
+Source: JCGM 101; u of the parameters as in `validation.prediction.input_sampling`.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+import model
+from model.errors import ModelError
+from validation.conventions import BODIES, ENCODER_CHANNELS, FILM_CHANNELS, Array
+from validation.errors import PredictionError
+from validation.measurement.trial import MeasuredTrial
+from validation.prediction.input_sampling import parameter_draws
+from validation.prediction.model_under_test import ModelUnderTest
+
+CHANNELS = (*ENCODER_CHANNELS, *FILM_CHANNELS)
+MOVED_RAD = 1e-3  # turn over which the error of an encoder that does not grow with the angle comes about
+SEED = 65
+MOST_TRIALS = 5
+
+
+@dataclass(frozen=True)
+class JointDraw:
+    """One possible truth of a session.
+
+    Attributes
+    ----------
+    number : which draw
+    changed : parameters of the action that differ
+    z_gain, z_preload, z_delay : errors of the force, in standard uncertainties
+    z_scale, z_change : errors of each of `CHANNELS`, in standard uncertainties
+    own : seed of what each trial has for itself
+    """
+
+    number: int
+    changed: Mapping[str, float] = field(hash=False)
+    z_gain: float
+    z_preload: float
+    z_delay: float
+    z_scale: tuple[float, ...]
+    z_change: tuple[float, ...]
+    own: tuple[int, ...]
+
+    def rng(self, trial: int) -> np.random.Generator:
+        """Random numbers of one trial in this draw."""
+        return np.random.default_rng([*self.own, trial])
+
+
+def chosen_trials(trials: Sequence[MeasuredTrial], most: int = MOST_TRIALS) -> list[MeasuredTrial]:
+    """At most ``most`` trials, evenly spread over the peak force, one of them filmed if any is."""
+    order = sorted(trials, key=lambda m: (float(m.force.force_n.max()), m.number))
+    if len(order) <= most:
+        return sorted(order, key=lambda m: m.number)
+    chosen = [order[i] for i in np.unique(np.round(np.linspace(0, len(order) - 1, most)).astype(int))]
+    filmed = [m for m in order if m.film is not None]
+    if filmed and not any(m.film is not None for m in chosen):
+        chosen[len(chosen) // 2] = filmed[len(filmed) // 2]
+    return sorted(chosen, key=lambda m: m.number)
+
+
+def session_seed(trials: Sequence[MeasuredTrial]) -> int:
+    """Seed from the recorded data: the same for every report of a session, another for another session."""
+    first = min(trials, key=lambda m: m.number)  # a trial added later changes no draw
+    return int.from_bytes(hashlib.sha256(first.seal.encode()).digest()[:8], "big")
+
+
+def joint_draws(action: model.Action, seed: int, n: int, *, parameters: bool) -> list[JointDraw]:
+    """Draw ``n`` possible truths; normal errors, parameters as `parameter_draws` says."""
+    rng = np.random.default_rng([SEED, seed, int(parameters)])
+    changes = parameter_draws(action, n, rng) if parameters else [{} for _ in range(n)]
+    out = []
+    for i, changed in enumerate(changes):
+        z = rng.standard_normal(3)
+        scale, change = (tuple(map(float, rng.standard_normal(len(CHANNELS)))) for _ in range(2))
+        own = (SEED, seed, int(parameters), i)
+        out.append(JointDraw(i, changed, float(z[0]), float(z[1]), float(z[2]), scale, change, own))
+    return out
+
+
+@dataclass(frozen=True)
+class DrawnAction:
+    """The action of a draw, and its rest state under the preload of that draw."""
+
+    draw: JointDraw
+    action: model.Action
+    rest: model.RestState
+
+
+def drawn_action(tested: ModelUnderTest, m: MeasuredTrial, draw: JointDraw) -> DrawnAction | None:
+    """The draw's action at rest under the drawn preload of trial ``m``; None when it has no rest or no geometry."""
+    channel = m.force.channel
+    preload = channel.preload_n * (1 + channel.gain_relative_u * draw.z_gain) + channel.u_preload_n * draw.z_preload
+    try:
+        action = tested.action.with_values(draw.changed) if draw.changed else tested.action
+        return DrawnAction(draw, action, tested.rest_of(action, preload))
+    except ModelError:
+        return None
+
+
+def drawn_readings(tested: ModelUnderTest, m: MeasuredTrial, drawn: DrawnAction, time_s: Array) -> Array | None:
+    """What the channels would have read in trial ``m`` if the draw were true, (len(time_s), 5) rad since rest.
+
+    Columns are `CHANNELS`; those of a film are NaN where the trial has none. None when the draw cannot be run.
+    """
+    draw, f, rng = drawn.draw, m.force, drawn.draw.rng(m.number)
+    offset = f.hum.u_offset_n if np.isfinite(f.hum.u_offset_n) else 0.0
+    force = f.force_n * (1 + f.channel.gain_relative_u * draw.z_gain) + f.channel.u_preload_n * draw.z_preload
+    force = force + offset * rng.standard_normal() + f.noise_n * rng.standard_normal(force.size)
+    when = f.time_s + f.channel.u_group_delay_s * draw.z_delay
+    inside = (time_s >= when[0]) & (time_s <= when[-1])
+    try:
+        options = {"tolerance": tested.tolerance, "output_time_s": time_s[inside], "initial": drawn.rest}
+        solution = tested.simulate(drawn.action, when, force, **options)
+    except (ModelError, PredictionError):
+        return None
+    turn = np.full((time_s.size, len(BODIES)), np.nan)
+    turn[inside] = np.asarray(solution.angle_rad, dtype=float) - np.asarray(drawn.rest.angle_rad, dtype=float)
+    out = np.full((time_s.size, len(CHANNELS)), np.nan)
+    for i, name in enumerate(CHANNELS):
+        angle = turn[:, BODIES.index(name)]
+        moved = 1.0 - np.exp(-np.abs(angle) / MOVED_RAD)
+        if name in FILM_CHANNELS:
+            if m.film is None:
+                continue
+            u = float(np.nanmedian(m.film.u_rad[name]))
+            clock = np.gradient(angle, time_s) * m.film.u_time_s * draw.z_scale[i]
+            out[:, i] = angle + clock + u * (draw.z_change[i] * moved + rng.standard_normal(angle.size))
+            continue
+        white = abs(float(m.resolution_rad[i])) / np.sqrt(12.0)
+        steady = float(np.sqrt(max(float(m.u_rad[i]) ** 2 - 2.0 * white**2, 0.0)))
+        out[:, i] = angle * (1 + float(m.scale_relative_u[i]) * draw.z_scale[i]) + steady * draw.z_change[i] * moved
+        out[:, i] += white * (rng.standard_normal(angle.size) + rng.standard_normal())
+    return out

@@ -1,0 +1,153 @@
+"""The ceiling of every score: what a perfect model would reach, which knows each trial's force as it was measured.
+
+Conventions: the prediction stands for the truth; the trial is drawn from it with errors of force (gain, preload, delay,
+offset, noise) and sensors (scale, interpolation, quantisation, film) of the declared size, common to the session or to
+a trial as they are (`validation.prediction.joint_draws`); it is scored at the same samples as the recorded one.
+With 19 draws a perfect model scores worse than all of them in 5 % of sessions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from functools import partial
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from validation.conventions import CHANNEL_GROUPS, WORKERS, Array
+from validation.measurement.trial import MeasuredTrial
+from validation.prediction.joint_draws import (
+    CHANNELS,
+    DrawnAction,
+    JointDraw,
+    chosen_trials,
+    drawn_action,
+    drawn_readings,
+    joint_draws,
+    session_seed,
+)
+from validation.prediction.model_under_test import ModelUnderTest
+from validation.scores.curve_scores import SCORES, all_scores, pooled_score
+from validation.scores.traces import SessionTraces, scored
+
+DRAWS = 19
+MOVED = "moved_"
+PAIRED_SCORES = ("rmse_rad", "before_impact_rmse_rad", "iso_overall")
+NUISANCE_COLUMNS = ["trial", "channel", "draw", *PAIRED_SCORES]
+NOT_MADE = "not judged: no ceiling was made"
+INSIDE, OUTSIDE = "indistinguishable from a perfect model", "worse than a perfect model"
+
+
+@dataclass(frozen=True)
+class Ceiling:
+    """Scores of a perfect model: (channel, score) → one pooled value per draw; the trials they are made from.
+
+    ``nuisance``: scores of the recorded trials when the model's force and the sensors are as drawn: trial, channel,
+    draw, `PAIRED_SCORES`. The draws are the same for every model of a session.
+    """
+
+    scores: Mapping[tuple[str, str], Array] = field(default_factory=dict)
+    trials: tuple[int, ...] = ()
+    nuisance: pd.DataFrame = field(default_factory=lambda: pd.DataFrame(columns=NUISANCE_COLUMNS))
+
+    def row(self, channel: str, score: str, value_of_same: float) -> dict[str, object]:
+        """Median and range over draws, and how a score of the same trials lies to them; never clipped."""
+        known = self.scores.get((channel, score), np.empty(0))
+        known = known[np.isfinite(known)]
+        if not known.size:
+            nan = float("nan")
+            return {"ceiling": nan, "ceiling_low": nan, "ceiling_high": nan, "ceiling_draws": 0, "reading": NOT_MADE}
+        low, high = float(known.min()), float(known.max())
+        worse = value_of_same > high if SCORES[score].better == "lower" else value_of_same < low
+        reading = (OUTSIDE if worse else INSIDE) if np.isfinite(value_of_same) else NOT_MADE
+        return {
+            "ceiling": float(np.median(known)),
+            "ceiling_low": low,
+            "ceiling_high": high,
+            "ceiling_draws": int(known.size),
+            "reading": reading,
+        }
+
+
+@dataclass(frozen=True)
+class _Curve:
+    """One recorded curve and its prediction, inside the window."""
+
+    channel: int
+    time_s: Array
+    lost: NDArray[np.bool_]
+    measured: Array
+    predicted: Array
+    early: NDArray[np.bool_]
+
+
+def perfect_scores(
+    trials: Sequence[MeasuredTrial],
+    traces: SessionTraces,
+    tested: ModelUnderTest,
+    without: Collection[tuple[int, str]] = (),
+) -> Ceiling:
+    """Draw the trials of a session from their predictions, and score the predictions against them."""
+    chosen = chosen_trials(trials)
+    seed = session_seed(trials)
+    draws = joint_draws(tested.action, seed, DRAWS, parameters=False)
+    pooled: dict[tuple[str, str], list[list[float]]] = {}
+    nuisance: list[dict[str, object]] = []
+    for m in chosen:
+        curves = _curves(m, traces, without)
+        inputs = (tested.identity, seed, DRAWS, m.force, m.u_rad, m.scale_relative_u, m.film, curves)
+        found = tested.store.value("perfect model", inputs, partial(_scores, tested, m, draws, curves))
+        for i, of_draw in enumerate(found):
+            for name, scores in of_draw.items():
+                for score in SCORES:
+                    pooled.setdefault((name, score), [[] for _ in draws])[i].append(scores[score])
+                moved = {score: scores[f"{MOVED}{score}"] for score in PAIRED_SCORES}
+                nuisance.append({"trial": m.number, "channel": name, "draw": i, **moved})
+    values = {
+        (name, score): np.array([pooled_score(score, np.array(v)) if v else np.nan for v in of_draw])
+        for (name, score), of_draw in pooled.items()
+    }
+    return Ceiling(values, tuple(m.number for m in chosen), pd.DataFrame(nuisance, columns=NUISANCE_COLUMNS))
+
+
+def _scores(
+    tested: ModelUnderTest, m: MeasuredTrial, draws: Sequence[JointDraw], curves: Sequence[_Curve]
+) -> list[dict[str, dict[str, float]]]:
+    """Scores of each draw by channel; no channel where the draw cannot be run."""
+    times = np.unique(np.concatenate([c.time_s for c in curves])) if curves else np.empty(0)
+    drawn = [drawn_action(tested, m, draw) for draw in draws]
+
+    def one(d: DrawnAction | None) -> dict[str, dict[str, float]]:
+        read = drawn_readings(tested, m, d, times) if d is not None and times.size else None
+        if read is None:
+            return {}
+        out = {}
+        for c in curves:
+            trial = np.where(c.lost, np.nan, read[np.searchsorted(times, c.time_s), c.channel])
+            scores = all_scores(c.time_s, trial, c.predicted, c.early)
+            moved = all_scores(c.time_s, c.measured, trial, c.early)
+            values = {name: float(scores[name]) for name in SCORES}
+            out[CHANNELS[c.channel]] = values | {f"{MOVED}{name}": float(moved[name]) for name in PAIRED_SCORES}
+        return out
+
+    with ThreadPoolExecutor(WORKERS) as pool:
+        return list(pool.map(one, drawn))
+
+
+def _curves(m: MeasuredTrial, traces: SessionTraces, without: Collection[tuple[int, str]]) -> list[_Curve]:
+    out = []
+    for names, source in CHANNEL_GROUPS:
+        frame = traces.of(source).get(m.number)
+        if frame is None:
+            continue
+        part: pd.DataFrame = frame[traces.window.mask(frame["time_s"].to_numpy())]
+        time = part["time_s"].to_numpy()
+        for name in names:
+            if (m.number, name) not in without:
+                measured, predicted = scored(part, name), part[f"{name}_predicted_rad"].to_numpy()
+                early = time < traces.impact_s.get(m.number, np.inf)
+                out.append(_Curve(CHANNELS.index(name), time, ~np.isfinite(measured), measured, predicted, early))
+    return out
