@@ -2,27 +2,38 @@
 
 A command's module is imported when the command runs or its own help is asked for, so that ``--help`` starts fast. An
 error that a package raises on purpose carries ``exit_code`` (2 bad input, 3 hardware or safety, 1 defect) and is
-printed in one line; with ``--debug`` its traceback is shown. Ctrl-C ends with 130.
+printed in one line; with ``--debug`` its traceback is shown. Ctrl-C ends with 130 and says what it did.
 """
 
 from __future__ import annotations
 
 import atexit
 import gc
-import io
 import os
 import sys
+import warnings
 from typing import Any
 
 import typer
-from typer.core import TyperGroup
+from typer.core import TyperArgument, TyperGroup
 from typer.main import get_command
 
+import pianorig
 from pianorig import commands
+from pianorig.console.compile_notice import tell_when_compiling
+from pianorig.console.failures import Interrupted, how_stopped, tell_failure
+from pianorig.console.plain_text import write_what_the_terminal_can
+from pianorig.console.progress import say
+from pianorig.console.shadowed_packages import refuse_shadowed_packages
+
+OLD_SPELLINGS = {"figures": "figure", "plot": "figure", "png": "out"}
+"""Options that were called otherwise once: still understood, no longer listed."""
 
 STYLE: dict[str, Any] = {
-    "add_completion": False, "pretty_exceptions_enable": False, "rich_markup_mode": None,
-}  # fmt: skip
+    "pretty_exceptions_enable": False,
+    "rich_markup_mode": None,
+    "context_settings": {"help_option_names": ["-h", "--help"]},
+}
 
 
 class LazyGroup(TyperGroup):
@@ -36,56 +47,99 @@ class LazyGroup(TyperGroup):
         """The command of this name, its module imported now; None where there is none."""
         if cmd_name not in commands.COMMANDS:
             return None
-        single = typer.Typer(**STYLE)
+        single = typer.Typer(add_completion=False, **STYLE)
         single.command(cmd_name)(commands.load(cmd_name))
-        return get_command(single)
+        command = get_command(single)
+        command.context_settings["token_normalize_func"] = lambda name: OLD_SPELLINGS.get(name, name)
+        command.help = _keep_example_lines(command.help or "")
+        for parameter in command.params:
+            if isinstance(parameter, TyperArgument):
+                parameter.metavar = parameter.metavar or (parameter.name or "").upper()
+                parameter.get_usage_pieces = _usage_piece(parameter)  # type: ignore[method-assign]
+        return command
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
-        """List the commands with their first lines, without importing them."""
-        with formatter.section("Commands"):
-            formatter.write_dl([(name, listed.help) for name, listed in commands.COMMANDS.items()])
+        """List the commands in groups with their first lines, without importing them."""
+        width = max(map(len, commands.COMMANDS))
+        for title, names in commands.groups().items():
+            with formatter.section(title):
+                formatter.write_dl([(name.ljust(width), commands.COMMANDS[name].help) for name in names])
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run the command; an interrupt that it does not explain itself is told in one line."""
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt as interrupt:
+            name = ctx.invoked_subcommand or "pianorig"
+            raise Interrupted(f"{name} {how_stopped(interrupt)}; files are written whole or not at all") from interrupt
+
+
+def _usage_piece(argument: TyperArgument) -> Any:
+    """``SESSION``, ``[SESSION]`` or ``SESSION...``, alike in every version of typer."""
+    text = f"{argument.metavar}{'...' if argument.nargs != 1 else ''}"
+    return lambda ctx: [text if argument.required else f"[{text}]"]
+
+
+def _keep_example_lines(text: str) -> str:
+    """Help whose paragraphs of examples are not wrapped, so that they can be copied."""
+    mark = "\b\n"
+    return "\n\n".join(mark + part if part.lstrip().startswith("Example:") else part for part in text.split("\n\n"))
 
 
 app = typer.Typer(
     name="pianorig",
     cls=LazyGroup,
     help="Play a piano action with a motor, measure and film it, and see how well a model predicts it.",
-    no_args_is_help=True,
+    epilog="Exit codes: 0 success, 2 bad input, 3 hardware or safety, 1 defect, 130 stopped by Ctrl-C.",
     **STYLE,
 )
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        print(f"pianorig {pianorig.__version__}")
+        raise typer.Exit
 
 
 @app.callback()
 def _options(
     debug: bool = typer.Option(False, "--debug", help="Show the traceback of an error."),
+    version: bool = typer.Option(
+        False, "--version", help="Show the version and exit.", callback=_print_version, is_eager=True
+    ),
 ) -> None:
     if debug:
         os.environ["PIANORIG_DEBUG"] = "1"
 
 
+def _one_line_warning(message: Warning | str, *where: Any, **more: Any) -> None:
+    """A warning without the line of our source that raised it."""
+    say(f"warning: {' '.join(str(message).split())}")
+
+
 def main(arguments: list[str] | None = None) -> None:
     """Run the command line; exits the process."""
-    for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):  # a Windows pipe may lack a character: replace it, do not fail
-            stream.reconfigure(errors="replace")
+    given = (sys.argv[1:] if arguments is None else arguments) or ["--help"]
+    as_json = "--json" in given[: given.index("--") if "--" in given else None]
+    write_what_the_terminal_can()
+    warnings.showwarning = _one_line_warning
     # a command keeps most of what it allocates until it ends: passes of the collector, the last one above all, find
     # nothing and would take a fifth of the time (docs/decisions/0054-start-up-collector.md)
     gc.set_threshold(20_000, 20, 50)
     atexit.register(gc.freeze)
     try:
-        app(args=arguments, standalone_mode=True)
-    except KeyboardInterrupt:
-        print("pianorig: stopped by Ctrl-C; what was recorded is kept", file=sys.stderr)
-        raise SystemExit(130) from None
+        refuse_shadowed_packages()
+        if not as_json:
+            tell_when_compiling()
+        code = app(args=given, prog_name="pianorig", standalone_mode=False)
+    except BrokenPipeError:  # the reader of a pipe has seen enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        raise SystemExit(1) from None
     except Exception as problem:
-        code = getattr(problem, "exit_code", None)
-        if os.environ.get("PIANORIG_DEBUG"):
+        if os.environ.get("PIANORIG_DEBUG") and not hasattr(problem, "format_message"):
             raise
-        if code is None:
-            print(f"pianorig: defect: {type(problem).__name__}: {problem} (run again with --debug)", file=sys.stderr)
-            raise SystemExit(1) from None
-        print(f"pianorig: {' '.join(str(problem).split())}", file=sys.stderr)
-        raise SystemExit(code) from None
+        raise SystemExit(tell_failure(problem, as_json)) from None
+    raise SystemExit(code if isinstance(code, int) else 0)
 
 
 if __name__ == "__main__":

@@ -170,8 +170,10 @@ def find_action(name_or_path: str | Path) -> Path:
     path = Path(text)
     if path.suffix == ".toml" or path.exists():
         return path
-    names = ", ".join(sorted(p.stem for p in ACTIONS.glob("*.toml")))
-    raise InputError(f"action {text!r}: not found; built in: {names}; or name a .toml file")
+    names = sorted(p.stem for p in ACTIONS.glob("*.toml"))
+    near = difflib.get_close_matches(text, names, n=1)
+    hint = f"did you mean {near[0]}? " if near else ""
+    raise InputError(f"action {text!r}: not found; {hint}built in: {', '.join(names)}; or name a .toml file")
 
 
 def load_action(name_or_path: str | Path = TEMPLATE, overrides: Mapping[str, float] | None = None) -> Action:

@@ -13,6 +13,7 @@ What is left out is not in the compiled kernels. A new structure compiles once (
 
 from __future__ import annotations
 
+import difflib
 import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -97,7 +98,9 @@ def load_scene(name_or_path: str | Path | SceneChoice) -> SceneChoice:
         return SCENES[str(name_or_path)]
     path = Path(name_or_path)
     if path.suffix != ".toml":
-        raise InputError(f"scene {str(path)!r}: not found; built in: {', '.join(SCENES)}; or name a .toml file")
+        near = difflib.get_close_matches(str(path), SCENES, n=1)
+        hint = f"did you mean {near[0]}? " if near else ""
+        raise InputError(f"scene {str(path)!r}: not found; {hint}built in: {', '.join(SCENES)}; or name a .toml file")
     try:
         table: dict[str, Any] = tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as problem:

@@ -20,6 +20,9 @@ class Listed(NamedTuple):
 
 COMMANDS = {
     "demo": Listed("demo", "Record five virtual blows, film and track one, report."),
+    "examples": Listed("examples", "Write small files to try every command with."),
+    "open": Listed("open_report", "Open a session's report in the browser."),
+    "info": Listed("info", "Show a session, a backend, or the installed versions."),
     "record": Listed("bench.record", "Play a motor profile; record force, angles, frame clock."),
     "learn": Listed("bench.learn", "Learn motor profiles whose force follows recorded ones."),
     "recover": Listed("bench.recover", "Rebuild unsealed trials from the journals of a recording."),
@@ -37,9 +40,25 @@ COMMANDS = {
     "validate": Listed("validation.validate", "Report how well models predict the measured angles."),
     "serve-sim": Listed("bench.serve_sim", "Serve the virtual DAQ device over TCP until Ctrl-C."),
     "selftest": Listed("bench.selftest", "Test a bench with gentle pushes before the first blow."),
-    "info": Listed("bench.info", "Show a session, a backend, or the installed versions."),
 }
-"""Every command, in the order of ``--help``."""
+"""Every command; ``--help`` lists them in this order within their group."""
+
+GROUPS = {
+    "": "First steps and help",
+    "bench": "Bench",
+    "film": "Films",
+    "model": "Model",
+    "validation": "Model and measurement",
+}
+"""Heading of the commands in each folder; the first is that of this folder itself."""
+
+
+def groups() -> dict[str, list[str]]:
+    """Names of the commands under the heading of their module's folder, in the order of the headings."""
+    found: dict[str, list[str]] = {title: [] for title in GROUPS.values()}
+    for name, listed in COMMANDS.items():
+        found[GROUPS[listed.module.rpartition(".")[0]]].append(name)
+    return found
 
 
 def load(name: str) -> Callable[..., Any]:

@@ -9,8 +9,8 @@ import typer
 
 from pianorig import workflows
 from pianorig.console.options import AsJson, Profile
-from pianorig.console.output import print_json, print_verdict
-from pianorig.console.progress import bar, recording_line, say
+from pianorig.console.output import print_json, print_paragraphs, print_verdict
+from pianorig.console.progress import bar, recording_line, say, working
 
 
 def command(
@@ -26,16 +26,8 @@ def command(
     Example:  pianorig demo --out sessions/try
     """
     target = out or workflows.new_session_folder("demo")
-    with recording_line(as_json) as recording, bar("film", as_json) as film, bar("track", as_json) as track:
-        demo = workflows.run_demo(
-            target,
-            trials=trials,
-            profile=profile,
-            say=None if as_json else say,
-            record_progress=recording,
-            film_progress=film,
-            track_progress=track,
-        )
+    show = workflows.DemoProgress() if as_json else workflows.DemoProgress(say, working, recording_line, bar)
+    demo = workflows.run_demo(target, trials=trials, profile=profile, show=show)
     report = demo.result.files["report.html"]
     if as_json:
         figures = demo.figures
@@ -53,8 +45,14 @@ def command(
             }
         )
         return
+    print("\nVerdict")
     print_verdict(demo.result.verdict_lines)
-    print(f"report: {report}")
-    print()
+    print("\nMeasured in this run")
     for line in workflows.figure_lines(demo.figures):
         print(line)
+    print("\nWhat you just saw")
+    print_paragraphs(workflows.seen_in_words(demo))
+    print("\nWhat to do next")
+    for line, what in workflows.next_commands(demo.session.path):
+        print(f"  {line}\n      {what}")
+    print(f"\nreport: {report}")

@@ -7,13 +7,17 @@ from typing import Annotated, TypeAlias
 
 import typer
 
+from pianorig.console.built_in_names import complete_file
+
 DEFAULT_ACTION = "hirschkorn2004"
 BUILT_IN_ACTION = "Built-in action or a TOML file."
 SELFTESTS = Path("selftests")
 """Where ``pianorig selftest`` puts its records."""
 
 AsJson: TypeAlias = Annotated[bool, typer.Option("--json", help="Print JSON.")]
-Action: TypeAlias = Annotated[str, typer.Option("--action", help=BUILT_IN_ACTION)]
+Action: TypeAlias = Annotated[
+    str, typer.Option("--action", help=BUILT_IN_ACTION, autocompletion=complete_file("model/actions"))
+]
 Settings: TypeAlias = Annotated[
     list[str] | None, typer.Option("--set", help="Parameter to change, path=value; may be repeated.")
 ]
@@ -26,9 +30,16 @@ Scale: TypeAlias = Annotated[
     ),
 ]
 Tolerance: TypeAlias = Annotated[float, typer.Option("--tolerance", help="Largest error of any predicted angle, rad.")]
-Rig: TypeAlias = Annotated[str, typer.Option("--rig", help="Built-in rig or a TOML file.")]
+Rig: TypeAlias = Annotated[
+    str, typer.Option("--rig", help="Built-in rig or a TOML file.", autocompletion=complete_file("rig/rigs"))
+]
 Backend: TypeAlias = Annotated[str, typer.Option("--backend", help="sim://, ni://local or ni-grpc://host:31763.")]
-Profile: TypeAlias = Annotated[str, typer.Option("--profile", help="forte, piano, double, or a TOML file.")]
+Profile: TypeAlias = Annotated[
+    str,
+    typer.Option(
+        "--profile", help="forte, piano, double, or a TOML file.", autocompletion=complete_file("rig/profiles")
+    ),
+]
 Operator: TypeAlias = Annotated[str, typer.Option("--operator", help="Who operates the bench.")]
 Yes: TypeAlias = Annotated[
     bool, typer.Option("--yes", help="On ni*://: do not ask, where safety.allow_yes of the rig file permits.")

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import json
+import textwrap
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
+
+from pianorig.console.live_line import drawing_width
 
 
 def _plain(value: Any) -> Any:
@@ -29,6 +32,12 @@ def print_verdict(lines: Sequence[str]) -> None:
     print(headline)
     for line in details:
         print(f"  - {line}")
+
+
+def print_paragraphs(texts: Iterable[str]) -> None:
+    """Sentences for people, wrapped to the terminal, at most 100 characters wide."""
+    for text in texts:
+        print(textwrap.fill(text, min(drawing_width(), 100), initial_indent="  ", subsequent_indent="  "))
 
 
 def print_files(paths: Iterable[Path | None]) -> None:

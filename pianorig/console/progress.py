@@ -1,55 +1,125 @@
-"""Progress of long work on the terminal; silent where standard error is no terminal, or where JSON is printed."""
+"""Progress of long work, on standard error, so that standard output stays the result; silent where JSON is printed.
+
+On a terminal it is one line drawn over (`live_line`). Elsewhere each piece of work is one line, printed as it begins.
+"""
 
 from __future__ import annotations
 
-import sys
+import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
+from pianorig.console.live_line import LIVE
 
-@contextmanager
-def bar(label: str, quiet: bool = False) -> Iterator[Callable[[int, int], None] | None]:
-    """Progress bar on standard error: yields ``update(done, total)``, or None when quiet."""
-    if quiet or not sys.stderr.isatty():
-        yield None
-        return
-    # start-up: rich costs 30 ms, only a progress bar on a terminal needs it
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
-    columns = (TextColumn(label), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
-        task = progress.add_task(label, total=None)
-
-        def update(done: int, total: int) -> None:
-            progress.update(task, completed=done, total=total)
-
-        yield update
+BAR = 20
 
 
 def say(text: str, quiet: bool = False) -> None:
-    """One line about where the work is, on standard error, so that standard output stays the result."""
+    """Say where the work is, in lines that stay."""
     if not quiet:
-        print(text, file=sys.stderr, flush=True)
+        LIVE.say(text)
+
+
+def clock(seconds: float) -> str:
+    """A duration as ``m:ss``."""
+    return "{}:{:02d}".format(*divmod(round(seconds), 60))
+
+
+def bar_text(label: str, done: int, total: int, spent_s: float, columns: int) -> str:
+    """The line of a bar, from the most telling to the least, as far as ``columns`` go."""
+    text = f"{label} {done}/{total}"
+    left = f"  {clock(spent_s * (total - done) / done)} left" if 0 < done < total and spent_s > 1.0 else ""
+    filled = BAR * done // total if total else 0
+    drawn = f"  [{'#' * filled}{'.' * (BAR - filled)}]"
+    for more in (drawn, left):
+        if len(text) + len(more) <= columns:
+            text += more
+    return text
 
 
 @contextmanager
-def recording_line(quiet: bool = False) -> Iterator[Callable[[Any], None] | None]:
-    """One line that follows a recording: trial, time, peak force; yields the recorder's callback."""
-    if quiet or not sys.stderr.isatty():
+def bar(label: str, quiet: bool = False) -> Iterator[Callable[[int, int], None] | None]:
+    """Yield ``update(done, total)``, which draws a bar; nothing is drawn before work is reported. None when quiet."""
+    if quiet:
         yield None
         return
-    peak_n = 0.0
+    began_s: float | None = None
 
-    def update(at: Any) -> None:
-        nonlocal peak_n
-        peak_n = at.peak_force_n if at.time_s < 0.05 else max(peak_n, at.peak_force_n)
-        left = "" if at.left_s is None else "{}:{:02d} left".format(*divmod(round(at.left_s), 60))
-        line = f"\rtrial {at.trial}/{at.trials}  t = {at.time_s:5.2f} s  peak {peak_n:5.1f} N  {left:18s}"
-        print(line, end="", file=sys.stderr, flush=True)
+    def update(done: int, total: int) -> None:
+        nonlocal began_s
+        if began_s is None:
+            began_s = time.monotonic()
+            if not LIVE.is_on:
+                say(f"{label}: {total} frames")
+        LIVE.show(bar_text(label, done, total, time.monotonic() - began_s, LIVE.columns))
 
     try:
         yield update
     finally:
-        print("\r" + " " * 60 + "\r", end="", file=sys.stderr, flush=True)
+        LIVE.clear()
+
+
+@contextmanager
+def working(text: str, quiet: bool = False, *, brief: bool = False) -> Iterator[Callable[[str], None]]:
+    """Say what is being done while nothing else is reported: on a terminal with the seconds it has taken so far.
+
+    Yields a function that replaces the words. Work that is usually over in a second is ``brief``: not worth a line
+    where nothing can be drawn over.
+    """
+    if quiet:
+        yield lambda words: None
+        return
+    if not LIVE.is_on:
+        say(f"{text} ...", quiet=brief)
+        yield lambda words: None
+        return
+    words, ended, began_s = text, threading.Event(), time.monotonic()
+
+    def show() -> None:
+        spent_s = time.monotonic() - began_s
+        LIVE.show(words + (" ..." if spent_s < 2.0 else f" ... {clock(spent_s)}"), at_once=True)
+
+    def tick() -> None:
+        while not ended.wait(1.0):
+            show()
+
+    def replace(new: str) -> None:
+        nonlocal words
+        words = new
+        show()
+
+    show()
+    ticker = threading.Thread(target=tick, name="progress", daemon=True)
+    ticker.start()
+    try:
+        yield replace
+    finally:
+        ended.set()
+        ticker.join()
+        LIVE.clear()
+
+
+@contextmanager
+def recording_line(quiet: bool = False) -> Iterator[Callable[[Any], None] | None]:
+    """Follow a recording: trial, time, largest force so far, time left; yields the recorder's callback."""
+    if quiet:
+        yield None
+        return
+    peak_n, trial = 0.0, 0
+
+    def update(at: Any) -> None:
+        nonlocal peak_n, trial
+        if at.trial != trial:
+            trial, peak_n = at.trial, 0.0
+            if not LIVE.is_on:
+                say(f"trial {at.trial} of {at.trials}")
+        peak_n = max(peak_n, at.peak_force_n)
+        left = "" if at.left_s is None else f"  {clock(at.left_s)} left"
+        LIVE.show(f"trial {at.trial}/{at.trials}  {at.time_s:5.2f} s  peak {peak_n:5.1f} N{left}")
+
+    try:
+        yield update
+    finally:
+        LIVE.clear()

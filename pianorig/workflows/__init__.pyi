@@ -3,6 +3,7 @@ from .bench.dry_run import rehearsal_lines as rehearsal_lines
 from .bench.dry_run import rehearse as rehearse
 from .bench.info import backend_facts as backend_facts
 from .bench.info import session_facts as session_facts
+from .bench.interrupted import interrupts_told as interrupts_told
 from .bench.learn import learn_profile as learn_profile
 from .bench.learn import learning_summary as learning_summary
 from .bench.learn import load_target as load_target
@@ -17,8 +18,13 @@ from .bench.watch import view_as_text as view_as_text
 from .bench.watch import view_facts as view_facts
 from .bench.watch import watch as watch
 from .bench.watch_figure import draw_view as draw_view
+from .demo import DemoProgress as DemoProgress
 from .demo import figure_lines as figure_lines
+from .demo import next_commands as next_commands
 from .demo import run_demo as run_demo
+from .demo import seen_in_words as seen_in_words
+from .examples.write import EXAMPLES as EXAMPLES
+from .examples.write import write_examples as write_examples
 from .film.attach import attach_film as attach_film
 from .film.attach import session_folder as session_folder
 from .film.propose_outlines import propose_outlines as propose_outlines
@@ -35,6 +41,8 @@ from .model.calibrate import felt as felt
 from .model.calibrate import friction as friction
 from .model.calibrate import pendulum as pendulum
 from .model.calibrate import rebound as rebound
+from .model.force_input import DrivingForce as DrivingForce
+from .model.force_input import read_driving_force as read_driving_force
 from .model.friction_limit import friction_limit as friction_limit
 from .model.inside_view import described as described
 from .model.inside_view import draw_inside as draw_inside
@@ -48,4 +56,6 @@ from .model.simulate_motion import motion_facts as motion_facts
 from .model.simulate_motion import print_motion as print_motion
 from .model.study import study_thesis as study_thesis
 from .model.study import study_variants as study_variants
+from .reports import find_report as find_report
+from .reports import show_in_browser as show_in_browser
 from .session_paths import new_session_folder as new_session_folder

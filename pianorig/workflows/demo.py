@@ -9,7 +9,7 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -20,6 +20,8 @@ from numpy.typing import NDArray
 import model
 import validation
 import vision
+from pianorig.console.failures import Interrupted, how_stopped
+from pianorig.workflows.bench.interrupted import interrupts_told
 from pianorig.workflows.bench.record import record
 from pianorig.workflows.film.session_film import SessionFilm
 from pianorig.workflows.film.track import track_film_file
@@ -119,34 +121,59 @@ def peak_memory_mib() -> float | None:
     return peak / 1024**2 if sys.platform == "darwin" else peak / 1024
 
 
-def run_demo(
-    out: Path,
-    *,
-    trials: int = 5,
-    profile: str = "forte",
-    say: Callable[[str], None] | None = None,
-    record_progress: Callable[[Any], None] | None = None,
-    film_progress: Callable[[int, int], None] | None = None,
-    track_progress: Callable[[int, int], None] | None = None,
-) -> Demo:
+@contextmanager
+def _nothing_shown(label: str) -> Iterator[None]:
+    yield None
+
+
+@contextmanager
+def _no_recording_shown() -> Iterator[None]:
+    yield None
+
+
+@dataclass(frozen=True)
+class DemoProgress:
+    """How the demo tells what it does: lines that stay, a running clock, the recording, bars; by default nothing.
+
+    Each but ``say`` gives a context whose value is called as the work goes on (`pianorig.console.progress`).
+    """
+
+    say: Callable[[str], None] = lambda text: None
+    working: Callable[[str], AbstractContextManager[Any]] = _nothing_shown
+    recording: Callable[[], AbstractContextManager[Any]] = _no_recording_shown
+    bar: Callable[[str], AbstractContextManager[Any]] = _nothing_shown
+
+
+def run_demo(out: Path, *, trials: int = 5, profile: str = "forte", show: DemoProgress | None = None) -> Demo:
     """Record five blows on the virtual bench, film one, track it, compare with the model, write the report.
 
     Parameters
     ----------
     out : session folder to create
-    say : called with a line per step
+    trials, profile : what is played
+    show : how it tells what it does
+
+    Raises
+    ------
+    pianorig.console.failures.Interrupted : Ctrl-C; the message says what is kept
     """
+    show = show or DemoProgress()
     seconds: dict[str, float] = {}
 
     @contextmanager
-    def stage(name: str, text: str = "") -> Iterator[None]:
-        if say is not None and text:
-            say(text)
+    def stage(name: str, text: str) -> Iterator[None]:
+        show.say(text)
         start = time.perf_counter()
         yield
         seconds[name] = time.perf_counter() - start
 
-    with stage("record and film", f"recording {trials} {profile} blows on the virtual bench, filming trial {FILMED}"):
+    words = f"recording {trials} {profile} blows on the virtual bench, filming trial {FILMED}"
+    with (
+        stage("record and film", words),
+        interrupts_told(out),
+        show.bar("filming") as filming,
+        show.recording() as recording,
+    ):
         session, films = record(
             out,
             profile=profile,
@@ -154,23 +181,61 @@ def run_demo(
             film=(FILMED,),
             operator="pianorig demo",
             action_name="virtual specimen (rig/simulated/bench.toml)",
-            progress=record_progress,
-            film_progress=film_progress,
+            progress=recording,
+            film_progress=filming,
         )
     film = session.trial(FILMED).film
     if film is None:
         raise RuntimeError("the demo's film was not written")
-    with stage("track", f"tracking {film.name}"):
-        track = track_film_file(SessionFilm(film), progress=track_progress)
-    with stage("validate", "comparing with the model"):
-        result = validation.validate_session(session, "hirschkorn2004", progress=None)
-    with stage("measure the simulation"):
-        trace = result.traces[FILMED]
-        trace = trace[trace["force_time_s"].between(0.3, 1.0)]  # 0.7 s around the blow
-        simulation = measure_simulation(trace["force_time_s"].to_numpy(), trace["force_n"].to_numpy())
+    with _recording_is_kept(out):
+        with stage("track", f"tracking {film.name}"), show.bar("tracking") as tracking:
+            track = track_film_file(SessionFilm(film), progress=tracking)
+        with stage("validate", "comparing with the model"), show.working("comparing") as words_of:
+            result = validation.validate_session(session, "hirschkorn2004", progress=words_of)
+        with stage("measure the simulation", "measuring speed and error of one simulation"), show.working("simulating"):
+            trace = result.traces[FILMED]
+            trace = trace[trace["force_time_s"].between(0.3, 1.0)]  # 0.7 s around the blow
+            simulation = measure_simulation(trace["force_time_s"].to_numpy(), trace["force_n"].to_numpy())
     errors, frames_per_s = tracking_errors(track, films[FILMED]), len(track.frame) / seconds["track"]
     figures = Figures(errors, frames_per_s, *simulation, seconds, peak_memory_mib())
     return Demo(session, films[FILMED], track, result, figures)
+
+
+@contextmanager
+def _recording_is_kept(folder: Path) -> Iterator[None]:
+    try:
+        yield
+    except KeyboardInterrupt as interrupt:
+        raise Interrupted(
+            f"{how_stopped(interrupt)}; nothing was moving; every trial is sealed; session at {folder}; go on with  "
+            f"pianorig validate {folder}"
+        ) from interrupt
+
+
+def seen_in_words(demo: Demo) -> list[str]:
+    """What the demo did and found, in plain sentences."""
+    trials = len(demo.session.trials)
+    lost = sum(error.lost for error in demo.figures.tracking)
+    return [
+        f"The motor of a virtual bench struck the key of a piano action {trials} times. Force and the angles of key, "
+        f"whippen and hammer were recorded; the first blow was also filmed, and jack and repetition lever were tracked "
+        f"in {len(demo.track.frame)} frames, {lost or 'none'} of them lost.",
+        "The model was then driven with each blow's own force and its motion held against the measured one. The "
+        "virtual action differs from the model on purpose (friction, felt damping, string, sensor errors): the "
+        "differences above are there to be found, and agreement shows that the chain works, not that the model is "
+        "right.",
+        "The report shows every curve, measured and predicted, with uncertainty and the scatter from blow to blow.",
+    ]
+
+
+def next_commands(session: Path) -> list[tuple[str, str]]:
+    """Commands to go on with, each with what it does."""
+    return [
+        (f"pianorig open {session}", "the report, in the browser"),
+        (f"pianorig info {session}", "what was recorded"),
+        ("pianorig examples try", "small files to try every other command with"),
+        ("pianorig --help", "all commands"),
+    ]
 
 
 def figure_lines(figures: Figures) -> list[str]:

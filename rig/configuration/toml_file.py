@@ -41,8 +41,12 @@ def named(name: str | Path, folder: Path, what: str) -> Path:
     """Return the path of a built-in file by name, or of one by path; raises RigInputError when there is none."""
     path = folder / f"{name}.toml" if str(name) in built_in(folder) else Path(name)
     if not path.is_file():
-        known = ", ".join(built_in(folder))
-        raise RigInputError(f"{name}: no such {what}; built in are {known}, or give the path of a TOML file")
+        known = built_in(folder)
+        near = get_close_matches(str(name), known, n=1)
+        hint = f"did you mean {near[0]}? " if near else ""
+        raise RigInputError(
+            f"{name}: no such {what}; {hint}built in are {', '.join(known)}, or give the path of a TOML file"
+        )
     return path
 
 

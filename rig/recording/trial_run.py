@@ -57,7 +57,7 @@ def run_trial(backend: Backend, config: RigConfig, trial: PlannedTrial, options:
     The closed journal stays on disk: the caller removes it once the trial is sealed.
     """
     blocks: list[Block] = []
-    status, reason = "fault", ""
+    status, reason, outputs = "fault", "", ""
     error: BaseException | None = None
     head: TrialHead | None = None
     journal: JournalWriter | None = None
@@ -101,7 +101,9 @@ def run_trial(backend: Backend, config: RigConfig, trial: PlannedTrial, options:
             with deferred():
                 try:
                     backend.safe_stop()
+                    outputs = "outputs safe"
                 except HardwareFault as fault:
+                    outputs = f"OUTPUTS NOT CONFIRMED SAFE, cut the drive's power: {_one_line(fault)}"
                     reason = "; ".join(filter(None, (reason, _one_line(fault))))
                     status, error = "fault", error or fault
                 if status == "not at rest":
@@ -114,6 +116,8 @@ def run_trial(backend: Backend, config: RigConfig, trial: PlannedTrial, options:
                             status, reason, error = "fault", _one_line(fault), fault
         except KeyboardInterrupt as late:  # it came while the bench was made safe: the trial stays as it is
             error = error or late
+    if isinstance(error, KeyboardInterrupt) and outputs:
+        error.add_note(outputs)  # for whoever tells the operator what the interrupt did
     if not blocks or head is None:
         if journal is not None:
             journal.remove()

@@ -83,18 +83,20 @@ def command(
         )
         results.append({**workflows.learning_summary(learned), "profile": folder / "profile.toml"})
     workflows.draw_recorded(out / "recorded_forces.png", targets)
-    if as_json:
-        print_json({"out": out, "learned": results})
-    else:
+    facts = {"out": out, "learned": results}
+    missed = [entry for entry in results if not entry["follows"]]
+    if as_json and not missed:
+        print_json(facts)
+    elif not as_json:
         for entry in results:
             print(
                 f"{entry['target']}: {entry['rms_percent_of_peak']:.2f} % RMS of the peak before key bottom "
                 f"(blow {entry['best_blow']}); profile: {entry['profile']}"
             )
-    missed = [entry for entry in results if not entry["follows"]]
     if missed:
         raise CommandInputError(
             f"{missed[0]['target']}: {missed[0]['rms_percent_of_peak']:.2f} % after "
             f"{len(missed[0]['rms_percent_by_blow'])} blows, goal {100 * goal:g} %; the best profile was written; "
-            f"{missed[0]['obstacle']}"
+            f"{missed[0]['obstacle']}",
+            facts,
         )

@@ -10,7 +10,7 @@ import typer
 from pianorig import workflows
 from pianorig.console.options import SELFTESTS, AsJson, Backend, Operator, Profile, Rig, Selftests, Yes
 from pianorig.console.output import print_json
-from pianorig.console.progress import bar, recording_line
+from pianorig.console.progress import bar, recording_line, say
 from pianorig.console.prompt import operator as operator_at_terminal
 from pianorig.errors import CommandInputError
 
@@ -62,13 +62,18 @@ def command(
             raise CommandInputError(
                 "--resume: rig, profiles and plan are the session's own; not with --plan, --out or --film"
             )
-        with recording_line(quiet=as_json) as progress:
+        with workflows.interrupts_told(resume, resumed=True), recording_line(quiet=as_json) as progress:
             session, new = workflows.resume(resume, access, progress)
         rows = [{"trial": n, "status": (t := session.trial(n)).status, "condition": t.read().condition} for n in new]
         target, count = resume, f", {len(session.trials)} trials"
     else:
         target, count = out or workflows.new_session_folder(profile if plan is None else plan.stem), ""
-        with bar("filming", quiet=as_json) as film_progress, recording_line(quiet=as_json) as progress:
+        say(f"recording {profile if plan is None else plan} on {backend} into {target}", quiet=as_json)
+        with (
+            workflows.interrupts_told(target),
+            bar("filming", quiet=as_json) as film_progress,
+            recording_line(quiet=as_json) as progress,
+        ):
             session, _ = workflows.record(
                 target,
                 access,

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from pianorig.console.options import AsJson
+from pianorig.console.options import AsJson, Rig
 from pianorig.console.output import print_json
 from rig import simulated
 
@@ -17,7 +17,7 @@ def command(
     host: Annotated[
         str, typer.Option("--host", help="Address to listen on; one that is not local opens the bench to the network.")
     ] = "127.0.0.1",
-    rig: Annotated[str, typer.Option("--rig", help="Built-in rig or TOML file: product, device name.")] = "virtual",
+    rig: Rig = "virtual",
     clock: Annotated[str, typer.Option("--clock", help="real, virtual (as fast as it is read), or a speed.")] = "real",
     seed: Annotated[int | None, typer.Option("--seed", min=0, help="Seed of all random scatter.")] = None,
     bench: Annotated[Path | None, typer.Option("--bench", help="Bench file; default: the built-in one.")] = None,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -10,16 +9,19 @@ import typer
 
 from pianorig import workflows
 from pianorig.console.column_file import check_writable
+from pianorig.console.live_line import clear_screen, drawing_width
 from pianorig.console.options import AsJson
 from pianorig.console.output import print_json
+from pianorig.console.plain_text import can_print
 from pianorig.errors import CommandInputError
+
+BLANK = chr(0x2800)
+"""A braille character; what prints one prints all."""
 
 
 def command(
     session: Annotated[Path, typer.Argument(help="Session folder that is being recorded, or a finished one.")],
-    png: Annotated[
-        Path | None, typer.Option("--out", "--png", help="Refresh this picture instead of drawing text.")
-    ] = None,
+    png: Annotated[Path | None, typer.Option("--out", help="Refresh this picture instead of drawing text.")] = None,
     every: Annotated[float, typer.Option("--every", help="Time between updates, s.")] = 0.5,
     once: Annotated[bool, typer.Option("--once", help="Show the present state and end.")] = False,
     as_json: AsJson = False,
@@ -41,8 +43,8 @@ def command(
         if as_json:
             print_json(workflows.view_facts(view))
         elif png is None:
-            print("\x1b[2J\x1b[H" if sys.stdout.isatty() else "", end="")
-            print(workflows.view_as_text(view), flush=True)
+            clear_screen()
+            print(workflows.view_as_text(view, drawing_width(), braille=can_print(BLANK)), flush=True)
 
     try:
         last = workflows.watch(session, show, every_s=every, once=once)

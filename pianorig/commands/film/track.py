@@ -63,17 +63,17 @@ def command(
     contact_sheet: Annotated[
         Path | None, typer.Option("--contact-sheet", help="Picture (.png) of the worst frames.")
     ] = None,
-    plot: Annotated[Path | None, typer.Option("--plot", help="Plot (.png) of angles and residuals.")] = None,
+    figure: Annotated[Path | None, typer.Option("--figure", help="Draw angles and residuals: .png.")] = None,
     as_json: AsJson = False,
 ) -> None:
     """Track rigid bodies; give angles and their uncertainty.
 
     Stopped by Ctrl-C, the same command goes on where it was.
 
-    Example:  pianorig track film.mraw --bodies bodies.toml --out jack.csv --contact-sheet worst.png --plot jack.png
+    Example:  pianorig track film.mraw --bodies bodies.toml --out jack.csv --contact-sheet worst.png --figure jack.png
     """
     target = out if out is not None else film.with_suffix(".angles.csv")
-    for path in (target, propose_bodies, overlay, contact_sheet, plot):
+    for path in (target, propose_bodies, overlay, contact_sheet, figure):
         if path is not None:
             check_writable(path)
     if propose_bodies is not None:
@@ -111,7 +111,7 @@ def command(
             progress=progress,
         )
     write_table(target, result.to_table())
-    workflows.draw_track(filmed, result, overlay=overlay, contact_sheet=contact_sheet, plot=plot)
+    workflows.draw_track(filmed, result, overlay=overlay, contact_sheet=contact_sheet, plot=figure)
     facts = workflows.tracking_summary(result)
     if as_json:
         print_json({"out": target, **facts})

@@ -8,14 +8,16 @@ from typing import Annotated, Any
 import typer
 
 import model
+from pianorig.console.built_in_names import complete_file
 from pianorig.console.column_file import check_writable
 from pianorig.console.options import BUILT_IN_ACTION, AsJson, Settings
 from pianorig.console.output import nan_as_null, print_json
 from pianorig.console.overrides import read_settings
+from pianorig.console.progress import working
 
 
 def command(
-    action: Annotated[str, typer.Argument(help=BUILT_IN_ACTION)],
+    action: Annotated[str, typer.Argument(help=BUILT_IN_ACTION, autocompletion=complete_file("model/actions"))],
     out: Annotated[
         Path | None, typer.Option("--out", help="TOML file to write; without it the action is only measured.")
     ] = None,
@@ -39,7 +41,8 @@ def command(
 
 def _measure(given: model.Action, as_json: bool) -> None:
     """Print the seven targets as they are."""
-    seen = model.regulation.measure(given)
+    with working("measuring the action", quiet=as_json):
+        seen = model.regulation.measure(given)
     rows: list[dict[str, Any]] = [
         {
             "target": t.name,
@@ -61,7 +64,8 @@ def _measure(given: model.Action, as_json: bool) -> None:
 
 def _regulate(given: model.Action, out: Path, as_json: bool) -> None:
     """Turn the seven screws, write the action, print each target before and after."""
-    done = model.regulation.regulate(given)
+    with working("turning seven screws until seven targets are met", quiet=as_json):
+        done = model.regulation.regulate(given)
     model.write_action(
         done.action,
         out,

@@ -9,17 +9,22 @@ import typer
 
 import model
 from pianorig import workflows
+from pianorig.console.built_in_names import complete_scene
 from pianorig.console.column_file import FIGURE_ENDINGS, check_writable, run_attributes, write_columns
 from pianorig.console.options import DEFAULT_ACTION, Action, AsJson, Scale, Settings, Tolerance
 from pianorig.console.output import print_files, print_json
 from pianorig.console.overrides import load_changed
+from pianorig.console.progress import working
 from pianorig.errors import CommandInputError
 
 
 def command(
     out: Annotated[Path, typer.Option("--out", help="File to write: .csv or .h5.")],
     force: Annotated[
-        Path | None, typer.Option("--force", help="CSV file with the columns time_s,force_n: the motion is computed.")
+        Path | None,
+        typer.Option(
+            "--force", help="CSV file with the columns time_s,force_n, or a trial (.h5): the motion is computed."
+        ),
     ] = None,
     key_motion: Annotated[
         Path | None,
@@ -46,8 +51,8 @@ def command(
             "acceleration; print where energy went and when the key would lift from its rail.",
         ),
     ] = False,
-    figures: Annotated[
-        Path | None, typer.Option("--figures", help="Draw the inside view on one sheet: .svg, .pdf or .png.")
+    figure: Annotated[
+        Path | None, typer.Option("--figure", help="Draw the inside view on one sheet: .svg, .pdf or .png.")
     ] = None,
     animation: Annotated[
         Path | None,
@@ -59,6 +64,7 @@ def command(
             "--scene",
             help="What takes part: whole, without-string, key, key-whippen; with effects lifting-key, flexible-shank, "
             "lifting-key-flexible-shank, motor-arm (driven by torque_nm); or a TOML file.",
+            autocompletion=complete_scene,
         ),
     ] = "whole",
     method: Annotated[str, typer.Option("--method", help="Integration method.")] = "rodas4p",
@@ -71,26 +77,27 @@ def command(
     Example:  pianorig simulate --force forte.csv --set contact04.friction=0 --inside --out forte_angles.csv
     """
     check_writable(out, ".csv", ".h5")
-    if figures is not None:
-        check_writable(figures, *FIGURE_ENDINGS)
+    if figure is not None:
+        check_writable(figure, *FIGURE_ENDINGS)
     if animation is not None:
         check_writable(animation, ".html", ".svg")
     chosen = load_changed(action, set_, scale)
     if key_motion is not None:
-        force_only = {"--force": force, "--forces": forces, "--inside": inside, "--figures": figures}
+        force_only = {"--force": force, "--forces": forces, "--inside": inside, "--figure": figure}
         also = [name for name, given in (force_only | {"--animation": animation}).items() if given]
         if also:
             raise CommandInputError(f"--key-motion: found together with {', '.join(also)}; give one or the other")
-        driven = workflows.drive_by_motion(
-            chosen,
-            key_motion,
-            out,
-            from_rest=from_rest,
-            tolerance=tolerance,
-            output_rate=output_rate,
-            scene=scene,
-            method=method,
-        )
+        with working("simulating", quiet=as_json, brief=True):
+            driven = workflows.drive_by_motion(
+                chosen,
+                key_motion,
+                out,
+                from_rest=from_rest,
+                tolerance=tolerance,
+                output_rate=output_rate,
+                scene=scene,
+                method=method,
+            )
         if as_json:
             print_json({"out": out, "tolerance_rad": tolerance} | workflows.motion_facts(driven))
         else:
@@ -103,20 +110,23 @@ def command(
         raise CommandInputError("simulate: found neither --force nor --key-motion; give one of them")
     choice = model.load_scene(scene)
     chosen = choice.on(chosen)
-    times, values = model.read_force_table(force, choice.input_column)
+    driving = workflows.read_driving_force(force, choice.input_column)
+    times, values = driving.time_s, driving.force_n
     outputs = None if output_rate is None else model.output_times(times[0], times[-1], output_rate)
-    solution = model.simulate(
-        chosen,
-        times,
-        values,
-        tolerance=tolerance,
-        output_time_s=outputs,
-        contact_forces=forces,
-        inside=inside,
-        scene=choice,
-        method=method,
-        estimate_error=True,
-    )
+    with working("simulating", quiet=as_json, brief=True):
+        solution = model.simulate(
+            chosen,
+            times,
+            values,
+            tolerance=tolerance,
+            output_time_s=outputs,
+            contact_forces=forces,
+            inside=inside,
+            scene=choice,
+            method=method,
+            initial=driving.rest(chosen, choice),
+            estimate_error=True,
+        )
     seen = solution.inside
     words = {} if seen is None else workflows.described(chosen)
     effects = ", ".join([*choice.effects, *(f"{k}={v!r}" for k, v in choice.values)])
@@ -128,9 +138,10 @@ def command(
         | ({} if seen is None else workflows.lift_attributes(seen)),
         None if seen is None else seen.long_names(words),
     )
-    drawings = {"figures": figures, "animation": animation}
+    drawings = {"figures": figure, "animation": animation}
     if any(drawings.values()):
-        workflows.draw_inside(chosen, times, values, **drawings, tolerance=tolerance, scene=scene, method=method)
+        with working("drawing", quiet=as_json, brief=True):
+            workflows.draw_inside(chosen, times, values, **drawings, tolerance=tolerance, scene=scene, method=method)
     if as_json:
         facts: dict[str, object] = {
             "out": out,

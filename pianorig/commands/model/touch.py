@@ -8,14 +8,18 @@ from typing import Annotated
 import typer
 
 import model
+from pianorig.console.built_in_names import complete_file
 from pianorig.console.column_file import FIGURE_ENDINGS, check_writable, write_rows
 from pianorig.console.options import AsJson, Scale, Settings
 from pianorig.console.output import nan_as_null, print_files, print_json
 from pianorig.console.overrides import load_changed
+from pianorig.console.progress import working
 
 
 def command(
-    actions: Annotated[list[str], typer.Argument(help="Built-in actions or TOML files.")],
+    actions: Annotated[
+        list[str], typer.Argument(help="Built-in actions or TOML files.", autocompletion=complete_file("model/actions"))
+    ],
     set_: Settings = None,
     scale: Scale = None,
     figure: Annotated[Path | None, typer.Option("--figure", help="Draw all in one sheet: .svg, .pdf or .png.")] = None,
@@ -37,7 +41,10 @@ def command(
     chosen = [load_changed(action, set_, scale) for action in actions]
     names = [a.name for a in chosen]
     names = [n if names.count(n) == 1 else given for n, given in zip(names, actions, strict=True)]
-    feels = [model.touch.feel(action, name=name) for action, name in zip(chosen, names, strict=True)]
+    feels = []
+    for action, name in zip(chosen, names, strict=True):
+        with working(f"pressing, striking and repeating {name}", quiet=as_json):
+            feels.append(model.touch.feel(action, name=name))
     if figure is not None:
         model.touch.figure.draw(feels, figure)
     if curve is not None:

@@ -17,7 +17,7 @@ from validation.cache.report_cache import inputs_sha256, report_folder, store_re
 
 
 def command(
-    sessions: Annotated[list[Path], typer.Argument(help="Session folders.", metavar="SESSION…")],
+    sessions: Annotated[list[Path], typer.Argument(help="Session folders.", metavar="SESSION")],
     action: Annotated[
         list[str] | None,
         typer.Option("--action", help=f"Built-in action or a TOML file; may be repeated.  [default: {DEFAULT_ACTION}]"),

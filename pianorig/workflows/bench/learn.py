@@ -14,6 +14,7 @@ from typing import Any
 
 from pianorig.errors import CommandInputError
 from pianorig.workflows.bench.access import BenchAccess
+from pianorig.workflows.bench.interrupted import interrupts_told
 from pianorig.workflows.bench.learning_figures import draw_learned
 from pianorig.workflows.model.predict_blow import predictor
 from rig import (
@@ -96,17 +97,19 @@ def learn_profile(
         permission = access.permission(rig_file, bench)
 
         def blow(profile: Profile, number: int) -> TrialData:
-            session = record_session(
-                out / f"blow_{number:02d}",
-                profile=profile,
-                rig_config=rig_file,
-                backend=bench,
-                trials=1,
-                operator=operator,
-                notes={"learning": f"blow {number} towards {target.name}"},
-                predict=predict,
-                permission=permission,
-            )
+            folder = out / f"blow_{number:02d}"
+            with interrupts_told(folder):
+                session = record_session(
+                    folder,
+                    profile=profile,
+                    rig_config=rig_file,
+                    backend=bench,
+                    trials=1,
+                    operator=operator,
+                    notes={"learning": f"blow {number} towards {target.name}"},
+                    predict=predict,
+                    permission=permission,
+                )
             return session.trials[0].read()
 
         learned = learn(target, rig_file.config, blow, blows=blows, goal=goal, progress=progress)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -30,8 +31,11 @@ def view_facts(view: LiveView) -> dict[str, Any]:
     }
 
 
-def view_as_text(view: LiveView, width: int = 72) -> str:
-    """Force and the last body's angle, the hammer's, over time as lines of text."""
+def view_as_text(view: LiveView, width: int = 72, *, braille: bool = True) -> str:
+    """Force and the last body's angle, the hammer's, over time as lines of text of at most ``width`` characters.
+
+    Without ``braille`` the curves are drawn with signs that every terminal has.
+    """
     head = f"trial {view.trial} of {view.trials}  {view.state}" + (f"  {view.condition}" if view.condition else "")
     lines = [f"{head}  t = {view.time_s[-1]:.2f} s  force {view.force_n[-1]:.2f} N (peak {view.force_n.max():.1f})"]
     curves = [("force, N", view.force_n)]
@@ -41,10 +45,10 @@ def view_as_text(view: LiveView, width: int = 72) -> str:
         curves.append((f"{view.names[-1]}, deg", np.degrees(view.angle_rad[:, -1])))
     if absent := absent_bodies(view.names):
         lines.append(f"not recorded: {', '.join(absent)}")
+    drawn: list[str] = []
     for label, values in curves:
-        lines.append(f"{label}: {values.min():.2f} to {values.max():.2f}")
-        lines += curve(values, width, 6)
-    return "\n".join(lines)
+        drawn += [f"{label}: {values.min():.2f} to {values.max():.2f}"[:width], *curve(values, width, 6, braille)]
+    return "\n".join([*(part for line in lines for part in textwrap.wrap(line, width)), *drawn])
 
 
 def watch(

@@ -13,6 +13,7 @@ from model.study import Study, ThesisStudy, Variant, compare, draw_study, draw_t
 from pianorig.console.column_file import write_rows
 from pianorig.console.output import nan_as_null, print_files
 from pianorig.console.overrides import read_variant
+from pianorig.console.progress import working
 
 
 def study_variants(
@@ -21,7 +22,8 @@ def study_variants(
     """Simulate, print and write variants of an action, each written as ``--variant`` takes it."""
     wanted = [Variant(*read_variant(text)) for text in texts]
     times, forces = model.read_force_table(force)
-    study = compare(action, times, forces, wanted)
+    with working(f"simulating {len(wanted) + 1} blows", quiet):
+        study = compare(action, times, forces, wanted)
     files: list[Path] = []
     if out is not None:
         files = [out / "study.svg", out / "variants.csv"]
@@ -35,7 +37,9 @@ def study_variants(
 
 def study_thesis(action: model.Action, force: Path | None, out: Path | None, quiet: bool) -> dict[str, Any]:
     """Simulate, print and write the thesis's studies; another forte may be given."""
-    studies = thesis_studies(action, None if force is None else model.read_force_table(force))
+    forte = None if force is None else model.read_force_table(force)
+    with working("repeating the studies of the thesis, Sections 4.2.2 and 4.4", quiet):
+        studies = thesis_studies(action, forte)
     observations = [asdict(o) for o in studies.observations]
     files: list[Path] = []
     if out is not None:

@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from pianorig import workflows
-from pianorig.console.options import AsJson
+from pianorig.console.options import AsJson, Rig
 from pianorig.console.output import print_json
 
 PACKAGES = (
@@ -23,7 +23,7 @@ def command(
     backend: Annotated[
         str | None, typer.Option("--backend", help="Show what answers at sim://, ni://local or ni-grpc://host:31763.")
     ] = None,
-    rig: Annotated[str, typer.Option("--rig", help="Built-in rig or a TOML file, with --backend.")] = "virtual",
+    rig: Rig = "virtual",
     as_json: AsJson = False,
 ) -> None:
     """Show a session, a backend, or the installed versions.

@@ -1,0 +1,51 @@
+"""What a user reads when a command fails: one line on standard error, with ``--json`` also an object on the output.
+
+Exit codes: 2 bad input, 3 hardware or safety fault, 1 defect, 130 stopped by Ctrl-C.
+"""
+
+from __future__ import annotations
+
+import sys
+from typing import Any
+
+from pianorig.console.live_line import LIVE
+from pianorig.console.output import print_json
+
+KINDS = {1: "defect", 2: "bad input", 3: "hardware or safety", 130: "interrupted"}
+INTERRUPTED = 130
+
+
+class Interrupted(Exception):
+    """Ctrl-C or a request to end stopped a command; the message says what that did."""
+
+    exit_code = INTERRUPTED
+
+
+def how_stopped(interrupt: BaseException) -> str:
+    """``stopped by Ctrl-C``, or by the signal that was sent."""
+    return str(interrupt) or "stopped by Ctrl-C"
+
+
+def tell_failure(problem: BaseException, as_json: bool) -> int:
+    """Print why a command ended and return its exit code."""
+    code = getattr(problem, "exit_code", None)
+    if hasattr(problem, "format_message"):  # a usage error of typer's
+        message = _usage(problem)
+    elif code is None:
+        message = f"defect: {type(problem).__name__}: {problem} (run again with --debug)"
+    else:
+        message = str(problem)
+    message, code = " ".join(message.split()), 1 if code is None else int(code)
+    LIVE.clear()
+    if as_json:
+        error = {"message": message, "kind": KINDS.get(code, "defect"), "exit_code": code}
+        print_json({**getattr(problem, "facts", {}), "error": error})
+    print(f"pianorig: {message}", file=sys.stderr, flush=True)
+    return code
+
+
+def _usage(problem: Any) -> str:
+    """Typer's complaint, and which help to read."""
+    message = problem.format_message().strip()
+    path = getattr(getattr(problem, "ctx", None), "command_path", "pianorig")
+    return f"{message}{'' if message.endswith(('.', '?', '!')) else '.'} See  {path} --help"

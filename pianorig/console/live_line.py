@@ -1,0 +1,92 @@
+"""The one line of standard error that changes in place, and the lines that stay above it.
+
+Everything that reports progress writes here, so that two reports never fight for one line. Nothing but a carriage
+return and blanks moves the cursor: that works in every terminal and console, whatever its width, colours and encoding
+(docs/decisions/0070-one-live-line.md).
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import sys
+import threading
+import time
+from typing import TextIO
+
+REFRESH_S = 0.1
+NARROWEST, WIDEST = 20, 200
+USUAL_COLUMNS = 80
+
+
+def drawing_width() -> int:
+    """Characters a drawing on standard output may be wide: the terminal's, or what ``COLUMNS`` says, else 72."""
+    return min(max(shutil.get_terminal_size((73, 24)).columns - 1, NARROWEST), WIDEST)
+
+
+def clear_screen() -> None:
+    """Begin standard output at the top of an empty screen; nothing where it is no terminal."""
+    if not sys.stdout.isatty() or os.environ.get("TERM") == "dumb":
+        return
+    if os.name == "nt":
+        os.system("cls")  # an older console knows no escape sequences
+    else:
+        print("\x1b[2J\x1b[H", end="", flush=True)
+
+
+class LiveLine:
+    """A line that is drawn over; silent where standard error is no terminal."""
+
+    def __init__(self) -> None:
+        self._drawn = ""
+        self._next_s = 0.0
+        self._lock = threading.RLock()  # compiling, a ticker and the work itself may report from their own threads
+
+    @property
+    def is_on(self) -> bool:
+        """Whether a line can be drawn over: standard error is a terminal."""
+        return sys.stderr is not None and sys.stderr.isatty()
+
+    @property
+    def columns(self) -> int:
+        """Characters the line may have: one less than the terminal's width, which would start a new line."""
+        try:
+            width = os.get_terminal_size(sys.stderr.fileno()).columns
+        except (OSError, ValueError):
+            width = 0
+        return max((width or USUAL_COLUMNS) - 1, 10)
+
+    def show(self, text: str, *, at_once: bool = False) -> None:
+        """Draw ``text`` over the line, cut to the terminal's width; at most ten times a second unless ``at_once``."""
+        now = time.monotonic()
+        with self._lock:
+            if not self.is_on or (now < self._next_s and not at_once):
+                return
+            self._next_s = now + REFRESH_S
+            self._draw(text[: self.columns].rstrip())
+
+    def clear(self) -> None:
+        """Leave an empty line, the cursor at its beginning."""
+        with self._lock:
+            self._next_s = 0.0
+            if self._drawn:
+                self._draw("")
+
+    def say(self, text: str) -> None:
+        """Print lines that stay; what was drawn comes back below them."""
+        with self._lock:
+            drawn = self._drawn
+            self.clear()
+            print(text, file=sys.stderr, flush=True)
+            if drawn:
+                self._draw(drawn)
+
+    def _draw(self, text: str) -> None:
+        stream: TextIO = sys.stderr
+        stream.write("\r" + text.ljust(len(self._drawn)) + ("" if text else "\r"))
+        stream.flush()
+        self._drawn = text
+
+
+LIVE = LiveLine()
+"""The line of this process."""

@@ -1,0 +1,80 @@
+"""What commands show while they work: one line drawn over on a terminal, plain lines in a pipe, of any width."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+if sys.platform == "win32":
+    pytest.skip("pseudo-terminals are POSIX only", allow_module_level=True)
+
+from tests.terminal_screen import OnTerminal, Screen
+
+
+def test_the_emulation_of_the_screen_counts_lines_as_a_terminal_does() -> None:
+    screen = Screen(10)
+    screen.feed("abc\rxy\r\n0123456789\r\n0123456789A\r\n")
+    assert screen.shown() == ["xyc", "0123456789", "0123456789", "A"]
+    assert screen.wrapped == 1
+
+
+@pytest.mark.parametrize("columns", [40, 80, 200])
+def test_a_recording_is_one_line_of_any_terminal(columns: int, tmp_path: Path) -> None:
+    terminal = OnTerminal("record", "--trials", "2", "--out", "s", columns=columns, cwd=tmp_path, env={"NO_COLOR": "1"})
+    text = terminal.run()
+    assert terminal.process.returncode == 0, text
+    # what stays is the one sentence said at the beginning (it may take two lines of forty characters)
+    shown = " ".join(terminal.screen.shown())
+    assert shown.replace(" ", "") == "recordingforteonsim://intos".replace(" ", "")
+    drawn = re.findall(r"trial ([12])/2", text)
+    assert {"1", "2"} <= set(drawn) and terminal.screen.returns > len(drawn)
+    assert "filming" not in text  # nothing was filmed
+    assert max(len(part) for part in re.split(r"[\r\n]", text) if "t" in part and "/2" in part) < columns
+
+
+def test_a_recording_in_a_pipe_has_plain_lines_only(tmp_path: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "pianorig", "record", "--trials", "2", "--out", "s"],
+        capture_output=True, cwd=tmp_path, env={**os.environ, "PYTHONIOENCODING": "cp1252"}, check=True,
+    )  # fmt: skip
+    for stream in (done.stdout, done.stderr):
+        assert not re.search(rb"[\x00-\x09\x0b-\x1f\x7f]", stream.replace(b"\r\n", b"\n")), stream
+    assert done.stderr.decode().splitlines()[-3:] == [
+        "recording forte on sim:// into s",
+        "trial 1 of 2",
+        "trial 2 of 2",
+    ]
+
+
+@pytest.mark.slow
+def test_the_demo_leaves_few_lines_on_a_terminal_and_ends_with_what_to_do_next(tmp_path: Path) -> None:
+    terminal = OnTerminal("demo", "--trials", "3", "--out", "s", columns=80, cwd=tmp_path)
+    text = terminal.run(timeout_s=600)
+    assert terminal.process.returncode == 0, text
+    assert len(terminal.screen.shown()) <= 8, terminal.screen.shown()
+    assert terminal.screen.wrapped == 0
+    assert re.search(r"filming \d+/\d+", text) and re.search(r"tracking \d+/\d+", text)
+    said = terminal.output
+    for words in ("What you just saw", "3 times", "What to do next", "pianorig open s", "report: "):
+        assert words in said, said
+    assert max(map(len, said[said.index("What you just saw") :].splitlines()[:9])) <= 100
+
+
+def test_interrupting_a_recording_says_what_it_did(tmp_path: Path) -> None:
+    terminal = OnTerminal("record", "--trials", "50", "--out", "s", columns=200, cwd=tmp_path)
+    text = terminal.run(interrupt=lambda seen: "trial 2/50" in seen)
+    assert terminal.process.returncode == 130, text
+    last = terminal.screen.shown()[-1]
+    found = re.fullmatch(
+        r"pianorig: stopped by Ctrl-C; outputs safe; trial (\d+) sealed as interrupted; session at s, "
+        r"(\d+) of 50 trials to go: pianorig record --resume s",
+        last,
+    )
+    assert found, terminal.screen.shown()
+    assert int(found[2]) == 50 - int(found[1]) + 1
+    assert (tmp_path / "s" / f"trial_{int(found[1]):04d}.h5").is_file()

@@ -1,0 +1,59 @@
+"""The README's commands run literally, from its own text, on the files of ``pianorig examples``."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from tests.command_line import run
+from tests.documented_commands import commands_of, is_quick, run_documented
+
+ROOT = Path(__file__).parents[2]
+README = ROOT / "README.md"
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Where a reader stands: the examples beside a clone's sessions."""
+    monkeypatch.chdir(tmp_path)
+    assert run("examples", ".") == 0
+    shutil.copytree(ROOT / "sessions" / "planted_faults", tmp_path / "sessions" / "planted_faults")
+    return tmp_path
+
+
+def test_quick_commands_of_the_readme_run_as_they_stand(folder: Path) -> None:
+    shutil.copytree(ROOT / "sessions" / "example_forte", folder / "sessions" / "try")
+    ran = []
+    for words in commands_of(README.read_text("utf-8")):
+        if is_quick(words, folder):
+            run_documented(words, folder)
+            ran.append(words[0])
+    assert len(set(ran)) >= 3, ran
+
+
+@pytest.mark.slow
+def test_all_commands_of_the_readme_run_as_they_stand_one_after_the_other(folder: Path) -> None:
+    lines = list(commands_of(README.read_text("utf-8")))
+    assert lines
+    for words in lines:
+        run_documented(words, folder)
+
+
+def test_examples_refuse_to_write_over_a_file(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    capsys.readouterr()
+    (folder / "force.csv").unlink()
+    assert run("examples", ".") == 2
+    assert "recorded_force.csv: is there already" in capsys.readouterr().err
+    assert not (folder / "force.csv").exists()
+
+
+def test_an_example_of_every_kind_is_read_by_what_it_is_for(folder: Path) -> None:
+    assert run("record", "--dry-run", "--rig", "my_rig.toml") == 0
+    assert run("record", "--dry-run", "--plan", "plan.toml") == 0
+    assert run("import", "lab.csv", "--mapping", "lab.toml", "--out", "sessions/lab") == 0
+    assert (
+        run("calibrate-felt", "felt.csv", "--contact", "contact02", "--force", "force.csv", "--out", "mine.toml") == 0
+    )
+    assert run("simulate", "--key-motion", "key.csv", "--from-rest", "--out", "force_of_key.csv") == 0
