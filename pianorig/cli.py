@@ -18,7 +18,6 @@ import typer
 from typer.core import TyperArgument, TyperGroup
 from typer.main import get_command
 
-import pianorig
 from pianorig import commands
 from pianorig.console.compile_notice import tell_when_compiling
 from pianorig.console.failures import Interrupted, how_stopped, tell_failure
@@ -97,7 +96,9 @@ app = typer.Typer(
 
 def _print_version(wanted: bool) -> None:
     if wanted:
-        print(f"pianorig {pianorig.__version__}")
+        from importlib import metadata  # start-up: 10 ms that no command needs
+
+        print(f"pianorig {metadata.version('piano-action-rig')}")
         raise typer.Exit
 
 

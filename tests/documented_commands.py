@@ -29,7 +29,8 @@ def commands_of(text: str) -> Iterator[list[str]]:
 
 def is_quick(words: list[str], folder: Path) -> bool:
     """Whether a command takes seconds, and needs no file that a longer one would make first."""
-    if words[0] not in QUICK or "--animation" in words or any(HARDWARE.search(word) for word in words):
+    drawn = {"--animation", "--figure"} & set(words)
+    if words[0] not in QUICK or drawn or any(HARDWARE.search(word) for word in words):
         return False
     pairs = zip([""] + words[:-1], words, strict=True)
     needed = [w for before, w in pairs if before not in OUTPUTS and (FILE.search(w) or w.startswith("sessions/"))]

@@ -5,9 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-import pianorig
-
-HOUSE = Path(pianorig.__file__).resolve().parents[1]
+HOUSE = Path(__file__).resolve().parents[2]
 SCENES = (
     "whole", "without-string", "key", "key-whippen", "lifting-key", "flexible-shank", "motor-arm",
     "lifting-key-flexible-shank",

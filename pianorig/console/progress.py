@@ -102,8 +102,11 @@ def working(text: str, quiet: bool = False, *, brief: bool = False) -> Iterator[
 
 
 @contextmanager
-def recording_line(quiet: bool = False) -> Iterator[Callable[[Any], None] | None]:
-    """Follow a recording: trial, time, largest force so far, time left; yields the recorder's callback."""
+def recording_line(quiet: bool = False, title: str = "") -> Iterator[Callable[[Any], None] | None]:
+    """Follow a recording: trial, time, largest force so far, time left; yields the recorder's callback.
+
+    The ``title`` is said when the first block arrives: a recording that is refused has none.
+    """
     if quiet:
         yield None
         return
@@ -111,6 +114,8 @@ def recording_line(quiet: bool = False) -> Iterator[Callable[[Any], None] | None
 
     def update(at: Any) -> None:
         nonlocal peak_n, trial
+        if not trial and title:
+            say(title)
         if at.trial != trial:
             trial, peak_n = at.trial, 0.0
             if not LIVE.is_on:

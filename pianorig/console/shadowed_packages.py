@@ -9,9 +9,9 @@ from __future__ import annotations
 import importlib.util
 from pathlib import Path
 
-import pianorig
 from pianorig.errors import CommandInputError
 
+HOUSE = Path(__file__).resolve().parents[2]
 PACKAGES = ("model", "vision", "rig", "validation")
 
 
@@ -22,15 +22,14 @@ def refuse_shadowed_packages() -> None:
     ------
     CommandInputError : another package or file has the name, or one of ours is missing
     """
-    ours = Path(pianorig.__file__).resolve().parents[1]
     for name in PACKAGES:
         spec = importlib.util.find_spec(name)
         places = [] if spec is None else [spec.origin, *(spec.submodule_search_locations or [])]
         found = next((Path(place) for place in places if place and place != "frozen"), None)
         if found is None:
-            raise CommandInputError(f"package {name}: not found in {ours}; install piano-action-rig again")
-        if found.resolve() not in (ours / name / "__init__.py", ours / name):
+            raise CommandInputError(f"package {name}: not found in {HOUSE}; install piano-action-rig again")
+        if found.resolve() not in (HOUSE / name / "__init__.py", HOUSE / name):
             raise CommandInputError(
-                f"package {name}: Python finds {found}, not {ours / name} of piano-action-rig; rename it, start from "
+                f"package {name}: Python finds {found}, not {HOUSE / name} of piano-action-rig; rename it, start from "
                 "another folder, or install piano-action-rig into an environment of its own"
             )

@@ -35,6 +35,7 @@ from .film.track import budget_lines as budget_lines
 from .film.track import camera_of as camera_of
 from .film.track import draw_track as draw_track
 from .film.track import track_film_file as track_film_file
+from .film.track import tracking_kept as tracking_kept
 from .film.track import tracking_summary as tracking_summary
 from .model.calibrate import blow_speeds as blow_speeds
 from .model.calibrate import felt as felt

@@ -28,7 +28,7 @@ def test_quick_commands_of_the_readme_run_as_they_stand(folder: Path) -> None:
     ran = []
     for words in commands_of(README.read_text("utf-8")):
         if is_quick(words, folder):
-            run_documented(words, folder)
+            assert run(*words, *(["--no-show"] if words[0] == "open" else [])) == 0, words
             ran.append(words[0])
     assert len(set(ran)) >= 3, ran
 

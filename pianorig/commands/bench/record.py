@@ -10,7 +10,7 @@ import typer
 from pianorig import workflows
 from pianorig.console.options import SELFTESTS, AsJson, Backend, Operator, Profile, Rig, Selftests, Yes
 from pianorig.console.output import print_json
-from pianorig.console.progress import bar, recording_line, say
+from pianorig.console.progress import bar, recording_line
 from pianorig.console.prompt import operator as operator_at_terminal
 from pianorig.errors import CommandInputError
 
@@ -68,11 +68,11 @@ def command(
         target, count = resume, f", {len(session.trials)} trials"
     else:
         target, count = out or workflows.new_session_folder(profile if plan is None else plan.stem), ""
-        say(f"recording {profile if plan is None else plan} on {backend} into {target}", quiet=as_json)
+        title = f"recording {profile if plan is None else plan} on {backend} into {target}"
         with (
             workflows.interrupts_told(target),
             bar("filming", quiet=as_json) as film_progress,
-            recording_line(quiet=as_json) as progress,
+            recording_line(as_json, title) as progress,
         ):
             session, _ = workflows.record(
                 target,

@@ -99,7 +99,7 @@ def command(
     unfinished = target.with_name(f"{target.name}.unfinished.npz")
     if restart:
         unfinished.unlink(missing_ok=True)
-    with bar("tracking", quiet=as_json) as progress:
+    with workflows.tracking_kept(unfinished), bar("tracking", quiet=as_json) as progress:
         result = workflows.track_film_file(
             filmed,
             every=every,

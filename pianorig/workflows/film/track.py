@@ -2,17 +2,36 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Unpack
 
 import numpy as np
 
 import vision
+from pianorig.console.failures import Interrupted, how_stopped
 from pianorig.errors import CommandInputError
 from pianorig.workflows.film.session_film import SessionFilm
 from validation.measurement.film_offset import clock_offsets
 from vision.tracking.options import TrackOptions
 from vision.uncertainty.budget import TERMS
+
+
+@contextmanager
+def tracking_kept(unfinished: Path) -> Iterator[None]:
+    """Turn Ctrl-C during a tracking into a message that says what is kept in the file ``unfinished``.
+
+    Raises
+    ------
+    Interrupted : in place of KeyboardInterrupt
+    """
+    try:
+        yield
+    except KeyboardInterrupt as interrupt:
+        kept = f"frames so far are kept in {unfinished}, the same command goes on there"
+        left = kept if unfinished.is_file() else "no frame was kept"
+        raise Interrupted(f"{how_stopped(interrupt)}; {left}; no table was written") from interrupt
 
 
 def camera_of(
