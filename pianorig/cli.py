@@ -60,6 +60,8 @@ class LazyGroup(TyperGroup):
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         """List the commands in groups with their first lines, without importing them."""
         width = max(map(len, commands.COMMANDS))
+        formatter.write_paragraph()
+        formatter.write_heading("Commands")
         for title, names in commands.groups().items():
             with formatter.section(title):
                 formatter.write_dl([(name.ljust(width), commands.COMMANDS[name].help) for name in names])
@@ -130,7 +132,7 @@ def main(arguments: list[str] | None = None) -> None:
     atexit.register(gc.freeze)
     try:
         refuse_shadowed_packages()
-        if not as_json:
+        if arguments is None and not as_json:  # a program that calls `main` keeps its standard error
             tell_when_compiling()
         code = app(args=given, prog_name="pianorig", standalone_mode=False)
     except BrokenPipeError:  # the reader of a pipe has seen enough

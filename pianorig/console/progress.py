@@ -1,6 +1,7 @@
 """Progress of long work, on standard error, so that standard output stays the result; silent where JSON is printed.
 
-On a terminal it is one line drawn over (`live_line`). Elsewhere each piece of work is one line, printed as it begins.
+On a terminal it is one line drawn over (`live_line`). Elsewhere work that takes longer than `PATIENCE_S` says in plain
+lines what it does; shorter work says nothing, so that an error is the only line.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from typing import Any
 from pianorig.console.live_line import LIVE
 
 BAR = 20
+PATIENCE_S = 5.0
 
 
 def say(text: str, quiet: bool = False) -> None:
@@ -46,14 +48,16 @@ def bar(label: str, quiet: bool = False) -> Iterator[Callable[[int, int], None] 
         yield None
         return
     began_s: float | None = None
+    told = LIVE.is_on
 
     def update(done: int, total: int) -> None:
-        nonlocal began_s
-        if began_s is None:
-            began_s = time.monotonic()
-            if not LIVE.is_on:
-                say(f"{label}: {total} frames")
-        LIVE.show(bar_text(label, done, total, time.monotonic() - began_s, LIVE.columns))
+        nonlocal began_s, told
+        began_s = time.monotonic() if began_s is None else began_s
+        spent_s = time.monotonic() - began_s
+        if not told and spent_s >= PATIENCE_S:
+            told = True
+            say(f"{label}: {total} frames, {clock(spent_s * (total - done) / max(done, 1))} left")
+        LIVE.show(bar_text(label, done, total, spent_s, LIVE.columns))
 
     try:
         yield update
@@ -62,17 +66,12 @@ def bar(label: str, quiet: bool = False) -> Iterator[Callable[[int, int], None] 
 
 
 @contextmanager
-def working(text: str, quiet: bool = False, *, brief: bool = False) -> Iterator[Callable[[str], None]]:
+def working(text: str, quiet: bool = False) -> Iterator[Callable[[str], None]]:
     """Say what is being done while nothing else is reported: on a terminal with the seconds it has taken so far.
 
-    Yields a function that replaces the words. Work that is usually over in a second is ``brief``: not worth a line
-    where nothing can be drawn over.
+    Yields a function that replaces the words.
     """
     if quiet:
-        yield lambda words: None
-        return
-    if not LIVE.is_on:
-        say(f"{text} ...", quiet=brief)
         yield lambda words: None
         return
     words, ended, began_s = text, threading.Event(), time.monotonic()
@@ -82,6 +81,10 @@ def working(text: str, quiet: bool = False, *, brief: bool = False) -> Iterator[
         LIVE.show(words + (" ..." if spent_s < 2.0 else f" ... {clock(spent_s)}"), at_once=True)
 
     def tick() -> None:
+        if not LIVE.is_on:
+            if not ended.wait(PATIENCE_S):
+                say(f"{words} ...")
+            return
         while not ended.wait(1.0):
             show()
 
@@ -105,21 +108,22 @@ def working(text: str, quiet: bool = False, *, brief: bool = False) -> Iterator[
 def recording_line(quiet: bool = False, title: str = "") -> Iterator[Callable[[Any], None] | None]:
     """Follow a recording: trial, time, largest force so far, time left; yields the recorder's callback.
 
-    The ``title`` is said when the first block arrives: a recording that is refused has none.
+    The ``title`` is said when the first block arrives: a recording that is refused has none. Elsewhere than on a
+    terminal a trial that begins is a line once the recording has taken a while.
     """
     if quiet:
         yield None
         return
-    peak_n, trial = 0.0, 0
+    peak_n, trial, began_s = 0.0, 0, time.monotonic()
 
     def update(at: Any) -> None:
         nonlocal peak_n, trial
-        if not trial and title:
+        if not trial and title and LIVE.is_on:
             say(title)
         if at.trial != trial:
             trial, peak_n = at.trial, 0.0
-            if not LIVE.is_on:
-                say(f"trial {at.trial} of {at.trials}")
+            if not LIVE.is_on and time.monotonic() - began_s >= PATIENCE_S:
+                say(f"trial {at.trial} of {at.trials}" + (f", {title}" if title else ""))
         peak_n = max(peak_n, at.peak_force_n)
         left = "" if at.left_s is None else f"  {clock(at.left_s)} left"
         LIVE.show(f"trial {at.trial}/{at.trials}  {at.time_s:5.2f} s  peak {peak_n:5.1f} N{left}")

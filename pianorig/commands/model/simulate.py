@@ -87,7 +87,7 @@ def command(
         also = [name for name, given in (force_only | {"--animation": animation}).items() if given]
         if also:
             raise CommandInputError(f"--key-motion: found together with {', '.join(also)}; give one or the other")
-        with working("simulating", quiet=as_json, brief=True):
+        with working("simulating", quiet=as_json):
             driven = workflows.drive_by_motion(
                 chosen,
                 key_motion,
@@ -113,7 +113,7 @@ def command(
     driving = workflows.read_driving_force(force, choice.input_column)
     times, values = driving.time_s, driving.force_n
     outputs = None if output_rate is None else model.output_times(times[0], times[-1], output_rate)
-    with working("simulating", quiet=as_json, brief=True):
+    with working("simulating", quiet=as_json):
         solution = model.simulate(
             chosen,
             times,
@@ -140,7 +140,7 @@ def command(
     )
     drawings = {"figures": figure, "animation": animation}
     if any(drawings.values()):
-        with working("drawing", quiet=as_json, brief=True):
+        with working("drawing", quiet=as_json):
             workflows.draw_inside(chosen, times, values, **drawings, tolerance=tolerance, scene=scene, method=method)
     if as_json:
         facts: dict[str, object] = {
