@@ -8,6 +8,7 @@ printed in one line; with ``--debug`` its traceback is shown. Ctrl-C ends with 1
 from __future__ import annotations
 
 import atexit
+import difflib
 import gc
 import os
 import sys
@@ -56,6 +57,14 @@ class LazyGroup(TyperGroup):
                 parameter.metavar = parameter.metavar or (parameter.name or "").upper()
                 parameter.get_usage_pieces = _usage_piece(parameter)  # type: ignore[method-assign]
         return command
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        """Find a command; one that is misspelt gets a suggestion, in every version of typer."""
+        if args and args[0] not in commands.COMMANDS:
+            near = difflib.get_close_matches(args[0], commands.COMMANDS, n=1)
+            hint = f" Did you mean {near[0]!r}?" if near else ""
+            ctx.fail(f"No such command {args[0]!r}.{hint}")
+        return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         """List the commands in groups with their first lines, without importing them."""

@@ -7,6 +7,7 @@ import shlex
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -58,6 +59,7 @@ def _serve(line: list[str], folder: Path) -> str:
     assert server.stdout is not None
     with server.stdout:
         said = server.stdout.readline()
+        time.sleep(1.0)  # it serves a moment after it has said so
         server.send_signal(signal.SIGINT)
         assert server.wait(60) == 0, line
     assert "virtual" in said

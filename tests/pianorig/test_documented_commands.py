@@ -1,4 +1,4 @@
-"""The README's commands run literally, from its own text, on the files of ``pianorig examples``."""
+"""Commands of README and how-to pages run literally, from their own text, on the files of ``pianorig examples``."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ from tests.command_line import run
 from tests.documented_commands import commands_of, is_quick, run_documented
 
 ROOT = Path(__file__).parents[2]
-README = ROOT / "README.md"
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs" / "howto").glob("*.md"))]
+PAGES = [page for page in PAGES if list(commands_of(page.read_text("utf-8")))]
 
 
 @pytest.fixture
@@ -23,10 +24,10 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def test_quick_commands_of_the_readme_run_as_they_stand(folder: Path) -> None:
+def test_quick_commands_of_all_pages_run_as_they_stand(folder: Path) -> None:
     shutil.copytree(ROOT / "sessions" / "example_forte", folder / "sessions" / "try")
     ran = []
-    for words in commands_of(README.read_text("utf-8")):
+    for words in (words for page in PAGES for words in commands_of(page.read_text("utf-8"))):
         if is_quick(words, folder):
             assert run(*words, *(["--no-show"] if words[0] == "open" else [])) == 0, words
             ran.append(words[0])
@@ -34,10 +35,9 @@ def test_quick_commands_of_the_readme_run_as_they_stand(folder: Path) -> None:
 
 
 @pytest.mark.slow
-def test_all_commands_of_the_readme_run_as_they_stand_one_after_the_other(folder: Path) -> None:
-    lines = list(commands_of(README.read_text("utf-8")))
-    assert lines
-    for words in lines:
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_all_commands_of_a_page_run_as_they_stand_one_after_the_other(page: Path, folder: Path) -> None:
+    for words in commands_of(page.read_text("utf-8")):
         run_documented(words, folder)
 
 
