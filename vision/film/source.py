@@ -17,6 +17,11 @@ from vision.errors import FilmError
 from vision.film.compression import Compression
 
 
+def saturated_grey(bit_depth: int) -> int:
+    """Smallest grey value that says no more than "too bright"."""
+    return int(2**bit_depth - 1)
+
+
 class FrameSource(Protocol):
     """A film that gives its frames by number.
 

@@ -19,6 +19,9 @@ from numpy.typing import NDArray
 from vision.errors import BodyError
 from vision.fitting.template import Template, design_columns, invert_normal
 
+PATTERN_EXCESS = 1.5
+"""Residual variance over that of the still frames from which a fixed pattern is suspected."""
+MOST_PATTERN = 0.75
 TUKEY = 4.685
 """As in `vision.fitting.kernels`, whose import would cost 0.5 s of numba here."""
 
@@ -75,12 +78,30 @@ def pose_covariance(
     ndarray, shape (3, 3)
         NaN when the matrix is singular.
     """
-    in_use = weighted_normal[4, 4] / template.n_pixels
-    inverse = invert_normal(weighted_normal - in_use * template.noise_normal)
+    noise = residual_variance / (noise_gain + gain**2 / template.n_averaged)
+    inverse = _without_noise(weighted_normal, noise, template)
     if inverse is None or not np.isfinite(residual_variance):
         return np.full((3, 3), np.nan)
-    noise = residual_variance / (noise_gain + gain**2 / template.n_averaged)
     return factor * noise * (inverse @ weighted_normal @ inverse)[:3, :3] / gain**2
+
+
+def _without_noise(
+    weighted_normal: NDArray[np.float64], noise: float, template: Template
+) -> NDArray[np.float64] | None:
+    """Inverse of the normal matrix less the part that tells nothing about the pose.
+
+    Noise beyond that of the still frames may be a pattern of the sensor: the still frames have it in common, so it is
+    in the template, where it looks like texture and stays where it is. Half of the excess is then in the template, the
+    other half in the frame.
+    """
+    part = weighted_normal[4, 4] / template.n_pixels * template.noise_normal
+    still = template.noise_grey**2
+    if noise > PATTERN_EXCESS * still > 0.0:
+        whole = part * (1.0 + 0.5 * (noise / still - 1.0) * template.n_averaged)
+        # where the pattern would explain the texture altogether, most of it is something else
+        share = np.max(np.abs(np.linalg.eigvals(np.linalg.lstsq(weighted_normal, whole, rcond=None)[0])))
+        part = whole * min(1.0, MOST_PATTERN / max(float(share), 1e-12))
+    return invert_normal(weighted_normal - part)
 
 
 def predicted_u_angle(template: Template, noise_grey: float) -> float:

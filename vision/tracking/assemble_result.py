@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -18,6 +18,7 @@ from vision.results.track_result import TrackResult
 from vision.tracking.film_tracker import FilmTracker, first_poses
 from vision.tracking.options import FitSettings
 from vision.uncertainty.budget_terms import TrackedAngles, budget_of
+from vision.uncertainty.coherence_widening import variance_factor, widened
 from vision.uncertainty.pose_response import PoseResponse
 
 PRECISE_U_RAD = np.radians(0.05) / 4.0
@@ -67,6 +68,7 @@ def assemble_result(
 ) -> TrackResult:
     """Angles, uncertainties and budget from the poses; ``time_s`` of all frames of the film, shape (n_frames,)."""
     film, bodies, reference = ready.film, ready.bodies, ready.reference
+    table = replace(table, covariance=widened(table.covariance, variance_factor(table.ratio, table.blocks)))
     u_single = zero.u_single_rad.copy()
     # a still frame agrees too well with the average it is part of, so the noise is taken from the other frames
     others = table.u_turn[table.frame >= reference.n_averaged]

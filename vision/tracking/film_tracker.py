@@ -13,12 +13,13 @@ from numpy.typing import NDArray
 
 from vision.bodies.occlusion import Occlusion
 from vision.bodies.outlines import parents_first
-from vision.fitting.base import Fitter
+from vision.film.repeats import Repeats
+from vision.fitting.base import Fitter, region_of
 from vision.fitting.ecc import EccFitter
 from vision.fitting.icgn import IcgnFitter
 from vision.fitting.template import Template
 from vision.reference.prepared_film import PreparedFilm
-from vision.results.flags import FAILURE
+from vision.results.flags import FAILURE, FrameFlag
 from vision.tracking.body_tracker import BodyTracker
 
 
@@ -53,6 +54,19 @@ class FilmTracker:
         """Fit all bodies in frame ``index``, the ``step``-th tracked one, parents first."""
         for i in self.order:
             self.trackers[i].step(self._ready.film, index, step, self._covered(i, step), search)
+
+    def skip(self, step: int, flag: FrameFlag) -> None:
+        """Pass over a frame that says nothing, with a flag for all bodies."""
+        for i in self.order:
+            self.trackers[i].skip(step, flag)
+
+    def repeats(self) -> Repeats:
+        """Finds repeated frames by the pixels around the bodies' places in the reference."""
+        film = self._ready.film
+        boxes = [region_of(t, np.zeros(3), film.height, film.width, 0) for t in self._ready.templates]
+        known = np.array([box for box in boxes if box is not None] or [(0, film.height, 0, film.width)])
+        low, high = known.min(axis=0), known.max(axis=0)
+        return Repeats(film, (int(low[0]), int(high[1]), int(low[2]), int(high[3])))
 
     def _covered(self, i: int, step: int) -> NDArray[np.uint8] | None:
         """Template pixels of a body that the bodies in front hide, at their poses where known, else as predicted."""
