@@ -59,8 +59,8 @@ class Blocks:
     def __init__(self, offset_px: NDArray[np.float32]) -> None:
         x, y = (offset_px - offset_px.min(axis=1, keepdims=True)).astype(float)
         smallest, per_level = BLOCK_PX[0], []
-        keys, self.number = np.unique(np.floor(y / smallest) * 4096 + np.floor(x / smallest), return_inverse=True)
-        self.number = np.ascontiguousarray(self.number, dtype=np.int32)
+        keys, number = np.unique(np.floor(y / smallest) * 4096 + np.floor(x / smallest), return_inverse=True)
+        self.number: NDArray[np.int32] = np.ascontiguousarray(number, dtype=np.int32)
         row, column = np.divmod(keys, 4096)
         for side in BLOCK_PX[1:]:
             step = side // smallest

@@ -20,7 +20,8 @@ from numpy.typing import NDArray
 TUKEY = 4.685
 """Tukey's constant: 95 % efficiency on normal noise."""
 SCALE_BINS = 512
-F64, F32 = NDArray[np.float64], NDArray[np.float32]
+F64 = NDArray[np.float64]
+F32 = NDArray[np.float32]
 FAST = {"reassoc", "contract", "arcp", "nsz"}
 # module constants are frozen into the compiled code, so they are defined in this file, as the cache needs
 
@@ -202,8 +203,7 @@ def robust_scale(residual: F32, visible: F32, top: float) -> float:
     return 1.4826 * top
 
 
-# The next two store, so where the arrays happen to lie decides between a vector and a scalar loop; without fast
-# arithmetic both give the same bits. Sums need it, and store nothing.
+# These store: where arrays lie decides between vector and scalar loop, which without fast arithmetic give the same bits
 @njit(cache=True, nogil=True)
 def residuals(columns: F32, value: F32, q: F64, residual: F32) -> None:
     """Grey values less the linear fit ``q``."""

@@ -22,6 +22,7 @@ from vision.fitting.template import Template, design_columns, invert_normal
 PATTERN_EXCESS = 1.5
 """Residual variance over that of the still frames from which a fixed pattern is suspected."""
 MOST_PATTERN = 0.75
+"""Largest share of the normal matrix, in any direction, that is taken for noise."""
 TUKEY = 4.685
 """As in `vision.fitting.kernels`, whose import would cost 0.5 s of numba here."""
 
@@ -94,14 +95,20 @@ def _without_noise(
     in the template, where it looks like texture and stays where it is. Half of the excess is then in the template, the
     other half in the frame.
     """
+    if not np.all(np.isfinite(weighted_normal)):
+        return None
     part = weighted_normal[4, 4] / template.n_pixels * template.noise_normal
     still = template.noise_grey**2
     if noise > PATTERN_EXCESS * still > 0.0:
-        whole = part * (1.0 + 0.5 * (noise / still - 1.0) * template.n_averaged)
-        # where the pattern would explain the texture altogether, most of it is something else
-        share = np.max(np.abs(np.linalg.eigvals(np.linalg.lstsq(weighted_normal, whole, rcond=None)[0])))
-        part = whole * min(1.0, MOST_PATTERN / max(float(share), 1e-12))
-    return invert_normal(weighted_normal - part)
+        part = part * (1.0 + 0.5 * (noise / still - 1.0) * template.n_averaged)
+    inverse = invert_normal(weighted_normal - part)
+    if inverse is not None and noise <= PATTERN_EXCESS * still:
+        return inverse
+    whole = np.linalg.eigvals(np.linalg.lstsq(weighted_normal, part, rcond=None)[0]).real.max() if part.any() else 0.0
+    if whole > MOST_PATTERN:
+        # where noise would explain the texture altogether, some of it is something else; u becomes large, not infinite
+        inverse = invert_normal(weighted_normal - part * (MOST_PATTERN / whole))
+    return inverse
 
 
 def predicted_u_angle(template: Template, noise_grey: float) -> float:

@@ -4,8 +4,8 @@ The average is the template's picture and the still frames set the zero of all a
 common to all frames: ten give a third of one frame's noise.
 
 Method: frames are compared one by one with the running mean inside the bodies' regions, after fitting gain, offset
-and two gradients, which takes out flicker. The still run ends where the difference exceeds what the noise of the first frames explains.
-That test is quick but sees only coarse motion; `vision.reference.stillness` judges the poses.
+and two gradients, which takes out flicker. The still run ends where the difference exceeds what the noise of the first
+frames explains. That test is quick but sees only coarse motion; `vision.reference.stillness` judges the poses.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ GROWTH = 1.25
 """A still frame may differ this much more than the quietest pair of first frames."""
 FIRST_GROWTH = 3.0
 """The second frame may differ from the first by this much more than the first's roughness."""
-TEXTURE_SHARE = 0.2
+TEXTURE_SHARE = 0.4
 """A still frame may also differ by this share of the texture's contrast; finer motion is left to the poses."""
 GREY_FLOOR = 0.4
 """Allowance for rounding to whole grey values, grey of the stored depth."""
@@ -85,7 +85,7 @@ def average_still_frames(
         pixels = pixels[:: pixels.size // MOST_PIXELS + 1]
     light = np.stack([(pixels % film.width) / film.width - 0.5, (pixels // film.width) / film.height - 0.5])
     mean = total.reshape(-1)[pixels].astype(float)
-    spatial = _roughness(total, region)
+    spatial = _roughness(total, region)  # of one frame
     differences: list[float] = []
     variances: list[float] = []
     count = 1
@@ -106,7 +106,8 @@ def average_still_frames(
         total += frame
         count += 1
         mean = total.reshape(-1)[pixels].astype(float) / count
-    noise = float(np.sqrt(np.mean(variances))) if variances else spatial
+    # a camera that shakes makes frames differ by more than their noise, of which the roughness is an upper estimate
+    noise = min(float(np.sqrt(np.mean(variances))), spatial) if variances else spatial
     return Reference(total / np.float32(count), count, noise, saturated)
 
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 WINDOWS = (1, 2, 4, 8, 16)
 LIMIT = 5.0
 GUARD = 2
-SCATTER_FRAMES = 8
+SCATTER_FRAMES = 12
 FIRST, FIRST_LIMIT = 4, 8.0
 """With fewer frames before it, only gross motion ends the run."""
 
@@ -42,10 +42,10 @@ def still_count(pose: NDArray[np.float64], u_pose: NDArray[np.float64]) -> int:
         return 1
     typical = np.sqrt(np.nanmean(u_pose**2, axis=0))
     if n >= SCATTER_FRAMES:
-        # the actual scatter of the poses from frame to frame, where that is more (compressed film, vibration); taken
-        # from the smallest quarter of the second differences, so that later motion does not count
-        bend = np.nanquantile(np.abs(np.diff(pose, 2, axis=0)), 0.25, axis=0)
-        typical = np.maximum(typical, bend / (0.3186 * np.sqrt(6.0)))
+        # the actual scatter of the poses from frame to frame, where that is more (compressed film); taken from the
+        # smallest quarter of the steps, so that later motion does not count
+        step = np.nanquantile(np.abs(np.diff(pose, axis=0)), 0.25, axis=0)
+        typical = np.maximum(typical, step / (0.3186 * np.sqrt(2.0)))
     total = np.vstack([np.zeros(pose.shape[1]), np.cumsum(np.nan_to_num(pose), axis=0)])
     for end in range(2, n + 1):
         if np.any(np.isnan(pose[end - 1])):

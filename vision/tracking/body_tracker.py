@@ -31,6 +31,8 @@ MAX_JUMP_RAD = math.radians(8.0)
 MAX_JUMP_PX = 12.0
 USUAL_SHARE = 0.85
 """Least correlation as a share of the usual one; blur lowers it slowly, a wrong pose abruptly."""
+NOISE_ONLY = 1.15
+"""Residuals up to this many times the noise of the still frames are taken for noise."""
 MIN_GAIN = 0.6
 """Flicker changes the light by some per cent; where the contrast collapses another surface hides the body."""
 COVERED_SHARE = 0.1
@@ -144,7 +146,10 @@ class BodyTracker:
         if not fit.converged:
             return FrameFlag.NOT_CONVERGED
         flag = FrameFlag.GOOD
-        if not (fit.zncc >= self.least_zncc and fit.zncc >= USUAL_SHARE * self.usual_zncc):
+        # residuals that are the still frames' noise need no better correlation, however low that noise makes it
+        noise_only = fit.noise_grey <= NOISE_ONLY * self.template.noise_grey * max(fit.gain, 1.0)
+        usual = noise_only or fit.zncc >= USUAL_SHARE * self.usual_zncc
+        if not (fit.zncc >= self.least_zncc and usual):
             flag |= FrameFlag.LOW_CORRELATION
         if not MIN_GAIN <= fit.gain / self.usual_gain <= 1.0 / MIN_GAIN:
             flag |= FrameFlag.ODD_GAIN

@@ -126,8 +126,8 @@ def _track(
     repeated = np.any(table.flag & np.uint16(int(FrameFlag.REPEATED)), axis=1)
     if repeated.any():
         warnings.warn(
-            f"{film.path}: {int(repeated.sum())} frames repeat the one before (first: {table.frame[repeated][0]}); they "
-            "are lost (flag 1024). Frames may have been dropped: check the frame clock",
+            f"{film.path}: {int(repeated.sum())} frames repeat the one before (first: {table.frame[repeated][0]}) and "
+            "are lost (flag 1024); the camera may have dropped frames: check the frame clock",
             VisionWarning,
             stacklevel=3,
         )
