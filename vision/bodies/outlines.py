@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from vision.atomic_write import whole_file
 from vision.errors import BodyError
+from vision.film.source import SATURATED_SHARE
 
 EROSION_PX = 4.0
 """Width of the rim that is not used: edge pixels mix the body with what lies behind it."""
@@ -236,7 +237,8 @@ def build_masks(bodies: Sequence[Body], height: int, width: int) -> list[NDArray
 def unsaturated(
     bodies: Sequence[Body], masks: Sequence[NDArray[np.bool_]], saturated: NDArray[np.bool_]
 ) -> list[NDArray[np.bool_]]:
-    """Masks without the saturated pixels and those near enough to take part of their grey value from them.
+    """Masks without the saturated pixels and those near enough to take part of their grey value from them, for bodies
+    of which more than a few are saturated.
 
     Raises
     ------
@@ -251,7 +253,8 @@ def unsaturated(
         for dx in range(-SATURATED_REACH_PX, SATURATED_REACH_PX + 1):
             inside_y = np.clip(rows + dy, 0, near.shape[0] - 1)
             near[inside_y, np.clip(columns + dx, 0, near.shape[1] - 1)] = True
-    left = [mask & ~near for mask in masks]
+    many = [np.count_nonzero(mask & saturated) > SATURATED_SHARE * np.count_nonzero(mask) for mask in masks]
+    left = [mask & ~near if much else mask for mask, much in zip(masks, many, strict=True)]
     for body, mask, whole in zip(bodies, left, masks, strict=True):
         if (found := int(np.count_nonzero(mask))) < MIN_PIXELS:
             raise BodyError(

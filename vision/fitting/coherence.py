@@ -34,23 +34,38 @@ UNKNOWN = Ratios(np.full((N_LEVELS, 3), np.nan), np.full((N_LEVELS, 3), np.nan))
 
 
 @njit(cache=True, nogil=True)
-def block_scores(
+def block_moments(
     columns: NDArray[np.float32],
-    residual: NDArray[np.float32],
+    work: NDArray[np.float32],
     weight: NDArray[np.float32],
-    visible: NDArray[np.float32],
     block: NDArray[np.int32],
-    scores: NDArray[np.float64],
-) -> None:
-    """Sum of weight times residual times sensitivity (turn, x, y, gain, offset) over each block, into (n_blocks, 5)."""
-    scores[:] = 0.0
+    groups: NDArray[np.int32],
+    influence: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """Sums of the squares and of the fourth powers of what each block moves turn, x and y by: (2, sizes, 3).
+
+    ``work`` holds visible pixels and residuals in rows 1 and 2; ``groups`` (sizes, n_blocks) says in which larger block
+    each smallest one lies.
+    """
+    n_sizes, n_blocks = groups.shape
+    scores, moments = np.zeros((n_blocks, 5)), np.zeros((2, n_sizes, 3))
     for i in range(block.size):
-        k, r = block[i], np.float64(weight[i] * visible[i]) * np.float64(residual[i])
-        scores[k, 0] += r * columns[0, i]
-        scores[k, 1] += r * columns[1, i]
-        scores[k, 2] += r * columns[2, i]
-        scores[k, 3] += r * columns[3, i]
+        k, r = block[i], np.float64(weight[i] * work[1, i]) * np.float64(work[2, i])
+        for j in range(4):
+            scores[k, j] += r * columns[j, i]
         scores[k, 4] += r
+    for size in range(n_sizes):
+        moved = np.zeros((n_blocks, 3))
+        for k in range(n_blocks):
+            for j in range(3):
+                for p in range(5):
+                    moved[groups[size, k], j] += influence[j, p] * scores[k, p]
+        for k in range(n_blocks):
+            for j in range(3):
+                square = moved[k, j] ** 2
+                moments[0, size, j] += square
+                moments[1, size, j] += square * square
+    return moments
 
 
 class Blocks:
@@ -58,15 +73,18 @@ class Blocks:
 
     def __init__(self, offset_px: NDArray[np.float32]) -> None:
         x, y = (offset_px - offset_px.min(axis=1, keepdims=True)).astype(float)
-        smallest, per_level = BLOCK_PX[0], []
+        smallest = BLOCK_PX[0]
         keys, number = np.unique(np.floor(y / smallest) * 4096 + np.floor(x / smallest), return_inverse=True)
-        self.number: NDArray[np.int32] = np.ascontiguousarray(number, dtype=np.int32)
+        self._block: NDArray[np.int32] = np.ascontiguousarray(number, dtype=np.int32)
         row, column = np.divmod(keys, 4096)
-        for side in BLOCK_PX[1:]:
-            step = side // smallest
-            per_level.append(np.unique(row // step * 4096 + column // step, return_inverse=True)[1])
-        self._larger = per_level
-        self._scores = np.zeros((keys.size, 5))
+        groups = [
+            np.unique(row // step * 4096 + column // step, return_inverse=True)[1]
+            for step in (side // smallest for side in BLOCK_PX)
+        ]
+        self._groups = np.array(groups, dtype=np.int32)
+        # the scores of all blocks add up to zero in five directions
+        count = self._groups.max(axis=1, keepdims=True) + 1.0
+        self._freedom = np.maximum(1.0 - 5.0 / count, 0.2)
 
     def ratios(
         self,
@@ -89,18 +107,6 @@ class Blocks:
         white_variance : ndarray, shape (3,)
             Of (turn, x, y), by the residual variance.
         """
-        block_scores(columns, work[2], weight, work[1], self.number, self._scores)
-        moved = self._scores @ influence.T
-        ratio, count = np.empty((N_LEVELS, 3)), np.empty((N_LEVELS, 3))
-        for level in range(N_LEVELS):
-            part = moved
-            if level:
-                group = self._larger[level - 1]
-                part = np.stack([np.bincount(group, moved[:, k]) for k in range(3)], axis=1)
-            square = part * part
-            total = square.sum(axis=0)
-            # of normal numbers the fourth power has a mean of three
-            count[level] = 3.0 * total**2 / np.maximum((square * square).sum(axis=0), 1e-300)
-            # the scores of all blocks add up to zero in five directions
-            ratio[level] = total / white_variance / max(1.0 - 5.0 / len(part), 0.2)
-        return Ratios(ratio, count)
+        square, fourth = block_moments(columns, work, weight, self._block, self._groups, influence)
+        # of normal numbers the fourth power has a mean of three
+        return Ratios(square / white_variance / self._freedom, 3.0 * square**2 / np.maximum(fourth, 1e-300))

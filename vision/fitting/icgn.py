@@ -14,13 +14,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.film.source import FrameSource, saturated_grey
+from vision.film.source import SATURATED_SHARE, FrameSource, saturated_areas
 from vision.fitting.base import FAILED, MARGIN_PX, Fit, region_of
 from vision.fitting.bspline import coefficients, noise_gain
 from vision.fitting.coherence import UNKNOWN, Blocks, Ratios
 from vision.fitting.kernels import Region, RigidFit, Settings, Subset, fit_rigid
 from vision.fitting.pose_covariance import TUKEY_FACTOR, pose_covariance
-from vision.fitting.template import Template, invert_normal
+from vision.fitting.template import Template
 
 TOLERANCE_PX = 0.002
 """Last step of any pixel. With part of the body covered the weights converge slowly: at 0.02 px such fits stopped up
@@ -78,10 +78,10 @@ class IcgnFitter:
         y0, y1, x0, x1 = region
         picture = film.read_region(index, y0, y1, x0, x1)
         coefficient = coefficients(picture)
-        top = saturated_grey(film.bit_depth)
-        if picture.max() >= top:
+        saturated = saturated_areas(picture, film.bit_depth)
+        if saturated is not None and np.count_nonzero(saturated) > SATURATED_SHARE * template.n_pixels:
             # not a number: the compiled loop leaves out every sample that such a coefficient enters
-            coefficient[picture >= top] = np.nan
+            coefficient[saturated] = np.nan
         pose = np.array(start, dtype=float)
         subset = Subset(
             template.offset_px, template.columns, self._uncovered if covered is None else covered, *template.centre_px
@@ -115,7 +115,7 @@ class IcgnFitter:
         # pixels that are saturated, or of one grey value, have no residual, though the others have their noise
         still = QUIET * template.noise_grey * min(abs(gain), 1.0)
         variance = max(variance, still**2 * (found.noise_gain + gain**2 / template.n_averaged))
-        covariance = pose_covariance(found.normal, variance, gain, found.noise_gain, template, TUKEY_FACTOR)
+        covariance, inverse = pose_covariance(found.normal, variance, gain, found.noise_gain, template, TUKEY_FACTOR)
         return Fit(
             pose=pose,
             covariance=covariance,
@@ -126,16 +126,14 @@ class IcgnFitter:
             noise_grey=float(np.sqrt(variance)),
             iterations=found.iterations,
             converged=True,
-            coherence=self._coherence(found, covariance),
+            coherence=self._coherence(found, covariance, inverse),
         )
 
-    def _coherence(self, found: RigidFit, covariance: NDArray[np.float64]) -> Ratios:
+    def _coherence(
+        self, found: RigidFit, covariance: NDArray[np.float64], inverse: NDArray[np.float64] | None
+    ) -> Ratios:
         """How far the residuals are from white noise; the residuals also hold the noise of the reference."""
-        template = self.template
-        inverse = invert_normal(found.normal)
-        if inverse is None or not np.all(np.isfinite(covariance)):
+        if inverse is None:
             return UNKNOWN
-        attenuated = invert_normal(found.normal - found.sums.weight / template.n_pixels * template.noise_normal)
-        influence = (inverse if attenuated is None else attenuated)[:3] / found.gain
-        white = np.diag(covariance) * (1.0 + found.gain**2 / template.n_averaged)
-        return self._blocks.ratios(template.columns, self._work, self._weight, influence, white)
+        white = covariance.diagonal() * (1.0 + found.gain**2 / self.template.n_averaged)
+        return self._blocks.ratios(self.template.columns, self._work, self._weight, inverse[:3] / found.gain, white)

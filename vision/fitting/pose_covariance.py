@@ -57,8 +57,8 @@ def pose_covariance(
     noise_gain: float,
     template: Template,
     factor: float,
-) -> NDArray[np.float64]:
-    """Covariance of (turn, x, y) from one frame's noise, without the reference's part.
+) -> tuple[NDArray[np.float64], NDArray[np.float64] | None]:
+    """Covariance of (turn, x, y) from one frame's noise, without the reference's part, and the inverse behind it.
 
     Parameters
     ----------
@@ -76,14 +76,16 @@ def pose_covariance(
 
     Returns
     -------
-    ndarray, shape (3, 3)
+    covariance : ndarray, shape (3, 3)
         NaN when the matrix is singular.
+    inverse : ndarray, shape (5, 5), or None
+        Of the normal matrix less its share of noise.
     """
     noise = residual_variance / (noise_gain + gain**2 / template.n_averaged)
     inverse = _without_noise(weighted_normal, noise, template)
     if inverse is None or not np.isfinite(residual_variance):
-        return np.full((3, 3), np.nan)
-    return factor * noise * (inverse @ weighted_normal @ inverse)[:3, :3] / gain**2
+        return np.full((3, 3), np.nan), None
+    return factor * noise * (inverse @ weighted_normal @ inverse)[:3, :3] / gain**2, inverse
 
 
 def _without_noise(
@@ -95,8 +97,6 @@ def _without_noise(
     in the template, where it looks like texture and stays where it is. Half of the excess is then in the template, the
     other half in the frame.
     """
-    if not np.all(np.isfinite(weighted_normal)):
-        return None
     part = weighted_normal[4, 4] / template.n_pixels * template.noise_normal
     still = template.noise_grey**2
     if noise > PATTERN_EXCESS * still > 0.0:
@@ -104,6 +104,8 @@ def _without_noise(
     inverse = invert_normal(weighted_normal - part)
     if inverse is not None and noise <= PATTERN_EXCESS * still:
         return inverse
+    if not np.all(np.isfinite(weighted_normal)):
+        return None
     whole = np.linalg.eigvals(np.linalg.lstsq(weighted_normal, part, rcond=None)[0]).real.max() if part.any() else 0.0
     if whole > MOST_PATTERN:
         # where noise would explain the texture altogether, some of it is something else; u becomes large, not infinite

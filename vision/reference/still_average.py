@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.errors import TrackingError
-from vision.film.source import FrameSource, saturated_grey
+from vision.film.source import FrameSource, saturated_areas
 
 MAX_STILL = 64
 MOST_PIXELS = 5000
@@ -43,7 +43,7 @@ class Reference:
     noise_grey : float
         Standard deviation of one frame's grey value, median over the bodies' pixels.
     saturated : ndarray of bool, shape (height, width)
-        Pixels that are saturated in any of the frames.
+        Pixels inside an area that is saturated in any of the frames.
     """
 
     picture: NDArray[np.float32]
@@ -77,8 +77,8 @@ def average_still_frames(
     if n_still is not None and not 1 <= n_still <= film.n_frames:
         raise TrackingError(f"{film.path}: {n_still} still frames requested, the film has {film.n_frames}")
     total = film.read(0).astype(np.float32)
-    top = saturated_grey(film.bit_depth)
-    saturated = total >= top
+    found = saturated_areas(total, film.bit_depth)
+    saturated = np.zeros(total.shape, dtype=bool) if found is None else found
     # saturated pixels have no noise; a film of nothing else is refused later, by body
     pixels = np.flatnonzero((region & ~saturated if np.any(region & ~saturated) else region).reshape(-1))
     if pixels.size > MOST_PIXELS:
@@ -92,7 +92,9 @@ def average_still_frames(
     limit = min(film.n_frames, n_still if n_still is not None else max_still)
     while count < limit:
         frame = film.read(count)
-        saturated |= frame >= top
+        inside = saturated_areas(frame, film.bit_depth)
+        if inside is not None:
+            saturated |= inside
         difference, gain = _matched_difference(frame.reshape(-1)[pixels].astype(float), mean, light)
         # noise of one frame, from the difference to a mean of `count` frames
         noise = float(np.sqrt(np.mean(difference**2) / (1.0 + gain**2 / count)))

@@ -22,6 +22,9 @@ from vision.reference.prepared_film import PreparedFilm
 from vision.results.flags import FAILURE, FrameFlag
 from vision.tracking.body_tracker import BodyTracker
 
+NOISE_SHOWN_BY = 5
+"""Still frames compared to see whether the film has noise."""
+
 
 class FilmTracker:
     """The bodies of one film, first at their places in the reference."""
@@ -66,7 +69,12 @@ class FilmTracker:
         boxes = [region_of(t, np.zeros(3), film.height, film.width, 0) for t in self._ready.templates]
         known = np.array([box for box in boxes if box is not None] or [(0, film.height, 0, film.width)])
         low, high = known.min(axis=0), known.max(axis=0)
-        return Repeats(film, (int(low[0]), int(high[1]), int(low[2]), int(high[3])))
+        repeats = Repeats(film, (int(low[0]), int(high[1]), int(low[2]), int(high[3])))
+        # still frames that are equal show that the film has no noise by which exposures would differ
+        first = range(1, min(self._ready.reference.n_averaged, NOISE_SHOWN_BY))
+        if any(repeats.at(index) for index in first) and all(repeats.at(index) for index in first):
+            repeats.meaningful = False
+        return repeats
 
     def _covered(self, i: int, step: int) -> NDArray[np.uint8] | None:
         """Template pixels of a body that the bodies in front hide, at their poses where known, else as predicted."""
