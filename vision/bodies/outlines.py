@@ -23,11 +23,13 @@ from numpy.typing import NDArray
 
 from vision.atomic_write import whole_file
 from vision.errors import BodyError
+from vision.film.source import SATURATED_SHARE
 
 EROSION_PX = 4.0
 """Width of the rim that is not used: edge pixels mix the body with what lies behind it."""
 CLEARANCE_PX = 4.0
 """Distance kept from the outline of a body that lies in front."""
+SATURATED_REACH_PX = 2
 MIN_PIXELS = 100
 """Below this a five-parameter fit is not worth starting."""
 
@@ -230,3 +232,33 @@ def build_masks(bodies: Sequence[Body], height: int, width: int) -> list[NDArray
             )
         masks.append(mask)
     return masks
+
+
+def unsaturated(
+    bodies: Sequence[Body], masks: Sequence[NDArray[np.bool_]], saturated: NDArray[np.bool_]
+) -> list[NDArray[np.bool_]]:
+    """Masks without the saturated pixels and those near enough to take part of their grey value from them, for bodies
+    of which more than a few are saturated.
+
+    Raises
+    ------
+    BodyError
+        When fewer than `MIN_PIXELS` are left of a body.
+    """
+    if not saturated.any():
+        return list(masks)
+    near = np.zeros_like(saturated)
+    rows, columns = np.nonzero(saturated)
+    for dy in range(-SATURATED_REACH_PX, SATURATED_REACH_PX + 1):
+        for dx in range(-SATURATED_REACH_PX, SATURATED_REACH_PX + 1):
+            inside_y = np.clip(rows + dy, 0, near.shape[0] - 1)
+            near[inside_y, np.clip(columns + dx, 0, near.shape[1] - 1)] = True
+    many = [np.count_nonzero(mask & saturated) > SATURATED_SHARE * np.count_nonzero(mask) for mask in masks]
+    left = [mask & ~near if much else mask for mask, much in zip(masks, many, strict=True)]
+    for body, mask, whole in zip(bodies, left, masks, strict=True):
+        if (found := int(np.count_nonzero(mask))) < MIN_PIXELS:
+            raise BodyError(
+                f"body {body.name}: {found} of {int(np.count_nonzero(whole))} pixels are not saturated, at least "
+                f"{MIN_PIXELS} needed; film with less light or a shorter exposure"
+            )
+    return left

@@ -83,6 +83,17 @@ def read_header(path: Path) -> FilmHeader:
         raise FilmError(f"{path}: {error}") from None
 
 
+def contradiction(header: FilmHeader) -> str | None:
+    """What a header says that cannot be true of its frames' times, in words; None when it agrees with itself."""
+    recorded, step = header.recorded_frames, header.frame_step
+    span = (header.n_frames - 1) * step + 1
+    if recorded is not None and span > recorded:
+        return f"{header.n_frames} frames, every {step}th of those recorded, need {span}, and {recorded} were recorded"
+    if header.exposure_s and header.frame_rate_hz and header.exposure_s * header.frame_rate_hz > 1.001:
+        return f"exposure {header.exposure_s:g} s is longer than a frame at {header.frame_rate_hz:g} frames/s"
+    return None
+
+
 def _fields_of_cihx(data: bytes) -> dict[str, str]:
     start, end = data.find(b"<cih>"), data.rfind(b"</cih>")
     if end < start:
@@ -191,7 +202,7 @@ def cihx_bytes(header: FilmHeader) -> bytes:
         f"<colorInfo><type>{header.colour_type}</type><bit>{header.colour_bit}</bit></colorInfo>\r\n"
         f"<effectiveBit><depth>{header.effective_bit}</depth><side>{header.bit_side.capitalize()}</side>"
         "</effectiveBit>\r\n</imageDataInfo>\r\n<frameInfo>\r\n"
-        f"<recordedFrame>{header.recorded_frames or header.n_frames}</recordedFrame>\r\n"
+        f"<recordedFrame>{header.recorded_frames or last - header.start_frame + 1}</recordedFrame>\r\n"
         f"<totalFrame>{header.n_frames}</totalFrame>\r\n<startFrame>{header.start_frame}</startFrame>\r\n"
         f"<skipFrame>{header.frame_step}</skipFrame>\r\n<playbackEndFrameNo>{last}</playbackEndFrameNo>\r\n"
         f"<playbackStartFrameNo>{header.start_frame}</playbackStartFrameNo>\r\n</frameInfo>\r\n"

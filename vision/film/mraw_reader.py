@@ -11,14 +11,15 @@ size is not exactly the one its header implies is refused with both sizes (`Film
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.errors import FilmError
-from vision.film.cih_header import FilmHeader, read_header
+from vision.errors import FilmError, VisionWarning
+from vision.film.cih_header import FilmHeader, contradiction, read_header
 from vision.film.mmap_window import FileWindow
 from vision.film.source import Film
 
@@ -46,6 +47,13 @@ class MrawFilm(Film):
         self.bit_depth = header.effective_bit
         self.frame_rate_hz, self.exposure_s = header.frame_rate_hz, header.exposure_s
         self.n_frames = header.n_frames
+        wrong = contradiction(header)
+        if wrong is not None:
+            warnings.warn(
+                f"{header_path}: {wrong}; its frame times are not believed: give --frame-rate",
+                VisionWarning,
+                stacklevel=3,
+            )
         size = data_path.stat().st_size
         expected = film_bytes(header)
         if size != expected:
@@ -60,14 +68,32 @@ class MrawFilm(Film):
                 raise FilmError(f"{words}; the film is cut short ({whole} whole frames): copy it again")
             self.n_frames = whole
         self._file = FileWindow(data_path)
+        self._check_bit_side()
 
     @property
     def frame_time_s(self) -> NDArray[np.float64] | None:
         """Middle of each exposure, s after the camera's trigger, for the frames that were saved."""
-        if self.frame_rate_hz is None:
+        if self.frame_rate_hz is None or contradiction(self.header) is not None:
             return None
         number = self.header.start_frame + self.header.frame_step * np.arange(self.n_frames, dtype=float)
         return number / self.frame_rate_hz + 0.5 * (self.exposure_s or 0.0)
+
+    def _check_bit_side(self) -> None:
+        """Refuse a header whose side of the effective bits the first frame contradicts."""
+        depth = self.bit_depth
+        if self.header.colour_bit != 16 or depth >= 16:
+            return
+        frame = self._file.view(0, 2 * self.width * self.height).view("<u2")
+        used = int(np.bitwise_or.reduce(frame))
+        spare = 16 - depth
+        higher = self.header.bit_side == "higher"
+        if (used & ((1 << spare) - 1)) if higher else (used >> depth):
+            side, other = ("Higher", "lower") if higher else ("Lower", "higher")
+            self._file.close()
+            raise FilmError(
+                f"{self.path}: the header says EffectiveBit Side {side} with {depth} of 16 bit, but {other} bits of "
+                "the first frame are set too; correct side or depth in the header"
+            )
 
     def read(self, index: int) -> NDArray[Any]:
         """Whole frame, shape (height, width), uint8 or uint16."""

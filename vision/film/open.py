@@ -47,7 +47,7 @@ def open_film(path: str | os.PathLike[str], *, allow_truncated: bool = False) ->
     if not path.exists():
         raise FilmError(f"{path}: no such film; give an existing .mraw, .avi, .mp4, .tif file or a folder of pictures")
     if path.is_dir():
-        return PictureFolder(path)
+        return PictureFolder(path, allow_truncated=allow_truncated)
     if suffix in MRAW_SUFFIXES:
         return MrawFilm(path, allow_truncated=allow_truncated)
     if suffix == ".avi":

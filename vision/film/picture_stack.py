@@ -16,14 +16,18 @@ from numpy.typing import NDArray
 
 from vision.errors import FilmError
 from vision.film.source import Film
+from vision.film.tiff_pages import chain_is_whole
 
 PICTURE_SUFFIXES = (".png", ".tif", ".tiff", ".bmp")
 
 
 class PictureFolder(Film):
-    """A folder of pictures, one per frame, all of one size and depth."""
+    """A folder of pictures, one per frame, all of one size and depth, numbered without gaps in their names.
 
-    def __init__(self, path: Path) -> None:
+    With ``allow_truncated`` a folder with a gap is read up to the gap.
+    """
+
+    def __init__(self, path: Path, *, allow_truncated: bool = False) -> None:
         self.path = path
         try:
             found = [entry for entry in path.iterdir() if entry.suffix.lower() in PICTURE_SUFFIXES]
@@ -31,7 +35,7 @@ class PictureFolder(Film):
             raise FilmError(f"{path}: folder cannot be read ({error.strerror})") from None
         if not found:
             raise FilmError(f"{path}: holds no picture ({', '.join(PICTURE_SUFFIXES)}); give a film or such a folder")
-        self._files = sorted(found, key=_by_number)
+        self._files = _one_series(path, sorted(found, key=_by_number), allow_truncated)
         self.n_frames = len(self._files)
         first = _decode(self._files[0])
         self.height, self.width = first.shape
@@ -70,6 +74,11 @@ class PagedPicture(Film):
         self.bit_depth = 8 * first.dtype.itemsize
         if allow_truncated:
             self.n_frames = self._whole_pages()
+        elif path.suffix.lower() in (".tif", ".tiff") and not chain_is_whole(path):
+            raise FilmError(
+                f"{path}: the file ends before its last page ({self.n_frames} pages are listed); copy it again, or "
+                "read what is whole with --allow-truncated"
+            )
 
     def _whole_pages(self) -> int:
         """Pages up to the first that cannot be decoded."""
@@ -103,6 +112,34 @@ class PagedPicture(Film):
 
 def _by_number(file: Path) -> tuple[list[int], str]:
     return [int(digits) for digits in re.findall(r"\d+", file.stem)], file.name
+
+
+def _one_series(folder: Path, files: list[Path], allow_truncated: bool) -> list[Path]:
+    """The files, when their names differ only by a number that grows by equal steps."""
+    if not re.search(r"\d", files[0].stem):
+        return files
+    kinds = {re.sub(r"\d+", "#", file.name): file.name for file in files}
+    if len(kinds) > 1:
+        first, second = list(kinds.values())[:2]
+        raise FilmError(f"{folder}: {first} and {second} are named differently; keep one film per folder")
+    numbers = np.array([_by_number(file)[0] for file in files], dtype=object)
+    moving = [column for column in numbers.T if len(set(column)) > 1]
+    if len(moving) > 1:
+        raise FilmError(
+            f"{folder}: two numbers change in the names ({files[0].name}, {files[-1].name}); keep one film per folder"
+        )
+    if not moving:
+        return files
+    steps = np.diff(moving[0])
+    usual = min(steps)
+    gaps = [int(i) for i in np.flatnonzero(steps != usual)]
+    if gaps and not allow_truncated:
+        before, after = files[gaps[0]].name, files[gaps[0] + 1].name
+        raise FilmError(
+            f"{folder}: pictures are missing between {before} and {after} ({len(gaps)} gaps); copy them again, or "
+            "read up to the gap with --allow-truncated"
+        )
+    return files[: gaps[0] + 1] if gaps else files
 
 
 def _decode(file: Path) -> NDArray[Any]:

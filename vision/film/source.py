@@ -17,6 +17,32 @@ from vision.errors import FilmError
 from vision.film.compression import Compression
 
 
+def saturated_grey(bit_depth: int) -> int:
+    """Smallest grey value that says no more than "too bright"."""
+    return int(2**bit_depth - 1)
+
+
+SATURATED_SHARE = 0.05
+"""Saturated areas of less than this share of a body move with it and bias it less than leaving them out costs."""
+
+
+def saturated_areas(picture: NDArray[Any], bit_depth: int) -> NDArray[np.bool_] | None:
+    """Pixels of a picture that are saturated together with their four neighbours; None when there are none.
+
+    A single pixel that the noise lifts over the edge is hardly off; inside an area nothing is known of the light.
+    """
+    top = saturated_grey(bit_depth)
+    if picture.max() < top:
+        return None
+    full = picture >= top
+    inside = full.copy()
+    inside[1:] &= full[:-1]
+    inside[:-1] &= full[1:]
+    inside[:, 1:] &= full[:, :-1]
+    inside[:, :-1] &= full[:, 1:]
+    return inside if inside.any() else None
+
+
 class FrameSource(Protocol):
     """A film that gives its frames by number.
 

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.film.source import FrameSource
+from vision.fitting.coherence import UNKNOWN, Ratios
 from vision.fitting.template import Template
 
 MARGIN_PX = 14
@@ -27,7 +28,7 @@ class Fit:
     ``covariance`` (3, 3) is from this frame's noise only, in rad and px. ``zncc`` is the correlation of fitted and
     observed grey values over the pixels in use, ``inlier`` the fraction of the template's pixels that agree with the
     fit, ``seen`` the fraction that is inside the picture and not covered. Where ``converged`` is False the other values
-    mean nothing.
+    mean nothing. ``coherence`` tells how far the residuals are from white noise.
     """
 
     pose: NDArray[np.float64]
@@ -39,6 +40,7 @@ class Fit:
     noise_grey: float
     iterations: int
     converged: bool
+    coherence: Ratios = UNKNOWN
 
 
 FAILED = Fit(np.full(3, np.nan), np.full((3, 3), np.nan), 0.0, 0.0, 0.0, np.nan, np.nan, 0, False)

@@ -122,7 +122,7 @@ class EccFitter:
         if abs(gain) < 1e-3:
             return FAILED
         near = np.abs(residual) < INLIER_SIGMA * max(1.4826 * float(np.median(np.abs(residual))), 0.5)
-        covariance = pose_covariance(columns.T @ columns, variance, gain, kappa, template, 1.0)
+        covariance, _ = pose_covariance(columns.T @ columns, variance, gain, kappa, template, 1.0)
         n = template.n_pixels
         return Fit(
             np.array([phi, tx, ty]), covariance, zncc, np.count_nonzero(near) / n, np.count_nonzero(use) / n, gain,

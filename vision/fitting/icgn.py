@@ -14,9 +14,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.film.source import FrameSource
+from vision.film.source import SATURATED_SHARE, FrameSource, saturated_areas
 from vision.fitting.base import FAILED, MARGIN_PX, Fit, region_of
 from vision.fitting.bspline import coefficients, noise_gain
+from vision.fitting.coherence import UNKNOWN, Blocks, Ratios
 from vision.fitting.kernels import Region, RigidFit, Settings, Subset, fit_rigid
 from vision.fitting.pose_covariance import TUKEY_FACTOR, pose_covariance
 from vision.fitting.template import Template
@@ -24,7 +25,12 @@ from vision.fitting.template import Template
 TOLERANCE_PX = 0.002
 """Last step of any pixel. With part of the body covered the weights converge slowly: at 0.02 px such fits stopped up
 to eight standard uncertainties short."""
+STOP_U = 0.1
+"""Or: what is left, judged by how fast the steps shrink, over its standard uncertainty. Along the grain of wood a step
+of 0.002 px is a small part of that, and asking for it loses frames."""
 MAX_ITERATIONS = 30
+QUIET = 0.7
+"""The residuals of a body may be quieter than the still frames by this factor, since darker parts of a picture are."""
 SCALE_FLOOR_GREY = 0.5
 """Smallest noise the weights assume: below it there is only the rounding to whole grey values."""
 
@@ -34,7 +40,9 @@ class IcgnFitter:
 
     def __init__(self, template: Template) -> None:
         self.template = template
-        self._settings = Settings(noise_gain(), SCALE_FLOOR_GREY, TOLERANCE_PX, MAX_ITERATIONS)
+        self._settings = Settings(noise_gain(), SCALE_FLOOR_GREY, TOLERANCE_PX, STOP_U, MAX_ITERATIONS)
+        self._blocks = Blocks(template.offset_px)
+        self._work = np.zeros((3, template.n_pixels), dtype=np.float32)
         self._uncovered = np.zeros(template.n_pixels, dtype=np.uint8)
         self.reset()
 
@@ -68,13 +76,24 @@ class IcgnFitter:
         if region is None:
             return FAILED
         y0, y1, x0, x1 = region
-        coefficient = coefficients(film.read_region(index, y0, y1, x0, x1))
+        picture = film.read_region(index, y0, y1, x0, x1)
+        coefficient = coefficients(picture)
+        saturated = saturated_areas(picture, film.bit_depth)
+        if saturated is not None and np.count_nonzero(saturated) > SATURATED_SHARE * template.n_pixels:
+            # not a number: the compiled loop leaves out every sample that such a coefficient enters
+            coefficient[saturated] = np.nan
         pose = np.array(start, dtype=float)
         subset = Subset(
             template.offset_px, template.columns, self._uncovered if covered is None else covered, *template.centre_px
         )
         found = fit_rigid(
-            Region(coefficient, float(x0), float(y0)), subset, self._settings, pose, self._weight, self._scale
+            Region(coefficient, float(x0), float(y0)),
+            subset,
+            self._settings,
+            pose,
+            self._weight,
+            self._work,
+            self._scale,
         )
         if found.iterations <= 0 or not np.all(np.isfinite(pose)):
             self.reset()
@@ -87,14 +106,19 @@ class IcgnFitter:
         sums, gain = found.sums, found.gain
         if sums.weight <= 6.0:
             return FAILED
+        template = self.template
         # the weighted sum has as many degrees of freedom as pixels with weight, less the five parameters
         variance = sums.squares / (sums.weight * (1.0 - 5.0 / max(sums.seen, 6.0)))
         spread = sums.value2 / sums.weight - (sums.value / sums.weight) ** 2
         explained = 1.0 - sums.squares / sums.weight / spread if spread > 0.0 else 0.0
-        n = self.template.n_pixels
+        n = template.n_pixels
+        # pixels that are saturated, or of one grey value, have no residual, though the others have their noise
+        still = QUIET * template.noise_grey * min(abs(gain), 1.0)
+        variance = max(variance, still**2 * (found.noise_gain + gain**2 / template.n_averaged))
+        covariance, inverse = pose_covariance(found.normal, variance, gain, found.noise_gain, template, TUKEY_FACTOR)
         return Fit(
             pose=pose,
-            covariance=pose_covariance(found.normal, variance, gain, found.noise_gain, self.template, TUKEY_FACTOR),
+            covariance=covariance,
             zncc=float(np.sqrt(max(explained, 0.0)) * np.sign(gain)),
             inlier=sums.inlier / n,
             seen=sums.seen / n,
@@ -102,4 +126,14 @@ class IcgnFitter:
             noise_grey=float(np.sqrt(variance)),
             iterations=found.iterations,
             converged=True,
+            coherence=self._coherence(found, covariance, inverse),
         )
+
+    def _coherence(
+        self, found: RigidFit, covariance: NDArray[np.float64], inverse: NDArray[np.float64] | None
+    ) -> Ratios:
+        """How far the residuals are from white noise; the residuals also hold the noise of the reference."""
+        if inverse is None:
+            return UNKNOWN
+        white = covariance.diagonal() * (1.0 + found.gain**2 / self.template.n_averaged)
+        return self._blocks.ratios(self.template.columns, self._work, self._weight, inverse[:3] / found.gain, white)

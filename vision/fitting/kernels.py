@@ -4,9 +4,8 @@ All loops and the named tuples they take stay in one file, because numba's disk 
 that holds the cached function: a compiled function called from another file would go stale silently. The other compiled
 loops of this package, `mark_covered` and `composite`, call no compiled function.
 
-Conventions: picture axes (x right, y down). A template pixel at offset ``(dx, dy)`` from the body's centre
-``(cx, cy)`` lies in a frame at ``centre + (tx, ty) + R(phi) (dx, dy)``, ``R = [[cos, -sin], [sin, cos]]``.
-Coefficients are those of `bspline`; failure is a status number.
+Conventions: picture axes (x right, y down). A template pixel at offset (dx, dy) from the body's centre lies in a frame
+at ``centre + (tx, ty) + R(phi) (dx, dy)``, ``R = [[cos, -sin], [sin, cos]]``. Failure is a status number.
 """
 
 from __future__ import annotations
@@ -47,11 +46,13 @@ class Subset(NamedTuple):
 
 
 class Settings(NamedTuple):
-    """How the fit weights and when it stops; ``gain_table`` is `bspline.noise_gain`."""
+    """How the fit weights and when it stops: ``stop_u`` in standard uncertainties; ``gain_table`` is
+    `bspline.noise_gain`."""
 
     gain_table: F64
     scale_floor: float
     tolerance_px: float
+    stop_u: float
     max_iterations: int
 
 
@@ -69,8 +70,7 @@ class ResidualSums(NamedTuple):
 
 
 class RigidFit(NamedTuple):
-    """End of a fit: ``iterations``, negative where it broke down; gain of the frame; weighted normal matrix (5, 5);
-    sums of the last iteration; mean noise gain of the samples."""
+    """``iterations``, negative where the fit broke down; gain; weighted normal matrix (5, 5); mean noise gain."""
 
     iterations: int
     gain: float
@@ -149,6 +149,8 @@ def warp_template(region: Region, subset: Subset, pose: F64, gain_table: F64, va
         d = x0 * r3[ix - 1] + x1 * r3[ix] + x2 * r3[ix + 1] + x3 * r3[ix + 2]
         value[i] = y0 * a + y1 * b + y2 * c + y3 * d
         visible[i] = one
+        if math.isnan(value[i]):  # a saturated pixel is among the sixteen
+            value[i] = visible[i] = 0.0
         if i % 16 == 0:
             steps = gain_table.size - 1
             gain_sum += gain_table[int(fx * steps + 0.5)] * gain_table[int(fy * steps + 0.5)]
@@ -160,45 +162,23 @@ def warp_template(region: Region, subset: Subset, pose: F64, gain_table: F64, va
 def accumulate(columns: F32, value: F32, weight: F32, visible: F32, matrix: F64, right: F64) -> None:
     """Weighted normal equations of ``value = columns.T @ q[:4] + q[4]``."""
     at, ax, ay, ref = columns[0], columns[1], columns[2], columns[3]
-    # fifteen named sums, so that the compiler keeps them in vector registers
+    # named sums, so that the compiler keeps them in vector registers
     h00 = h01 = h02 = h03 = h04 = h11 = h12 = h13 = h14 = h22 = h23 = h24 = h33 = h34 = h44 = 0.0
     b0 = b1 = b2 = b3 = b4 = 0.0
     for i in range(at.size):
         w = np.float64(weight[i] * visible[i])
-        a0, a1, a2, a3, v = (
-            np.float64(at[i]),
-            np.float64(ax[i]),
-            np.float64(ay[i]),
-            np.float64(ref[i]),
-            np.float64(value[i]),
-        )
+        a0, a1, a2 = np.float64(at[i]), np.float64(ax[i]), np.float64(ay[i])
+        a3, v = np.float64(ref[i]), np.float64(value[i])
         w0, w1, w2, w3 = w * a0, w * a1, w * a2, w * a3
-        h00 += w0 * a0
-        h01 += w0 * a1
-        h02 += w0 * a2
-        h03 += w0 * a3
-        h04 += w0
-        h11 += w1 * a1
-        h12 += w1 * a2
-        h13 += w1 * a3
-        h14 += w1
-        h22 += w2 * a2
-        h23 += w2 * a3
-        h24 += w2
-        h33 += w3 * a3
-        h34 += w3
-        h44 += w
-        b0 += w0 * v
-        b1 += w1 * v
-        b2 += w2 * v
-        b3 += w3 * v
-        b4 += w * v
+        h00, h01, h02, h03, h04 = h00 + w0 * a0, h01 + w0 * a1, h02 + w0 * a2, h03 + w0 * a3, h04 + w0
+        h11, h12, h13, h14 = h11 + w1 * a1, h12 + w1 * a2, h13 + w1 * a3, h14 + w1
+        h22, h23, h24, h33, h34, h44 = h22 + w2 * a2, h23 + w2 * a3, h24 + w2, h33 + w3 * a3, h34 + w3, h44 + w
+        b0, b1, b2, b3, b4 = b0 + w0 * v, b1 + w1 * v, b2 + w2 * v, b3 + w3 * v, b4 + w * v
     upper = (h00, h01, h02, h03, h04, h11, h12, h13, h14, h22, h23, h24, h33, h34, h44)
     k = 0
     for i in range(5):
         for j in range(i, 5):
-            matrix[i, j] = matrix[j, i] = upper[k]
-            k += 1
+            matrix[i, j], matrix[j, i], k = upper[k], upper[k], k + 1
     right[0], right[1], right[2], right[3], right[4] = b0, b1, b2, b3, b4
 
 
@@ -223,75 +203,98 @@ def robust_scale(residual: F32, visible: F32, top: float) -> float:
     return 1.4826 * top
 
 
-@njit(cache=True, nogil=True, fastmath=FAST)
-def update_weights(
-    columns: F32, value: F32, visible: F32, q: F64, scale_in: float, scale_floor: float, residual: F32, weight: F32
-) -> ResidualSums:
-    """Residuals of the linear fit ``q``, their robust scale, Tukey weights, and sums over them."""
+# These store: where arrays lie decides between vector and scalar loop, which without fast arithmetic give the same bits
+@njit(cache=True, nogil=True)
+def residuals(columns: F32, value: F32, q: F64, residual: F32) -> None:
+    """Grey values less the linear fit ``q``."""
     at, ax, ay, ref = columns[0], columns[1], columns[2], columns[3]
     q0, q1, q2, q3, q4 = np.float32(q[0]), np.float32(q[1]), np.float32(q[2]), np.float32(q[3]), np.float32(q[4])
     for i in range(at.size):
         residual[i] = value[i] - (q0 * at[i] + q1 * ax[i] + q2 * ay[i] + q3 * ref[i] + q4)
-    top = 8.0 * max(scale_in, scale_floor)
-    scale = robust_scale(residual, visible, top)
-    for _ in range(8):
-        if scale < 0.7 * top:
-            break
-        top *= 4.0
-        scale = robust_scale(residual, visible, top)
-    scale = max(scale, scale_floor)
-    per = np.float32(1.0 / (TUKEY * scale))
-    one, zero = np.float32(1.0), np.float32(0.0)
-    near = np.float32((3.0 / TUKEY) ** 2)
-    sum_w = sum_wr2 = inlier = seen = sum_wv = sum_wvv = 0.0
-    for i in range(at.size):
+
+
+@njit(cache=True, nogil=True)
+def tukey_weights(residual: F32, scale: float, weight: F32) -> None:
+    """Weights of residuals of the given scale."""
+    per, one, zero = np.float32(1.0 / (TUKEY * scale)), np.float32(1.0), np.float32(0.0)
+    for i in range(residual.size):
         u = residual[i] * per
-        u2 = u * u
-        rest = max(one - u2, zero)
-        w = rest * rest
-        weight[i] = w
+        rest = max(one - u * u, zero)
+        weight[i] = rest * rest
+
+
+@njit(cache=True, nogil=True, fastmath=FAST)
+def weighted_sums(residual: F32, weight: F32, value: F32, visible: F32, scale: float) -> ResidualSums:
+    """Sums over the visible pixels."""
+    near, one, zero = np.float32(3.0 * scale), np.float32(1.0), np.float32(0.0)
+    sum_w = sum_wr2 = inlier = seen = sum_wv = sum_wvv = 0.0
+    for i in range(residual.size):
         seen_here = visible[i]
-        wv, r, v = np.float64(w * seen_here), np.float64(residual[i]), np.float64(value[i])
+        wv, r, v = np.float64(weight[i] * seen_here), np.float64(residual[i]), np.float64(value[i])
         sum_w += wv
         sum_wr2 += wv * r * r
         sum_wv += wv * v
         sum_wvv += wv * v * v
-        inlier += seen_here * (one if u2 < near else zero)
+        inlier += seen_here * (one if abs(residual[i]) < near else zero)
         seen += seen_here
     return ResidualSums(scale, sum_w, sum_wr2, inlier, seen, sum_wv, sum_wvv)
 
 
 @njit(cache=True, nogil=True)
-def fit_rigid(region: Region, subset: Subset, settings: Settings, pose: F64, weight: F32, scale: float) -> RigidFit:
+def step_in_u(matrix: F64, q: F64, sums: ResidualSums, right: F64, column: F64) -> float:
+    """Largest of turn, x and y of a step, each over its standard uncertainty."""
+    largest = 0.0
+    for k in range(3):
+        right[:] = 0.0
+        right[k] = 1.0
+        if not solve5(matrix, right, column):
+            return np.inf
+        largest = max(largest, abs(q[k]) / math.sqrt(max(column[k] * sums.squares / max(sums.weight, 1.0), 1e-30)))
+    return largest
+
+
+@njit(cache=True, nogil=True)
+def fit_rigid(
+    region: Region, subset: Subset, settings: Settings, pose: F64, weight: F32, work: F32, scale: float
+) -> RigidFit:
     """Inverse-compositional Gauss-Newton fit of one body in one frame.
 
-    ``pose`` (phi, tx, ty) and ``weight`` hold the start and receive the result; ``scale`` is the robust scale of the
-    residuals to start from.
+    Starts from ``pose`` (phi, tx, ty), ``weight`` and the residuals' robust ``scale``; pose and weight receive the
+    result, ``work`` (3, n) grey values, visible pixels and residuals.
     """
-    n = subset.offset.shape[1]
-    value, visible, residual = np.empty(n, np.float32), np.empty(n, np.float32), np.empty(n, np.float32)
+    value, visible, residual = work[0], work[1], work[2]
     # q: gain times the step (turn, x, y), gain, offset
-    matrix, right, q = np.zeros((5, 5)), np.empty(5), np.zeros(5)
+    matrix, right, q, column = np.zeros((5, 5)), np.empty(5), np.zeros(5), np.zeros(5)
     sums, noise_gain = ResidualSums(scale, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0), 1.0
-    radius = 0.0
-    for i in range(n):
+    radius, before, rate = 0.0, np.inf, 0.0
+    for i in range(weight.size):
         radius = max(radius, math.hypot(subset.offset[0, i], subset.offset[1, i]))
     for iteration in range(1, settings.max_iterations + 1):
         noise_gain = warp_template(region, subset, pose, settings.gain_table, value, visible)
         accumulate(subset.columns, value, weight, visible, matrix, right)
         if not solve5(matrix, right, q) or abs(q[3]) < 1e-3:
             return RigidFit(-iteration, q[3], matrix, sums, noise_gain)
-        sums = update_weights(subset.columns, value, visible, q, sums.scale, settings.scale_floor, residual, weight)
+        residuals(subset.columns, value, q, residual)
+        top, found = 8.0 * max(sums.scale, settings.scale_floor), np.inf
+        while found >= 0.175 * top and top < 1e7:
+            found, top = robust_scale(residual, visible, top), 4.0 * top
+        found = max(found, settings.scale_floor)
+        tukey_weights(residual, found, weight)
+        sums = weighted_sums(residual, weight, value, visible, found)
         turn, step_x, step_y = q[0] / q[3], q[1] / q[3], q[2] / q[3]
-        if not (abs(turn) < 1.0 and abs(step_x) < 100.0 and abs(step_y) < 100.0):
+        if not (abs(turn) < 1.0 and max(abs(step_x), abs(step_y)) < 100.0):
             return RigidFit(-iteration, q[3], matrix, sums, noise_gain)
         # compose with the inverse of the template's own motion
         pose[0] -= turn
         cosine, sine = math.cos(pose[0]), math.sin(pose[0])
         pose[1] -= cosine * step_x - sine * step_y
         pose[2] -= sine * step_x + cosine * step_y
-        # at least one round in which the weights follow from this frame's own residuals
+        # what is left if the next steps shrink as this one did; once at least with weights of this frame's residuals
+        step = step_in_u(matrix, q, sums, right, column)
+        rate = max(min(step / before, 0.95), 0.7 * rate)
+        before = step
         small = max(abs(turn) * radius, max(abs(step_x), abs(step_y))) < settings.tolerance_px
-        if small and iteration > 1:
+        left = step * (1.0 if iteration == settings.max_iterations else rate / (1.0 - rate))
+        if (small or (step < 1.0 and left < settings.stop_u)) and iteration > 1:
             return RigidFit(iteration, q[3], matrix, sums, noise_gain)
     return RigidFit(-settings.max_iterations, q[3], matrix, sums, noise_gain)

@@ -19,6 +19,10 @@ from numpy.typing import NDArray
 from vision.errors import BodyError
 from vision.fitting.template import Template, design_columns, invert_normal
 
+PATTERN_EXCESS = 1.5
+"""Residual variance over that of the still frames from which a fixed pattern is suspected."""
+MOST_PATTERN = 0.75
+"""Largest share of the normal matrix, in any direction, that is taken for noise."""
 TUKEY = 4.685
 """As in `vision.fitting.kernels`, whose import would cost 0.5 s of numba here."""
 
@@ -53,8 +57,8 @@ def pose_covariance(
     noise_gain: float,
     template: Template,
     factor: float,
-) -> NDArray[np.float64]:
-    """Covariance of (turn, x, y) from one frame's noise, without the reference's part.
+) -> tuple[NDArray[np.float64], NDArray[np.float64] | None]:
+    """Covariance of (turn, x, y) from one frame's noise, without the reference's part, and the inverse behind it.
 
     Parameters
     ----------
@@ -72,15 +76,41 @@ def pose_covariance(
 
     Returns
     -------
-    ndarray, shape (3, 3)
+    covariance : ndarray, shape (3, 3)
         NaN when the matrix is singular.
+    inverse : ndarray, shape (5, 5), or None
+        Of the normal matrix less its share of noise.
     """
-    in_use = weighted_normal[4, 4] / template.n_pixels
-    inverse = invert_normal(weighted_normal - in_use * template.noise_normal)
-    if inverse is None or not np.isfinite(residual_variance):
-        return np.full((3, 3), np.nan)
     noise = residual_variance / (noise_gain + gain**2 / template.n_averaged)
-    return factor * noise * (inverse @ weighted_normal @ inverse)[:3, :3] / gain**2
+    inverse = _without_noise(weighted_normal, noise, template)
+    if inverse is None or not np.isfinite(residual_variance):
+        return np.full((3, 3), np.nan), None
+    return factor * noise * (inverse @ weighted_normal @ inverse)[:3, :3] / gain**2, inverse
+
+
+def _without_noise(
+    weighted_normal: NDArray[np.float64], noise: float, template: Template
+) -> NDArray[np.float64] | None:
+    """Inverse of the normal matrix less the part that tells nothing about the pose.
+
+    Noise beyond that of the still frames may be a pattern of the sensor: the still frames have it in common, so it is
+    in the template, where it looks like texture and stays where it is. Half of the excess is then in the template, the
+    other half in the frame.
+    """
+    part = weighted_normal[4, 4] / template.n_pixels * template.noise_normal
+    still = template.noise_grey**2
+    if noise > PATTERN_EXCESS * still > 0.0:
+        part = part * (1.0 + 0.5 * (noise / still - 1.0) * template.n_averaged)
+    inverse = invert_normal(weighted_normal - part)
+    if inverse is not None and noise <= PATTERN_EXCESS * still:
+        return inverse
+    if not np.all(np.isfinite(weighted_normal)):
+        return None
+    whole = np.linalg.eigvals(np.linalg.lstsq(weighted_normal, part, rcond=None)[0]).real.max() if part.any() else 0.0
+    if whole > MOST_PATTERN:
+        # where noise would explain the texture altogether, some of it is something else; u becomes large, not infinite
+        inverse = invert_normal(weighted_normal - part * (MOST_PATTERN / whole))
+    return inverse
 
 
 def predicted_u_angle(template: Template, noise_grey: float) -> float:

@@ -45,6 +45,8 @@ class Template:
         Frames in the averaged picture.
     box_px : (float, float, float, float)
         Smallest and largest x and y offset: left, right, top, bottom.
+    noise_grey : float
+        Standard deviation of one frame's noise, as found in the still frames; 0 when not known.
     """
 
     name: str
@@ -57,6 +59,7 @@ class Template:
     noise_normal: NDArray[np.float64]
     n_averaged: int
     box_px: tuple[float, float, float, float]
+    noise_grey: float = 0.0
 
     @property
     def n_pixels(self) -> int:
@@ -129,6 +132,7 @@ def build_template(
         noise_normal=_noise_normal(dx, dy, noise_grey**2 / n_averaged),
         n_averaged=n_averaged,
         box_px=(float(dx.min()), float(dx.max()), float(dy.min()), float(dy.max())),
+        noise_grey=noise_grey,
     )
 
 

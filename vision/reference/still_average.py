@@ -3,9 +3,9 @@
 The average is the template's picture and the still frames set the zero of all angles, so their number sets the error
 common to all frames: ten give a third of one frame's noise.
 
-Method: frames are compared one by one with the running mean inside the bodies' regions, after fitting gain and offset,
-which takes out flicker. The still run ends where the difference exceeds what the noise of the first frames explains.
-That test is quick but sees only coarse motion; `vision.reference.stillness` judges the poses.
+Method: frames are compared one by one with the running mean inside the bodies' regions, after fitting gain, offset
+and two gradients, which takes out flicker. The still run ends where the difference exceeds what the noise of the first
+frames explains. That test is quick but sees only coarse motion; `vision.reference.stillness` judges the poses.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.errors import TrackingError
-from vision.film.source import FrameSource
+from vision.film.source import FrameSource, saturated_areas
 
 MAX_STILL = 64
 MOST_PIXELS = 5000
@@ -26,6 +26,8 @@ GROWTH = 1.25
 """A still frame may differ this much more than the quietest pair of first frames."""
 FIRST_GROWTH = 3.0
 """The second frame may differ from the first by this much more than the first's roughness."""
+TEXTURE_SHARE = 0.4
+"""A still frame may also differ by this share of the texture's contrast; finer motion is left to the poses."""
 GREY_FLOOR = 0.4
 """Allowance for rounding to whole grey values, grey of the stored depth."""
 
@@ -40,11 +42,14 @@ class Reference:
     n_averaged : int
     noise_grey : float
         Standard deviation of one frame's grey value, median over the bodies' pixels.
+    saturated : ndarray of bool, shape (height, width)
+        Pixels inside an area that is saturated in any of the frames.
     """
 
     picture: NDArray[np.float32]
     n_averaged: int
     noise_grey: float
+    saturated: NDArray[np.bool_]
 
 
 def average_still_frames(
@@ -72,30 +77,40 @@ def average_still_frames(
     if n_still is not None and not 1 <= n_still <= film.n_frames:
         raise TrackingError(f"{film.path}: {n_still} still frames requested, the film has {film.n_frames}")
     total = film.read(0).astype(np.float32)
-    pixels = np.flatnonzero(region.reshape(-1))
+    found = saturated_areas(total, film.bit_depth)
+    saturated = np.zeros(total.shape, dtype=bool) if found is None else found
+    # saturated pixels have no noise; a film of nothing else is refused later, by body
+    pixels = np.flatnonzero((region & ~saturated if np.any(region & ~saturated) else region).reshape(-1))
     if pixels.size > MOST_PIXELS:
         pixels = pixels[:: pixels.size // MOST_PIXELS + 1]
+    light = np.stack([(pixels % film.width) / film.width - 0.5, (pixels // film.width) / film.height - 0.5])
     mean = total.reshape(-1)[pixels].astype(float)
-    spatial = _roughness(total, region)
+    spatial = _roughness(total, region)  # of one frame
     differences: list[float] = []
     variances: list[float] = []
     count = 1
     limit = min(film.n_frames, n_still if n_still is not None else max_still)
     while count < limit:
         frame = film.read(count)
-        difference = _matched_difference(frame.reshape(-1)[pixels].astype(float), mean)
+        inside = saturated_areas(frame, film.bit_depth)
+        if inside is not None:
+            saturated |= inside
+        difference, gain = _matched_difference(frame.reshape(-1)[pixels].astype(float), mean, light)
         # noise of one frame, from the difference to a mean of `count` frames
-        noise = float(np.sqrt(np.mean(difference**2) / (1.0 + 1.0 / count)))
+        noise = float(np.sqrt(np.mean(difference**2) / (1.0 + gain**2 / count)))
         # the first frame's own roughness contains its noise and its texture, so it is never below the noise
         quiet = GROWTH * min(differences) if differences else FIRST_GROWTH * spatial
+        quiet = max(quiet, TEXTURE_SHARE * float(mean.std())) * max(gain, 1.0)
         if n_still is None and noise > quiet + GREY_FLOOR:
             break
         differences.append(noise)
-        variances.append(float(np.median(difference**2)) / 0.4549 / (1.0 + 1.0 / count))
+        variances.append(float(np.median(difference**2)) / 0.4549 / (1.0 + gain**2 / count))
         total += frame
         count += 1
         mean = total.reshape(-1)[pixels].astype(float) / count
-    return Reference(total / np.float32(count), count, float(np.sqrt(np.mean(variances))) if variances else spatial)
+    # a camera that shakes makes frames differ by more than their noise, of which the roughness is an upper estimate
+    noise = min(float(np.sqrt(np.mean(variances))), spatial) if variances else spatial
+    return Reference(total / np.float32(count), count, noise, saturated)
 
 
 def _roughness(picture: NDArray[np.float32], region: NDArray[np.bool_]) -> float:
@@ -109,11 +124,13 @@ def _roughness(picture: NDArray[np.float32], region: NDArray[np.bool_]) -> float
     return float(1.4826 * np.median(np.abs(both[inside]))) / 6.0 if inside.any() else 0.0
 
 
-def _matched_difference(frame: NDArray[Any], mean: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Frame less the mean, after fitting gain and offset by least squares."""
-    centred = mean - mean.mean()
-    spread = float(centred @ centred)
-    gain = float(centred @ frame) / spread if spread > 0.0 else 1.0
+def _matched_difference(
+    frame: NDArray[Any], mean: NDArray[np.float64], light: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], float]:
+    """Frame less the mean times the gain, which is returned too, after fitting gain, offset and two gradients of the
+    light; ``light`` (2, n) are the coordinates."""
+    design = np.column_stack([mean - mean.mean(), *light, np.ones_like(mean)])
+    solution = np.linalg.lstsq(design, frame, rcond=None)[0]
     # a gain far from one is a different picture, not flicker
-    gain = min(max(gain, 0.5), 2.0)
-    return (frame - frame.mean() - gain * centred) / gain
+    solution[0] = min(max(solution[0], 0.5), 2.0)
+    return frame - design @ solution, float(solution[0])

@@ -33,6 +33,8 @@ class FrameFlag(IntFlag):
     COVERED = 512
     """Something no outline describes hides part of the body; the weights suppress it, not always fully; not a
     failure."""
+    REPEATED = 1024
+    """The frame repeats the one before, byte for byte, so it says nothing about its own time."""
 
 
 FAILURE = (
@@ -43,4 +45,5 @@ FAILURE = (
     | FrameFlag.NO_COVARIANCE
     | FrameFlag.ODD_GAIN
     | FrameFlag.UNCONFIRMED
+    | FrameFlag.REPEATED
 )

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.fitting.base import Fit
+from vision.fitting.coherence import N_LEVELS
 from vision.results.flags import FAILURE, FrameFlag
 
 
@@ -28,6 +29,8 @@ class PoseTable:
         Of the pose, from that frame's noise.
     zncc, inlier, noise_grey, gain : ndarray, shape (n, m)
     flag : ndarray of uint16, shape (n, m)
+    ratio, blocks : ndarray, shape (n, m, 3, 3)
+        Coherence of the residuals, see `vision.fitting.coherence.Ratios`.
     """
 
     frame: NDArray[np.int64]
@@ -38,6 +41,8 @@ class PoseTable:
     noise_grey: NDArray[np.float64]
     gain: NDArray[np.float64]
     flag: NDArray[np.uint16]
+    ratio: NDArray[np.float64]
+    blocks: NDArray[np.float64]
 
     @classmethod
     def empty(cls, frame: NDArray[np.int64], n_bodies: int) -> PoseTable:
@@ -46,7 +51,8 @@ class PoseTable:
         zncc, inlier, noise, gain = (np.full((n, n_bodies), np.nan) for _ in range(4))
         flag = np.full((n, n_bodies), int(FrameFlag.NOT_CONVERGED), dtype=np.uint16)
         pose, covariance = np.full((n, n_bodies, 3), np.nan), np.full((n, n_bodies, 3, 3), np.nan)
-        return cls(frame, pose, covariance, zncc, inlier, noise, gain, flag)
+        ratio, blocks = (np.full((n, n_bodies, N_LEVELS, 3), np.nan) for _ in range(2))
+        return cls(frame, pose, covariance, zncc, inlier, noise, gain, flag, ratio, blocks)
 
     @property
     def failed(self) -> NDArray[np.bool_]:
@@ -66,11 +72,13 @@ class PoseTable:
         self.covariance[row, body] = np.nan if lost else fit.covariance
         for name in ("zncc", "inlier", "noise_grey", "gain"):
             getattr(self, name)[row, body] = np.nan if lost else getattr(fit, name)
+        for name in ("ratio", "blocks"):
+            getattr(self, name)[row, body] = np.nan if lost else getattr(fit.coherence, name)
 
     def reject(self, row: int, body: int, flag: FrameFlag) -> None:
         """Replace a body's values in a row by NaN, with a flag."""
         self.flag[row, body] |= np.uint16(int(flag))
-        for name in ("pose", "covariance", "zncc", "inlier", "noise_grey", "gain"):
+        for name in ("pose", "covariance", "zncc", "inlier", "noise_grey", "gain", "ratio", "blocks"):
             getattr(self, name)[row, body] = np.nan
 
     def copy_from(self, other: PoseTable, row: int, body: int) -> None:

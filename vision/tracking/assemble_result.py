@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from vision.angles import picture_to_ccw
+from vision.camera.projection import Projection
 from vision.errors import TrackingError
 from vision.fitting.pose_covariance import predicted_u_angle
 from vision.reference.prepared_film import PreparedFilm
@@ -18,6 +19,8 @@ from vision.results.track_result import TrackResult
 from vision.tracking.film_tracker import FilmTracker, first_poses
 from vision.tracking.options import FitSettings
 from vision.uncertainty.budget_terms import TrackedAngles, budget_of
+from vision.uncertainty.coherence_widening import variance_factor, widened
+from vision.uncertainty.expected_coherence import expected_ratio
 from vision.uncertainty.pose_response import PoseResponse
 
 PRECISE_U_RAD = np.radians(0.05) / 4.0
@@ -57,6 +60,16 @@ def zero_of_still_frames(ready: PreparedFilm) -> Zero:
     return Zero(np.nanmean(pose[..., 0], axis=0), np.sqrt(np.nanmean(u[..., 0] ** 2, axis=0)), good)
 
 
+def _widened_table(ready: PreparedFilm, table: PoseTable, camera: Projection | None) -> PoseTable:
+    """The table with covariances widened where residuals are coherent beyond what a calibrated camera explains."""
+    ratio = table.ratio
+    if camera is not None:
+        white = np.diagonal(table.covariance, axis1=2, axis2=3)
+        added = [expected_ratio(t, camera, table.pose[:, i], white[:, i]) for i, t in enumerate(ready.templates)]
+        ratio = np.maximum(ratio - np.stack(added, axis=1), 0.0)
+    return replace(table, covariance=widened(table.covariance, variance_factor(ratio, table.blocks)))
+
+
 def assemble_result(
     ready: PreparedFilm,
     zero: Zero,
@@ -67,6 +80,8 @@ def assemble_result(
 ) -> TrackResult:
     """Angles, uncertainties and budget from the poses; ``time_s`` of all frames of the film, shape (n_frames,)."""
     film, bodies, reference = ready.film, ready.bodies, ready.reference
+    nominal = settings.camera_model.nominal(film.width, film.height)
+    table = _widened_table(ready, table, nominal)
     u_single = zero.u_single_rad.copy()
     # a still frame agrees too well with the average it is part of, so the noise is taken from the other frames
     others = table.u_turn[table.frame >= reference.n_averaged]
@@ -75,7 +90,6 @@ def assemble_result(
     u_common = u_single / np.sqrt(zero.n_frames)
     pose = table.pose.copy()
     pose[..., 0] -= zero.turn_rad
-    nominal = settings.camera_model.nominal(film.width, film.height)
     if nominal is not None:
         for i, template in enumerate(ready.templates):
             pose[:, i, 0] = PoseResponse(template).without_error(nominal, pose[:, i])

@@ -22,11 +22,17 @@ from vision.tracking.pose_prediction import Placement, PlacementHistory, from_pa
 from vision.tracking.wide_search import search_candidates
 
 MIN_ZNCC = 0.6
+"""Least correlation on a film without noise; with noise, `EXPECTED_SHARE` of what it leaves of a perfect match."""
+EXPECTED_SHARE = 0.75
+CHANCE = 12.0
+"""A correlation below this over the root of the number of pixels may be chance: neighbouring pixels are alike."""
 MIN_INLIER = 0.3
 MAX_JUMP_RAD = math.radians(8.0)
 MAX_JUMP_PX = 12.0
 USUAL_SHARE = 0.85
 """Least correlation as a share of the usual one; blur lowers it slowly, a wrong pose abruptly."""
+NOISE_ONLY = 1.15
+"""Residuals up to this many times the noise of the still frames are taken for noise."""
 MIN_GAIN = 0.6
 """Flicker changes the light by some per cent; where the contrast collapses another surface hides the body."""
 COVERED_SHARE = 0.1
@@ -49,6 +55,13 @@ class BodyTracker:
     usual_zncc: float = 0.0
     usual_gain: float = 1.0
     searches: int = 0
+    least_zncc: float = field(init=False)
+
+    def __post_init__(self) -> None:
+        template = self.fitter.template
+        texture = max(float(np.var(template.columns[3])) - template.noise_grey**2 / template.n_averaged, 0.0)
+        expected = math.sqrt(texture / (texture + template.noise_grey**2)) if texture > 0.0 else 0.0
+        self.least_zncc = max(min(MIN_ZNCC, EXPECTED_SHARE * expected), CHANCE / math.sqrt(template.n_pixels))
 
     @property
     def template(self) -> Template:
@@ -96,6 +109,11 @@ class BodyTracker:
         self.place(step, fit.pose)
         return fit
 
+    def skip(self, step: int, flag: FrameFlag) -> None:
+        """Pass over a frame that says nothing: lost, but the motion goes on as predicted."""
+        self.fit, self.flag = FAILED, flag
+        self.place(step, self.predict(step))
+
     def _retry(
         self,
         film: FrameSource,
@@ -128,7 +146,10 @@ class BodyTracker:
         if not fit.converged:
             return FrameFlag.NOT_CONVERGED
         flag = FrameFlag.GOOD
-        if not (fit.zncc >= MIN_ZNCC and fit.zncc >= USUAL_SHARE * self.usual_zncc):
+        # residuals that are the still frames' noise need no better correlation, however low that noise makes it
+        noise_only = fit.noise_grey <= NOISE_ONLY * self.template.noise_grey * max(fit.gain, 1.0)
+        usual = noise_only or fit.zncc >= USUAL_SHARE * self.usual_zncc
+        if not (fit.zncc >= self.least_zncc and usual):
             flag |= FrameFlag.LOW_CORRELATION
         if not MIN_GAIN <= fit.gain / self.usual_gain <= 1.0 / MIN_GAIN:
             flag |= FrameFlag.ODD_GAIN

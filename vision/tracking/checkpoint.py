@@ -2,7 +2,7 @@
 
 The rows done and the trackers' state are saved every `EVERY_ROWS` rows under the name the caller gives, and read back
 when they belong to the same job; the file is removed when the film is done. A resumed run gives the numbers of one that
-was never interrupted, up to the rounding of 32-bit sums.
+was never interrupted, to the bit.
 
 Format: NumPy ``.npz`` without pickled objects, under a temporary name until it is whole. ``job`` is a SHA-256 of
 everything that decides the result. A file of another job, or a damaged one, is ignored.

@@ -13,13 +13,17 @@ from numpy.typing import NDArray
 
 from vision.bodies.occlusion import Occlusion
 from vision.bodies.outlines import parents_first
-from vision.fitting.base import Fitter
+from vision.film.repeats import Repeats
+from vision.fitting.base import Fitter, region_of
 from vision.fitting.ecc import EccFitter
 from vision.fitting.icgn import IcgnFitter
 from vision.fitting.template import Template
 from vision.reference.prepared_film import PreparedFilm
-from vision.results.flags import FAILURE
+from vision.results.flags import FAILURE, FrameFlag
 from vision.tracking.body_tracker import BodyTracker
+
+NOISE_SHOWN_BY = 5
+"""Still frames compared to see whether the film has noise."""
 
 
 class FilmTracker:
@@ -53,6 +57,24 @@ class FilmTracker:
         """Fit all bodies in frame ``index``, the ``step``-th tracked one, parents first."""
         for i in self.order:
             self.trackers[i].step(self._ready.film, index, step, self._covered(i, step), search)
+
+    def skip(self, step: int, flag: FrameFlag) -> None:
+        """Pass over a frame that says nothing, with a flag for all bodies."""
+        for i in self.order:
+            self.trackers[i].skip(step, flag)
+
+    def repeats(self) -> Repeats:
+        """Finds repeated frames by the pixels around the bodies' places in the reference."""
+        film = self._ready.film
+        boxes = [region_of(t, np.zeros(3), film.height, film.width, 0) for t in self._ready.templates]
+        known = np.array([box for box in boxes if box is not None] or [(0, film.height, 0, film.width)])
+        low, high = known.min(axis=0), known.max(axis=0)
+        repeats = Repeats(film, (int(low[0]), int(high[1]), int(low[2]), int(high[3])))
+        # still frames that are equal show that the film has no noise by which exposures would differ
+        first = range(1, min(self._ready.reference.n_averaged, NOISE_SHOWN_BY))
+        if any(repeats.at(index) for index in first) and all(repeats.at(index) for index in first):
+            repeats.meaningful = False
+        return repeats
 
     def _covered(self, i: int, step: int) -> NDArray[np.uint8] | None:
         """Template pixels of a body that the bodies in front hide, at their poses where known, else as predicted."""

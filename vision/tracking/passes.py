@@ -33,12 +33,19 @@ def track_forward(
     table: PoseTable,
     checkpoint: Checkpoint | None = None,
     progress: Callable[[int, int], None] | None = None,
+    n_still: int = 0,
 ) -> int:
-    """Track all bodies forward and fill the table; returns the number of rows resumed from a checkpoint."""
+    """Track all bodies forward and fill the table; returns the number of rows resumed from a checkpoint.
+
+    Frames that repeat the one before are lost, beyond the first ``n_still``: at rest they are right all the same.
+    """
     n = table.frame.size
+    repeats = tracker.repeats()
     done = checkpoint.load(table, tracker) if checkpoint is not None else 0
     for row in range(done, n):
-        _step(tracker, table, row, row)
+        if int(table.frame[row]) >= n_still and repeats.at(int(table.frame[row])):
+            table.flag[row] = np.uint16(int(FrameFlag.REPEATED))
+        _step(tracker, table, row, row, table.flag[row])
         if checkpoint is not None and (row + 1) % EVERY_ROWS == 0 and row + 1 < n:
             checkpoint.save(row + 1, table, tracker)
         if progress is not None:
@@ -70,8 +77,11 @@ def fit_alone(ready: PreparedFilm, table: PoseTable, row: int, poses: Sequence[N
 def doubtful_stretches(table: PoseTable) -> list[tuple[int, int]]:
     """Stretches of rows ``start..end-1`` around every row where a body is lost, reacquired, or freshly covered."""
     n = table.frame.size
-    doubt = table.failed | ((table.flag & np.uint16(int(FrameFlag.REACQUIRED))) != 0)
+    repeated = (table.flag & np.uint16(int(FrameFlag.REPEATED))) != 0
+    doubt = (table.failed & ~repeated) | ((table.flag & np.uint16(int(FrameFlag.REACQUIRED))) != 0)
     seen = np.where(np.isfinite(table.inlier), table.inlier, 0.0)
+    for row in np.flatnonzero(repeated.any(axis=1)):
+        seen[row] = seen[row - 1]
     doubt[1:] |= np.abs(np.diff(seen, axis=0)) > INLIER_CHANGE
     wide = np.zeros(n, dtype=bool)
     for row in np.flatnonzero(doubt.any(axis=1)):
@@ -80,9 +90,13 @@ def doubtful_stretches(table: PoseTable) -> list[tuple[int, int]]:
     return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
-def _step(tracker: FilmTracker, table: PoseTable, row: int, step: int) -> None:
-    """Fit the frame of one row, the ``step``-th tracked one, and store the fits."""
-    tracker.step(int(table.frame[row]), step)
+def _step(tracker: FilmTracker, table: PoseTable, row: int, step: int, known: NDArray[np.uint16] | None = None) -> None:
+    """Fit the frame of one row, the ``step``-th tracked one, and store the fits; a repeated one, by the flags that are
+    ``known`` of it, is passed over."""
+    if known is not None and np.any(known & np.uint16(int(FrameFlag.REPEATED))):
+        tracker.skip(step, FrameFlag.REPEATED)
+    else:
+        tracker.step(int(table.frame[row]), step)
     for i, body in enumerate(tracker.trackers):
         table.store(row, i, body.fit, body.flag)
 
@@ -114,7 +128,7 @@ def _backward(ready: PreparedFilm, table: PoseTable, start: int, end: int) -> Po
                 # a row within the stretch is only a place to start from
                 tracker.trackers[i].place(-1, table.pose[starts[i][-1], i])
     for step, row in enumerate(range(end - 1, start - 1, -1)):
-        _step(tracker, back, row, step)
+        _step(tracker, back, row, step, table.flag[row])
     return back
 
 

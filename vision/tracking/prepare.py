@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from vision.bodies.outlines import Body, build_masks
+from vision.bodies.outlines import Body, build_masks, unsaturated
 from vision.errors import VisionInputError, VisionWarning
 from vision.film.open import open_film
 from vision.film.source import FrameSource
@@ -44,9 +44,10 @@ def prepare(
     region = np.logical_or.reduce(masks)
 
     def prepared(reference: Reference) -> PreparedFilm:
+        usable = unsaturated(bodies, masks, reference.saturated)
         templates = [
             build_template(body.name, reference.picture, mask, reference.n_averaged, max_pixels, reference.noise_grey)
-            for body, mask in zip(bodies, masks, strict=True)
+            for body, mask in zip(bodies, usable, strict=True)
         ]
         return PreparedFilm(film, bodies, reference, templates, method)
 

@@ -20,6 +20,7 @@ from vision.bodies.outlines import Body
 from vision.errors import VisionWarning
 from vision.film.open import open_film
 from vision.film.source import FrameSource
+from vision.results.flags import FrameFlag
 from vision.results.pose_table import PoseTable
 from vision.results.track_result import TrackResult
 from vision.tracking.assemble_result import assemble_result, zero_of_still_frames
@@ -120,9 +121,22 @@ def _track(
         job = job_hash(film, bodies, (settings.method, settings.every), ready.templates)
         checkpoint = Checkpoint(settings.checkpoint, job)
     tracker = FilmTracker(ready)
-    resumed = track_forward(tracker, table, checkpoint, settings.progress)
+    resumed = track_forward(tracker, table, checkpoint, settings.progress, ready.reference.n_averaged)
     confirmed = confirm_backward(ready, table, settings.confirm)
-    info = {**tracker.info(), "rows_resumed": resumed, "rows_confirmed": confirmed}
+    repeated = np.any(table.flag & np.uint16(int(FrameFlag.REPEATED)), axis=1)
+    if repeated.any():
+        warnings.warn(
+            f"{film.path}: {int(repeated.sum())} frames repeat the one before (first: {table.frame[repeated][0]}) and "
+            "are lost (flag 1024); the camera may have dropped frames: check the frame clock",
+            VisionWarning,
+            stacklevel=3,
+        )
+    info = {
+        **tracker.info(),
+        "rows_repeated": int(repeated.sum()),
+        "rows_resumed": resumed,
+        "rows_confirmed": confirmed,
+    }
     result = assemble_result(ready, zero, table, time_s, settings, info)
     if checkpoint is not None:
         checkpoint.clear()

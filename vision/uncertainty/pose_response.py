@@ -70,6 +70,18 @@ class PoseResponse:
         return turn
 
 
+def displacement(
+    template: Template, camera: Projection, pose: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """How far each template pixel is off a rigid motion at a pose (3,), px along the template's x and y, each (n,)."""
+    centre, offset = np.array(template.centre_px), template.offset_px.T.astype(float)
+    flat, flat_centre = camera.rectified(centre + offset), camera.rectified(centre)
+    c, s, moved_centre = np.cos(pose[:1]), np.sin(pose[:1]), centre + pose[None, 1:]
+    apart = camera.seen(_moved(flat - flat_centre, c, s, camera.rectified(moved_centre)))
+    apart = (apart - _moved(offset, c, s, moved_centre))[0]
+    return c * apart[:, 0] + s * apart[:, 1], c * apart[:, 1] - s * apart[:, 0]
+
+
 def _moved(
     points: NDArray[np.float64], c: NDArray[np.float64], s: NDArray[np.float64], centre: NDArray[np.float64]
 ) -> NDArray[np.float64]:

@@ -25,6 +25,9 @@ def command(
     ] = None,
     method: Annotated[str, typer.Option("--method", help="icgn or ecc.")] = "icgn",
     every: Annotated[int, typer.Option("--every", help="Track every N-th frame.")] = 1,
+    n_still: Annotated[
+        int | None, typer.Option("--n-still", min=1, help="Frames at rest at the start; default: found from the film.")
+    ] = None,
     confirm: Annotated[
         str, typer.Option("--confirm", help="Rows to confirm by a backward pass: doubtful, all or none.")
     ] = "doubtful",
@@ -88,7 +91,7 @@ def command(
     camera = workflows.camera_of(calibration, tilt, distortion)
     if retrack:
         places = workflows.read_places(place or [])
-        rows = workflows.retrack(filmed, target, retrack, places, method=method, camera=camera)
+        rows = workflows.retrack(filmed, target, retrack, places, method=method, n_still=n_still, camera=camera)
         if as_json:
             print_json({"out": target, "rows": rows.to_dict(orient="records")})
         else:
@@ -104,6 +107,7 @@ def command(
             filmed,
             every=every,
             method=method,
+            n_still=n_still,
             confirm=confirm,
             camera=camera,
             checkpoint=unfinished,

@@ -41,6 +41,7 @@ def retrack(
     places: dict[str, Place],
     *,
     method: str = "icgn",
+    n_still: int | None = None,
     camera: vision.CameraModel | None = None,
 ) -> pd.DataFrame:
     """Fit single frames again and put them into the film's table, and into its session.
@@ -50,7 +51,7 @@ def retrack(
     table_file : CSV that tracking wrote; rewritten whole
     frames : frame numbers that stand in the table
     places : body to (angle rad, x px, y px); bodies not named start between their good neighbours
-    method, camera : as for `vision.track`
+    method, n_still, camera : as for `vision.track`
 
     Returns
     -------
@@ -76,6 +77,7 @@ def retrack(
             [{**_between_neighbours(table, row, bodies), **places} for row in rows],
             times,
             method=method,
+            n_still=n_still,
             camera=camera,
             u_time_s=u_time,
         )

@@ -56,8 +56,9 @@ def test_fit_against_plain_numpy(bar_scene: Callable[[str], Scene], pivot: tuple
     pose, weight = start.copy(), np.ones(template.n_pixels, dtype=np.float32)
     uncovered = np.zeros(template.n_pixels, dtype=np.uint8)
     subset = Subset(template.offset_px, template.columns, uncovered, *template.centre_px)
-    settings = Settings(noise_gain(), scale_floor=0.5, tolerance_px=1e-4, max_iterations=30)
-    fit = fit_rigid(Region(coefficients(frame), 0.0, 0.0), subset, settings, pose, weight, 2.0)
+    settings = Settings(noise_gain(), scale_floor=0.5, tolerance_px=1e-4, stop_u=0.0, max_iterations=30)
+    work = np.zeros((3, template.n_pixels), dtype=np.float32)
+    fit = fit_rigid(Region(coefficients(frame), 0.0, 0.0), subset, settings, pose, weight, work, 2.0)
     rounds = fit.iterations
     assert 3 <= rounds < 30
     expected, gain, scale = plain_fit(coefficients(frame).astype(float), template, start, rounds)

@@ -1,0 +1,278 @@
+"""Disturbed films for ``benchmarks/tracking_stress.py``, drawn by a renderer that shares no code with `vision`.
+
+A texture is filtered noise on a grid of `FINE` points per pixel, sampled by SciPy's cubic spline; a film is a bar with
+that texture, turning and shifting before a background, through a camera with one disturbance. Angles are
+counter-clockwise, in rad.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+FINE = 6
+HEIGHT, WIDTH = 190, 240
+HALF_X, HALF_Y = 58.0, 36.0
+PIVOT = (100.0, 95.0)
+OUTLINE = [(-HALF_X, -HALF_Y), (HALF_X, -HALF_Y), (HALF_X, HALF_Y), (-HALF_X, HALF_Y)]
+N, STILL = 60, 14
+TEXTURES = ("speckle", "wood", "fine")
+F64 = NDArray[np.float64]
+
+
+def filtered_noise(rng: np.random.Generator, half: tuple[float, float], width: tuple[float, float]) -> F64:
+    """Unit-variance Gaussian field over a box of half size ``half``, correlated over ``width`` px along x and y."""
+    rows, columns = (int(2 * FINE * (size + 6.0)) for size in (half[1], half[0]))
+    field_ = ndimage.gaussian_filter(rng.normal(size=(rows, columns)), (width[1] * FINE, width[0] * FINE))
+    return np.asarray(field_ / field_.std())
+
+
+def texture(kind: str, half: tuple[float, float], rng: np.random.Generator) -> F64:
+    """Grey values of a surface on the fine grid: sprayed dots, bare wood along x, or fine felt of low contrast."""
+    if kind == "speckle":
+        return 110.0 + 45.0 * np.tanh(1.5 * filtered_noise(rng, half, (1.8, 1.8)))
+    if kind == "wood":
+        grain, fibre = filtered_noise(rng, half, (25.0, 2.2)), filtered_noise(rng, half, (6.0, 1.2))
+        return 120.0 + 10.0 * grain + 5.0 * fibre
+    return 100.0 + 9.0 * filtered_noise(rng, half, (1.1, 1.1))
+
+
+@dataclass
+class Plate:
+    """A textured rectangle of half size ``half``, sampled by a cubic spline."""
+
+    grid: F64
+    half: tuple[float, float]
+    coefficient: F64 = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.coefficient = ndimage.spline_filter(self.grid, 3, mode="mirror")
+
+    def over(self, picture: F64, pose: F64, scale: float = 1.0) -> F64:
+        """Draw the plate at (turn ccw, x, y) over a picture, its edge blended over one pixel."""
+        y, x = np.mgrid[0:HEIGHT, 0:WIDTH].astype(float)
+        c, s = np.cos(pose[0]), -np.sin(pose[0])
+        dx, dy = (x - pose[1]) / scale, (y - pose[2]) / scale
+        u, v = c * dx + s * dy, c * dy - s * dx
+        inside = np.clip(np.minimum(self.half[0] - abs(u), self.half[1] - abs(v)) + 0.5, 0.0, 1.0)
+        where = inside > 0.0
+        rows, columns = ((axis[where] + size + 6.0) * FINE for axis, size in ((v, self.half[1]), (u, self.half[0])))
+        drawn = picture.copy()
+        grey = ndimage.map_coordinates(self.coefficient, [rows, columns], order=3, mode="mirror", prefilter=False)
+        drawn[where] += inside[where] * (grey - picture[where])
+        return drawn
+
+
+@dataclass
+class Shot:
+    """What a disturbance may change before the film is exposed; ``light`` and ``grey`` map a frame's number and picture
+    before and after the noise."""
+
+    rng: np.random.Generator
+    pose: F64
+    gain: F64 = field(default_factory=lambda: np.ones(N))
+    scale: F64 = field(default_factory=lambda: np.ones(N))
+    read_noise: float = 2.0
+    noise: Callable[[F64], F64] | None = None
+    light: Callable[[int, F64], F64] = lambda _, picture: picture
+    grey: Callable[[int, F64], F64] = lambda _, picture: picture
+    finished: Callable[[NDArray[np.uint8]], NDArray[np.uint8]] = lambda frames: frames
+
+
+def _progress() -> F64:
+    s = np.clip((np.arange(N) - STILL - 1) / (N - STILL - 6), 0.0, 1.0)
+    return s * s * (3.0 - 2.0 * s)
+
+
+def fixed_pattern(shot: Shot) -> None:
+    """Every pixel and every column of the sensor has an offset of its own."""
+    pattern = shot.rng.normal(0.0, 2.0, (HEIGHT, WIDTH)) + shot.rng.normal(0.0, 1.0, WIDTH)
+    shot.grey = lambda _, picture: picture + pattern
+
+
+def dust(shot: Shot) -> None:
+    """Dark spots on the sensor."""
+    y, x = np.mgrid[0:HEIGHT, 0:WIDTH]
+    shade = np.zeros((HEIGHT, WIDTH))
+    for _ in range(25):
+        cx, cy, w = shot.rng.uniform(20, WIDTH - 20), shot.rng.uniform(20, HEIGHT - 20), shot.rng.uniform(1.2, 4.0)
+        shade += shot.rng.uniform(0.05, 0.3) * np.exp(-((x - cx) ** 2 + (y - cy) ** 2) / (2 * w * w))
+    shot.light = lambda _, picture: picture * (1.0 - np.minimum(shade, 0.8))
+
+
+def jpeg(shot: Shot) -> None:
+    """JPEG of quality 60 to 90 of which the film says nothing any more."""
+    quality = int(shot.rng.integers(60, 91))
+
+    def squeezed(frames: NDArray[np.uint8]) -> NDArray[np.uint8]:
+        packed = [cv2.imencode(".jpg", frame, [cv2.IMWRITE_JPEG_QUALITY, quality])[1] for frame in frames]
+        return np.stack([cv2.imdecode(data, cv2.IMREAD_GRAYSCALE) for data in packed])
+
+    shot.finished = squeezed
+
+
+def correlated_noise(shot: Shot) -> None:
+    """Noise smoothed by the camera over 0.7 to 3 px."""
+    width = shot.rng.uniform(0.7, 3.0)
+
+    def noise(picture: F64) -> F64:
+        smooth = ndimage.gaussian_filter(shot.rng.normal(size=picture.shape), width)
+        return picture + 2.0 * smooth / smooth.std()
+
+    shot.noise = noise
+
+
+def scale_change(shot: Shot) -> None:
+    """The body comes nearer or goes away by 0.3 to 1.5 %."""
+    shot.scale = 1.0 + shot.rng.choice([-1, 1]) * shot.rng.uniform(0.003, 0.015) * _progress()
+
+
+def defocus(shot: Shot) -> None:
+    """The body leaves the plane of focus."""
+    width = shot.rng.uniform(0.6, 1.6) * _progress()
+    shot.light = lambda i, picture: ndimage.gaussian_filter(picture, width[i]) if width[i] > 0.05 else picture
+
+
+def highlight(shot: Shot) -> None:
+    """A reflection that stays where it is while the body moves."""
+    y, x = np.mgrid[0:HEIGHT, 0:WIDTH]
+    cx, cy, w = PIVOT[0] + shot.rng.uniform(-40, 40), PIVOT[1] + shot.rng.uniform(-25, 25), shot.rng.uniform(6, 30)
+    glow = shot.rng.uniform(15, 60) * np.exp(-((x - cx) ** 2 + (y - cy) ** 2) / (2 * w * w))
+    shot.light = lambda _, picture: picture + glow
+
+
+def neighbour(shot: Shot) -> None:
+    """A textured slat slides over the body and stays."""
+    half = (shot.rng.uniform(8.0, 16.0), 70.0)
+    slat = Plate(texture(str(shot.rng.choice(TEXTURES)), half, shot.rng), half)
+    speed, turn = shot.rng.uniform(1.0, 4.0), shot.rng.uniform(-0.2, 0.2)
+
+    def covered(i: int, picture: F64) -> F64:
+        x = min(10.0 + speed * max(0, i - STILL - 4), 60.0)
+        return slat.over(picture, np.array([turn + 0.004 * i, x, 95.0]))
+
+    shot.light = covered
+
+
+def saturation(shot: Shot) -> None:
+    """The brightest part of the texture, or a white area under the outline, exceeds the sensor's range."""
+    if shot.rng.uniform() < 0.5:
+        shot.gain = np.full(N, shot.rng.uniform(1.7, 2.1))
+        return
+    share = shot.rng.uniform(0.3, 0.6)
+
+    def white(i: int, picture: F64) -> F64:
+        y, x = np.mgrid[0:HEIGHT, 0:WIDTH].astype(float)
+        turn, px, py = shot.pose[i]
+        u = np.cos(turn) * (x - px) - np.sin(turn) * (y - py)
+        return picture + 300.0 * np.clip(u - HALF_X * (1.0 - 2.0 * share), 0.0, 1.0)
+
+    shot.light = white
+
+
+def duplicates(shot: Shot) -> None:
+    """Frames that the camera's software repeats."""
+    again = shot.rng.choice(np.arange(STILL + 8, N - 8), 5, replace=False)
+
+    def repeated(frames: NDArray[np.uint8]) -> NDArray[np.uint8]:
+        for i in sorted(again):
+            frames[i] = frames[i - 1]
+        return frames
+
+    shot.finished = repeated
+
+
+def low_light(shot: Shot) -> None:
+    """4 to 12 photons per pixel."""
+    photons = shot.rng.uniform(4.0, 12.0)
+
+    def noise(picture: F64) -> F64:
+        counts = shot.rng.poisson(np.maximum(picture, 0.0) * photons / 110.0)
+        return counts * 110.0 / photons + shot.rng.normal(0.0, 1.0, picture.shape)
+
+    shot.noise = noise
+
+
+def vibration(shot: Shot) -> None:
+    """The camera shakes by half a pixel, in the still frames too."""
+    shot.pose[:, 1:] += shot.rng.normal(0.0, 0.4, (N, 2))
+
+
+def flicker(shot: Shot) -> None:
+    """Light that changes by 30 %."""
+    shot.gain = 1.0 + 0.3 * np.cos(shot.rng.uniform(0.3, 1.5) * np.arange(N) + shot.rng.uniform(0, 6))
+
+
+def row_flicker(shot: Shot) -> None:
+    """Light that flickers while the rows are read one after the other: bands that run through the picture."""
+    phase = 2.0 * np.pi * np.arange(HEIGHT)[:, None] / shot.rng.uniform(150, 400)
+    shot.light = lambda i, picture: picture * (1.0 + 0.1 * np.cos(phase + 1.3 * i))
+
+
+def light_moves(shot: Shot) -> None:
+    """A gradient of the light grows while the body moves."""
+    x = (np.arange(WIDTH) - PIVOT[0]) / WIDTH
+    slope = shot.rng.uniform(0.2, 0.6) * _progress()
+    shot.light = lambda i, picture: picture * (1.0 + slope[i] * x)
+
+
+def clean(shot: Shot) -> None:
+    """White noise of two grey levels and nothing else."""
+
+
+KINDS: dict[str, Callable[[Shot], None]] = {
+    kind.__name__: kind
+    for kind in (
+        clean,
+        fixed_pattern,
+        dust,
+        jpeg,
+        correlated_noise,
+        scale_change,
+        defocus,
+        highlight,
+        neighbour,
+        saturation,
+        duplicates,
+        low_light,
+        vibration,
+        flicker,
+        row_flicker,
+        light_moves,
+    )
+}
+
+
+@dataclass(frozen=True)
+class StressFilm:
+    """Frames (n, height, width) uint8, true angle (n,), rad, outline (k, 2), px."""
+
+    frames: NDArray[np.uint8]
+    angle_rad: F64
+    outline_px: F64
+
+
+def stress_film(kind: str, surface: str, seed: int) -> StressFilm:
+    """Render one film of a kind of disturbance."""
+    rng = np.random.default_rng([seed, sorted(KINDS).index(kind), TEXTURES.index(surface)])
+    s = _progress()
+    turn = rng.choice([-1, 1]) * rng.uniform(0.08, 0.3)
+    pose = np.column_stack([turn * s, PIVOT[0] + rng.uniform(-8, 8) * s, PIVOT[1] + rng.uniform(-8, 8) * s])
+    shot = Shot(rng, pose)
+    body = Plate(texture(surface, (HALF_X, HALF_Y), rng), (HALF_X, HALF_Y))
+    wall = Plate(texture("fine", (WIDTH / 2, HEIGHT / 2), rng), (WIDTH / 2, HEIGHT / 2))
+    behind = wall.over(np.full((HEIGHT, WIDTH), 60.0), np.array([0.0, WIDTH / 2, HEIGHT / 2])) * 0.6
+    KINDS[kind](shot)
+    frames = np.empty((N, HEIGHT, WIDTH), dtype=np.uint8)
+    for i in range(N):
+        picture = shot.light(i, body.over(behind, shot.pose[i], shot.scale[i])) * shot.gain[i]
+        picture = shot.noise(picture) if shot.noise else picture + rng.normal(0.0, shot.read_noise, picture.shape)
+        frames[i] = np.clip(np.rint(shot.grey(i, picture)), 0, 255)
+    c, sn = np.cos(shot.pose[0, 0]), np.sin(shot.pose[0, 0])
+    outline = np.array([(c * x + sn * y, c * y - sn * x) for x, y in OUTLINE]) + shot.pose[0, 1:]
+    return StressFilm(shot.finished(frames), shot.pose[:, 0], outline)

@@ -1,0 +1,99 @@
+"""Films whose frames are not the times they seem: gaps, two series, cut stacks, headers that contradict themselves."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from vision.errors import FilmError, VisionWarning
+from vision.film.cih_header import FilmHeader, cihx_bytes
+from vision.film.open import open_film
+from vision.film.repeats import Repeats
+from vision.film.source import ArrayFilm
+
+FRAMES = np.random.default_rng(3).integers(0, 256, (12, 20, 30), dtype=np.uint8)
+
+
+def write_folder(folder: Path, names: list[str]) -> None:
+    for frame, name in zip(FRAMES, names, strict=False):
+        assert cv2.imwrite(str(folder / name), frame)
+
+
+def test_a_gap_in_the_numbers_is_refused(tmp_path: Path) -> None:
+    write_folder(tmp_path, [f"shot_{i:04d}.png" for i in (0, 1, 2, 5, 6)])
+    with pytest.raises(FilmError, match=r"missing between shot_0002\.png and shot_0005\.png"):
+        open_film(tmp_path)
+    with open_film(tmp_path, allow_truncated=True) as film:
+        assert film.n_frames == 3
+
+
+def test_every_tenth_frame_is_no_gap(tmp_path: Path) -> None:
+    write_folder(tmp_path, [f"C001S0001_{i:06d}.png" for i in range(0, 60, 10)])
+    with open_film(tmp_path) as film:
+        assert film.n_frames == 6
+
+
+@pytest.mark.parametrize(
+    "names", [["a0.png", "a1.png", "b0.png", "b1.png"], ["cam1_0.png", "cam1_1.png", "cam2_0.png", "cam2_1.png"]]
+)
+def test_two_series_in_a_folder_are_refused(tmp_path: Path, names: list[str]) -> None:
+    write_folder(tmp_path, names)
+    with pytest.raises(FilmError, match="one film per folder"):
+        open_film(tmp_path)
+
+
+@pytest.mark.parametrize("part", [0.3, 0.5, 0.9])
+def test_a_tiff_stack_cut_short_is_refused(tmp_path: Path, part: float) -> None:
+    path = tmp_path / "film.tif"
+    assert cv2.imwritemulti(str(path), list(FRAMES))
+    with open_film(path) as film:
+        assert film.n_frames == 12
+    whole = path.read_bytes()
+    path.write_bytes(whole[: int(part * len(whole))])
+    with pytest.raises(FilmError, match="allow-truncated|cannot be decoded"):
+        open_film(path)
+
+
+def test_a_cut_stack_is_read_on_request(tmp_path: Path) -> None:
+    path = tmp_path / "film.tif"
+    assert cv2.imwritemulti(str(path), list(FRAMES))
+    whole = path.read_bytes()
+    path.write_bytes(whole[: int(0.7 * len(whole))])
+    with open_film(path, allow_truncated=True) as film:
+        assert 4 <= film.n_frames < 12
+        np.testing.assert_array_equal(film.read(film.n_frames - 1), FRAMES[film.n_frames - 1])
+
+
+def write_mraw_with(path: Path, header: FilmHeader, values: np.ndarray) -> None:
+    path.write_bytes(values.tobytes())
+    path.with_suffix(".cihx").write_bytes(cihx_bytes(header))
+
+
+def test_a_header_that_contradicts_itself_gives_no_times(tmp_path: Path) -> None:
+    """Four frames, every 2500th of 400 recorded ones."""
+    path = tmp_path / "beam.mraw"
+    header = FilmHeader(6, 4, 4, 8, 8, frame_rate_hz=4000.0, frame_step=2500, recorded_frames=400)
+    write_mraw_with(path, header, np.zeros(96, dtype=np.uint8))
+    with pytest.warns(VisionWarning, match="400 were recorded"), open_film(path) as film:
+        assert film.frame_time_s is None
+
+
+@pytest.mark.parametrize(("side", "shift"), [("higher", 0), ("lower", 4)])
+def test_bits_on_the_wrong_side_are_refused(tmp_path: Path, side: str, shift: int) -> None:
+    path = tmp_path / "film.mraw"
+    values = np.array([[1, 2, 4095], [7, 0, 256]], dtype="<u2") << shift
+    write_mraw_with(path, FilmHeader(3, 2, 1, 16, 12, side), values)
+    with pytest.raises(FilmError, match="EffectiveBit Side"):
+        open_film(path)
+
+
+def test_repeated_frames_are_found() -> None:
+    frames = FRAMES.copy()
+    frames[5] = frames[4]
+    frames[8] = frames[9] = 255
+    repeats = Repeats(ArrayFilm(frames), (2, 18, 3, 25))
+    assert [i for i in range(12) if repeats.at(i)] == [5]
+    assert [i for i in range(0, 12, 5) if repeats.at(i)] == [5]

@@ -1,0 +1,102 @@
+"""Films of the stress benchmark, drawn by a renderer that shares no code with `vision`: what is said of each error."""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+import warnings
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+from vision.bodies.outlines import Body
+from vision.errors import VisionWarning
+from vision.film.source import ArrayFilm
+from vision.results.flags import FrameFlag
+from vision.results.track_result import TrackResult
+from vision.tracking.track_film import track_film
+
+FILE = Path(__file__).resolve().parents[3] / "benchmarks" / "stress_films.py"
+
+
+@pytest.fixture(scope="module")
+def stress() -> ModuleType:
+    """The renderer, which is no package."""
+    spec = importlib.util.spec_from_file_location("stress_films", FILE)
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules["stress_films"] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+def tracked(stress: ModuleType, kind: str, surface: str, seed: int) -> tuple[TrackResult, np.ndarray, np.ndarray]:
+    """Result, errors and errors over the stated uncertainty of the moving rows."""
+    film = stress.stress_film(kind, surface, seed)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", VisionWarning)
+        result = track_film(ArrayFilm(film.frames, 2000.0), [Body("bar", film.outline_px)])
+    still = min(result.n_still, stress.STILL)
+    error = (result.angle_rad[:, 0] - film.angle_rad + film.angle_rad[:still].mean())[stress.STILL :]
+    return result, error, error / result.u_angle_rad[stress.STILL :, 0]
+
+
+@pytest.mark.parametrize(
+    ("kind", "surface"),
+    [
+        ("dust", "wood"),
+        ("correlated_noise", "speckle"),
+        ("correlated_noise", "wood"),
+        ("scale_change", "fine"),
+        ("saturation", "speckle"),
+        ("neighbour", "fine"),
+    ],
+)
+def test_coherent_residuals_widen_the_uncertainty(stress: ModuleType, kind: str, surface: str) -> None:
+    z = np.concatenate([tracked(stress, kind, surface, seed)[2] for seed in (101, 102, 103)])
+    assert np.all(np.isfinite(z))
+    assert np.abs(z).max() < 5.0
+    assert np.sqrt(np.mean(z**2)) < 1.5
+
+
+@pytest.mark.parametrize("surface", ["speckle", "wood", "fine"])
+def test_a_clean_film_keeps_its_uncertainty(stress: ModuleType, surface: str) -> None:
+    result, _, z = tracked(stress, "clean", surface, 104)
+    assert not result.failed.any()
+    assert 0.6 < np.sqrt(np.mean(z**2)) < 1.5
+    # as predicted before the film was tracked, so nothing was widened
+    assert np.median(result.u_angle_rad) == pytest.approx(result.predicted_u_rad[0], rel=0.08)
+
+
+def test_repeated_frames_are_lost_with_their_flag(stress: ModuleType) -> None:
+    film = stress.stress_film("duplicates", "speckle", 105)
+    again = np.flatnonzero((film.frames[1:] == film.frames[:-1]).all(axis=(1, 2))) + 1
+    assert again.size == 5
+    with pytest.warns(VisionWarning, match="5 frames repeat"):
+        result = track_film(ArrayFilm(film.frames, 2000.0), [Body("bar", film.outline_px)], n_still=stress.STILL)
+    np.testing.assert_array_equal(np.flatnonzero(result.flag[:, 0] == int(FrameFlag.REPEATED)), again)
+    np.testing.assert_array_equal(np.flatnonzero(result.failed[:, 0]), again)
+
+
+@pytest.mark.parametrize(
+    ("kind", "surface"), [("vibration", "wood"), ("row_flicker", "fine"), ("flicker", "wood"), ("low_light", "speckle")]
+)
+def test_nothing_is_lost_where_the_bound_permits_tracking(stress: ModuleType, kind: str, surface: str) -> None:
+    result, error, z = tracked(stress, kind, surface, 106)
+    assert not result.failed.any()
+    assert np.abs(z).max() < 5.0 and np.isfinite(error).all()
+
+
+def test_the_same_film_gives_the_same_bits(stress: ModuleType) -> None:
+    film = stress.stress_film("neighbour", "wood", 107)
+    junk, results = [], []
+    for k in range(4):
+        junk.append(np.empty(10007 * (k + 1)))  # moves what is allocated next
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", VisionWarning)
+            results.append(track_film(ArrayFilm(film.frames.copy(), 2000.0), [Body("bar", film.outline_px)]))
+    for other in results[1:]:
+        for name in ("angle_rad", "u_angle_rad", "zncc", "flag"):
+            np.testing.assert_array_equal(getattr(other, name), getattr(results[0], name))

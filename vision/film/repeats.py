@@ -1,0 +1,42 @@
+"""Frames that repeat the one before, byte for byte: a camera's software fills a dropped frame with its neighbour.
+
+Two exposures differ by their noise in some of thousands of pixels, so equal bytes mean that no light was taken in
+between, and the frame says nothing about its own time.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vision.film.source import FrameSource
+
+Box = tuple[int, int, int, int]
+
+
+class Repeats:
+    """Compares frames with the one before, inside a rectangle (y0, y1, x0, x1)."""
+
+    def __init__(self, film: FrameSource, box: Box) -> None:
+        self._film, self._box = film, box
+        self._newest: tuple[int, NDArray[Any]] | None = None
+        # a codec that predicts frames from others repeats what stands still
+        self.meaningful = film.compression is None or film.compression.steps is not None
+
+    def at(self, index: int) -> bool:
+        """True when frame ``index`` repeats frame ``index - 1``."""
+        if not self.meaningful or index < 1:
+            return False
+        if self._newest is None or self._newest[0] != index - 1:
+            self._newest = (index - 1, self._read(index - 1))
+        before = self._newest[1]
+        here = self._read(index)
+        self._newest = (index, here)
+        # without contrast (a dark or a saturated frame) equal bytes mean nothing
+        return bool(np.array_equal(here, before) and here.min() != here.max())
+
+    def _read(self, index: int) -> NDArray[Any]:
+        # a copy: some readers give a view of a window that moves
+        return np.array(self._film.read_region(index, *self._box))
