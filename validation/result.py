@@ -19,6 +19,7 @@ TABLES = (
     "scorecard",
     "marked",
     "findings",
+    "single_changes",
     "motion_driven",
     "channels",
     "events",
@@ -53,6 +54,9 @@ class SessionTables:
         Samples left out of the scores, because the key lifts.
     findings : DataFrame
         Faults of the session that were recognised.
+    single_changes : DataFrame
+        Changes of model or force each of which alone would take away most of the difference; no faults, and no trial
+        tells them apart.
     channels : DataFrame
         One row per channel: RMSE, repeatability, and the share of the window in which model and trials differ.
     events : DataFrame
@@ -92,6 +96,7 @@ class SessionTables:
     scorecard: pd.DataFrame
     marked: pd.DataFrame
     findings: pd.DataFrame
+    single_changes: pd.DataFrame
     channels: pd.DataFrame
     events: pd.DataFrame
     event_summary: pd.DataFrame

@@ -10,10 +10,10 @@ from dataclasses import dataclass
 from validation.events.session import SessionEvents
 from validation.findings.camera_clock import camera_clock
 from validation.findings.finding import SessionFinding
-from validation.findings.friction_search import wrong_friction
 from validation.findings.outlier_trials import outlying
 from validation.findings.pooling import left_out, sound_trials, with_and_without
 from validation.findings.session_checks import dead, hum, lifts, rates, short_records, wiring
+from validation.findings.single_changes import SingleChange, in_words, single_changes
 from validation.measurement.session import representative
 from validation.prediction.model_under_test import ModelUnderTest
 from validation.prediction.session import PredictedSession
@@ -22,11 +22,13 @@ from validation.scores.session import ScoredSession
 
 @dataclass(frozen=True)
 class SessionFindings:
-    """Faults, trials and channels that no pooled figure counts, and what the scatter would be without odd trials."""
+    """Faults, trials and channels that no pooled figure counts, notes, and single changes that may explain the model's
+    difference, which are no faults."""
 
     faults: tuple[SessionFinding, ...]
     left_out: frozenset[tuple[int, str]]
     notes: tuple[str, ...]
+    changes: tuple[SingleChange, ...] = ()
 
 
 def find_faults(
@@ -35,9 +37,9 @@ def find_faults(
     scored: ScoredSession,
     tested: ModelUnderTest,
     *,
-    search_friction: bool,
+    search_changes: bool,
 ) -> SessionFindings:
-    """Faults of the session, wiring first; a wrong friction of the model is searched for on a trial without any."""
+    """Faults of the session, wiring first; single changes of the model are tried on a trial without any."""
     trials, traces = predicted.trials, scored.traces
     found = rates(trials) + short_records(trials) + lifts(events.lifts)
     for m in trials:
@@ -46,12 +48,12 @@ def find_faults(
     explained = {(int(f.trial), f.channel) for f in found}
     found += outlying(traces.base_s, traces.encoder, trials, events.trial, explained)
     sound = sound_trials(trials, found)
-    if sound and search_friction:
+    changes: list[SingleChange] = []
+    if sound and search_changes:
         m = representative(sound)
         release = events.trial[m.number]["key_release"]
         until = release.value if release.status == "found" else float(m.time_s[-1])
-        found += wrong_friction(tested, m, until)
+        changes = single_changes(tested, m, until)
     without = left_out(found)
-    return SessionFindings(
-        tuple(found), without, tuple(with_and_without(traces.base_s, traces.encoder, found, without))
-    )
+    notes = [*with_and_without(traces.base_s, traces.encoder, found, without), *in_words(changes)]
+    return SessionFindings(tuple(found), without, tuple(notes), tuple(changes))

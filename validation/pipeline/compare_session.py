@@ -46,7 +46,7 @@ def compare(
         budget : bool, default True
             Make the uncertainty budget of the events, some fifty runs of one trial.
         suspect : bool, default True
-            Search for a wrong friction of the model, some thirty runs of one trial.
+            Try which single changes of model or force explain the difference, some 200 runs of one trial.
         by_motion : bool, default False
             Also drive the model by the key's measured motion and compare the force, in the trial of median peak force.
         keep_predictions : bool, default True
@@ -93,7 +93,7 @@ def compare_by(session: Session, action: model.Action, chosen: ComparisonOptions
     predicted = predict_session(measured, tested, chosen.say)
     events = find_session_events(predicted, tested)
     scored = score_session(predicted, events, tested.store)
-    findings = find_faults(predicted, events, scored, tested, search_friction=chosen.suspect)
+    findings = find_faults(predicted, events, scored, tested, search_changes=chosen.suspect)
     tables = make_tables(predicted, events, scored, findings, tested, chosen)
     name = session.info.name or session.path.name
     standing = Standing(tables.judgement, tables.budget, null_closer(scored.scores, findings.left_out))

@@ -42,8 +42,8 @@ def event_summary(trial: dict[int, dict[str, Event]], model: dict[int, dict[str,
     for name, kind in EVENTS.items():
         t = [events[name] for events in trial.values() if name in events]
         m = [model[number][name] for number, events in trial.items() if name in events]
-        there = np.array([e.status != "absent" for e in t])
-        predicted = np.array([e.status != "absent" for e in m])
+        there = np.array([e.status != "absent" for e in t], dtype=bool)  # no trial may count
+        predicted = np.array([e.status != "absent" for e in m], dtype=bool)
         both = there & predicted
         tv, mv = np.array([e.value for e in t]), np.array([e.value for e in m])
         tu, mu = np.array([e.u for e in t]), np.array([e.u for e in m])

@@ -54,15 +54,20 @@ def scorecard(
     return pd.DataFrame(rows)
 
 
-def with_repeatability(scores: pd.DataFrame, channels: pd.DataFrame) -> pd.DataFrame:
-    """Scores of every curve with the RMSE over the repeatability standard deviation of the channel."""
+def with_repeatability(scores: pd.DataFrame, channels: pd.DataFrame, without: LeftOut = ()) -> pd.DataFrame:
+    """Scores of every curve with the RMSE over the channel's s_r, and whether figures of several trials count it.
+
+    The column ``pooled`` is the one place where that is decided: every figure of several trials reads it.
+    """
     s_r = dict(zip(channels["channel"], channels["s_r_rad"], strict=True))
     ratio = [
         rmse / s_r[name] if s_r[name] > 0 else float("nan")
         for name, rmse in zip(scores["channel"], scores["rmse_rad"], strict=True)
     ]
     out = scores.copy()
-    out.insert(out.columns.get_loc("source") + 1, "rmse_over_s_r", ratio)
+    place = out.columns.get_loc("source") + 1
+    out.insert(place, "pooled", [pair not in without for pair in zip(out["trial"], out["channel"], strict=True)])
+    out.insert(place + 1, "rmse_over_s_r", ratio)
     return out
 
 

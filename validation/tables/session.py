@@ -32,6 +32,7 @@ from validation.tables.scorecard import NO_CEILING, scorecard, with_repeatabilit
 from validation.tables.trials import lift_table, trial_table, uncertainty_table
 
 FINDING_COLUMNS = ["kind", "trial", "channel", "value", "limit", "text"]
+CHANGE_COLUMNS = ["trial", "cause", "change", "unit", "taken_away"]
 
 
 @dataclass(frozen=True)
@@ -77,10 +78,11 @@ def make_tables(
         warnings=warnings,
         window=events.window,
         trials=trial_table(predicted),
-        scores=with_repeatability(scored.scores, channels),
+        scores=with_repeatability(scored.scores, channels, without),
         scorecard=card,
         marked=lift_table(events.lifts),
         findings=pd.DataFrame([asdict(f) for f in findings.faults], columns=FINDING_COLUMNS),
+        single_changes=pd.DataFrame([asdict(c) for c in findings.changes], columns=CHANGE_COLUMNS),
         channels=with_scores(channels, scored.scores, card, without),
         events=event_table(events.trial, events.model),
         event_summary=summary,

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 
+import pandas as pd
+
 from validation.events.definitions import EVENTS
 from validation.report.tables.formatting import DASH, PageTable, between, degrees, number, percent, rms, with_u
 from validation.result import ValidationResult
@@ -54,11 +56,16 @@ def score_matrix(result: ValidationResult) -> PageTable:
     return PageTable("scores", "RMSE of every trial and channel (°)" if trials else "RMSE (°)", head, rows, notes)
 
 
+def _pooled(result: ValidationResult) -> pd.DataFrame:
+    """Scores that figures of several trials count."""
+    return result.scores[result.scores["pooled"]]
+
+
 def iso_table(result: ValidationResult) -> PageTable:
     """ISO 18571-style scores per channel: mean over trials, and what a perfect model would score."""
     rows = []
     ceiling = dict(zip(result.channels["channel"], result.channels["iso_ceiling"].astype(float), strict=True))
-    for channel, part in result.scores.groupby("channel", sort=False):
+    for channel, part in _pooled(result).groupby("channel", sort=False):
         names = ("iso_overall", "iso_corridor", "iso_phase", "iso_magnitude", "iso_slope")
         means = [float(part[name].mean()) for name in names]
         shift = 1e3 * float(part["iso_shift_s"].abs().max())
@@ -77,7 +84,7 @@ def resolution_table(result: ValidationResult) -> PageTable:
     """Before the impact, bias, largest difference and stated uncertainty per channel."""
     rows = []
     shares = dict(zip(result.channels["channel"], result.channels["resolved_share"].astype(float), strict=True))
-    for channel, part in result.scores.groupby("channel", sort=False):
+    for channel, part in _pooled(result).groupby("channel", sort=False):
         worst = part.loc[part["largest_rad"].idxmax()] if part["largest_rad"].notna().any() else None
         rows.append(
             [
