@@ -32,6 +32,7 @@ KINDS = (
     "predictions",
     "events",
     "look inside",
+    "force sign and unit",
     "single changes",
     "curve scores",
     "force from motion",

@@ -1,7 +1,7 @@
 """Encoders that turn the wrong way round, or stand in each other's place, found by their prediction.
 
-Every permutation and sign of the three encoders is compared with the prediction; the best one is reported when it
-leaves a quarter of the error of the wiring as declared.
+Every permutation and sign of the channels is compared with the prediction; the best one is reported when it leaves a
+quarter of the error of the wiring as declared. Channels that change places are judged together: a swap is one fault.
 """
 
 from __future__ import annotations
@@ -11,12 +11,23 @@ from itertools import permutations, product
 
 import numpy as np
 
-from validation.conventions import ENCODER_CHANNELS
+from validation.conventions import ENCODER_CHANNELS, Array
 from validation.measurement.trial import MeasuredTrial
 from validation.prediction.trial_prediction import PredictedAngles
 
 BETTER_WIRED = 0.25  # the other wiring must leave a quarter of the error
 WRONG_WIRED = 0.3  # of the predicted motion: below this error the wiring is right
+
+
+@dataclass(frozen=True)
+class Rewired:
+    """A place whose prediction another column fits: errors as shares of the predicted motion, declared and rewired."""
+
+    place: int
+    source: int
+    reversed: bool
+    error: float
+    error_rewired: float
 
 
 @dataclass(frozen=True)
@@ -30,25 +41,62 @@ class Miswiring:
     error_rewired: float
 
 
-def miswired_channels(m: MeasuredTrial, predicted: PredictedAngles) -> list[Miswiring]:
-    """Channels of a trial that are wired wrong; none where nothing can be predicted to move."""
-    expected = np.column_stack([predicted.change_rad(name) for name in ENCODER_CHANNELS])
-    known = np.isfinite(expected).all(axis=1) & np.isfinite(m.change_rad).all(axis=1)
+def best_wiring(measured: Array, expected: Array) -> list[Rewired]:
+    """Columns that are wired wrong; none where nothing can be predicted to move.
+
+    Parameters
+    ----------
+    measured, expected : (n, k) arrays
+        Changes since rest; NaN where lost.
+    """
+    known = np.isfinite(expected).all(axis=1) & np.isfinite(measured).all(axis=1)
+    k = expected.shape[1]
+    if not known.any():
+        return []
     size = np.sqrt(np.mean(expected[known] ** 2, axis=0))
     if not np.all(size > 0):
         return []
-    error = np.empty((2, 3, 3))  # sign, place as measured, body as predicted
-    for s, (i, j) in product(range(2), product(range(3), range(3))):
-        difference = (1 - 2 * s) * m.change_rad[known, i] - expected[known, j]
+    error = np.empty((2, k, k))  # sign, column as measured, place as predicted
+    for s, (i, j) in product(range(2), product(range(k), range(k))):
+        difference = (1 - 2 * s) * measured[known, i] - expected[known, j]
         error[s, i, j] = np.sqrt(np.mean(difference**2)) / size[j]
     sign = error.argmin(axis=0)
     best = error.min(axis=0)
-    order = min(permutations(range(3)), key=lambda o: sum(best[o[j], j] ** 2 for j in range(3)))
+    order = min(permutations(range(k)), key=lambda o: sum(best[o[j], j] ** 2 for j in range(k)))
     found = []
-    for j, name in enumerate(ENCODER_CHANNELS):
-        i = order[j]
-        as_declared, rewired = float(error[0, j, j]), float(best[i, j])
-        is_reversed = bool(sign[i, j])
-        if (i != j or is_reversed) and as_declared >= WRONG_WIRED and rewired <= BETTER_WIRED * as_declared:
-            found.append(Miswiring(name, ENCODER_CHANNELS[i], is_reversed, as_declared, rewired))
-    return found
+    for cycle in _cycles(order):
+        declared = [float(error[0, j, j]) for j in cycle]
+        rewired = [float(best[order[j], j]) for j in cycle]
+        changed = len(cycle) > 1 or bool(sign[order[cycle[0]], cycle[0]])
+        if not changed or _rms(declared) < WRONG_WIRED or _rms(rewired) > BETTER_WIRED * _rms(declared):
+            continue
+        for j, before, after in zip(cycle, declared, rewired, strict=True):
+            found.append(Rewired(j, order[j], bool(sign[order[j], j]), before, after))
+    return sorted(found, key=lambda r: r.place)
+
+
+def miswired_channels(m: MeasuredTrial, predicted: PredictedAngles) -> list[Miswiring]:
+    """Encoders of a trial that are wired wrong; none where nothing can be predicted to move."""
+    expected = np.column_stack([predicted.change_rad(name) for name in ENCODER_CHANNELS])
+    return [
+        Miswiring(ENCODER_CHANNELS[r.place], ENCODER_CHANNELS[r.source], r.reversed, r.error, r.error_rewired)
+        for r in best_wiring(m.change_rad, expected)
+    ]
+
+
+def _cycles(order: tuple[int, ...]) -> list[list[int]]:
+    """Places that exchange their columns, each group once."""
+    left, out = set(range(len(order))), []
+    while left:
+        at = min(left)
+        cycle = []
+        while at in left:
+            left.remove(at)
+            cycle.append(at)
+            at = order[at]
+        out.append(cycle)
+    return out
+
+
+def _rms(values: list[float]) -> float:
+    return float(np.sqrt(np.mean(np.square(values))))

@@ -7,9 +7,12 @@ import numpy as np
 from validation.conventions import WHIPPEN, Array
 from validation.findings.finding import SessionFinding
 from validation.measurement.mains_hum import correlation_inflation
-from validation.measurement.trial import MeasuredTrial
+from validation.measurement.trial import FilmAngles, MeasuredTrial
 
 CLOCK_S = 1e-4
+RUNS_AWAY_S = 3e-4  # between the first and the last motion
+SIGMAS = 5.0
+MOVES = 0.02  # of the largest speed: a frame in which the whippen moves tells the clock
 
 
 def camera_clock(m: MeasuredTrial) -> list[SessionFinding]:
@@ -17,6 +20,12 @@ def camera_clock(m: MeasuredTrial) -> list[SessionFinding]:
     film = m.film
     if film is None or film.whippen_rad is None:
         return []
+    return clock_runs_away(m, film) or clock_is_off(m, film)
+
+
+def clock_is_off(m: MeasuredTrial, film: FilmAngles) -> list[SessionFinding]:
+    """Frame times that are early or late all along."""
+    assert film.whippen_rad is not None
     offset, u = clock_offset(film.time_s, film.whippen_rad, m.time_s, m.change_rad[:, WHIPPEN])
     limit = max(CLOCK_S, 3 * float(np.hypot(u, film.u_time_s)))
     if not abs(offset) > limit:
@@ -29,10 +38,49 @@ def camera_clock(m: MeasuredTrial) -> list[SessionFinding]:
     return [SessionFinding("camera offset", m.number, "film", offset, limit, text)]
 
 
+def clock_runs_away(m: MeasuredTrial, film: FilmAngles) -> list[SessionFinding]:
+    """Frame times that lose or gain against the DAQ clock while the whippen moves.
+
+    Between two motions nothing tells a wrong rate from lost frames: both are named. Detectable from 0.3 ms.
+    """
+    assert film.whippen_rad is not None
+    encoder = m.change_rad[:, WHIPPEN]
+    speed = np.abs(np.interp(film.time_s, m.time_s, np.gradient(encoder, m.time_s)))
+    moving = speed > MOVES * float(speed.max(initial=0.0))
+    moves, weight = film.time_s[moving], speed[moving] ** 2
+    if moves.size < 10:
+        return []
+    # the rate is told by where most of the motion is, not by the film's whole length
+    middle = 0.5 * float(moves[0] + moves[-1])
+    parts = [(-np.inf, middle), (middle, np.inf)]
+    found = []
+    for low, high in parts:
+        here = (film.time_s > low) & (film.time_s <= high)
+        found.append(clock_offset(film.time_s[here], film.whippen_rad[here], m.time_s, encoder))
+    (early, u_early), (late, u_late) = found
+    by, u = late - early, float(np.hypot(u_early, u_late))
+    limit = max(RUNS_AWAY_S, SIGMAS * u)
+    if not (np.isfinite(u) and abs(by) > limit):  # u is not known where too few frames show the motion
+        return []
+    centre = []
+    for low, high in parts:
+        here = (moves > low) & (moves <= high)
+        centre.append(float(np.average(moves[here], weights=weight[here])))
+    frame = float(np.median(np.diff(film.time_s)))
+    text = (
+        f"trial {m.number}: film: frame times run {1e3 * abs(by):.2f} ms {'behind' if by < 0 else 'ahead'} between the "
+        f"strokes down and up, against the whippen's encoder (limit {1e3 * limit:.2f} ms): the rate of film or DAQ is "
+        f"wrong by "
+        f"{100 * abs(by) / (centre[1] - centre[0]):.2f} %, or some {abs(by) / frame:.0f} frames were lost or counted "
+        f"twice"
+    )
+    return [SessionFinding("film clock", m.number, "film", by, limit, text)]
+
+
 def clock_offset(film_s: Array, film_rad: Array, time_s: Array, angle_rad: Array) -> tuple[float, float]:
     """Delay of a film's clock against the encoder's, s, positive when frame times are late, and its uncertainty.
 
-    Least squares of delay and zero by Gauss–Newton; the uncertainty takes neighbouring residuals for dependent.
+    Least squares of delay, zero and scale by Gauss–Newton; the uncertainty takes neighbouring residuals for dependent.
     """
     speed = np.gradient(angle_rad, time_s)
     delay, u = 0.0, float("nan")
@@ -42,10 +90,11 @@ def clock_offset(film_s: Array, film_rad: Array, time_s: Array, angle_rad: Array
         if known.sum() < 10:
             return 0.0, float("nan")
         difference = film_rad[known] - np.interp(at[known], time_s, angle_rad)
-        design = np.column_stack([np.ones(known.sum()), -np.interp(at[known], time_s, speed)])
+        moved = np.interp(at[known], time_s, angle_rad)
+        design = np.column_stack([np.ones(known.sum()), -np.interp(at[known], time_s, speed), moved - moved.mean()])
         value, *_ = np.linalg.lstsq(design, difference, rcond=None)
         residual = difference - design @ value
-        variance = float(residual @ residual) / max(known.sum() - 2, 1) * correlation_inflation(residual)
+        variance = float(residual @ residual) / max(known.sum() - 3, 1) * correlation_inflation(residual)
         u = float(np.sqrt(variance * np.linalg.pinv(design.T @ design)[1, 1]))
         delay += float(np.clip(value[1], -5e-3, 5e-3))
         if abs(value[1]) < 1e-9:

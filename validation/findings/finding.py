@@ -7,8 +7,31 @@ from dataclasses import dataclass
 
 import numpy as np
 
-WIRING = ("sign flip", "swapped channels", "dead channel")  # the channel is no measurement of what it is named after
-DISTORTING = ("camera offset", "outlying trial")
+# the channel is no measurement of what it is named after
+WIRING = ("sign flip", "swapped channels", "dead channel", "encoder scale")
+# the trial's curves are not what happened, or not the others' blow
+DISTORTING = ("camera offset", "film clock", "outlying trial", "encoder return", "stuck bit", "duplicated trial")
+FORCE = ("force sign", "force unit", "force drift", "force saturation", "outlying residual")  # its prediction is wrong
+KINDS = (
+    *WIRING,
+    *DISTORTING,
+    *FORCE,
+    "force delay",
+    "hum",
+    "key lift",
+    "sample rate",
+    "short record",
+    "film mirrored",
+    "film bodies swapped",
+    "film body reversed",
+    "film or encoder scale",
+    "encoder scale or stops",
+    "mixed strokes",
+    "changed condition",
+    "regulation",
+    "check height",
+)
+"""Every kind of finding: faults of the session and causes that nothing else the toolkit knows explains as well."""
 
 
 @dataclass(frozen=True)
@@ -24,7 +47,7 @@ class SessionFinding:
 
 
 def distorted_trials(findings: Sequence[SessionFinding]) -> list[int]:
-    """Trials whose curves are not what happened, or not the others' blow: they widen what is called repeatability."""
+    """Trials whose curves are not what happened, or not the others' blow: they distort what is called repeatability."""
     return sorted({int(f.trial) for f in findings if f.kind in DISTORTING and np.isfinite(f.trial)})
 
 
@@ -39,6 +62,6 @@ def summary_line(findings: Sequence[SessionFinding]) -> str:
         return ""
     parts = []
     for kind, trials in kinds.items():
-        where = f"trial{'' if len(trials) == 1 else 's'} {', '.join(map(str, trials))}" if trials else "model"
+        where = f"trial{'' if len(trials) == 1 else 's'} {', '.join(map(str, trials))}" if trials else "session"
         parts.append(f"{kind} ({where})")
     return f"Faults found: {', '.join(parts)}; read the warnings before the scores."

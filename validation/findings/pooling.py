@@ -16,7 +16,7 @@ import pandas as pd
 
 from validation.conventions import ENCODER_CHANNELS, Array
 from validation.events.definitions import EVENTS, Event
-from validation.findings.finding import WIRING, SessionFinding
+from validation.findings.finding import DISTORTING, FORCE, WIRING, SessionFinding
 from validation.measurement.trial import MeasuredTrial
 from validation.statistics.common_base import on_common_base
 from validation.statistics.repeatability import curve_repeatability
@@ -58,7 +58,7 @@ def state_of(numbers: Collection[int], channel: str, without: LeftOut) -> str:
 
 def sound_trials(trials: Sequence[MeasuredTrial], findings: Iterable[SessionFinding]) -> list[MeasuredTrial]:
     """Trials without a fault that spoils the comparison of one trial with the model."""
-    broken = {f.trial for f in findings if f.kind in (*WIRING, "outlying trial")}
+    broken = {f.trial for f in findings if f.kind in (*WIRING, *DISTORTING, *FORCE)}
     return [m for m in trials if m.number not in broken]
 
 

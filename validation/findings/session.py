@@ -1,20 +1,37 @@
 """All findings of a session: the fifth stage of a comparison.
 
-One sound trial of median peak force stands for all where many runs of the model are needed.
+Order: what makes a channel no measurement comes first, and explains what follows from it. One sound trial of median
+peak force stands for all where many runs of the model are needed.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from validation.events.session import SessionEvents
+from validation.findings.between_trials.changed_condition import changed_condition
+from validation.findings.between_trials.duplicates import duplicates
+from validation.findings.between_trials.mixed_strokes import mixed_strokes
+from validation.findings.between_trials.outlying_residuals import outlying_residuals
+from validation.findings.between_trials.residuals import residuals_of
 from validation.findings.camera_clock import camera_clock
-from validation.findings.finding import SessionFinding
+from validation.findings.film_wiring import film_wiring
+from validation.findings.finding import FORCE, WIRING, SessionFinding
 from validation.findings.outlier_trials import outlying
 from validation.findings.pooling import left_out, sound_trials, with_and_without
+from validation.findings.regulation import check_difference_m, let_off_way_m, regulation
 from validation.findings.session_checks import dead, hum, lifts, rates, short_records, wiring
+from validation.findings.signals.encoder_return import encoder_return
+from validation.findings.signals.encoder_travel import encoder_travel, travel_ratios
+from validation.findings.signals.force_delay import force_delay, force_lag
+from validation.findings.signals.force_drift import force_drift
+from validation.findings.signals.force_saturation import force_saturation
+from validation.findings.signals.force_sign_and_unit import force_sign_and_unit
+from validation.findings.signals.stuck_bits import stuck_bits
 from validation.findings.single_changes import SingleChange, in_words, single_changes
 from validation.measurement.session import representative
+from validation.measurement.trial import MeasuredTrial
 from validation.prediction.model_under_test import ModelUnderTest
 from validation.prediction.session import PredictedSession
 from validation.scores.session import ScoredSession
@@ -41,12 +58,17 @@ def find_faults(
 ) -> SessionFindings:
     """Faults of the session, wiring first; single changes of the model are tried on a trial without any."""
     trials, traces = predicted.trials, scored.traces
-    found = rates(trials) + short_records(trials) + lifts(events.lifts)
-    for m in trials:
-        p = predicted.predictions[m.number].model
-        found += wiring(m, p) + dead(m, p) + hum(m) + camera_clock(m)
-    explained = {(int(f.trial), f.channel) for f in found}
-    found += outlying(traces.base_s, traces.encoder, trials, events.trial, explained)
+    found = rates(trials) + short_records(trials) + duplicates(trials)
+    found += _single_trials(predicted, events, tested)
+    found += _travel(predicted, events, tested, found)
+    found += _regulation(predicted, events, tested, found)
+    found += mixed_strokes(trials)
+    parted = any(f.kind == "mixed strokes" for f in found)
+    explained = {(int(f.trial), f.channel) for f in found if f.trial == f.trial}
+    if not parted:
+        found += outlying(traces.base_s, traces.encoder, trials, events.trial, explained)
+        found += _residuals(predicted, events, tested, found)
+    found += _lifts(events, found)
     sound = sound_trials(trials, found)
     changes: list[SingleChange] = []
     if sound and search_changes:
@@ -57,3 +79,76 @@ def find_faults(
     without = left_out(found)
     notes = [*with_and_without(traces.base_s, traces.encoder, found, without), *in_words(changes)]
     return SessionFindings(tuple(found), without, tuple(notes), tuple(changes))
+
+
+def _single_trials(predicted: PredictedSession, events: SessionEvents, tested: ModelUnderTest) -> list[SessionFinding]:
+    """Checks of one trial alone; a wrong force makes the prediction useless for the others."""
+    found: list[SessionFinding] = []
+    lags = {}
+    for m in predicted.trials:
+        p = predicted.predictions[m.number].model
+        release = events.trial[m.number]["key_release"]
+        until = release.value if release.status != "absent" else float(m.time_s[-1])
+        forces = force_sign_and_unit(tested, m, p, until)
+        encoders = stuck_bits(m)
+        if not forces:
+            encoders += wiring(m, p) + dead(m, p) + encoder_return(m, p)
+            forces += force_drift(m)
+        sound = not any(f.channel == "whippen" for f in encoders)
+        films = film_wiring(m, p, whippen_sound=sound)
+        films += camera_clock(m) if sound and not films else []
+        if not forces and not any(f.channel == "key" for f in encoders):
+            lags[m.number] = force_lag(m, p)
+        found += hum(m) + force_saturation(m) + forces + encoders + films
+    return found + force_delay(lags)
+
+
+def _travel(
+    predicted: PredictedSession, events: SessionEvents, tested: ModelUnderTest, found: Sequence[SessionFinding]
+) -> list[SessionFinding]:
+    """Travel of the encoders between the stops, of those that nothing else is said of."""
+    ratios = {
+        m.number: travel_ratios(
+            m,
+            predicted.predictions[m.number].model,
+            events.model[m.number],
+            tested.geometry_at(m.force.preload_n),
+        )
+        for m in predicted.trials
+        if not any(f.trial == m.number and f.kind in FORCE for f in found)
+    }
+    return encoder_travel(ratios, [(int(f.trial), f.channel) for f in found if f.trial == f.trial])
+
+
+def _regulation(
+    predicted: PredictedSession, events: SessionEvents, tested: ModelUnderTest, found: Sequence[SessionFinding]
+) -> list[SessionFinding]:
+    """Let-off and check, of the trials without a fault of an encoder or of the force; a scale explains both."""
+    if any(f.kind == "encoder scale or stops" and f.channel == "hammer" for f in found):
+        return []
+    let_off, check = {}, {}
+    for m in sound_trials(predicted.trials, found):
+        own, model = events.trial[m.number], events.model[m.number]
+        p = predicted.predictions[m.number].model
+        let_off[m.number] = let_off_way_m(m, p, own, model, tested.geometry_at(m.force.preload_n))
+        check[m.number] = check_difference_m(own, model)
+    return regulation(let_off, check)
+
+
+def _residuals(
+    predicted: PredictedSession, events: SessionEvents, tested: ModelUnderTest, found: Sequence[SessionFinding]
+) -> list[SessionFinding]:
+    """What only the model finds odd: one trial, or all from one on."""
+    sound: list[MeasuredTrial] = sound_trials(predicted.trials, found)
+    odd = outlying_residuals(tested, {m.number: m for m in sound}, residuals_of(predicted, events, sound))
+    rest = sound_trials(sound, odd)
+    return odd + changed_condition(residuals_of(predicted, events, rest))
+
+
+def _lifts(events: SessionEvents, found: Sequence[SessionFinding]) -> list[SessionFinding]:
+    """Lifts of the key, where nothing else makes key and whippen encoder disagree."""
+    scaled = any(f.kind == "encoder scale or stops" and f.channel != "hammer" for f in found)
+    if scaled or any(f.kind in ("regulation", "force delay") for f in found if f.trial != f.trial):
+        return []
+    broken = {f.trial for f in found if f.kind in ("encoder return", "stuck bit", *WIRING, *FORCE)}
+    return lifts({number: x for number, x in events.lifts.items() if number not in broken})

@@ -1,11 +1,11 @@
-"""Which single changes of model or force would explain the difference: a set that the data cannot tell apart, no finding.
+"""Which single changes of model or force would explain the difference: a set that cannot be told apart, no finding.
 
 Conventions: differences of key, whippen and hammer angles in units of each channel's range, before the release only.
-Every cause the toolkit can change alone takes part: gain, level and delay of the force, and each friction, mass, inertia,
-damping, stiffness, spring and length of the action. Named are all whose best change takes away nearly as much as the
-best one's, and never fewer than three: one trial cannot identify a parameter, and several changes together, or an effect
-the model does not have, can look like any of them.
-Source: Gauss–Newton on one cause at a time; docs/decisions/0060-validation-no-false-name.md.
+Every cause the toolkit can change alone takes part: gain, level and delay of the force, and each friction, mass,
+inertia, damping, stiffness, spring and length of the action. Named are all whose best change takes away nearly as much
+as the best one's, and never fewer than three: one trial cannot identify a parameter, and several changes together, or
+an effect the model does not have, can look like any of them. Source: Gauss–Newton on one cause at a time;
+docs/decisions/0060-validation-no-false-name.md.
 """
 
 from __future__ import annotations
@@ -160,7 +160,7 @@ def _search(tested: ModelUnderTest, m: MeasuredTrial, until_s: float) -> list[Si
 def _residual_of(
     tested: ModelUnderTest, m: MeasuredTrial, until_s: float
 ) -> Callable[[Cause | None, float], Array | None] | None:
-    """The difference model − trial, over the range of each channel, as a function of one change; None without motion."""
+    """The difference model − trial over the range of each channel, as a function of one change; None at rest."""
     force = m.force
     inside = (m.time_s >= force.time_s[0]) & (m.time_s <= min(force.time_s[-1], until_s))
     time, trial = m.time_s[inside], m.change_rad[inside]
@@ -214,9 +214,7 @@ def _explained_by_force(start: Array, moved: list[Array]) -> bool:
     return bool(left @ left < FORCE_LEAVES * (start @ start))
 
 
-def _follow(
-    residual: Callable[[Cause | None, float], Array | None], cause: Cause, start: Array
-) -> tuple[float, float]:
+def _follow(residual: Callable[[Cause | None, float], Array | None], cause: Cause, start: Array) -> tuple[float, float]:
     """Change of one cause that leaves the smallest difference, and the share of its square taken away."""
     at, here = 0.0, start
     for _ in range(ROUNDS):

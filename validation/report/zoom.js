@@ -26,6 +26,7 @@ for (const home of document.querySelectorAll(".session")) {
       const frame = make("g", { "clip-path": "url(" + "#" + name + ")" }), moving = make("g", {});
       frame.append(moving);
       const drawn = [...axes.children].filter((e) => e.querySelector(":scope > [clip-path], :scope > g[clip-path]"));
+      if (!drawn.length) continue;  // nothing is drawn in it, as the scatter of a single trial
       drawn[0].before(frame);
       for (const e of drawn) {
         for (const part of e.querySelectorAll("[clip-path]")) part.removeAttribute("clip-path");

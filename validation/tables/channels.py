@@ -36,6 +36,9 @@ COLUMNS = (
 NOT_MADE = Judgement()
 
 
+SPREAD = ("mean", "s_r", "band95", "difference", "difference_u95", "difference_band95")
+
+
 def channel_tables(
     traces: SessionTraces,
     u_sample: Mapping[str, float],
@@ -67,6 +70,8 @@ def channel_tables(
                         "state": state,
                     }
                 )
+                if every:  # recorded, and wired wrong in all trials
+                    spread |= {f"{name}_{part}_rad": np.full(base.shape, np.nan) for part in SPREAD}
                 continue
             row, columns = _channel(name, source, base, frames, u_sample.get(name, 0.0), judgement)
             row["state"] = "; ".join(text for text in (str(row["state"]), state) if text)

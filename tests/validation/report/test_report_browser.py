@@ -220,3 +220,15 @@ def test_a_printed_page_is_white_and_cuts_nothing_off(opened_side):
     assert opened_side.evaluate("getComputedStyle(document.body).backgroundColor") == "rgb(255, 255, 255)"
     assert opened_side.evaluate("document.documentElement.scrollWidth") <= 703
     assert not opened_side.locator("form.zoom").first.is_visible()
+
+
+@pytest.mark.parametrize("n_trials", [1, 2])
+def test_a_session_of_few_trials_zooms_without_an_error(browser, make, tmp_path, n_trials):
+    from validation import compare_session, write_report
+
+    session, truth = make.session(tmp_path / "few", n_trials=n_trials, filmed=())
+    result = compare_session(session, truth.action, keep_predictions=False, rivals=(), budget=False, suspect=False)
+    file = write_report(result, tmp_path / "report").files["report.html"]
+    with quietly(browser, file) as page:
+        page.get_by_role("button", name="Closer").click()
+        assert "Whole" not in page.locator("form.zoom output").inner_text()

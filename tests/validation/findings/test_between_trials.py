@@ -1,0 +1,164 @@
+"""Checks between trials, of films and of regulation: each fault at three sizes."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from validation.findings.between_trials.changed_condition import changed_condition
+from validation.findings.between_trials.duplicates import duplicates
+from validation.findings.between_trials.mixed_strokes import mixed_strokes
+from validation.findings.between_trials.outlying_residuals import outlying_residuals
+from validation.findings.between_trials.residuals import residuals_of
+from validation.findings.camera_clock import camera_clock
+from validation.findings.film_wiring import film_wiring
+from validation.findings.regulation import check_difference_m, let_off_way_m, regulation
+
+
+def scaled_force(m, by):
+    above = m.force.preload_n + by * (m.force.force_n - m.force.preload_n)
+    return replace(m, force=replace(m.force, force_n=above))
+
+
+def test_a_copy_of_a_trial_is_found_and_strokes_alike_are_none(stage):
+    assert duplicates(stage.trials) == []
+    copy = replace(stage.trials[1], number=7, raw_force_n=stage.trials[1].raw_force_n + 1e-3)
+    (found,) = duplicates([*stage.trials, copy])
+    assert (found.trial, found.value) == (7, 2)
+    assert "counts as in trial 2" in found.text
+    touched = copy.change_rad.copy()
+    touched[500] += copy.resolution_rad
+    assert duplicates([*stage.trials, replace(copy, change_rad=touched)]) == []  # detectable are whole copies
+
+
+@pytest.mark.parametrize("by", [3.0, 1.4])
+def test_two_kinds_of_stroke_are_told_apart(stage, by):
+    trials = [m if i % 2 else scaled_force(m, by) for i, m in enumerate(stage.trials)]
+    (found,) = mixed_strokes(trials)
+    assert "trials 2, 4, 6" in found.text
+    assert "trials 1, 3, 5" in found.text
+    assert found.value == pytest.approx(by, rel=0.02)
+
+
+def test_one_odd_stroke_and_a_small_difference_are_no_two_kinds(stage):
+    assert mixed_strokes(stage.trials) == []
+    assert mixed_strokes([scaled_force(m, 2.0 if m.number == 4 else 1.0) for m in stage.trials]) == []
+    assert mixed_strokes([scaled_force(m, 1.0 + 0.15 * (m.number > 3)) for m in stage.trials]) == []
+    spread = [scaled_force(m, 1.2**m.number) for m in stage.trials]  # all different: not two kinds
+    assert mixed_strokes(spread) == []
+
+
+def moved(residuals, where, by):
+    shape = np.linspace(0, 1, len(residuals.by_channel["key"]))
+    return replace(residuals, by_channel={c: r + by * np.outer(shape, where) for c, r in residuals.by_channel.items()})
+
+
+@pytest.mark.parametrize("first", [3, 4, 5])
+def test_a_change_in_mid_session_is_found_where_it_is(stage, first):
+    residuals = residuals_of(stage.predicted, stage.events, stage.trials)
+    later = np.array(residuals.numbers) >= first
+    for by in (0.2, 0.03):
+        (found,) = changed_condition(moved(residuals, later, by))
+        assert found.trial == first
+    assert changed_condition(moved(residuals, later, 2e-3)) == []
+    assert changed_condition(residuals) == []
+
+
+def test_an_odd_residual_is_found_only_where_the_force_does_not_explain_it(stage):
+    trials = {m.number: m for m in stage.trials}
+    residuals = residuals_of(stage.predicted, stage.events, stage.trials)
+    assert outlying_residuals(stage.tested, trials, residuals) == []
+    odd = np.array(residuals.numbers) == 5
+    for by in (0.5, 0.05):
+        (found,) = outlying_residuals(stage.tested, trials, moved(residuals, odd, by))
+        assert found.trial == 5
+    assert outlying_residuals(stage.tested, trials, moved(residuals, odd, 2e-3)) == []
+    m = trials[5]
+    loose = replace(m.force, force_n=1.03 * m.force.force_n, channel=replace(m.force.channel, gain_relative_u=0.01))
+    with_gain = trials | {5: replace(m, force=loose)}
+    assert outlying_residuals(stage.tested, with_gain, moved(residuals, odd, 0.05)) == []
+
+
+def filmed(stage):
+    (m,) = [m for m in stage.trials if m.film is not None]
+    return m, stage.predictions(m.number)
+
+
+def test_a_mirrored_film_and_swapped_bodies_are_named(stage):
+    m, p = filmed(stage)
+    assert film_wiring(m, p, whippen_sound=True) == []
+    film = m.film
+    turned = {name: -x for name, x in film.change_rad.items()}
+    mirrored = replace(m, film=replace(film, change_rad=turned, whippen_rad=-film.whippen_rad))
+    assert [f.kind for f in film_wiring(mirrored, p, whippen_sound=True)] == ["film mirrored"]
+    alone = replace(m, film=replace(film, change_rad=turned, whippen_rad=None))
+    assert [f.kind for f in film_wiring(alone, p, whippen_sound=True)] == ["film mirrored"]
+    # the encoder's own sign flip is not the film's
+    flipped = replace(m, change_rad=m.change_rad * [1, -1, 1])
+    assert film_wiring(flipped, p, whippen_sound=False) == []
+    swapped = {"jack": film.change_rad["repetition"], "repetition": film.change_rad["jack"]}
+    found = film_wiring(replace(m, film=replace(film, change_rad=swapped)), p, whippen_sound=True)
+    assert [f.kind for f in found] == ["film bodies swapped"]
+
+
+@pytest.mark.parametrize("factor", [1.5, 0.9])
+def test_film_and_encoder_of_different_scale_are_named_together(stage, factor):
+    m, p = filmed(stage)
+    (found,) = film_wiring(
+        replace(m, film=replace(m.film, whippen_rad=factor * m.film.whippen_rad)), p, whippen_sound=True
+    )
+    assert found.kind == "film or encoder scale"
+    assert found.value == pytest.approx(factor, rel=0.01)
+    other = replace(m, film=replace(m.film, whippen_rad=1.02 * m.film.whippen_rad))
+    assert film_wiring(other, p, whippen_sound=True) == []
+    assert camera_clock(other) == []  # a scale is no clock
+
+
+@pytest.mark.parametrize("lost, rate", [(20, 1.01), (4, 1.005)])
+def test_lost_frames_and_a_wrong_rate_are_named_together(stage, lost, rate):
+    m, _ = filmed(stage)
+    film = m.film
+    middle = film.time_s.size // 2
+    keep = np.r_[0:middle, middle + lost : film.time_s.size]
+    short = replace(
+        film,
+        time_s=film.time_s[: keep.size],
+        whippen_rad=film.whippen_rad[keep],
+        change_rad={n: x[keep] for n, x in film.change_rad.items()},
+        u_rad={n: x[keep] for n, x in film.u_rad.items()},
+    )
+    (found,) = camera_clock(replace(m, film=short))
+    assert found.kind == "film clock"
+    assert found.value == pytest.approx(-lost / 2000, abs=2e-4)
+    assert f"some {lost} frames" in found.text
+    fast = replace(film, time_s=film.time_s[0] + rate * (film.time_s - film.time_s[0]))
+    (found,) = camera_clock(replace(m, film=fast))
+    stated = float(re.search(r"wrong by ([0-9.]+) %", found.text)[1])
+    assert stated == pytest.approx(100 * (rate - 1), rel=0.1)
+    assert camera_clock(m) == []
+    slow = replace(film, time_s=film.time_s[0] + 1.0001 * (film.time_s - film.time_s[0]))
+    assert camera_clock(replace(m, film=slow)) == []
+
+
+def test_let_off_without_faults_is_the_models(stage):
+    for m in stage.trials:
+        own, theirs = stage.events.trial[m.number], stage.events.model[m.number]
+        d = let_off_way_m(m, stage.predictions(m.number), own, theirs, stage.geometry(m))
+        assert abs(d) < 0.3e-3
+        assert abs(check_difference_m(own, theirs)) < 1e-3
+
+
+def test_regulation_is_named_from_its_limit_when_all_trials_agree():
+    none = dict.fromkeys(range(1, 7), float("nan"))
+    for d in (-2e-3, 1e-3):
+        (found,) = regulation({n: d + 5e-5 * n for n in none}, none)
+        assert (found.kind, found.channel) == ("regulation", "let_off")
+        assert found.value == pytest.approx(d, abs=2e-4)
+    assert regulation(dict.fromkeys(none, 4e-4), dict.fromkeys(none, 1.5e-3)) == []
+    assert regulation({1: 3e-3, 2: -3e-3, 3: 3e-3, 4: -2e-3, 5: 0.0, 6: 4e-3}, none) == []
+    (found,) = regulation(none, dict.fromkeys(none, -3e-3))
+    assert found.kind == "check height"
+    assert "or its friction" in found.text

@@ -1,0 +1,89 @@
+"""No false name: a model that differs is no fault of the session; a fault in all trials ends in its report."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from benchmarks.planted_faults import Fault, flipped, louder, swapped
+from rig.session import Session
+from validation import compare_session, write_report
+from validation.findings.finding import KINDS
+from validation.findings.single_changes import FEWEST, known_causes
+
+ALL_TRIALS = [
+    ("sign flip", flipped(0, 1, 2), 18),
+    ("swapped channels", swapped(0, 2), 12),
+    ("force sign", louder(-1.0), 6),
+]
+
+
+@pytest.mark.parametrize("kind, change, n", ALL_TRIALS, ids=[k for k, *_ in ALL_TRIALS])
+def test_a_session_wired_wrong_in_all_trials_ends_in_its_report(found_in, kind, change, n):
+    found = found_in(Fault(kind, "", frozenset({kind}), change=change))
+    assert list(found["kind"]) == n * [kind]
+
+
+def test_a_report_of_a_session_wired_wrong_in_all_trials_can_be_written(make, tmp_path):
+    from dataclasses import replace
+
+    session, truth = make.session(tmp_path / "right", n_trials=2, filmed=())
+    wrong = Session.create(tmp_path / "wrong", make.info())
+    for trial in session.trials:
+        data = trial.read()
+        wrong.add_trial(replace(data, encoder_count=-data.encoder_count))
+    result = compare_session(wrong, truth.action, keep_predictions=False, rivals=(), budget=False)
+    assert set(result.findings["kind"]) == {"sign flip", "hum"}  # the recorded session has hum
+    assert not result.scores["pooled"].any()
+    assert result.channels["rmse_rad"].isna().all()
+    assert Path(write_report(result, tmp_path / "report").files["report.html"]).stat().st_size > 10_000
+
+
+PARAMETERS = [("hammer.joint_friction.A", 1.5), ("hammer.mass", 1.03), ("contact08.normal.D", 2.0)]
+
+
+@pytest.mark.parametrize("kind, specimen", [("piano", "bench"), ("forte", "bench"), ("slow", "printed")])
+def test_a_session_without_faults_has_no_finding(found_in, kind, specimen):
+    assert found_in(None, kind, specimen).empty
+
+
+@pytest.mark.parametrize("path, factor", PARAMETERS)
+def test_a_changed_parameter_is_not_named(found_in, path, factor):
+    fault = Fault("parameter", path, frozenset(), trial=0, play={"friction": (path, factor)})
+    assert found_in(fault).empty
+
+
+def test_single_changes_are_a_set_with_the_true_one_and_no_finding(planted):
+    changes = planted.single_changes
+    assert len(changes) >= FEWEST
+    assert "key.joint_friction.A" in set(changes["cause"])
+    best = changes["taken_away"].max()
+    assert changes["taken_away"].is_monotonic_decreasing
+    assert (changes["taken_away"][FEWEST:] > best - 0.02).all()
+    assert not set(planted.findings["kind"]) - set(KINDS)
+    assert not planted.findings["text"].str.contains("friction").any()
+    (said,) = [text for text in planted.warnings if text.startswith("about the model, not a fault of the session")]
+    assert all(cause in said for cause in changes["cause"])
+    assert "cannot tell them apart" in said
+    assert not any("friction" in line for line in planted.verdict_lines)
+
+
+def test_gain_level_delay_and_masses_are_known_causes(compared):
+    import model
+
+    names = {cause.name for cause in known_causes(model.load_action())}
+    assert {"force gain", "force level", "force delay", "hammer.mass", "hammer.joint_friction.A"} <= names
+    assert isinstance(compared.single_changes, pd.DataFrame)
+
+
+def test_one_quantity_has_one_number_in_every_table(planted):
+    from validation.report.tables.scores import iso_table, resolution_table, score_matrix
+
+    whole = {row[0].split(" (")[0]: row[-6] for row in score_matrix(planted).rows}
+    for row in resolution_table(planted).rows:
+        assert row[2] == whole[row[0]], row[0]
+    overall = planted.channels.set_index("channel")["iso_overall"]
+    for row in iso_table(planted).rows:
+        assert row[1] == "—" or float(row[1]) == pytest.approx(float(overall[row[0]]), abs=6e-4), row[0]

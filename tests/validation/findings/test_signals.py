@@ -1,0 +1,186 @@
+"""Checks of single channels: each fault at three sizes, gross, just detectable, and small enough to stay silent."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from validation.findings.signals.encoder_return import encoder_return
+from validation.findings.signals.encoder_travel import encoder_travel, travel_ratios
+from validation.findings.signals.force_delay import force_delay, force_lag
+from validation.findings.signals.force_drift import force_drift
+from validation.findings.signals.force_saturation import force_saturation
+from validation.findings.signals.force_sign_and_unit import force_sign_and_unit
+from validation.findings.signals.stuck_bits import stuck_bits
+
+
+def kinds(found):
+    return [(f.kind, f.channel) for f in found]
+
+
+def with_change(m, change):
+    return replace(m, change_rad=change)
+
+
+def travels(stage, factor, column):
+    scale = np.ones(3)
+    scale[column] = factor
+    return {
+        m.number: travel_ratios(
+            with_change(m, m.change_rad * scale),
+            stage.predictions(m.number),
+            stage.events.model[m.number],
+            stage.geometry(m),
+        )
+        for m in stage.trials
+    }
+
+
+@pytest.mark.parametrize("column, name", list(enumerate(("key", "whippen", "hammer"))))
+def test_a_wrong_scale_is_told_by_the_stops(stage, column, name):
+    clean = np.array(list(travels(stage, 1.0, column).values()))
+    assert np.abs(clean - 1).max() < 0.01  # what the stated detectability of 4 % rests on
+    for factor, words in ((0.25, "decoded × 1"), (0.5, "decoded × 2"), (4.0, "decoded × 4")):
+        found = encoder_travel(travels(stage, factor, column))
+        assert kinds(found) == 6 * [("encoder scale", name)]
+        assert all(words in f.text for f in found)
+        assert found[0].value == pytest.approx(factor, rel=0.01)
+    assert kinds(encoder_travel(travels(stage, 1.06, column))) == [("encoder scale or stops", name)]
+    assert encoder_travel(travels(stage, 1.02, column)) == []
+
+
+def test_a_scale_is_not_judged_where_the_channel_is_wired_wrong_or_the_stops_are_not_reached(stage):
+    ratios = travels(stage, 4.0, 0)
+    assert encoder_travel(ratios, [(n, "key") for n in ratios]) == []
+    assert encoder_travel({n: np.full(3, np.nan) for n in ratios}) == []
+
+
+@pytest.mark.parametrize("column, name", list(enumerate(("key", "whippen", "hammer"))))
+def test_counts_that_do_not_return_are_found(stage, column, name):
+    m = stage.trials[0]
+    late = (m.time_s > 0.5)[:, None] * (np.arange(3) == column)
+    assert encoder_return(m, stage.predictions(1)) == []
+    for rad in (0.05, -6e-3):
+        (found,) = encoder_return(with_change(m, m.change_rad + rad * late), stage.predictions(1))
+        assert (found.kind, found.channel) == ("encoder return", name)
+        assert found.value == pytest.approx(rad, abs=1e-4)
+    assert encoder_return(with_change(m, m.change_rad + 5e-4 * late), stage.predictions(1)) == []
+
+
+def test_a_key_that_is_still_held_at_the_end_is_no_slip(stage):
+    m = stage.trials[0]
+    held = int(np.searchsorted(m.time_s, stage.events.trial[1]["check_time"].value + 0.03))
+    p = stage.predictions(1)
+    short = replace(
+        m,
+        time_s=m.time_s[:held],
+        change_rad=np.vstack([m.change_rad[: held - 300], np.repeat(m.change_rad[held : held + 1], 300, axis=0)]),
+    )
+    cut = replace(p, time_s=p.time_s[:held], angle_rad=p.angle_rad[:held], speed_rad_per_s=p.speed_rad_per_s[:held])
+    assert encoder_return(short, cut) == []
+    assert force_drift(short) == []
+
+
+@pytest.mark.parametrize("bit", [10, 8, 6])
+def test_a_stuck_bit_is_found_whatever_the_first_count(stage, bit):
+    m = stage.trials[0]
+    for first in (0, 37, 12_345):
+        counts = np.rint(m.change_rad[:, 2] / m.resolution_rad[2]).astype(np.int64) + first
+        for stuck in (counts | (1 << bit), counts & ~(1 << bit)):
+            change = m.change_rad.copy()
+            change[:, 2] = (stuck - stuck[0]) * m.resolution_rad[2]
+            (found,) = stuck_bits(with_change(m, change))
+            assert (found.channel, found.value) == ("hammer", bit)
+
+
+def test_sound_counters_and_wrong_decoding_have_no_stuck_bit(stage):
+    for m in stage.trials:
+        assert stuck_bits(m) == []
+        for factor in (2, 4):
+            assert stuck_bits(with_change(m, factor * m.change_rad)) == []
+    m = stage.trials[0]
+    counts = np.rint(m.change_rad / m.resolution_rad).astype(np.int64) | 1
+    assert stuck_bits(with_change(m, counts * m.resolution_rad)) == []  # stated as not detectable
+
+
+def with_force(m, force_n, raw=None):
+    return replace(m, force=replace(m.force, force_n=force_n), raw_force_n=m.raw_force_n if raw is None else raw)
+
+
+def test_a_plateau_of_the_force_is_found(stage):
+    m = stage.trials[0]
+    assert all(force_saturation(x) == [] for x in stage.trials)
+    for share in (0.5, 0.8):
+        (found,) = force_saturation(replace(m, raw_force_n=np.minimum(m.raw_force_n, share * m.raw_force_n.max())))
+        assert found.kind == "force saturation"
+        assert found.value >= 3
+    (found,) = force_saturation(replace(m, raw_force_n=np.maximum(m.raw_force_n, np.quantile(m.raw_force_n, 0.02))))
+    assert "smallest" in found.text
+    barely = np.sort(m.raw_force_n)[-2]  # two equal readings
+    assert force_saturation(replace(m, raw_force_n=np.minimum(m.raw_force_n, barely))) == []
+
+
+def test_a_force_that_does_not_return_is_found(stage):
+    m = stage.trials[0]
+    assert all(force_drift(x) == [] for x in stage.trials)
+    for rate in (0.5, -0.2):
+        (found,) = force_drift(with_force(m, m.force.force_n + rate * (m.time_s - m.quiet.end_s / 2)))
+        assert found.value == pytest.approx(rate * (m.time_s[-1] - m.quiet.end_s / 2), rel=0.1)
+    assert force_drift(with_force(m, m.force.force_n + 0.03 * m.time_s)) == []
+
+
+def shifted(p, by_s):
+    """The prediction under a force that comes later: the same motion, later."""
+    angle = np.column_stack(
+        [np.interp(p.time_s - by_s, p.time_s, a) for a in np.nan_to_num(p.angle_rad, nan=p.rest_angle_rad[0]).T]
+    )
+    return replace(p, angle_rad=np.where(np.isfinite(p.angle_rad), angle, np.nan))
+
+
+@pytest.mark.parametrize("by_ms", [5.0, 2.4, -1.0])
+def test_an_undeclared_delay_is_found_with_its_size(stage, by_ms):
+    lags = {}
+    for m in stage.trials:
+        late = replace(m, force=replace(m.force, time_s=m.force.time_s + 1e-3 * by_ms))
+        lags[m.number] = force_lag(late, shifted(stage.predictions(m.number), 1e-3 * by_ms))
+    (found,) = force_delay(lags)
+    assert np.isnan(found.trial)
+    assert 1e3 * found.value == pytest.approx(by_ms, abs=0.15)
+    one = {m.number: force_lag(m, stage.predictions(m.number)) for m in stage.trials}
+    assert force_delay(one) == []
+    (found,) = force_delay(one | {3: lags[3]})
+    assert found.trial == 3
+
+
+def test_a_delay_below_the_stated_one_is_silent(stage):
+    lags = {m.number: (3e-4, 5e-4) for m in stage.trials}
+    assert force_delay(lags) == []
+    assert force_delay({1: (np.nan, np.nan), 2: (np.nan, np.nan), 3: (9e-3, 5e-4)}) == []  # one of three is no session
+
+
+@pytest.mark.parametrize(
+    "factor, kind, words",
+    [
+        (-1.0, "force sign", "reversed"),
+        (1 / 4.448222, "force unit", "pounds-force were taken for newtons"),
+        (1 / 9.80665, "force unit", "kilograms-force were taken for newtons"),
+    ],
+)
+def test_the_wrong_sign_and_unit_are_named(stage, factor, kind, words):
+    m = stage.trials[0]
+    force = m.force.preload_n + factor * (m.force.force_n - m.force.preload_n)
+    wrong = with_force(m, force)
+    load = stage.tested.load(m.force.preload_n)
+    run = stage.tested.simulate(
+        stage.tested.action, m.force.time_s, force, tolerance=1e-5, output_time_s=m.force.time_s, initial=load.rest
+    )
+    p = stage.predictions(1)
+    moved = np.column_stack([np.interp(p.time_s, m.force.time_s, a, right=np.nan) for a in run.angle_rad.T])
+    until = stage.events.trial[1]["key_release"].value
+    (found,) = force_sign_and_unit(stage.tested, wrong, replace(p, angle_rad=moved), until)
+    assert found.kind == kind
+    assert words in found.text
+    assert found.value == pytest.approx(1 / factor)
+    assert force_sign_and_unit(stage.tested, m, p, until) == []
