@@ -110,7 +110,7 @@ def _newton(bench: Bench, report: Report) -> bool:
             break
         x, e = new, e_new
     bench.turn_m |= dict(zip(REST_TARGETS, map(float, x), strict=True))
-    return bool(np.all(np.abs(e[:3]) < 2.0 * CONVERGED["rest"]))
+    return bool(np.all(np.abs(e[:3]) <= 0.25 * TOLERANCE))  # near the edge where the jack slips it gets no nearer
 
 
 def _raise_rail(bench: Bench, report: Report) -> None:
