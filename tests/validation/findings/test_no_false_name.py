@@ -81,7 +81,8 @@ def test_gain_level_delay_and_masses_are_known_causes(compared):
 def test_one_quantity_has_one_number_in_every_table(planted):
     from validation.report.tables.scores import iso_table, resolution_table, score_matrix
 
-    whole = {row[0].split(" (")[0]: row[-6] for row in score_matrix(planted).rows}
+    scores = score_matrix(planted)
+    whole = {row[0].split(" (")[0]: row[scores.head.index("all")] for row in scores.rows}
     for row in resolution_table(planted).rows:
         assert row[2] == whole[row[0]], row[0]
     overall = planted.channels.set_index("channel")["iso_overall"]
