@@ -21,7 +21,7 @@ SIMPLE = {"rivals": (), "budget": False, "suspect": False}
 class Heavy(Counting):
     """Moves the further the heavier the hammer."""
 
-    def __call__(self, action, *args, initial, **options):
+    def __call__(self, action, *args, initial, estimate_error=False, **options):
         found = super().__call__(action, *args, initial=initial, **options)
         found.angle_rad = initial.angle_rad + action["hammer.mass"] / 0.0117 * (found.angle_rad - initial.angle_rad)
         return found
