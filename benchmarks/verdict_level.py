@@ -137,7 +137,8 @@ def main() -> int:
             low, high = stats.binomtest(out, max(here, 1)).proportion_ci(0.99, "exact")
             print(
                 f"{kind:10s} {n:3d} {here:8d} {out / max(here, 1):8.3f} {low:8.3f} to {high:.3f} "
-                f"{np.median(factors):7.2f} {excess:6d} {np.mean(p):7.2f}   ({time.perf_counter() - start:.0f} s)", flush=True,
+                f"{np.median(factors):7.2f} {excess:6d} {np.mean(p):7.2f}   ({time.perf_counter() - start:.0f} s)",
+                flush=True,
             )  # fmt: skip
     low, high = stats.binomtest(rejected, max(total, 1)).proportion_ci(0.99, "exact")
     print(f"pooled: {rejected} of {total}: {rejected / max(total, 1):.3f}, 99 % interval {low:.3f} to {high:.3f}")
