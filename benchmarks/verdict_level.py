@@ -112,9 +112,8 @@ def main() -> int:
     options = parser.parse_args()
     total, rejected = 0, 0
     power = np.zeros((len(SHIFTS), 3), dtype=int)
-    print(
-        f"{'kind':10s} {'n':>3s} {'sessions':>8s} {'rejected':>8s} {'99 % interval':>18s} {'factor':>7s} {'excess':>6s}"
-    )
+    titles = f"{'kind':10s} {'n':>3s} {'sessions':>8s} {'rejected':>8s} {'99 % interval':>18s}"
+    print(f"{titles} {'factor':>7s} {'excess':>6s} {'mean p':>7s}")
     for kind in options.kinds.split(","):
         for n in map(int, options.trials.split(",")):
             start, here, out, factors, excess, p = time.perf_counter(), 0, 0, [], 0, []
