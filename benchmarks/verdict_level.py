@@ -6,7 +6,8 @@
 For every session the specimen's parameters, the force's gain, preload and delay, and the errors of the encoders are
 drawn anew from their declared standard uncertainties; its trials differ in strength and pace. ``--exact``: the
 specimen is the model, only force and sensors are drawn. ``--power``: a shift of 1 to 6 standard uncertainties is added
-to one channel of each session, over the whole window. Prints a row per cell with its 99 % interval.
+to one channel of each session, over the whole window. Prints a row per cell with its 99 % interval and the
+mean p, which is 0.5 if the level is right at every level.
 """
 
 from __future__ import annotations
@@ -111,12 +112,11 @@ def main() -> int:
     options = parser.parse_args()
     total, rejected = 0, 0
     power = np.zeros((len(SHIFTS), 3), dtype=int)
-    print(
-        f"{'kind':10s} {'n':>3s} {'sessions':>8s} {'rejected':>8s} {'99 % interval':>18s} {'factor':>7s} {'excess':>6s}"
-    )
+    titles = f"{'kind':10s} {'n':>3s} {'sessions':>8s} {'rejected':>8s} {'99 % interval':>18s}"
+    print(f"{titles} {'factor':>7s} {'excess':>6s} {'mean p':>7s}")
     for kind in options.kinds.split(","):
         for n in map(int, options.trials.split(",")):
-            start, here, out, factors, excess = time.perf_counter(), 0, 0, [], 0
+            start, here, out, factors, excess, p = time.perf_counter(), 0, 0, [], 0, []
             for k in range(options.sessions):
                 d = session_draws(kind, n, [options.seed, list(KINDS).index(kind), n, k], options.exact)
                 outcome = None if d is None else simultaneous_test(d.found, d.draws, d.floor)
@@ -124,6 +124,7 @@ def main() -> int:
                     continue
                 here, out = here + 1, out + outcome.rejected
                 factors.append(outcome.factor)
+                p.append(outcome.p)
                 excess += outcome.excess_scatter
                 for i, shift in enumerate(SHIFTS) if options.power else ():
                     for c in range(3):
@@ -135,7 +136,8 @@ def main() -> int:
             low, high = stats.binomtest(out, max(here, 1)).proportion_ci(0.99, "exact")
             print(
                 f"{kind:10s} {n:3d} {here:8d} {out / max(here, 1):8.3f} {low:8.3f} to {high:.3f} "
-                f"{np.median(factors):7.2f} {excess:6d}   ({time.perf_counter() - start:.0f} s)", flush=True,
+                f"{np.median(factors):7.2f} {excess:6d} {np.mean(p):7.2f}   ({time.perf_counter() - start:.0f} s)",
+                flush=True,
             )  # fmt: skip
     low, high = stats.binomtest(rejected, max(total, 1)).proportion_ci(0.99, "exact")
     print(f"pooled: {rejected} of {total}: {rejected / max(total, 1):.3f}, 99 % interval {low:.3f} to {high:.3f}")
