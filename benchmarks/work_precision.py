@@ -40,7 +40,6 @@ from peers.race import Entry, Row, add_ratios, race, time_at_error  # noqa: E402
 import model  # noqa: E402
 from model.integrators.methods import DEFAULT_METHOD, METHODS  # noqa: E402
 
-METHODS.update(COMPARISON)  # raced beside the methods of the package
 OUR_TOLERANCES = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9)
 PEERS: dict[str, tuple[Callable[[solvers.Task], solvers.Solver], tuple[float, ...]]] = {
     "CVODE from C": (solvers.c_cvode, (1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9)),
@@ -140,6 +139,7 @@ def parse(arguments: list[str] | None) -> argparse.Namespace:
     p.add_argument("--repeats", type=int, default=None, help="rounds of runs (default 5, quick 2)")
     p.add_argument("--out", type=Path, help="diagram (default docs/work_precision.svg for a full run)")
     p.add_argument("--json", type=Path, help="also write all rows and the machine as JSON")
+    METHODS.update(COMPARISON)  # raced beside the methods of the package, in this process only
     return p.parse_args(arguments)
 
 
