@@ -77,8 +77,8 @@ def test_an_odd_residual_is_found_only_where_the_force_does_not_explain_it(stage
         assert found.trial == 5
     assert outlying_residuals(stage.tested, trials, moved(residuals, odd, 2e-3)) == []
     m = trials[5]
-    loose = replace(m.force, force_n=1.03 * m.force.force_n, channel=replace(m.force.channel, gain_relative_u=0.01))
-    with_gain = trials | {5: replace(m, force=loose)}
+    loose = replace(m.force, channel=replace(m.force.channel, gain_relative_u=0.05))
+    with_gain = trials | {5: replace(m, force=loose)}  # its force is hardly known: nothing can be said
     assert outlying_residuals(stage.tested, with_gain, moved(residuals, odd, 0.05)) == []
 
 
