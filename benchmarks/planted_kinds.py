@@ -132,7 +132,9 @@ def _actions() -> Iterator[Fault]:
             yield Fault("let-off moved", f"{sign * mm:+g} mm", named, NONE, play=play)
     for mm in (3.6, 3.0, 1.0):
         play = {"changed": {"contact04.second.x": mm * 1e-3 / 3}}
-        yield Fault("check moved", f"{mm:g} mm", _kind("check height"), NONE, play=play)
+        yield Fault(
+            "check moved", f"{mm:g} mm", _kind("check height"), NONE, play=play, flagged=_kind("encoder return")
+        )
     for path, factor in (
         ("key.joint_friction.A", 2.0),
         ("hammer.joint_friction.A", 2.0),

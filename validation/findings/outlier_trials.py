@@ -16,6 +16,7 @@ import pandas as pd
 
 from validation.conventions import ENCODER_CHANNELS, Array
 from validation.events.definitions import EVENTS, Event
+from validation.findings.between_trials.stroke_strength import onset_u_s, sustained_force_n
 from validation.findings.finding import SessionFinding
 from validation.measurement.trial import MeasuredTrial
 from validation.statistics.common_base import on_common_base
@@ -23,8 +24,9 @@ from validation.statistics.repeatability import STANDS_OUT, distance_ratios
 
 ODD = 5.0  # times the usual departure from the median
 FAR = 0.01  # of the channel's range, root mean square
-SMALL_FORCE = 0.02  # of the peak, below which a difference explains nothing
+SMALL_FORCE = 0.02  # of the force held for 20 ms, below which a difference explains nothing
 SMALL_TIME_S = 0.5e-3
+ONSET_SIGMA = 5.0
 SCALE_EXPLAINS = 0.9  # of the squared distance
 
 
@@ -35,6 +37,7 @@ def outlying(
     events: dict[int, dict[str, Event]],
     explained: set[tuple[int, str]],
     reach: Callable[[int], float],
+    until_s: float,
 ) -> list[SessionFinding]:
     """One finding per trial that stands out in channels nothing else explains.
 
@@ -48,6 +51,8 @@ def outlying(
         (trial, channel) of faults that are named already.
     reach : callable
         How far a trial may lie off because of its force alone, over the range; asked where no reason is found.
+    until_s : float
+        Where no reason is found, only what differs until then counts: after the release differences grow of themselves.
     """
     ratios: dict[int, dict[str, float]] = {}
     scales: dict[tuple[int, str], float] = {}
@@ -59,14 +64,14 @@ def outlying(
             if ratio > STANDS_OUT and far > FAR and (number, channel) not in explained:
                 ratios.setdefault(number, {})[channel] = float(ratio)
                 scales[number, channel] = _scale(curves, j)
-                distances[number, channel] = float(far)
+                distances[number, channel] = float(_away(curves[base <= until_s])[j])
     out = []
     for number, by_channel in ratios.items():
         worst = max(by_channel, key=lambda name: by_channel[name])
         reasons = _reasons(number, measured, scales[number, worst])
         if not reasons:
             reachable = reach(number)
-            by_channel = {c: r for c, r in by_channel.items() if distances[number, c] > reachable}
+            by_channel = {c: r for c, r in by_channel.items() if distances[number, c] > max(FAR, reachable)}
             if not by_channel:  # a stroke that amplifies what is not known of its force
                 continue
             worst = max(by_channel, key=lambda name: by_channel[name])
@@ -121,9 +126,12 @@ def _reasons(number: int, measured: Sequence[MeasuredTrial], scale: float) -> li
     peak = {m.number: float(m.force.force_n.max()) for m in measured}
     onset = {m.number: m.quiet.onset_s for m in measured}
     middle = float(np.median(list(peak.values())))
-    if _odd(peak, number) and abs(peak[number] - middle) > SMALL_FORCE * middle:
+    held = {m.number: sustained_force_n(m) for m in measured}
+    usual = float(np.median(list(held.values())))
+    if _odd(held, number) and abs(held[number] - usual) > SMALL_FORCE * usual:
         reasons.append(f"its peak force is {peak[number]:.1f} N, usual are {middle:.1f} N")
-    if _odd(onset, number) and abs(onset[number] - np.median(list(onset.values()))) > SMALL_TIME_S:
+    small_s = max(SMALL_TIME_S, ONSET_SIGMA * max(onset_u_s(m) for m in measured))
+    if _odd(onset, number) and abs(onset[number] - np.median(list(onset.values()))) > small_s:
         late = 1e3 * (onset[number] - float(np.median(list(onset.values()))))
         reasons.append(f"its blow begins {abs(late):.1f} ms {'later' if late > 0 else 'earlier'} than usual")
     return reasons

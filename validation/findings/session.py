@@ -24,7 +24,7 @@ from validation.findings.pooling import left_out, sound_trials, with_and_without
 from validation.findings.regulation import check_difference_m, let_off_way_m, regulation
 from validation.findings.session_checks import dead, hum, lifts, rates, short_records, wiring
 from validation.findings.signals.encoder_return import encoder_return
-from validation.findings.signals.encoder_travel import encoder_travel, travel_ratios
+from validation.findings.signals.encoder_travel import encoder_travel, travel_of
 from validation.findings.signals.force_delay import force_delay, force_lag
 from validation.findings.signals.force_drift import force_drift
 from validation.findings.signals.force_saturation import force_saturation
@@ -109,8 +109,8 @@ def _travel(
     predicted: PredictedSession, events: SessionEvents, tested: ModelUnderTest, found: Sequence[SessionFinding]
 ) -> list[SessionFinding]:
     """Travel of the encoders between the stops, of those that nothing else is said of."""
-    ratios = {
-        m.number: travel_ratios(
+    travels = {
+        m.number: travel_of(
             m,
             predicted.predictions[m.number].model,
             events.model[m.number],
@@ -119,7 +119,7 @@ def _travel(
         for m in predicted.trials
         if not any(f.trial == m.number and f.kind in FORCE for f in found)
     }
-    return encoder_travel(ratios, [(int(f.trial), f.channel) for f in found if f.trial == f.trial])
+    return encoder_travel(travels, [(int(f.trial), f.channel) for f in found if f.trial == f.trial])
 
 
 def _regulation(
@@ -147,13 +147,14 @@ def _odd_trials(
     """Trials that stand out from the others in channels nothing else explains."""
     explained = {(int(f.trial), f.channel) for f in found if f.trial == f.trial}
     by_number = {m.number: m for m in predicted.trials}
-    window = events.window
+    release = [e["key_release"].value for e in events.trial.values() if e["key_release"].status != "absent"]
+    until = min(release, default=events.window.end_s)
 
     def reach(number: int) -> float:
-        return force_reach(tested, by_number[number], window.start_s, window.end_s)
+        return force_reach(tested, by_number[number], events.window.start_s, until)
 
     traces = scored.traces
-    return outlying(traces.base_s, traces.encoder, predicted.trials, events.trial, explained, reach)
+    return outlying(traces.base_s, traces.encoder, predicted.trials, events.trial, explained, reach, until)
 
 
 def _residuals(
@@ -165,7 +166,8 @@ def _residuals(
     lifted = {f.trial for f in found if f.kind == "key lift"}  # which explains it
     odd = [f for f in odd if f.trial not in lifted]
     rest = sound_trials(sound, odd)
-    return odd + changed_condition(residuals_of(predicted, events, rest))
+    by_number = {m.number: m for m in rest}
+    return odd + changed_condition(tested, by_number, residuals_of(predicted, events, rest))
 
 
 def _lifts(events: SessionEvents, found: Sequence[SessionFinding]) -> list[SessionFinding]:

@@ -1,8 +1,8 @@
-"""How far a trial may lie off because its force is not known better: soft strokes amplify the smallest error.
+"""How far a trial may lie off the others because its force differs by next to nothing: soft strokes amplify that.
 
-Conventions: over the range, root mean square over a stretch of time; gain and level of the force are moved together
-by three standard uncertainties, up and down, and by 0.3 % of the force at least, which is what a bench scatters from
-blow to blow. Infinite where the model cannot be run.
+Conventions: over the range, root mean square over a stretch of time. Gain and level of the force are moved together,
+up and down, by three times what they differ from trial to trial: 0.3 % of scatter of a bench's blows and the fitted
+offset; errors common to all trials do not count. Infinite where the model cannot be run.
 """
 
 from __future__ import annotations
@@ -16,8 +16,9 @@ from validation.conventions import ENCODER_BODIES, Array
 from validation.measurement.trial import MeasuredTrial
 from validation.prediction.model_under_test import ModelUnderTest
 
-FORCE_MAY = 3.0  # standard uncertainties
+MAY = 3.0  # standard deviations
 SCATTERS = 0.003  # of the force, one standard deviation
+BETWEEN = 2.0  # a stroke that may go either way goes further than two predictions show
 
 
 def force_reach(tested: ModelUnderTest, m: MeasuredTrial, start_s: float, end_s: float) -> float:
@@ -28,7 +29,7 @@ def force_reach(tested: ModelUnderTest, m: MeasuredTrial, start_s: float, end_s:
     force = m.force
     inside = (m.time_s >= max(force.time_s[0], start_s)) & (m.time_s <= min(force.time_s[-1], end_s))
     rest = tested.load(force.preload_n).rest
-    gain, level = FORCE_MAY * max(force.channel.gain_relative_u, SCATTERS), FORCE_MAY * force.u_level_n
+    gain, level = MAY * SCATTERS, MAY * force.hum.u_offset_n
 
     def angles(sense: float) -> Array:
         found = tested.simulate(
@@ -48,7 +49,7 @@ def force_reach(tested: ModelUnderTest, m: MeasuredTrial, start_s: float, end_s:
         except ModelError:
             return math.inf
         extent = np.ptp(middle, axis=0)
-        return float(np.max(np.max(moved, axis=0) / extent)) if np.all(extent > 0) else math.inf
+        return BETWEEN * float(np.max(np.max(moved, axis=0) / extent)) if np.all(extent > 0) else math.inf
 
     inputs = (tested.identity, force.time_s, force.force_n, force.preload_n, gain, level, m.time_s[inside])
     return float(tested.store.value("force reach", inputs, run))
