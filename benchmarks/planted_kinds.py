@@ -130,9 +130,11 @@ def _actions() -> Iterator[Fault]:
         for sign in (1, -1):
             play = {"changed": {"contact08.second.y": -sign * mm * 0.2e-3}}
             yield Fault("let-off moved", f"{sign * mm:+g} mm", named, NONE, play=play)
-    for mm in (9.0, 3.0, 1.0):
+    for mm in (3.6, 3.0, 1.0):
         play = {"changed": {"contact04.second.x": mm * 1e-3 / 3}}
-        yield Fault("check moved", f"{mm:g} mm", _kind("check height"), NONE, play=play)
+        yield Fault(
+            "check moved", f"{mm:g} mm", _kind("check height"), NONE, play=play, flagged=_kind("encoder return")
+        )
     for path, factor in (
         ("key.joint_friction.A", 2.0),
         ("hammer.joint_friction.A", 2.0),

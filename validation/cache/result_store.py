@@ -33,6 +33,7 @@ KINDS = (
     "events",
     "look inside",
     "force sign and unit",
+    "force reach",
     "single changes",
     "curve scores",
     "force from motion",

@@ -26,6 +26,7 @@ KINDS = (
     "film body reversed",
     "film or encoder scale",
     "encoder scale or stops",
+    "stops not reached",
     "mixed strokes",
     "changed condition",
     "regulation",

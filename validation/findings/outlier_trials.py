@@ -9,13 +9,14 @@ flagged by how far it lies from the median of the others, when that is also more
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import pandas as pd
 
 from validation.conventions import ENCODER_CHANNELS, Array
 from validation.events.definitions import EVENTS, Event
+from validation.findings.between_trials.stroke_strength import onset_u_s, sustained_force_n
 from validation.findings.finding import SessionFinding
 from validation.measurement.trial import MeasuredTrial
 from validation.statistics.common_base import on_common_base
@@ -23,8 +24,9 @@ from validation.statistics.repeatability import STANDS_OUT, distance_ratios
 
 ODD = 5.0  # times the usual departure from the median
 FAR = 0.01  # of the channel's range, root mean square
-SMALL_FORCE = 0.02  # of the peak, below which a difference explains nothing
+SMALL_FORCE = 0.02  # of the force held for 20 ms, below which a difference explains nothing
 SMALL_TIME_S = 0.5e-3
+ONSET_SIGMA = 5.0
 SCALE_EXPLAINS = 0.9  # of the squared distance
 
 
@@ -34,6 +36,8 @@ def outlying(
     measured: Sequence[MeasuredTrial],
     events: dict[int, dict[str, Event]],
     explained: set[tuple[int, str]],
+    reach: Callable[[int], float],
+    until_s: float,
 ) -> list[SessionFinding]:
     """One finding per trial that stands out in channels nothing else explains.
 
@@ -45,9 +49,14 @@ def outlying(
         Of all trials.
     explained : set
         (trial, channel) of faults that are named already.
+    reach : callable
+        How far a trial may lie off because of its force alone, over the range; asked where no reason is found.
+    until_s : float
+        Where no reason is found, only what differs until then counts: after the release differences grow of themselves.
     """
     ratios: dict[int, dict[str, float]] = {}
     scales: dict[tuple[int, str], float] = {}
+    distances: dict[tuple[int, str], float] = {}
     for channel in ENCODER_CHANNELS:
         curves = on_common_base(base, traces, f"{channel}_measured_rad")
         away = _away(curves)
@@ -55,11 +64,19 @@ def outlying(
             if ratio > STANDS_OUT and far > FAR and (number, channel) not in explained:
                 ratios.setdefault(number, {})[channel] = float(ratio)
                 scales[number, channel] = _scale(curves, j)
+                distances[number, channel] = float(_away(curves[base <= until_s])[j])
     out = []
     for number, by_channel in ratios.items():
         worst = max(by_channel, key=lambda name: by_channel[name])
+        reasons = _reasons(number, measured, scales[number, worst])
+        if not reasons:
+            reachable = reach(number)
+            by_channel = {c: r for c, r in by_channel.items() if distances[number, c] > max(FAR, reachable)}
+            if not by_channel:  # a stroke that amplifies what is not known of its force
+                continue
+            worst = max(by_channel, key=lambda name: by_channel[name])
         others = f" (also {', '.join(c for c in by_channel if c != worst)})" if len(by_channel) > 1 else ""
-        why = _reason(number, measured, events, scales[number, worst])
+        why = "; ".join([*reasons, *_odd_events(number, events)]) or "no reason found in its force or its events"
         text = (
             f"trial {number} stands out in {worst}{others}: {by_channel[worst]:.1f} times as far from the others as is "
             f"usual; {why}; it is kept, annotate it to leave it out"
@@ -88,11 +105,9 @@ def _scale(curves: Array, j: int) -> float:
     return factor if left < 1 - SCALE_EXPLAINS else float("nan")
 
 
-def _reason(number: int, measured: Sequence[MeasuredTrial], events: dict[int, dict[str, Event]], scale: float) -> str:
-    """What is odd about a trial's readings, its blow or its events."""
+def _odd_events(number: int, events: dict[int, dict[str, Event]]) -> list[str]:
+    """Events that happen, or do not, in this trial only."""
     reasons = []
-    if np.isfinite(scale):
-        reasons.append(f"its readings are {scale:.3f} times the usual ones all the way: look for a wrong scale")
     for name, kind in EVENTS.items():
         there = {n: e[name].status != "absent" for n, e in events.items()}
         same = sum(v == there[number] for v in there.values())
@@ -100,15 +115,26 @@ def _reason(number: int, measured: Sequence[MeasuredTrial], events: dict[int, di
             reasons.append(
                 f"{kind.title.lower()} {'happens' if there[number] else 'does not happen'} in this trial only"
             )
+    return reasons
+
+
+def _reasons(number: int, measured: Sequence[MeasuredTrial], scale: float) -> list[str]:
+    """What is odd about a trial's readings or its blow."""
+    reasons = []
+    if np.isfinite(scale):
+        reasons.append(f"its readings are {scale:.3f} times the usual ones all the way: look for a wrong scale")
     peak = {m.number: float(m.force.force_n.max()) for m in measured}
     onset = {m.number: m.quiet.onset_s for m in measured}
     middle = float(np.median(list(peak.values())))
-    if _odd(peak, number) and abs(peak[number] - middle) > SMALL_FORCE * middle:
+    held = {m.number: sustained_force_n(m) for m in measured}
+    usual = float(np.median(list(held.values())))
+    if _odd(held, number) and abs(held[number] - usual) > SMALL_FORCE * usual:
         reasons.append(f"its peak force is {peak[number]:.1f} N, usual are {middle:.1f} N")
-    if _odd(onset, number) and abs(onset[number] - np.median(list(onset.values()))) > SMALL_TIME_S:
+    small_s = max(SMALL_TIME_S, ONSET_SIGMA * max(onset_u_s(m) for m in measured))
+    if _odd(onset, number) and abs(onset[number] - np.median(list(onset.values()))) > small_s:
         late = 1e3 * (onset[number] - float(np.median(list(onset.values()))))
         reasons.append(f"its blow begins {abs(late):.1f} ms {'later' if late > 0 else 'earlier'} than usual")
-    return "; ".join(reasons) if reasons else "no reason found in its force or its events"
+    return reasons
 
 
 def _odd(values: dict[int, float], number: int) -> bool:

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from validation.events.session import SessionEvents
 from validation.findings.between_trials.changed_condition import changed_condition
 from validation.findings.between_trials.duplicates import duplicates
+from validation.findings.between_trials.force_reach import force_reach
 from validation.findings.between_trials.mixed_strokes import mixed_strokes
 from validation.findings.between_trials.outlying_residuals import outlying_residuals
 from validation.findings.between_trials.residuals import residuals_of
@@ -23,7 +24,7 @@ from validation.findings.pooling import left_out, sound_trials, with_and_without
 from validation.findings.regulation import check_difference_m, let_off_way_m, regulation
 from validation.findings.session_checks import dead, hum, lifts, rates, short_records, wiring
 from validation.findings.signals.encoder_return import encoder_return
-from validation.findings.signals.encoder_travel import encoder_travel, travel_ratios
+from validation.findings.signals.encoder_travel import encoder_travel, travel_of
 from validation.findings.signals.force_delay import force_delay, force_lag
 from validation.findings.signals.force_drift import force_drift
 from validation.findings.signals.force_saturation import force_saturation
@@ -60,15 +61,16 @@ def find_faults(
     trials, traces = predicted.trials, scored.traces
     found = rates(trials) + short_records(trials) + duplicates(trials)
     found += _single_trials(predicted, events, tested, search_changes)
-    found += _travel(predicted, events, tested, found)
-    found += _regulation(predicted, events, tested, found)
+    travel = _travel(predicted, events, tested, found)
+    let_off = _regulation(predicted, events, tested, [*found, *travel])
+    if any(f.kind == "regulation" for f in let_off):  # the button also stops the whippen
+        travel = [f for f in travel if (f.kind, f.channel) != ("encoder scale or stops", "whippen")]
+    found += travel + let_off
     found += mixed_strokes(trials)
-    parted = any(f.kind == "mixed strokes" for f in found)
-    explained = {(int(f.trial), f.channel) for f in found if f.trial == f.trial}
-    if not parted:
-        found += outlying(traces.base_s, traces.encoder, trials, events.trial, explained)
-        found += _residuals(predicted, events, tested, found)
     found += _lifts(events, found)
+    if not any(f.kind == "mixed strokes" for f in found):
+        found += _odd_trials(predicted, events, scored, tested, found)
+        found += _residuals(predicted, events, tested, found)
     sound = sound_trials(trials, found)
     changes: list[SingleChange] = []
     if sound and search_changes:
@@ -112,8 +114,8 @@ def _travel(
     predicted: PredictedSession, events: SessionEvents, tested: ModelUnderTest, found: Sequence[SessionFinding]
 ) -> list[SessionFinding]:
     """Travel of the encoders between the stops, of those that nothing else is said of."""
-    ratios = {
-        m.number: travel_ratios(
+    travels = {
+        m.number: travel_of(
             m,
             predicted.predictions[m.number].model,
             events.model[m.number],
@@ -122,7 +124,7 @@ def _travel(
         for m in predicted.trials
         if not any(f.trial == m.number and f.kind in FORCE for f in found)
     }
-    return encoder_travel(ratios, [(int(f.trial), f.channel) for f in found if f.trial == f.trial])
+    return encoder_travel(travels, [(int(f.trial), f.channel) for f in found if f.trial == f.trial])
 
 
 def _regulation(
@@ -140,14 +142,37 @@ def _regulation(
     return regulation(let_off, check)
 
 
+def _odd_trials(
+    predicted: PredictedSession,
+    events: SessionEvents,
+    scored: ScoredSession,
+    tested: ModelUnderTest,
+    found: Sequence[SessionFinding],
+) -> list[SessionFinding]:
+    """Trials that stand out from the others in channels nothing else explains."""
+    explained = {(int(f.trial), f.channel) for f in found if f.trial == f.trial}
+    by_number = {m.number: m for m in predicted.trials}
+    release = [e["key_release"].value for e in events.trial.values() if e["key_release"].status != "absent"]
+    until = min(release, default=events.window.end_s)
+
+    def reach(number: int) -> float:
+        return force_reach(tested, by_number[number], events.window.start_s, until)
+
+    traces = scored.traces
+    return outlying(traces.base_s, traces.encoder, predicted.trials, events.trial, explained, reach, until)
+
+
 def _residuals(
     predicted: PredictedSession, events: SessionEvents, tested: ModelUnderTest, found: Sequence[SessionFinding]
 ) -> list[SessionFinding]:
     """What only the model finds odd: one trial, or all from one on."""
     sound: list[MeasuredTrial] = sound_trials(predicted.trials, found)
     odd = outlying_residuals(tested, {m.number: m for m in sound}, residuals_of(predicted, events, sound))
+    lifted = {f.trial for f in found if f.kind == "key lift"}  # which explains it
+    odd = [f for f in odd if f.trial not in lifted]
     rest = sound_trials(sound, odd)
-    return odd + changed_condition(residuals_of(predicted, events, rest))
+    by_number = {m.number: m for m in rest}
+    return odd + changed_condition(tested, by_number, residuals_of(predicted, events, rest))
 
 
 def _lifts(events: SessionEvents, found: Sequence[SessionFinding]) -> list[SessionFinding]:
@@ -156,4 +181,5 @@ def _lifts(events: SessionEvents, found: Sequence[SessionFinding]) -> list[Sessi
     if scaled or any(f.kind in ("regulation", "force delay") for f in found if f.trial != f.trial):
         return []
     broken = {f.trial for f in found if f.kind in ("encoder return", "stuck bit", *WIRING, *FORCE)}
-    return lifts({number: x for number, x in events.lifts.items() if number not in broken})
+    release = {number: e["key_release"].value for number, e in events.trial.items()}
+    return lifts({number: x for number, x in events.lifts.items() if number not in broken}, release)

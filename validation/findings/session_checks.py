@@ -19,6 +19,7 @@ from validation.measurement.trial import MeasuredTrial
 from validation.prediction.trial_prediction import PredictedAngles
 
 HUM_N = 0.1
+LIFT_LATE_M = 0.15e-3  # as stated, which is some 70 % of the true lift
 RATE_RELATIVE = 1e-4
 SHORT_S = 0.02
 SHORT_SHARE = 0.1
@@ -115,10 +116,11 @@ def short_records(measured: Sequence[MeasuredTrial]) -> list[SessionFinding]:
     ]
 
 
-def lifts(by_trial: Mapping[int, Sequence[KeyLift]]) -> list[SessionFinding]:
-    """The largest lift of each trial that has one."""
+def lifts(by_trial: Mapping[int, Sequence[KeyLift]], release_s: Mapping[int, float]) -> list[SessionFinding]:
+    """The largest lift of each trial that has one; after the release the model's timing tells large ones only."""
     out = []
-    for number, found in by_trial.items():
+    for number, every in by_trial.items():
+        found = [x for x in every if x.lift_m > LIFT_LATE_M or not x.start_s > release_s[number]]
         if not found:
             continue
         worst = max(found, key=lambda x: x.gap_m)

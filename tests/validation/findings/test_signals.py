@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from validation.findings.signals.encoder_return import encoder_return
-from validation.findings.signals.encoder_travel import encoder_travel, travel_ratios
+from validation.findings.signals.encoder_travel import Travel, encoder_travel, travel_of
 from validation.findings.signals.force_delay import force_delay, force_lag
 from validation.findings.signals.force_drift import force_drift
 from validation.findings.signals.force_saturation import force_saturation
@@ -28,7 +28,7 @@ def travels(stage, factor, column):
     scale = np.ones(3)
     scale[column] = factor
     return {
-        m.number: travel_ratios(
+        m.number: travel_of(
             with_change(m, m.change_rad * scale),
             stage.predictions(m.number),
             stage.events.model[m.number],
@@ -40,8 +40,9 @@ def travels(stage, factor, column):
 
 @pytest.mark.parametrize("column, name", list(enumerate(("key", "whippen", "hammer"))))
 def test_a_wrong_scale_is_told_by_the_stops(stage, column, name):
-    clean = np.array(list(travels(stage, 1.0, column).values()))
-    assert np.abs(clean - 1).max() < 0.01  # what the stated detectability of 4 % rests on
+    clean = travels(stage, 1.0, column).values()
+    assert max(np.abs(t.ratio - 1).max() for t in clean) < 0.01  # what the stated detectability of 5 % rests on
+    assert max(abs(t.lever - 1) for t in clean) < 0.01
     for factor, words in ((0.25, "decoded × 1"), (0.5, "decoded × 2"), (4.0, "decoded × 4")):
         found = encoder_travel(travels(stage, factor, column))
         assert kinds(found) == 6 * [("encoder scale", name)]
@@ -51,10 +52,32 @@ def test_a_wrong_scale_is_told_by_the_stops(stage, column, name):
     assert encoder_travel(travels(stage, 1.02, column)) == []
 
 
-def test_a_scale_is_not_judged_where_the_channel_is_wired_wrong_or_the_stops_are_not_reached(stage):
+def test_a_scale_is_not_judged_where_something_else_is_said_of_the_channel(stage):
     ratios = travels(stage, 4.0, 0)
     assert encoder_travel(ratios, [(n, "key") for n in ratios]) == []
-    assert encoder_travel({n: np.full(3, np.nan) for n in ratios}) == []
+
+
+def travel(key=np.nan, whippen=np.nan, hammer=np.nan, lever=1.0, *, held=True):
+    return Travel(np.array([key, whippen, hammer]), lever, held)
+
+
+def test_strokes_that_reach_no_stop_tell_a_lever_but_not_of_which_encoder():
+    assert encoder_travel(dict.fromkeys(range(1, 7), travel())) == []
+    (found,) = encoder_travel(dict.fromkeys(range(1, 7), travel(lever=0.25)))
+    assert found.kind == "encoder scale or stops"
+    assert "one of them is wrong" in found.text
+    some = dict.fromkeys(range(1, 6), travel(lever=4.0)) | {6: travel(0.25, 1.0, lever=4.0)}
+    assert kinds(encoder_travel(some)) == 6 * [("encoder scale", "key")]  # one that did tells for all
+
+
+def test_key_and_whippen_alike_are_no_scale():
+    blocked = dict.fromkeys((1, 2, 3), travel(0.06, 0.06))
+    assert kinds(encoder_travel(blocked)) == 3 * [("stops not reached", "key")]
+    deeper = dict.fromkeys((1, 2, 3), travel(1.08, 1.08))
+    (found,) = encoder_travel(deeper)
+    assert "key dip is not that of the model" in found.text
+    soft = dict.fromkeys((1, 2, 3), travel(0.92, 0.92, held=False))  # it may just not have gone there
+    assert encoder_travel(soft) == []
 
 
 @pytest.mark.parametrize("column, name", list(enumerate(("key", "whippen", "hammer"))))

@@ -2,17 +2,23 @@
 
 Conventions: residuals as in `residuals`; for each place between two trials, the distance of the two means over the
 scatter within both parts, in its standard deviation. Named from seven such deviations and 0.5 % of the range, with six
-trials or more and two on each side; strokes without faults stay below three. What changed cannot be told: bench, force
+trials or more and two on each side,
+and only beyond what the scatter of the blows may do (`force_reach`). What changed cannot be told: bench, force
 channel and action look alike here.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from validation.conventions import Array
+from validation.findings.between_trials.force_reach import force_reach
 from validation.findings.between_trials.residuals import Residuals
 from validation.findings.finding import SessionFinding
+from validation.measurement.trial import MeasuredTrial
+from validation.prediction.model_under_test import ModelUnderTest
 
 FEWEST_TRIALS = 6
 FEWEST_IN_PART = 2
@@ -20,7 +26,9 @@ DEVIATIONS = 7.0
 LEAST = 0.005  # of the range
 
 
-def changed_condition(residuals: Residuals) -> list[SessionFinding]:
+def changed_condition(
+    tested: ModelUnderTest, trials: Mapping[int, MeasuredTrial], residuals: Residuals
+) -> list[SessionFinding]:
     """The place at which the residuals change, if there is one."""
     n = len(residuals.numbers)
     if n < FEWEST_TRIALS or residuals.numbers != tuple(sorted(residuals.numbers)):
@@ -35,6 +43,9 @@ def changed_condition(residuals: Residuals) -> list[SessionFinding]:
     if deviations < DEVIATIONS:
         return []
     last, first = residuals.numbers[k - 1], residuals.numbers[k]
+    span = residuals.start_s, residuals.until_s
+    if apart <= max(force_reach(tested, trials[number], *span) for number in (last, first)):
+        return []
     text = (
         f"something changed between trial {last} and trial {first}: the difference from the model in {channel} moves "
         f"by "

@@ -1,8 +1,9 @@
 """Mixed strokes: the forces of a session fall into two kinds, which have no common repeatability.
 
-Conventions: largest force and impulse of each stroke, on a logarithmic scale. Two kinds are named when the widest gap
-between neighbours is more than 25 % and four times the spread within either kind, with two trials or more in each; a
-single odd trial is left to `validation.findings.outlier_trials`. Not detectable with fewer than four trials.
+Conventions: force held for 20 ms and impulse of each stroke, on a logarithmic scale. Two kinds are named when the
+widest gap between neighbours is more than 25 % and four times the spread within either kind, with two trials or more
+in each; a single odd trial is left to `validation.findings.outlier_trials`. Not detectable with fewer than four
+trials.
 """
 
 from __future__ import annotations
@@ -12,10 +13,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from validation.conventions import Array
+from validation.findings.between_trials.stroke_strength import impulse_n_s, sustained_force_n
 from validation.findings.finding import SessionFinding
 from validation.measurement.trial import MeasuredTrial
 
 APART = 1.25
+ALSO = 1.05
 OVER_SPREAD = 4.0
 FEWEST = 2
 
@@ -25,30 +28,28 @@ def mixed_strokes(trials: Sequence[MeasuredTrial]) -> list[SessionFinding]:
     if len(trials) < 2 * FEWEST:
         return []
     numbers = [m.number for m in trials]
-    for words, unit, values in (
-        ("largest force", "N", np.array([float(m.force.force_n.max()) for m in trials])),
-        ("impulse", "N s", np.array([_impulse(m) for m in trials])),
+    impulse = np.array([impulse_n_s(m) for m in trials])
+    held = np.array([sustained_force_n(m) for m in trials])
+    for words, unit, values, other in (
+        ("force held for 20 ms", "N", held, impulse),
+        ("impulse", "N s", impulse, held),
     ):
         split = _split(values)
         if split is None:
             continue
-        weak, strong = ([numbers[i] for i in np.flatnonzero(values < split)] for values in (values, -values))
-        strong = [n for n in numbers if n not in weak]
-        ratio = float(np.median(values[values >= split]) / np.median(values[values < split]))
+        weak = values < split
+        # the action has a part in the one quantity or the other, a stroke of another kind in both
+        if abs(np.log(np.median(other[weak]) / np.median(other[~weak]))) < np.log(ALSO):
+            continue
+        low, high = float(np.median(values[weak])), float(np.median(values[~weak]))
+        named = [", ".join(str(numbers[i]) for i in np.flatnonzero(part)) for part in (weak, ~weak)]
         text = (
-            f"two kinds of stroke: {words} {np.median(values[values < split]):.3g} {unit} in trials "
-            f"{', '.join(map(str, weak))} and {np.median(values[values >= split]):.3g} {unit} in trials "
-            f"{', '.join(map(str, strong))}; they have no common repeatability, validate them apart (conditions of "
-            f"the trial "
-            "plan, or pianorig annotate)"
+            f"two kinds of stroke: {words} {low:.3g} {unit} in trials {named[0]} and {high:.3g} {unit} in trials "
+            f"{named[1]}; they have no common repeatability, validate them apart (conditions of the trial plan, or "
+            "pianorig annotate)"
         )
-        return [SessionFinding("mixed strokes", float("nan"), "force", ratio, APART, text)]
+        return [SessionFinding("mixed strokes", float("nan"), "force", high / low, APART, text)]
     return []
-
-
-def _impulse(m: MeasuredTrial) -> float:
-    step = np.gradient(m.force.time_s)
-    return float(np.sum(step * np.maximum(m.force.force_n - m.force.preload_n, 0.0)))
 
 
 def _split(values: Array) -> float | None:

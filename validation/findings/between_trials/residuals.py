@@ -19,10 +19,11 @@ from validation.prediction.session import PredictedSession
 
 @dataclass(frozen=True)
 class Residuals:
-    """Residuals over the range of the channel, by channel (n_samples, n_trials), and the trials' numbers."""
+    """Residuals over the range of the channel, by channel (n_samples, n_trials); numbers of the trials."""
 
     numbers: tuple[int, ...]
     by_channel: dict[str, Array]
+    start_s: float
     until_s: float
 
 
@@ -30,7 +31,7 @@ def residuals_of(predicted: PredictedSession, events: SessionEvents, trials: Seq
     """Residuals of some of the trials."""
     release = [events.trial[m.number]["key_release"] for m in trials]
     until = min((e.value for e in release if e.status != "absent"), default=events.window.end_s)
-    by_channel = {}
+    by_channel: dict[str, Array] = {}
     if trials:
         time = trials[0].time_s
         base = time[(time >= events.window.start_s) & (time <= until)]
@@ -44,4 +45,4 @@ def residuals_of(predicted: PredictedSession, events: SessionEvents, trials: Seq
             values = values[np.isfinite(values).all(axis=1)]
             if extent > 0 and len(values) > 1:
                 by_channel[name] = values / extent
-    return Residuals(tuple(m.number for m in trials), by_channel, float(until))
+    return Residuals(tuple(m.number for m in trials), by_channel, events.window.start_s, float(until))

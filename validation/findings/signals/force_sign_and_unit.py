@@ -22,6 +22,7 @@ from validation.prediction.trial_prediction import PredictedAngles
 
 MISSED = 0.3  # of the motion
 LEAVES = 0.4  # of the error
+STILL_MISSES = 0.7  # of the motion: more is no explanation
 LARGEST_N = 500.0  # beyond any stroke
 # what the recorded force would have to be multiplied by, and the mistake that makes it so
 FACTORS = {
@@ -88,7 +89,7 @@ def _search(
             continue
         change = np.asarray(run.angle_rad, dtype=float) - np.asarray(rest.angle_rad, dtype=float)
         by_body = _errors(change[:, ENCODER_BODIES], m.change_rad[inside], size)
-        if np.all(by_body < LEAVES * errors):
+        if np.all(by_body < np.minimum(LEAVES * errors, STILL_MISSES)):
             left[factor] = float(np.sqrt(np.mean(by_body**2)))
     order = sorted(left, key=lambda factor: left[factor])
     if not order:
