@@ -66,13 +66,15 @@ class Capabilities:
 class Timing:
     """What the device really does: rates after coercion, s and Hz; camera fields are None without a camera.
 
-    ``first_pulse_s`` is the rising edge of the first frame pulse after the start trigger.
+    ``first_pulse_s`` is the rising edge of the first frame pulse after the start trigger. ``shortest_block_s`` is the
+    shortest block the connection keeps up with; 0 where ``recording.block_s`` will do.
     """
 
     sample_rate_hz: float
     force_group_delay_s: float
     frame_rate_hz: float | None = None
     first_pulse_s: float | None = None
+    shortest_block_s: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,6 +91,19 @@ class Block:
     encoder_count: NDArray[np.int64]
     exposure_count: NDArray[np.int64] | None = None
     channel_values: NDArray[np.float64] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Expiry:
+    """What was read while a watchdog was left to expire.
+
+    ``blocks`` were read; in number ``tripped`` of them, counted from 0, it had expired (None: never). ``locked``: the
+    device has ended every task with it, so that nothing shows what its outputs did.
+    """
+
+    blocks: list[Block]
+    tripped: int | None
+    locked: bool = False
 
 
 class Backend(Protocol):

@@ -10,12 +10,13 @@ import nidaqmx
 import numpy as np
 from nidaqmx.stream_readers import AnalogSingleChannelReader
 
-from rig.backend import Block
+from rig.backend import Block, Expiry
 from rig.configuration.rig_file import RigConfig
 from rig.daq import analog_inputs, tasks
 from rig.daq.faults import translated
 from rig.daq.safe_outputs import SafeOutputs
 from rig.daq.watchdog import Watchdog
+from rig.errors import HardwareFault
 
 SHUNT_S = 0.4
 READ_TIMEOUT_S = 5.0
@@ -82,7 +83,8 @@ class BenchChecks:
             try:
                 motor = tasks.motor_task(self._check_task, config)
                 made.append(motor)
-                tasks.load_command(motor, config, command_v)
+                tasks.prepare_command(motor, config, command_v.size)
+                tasks.load_command(motor, command_v)
                 loop = analog_inputs.voltage_task(self._check_task, config, channel)
                 made.append(loop)
                 motor.start()
@@ -94,13 +96,24 @@ class BenchChecks:
                 self._outputs.put_motor_at_zero(config)
         return values
 
-    def let_watchdog_expire(self, n_samples: int, blocks: int) -> tuple[list[Block], int | None]:
-        """Read without resetting the watchdog; return the blocks, and in which of them it expired (None: never)."""
+    def let_watchdog_expire(self, n_samples: int, blocks: int) -> Expiry:
+        """Read without resetting the watchdog, at most ``blocks`` blocks; a chassis gives none after its expiration.
+
+        The bench is then stopped by ``safe_stop``, which resets a device whose watchdog has expired.
+        """
         read: list[Block] = []
         tripped: int | None = None
         for index in range(blocks):
-            read.append(self._read_inputs(n_samples, READ_TIMEOUT_S))
-            if tripped is None and self._watchdog is not None:
-                with translated("read", "watchdog"):
-                    tripped = index if self._watchdog.expired else None
-        return read, tripped
+            try:
+                read.append(self._read_inputs(n_samples, READ_TIMEOUT_S))
+            except HardwareFault:
+                if not self._expired():
+                    raise
+                return Expiry(read, index if tripped is None else tripped, locked=True)
+            if tripped is None and self._expired():
+                tripped = index
+        return Expiry(read, tripped)
+
+    def _expired(self) -> bool:
+        with translated("read", "watchdog"):
+            return self._watchdog is not None and self._watchdog.expired

@@ -24,6 +24,7 @@ from rig.errors import (
     WatchdogTripped,
 )
 
+TRIPPED = "the watchdog has tripped: the device has made safe the outputs it reaches; the program was too slow"
 _FAULT_OF_CODE: dict[int, tuple[type[HardwareFault], str]] = {
     -200279: (SamplesLost, "samples were overwritten before they were read"),
     -200222: (SamplesLost, "samples were overwritten on the device before they were read"),
@@ -38,8 +39,7 @@ _FAULT_OF_CODE: dict[int, tuple[type[HardwareFault], str]] = {
     -200220: (DeviceNotFound, "no such device; compare device.name of the rig file with NI MAX"),
     -201003: (DeviceNotFound, "the device cannot be reached; check power and cable"),
     -88705: (DeviceNotFound, "the device is gone; check power and cable"),
-    -200644: (WatchdogTripped, "the watchdog has tripped: motor at 0 V, drive disabled; the program was too slow"),
-    -200678: (WatchdogTripped, "the watchdog has tripped: motor at 0 V, drive disabled; the program was too slow"),
+    **dict.fromkeys((-200644, -200678, -201478, -201434, -200681, -200712), (WatchdogTripped, TRIPPED)),
     -200170: (NotSupported, "no such channel; compare the rig file with the modules in the chassis"),
     -200431: (
         NotSupported,

@@ -1,39 +1,35 @@
 """The backend contract (:mod:`rig.backend`) on NI-DAQmx: one set of tasks for all trials, slaves before the master.
 
-Between trials the tasks reserve nothing; after a fault all are cleared and made again. Every way out ends at 0 V.
-Software is the second safety layer only: the drive's own torque limit, hard stops and emergency stop are the first.
+Between trials the tasks reserve nothing; after a fault all are cleared and made again. The device is reset before the
+first trial and after its watchdog has tripped. Every way out ends at 0 V. Software is the second safety layer only: the
+drive's own torque limit, hard stops and emergency stop are the first.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from functools import partial
+from dataclasses import replace
 from importlib.metadata import version
 
 import grpc
-import nidaqmx
 import numpy as np
-from nidaqmx import GrpcSessionOptions
 from nidaqmx.constants import TaskMode
-from nidaqmx.grpc_session_options import SessionInitializationBehavior
 from nidaqmx.system import Device
 from numpy.typing import NDArray
 
 from rig.backend import Backend, Block, Capabilities, Timing
 from rig.configuration.rig_file import RigConfig
-from rig.daq import analog_inputs, read_samples, tasks
+from rig.daq import analog_inputs, call_delay, read_samples, tasks
 from rig.daq.bench_checks import BenchChecks
 from rig.daq.faults import translated
-from rig.daq.safe_outputs import SafeOutputs
-from rig.daq.task_set import TaskSet
+from rig.daq.safe_bench import SafeBench
+from rig.daq.safing import worst
 from rig.daq.watchdog import Watchdog
 from rig.errors import HardwareFault, RigInputError
 
 CLIENT_VERSION = version("nidaqmx")
 
 
-class NidaqmxBackend(BenchChecks, Backend):
+class NidaqmxBackend(SafeBench, BenchChecks, Backend):
     """Acquisition on NI-DAQmx; what only a self-test needs is in :mod:`rig.daq.bench_checks`.
 
     Parameters
@@ -46,20 +42,12 @@ class NidaqmxBackend(BenchChecks, Backend):
     """
 
     def __init__(self, channel: grpc.Channel | None, *, name: str) -> None:
-        self._channel = channel
+        super().__init__(channel)
         self._name = name
         self._simulated, self._product = False, "unknown"
-        self._config: RigConfig | None = None
-        self._tasks = TaskSet(self._new_task)
-        self._outputs = SafeOutputs(self._new_task)
-        self._watchdog: Watchdog | None = None
-        self._timing: Timing | None = None
-        """Timing of the tasks as made; None unless all of them exist."""
-        self._live = False
-        """Configured, and not stopped since."""
-        self._safe = True
-        """Both outputs accepted their safe state when it was last written."""
         self._next_sample = 0
+        self._generating = False
+        """The motor's command has not ended yet, as far as is known."""
 
     @property
     def capabilities(self) -> Capabilities:
@@ -78,22 +66,13 @@ class NidaqmxBackend(BenchChecks, Backend):
             When the driver, server or device does not answer.
         """
         name = config.device.name
-        options = None if self._channel is None else GrpcSessionOptions(self._channel, "")
         with translated("connect", f"device {name}"):
-            device = Device(name, grpc_options=options)
+            device = Device(name, grpc_options=self._options())
             self._product, self._simulated = str(device.product_type), bool(device.is_simulated)
         if self._product != config.device.product:
             raise RigInputError(
                 f"device.product = {config.device.product!r}: device {name} is a {self._product}; correct the rig file"
             )
-
-    def _new_task(self, name: str) -> nidaqmx.Task:
-        if self._channel is None:
-            return nidaqmx.Task(name)
-        behavior = SessionInitializationBehavior.INITIALIZE_SERVER_SESSION
-        return nidaqmx.Task(
-            name, grpc_options=GrpcSessionOptions(self._channel, name, initialization_behavior=behavior)
-        )
 
     def configure(self, config: RigConfig, command_v: NDArray[np.float64]) -> Timing:
         """Put the outputs in their safe state, reserve every channel, load the motor command."""
@@ -104,23 +83,43 @@ class NidaqmxBackend(BenchChecks, Backend):
             self._clear()
         self._config = config
         with self._safe_on_failure():
-            failures: list[BaseException] = []
-            self._outputs_safe("configure", failures)
-            if failures:
-                raise failures[0]
+            shortest_s = self._begin_safely(config)
             self._live = True
+            # all that takes calls comes before the watchdog starts: no task is reserved by it, as a chassis demands
+            timing = self._timing = replace(self._timing or self._make_tasks(config), shortest_block_s=shortest_s)
+            with translated("configure", config.motor.channel):
+                tasks.prepare_command(self._tasks[tasks.MOTOR], config, command_v.size)
             if config.watchdog is not None:
                 with translated("configure", "watchdog"):
                     self._watchdog = self._watchdog or Watchdog(self._channel, config)
                     self._watchdog.start()
-            timing = self._timing = self._timing or self._make_tasks(config)
+                    self._reset_watchdog()
             with translated("configure", config.motor.channel):
-                tasks.load_command(self._tasks[tasks.MOTOR], config, command_v)
+                tasks.load_command(self._tasks[tasks.MOTOR], command_v)
             for name in self._tasks:
                 with translated("configure", name):
                     self._reset_watchdog()
                     self._tasks[name].control(TaskMode.TASK_COMMIT)
         return timing
+
+    def _begin_safely(self, config: RigConfig) -> float:
+        """Put the outputs in their safe state, reset the device if that was not done yet, refuse a slow connection.
+
+        Returns the shortest block the connection keeps up with, s.
+        """
+        failures: list[BaseException] = []
+        self._outputs_safe("configure", failures)
+        if failures:
+            raise worst(failures)
+        if not self._was_reset:
+            self._reset_device("configure")
+            self._outputs_safe("configure", failures)
+            if failures:
+                raise worst(failures)
+        with translated("configure", f"device {config.device.name}"):
+            device = Device(config.device.name, grpc_options=self._options())
+            delay = call_delay.measure(lambda: device.is_simulated, self._now_s)
+        return call_delay.shortest_block_s(config, delay)
 
     def _make_tasks(self, config: RigConfig) -> Timing:
         """Make every task of the rig file; nothing is reserved yet."""
@@ -155,8 +154,10 @@ class NidaqmxBackend(BenchChecks, Backend):
                     with translated("arm", name):
                         self._reset_watchdog()
                         self._tasks[name].start()
+            self._generating = True
             if config.drive_enable is not None and enable_drive:
                 with translated("arm", config.drive_enable.line):
+                    self._reset_watchdog()
                     self._outputs.enable_drive(config.drive_enable.line, True)
 
     def start(self) -> None:
@@ -168,13 +169,14 @@ class NidaqmxBackend(BenchChecks, Backend):
             self._tasks[analog_inputs.MASTER].start()
 
     def read_block(self, n_samples: int, timeout_s: float) -> Block:
-        """Read the next samples; on a fault the outputs are made safe first. Each call resets the watchdog."""
-        self._ready()
+        """Read the next samples; on a fault the outputs are made safe first. The watchdog is reset as needed."""
+        config = self._ready()
         with self._safe_on_failure():
             with translated("read", "watchdog"):
-                self._reset_watchdog()
-            with translated("read", tasks.MOTOR):
-                self._tasks[tasks.MOTOR].is_task_done()  # raises if the generation has failed
+                self._reset_watchdog(at_least_every_s=call_delay.reset_interval_s(config))
+            if self._generating:
+                with translated("read", tasks.MOTOR):  # raises if the generation has failed
+                    self._generating = not self._tasks[tasks.MOTOR].is_task_done()
             return self._read_inputs(n_samples, timeout_s)
 
     def _read_inputs(self, n_samples: int, timeout_s: float) -> Block:
@@ -186,102 +188,19 @@ class NidaqmxBackend(BenchChecks, Backend):
         """Samples per channel that each input task has handed out and acquired since its start, by the driver."""
         return read_samples.positions(self._tasks, self._ready())
 
-    def safe_stop(self) -> None:
-        """Stop all, motor at 0 V, drive disabled; each step is tried, then the first failure raised.
-
-        The tasks stay for the next trial, unreserved, unless a step has failed. Where an output could not be written
-        the watchdog is left to expire: the device then makes it safe.
-        """
-        failures: list[BaseException] = []
-        self._live = False
-        self._unreserve(tasks.MOTOR, failures)
-        if self._watchdog is not None:
-            _attempt(self._watchdog.release_outputs, [])  # if the outputs stay locked, the next step reports it
-        self._outputs_safe("stop", failures)
-        for name in self._tasks:
-            self._unreserve(name, failures)
-        if self._watchdog is not None and self._safe and not _attempt(self._watchdog.stop, []):
-            self._close_watchdog()  # last: until here it watches over the steps above
-        if failures:
-            self._clear()
-            raise failures[0]
-
     def close(self) -> None:
         """Stop safely and close the connection."""
         try:
             self.safe_stop()
         finally:
             self._clear()
-            self._config = None
+            if self._watchdog is not None:
+                self._watchdog.leave_running()
+            self._watchdog = self._config = None
             if self._channel is not None:
                 self._channel.close()
-
-    @contextmanager
-    def _safe_on_failure(self) -> Iterator[None]:
-        """Make the bench safe when the block fails; its own fault is reported, and no task is used again."""
-        try:
-            yield
-        except BaseException:
-            _attempt(self.safe_stop, [])
-            self._clear()
-            raise
-
-    def _clear(self) -> None:
-        """Clear all tasks; the next trial makes them again."""
-        self._timing = None
-        for name in self._tasks:
-            _attempt(partial(self._tasks.clear, name), [])
-        _attempt(self._outputs.clear, [])
-        self._close_watchdog()
-
-    def _close_watchdog(self) -> None:
-        """Close the timer, unless it still has to make the outputs safe."""
-        if self._watchdog is not None and self._safe:
-            _attempt(self._watchdog.close, [])
-            self._watchdog = None
-
-    def _outputs_safe(self, phase: str, failures: list[BaseException]) -> None:
-        config = self._config
-        if config is None:
-            return
-
-        def zero() -> None:
-            with translated(phase, f"{config.motor.channel} not put at 0 V, use the emergency stop"):
-                self._outputs.put_motor_at_zero(config)
-
-        def disable() -> None:
-            if config.drive_enable is not None:
-                line = config.drive_enable.line
-                with translated(phase, f"{line} not disabled, use the emergency stop"):
-                    self._outputs.enable_drive(line, False)
-
-        written = [_attempt(step, failures) for step in (zero, disable)]
-        self._safe = all(written)
-
-    def _unreserve(self, name: str, failures: list[BaseException]) -> None:
-        def unreserve() -> None:
-            with translated("stop", name):
-                self._tasks.unreserve(name)
-
-        _attempt(unreserve, failures)
-        if name not in self._tasks:
-            self._timing = None
-
-    def _reset_watchdog(self) -> None:
-        if self._watchdog is not None:
-            self._watchdog.reset()
 
     def _ready(self) -> RigConfig:
         if self._config is None or not self._live:
             raise HardwareFault("the backend is not configured, or has been stopped; call configure first", phase="arm")
         return self._config
-
-
-def _attempt(step: Callable[[], None], failures: list[BaseException]) -> bool:
-    """Try one step towards the safe state; a second Ctrl-C must not prevent the next."""
-    try:
-        step()
-    except BaseException as error:
-        failures.append(error)
-        return False
-    return True

@@ -35,7 +35,9 @@ class SafeOutputs:
             task.ao_channels.add_ao_voltage_chan(channel, "motor", -limit, limit, ni.VoltageUnits.VOLTS, "")
 
         def write(task: nidaqmx.Task) -> None:
-            AnalogSingleChannelWriter(task.out_stream, auto_start=True).write_one_sample(0.0, timeout=WRITE_TIMEOUT_S)
+            writer = AnalogSingleChannelWriter(task.out_stream, auto_start=True)
+            writer.verify_array_shape = False  # saves a call
+            writer.write_one_sample(0.0, timeout=WRITE_TIMEOUT_S)
 
         self._write(ZERO, add, write)
 
@@ -49,6 +51,7 @@ class SafeOutputs:
 
         def write(task: nidaqmx.Task) -> None:
             writer = DigitalSingleChannelWriter(task.out_stream, auto_start=True)
+            writer.verify_array_shape = False
             writer.write_one_sample_one_line(enabled, timeout=WRITE_TIMEOUT_S)
 
         self._write(DRIVE, add, write)

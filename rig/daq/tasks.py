@@ -72,7 +72,7 @@ def _latched_on_ai(task: nidaqmx.Task, config: RigConfig) -> None:
 
 
 def motor_task(new_task: NewTask, config: RigConfig) -> nidaqmx.Task:
-    """AO of the motor's command, which :func:`load_command` gives it."""
+    """AO of the motor's command, which :func:`prepare_command` and :func:`load_command` give it."""
     task = new_task(MOTOR)
     limit = config.motor.voltage_limit_v
     task.ao_channels.add_ao_voltage_chan(
@@ -86,17 +86,22 @@ def motor_task(new_task: NewTask, config: RigConfig) -> nidaqmx.Task:
     return task
 
 
-def load_command(task: nidaqmx.Task, config: RigConfig, command_v: NDArray[np.float64]) -> None:
-    """Load the whole command, finite, one sample per AI clock edge; the last sample is 0 V."""
+def prepare_command(task: nidaqmx.Task, config: RigConfig, n_samples: int) -> None:
+    """Set clock and buffer for a command of ``n_samples``, finite, one sample per AI clock edge; reserves nothing."""
     task.timing.cfg_samp_clk_timing(
         config.device.sample_rate_hz,
         source=f"/{config.device.name}/ai/SampleClock",
         active_edge=ni.Edge.RISING,
         sample_mode=ni.AcquisitionType.FINITE,
-        samps_per_chan=command_v.size,
+        samps_per_chan=n_samples,
     )
-    task.out_stream.output_buf_size = command_v.size
+    task.out_stream.output_buf_size = n_samples
+
+
+def load_command(task: nidaqmx.Task, command_v: NDArray[np.float64]) -> None:
+    """Load the whole command, which :func:`prepare_command` has prepared for; the last sample is 0 V."""
     writer = AnalogSingleChannelWriter(task.out_stream, auto_start=False)
+    writer.verify_array_shape = False  # saves a call
     writer.write_many_sample(np.ascontiguousarray(command_v, dtype=np.float64), timeout=WRITE_TIMEOUT_S)
 
 

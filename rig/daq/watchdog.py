@@ -2,7 +2,8 @@
 
 It starts before any other task reserves a resource (a chassis demands that), and is reset only when the previous data
 have been read and checked. Which outputs it reaches depends on the product: on X Series cards only the drive-enable
-line, so a rig on such a card needs that line.
+line, so a rig on such a card needs that line. After an expiration a cDAQ-9185 or 9189 does nothing until it is reset,
+so the caller resets the device, whatever it is, and makes every task afresh.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ import nidaqmx
 from nidaqmx import GrpcSessionOptions
 from nidaqmx.constants import Level, WatchdogAOExpirState
 from nidaqmx.grpc_session_options import SessionInitializationBehavior
+from nidaqmx.system import Device
 from nidaqmx.system.watchdog import AOExpirationState, DOExpirationState, WatchdogTask
 
 from rig.configuration.rig_file import RigConfig
@@ -20,6 +22,9 @@ from rig.configuration.rig_file import RigConfig
 NAME = "watchdog"
 ANALOG_REACH = ("cDAQ-9185", "cDAQ-9189")
 """Products whose watchdog reaches analog outputs (NI: watchdog timers in NI-DAQmx)."""
+
+_LEFT_OPEN: list[WatchdogTask] = []
+"""Timers left to expire, or that could not be closed; kept, as the client warns of one collected while it is open."""
 
 
 class Watchdog:
@@ -31,8 +36,9 @@ class Watchdog:
         if channel is not None:
             behavior = SessionInitializationBehavior.INITIALIZE_SERVER_SESSION
             options = GrpcSessionOptions(channel, NAME, initialization_behavior=behavior)  # type: ignore[arg-type]
-        self._task = WatchdogTask(config.device.name, NAME, timeout=timeout_s, grpc_options=options)
-        self._task._close_on_exit = False  # a timer left to expire on purpose deserves no warning of the client
+        self._task: WatchdogTask | None = WatchdogTask(
+            config.device.name, NAME, timeout=timeout_s, grpc_options=options
+        )
         try:
             if config.device.product in ANALOG_REACH:
                 self._task.cfg_watchdog_ao_expir_states(
@@ -46,28 +52,44 @@ class Watchdog:
 
     def start(self) -> None:
         """Start the timer."""
-        self._task.start()
+        self._open.start()
 
     def stop(self) -> None:
         """Stop the timer and unreserve it; it stays configured."""
-        self._task.stop()
+        self._open.stop()
 
     def reset(self) -> None:
         """Reset the timer; an expired one refuses."""
-        self._task.reset_timer()
+        self._open.reset_timer()
 
     @property
     def expired(self) -> bool:
-        """Whether the time has run out."""
-        return bool(self._task.expired)
-
-    def release_outputs(self) -> None:
-        """Make the outputs writable again if the timer has expired."""
-        if self.expired:
-            self._task.clear_expiration()
+        """Whether the time has run out; known only while the timer runs."""
+        return bool(self._open.expired)
 
     def close(self) -> None:
         """Stop the timer and clear it."""
+        task, self._task = self._open, None
         with contextlib.suppress(nidaqmx.errors.Error):
-            self._task.stop()  # closing is what counts
-        self._task.close()
+            task.stop()  # closing is what counts
+        try:
+            task.close()
+        except nidaqmx.errors.Error:
+            _LEFT_OPEN.append(task)
+            raise
+
+    def leave_running(self) -> None:
+        """Forget the timer without stopping it: it expires, and makes the outputs safe that could not be written."""
+        _LEFT_OPEN.append(self._open)
+        self._task = None
+
+    @property
+    def _open(self) -> WatchdogTask:
+        assert self._task is not None, "the watchdog has been closed"
+        return self._task
+
+
+def reset_device(channel: object | None, name: str) -> None:
+    """Reset the device: all tasks on it end, outputs go to their power-up state, an expired watchdog is disarmed."""
+    options = None if channel is None else GrpcSessionOptions(channel, "")  # type: ignore[arg-type]
+    Device(name, grpc_options=options).reset_device()

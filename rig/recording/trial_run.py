@@ -26,7 +26,10 @@ from rig.session.journal.writer import JournalWriter
 from rig.session.trial_data import TrialData
 
 LATE_S = 0.2
-"""How long a block may be late before the motor is stopped; without a sample clock it would hold its last voltage."""
+"""How long a block may be late where there is no watchdog: without a sample clock the motor holds its last voltage."""
+LATE_IN_TIMEOUT = 0.76
+"""How long a block may take with a watchdog, in its timeout: the driver's buffer keeps 20 s, but the watchdog, which is
+reset only by data, ends the trial sooner."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,7 +140,7 @@ def _check_sample_count(backend: Backend, stored: int) -> None:
 def _lengths(config: RigConfig, command: MotorCommand, timing: Timing) -> tuple[int, int]:
     """Return samples per block, and of the longest trial."""
     rate, recording = timing.sample_rate_hz, config.recording
-    size = max(int(round(recording.block_s * rate)), 1)
+    size = max(int(round(recording.block_s * rate)), int(np.ceil(timing.shortest_block_s * rate)), 1)
     return size, command.volts.size + int(np.ceil(recording.longest_s * rate))
 
 
@@ -154,8 +157,9 @@ def _read_until_rest(
         force_n=recording.rest_force_n,
     )
     read = 0
+    late_s = LATE_S if config.watchdog is None else LATE_IN_TIMEOUT * config.watchdog.timeout_s - size / rate
     while True:
-        block = backend.read_block(size, size / rate + LATE_S)
+        block = backend.read_block(size, size / rate + late_s)
         store(block)
         read += size
         if detector.add(block.force_n, block.encoder_count):

@@ -16,7 +16,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.backend import Backend, Block, Timing
+from rig.backend import Backend, Block, Expiry, Timing
 from rig.configuration.channels import BODIES
 from rig.configuration.rig_file import Rig, RigConfig, SelftestConfig
 from rig.errors import HardwareFault, RigInputError
@@ -45,8 +45,8 @@ class SelftestBackend(Backend, Protocol):
     def loopback_read(self, config: RigConfig, channel: str, command_v: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return what an input wired to the motor's output reads, V."""
 
-    def let_watchdog_expire(self, n_samples: int, blocks: int) -> tuple[list[Block], int | None]:
-        """Read without resetting the watchdog; the blocks, and in which it expired."""
+    def let_watchdog_expire(self, n_samples: int, blocks: int) -> Expiry:
+        """Read without resetting the watchdog; the blocks, in which it expired, and whether the device ended it."""
 
 
 def run_selftest(
@@ -223,7 +223,7 @@ class _Checks:
                  f"within {limit:g} samples", "force.module, group_delay_s or the clock's route are wrong")  # fmt: skip
 
     def watchdog(self) -> None:
-        """While the motor pushes the watchdog is not reset: it must cut the force."""
+        """While the motor pushes the watchdog is not reset: it must cut the force; a chassis shows it after a reset."""
         config = self.config
         if config.watchdog is None:
             self.add("watchdog", False, "none in the rig file", "a watchdog", "add [watchdog]")
@@ -239,8 +239,12 @@ class _Checks:
         first = joined([self.backend.read_block(size, READ_TIMEOUT_S) for _ in range(int(0.6 * self.rate) // size)])
         lead = int(LEAD_S * self.rate)
         pushed = float(first.force_n[-size * 5 :].mean() - first.force_n[:lead].mean())
-        blocks, tripped = self.backend.let_watchdog_expire(size, int((timeout + 0.6) * self.rate) // size)
-        left = float(joined(blocks[-5:]).force_n.mean() - first.force_n[:lead].mean())
+        expiry = self.backend.let_watchdog_expire(size, int((timeout + 0.6) * self.rate) // size)
+        self.backend.safe_stop()  # a chassis that has expired is reset by it, and everything made afresh
+        tripped, last = expiry.tripped, expiry.blocks[-5:]
+        if expiry.locked:
+            last = [self._acquire(np.zeros(int(REST_WINDOW_S * self.rate)), enable_drive=False)[1]]
+        left = float(joined(last).force_n.mean() - first.force_n[:lead].mean())
         after_s = None if tripped is None else (tripped + 1) * size / self.rate
         late = after_s is None or not 0.5 * timeout <= after_s <= timeout + 0.25
         self.add("watchdog trips", not late, "never" if after_s is None else f"after {after_s:.3f} s",
@@ -250,7 +254,11 @@ class _Checks:
         if pushed <= 0.3 * self.expected.push_n:
             advice = "no force was there to cut: mend what is said under motor and force first"
         self.add(
-            "watchdog cuts the force", cut, f"{pushed:+.3f} N before, {left:+.3f} N after", "force, then none", advice
+            "watchdog cuts the force",
+            cut,
+            f"{pushed:+.3f} N before, {left:+.3f} N after" + (" the chassis was reset" if expiry.locked else ""),
+            "force, then none",
+            advice,
         )
 
     def shunt(self) -> None:

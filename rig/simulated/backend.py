@@ -6,6 +6,7 @@ Options of the address, e.g. ``sim://?bench=PATH&seed=3&clock=real``:
 - ``clock``: ``virtual`` (default), ``real``, or a speed such as ``10``;
 - ``fault``: faults to inject (:mod:`rig.simulated.device.fault_injection`);
 - ``effects=balance_rail,shank``: the specimen's key can lift and its shank bend (`model.parameters.effects`);
+- ``delay_ms=20``: every driver call takes so long, as over a slow network;
 - ``hand=yes``: the virtual operator acts when a self-test asks for it.
 
 The device takes product and name from the rig file.
@@ -37,7 +38,7 @@ from rig.simulated.rpc.service import Service
 from rig.storage.atomic_write import sha256_of_file
 
 DEFAULT_BENCH = Path(__file__).parent / "bench.toml"
-OPTIONS = ("bench", "seed", "clock", "fault", "effects", "hand")
+OPTIONS = ("bench", "seed", "clock", "fault", "effects", "hand", "delay_ms")
 CAMERA_CLOCK_ERROR = 4e-5
 """Relative error of the rate of a camera that runs by itself."""
 
@@ -55,6 +56,10 @@ class SimulatedBackend(NidaqmxBackend):
     def wait(self, duration_s: float) -> None:
         """Let time pass between two trials on the bench's own clock; a virtual clock costs the operator none."""
         self.device.bench.clock.advance(duration_s)
+
+    def _now_s(self) -> float:
+        """Return the bench's time, by which the virtual watchdogs run."""
+        return self.device.bench.clock.elapsed_s
 
     def continue_after(self, trial: int) -> None:
         """Continue after a session's last trial, so that what is recorded next does not repeat its scatter."""
@@ -101,6 +106,7 @@ def open_backend(url: str, config: RigConfig) -> SimulatedBackend:
     wiring = planted_wiring(table if isinstance(table, dict) else {"": table}, config.device.product, str(bench))
     device = build_device(config, plant, sensors, clock=clock, wiring=wiring)
     device.faults = FaultPlan(faults)
+    device.call_delay_s = _delay_s(url, options.get("delay_ms", "0"))
     device.bench.operator_acts = _yes_or_no(url, options.get("hand", "no"))
     backend = SimulatedBackend(
         device,
@@ -136,6 +142,16 @@ def _seed(url: str, text: str | None) -> int | None:
     if not (text.isascii() and text.isdigit()):
         raise RigInputError(f"{url}: seed = {text!r}, allowed a whole number from 0")
     return int(text)
+
+
+def _delay_s(url: str, text: str) -> float:
+    try:
+        delay_ms = float(text)
+    except ValueError:
+        delay_ms = -1.0
+    if not 0 <= delay_ms <= 10_000:
+        raise RigInputError(f"{url}: delay_ms = {text!r}, allowed 0 to 10000")
+    return delay_ms / 1e3
 
 
 def _yes_or_no(url: str, text: str) -> bool:

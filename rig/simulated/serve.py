@@ -1,7 +1,7 @@
 """The virtual bench as a server that runs until it is stopped, with its own time and its own watchdogs.
 
 ``pianorig serve-sim`` calls this; clients talk to :mod:`rig.simulated.rpc.tcp_server`. Every 10 ms it checks the
-watchdogs, whether or not a client calls, so that outputs become safe when the client is dead, and lets generations go
+watchdogs, whether or not a client calls, so that outputs become safe when the client is dead, and lets the device go
 on while no client waits; and it can report to an observer, one line per change, whether the motor's output is live.
 """
 
@@ -20,7 +20,7 @@ from rig.simulated.backend import open_backend
 from rig.simulated.device.state import DeviceState
 from rig.simulated.device.watchdog import check_watchdogs
 from rig.simulated.rpc.tcp_server import serve
-from rig.simulated.timing.wait import advance
+from rig.simulated.timing.wait import go_on
 
 CHECK_EVERY_S = 0.01
 BEHIND_S = 0.05
@@ -62,14 +62,6 @@ def output_state(device: DeviceState) -> dict[str, object]:
     }
 
 
-def _keep_up(device: DeviceState) -> None:
-    """Let outputs go on while no client waits; an acquisition waits for its reader, so that none is lost."""
-    clock = device.bench.clock
-    acquiring = any(task.progress.live and task.buffer is not None for task in device.tasks.values())
-    if clock.paced and clock.due_s > BEHIND_S and not acquiring:
-        advance(device, int(clock.due_s * device.bench.rate_hz))
-
-
 def serve_until_interrupted(
     options: ServeOptions,
     announce: Callable[[str, str, str], None],
@@ -85,7 +77,7 @@ def serve_until_interrupted(
     announce : callable
         Called once with address, product and device name when clients can connect.
     report : callable, optional
-        Called with :func:`output_state`, time and samples acquired at every change of the outputs.
+        Called with :func:`output_state`, time, and the samples handed out and acquired, at every change of the outputs.
     stop : threading.Event, optional
         Ends the server when it is set.
 
@@ -106,10 +98,12 @@ def serve_until_interrupted(
             while not stop.wait(CHECK_EVERY_S):
                 with backend.service.exclusive():
                     check_watchdogs(device)
-                    _keep_up(device)
-                    state, edge = output_state(device), device.edge
+                    if device.bench.clock.due_s > BEHIND_S:
+                        go_on(device)
+                    state = output_state(device)
+                    samples = {"samples": device.handed_out, "acquired": device.edge}
                 if report is not None and state != last:
-                    report({**state, "samples": edge, "time_s": round(device.bench.clock.elapsed_s, 4)})
+                    report({**state, **samples, "time_s": round(device.bench.clock.elapsed_s, 4)})
                     last = state
     finally:
         server.stop(None).wait()

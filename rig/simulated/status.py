@@ -53,6 +53,9 @@ WATCHDOG_TIMEOUT_OUT_OF_RANGE = _status(-200668, "The timeout of the watchdog ti
 WATCHDOG_WHILE_OTHERS_RESERVED = _status(-201477, "A watchdog task cannot be reserved while other tasks are.")
 CANNOT_RESET_EXPIRED_WATCHDOG = _status(-200644, "The watchdog timer has expired and must be cleared, not reset.")
 WRITE_AFTER_WATCHDOG = _status(-200678, "The output cannot be written: the watchdog timer has expired.")
+DEVICE_WATCHDOG_EXPIRED = _status(
+    -201478, "The watchdog timer of the chassis has expired; nothing can be done until the chassis is reset."
+)
 NOT_A_WATCHDOG = _status(-200635, "The task is not a watchdog timer task.")
 EVENT_WHILE_RUNNING = _status(-200960, "Events are registered before the task is started.")
 EVENT_REGISTERED = {

@@ -95,6 +95,10 @@ class BenchTime:
         """Take what the motor's output is at from each of the next edges on, V, for an input wired to it."""
         self._motor_v = np.concatenate((self._motor_v[-1:], command_v))
 
+    def settle_motor_volts(self, volts: float) -> None:
+        """Take what the motor's output is at now, V: a reading on demand comes after it has settled."""
+        self._motor_v = np.append(self._motor_v[:-1], volts)
+
     def motor_volts_before(self, edge: NDArray[np.int64]) -> NDArray[np.float64]:
         """Return what the motor's output was at just before each of the last edges, V: a DAC settles after its edge."""
         return self._motor_v[np.clip(edge - self._a_first, 0, self._motor_v.size - 1)]

@@ -53,6 +53,12 @@ class DeviceState:
     tasks: dict[str, SimulatedTask] = field(default_factory=dict)
     watchdogs: dict[str, WatchdogTimer] = field(default_factory=dict)
     """By the name of their task."""
+    handed_out: int = 0
+    """Samples per channel that the task read farthest has handed out since the trial began."""
+    call_delay_s: float = 0.0
+    """Bench time that each call of a client takes on its way, s."""
+    locked: bool = False
+    """A watchdog timer has expired on a product that then does nothing until it is reset."""
     output_v: dict[str, float] = field(default_factory=dict)
     """Volts each analog output is at, by full channel name; a stopped output stays at its last value."""
     lines: dict[str, bool] = field(default_factory=dict)

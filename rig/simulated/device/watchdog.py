@@ -1,11 +1,14 @@
 """Watchdog timers of the virtual device: what the outputs do when the program that commands them stops calling.
 
-Timers are checked with every call and every passage of time. Which outputs a watchdog reaches is a property of the
-product: analog and digital ones on a cDAQ-9189, only digital lines on an X Series card. After expiration the outputs
-stay in their expiration states until the timer is cleared.
+Timers are checked with every call and every passage of time. What a watchdog reaches, and what comes after its
+expiration, is a property of the product. X Series cards: digital lines only; they refuse to be written until the timer
+is cleared, all else goes on. cDAQ-9185 and 9189: analog outputs and lines; every task ends and every operation is
+refused (-201478) until the chassis is reset, and clearing the timer or its task does not help.
 """
 
 from __future__ import annotations
+
+import re
 
 from rig.simulated import daqmx, status
 from rig.simulated.device.state import DeviceState, WatchdogTimer
@@ -13,14 +16,19 @@ from rig.simulated.device.task import SimulatedTask
 from rig.simulated.status import DaqStatusError
 
 RESET_TIMER, CLEAR_EXPIRATION = 0, 1
-SHORTEST_S, LONGEST_S = 1e-3, 34.0
+SHORTEST_S = 1e-3
+WITHOUT_HARDWARE = re.compile(
+    r"(Create|Cfg|Register|Unregister)\w+|Get(Device|System|Watchdog|Persisted|Task|Timing|Chan|Trig|Buffer)\w*|GetError\w+|"
+    r"StopTask|ClearTask|ResetDevice"
+)
+"""Calls that a locked device still answers: they do not reach the hardware, or reset it."""
 
 
 def refuse_bad_timer(device: DeviceState, name: str, timeout_s: float) -> None:
     """Refuse a watchdog timer task the product does not have, or with a timeout out of range."""
     if not device.inventory.product.watchdog_reach:
         raise DaqStatusError(status.WATCHDOG_NOT_SUPPORTED, f"Task: {name}")
-    if not SHORTEST_S <= timeout_s <= LONGEST_S:
+    if not SHORTEST_S <= timeout_s <= device.inventory.product.watchdog_longest_s:
         raise DaqStatusError(status.WATCHDOG_TIMEOUT_OUT_OF_RANGE, f"Timeout: {timeout_s:g} s")
 
 
@@ -81,9 +89,25 @@ def check_watchdogs(device: DeviceState) -> None:
         timer.expired = True
         device.output_v.update(timer.volts)
         device.lines.update(timer.lines)
+        if device.inventory.product.expiry_locks:
+            _lock(device)
+            continue
         for task in device.tasks.values():
             if task.type in ("AO", "DO") and any(timer.controls(channel.physical.name) for channel in task.channels):
                 task.progress.live = False
+
+
+def _lock(device: DeviceState) -> None:
+    device.locked = True
+    for task in device.tasks.values():
+        if task.state == "running" and task.name not in device.watchdogs:
+            task.progress.live, task.progress.error = False, status.DEVICE_WATCHDOG_EXPIRED
+
+
+def refuse_locked(device: DeviceState, call: str) -> None:
+    """Refuse a call that reaches the hardware of a device that a watchdog timer has locked."""
+    if device.locked and not WITHOUT_HARDWARE.fullmatch(call):
+        raise DaqStatusError(status.DEVICE_WATCHDOG_EXPIRED, f"Device: {device.inventory.name}")
 
 
 def refuse_expired(device: DeviceState, task: SimulatedTask) -> None:

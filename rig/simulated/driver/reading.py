@@ -11,7 +11,7 @@ from rig.simulated.device.task import SimulatedTask
 from rig.simulated.driver.tasks import start_task, stop_task
 from rig.simulated.signals.input_samples import latch_now
 from rig.simulated.status import DaqStatusError, NotImplementedByDevice
-from rig.simulated.timing.wait import catch_up, wait_for_samples, wait_for_timeout
+from rig.simulated.timing.wait import await_something, settle_on_demand, wait_for_samples, wait_for_timeout
 
 MAX_ON_DEMAND = 100_000
 """Readings on demand in one call."""
@@ -34,7 +34,7 @@ def read(device: DeviceState, task: SimulatedTask, n: int, timeout_s: float) -> 
     if task.timing.clock is None or task.buffer is None:
         return _read_on_demand(device, task, n, timeout_s)
     if n < 0:
-        catch_up(device, task)
+        await_something(device, task)
         n = task.read_all_samples
     missing = n - task.buffer.available
     if task.triggers.reference and task.samples_remaining > 0:
@@ -43,14 +43,20 @@ def read(device: DeviceState, task: SimulatedTask, n: int, timeout_s: float) -> 
         raise DaqStatusError(status.PAST_THE_END, f"Task: {task.name}", samples_read=0)
     if missing > 0:
         wait_for_samples(device, task, missing, timeout_s)
+    if task.progress.error:  # e.g. the watchdog expired while the read waited
+        raise DaqStatusError(task.progress.error, f"Task: {task.name}", samples_read=0)
     if task.triggers.reference and task.samples_remaining > 0:
         return np.empty((0, len(task.channels)))
-    return task.buffer.take(min(n, task.buffer.available))
+    values = task.buffer.take(min(n, task.buffer.available))
+    device.handed_out = max(device.handed_out, task.buffer.read)
+    return values
 
 
 def _read_on_demand(device: DeviceState, task: SimulatedTask, n: int, timeout_s: float) -> NDArray[np.float64]:
     if n > MAX_ON_DEMAND:
         raise NotImplementedByDevice(f"{n} readings on demand at once")
+    if task.type in ("AI", "CI"):
+        settle_on_demand(device)
     try:
         return np.concatenate([latch_now(device, task) for _ in range(max(n, 1))])
     except DaqStatusError as error:

@@ -94,3 +94,4 @@ def reset_device(device: DeviceState) -> None:
     device.output_v = dict.fromkeys(device.output_v, 0.0)
     device.lines = dict.fromkeys(device.lines, False)
     device.exports.clear()
+    device.locked = False

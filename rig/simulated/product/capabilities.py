@@ -67,6 +67,9 @@ class Product:
     ai_bits: int = 16
     watchdog_reach: tuple[Kind, ...] = ()
     """Kinds of outputs the product's watchdog timer can put into a state."""
+    watchdog_longest_s: float = (2**32 - 1) * 8e-9
+    expiry_locks: bool = False
+    """Whether after an expiration nothing works until the device is reset; else only the outputs it holds refuse."""
     input_only_terminals: str = r"(?!)"
     internal: tuple[str, ...] = field(
         default=tuple(
@@ -115,7 +118,9 @@ CDAQ_9189 = Product(
     bridge_range_mv_per_v=25.0,
     bridge_excitation_v=(2.5, 3.3, 5.0, 10.0),
     input_only_terminals=r"Mod3/PFI\d+",
-    watchdog_reach=("voltage_out", "line"),
+    watchdog_reach=("voltage_out", "line"),  # cDAQ-9185/9189 manual, "Watchdog Timer"
+    watchdog_longest_s=(2**32 - 1) * 25e-9,
+    expiry_locks=True,
     clocked_lines=True,
     change_detection=True,
     timebase_hz=80e6,

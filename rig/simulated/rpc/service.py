@@ -15,7 +15,7 @@ from typing import Any
 
 from rig.simulated.device.state import DeviceState
 from rig.simulated.device.task import SimulatedTask
-from rig.simulated.device.watchdog import check_watchdogs
+from rig.simulated.device.watchdog import check_watchdogs, refuse_locked
 from rig.simulated.driver.tasks import find_task
 from rig.simulated.rpc.calls.channels import CHANNEL_CALLS
 from rig.simulated.rpc.calls.data import DATA_CALLS
@@ -29,11 +29,11 @@ from rig.simulated.rpc.handlers import DeviceHandler, Fields, TaskHandler
 from rig.simulated.rpc.messages import CALLS, attribute_fields, attribute_value, enum, response
 from rig.simulated.rpc.properties import task as task_properties
 from rig.simulated.status import NotImplementedByDevice
-from rig.simulated.timing.wait import advance, edges_in
+from rig.simulated.timing.wait import go_on, let_pass, question_asked
 
 _ATTRIBUTE_CALL = re.compile(r"(Get|Set)(Task|Timing|Read|Write|Buffer|Chan|Trig)Attribute(\w+)")
-POLL_S = 1e-3
-"""Bench time that passes when a client asks whether a task is done."""
+_QUESTION = re.compile(r"IsTaskDone|Get(Read|Write)Attribute\w+|Get(Chan|Task)Attribute(Bool|UInt32)")
+"""Calls that ask how far a task is."""
 TRACE_LENGTH = 100_000
 
 
@@ -69,9 +69,15 @@ class Service:
             When the virtual device does not have the call.
         """
         with self._lock:
+            if self.device.call_delay_s > 0:
+                let_pass(self.device, self.device.call_delay_s)
             check_watchdogs(self.device)
+            refuse_locked(self.device, call)
             self.device.faults.before_call(call, self.device, getattr(request, "timeout", 0.0))
             self._remember(call)
+            go_on(self.device)
+            if _QUESTION.fullmatch(call):
+                question_asked(self.device, again=bool(_QUESTION.fullmatch((self.trace[-2:-1] or [""])[0])))
             return response(call, **(self._answer(call, request) or {}))
 
     def _answer(self, call: str, request: Any) -> Fields | None:
@@ -106,9 +112,6 @@ class Service:
 
     def _is_task_done(self, task: SimulatedTask) -> Fields:
         refuse_failed(task)
-        # polling takes time, where nothing else lets it pass
-        if not task.done and self.trace[-2:-1] == ["IsTaskDone"]:
-            advance(self.device, edges_in(self.device, POLL_S))
         return {"is_task_done": task.done}
 
     def _attribute(self, call: str, action: str, category: str, request: Any) -> Fields | None:

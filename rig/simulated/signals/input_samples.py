@@ -39,6 +39,7 @@ def latch_now(device: DeviceState, task: SimulatedTask) -> NDArray[np.float64]:
     cell, quarter = device.bench.present()
     if task.type == "DI":
         return np.array([[float(device.lines.get(name, False)) for name in task.lines]])
+    device.bench.settle_motor_volts(device.output_v.get(device.motor, 0.0))
     return latch(device, task, cell, quarter, np.array([device.bench.edge]))
 
 

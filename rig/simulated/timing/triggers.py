@@ -51,6 +51,7 @@ def _begin_trial(device: DeviceState, task: SimulatedTask) -> None:
     bench, clock = device.bench, task.timing.clock
     rate_hz = clock.rate_hz if clock is not None else bench.rate_hz
     device.trial += 1
+    device.handed_out = 0
     delay_s = device.inventory.input_delay_s(task.channels[0].physical.kind, rate_hz)
     written = [t.output.samples for t in device.tasks.values() if t.type == "AO" and t.output.samples is not None]
     bench.begin(device.trial, rate_hz, delay_s, by_operator=bool(written) and not any(v.any() for v in written))

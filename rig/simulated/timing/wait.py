@@ -1,7 +1,14 @@
-"""Waiting on the virtual device: time passes until there are samples, a task is done, or a timeout ends.
+"""How time passes on the virtual device: while a client waits, and by itself.
 
-Time moves nowhere else. Where the bench's clock is paced it moves in stretches of 20 ms, between which other clients
-and the watchdogs get a turn.
+A wait for samples, for the end of a task or for a timeout lets pass what it takes. Beyond that the rule is:
+
+- on a paced clock the device goes on with the wall clock, whether or not a client reads; what is due passes before each
+  call, and in a server every 10 ms. A reader that is late finds its samples, or finds them overwritten (-200279);
+- on the virtual clock nothing else takes time, except questions, so that loops that poll come to an end: one about the
+  samples of a task that has none to read takes :data:`POLL_S`; any question that follows another (done, positions,
+  counts) takes :data:`QUESTION_S`; a reading on demand takes :data:`ON_DEMAND_S` while no clock runs.
+
+On a paced clock time moves in stretches of 20 ms, between which other clients and the watchdogs get a turn.
 """
 
 from __future__ import annotations
@@ -12,6 +19,7 @@ from numpy.typing import NDArray
 from rig.simulated import status
 from rig.simulated.device.state import DeviceState
 from rig.simulated.device.task import SimulatedTask
+from rig.simulated.device.watchdog import check_watchdogs
 from rig.simulated.status import DaqStatusError
 from rig.simulated.timing.engine import engine_of
 from rig.simulated.timing.sample_clock import pass_edges
@@ -19,6 +27,12 @@ from rig.simulated.timing.triggers import check_triggers, edges_to_trigger
 
 STRETCH_S = 0.02
 POLL_S = 0.01
+QUESTION_S = 1e-3
+"""What a further question in a row takes on the virtual clock."""
+ON_DEMAND_S = 1e-3
+"""What a reading on demand takes on the virtual clock while no sample clock runs."""
+MOST_DUE_S = 0.5
+"""Most that passes by itself at once; a bench that cannot keep up with its clock falls behind it."""
 ENDLESS = np.iinfo(np.int64).max
 
 
@@ -32,15 +46,29 @@ def advance(device: DeviceState, n: int) -> int:
     left = n
     stretch = edges_in(device, STRETCH_S) if device.bench.clock.paced else n
     while left > 0:
-        now = int(min(left, stretch, _edges_to_end(device), edges_to_trigger(device)))
+        due = _edges_to_expiry(device)
+        now = int(min(left, stretch, _edges_to_end(device), edges_to_trigger(device), due))
         if now <= 0:
             break
         pass_edges(device, now)
         check_triggers(device)
         left -= now
+        if now == due:
+            check_watchdogs(device)
         if left > 0:
             device.let_clients_call()
     return n - left
+
+
+def _edges_to_expiry(device: DeviceState) -> float:
+    """Return how many edges pass before the next watchdog expires; on a paced clock each stretch looks by itself."""
+    clock = device.bench.clock
+    left_s = [
+        timer.timeout_s - (clock.elapsed_s - timer.reset_at_s)
+        for timer in device.watchdogs.values()
+        if timer.running and not timer.expired and not clock.paced
+    ]
+    return max(np.floor(min(left_s) * device.bench.rate_hz), 0.0) + 1 if left_s else float("inf")
 
 
 def _edges_to_end(device: DeviceState) -> float:
@@ -84,12 +112,12 @@ def wait_for_samples(device: DeviceState, task: SimulatedTask, missing: int, tim
     if task.buffer is not None:
         allowed = _edges_of_timeout(device, timeout_s)
         wanted = task.buffer.acquired + missing
-        while allowed > 0 and task.state == "running" and _incomplete(task, wanted):
+        while allowed > 0 and task.state == "running" and not task.progress.error and _incomplete(task, wanted):
             passed = advance(device, int(min(_edges_to_sample(device, task, wanted), allowed)))
             if not passed:
                 break
             allowed -= passed
-        if not _incomplete(task, wanted):
+        if not _incomplete(task, wanted) or task.progress.error:
             return
         timeout_s = allowed / device.bench.rate_hz
     wait_for_timeout(device, task, timeout_s)
@@ -99,7 +127,7 @@ def wait_for_timeout(device: DeviceState, task: SimulatedTask, timeout_s: float)
     """Let a timeout pass for a task for which nothing ticks; other clients get a turn, and may end it."""
     if timeout_s < 0:
         timeout_s = float(ENDLESS) / device.bench.rate_hz
-    while timeout_s > 0 and task.state == "running":
+    while timeout_s > 0 and task.state == "running" and not task.progress.error:
         now_s = min(timeout_s, STRETCH_S) if device.bench.clock.paced else timeout_s
         device.bench.clock.advance(now_s)
         timeout_s -= now_s
@@ -160,8 +188,45 @@ def _edges_of_timeout(device: DeviceState, timeout_s: float) -> int:
     return int(timeout_s * device.bench.rate_hz + 1e-9) if timeout_s > 0 else 0
 
 
-def catch_up(device: DeviceState, task: SimulatedTask) -> None:
-    """Let the time pass that should have passed by itself, for a client that asks what is available."""
+def let_pass(device: DeviceState, duration_s: float) -> None:
+    """Let a time pass whether or not anything runs, e.g. that of a call on a slow network."""
     clock = device.bench.clock
-    if task.progress.live and task.buffer is not None and (clock.paced or not task.buffer.available):
-        advance(device, int(clock.due_s * device.bench.rate_hz))
+    end_s = clock.now_s + duration_s
+    advance(device, int(duration_s * device.bench.rate_hz))
+    if (left_s := end_s - clock.now_s) > 0:
+        clock.advance(left_s)
+
+
+def go_on(device: DeviceState) -> None:
+    """Let pass what is due by the wall clock, on a paced clock; none is due on the virtual one."""
+    clock = device.bench.clock
+    if not clock.paced:
+        return
+    running = any(task.progress.live for task in device.tasks.values())
+    due = int(min(clock.due_s, MOST_DUE_S) * device.bench.rate_hz)
+    if running and due > 0:
+        advance(device, due)
+
+
+def await_something(device: DeviceState, task: SimulatedTask) -> None:
+    """Let a question about samples take its time on the virtual clock, when there are none to read."""
+    if not device.bench.clock.paced and task.progress.live and task.buffer is not None and not task.buffer.available:
+        advance(device, edges_in(device, POLL_S))
+
+
+def question_asked(device: DeviceState, *, again: bool) -> None:
+    """Let a question about a task take its time on the virtual clock, when the call before was one too."""
+    if again and not device.bench.clock.paced:
+        advance(device, edges_in(device, QUESTION_S))
+
+
+def settle_on_demand(device: DeviceState) -> None:
+    """Let the bench go on before a reading on demand when no clock runs: outputs written on demand act."""
+    if any(task.progress.live and (task.type == "CO" or task.timing.own_clock) for task in device.tasks.values()):
+        return
+    clock, rate_hz = device.bench.clock, device.bench.rate_hz
+    due_s = min(clock.due_s, MOST_DUE_S) if clock.paced else ON_DEMAND_S
+    device.bench.present()  # begins a trial of its own where there was none
+    if (n := int(due_s * rate_hz)) > 0:
+        pass_edges(device, n)
+    clock.begin()

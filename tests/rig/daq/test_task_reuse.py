@@ -35,7 +35,7 @@ def test_further_trials_make_no_task_and_read_what_fresh_tasks_read(make_backend
     longer = np.concatenate((1.3 * command[:-1], np.zeros(77)))
     first, other = blow(backend, config, command), blow(backend, config, longer)
     tasks = made(backend)
-    assert tasks == 9  # force, three encoders, motor, camera, its zero, drive enable, watchdog
+    assert tasks == 11  # force, three encoders, motor, camera, watchdog; its zero, drive enable: before and after reset
     again = blow(backend, config, command)
     assert made(backend) == tasks
     assert_safe(backend)

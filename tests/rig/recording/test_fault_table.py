@@ -36,7 +36,7 @@ RISING_S, RISING_BLOCK = 0.36, 19
 
 @dataclass(frozen=True)
 class Row:
-    """How a fault is planted by time and by call (with the number of blocks of trial 1), and what it says."""
+    """How a fault is planted by time and by call (behind the blocks and questions of trial 1), and what it says."""
 
     words: str
     by_time: str
@@ -47,7 +47,7 @@ class Row:
 ROWS = {
     "overwrite -200279": Row("-200279", "overwrite@2/0.38", "overwrite@ReadAnalogF64#{block}"),
     "timeout -200284": Row("-200284", "timeout@2/0.38", "timeout@ReadAnalogF64#{block}"),
-    "AO underrun -200290": Row("-200290", "underrun@2/0.38", "underrun@IsTaskDone#{block}"),
+    "AO underrun -200290": Row("-200290", "underrun@2/0.38", "underrun@IsTaskDone#{asked}"),
     "reserved -50103": Row("-50103", "reserved@2/0.38", "reserved@ReadCounterF64Ex#{counter}"),
     "device lost": Row("cannot be reached", "device-lost@2/0.38", "device-lost@ReadAnalogF64#{block}"),
     "server gone": Row("does not answer", "server-gone@2/0.38", "server-gone@ReadAnalogF64#{block}"),
@@ -125,7 +125,7 @@ def watched(edited_rig, make_backend, step_profile, tmp_path, undeleted_journal)
 
 @pytest.fixture(scope="module")
 def blocks(tmp_path_factory) -> list[int]:
-    """Blocks of trial 1, found once."""
+    """Blocks of trial 1, and how often it asked whether the command has ended; found once."""
     return []
 
 
@@ -138,11 +138,13 @@ def test_the_bench_is_safe_in_time_and_nothing_committed_is_lost(
     if planted == "by call" and not blocks:
         clean = watched(folder="clean")
         clean.record(trials=1)
-        blocks.append(clean.committed[1] // 100)
+        blocks += clean.committed[1] // 100, clean.backend.service.trace.count("IsTaskDone")
     how = row.by_time
     if planted == "by call":
         block = blocks[0] + FULL_BLOCK
-        how = row.by_call.format(block=block, rising=blocks[0] + RISING_BLOCK, counter=4 * block - 3)
+        how = row.by_call.format(
+            block=block, rising=blocks[0] + RISING_BLOCK, counter=4 * block - 3, asked=blocks[1] + FULL_BLOCK
+        )
     run = watched(how)
     with pytest.raises(HardwareFault) as raised:
         run.record(trials=3)

@@ -112,7 +112,7 @@ def test_after_each_trial_the_plant_can_be_looked_at(record) -> None:
     looked = []
     call(after_trial=lambda trial: looked.append((trial.number, backend.plant.truth().size, trial.read().n_valid)))
     assert [number for number, *_ in looked] == [1, 2]
-    assert all(truth == stored for _, truth, stored in looked)
+    assert all(stored <= truth <= stored + 500 for _, truth, stored in looked)  # time goes on while it is asked
 
 
 def stop_at(trial: int, time_s: float, error: BaseException):

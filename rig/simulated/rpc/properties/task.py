@@ -14,7 +14,7 @@ from rig.simulated.device.task import SimulatedTask
 from rig.simulated.rpc.messages import property_number
 from rig.simulated.rpc.properties.channel import LIMITS, channel_property, find_channels, raw_sample_bits, set_limit
 from rig.simulated.status import DaqStatusError, NotImplementedByDevice
-from rig.simulated.timing.wait import catch_up
+from rig.simulated.timing.wait import await_something
 
 Key = tuple[str, int]
 """Category and the driver's number of a property."""
@@ -66,8 +66,13 @@ def _input_buffer(field: str) -> Getter:
 
 
 def _available(device: DeviceState, task: SimulatedTask) -> int:
-    catch_up(device, task)
+    await_something(device, task)
     return task.buffer.available if task.buffer is not None else 0
+
+
+def _acquired(device: DeviceState, task: SimulatedTask) -> int:
+    await_something(device, task)
+    return task.buffer.acquired if task.buffer is not None else 0
 
 
 def _default_samples_to_read(device: DeviceState, task: SimulatedTask) -> int:
@@ -146,7 +151,7 @@ _GETTERS: dict[tuple[str, str], Getter] = {
     ("Read", "DIGITAL_LINES_BYTES_PER_CHAN"): _most_lines,
     ("Read", "RAW_DATA_WIDTH"): _raw_width,
     ("Read", "AVAIL_SAMP_PER_CHAN"): _available,
-    ("Read", "TOTAL_SAMP_PER_CHAN_ACQUIRED"): _input_buffer("acquired"),
+    ("Read", "TOTAL_SAMP_PER_CHAN_ACQUIRED"): _acquired,
     ("Read", "CURR_READ_POS"): _input_buffer("read"),
     ("Read", "OVERWRITE"): lambda device, task: task.setting("Read", "", READ_OVERWRITE, DO_NOT_OVERWRITE),
     ("Write", "NUM_CHANS"): _number_of_channels,

@@ -1,0 +1,172 @@
+"""What the NI-DAQmx backend holds on the device, and how it makes that safe: outputs, tasks, watchdog, reset.
+
+A stop tries every step, logs every failure, and goes by what the watchdog says: where it has tripped the device is
+reset before the outputs are written, because a chassis refuses everything else, and all tasks are made afresh.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import partial
+
+import grpc
+import nidaqmx
+from nidaqmx import GrpcSessionOptions
+from nidaqmx.grpc_session_options import SessionInitializationBehavior
+
+from rig.backend import Timing
+from rig.configuration.rig_file import RigConfig
+from rig.daq import tasks
+from rig.daq.faults import translated
+from rig.daq.safe_outputs import SafeOutputs
+from rig.daq.safing import attempt, worst
+from rig.daq.task_set import TaskSet
+from rig.daq.watchdog import Watchdog, reset_device
+from rig.errors import WatchdogTripped
+
+
+class SafeBench:
+    """Connection, tasks, outputs and watchdog of one rig; :meth:`safe_stop` ends what they do.
+
+    Parameters
+    ----------
+    channel : grpc.Channel or None
+        What answers: None is the NI-DAQmx driver of this computer.
+    """
+
+    def __init__(self, channel: grpc.Channel | None) -> None:
+        self._channel = channel
+        self._config: RigConfig | None = None
+        self._tasks = TaskSet(self._new_task)
+        self._outputs = SafeOutputs(self._new_task)
+        self._watchdog: Watchdog | None = None
+        self._timing: Timing | None = None
+        """Timing of the tasks as made; None unless all of them exist."""
+        self._live = False
+        """Configured, and not stopped since."""
+        self._safe = True
+        """Both outputs accepted their safe state when it was last written."""
+        self._was_reset = False
+        """The device was reset since the connection was made."""
+        self._last_reset_s = float("-inf")
+        """When the watchdog was last reset."""
+
+    def _new_task(self, name: str) -> nidaqmx.Task:
+        if self._channel is None:
+            return nidaqmx.Task(name)
+        behavior = SessionInitializationBehavior.INITIALIZE_SERVER_SESSION
+        return nidaqmx.Task(
+            name, grpc_options=GrpcSessionOptions(self._channel, name, initialization_behavior=behavior)
+        )
+
+    def _options(self) -> GrpcSessionOptions | None:
+        return None if self._channel is None else GrpcSessionOptions(self._channel, "")
+
+    def _now_s(self) -> float:
+        """Return the time on the clock that the device's watchdog runs by, s."""
+        return time.monotonic()
+
+    def _reset_device(self, phase: str) -> None:
+        """Clear all tasks and reset the device; the next trial makes everything afresh."""
+        self._clear(watchdog_too=True)
+        if self._config is not None:
+            with translated(phase, f"device {self._config.device.name} not reset"):
+                reset_device(self._channel, self._config.device.name)
+        self._was_reset = True
+
+    def safe_stop(self) -> None:
+        """Stop all, motor at 0 V, drive disabled; each step is tried, then the first failure raised.
+
+        The tasks stay for the next trial, unreserved, unless a step has failed. Where an output could not be written
+        the watchdog is left to expire: the device then makes it safe.
+        """
+        failures: list[BaseException] = []
+        self._live = False
+        tripped = self._watchdog is not None and self._has_tripped()
+        if not tripped:
+            self._unreserve(tasks.MOTOR, failures)
+        self._outputs_safe("stop", failures, tripped=tripped)
+        for name in self._tasks:
+            self._unreserve(name, failures)
+        if self._watchdog is not None and self._safe and not attempt(self._watchdog.stop, [], "stopping the watchdog"):
+            self._close_watchdog()  # last: until here it watches over the steps above
+        if failures:
+            self._clear()
+            raise worst(failures)
+
+    def _has_tripped(self) -> bool:
+        assert self._watchdog is not None
+        try:
+            return self._watchdog.expired
+        except (nidaqmx.errors.Error, grpc.RpcError):
+            return False  # unknown: if the outputs are locked, writing them tells
+
+    @contextmanager
+    def _safe_on_failure(self) -> Iterator[None]:
+        """Make the bench safe when the block fails; its own fault is reported, and no task is used again."""
+        try:
+            yield
+        except BaseException:
+            attempt(self.safe_stop, [], "safe stop")
+            self._clear()
+            raise
+
+    def _clear(self, *, watchdog_too: bool = False) -> None:
+        """Clear all tasks; the next trial makes them again."""
+        self._timing = None
+        for name in self._tasks:
+            attempt(partial(self._tasks.clear, name), [], f"clearing task {name}")
+        attempt(self._outputs.clear, [], "clearing the tasks of the outputs")
+        self._close_watchdog(always=watchdog_too)
+
+    def _close_watchdog(self, *, always: bool = False) -> None:
+        """Close the timer, unless it still has to make the outputs safe."""
+        if self._watchdog is not None and (self._safe or always):
+            attempt(self._watchdog.close, [], "closing the watchdog")
+            self._watchdog = None
+
+    def _outputs_safe(self, phase: str, failures: list[BaseException], *, tripped: bool = False) -> None:
+        """Write both outputs; where a watchdog has tripped the device is reset first, else it refuses."""
+        found: list[BaseException] = []
+        if not tripped:
+            self._write_safe(phase, found)
+            tripped = any(isinstance(failure, WatchdogTripped) for failure in found)
+        if tripped and attempt(partial(self._reset_device, phase), found := [], "resetting the tripped device"):
+            self._write_safe(phase, found)
+        failures += found
+
+    def _write_safe(self, phase: str, failures: list[BaseException]) -> None:
+        config = self._config
+        if config is None:
+            return
+
+        def zero() -> None:
+            with translated(phase, f"{config.motor.channel} not put at 0 V, use the emergency stop"):
+                self._outputs.put_motor_at_zero(config)
+
+        def disable() -> None:
+            if config.drive_enable is not None:
+                line = config.drive_enable.line
+                with translated(phase, f"{line} not disabled, use the emergency stop"):
+                    self._outputs.enable_drive(line, False)
+
+        steps = ((zero, "motor to 0 V"), (disable, "drive disabled"))
+        written = [attempt(step, failures, what) for step, what in steps]
+        self._safe = all(written)
+
+    def _unreserve(self, name: str, failures: list[BaseException]) -> None:
+        def unreserve() -> None:
+            with translated("stop", name):
+                self._tasks.unreserve(name)
+
+        attempt(unreserve, failures, f"stopping task {name}")
+        if name not in self._tasks:
+            self._timing = None
+
+    def _reset_watchdog(self, *, at_least_every_s: float = 0.0) -> None:
+        """Reset the watchdog, unless that was done less than ``at_least_every_s`` ago."""
+        if self._watchdog is not None and self._now_s() - self._last_reset_s >= at_least_every_s:
+            self._last_reset_s = self._now_s()  # before the call, which may take long: the device counts from its end
+            self._watchdog.reset()

@@ -1,0 +1,48 @@
+"""Steps towards the safe state: every one is tried whatever happens to the others, and every failure is logged."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+
+import nidaqmx
+
+from rig.errors import RigError
+
+LOG = logging.getLogger("rig.daq")
+
+
+def attempt(step: Callable[[], None], failures: list[BaseException], what: str) -> bool:
+    """Try one step; log a failure and append it, even a Ctrl-C, which must not prevent the next step.
+
+    Parameters
+    ----------
+    step : callable
+        What to do.
+    failures : list
+        Takes what the step raised.
+    what : str
+        The step in words, for the log.
+
+    Returns
+    -------
+    bool
+        Whether the step was done.
+    """
+    try:
+        step()
+    except BaseException as error:
+        known = isinstance(error, (RigError, nidaqmx.errors.Error, KeyboardInterrupt))
+        LOG.error("%s failed: %s: %s", what, type(error).__name__, error, exc_info=None if known else error)
+        failures.append(error)
+        return False
+    return True
+
+
+def worst(failures: list[BaseException]) -> BaseException:
+    """Return the failure to raise: a programming error before the first fault of the hardware, so that neither hides.
+
+    A fault caused by an error in this program would otherwise be blamed on the bench.
+    """
+    defects = [error for error in failures if not isinstance(error, (RigError, KeyboardInterrupt))]
+    return (defects or failures)[0]
