@@ -6,6 +6,7 @@ that every call the virtual device answers exists.
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import session_pb2
@@ -61,6 +62,15 @@ def property_number(category: str, name: str) -> int:
     """Return the driver's number of a property, e.g. of ``SAMP_CLK_RATE`` in category ``Timing``."""
     prefix = {"Chan": "CHANNEL", "Trig": "TRIGGER"}.get(category, category.upper())
     return int(getattr(nidaqmx_pb2, f"{prefix}_ATTRIBUTE_{name}"))
+
+
+def refuse_not_finite(request: Any) -> None:
+    """Refuse a setting that is infinite or not a number, as the driver does for every property."""
+    for field, value in request.ListFields():
+        if field.cpp_type == field.CPPTYPE_DOUBLE:
+            numbers = [value] if isinstance(value, float) else value
+            if not all(map(math.isfinite, numbers)):
+                raise DaqStatusError(status.INVALID_VALUE, f"{field.name}: {value}")
 
 
 def enum(request: Any, field: str) -> int:

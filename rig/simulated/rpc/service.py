@@ -26,7 +26,7 @@ from rig.simulated.rpc.calls.watchdog import WATCHDOG_CALLS
 from rig.simulated.rpc.calls.waveforms import WAVEFORM_CALLS
 from rig.simulated.rpc.event_streams import EVENTS, UNREGISTER, EventStream, EventStreams
 from rig.simulated.rpc.handlers import DeviceHandler, Fields, TaskHandler
-from rig.simulated.rpc.messages import CALLS, attribute_fields, attribute_value, enum, response
+from rig.simulated.rpc.messages import CALLS, attribute_fields, attribute_value, enum, refuse_not_finite, response
 from rig.simulated.rpc.properties import task as task_properties
 from rig.simulated.status import NotImplementedByDevice
 from rig.simulated.timing.wait import go_on, let_pass, question_asked
@@ -82,6 +82,8 @@ class Service:
 
     def _answer(self, call: str, request: Any) -> Fields | None:
         device = self.device
+        if call.startswith(("Create", "Cfg", "Set")):
+            refuse_not_finite(request)
         if call in _DEVICE_CALLS:
             return _DEVICE_CALLS[call](device, request)
         if call in UNREGISTER:

@@ -151,8 +151,14 @@ def _table(request: Any, values: NDArray[Any], columns: int) -> NDArray[Any]:
     return values.reshape(n, columns) if _by_scan(request, "data_layout") else values.reshape(columns, n).T
 
 
+def _refuse_several_channels(task: SimulatedTask) -> None:
+    if len(task.channels) != 1:
+        raise DaqStatusError(status.WRONG_SIZE, f"Task: {task.name}: one value for {len(task.channels)} channels")
+
+
 def _write_analog_scalar(device: DeviceState, task: SimulatedTask, request: Any) -> Fields:
     refuse_other_type(task, "AO")
+    _refuse_several_channels(task)
     writing.write_volts(device, task, np.array([[request.value]]), request.auto_start, request.timeout)
     return {}
 
@@ -193,6 +199,7 @@ def _write_words(device: DeviceState, task: SimulatedTask, request: Any) -> Fiel
 
 def _write_word(device: DeviceState, task: SimulatedTask, request: Any) -> Fields:
     refuse_other_type(task, "DO")
+    _refuse_several_channels(task)
     put_levels(device, task, _levels(task, np.array([[request.value]], dtype=np.int64)), request)
     return {}
 

@@ -44,6 +44,9 @@ SETTABLE: dict[str, frozenset[int]] = {
         }
     ),
 }
+_TEXTS = frozenset({*CI_INPUT_TERMS, daqmx.CO_PULSE_TERM, daqmx.DIG_EDGE_ARM_START_TRIG_SRC})
+_NUMBERS = frozenset({*LIMITS, *(number for number in CI_FILTERS if number not in CI_FILTERS[::2])})
+_SWITCHES = frozenset({*CI_FILTERS[::2], daqmx.AI_BRIDGE_SHUNT_CAL_ENABLE, daqmx.START_TRIG_RETRIGGERABLE})
 Getter = Callable[[DeviceState, SimulatedTask], Any]
 
 
@@ -191,7 +194,8 @@ def get(device: DeviceState, task: SimulatedTask, channel: str, key: Key) -> Any
 def put(device: DeviceState, task: SimulatedTask, channel: str, key: Key, value: Any) -> None:
     """Set a property, after checking terminals and trigger types; refused while the task runs."""
     category, number = key
-    if number not in SETTABLE.get(category, frozenset()):
+    kind = str if number in _TEXTS else float if number in _NUMBERS else bool if number in _SWITCHES else int
+    if number not in SETTABLE.get(category, frozenset()) or type(value) is not kind:
         raise _unsupported(task, key)
     task.refuse_while_running()
     names = [""]

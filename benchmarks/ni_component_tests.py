@@ -1,0 +1,147 @@
+"""NI's own component tests of nidaqmx-python, run over gRPC against the virtual device, as a table.
+
+``python benchmarks/ni_component_tests.py CHECKOUT [--out TABLE.md]`` takes a checkout of ni/nidaqmx-python by path;
+nothing of it is part of this project. Tests that assert the waveforms NI's simulated devices make (a sine on every
+analog input, counting bits on digital ones) are left out by name: ``ni_component_tests_left_out.txt``. Tests for devices
+that the virtual bench is not (other cards, network modules, saved tasks) skip by themselves.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import re
+import subprocess
+import sys
+import tempfile
+import xml.etree.ElementTree as ElementTree
+from collections import Counter
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+HERE = Path(__file__).resolve()
+LEFT_OUT = HERE.with_name("ni_component_tests_left_out.txt")
+PORT = "PIANORIG_COMPONENT_TESTS_PORT"
+TIMEOUT_S = 1500
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """One test: its name, what came of it (passed, failed, skipped), and the first line that says why."""
+
+    name: str
+    result: str
+    why: str = ""
+
+
+def pytest_configure(config: Any) -> None:
+    """Let NI's fixtures find the virtual device instead of starting NI's server; called where this is their plugin."""
+    import tests._grpc_utils as utils  # type: ignore[import-not-found]  # platform: NI's package, not ours
+
+    def init(self: Any) -> None:
+        self.server_port = int(os.environ[PORT])
+
+    utils.GrpcServerProcess.__init__ = init
+    utils.GrpcServerProcess.__exit__ = lambda self, *exception: None
+
+
+def run(checkout: Path, rig_name: str = "pcie6363", select: str = "grpc_init_kwargs") -> list[Outcome]:
+    """Run NI's component tests against a device of its own; return what came of each."""
+    from rig.configuration.rig_file import load_rig  # start-up: the plugin must not import the bench
+    from rig.simulated.backend import open_backend
+    from rig.simulated.rpc.tcp_server import serve
+
+    backend = open_backend("sim://?clock=real", load_rig(rig_name).config)
+    server, port = serve(backend.service)
+    with tempfile.TemporaryDirectory() as folder:
+        report = Path(folder) / "report.xml"
+        path = os.pathsep.join(map(str, (checkout, HERE.parent)))
+        found = {**os.environ, "PYTHONPATH": f"{path}{os.pathsep}{HERE.parents[1]}", PORT: str(port)}
+        command = [
+            sys.executable, "-m", "pytest", "tests/component", "-q", "-p", HERE.stem, "-p", "no:cacheprovider", "-k", select,
+            "--continue-on-collection-errors",
+            f"--junitxml={report}", "-o", "faulthandler_timeout=60", "-W", "ignore",
+        ]  # fmt: skip
+        try:
+            subprocess.run(
+                command,
+                cwd=checkout,
+                env=found,
+                timeout=TIMEOUT_S,
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.DEVNULL,
+            )
+        finally:
+            server.stop(None).wait()
+        return outcomes(report)
+
+
+def outcomes(report: Path) -> list[Outcome]:
+    """Read a JUnit report."""
+    found = []
+    for case in ElementTree.parse(report).getroot().iter("testcase"):
+        name = f"{case.get('classname')}::{case.get('name')}"
+        for kind, result in (("failure", "failed"), ("error", "failed"), ("skipped", "skipped")):
+            if (element := case.find(kind)) is not None:
+                found.append(
+                    Outcome(name, result, reason((element.get("message") or "") + "\n" + (element.text or "")))
+                )
+                break
+        else:
+            found.append(Outcome(name, "passed"))
+    return found
+
+
+def reason(text: str) -> str:
+    """Return a failure in one line: status code or gRPC status with its detail, else the assertion."""
+    lines = [line.strip() for line in text.splitlines() if line.strip()]
+    detail = lines[0] if lines else ""
+    if code := re.search(r"Status Code: (-?\d+)", text):
+        return f"{code[1]}: {re.sub('^[A-Za-z_.]*Error: ', '', detail)}"
+    return detail[:160]
+
+
+def left_out() -> list[re.Pattern[str]]:
+    """Return the patterns of the names that are left out."""
+    lines = (line.partition("#")[0].strip() for line in LEFT_OUT.read_text(encoding="utf-8").splitlines())
+    return [re.compile(line) for line in lines if line]
+
+
+def table(found: list[Outcome]) -> str:
+    """Return counts, and what fails by reason, as Markdown."""
+    patterns = left_out()
+    kept = [outcome for outcome in found if not any(p.search(outcome.name) for p in patterns)]
+    count = Counter(outcome.result for outcome in kept)
+    ran = count["passed"] + count["failed"]
+    lines = [
+        f"| NI's component tests over gRPC | {len(found)} |", "|---|---:|",
+        f"| left out (they assert NI's simulated waveforms) | {len(found) - len(kept)} |",
+        f"| skipped by NI's fixtures (another device) | {count['skipped']} |",
+        f"| ran | {ran} |",
+        f"| passed | {count['passed']} ({count['passed'] / max(ran, 1):.1%}) |",
+        f"| failed | {count['failed']} |",
+        "", "| fails | reason |", "|---|---|",
+    ]  # fmt: skip
+    for outcome in kept:
+        if outcome.result == "failed":
+            name = outcome.name.removeprefix("tests.component.").replace("[grpc_init_kwargs]", "")
+            lines.append(f"| `{name}` | {outcome.why.replace('|', '/')} |")
+    return "\n".join(lines) + "\n"
+
+
+def main() -> None:
+    """Run the tests and print the table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("checkout", type=Path, help="folder with NI's tests/component")
+    parser.add_argument("--out", type=Path, help="write the table here, too")
+    parser.add_argument("--rig", default="pcie6363")
+    given = parser.parse_args()
+    text = table(run(given.checkout.resolve(), given.rig))
+    if given.out is not None:
+        given.out.write_text(text, encoding="utf-8")
+    print(text)
+
+
+if __name__ == "__main__":
+    main()
