@@ -55,8 +55,8 @@ _FAULT_OF_STATUS: dict[grpc.StatusCode, tuple[type[HardwareFault], str]] = {
     grpc.StatusCode.UNIMPLEMENTED: (NotSupported, "the server does not know a call that was needed ({phase})"),
     grpc.StatusCode.ALREADY_EXISTS: (
         ResourceBusy,
-        "the server has a session of that name, of another program or of one that died ({phase}); "
-        "close that program, or reset the server",
+        "the server has a session of that name, of another rig or computer ({phase}); close that program, or, if it "
+        "died, end all sessions with  pianorig recover --reset-server ADDRESS",
     ),
 }
 

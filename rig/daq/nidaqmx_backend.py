@@ -23,6 +23,7 @@ from rig.daq.bench_checks import BenchChecks
 from rig.daq.faults import translated
 from rig.daq.safe_bench import SafeBench
 from rig.daq.safing import worst
+from rig.daq.server_sessions import ServerClaim
 from rig.daq.watchdog import Watchdog
 from rig.errors import HardwareFault, RigInputError
 
@@ -39,10 +40,13 @@ class NidaqmxBackend(SafeBench, BenchChecks, Backend):
         virtual bench.
     name : str
         Shown in reports.
+    claim : ServerClaim, optional
+        Claim on the rig's sessions at a server that other programs use, too.
     """
 
-    def __init__(self, channel: grpc.Channel | None, *, name: str) -> None:
+    def __init__(self, channel: grpc.Channel | None, *, name: str, claim: ServerClaim | None = None) -> None:
         super().__init__(channel)
+        self._claim = claim
         self._name = name
         self._simulated, self._product = False, "unknown"
         self._next_sample = 0
@@ -81,6 +85,8 @@ class NidaqmxBackend(SafeBench, BenchChecks, Backend):
             self.safe_stop()
         if config != self._config or self._timing is None:
             self._clear()
+        if self._claim is not None:
+            self._claim.take(config)
         self._config = config
         with self._safe_on_failure():
             shortest_s = self._begin_safely(config)
@@ -197,6 +203,8 @@ class NidaqmxBackend(SafeBench, BenchChecks, Backend):
             if self._watchdog is not None:
                 self._watchdog.leave_running()
             self._watchdog = self._config = None
+            if self._claim is not None:
+                self._claim.release()
             if self._channel is not None:
                 self._channel.close()
 

@@ -10,7 +10,8 @@ from __future__ import annotations
 import re
 import sys
 import threading
-from contextlib import AbstractContextManager
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
 from typing import Any
 
 from rig.simulated.device.state import DeviceState
@@ -28,7 +29,7 @@ from rig.simulated.rpc.event_streams import EVENTS, UNREGISTER, EventStream, Eve
 from rig.simulated.rpc.handlers import DeviceHandler, Fields, TaskHandler
 from rig.simulated.rpc.messages import CALLS, attribute_fields, attribute_value, enum, refuse_not_finite, response
 from rig.simulated.rpc.properties import task as task_properties
-from rig.simulated.status import NotImplementedByDevice
+from rig.simulated.status import NotImplementedByDevice, SessionRefused
 from rig.simulated.timing.wait import go_on, let_pass, question_asked
 
 _ATTRIBUTE_CALL = re.compile(r"(Get|Set)(Task|Timing|Read|Write|Buffer|Chan|Trig)Attribute(\w+)")
@@ -44,7 +45,10 @@ class Service:
         self.device = device
         self.trace: list[str] = []
         """Names of the calls answered, the last 50,000 at least."""
+        self.waiting = 0
+        """Calls that have not been answered yet."""
         self._lock = threading.RLock()
+        self._caller = threading.local()
         self._events = EventStreams(device, self._lock)
         device.let_clients_call = self._let_clients_call
 
@@ -53,13 +57,16 @@ class Service:
         return self._lock
 
     def _let_clients_call(self) -> None:
-        """Let other clients and the watchdogs have a turn while time passes in one call."""
+        """Let other clients and the watchdogs have a turn while time passes in one call; end that of a dead client."""
         check_watchdogs(self.device)
         self._lock.release()
         self._lock.acquire()
+        waits = getattr(self._caller, "waits", None)
+        if waits is not None and not waits():
+            raise SessionRefused("CANCELLED", "the client no longer waits")
 
-    def handle(self, call: str, request: Any) -> Any:
-        """Answer one call.
+    def handle(self, call: str, request: Any, is_waiting: Callable[[], bool] | None = None) -> Any:
+        """Answer one call; ``is_waiting`` tells whether the client still waits for it.
 
         Raises
         ------
@@ -68,7 +75,8 @@ class Service:
         NotImplementedByDevice
             When the virtual device does not have the call.
         """
-        with self._lock:
+        self._caller.waits = is_waiting
+        with self._waiting(), self._lock:
             if self.device.call_delay_s > 0:
                 let_pass(self.device, self.device.call_delay_s)
             check_watchdogs(self.device)
@@ -79,6 +87,14 @@ class Service:
             if _QUESTION.fullmatch(call):
                 question_asked(self.device, again=bool(_QUESTION.fullmatch((self.trace[-2:-1] or [""])[0])))
             return response(call, **(self._answer(call, request) or {}))
+
+    @contextmanager
+    def _waiting(self) -> Iterator[None]:
+        self.waiting += 1
+        try:
+            yield
+        finally:
+            self.waiting -= 1
 
     def _answer(self, call: str, request: Any) -> Fields | None:
         device = self.device

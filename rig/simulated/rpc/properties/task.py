@@ -204,7 +204,7 @@ def put(device: DeviceState, task: SimulatedTask, channel: str, key: Key, value:
         names = [found.name for found in channels]
         if number in LIMITS:
             for found in channels:
-                set_limit(device, task, found, number, value)
+                set_limit(device, task, found, number, float(value))
             return
         shunt = number == daqmx.AI_BRIDGE_SHUNT_CAL_ENABLE
         wanted = "CO" if number == daqmx.CO_PULSE_TERM else "AI" if shunt else "CI"
