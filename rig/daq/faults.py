@@ -40,6 +40,7 @@ _FAULT_OF_CODE: dict[int, tuple[type[HardwareFault], str]] = {
     -201003: (DeviceNotFound, "the device cannot be reached; check power and cable"),
     -88705: (DeviceNotFound, "the device is gone; check power and cable"),
     **dict.fromkeys((-200644, -200678, -201478, -201434, -200681, -200712), (WatchdogTripped, TRIPPED)),
+    -200452: (NotSupported, "the device does not have a call or setting that was needed"),
     -200170: (NotSupported, "no such channel; compare the rig file with the modules in the chassis"),
     -200431: (
         NotSupported,

@@ -155,10 +155,11 @@ class EventStream:
 
 def _every_n(task: SimulatedTask, request: Any) -> Callable[[int], bool]:
     kind, n = enum(request, "every_n_samples_event_type"), int(request.n_samples)
-    if task.timing.clock is None or n < 1:
+    if n < 1:
         raise DaqStatusError(status.INVALID_VALUE, f"Task: {task.name}: every {n} samples")
     if kind != (ACQUIRED if task.type in ("AI", "CI", "DI") else TRANSFERRED):
-        raise DaqStatusError(status.INVALID_VALUE, f"Task: {task.name} is {task.type}, event type {kind}")
+        code = status.NO_ACQUIRED_EVENT if kind == ACQUIRED else status.NO_TRANSFERRED_EVENT
+        raise DaqStatusError(code, f"Task: {task.name} is {task.type}, event type {kind}")
     return lambda sent: task.total_samples >= (sent + 1) * n
 
 

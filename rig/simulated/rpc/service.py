@@ -2,7 +2,7 @@
 
 An in-process channel or a TCP server hands requests in; both get the same answers. A driver status below zero travels
 as the real server sends it (``ni-error`` in the trailing metadata, or a status with partial data for reads that time
-out). A call that is not in the tables raises NotImplementedByDevice, which the client sees as UNIMPLEMENTED.
+out). A call that is not in the tables is refused with the driver's code for what a device does not support.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from typing import Any
 
+from rig.simulated import status
 from rig.simulated.device.state import DeviceState
 from rig.simulated.device.task import SimulatedTask
 from rig.simulated.device.watchdog import check_watchdogs, refuse_locked
@@ -32,7 +33,7 @@ from rig.simulated.rpc.properties import task as task_properties
 from rig.simulated.status import NotImplementedByDevice, SessionRefused
 from rig.simulated.timing.wait import go_on, let_pass, question_asked
 
-_ATTRIBUTE_CALL = re.compile(r"(Get|Set)(Task|Timing|Read|Write|Buffer|Chan|Trig)Attribute(\w+)")
+_ATTRIBUTE_CALL = re.compile(r"(Get|Set|Reset)(Task|Timing|Read|Write|Buffer|Chan|Trig)Attribute(\w*)")
 _QUESTION = re.compile(r"IsTaskDone|Get(Read|Write)Attribute\w+|Get(Chan|Task)Attribute(Bool|UInt32)")
 """Calls that ask how far a task is."""
 TRACE_LENGTH = 100_000
@@ -112,7 +113,7 @@ class Service:
         match = _ATTRIBUTE_CALL.fullmatch(call)
         if match and call in CALLS:
             return self._attribute(call, match.group(1), match.group(2), request)
-        raise NotImplementedByDevice(call)
+        raise NotImplementedByDevice(call, _refusal_of(call))
 
     def stream(self, call: str, request: Any) -> EventStream:
         """Register an event and return the stream of its responses; raises as :meth:`handle`."""
@@ -135,10 +136,20 @@ class Service:
     def _attribute(self, call: str, action: str, category: str, request: Any) -> Fields | None:
         task, channel = find_task(self.device, request.task.name), getattr(request, "channel", "")
         key = (category, enum(request, "attribute"))
+        if action == "Reset":
+            task_properties.reset(self.device, task, channel, key)
+            return None
         if action == "Set":
             task_properties.put(self.device, task, channel, key, attribute_value(request))
             return None
         return attribute_fields(call, task_properties.get(self.device, task, channel, key))
+
+
+def _refusal_of(call: str) -> int:
+    """Return the driver's code for a call that the virtual device does not have."""
+    if created := re.fullmatch(r"Create(AI|CI|DI|AO|CO|DO)\w+", call):
+        return status.WRONG_MEASUREMENT_TYPE if created[1] in ("AI", "CI", "DI") else status.WRONG_OUTPUT_TYPE
+    return status.ATTRIBUTE_NOT_SUPPORTED
 
 
 _DEVICE_CALLS: dict[str, DeviceHandler] = {**DEVICE_CALLS, **WATCHDOG_CALLS}

@@ -247,7 +247,7 @@ def test_calls_out_of_order_are_faults_not_crashes(make_backend, config, command
         backend.arm()
 
 
-def test_a_call_the_server_does_not_know_is_not_supported(make_backend, config, command) -> None:
+def test_what_the_device_does_not_have_is_not_supported(make_backend, config, command) -> None:
     backend = make_backend(config)
     reservations = backend.device.reservations
     reserve = reservations.reserve
