@@ -49,7 +49,6 @@ class NidaqmxBackend(SafeBench, BenchChecks, Backend):
         self._claim = claim
         self._name = name
         self._simulated, self._product = False, "unknown"
-        self._next_sample = 0
         self._generating = False
         """The motor's command has not ended yet, as far as is known."""
 
@@ -169,7 +168,7 @@ class NidaqmxBackend(SafeBench, BenchChecks, Backend):
     def start(self) -> None:
         """Start the master task."""
         self._ready()
-        self._next_sample = 0
+        self._next_sample = self._reset_at_sample = 0
         with self._safe_on_failure(), translated("start", analog_inputs.MASTER):
             self._reset_watchdog()
             self._tasks[analog_inputs.MASTER].start()
@@ -179,7 +178,10 @@ class NidaqmxBackend(SafeBench, BenchChecks, Backend):
         config = self._ready()
         with self._safe_on_failure():
             with translated("read", "watchdog"):
-                self._reset_watchdog(at_least_every_s=call_delay.reset_interval_s(config))
+                interval_s = call_delay.reset_interval_s(config)
+                # by the device's time, which is in the samples, and by ours, in which a block may be late
+                read_s = (self._next_sample - self._reset_at_sample) / config.device.sample_rate_hz
+                self._reset_watchdog(at_least_every_s=interval_s if read_s < interval_s else 0.0)
             if self._generating:
                 with translated("read", tasks.MOTOR):  # raises if the generation has failed
                     self._generating = not self._tasks[tasks.MOTOR].is_task_done()
