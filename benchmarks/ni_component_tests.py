@@ -3,8 +3,7 @@
 ``python benchmarks/ni_component_tests.py CHECKOUT [--out TABLE.md]`` takes a checkout of ni/nidaqmx-python by path;
 nothing of it is part of this project. Tests that assert the waveforms NI's simulated devices make (a sine on every
 analog input, counting bits on digital ones) are left out by name: ``ni_component_tests_left_out.txt``. Tests for
-devices
-that the virtual bench is not (other cards, network modules, saved tasks) skip by themselves.
+devices that the virtual bench is not (other cards, network modules, saved tasks) skip by themselves.
 """
 
 from __future__ import annotations
@@ -60,9 +59,8 @@ def run(checkout: Path, rig_name: str = "pcie6363", select: str = "grpc_init_kwa
         path = os.pathsep.join(map(str, (checkout, HERE.parent)))
         found = {**os.environ, "PYTHONPATH": f"{path}{os.pathsep}{HERE.parents[1]}", PORT: str(port)}
         command = [
-            sys.executable, "-m", "pytest", "tests/component", "-q",
-            "-p", HERE.stem, "-p", "no:cacheprovider", "-k", select,
-            "--continue-on-collection-errors",
+            sys.executable, "-m", "pytest", "tests/component", "-q", "-p", HERE.stem, "-p", "no:cacheprovider",
+            "-k", select, "--continue-on-collection-errors",
             f"--junitxml={report}", "-o", "faulthandler_timeout=60", "-W", "ignore",
         ]  # fmt: skip
         try:

@@ -13,6 +13,7 @@ from .configuration.rig_file import Rig as Rig
 from .configuration.rig_file import RigConfig as RigConfig
 from .configuration.rig_file import load_rig as load_rig
 from .configuration.rig_file import parse_rig as parse_rig
+from .daq.address import reset_server as reset_server
 from .errors import DeviceNotFound as DeviceNotFound
 from .errors import HardwareFault as HardwareFault
 from .errors import InputError as InputError

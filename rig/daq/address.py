@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import contextlib
-from urllib.parse import urlsplit
+from pathlib import Path
+from urllib.parse import parse_qsl, urlsplit
 
 import grpc
 
 from rig.configuration.rig_file import RigConfig
+from rig.daq import server_sessions
 from rig.daq.nidaqmx_backend import NidaqmxBackend
 from rig.errors import RigInputError
 
@@ -15,19 +17,59 @@ DEFAULT_PORT = 31763
 
 
 def open_backend(url: str, config: RigConfig) -> NidaqmxBackend:
-    """Open ``ni://local`` or ``ni-grpc://host[:port]``; raises RigInputError for another address."""
+    """Open ``ni://local`` or ``ni-grpc://host[:port]``; raises RigInputError for another address.
+
+    A server with TLS: ``ni-grpc://host:port?ca=CA.pem``, with ``&cert=CLIENT.pem&key=CLIENT.key`` where it demands a
+    certificate of its clients.
+    """
+    parts = urlsplit(url)
+    if parts.scheme == "ni" and parts.netloc in ("", "local"):
+        return _identified(NidaqmxBackend(None, name="NI-DAQmx driver"), config)
+    channel, target = _server(url)
+    claim = server_sessions.ServerClaim(channel, target)
+    return _identified(NidaqmxBackend(channel, name=f"NI gRPC Device Server at {target}", claim=claim), config)
+
+
+def reset_server(url: str) -> str:
+    """End all sessions of the server at ``ni-grpc://host[:port]``, of whomever; return its host and port.
+
+    Raises
+    ------
+    RigInputError
+        For another address.
+    HardwareFault
+        When the server does not answer.
+    """
+    channel, target = _server(url)
+    try:
+        server_sessions.reset_server(channel, target)
+    finally:
+        channel.close()
+    return target
+
+
+def _server(url: str) -> tuple[grpc.Channel, str]:
+    """Return a channel to the server of an ``ni-grpc://`` address, and its host and port."""
     parts = urlsplit(url)
     try:
         port = parts.port or DEFAULT_PORT
     except ValueError as error:
         raise RigInputError(f"backend address {url!r}: {error}") from None
-    if parts.scheme == "ni" and parts.netloc in ("", "local"):
-        return _identified(NidaqmxBackend(None, name="NI-DAQmx driver"), config)
-    if parts.scheme == "ni-grpc" and parts.hostname:
-        target = f"{parts.hostname}:{port}"
-        channel = grpc.insecure_channel(target, options=[("grpc.max_receive_message_length", -1)])
-        return _identified(NidaqmxBackend(channel, name=f"NI gRPC Device Server at {target}"), config)
-    raise RigInputError(f"backend address {url!r}: allowed are ni://local and ni-grpc://host:{DEFAULT_PORT}")
+    if parts.scheme != "ni-grpc" or not parts.hostname:
+        raise RigInputError(f"backend address {url!r}: allowed are ni://local and ni-grpc://host:{DEFAULT_PORT}")
+    target = f"{parts.hostname}:{port}"
+    options = [("grpc.max_receive_message_length", -1)]
+    files = dict(parse_qsl(parts.query, keep_blank_values=True))
+    if not files:
+        return grpc.insecure_channel(target, options=options), target
+    if set(files) not in ({"ca"}, {"ca", "cert", "key"}):
+        raise RigInputError(f"backend address {url!r}: allowed are ca=FILE, and cert=FILE and key=FILE with it")
+    try:
+        read = {name: Path(path).read_bytes() for name, path in files.items()}
+    except OSError as error:
+        raise RigInputError(f"backend address {url!r}: {error}") from None
+    credentials = grpc.ssl_channel_credentials(read["ca"], read.get("key"), read.get("cert"))
+    return grpc.secure_channel(target, credentials, options=options), target
 
 
 def _identified(backend: NidaqmxBackend, config: RigConfig) -> NidaqmxBackend:

@@ -40,6 +40,7 @@ _FAULT_OF_CODE: dict[int, tuple[type[HardwareFault], str]] = {
     -201003: (DeviceNotFound, "the device cannot be reached; check power and cable"),
     -88705: (DeviceNotFound, "the device is gone; check power and cable"),
     **dict.fromkeys((-200644, -200678, -201478, -201434, -200681, -200712), (WatchdogTripped, TRIPPED)),
+    -200452: (NotSupported, "the device does not have a call or setting that was needed"),
     -200170: (NotSupported, "no such channel; compare the rig file with the modules in the chassis"),
     -200431: (
         NotSupported,
@@ -55,8 +56,8 @@ _FAULT_OF_STATUS: dict[grpc.StatusCode, tuple[type[HardwareFault], str]] = {
     grpc.StatusCode.UNIMPLEMENTED: (NotSupported, "the server does not know a call that was needed ({phase})"),
     grpc.StatusCode.ALREADY_EXISTS: (
         ResourceBusy,
-        "the server has a session of that name, of another program or of one that died ({phase}); "
-        "close that program, or reset the server",
+        "the server has a session of that name, of another rig or computer ({phase}); close that program, or, if it "
+        "died, end all sessions with  pianorig recover --reset-server ADDRESS",
     ),
 }
 

@@ -23,6 +23,7 @@ from rig.daq.bench_checks import BenchChecks
 from rig.daq.faults import translated
 from rig.daq.safe_bench import SafeBench
 from rig.daq.safing import worst
+from rig.daq.server_sessions import ServerClaim
 from rig.daq.watchdog import Watchdog
 from rig.errors import HardwareFault, RigInputError
 
@@ -39,13 +40,15 @@ class NidaqmxBackend(SafeBench, BenchChecks, Backend):
         virtual bench.
     name : str
         Shown in reports.
+    claim : ServerClaim, optional
+        Claim on the rig's sessions at a server that other programs use, too.
     """
 
-    def __init__(self, channel: grpc.Channel | None, *, name: str) -> None:
+    def __init__(self, channel: grpc.Channel | None, *, name: str, claim: ServerClaim | None = None) -> None:
         super().__init__(channel)
+        self._claim = claim
         self._name = name
         self._simulated, self._product = False, "unknown"
-        self._next_sample = 0
         self._generating = False
         """The motor's command has not ended yet, as far as is known."""
 
@@ -81,6 +84,8 @@ class NidaqmxBackend(SafeBench, BenchChecks, Backend):
             self.safe_stop()
         if config != self._config or self._timing is None:
             self._clear()
+        if self._claim is not None:
+            self._claim.take(config)
         self._config = config
         with self._safe_on_failure():
             shortest_s = self._begin_safely(config)
@@ -163,7 +168,7 @@ class NidaqmxBackend(SafeBench, BenchChecks, Backend):
     def start(self) -> None:
         """Start the master task."""
         self._ready()
-        self._next_sample = 0
+        self._next_sample = self._reset_at_sample = 0
         with self._safe_on_failure(), translated("start", analog_inputs.MASTER):
             self._reset_watchdog()
             self._tasks[analog_inputs.MASTER].start()
@@ -173,7 +178,10 @@ class NidaqmxBackend(SafeBench, BenchChecks, Backend):
         config = self._ready()
         with self._safe_on_failure():
             with translated("read", "watchdog"):
-                self._reset_watchdog(at_least_every_s=call_delay.reset_interval_s(config))
+                interval_s = call_delay.reset_interval_s(config)
+                # by the device's time, which is in the samples, and by ours, in which a block may be late
+                read_s = (self._next_sample - self._reset_at_sample) / config.device.sample_rate_hz
+                self._reset_watchdog(at_least_every_s=interval_s if read_s < interval_s else 0.0)
             if self._generating:
                 with translated("read", tasks.MOTOR):  # raises if the generation has failed
                     self._generating = not self._tasks[tasks.MOTOR].is_task_done()
@@ -197,6 +205,8 @@ class NidaqmxBackend(SafeBench, BenchChecks, Backend):
             if self._watchdog is not None:
                 self._watchdog.leave_running()
             self._watchdog = self._config = None
+            if self._claim is not None:
+                self._claim.release()
             if self._channel is not None:
                 self._channel.close()
 

@@ -50,6 +50,9 @@ class SafeBench:
         """Both outputs accepted their safe state when it was last written."""
         self._was_reset = False
         """The device was reset since the connection was made."""
+        self._next_sample = 0
+        self._reset_at_sample = 0
+        """The next sample to be read, and what it was when the watchdog was last reset."""
         self._last_reset_s = float("-inf")
         """When the watchdog was last reset."""
 
@@ -169,4 +172,5 @@ class SafeBench:
         """Reset the watchdog, unless that was done less than ``at_least_every_s`` ago."""
         if self._watchdog is not None and self._now_s() - self._last_reset_s >= at_least_every_s:
             self._last_reset_s = self._now_s()  # before the call, which may take long: the device counts from its end
+            self._reset_at_sample = self._next_sample
             self._watchdog.reset()

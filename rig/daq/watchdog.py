@@ -8,7 +8,9 @@ so the caller resets the device, whatever it is, and makes every task afresh.
 
 from __future__ import annotations
 
+import atexit
 import contextlib
+import warnings
 
 import nidaqmx
 from nidaqmx import GrpcSessionOptions
@@ -75,18 +77,24 @@ class Watchdog:
         try:
             task.close()
         except nidaqmx.errors.Error:
-            _LEFT_OPEN.append(task)
+            _keep_open(task)
             raise
 
     def leave_running(self) -> None:
         """Forget the timer without stopping it: it expires, and makes the outputs safe that could not be written."""
-        _LEFT_OPEN.append(self._open)
+        _keep_open(self._open)
         self._task = None
 
     @property
     def _open(self) -> WatchdogTask:
         assert self._task is not None, "the watchdog has been closed"
         return self._task
+
+
+def _keep_open(task: WatchdogTask) -> None:
+    if not _LEFT_OPEN:  # at the end of the program, too, this is on purpose
+        atexit.register(warnings.simplefilter, "ignore", nidaqmx.errors.DaqResourceWarning)
+    _LEFT_OPEN.append(task)
 
 
 def reset_device(channel: object | None, name: str) -> None:

@@ -8,6 +8,7 @@ on while no client waits; and it can report to an observer, one line per change,
 from __future__ import annotations
 
 import contextlib
+import ipaddress
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -15,11 +16,12 @@ from pathlib import Path
 from urllib.parse import urlencode
 
 from rig.configuration.rig_file import load_rig
+from rig.errors import RigInputError
 from rig.safety.interrupts import termination_as_interrupt
 from rig.simulated.backend import open_backend
 from rig.simulated.device.state import DeviceState
 from rig.simulated.device.watchdog import check_watchdogs
-from rig.simulated.rpc.tcp_server import serve
+from rig.simulated.rpc.tcp_server import Tls, serve
 from rig.simulated.timing.wait import go_on
 
 CHECK_EVERY_S = 0.01
@@ -41,6 +43,17 @@ class ServeOptions:
     fault: str | None = None
     hand: bool = False
     """Whether the virtual operator acts in a self-test."""
+    allow_network: bool = False
+    """Whether others than this computer may be let in."""
+    tls: Tls | None = None
+
+    @property
+    def on_network(self) -> bool:
+        """Whether the address can be reached from other computers."""
+        try:
+            return not ipaddress.ip_address(self.host.strip("[]")).is_loopback
+        except ValueError:
+            return self.host.lower() != "localhost"
 
     @property
     def address(self) -> str:
@@ -84,12 +97,17 @@ def serve_until_interrupted(
     Raises
     ------
     RigInputError
-        Bad rig file, bench file, clock or fault.
+        Bad rig file, bench file, clock or fault; an address on the network that was not allowed.
     HardwareFault
         When the address cannot be bound.
     """
+    if options.on_network and not options.allow_network:
+        raise RigInputError(
+            f"host {options.host}: other computers could drive the bench; allowed is the loopback, e.g. 127.0.0.1, "
+            "or  --allow-network  beside it (with --tls, and --tls-client-ca to know who calls)"
+        )
     backend = open_backend(options.address, load_rig(options.rig).config)
-    server, bound = serve(backend.service, host=options.host, port=options.port)
+    server, bound = serve(backend.service, host=options.host, port=options.port, tls=options.tls)
     device, stop = backend.device, stop or threading.Event()
     announce(f"{options.host}:{bound}", device.inventory.product.name, device.inventory.name)
     last: dict[str, object] = {}

@@ -58,6 +58,9 @@ DEVICE_WATCHDOG_EXPIRED = _status(
 )
 NOT_A_WATCHDOG = _status(-200635, "The task is not a watchdog timer task.")
 EVENT_WHILE_RUNNING = _status(-200960, "Events are registered before the task is started.")
+NO_ACQUIRED_EVENT = _status(-200981, "Samples acquired into the buffer are no event of this task.")
+NO_TRANSFERRED_EVENT = _status(-200980, "Samples transferred from the buffer are no event of this task.")
+NOT_WHILE_UNRESERVED = _status(-200983, "The property can be asked only while the task is reserved, committed or runs.")
 EVENT_REGISTERED = {
     call: _status(code, "The event is registered for this task already.")
     for call, code in (
@@ -90,8 +93,11 @@ class ServerGone(Exception):
     """The server is not there any more; the client sees UNAVAILABLE."""
 
 
-class NotImplementedByDevice(Exception):
-    """A call the virtual device does not have; the client sees UNIMPLEMENTED, never a made-up value."""
+class NotImplementedByDevice(DaqStatusError):
+    """What DAQmx has and the virtual device has not: refused with the driver's code, never answered with a value."""
+
+    def __init__(self, what: str, code: int = ATTRIBUTE_NOT_SUPPORTED) -> None:
+        super().__init__(code, f"not simulated: {what}")
 
 
 def one_of(value: int | float, allowed: tuple[int | float, ...], what: str) -> None:

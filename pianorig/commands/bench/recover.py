@@ -11,18 +11,38 @@ import typer
 import rig
 from pianorig.console.options import AsJson
 from pianorig.console.output import print_json
+from pianorig.errors import CommandInputError
 
 
 def command(
-    session: Annotated[Path, typer.Argument(help="Session folder whose recording was cut off.")],
+    session: Annotated[Path | None, typer.Argument(help="Session folder whose recording was cut off.")] = None,
+    server: Annotated[
+        str | None,
+        typer.Option(
+            "--reset-server",
+            metavar="ADDRESS",
+            help="End all sessions of the server at ni-grpc://host:port, of whomever; outputs keep their values.",
+        ),
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Rebuild unsealed trials from the journals of a recording.
 
-    Each trial is rebuilt up to the last good record of its journal.
+    Each trial is rebuilt up to the last good record of its journal. On a gRPC server a killed program leaves its
+    sessions: the next  record  frees those of its own rig;  --reset-server  is for those of another rig or computer.
 
     Example:  pianorig recover sessions/2026-11-21_forte
     """
+    if session is None and server is None:
+        raise CommandInputError("recover: name a session folder, or give --reset-server ADDRESS")
+    if server is not None:
+        target = rig.reset_server(server)
+        if not as_json:
+            print(f"{target}: all sessions ended; check that the outputs are safe")
+        elif session is None:
+            print_json({"server": target, "reset": True})
+    if session is None:
+        return
     rows = [asdict(trial) for trial in rig.recover(session)]
     if as_json:
         print_json({"session": session, "trials": rows})

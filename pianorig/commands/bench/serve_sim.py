@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -9,6 +10,7 @@ import typer
 
 from pianorig.console.options import AsJson, Rig
 from pianorig.console.output import print_json
+from pianorig.errors import CommandInputError
 from rig import simulated
 
 
@@ -27,6 +29,15 @@ def command(
     hand: Annotated[
         bool, typer.Option("--hand", help="Let the virtual operator's hand act when a self-test asks for it.")
     ] = False,
+    allow_network: Annotated[
+        bool, typer.Option("--allow-network", help="Permit a --host that other computers can reach.")
+    ] = False,
+    tls: Annotated[
+        tuple[Path, Path] | None, typer.Option("--tls", metavar="CERT KEY", help="PEM files: serve with TLS.")
+    ] = None,
+    client_ca: Annotated[
+        Path | None, typer.Option("--tls-client-ca", help="PEM file: clients must show a certificate of this CA.")
+    ] = None,
     log: Annotated[bool, typer.Option("--log", help="Print a JSON line when outputs become live or safe.")] = False,
     as_json: AsJson = False,
 ) -> None:
@@ -43,6 +54,11 @@ def command(
         else:
             print(f"virtual {product} {name} at {at} ({clock} clock); stop with Ctrl-C", flush=True)
 
-    simulated.serve_until_interrupted(
-        simulated.ServeOptions(rig, host, port, clock, seed, bench, fault, hand), announce, print_json if log else None
-    )
+    if client_ca is not None and tls is None:
+        raise CommandInputError("--tls-client-ca: needs --tls CERT KEY beside it")
+    secured = simulated.Tls(*tls, client_ca) if tls is not None else None
+    options = simulated.ServeOptions(rig, host, port, clock, seed, bench, fault, hand, allow_network, secured)
+    if options.on_network and allow_network:
+        who = "only holders of a certificate of the CA" if client_ca else "anybody who reaches it"
+        print(f"warning: {host} is open to the network; {who} can drive this bench", file=sys.stderr, flush=True)
+    simulated.serve_until_interrupted(options, announce, print_json if log else None)

@@ -30,7 +30,8 @@ class WatchdogTimer:
     timeout_s: float
     volts: dict[str, float] = field(default_factory=dict)
     """By full name of the analog output."""
-    lines: dict[str, bool] = field(default_factory=dict)
+    lines: dict[str, bool | None] = field(default_factory=dict)
+    """By full name of the line; None leaves it as it is."""
     running: bool = False
     expired: bool = False
     reset_at_s: float = 0.0
@@ -94,6 +95,9 @@ def commit(device: DeviceState, task: SimulatedTask) -> None:
     """Reserve the task's resources; refuses what another task has reserved."""
     if not task.channels:
         raise DaqStatusError(status.NO_CHANNELS, f"Task: {task.name}")
+    if task.unsimulated:
+        settings = ", ".join(f"{name} = {value}" for name, value in task.unsimulated.items())
+        raise DaqStatusError(status.ATTRIBUTE_NOT_SUPPORTED, f"Task: {task.name}: not simulated: {settings}")
     device.reservations.reserve(task)
     if task.state == "unreserved":
         task.state = "committed"

@@ -128,6 +128,8 @@ class SimulatedTask:
     """What a client has set, by category, channel and the driver's number."""
     timing: Timing = field(default_factory=Timing)
     triggers: Triggers = field(default_factory=Triggers)
+    unsimulated: dict[str, str] = field(default_factory=dict)
+    """Settings that the virtual device cannot act on: the task is refused when it is committed."""
     exported: set[str] = field(default_factory=set)
     """Terminals it exports its signals to, relative to the device."""
     state: TaskState = "unreserved"
@@ -245,4 +247,6 @@ class SimulatedTask:
             return True
         if self.retriggerable:
             return False
+        if self.timing.clock is None and self.type in ("AI", "AO", "DI", "DO"):
+            return True  # on demand there is nothing to wait for
         return self.pulses.finished if self.type == "CO" else self.samples_remaining <= 0

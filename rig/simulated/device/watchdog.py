@@ -54,9 +54,10 @@ def set_expiration_volts(
 
 def set_expiration_level(device: DeviceState, timer: WatchdogTimer, line: str, level: int) -> None:
     """Set the expiration state of a digital line."""
-    if level not in (daqmx.LOW, daqmx.HIGH):
+    if level not in (daqmx.LOW, daqmx.HIGH, daqmx.TRISTATE, daqmx.NO_CHANGE):
         raise DaqStatusError(status.INVALID_VALUE, f"Expiration state of {line}: {level}")
-    timer.lines[device.inventory.channel(line, "line").name] = level == daqmx.HIGH
+    # tri-stated, the line falls to low: the bench's pull-down
+    timer.lines[device.inventory.channel(line, "line").name] = None if level == daqmx.NO_CHANGE else level == daqmx.HIGH
 
 
 def start_watchdog(device: DeviceState, task: SimulatedTask) -> None:
@@ -88,7 +89,7 @@ def check_watchdogs(device: DeviceState) -> None:
             continue
         timer.expired = True
         device.output_v.update(timer.volts)
-        device.lines.update(timer.lines)
+        device.lines.update({line: level for line, level in timer.lines.items() if level is not None})
         if device.inventory.product.expiry_locks:
             _lock(device)
             continue

@@ -39,8 +39,11 @@ def read(device: DeviceState, task: SimulatedTask, n: int, timeout_s: float) -> 
     missing = n - task.buffer.available
     if task.triggers.reference and task.samples_remaining > 0:
         missing = max(missing, 1)
-    if missing > task.samples_remaining and not task.retriggerable:
-        raise DaqStatusError(status.PAST_THE_END, f"Task: {task.name}", samples_read=0)
+    if missing > task.samples_remaining and not task.retriggerable:  # cut to what there will be
+        n = task.buffer.available + int(task.samples_remaining)
+        missing = n - task.buffer.available
+        if n <= 0:
+            raise DaqStatusError(status.PAST_THE_END, f"Task: {task.name}", samples_read=0)
     if missing > 0:
         wait_for_samples(device, task, missing, timeout_s)
     if task.progress.error:  # e.g. the watchdog expired while the read waited
@@ -50,6 +53,11 @@ def read(device: DeviceState, task: SimulatedTask, n: int, timeout_s: float) -> 
     values = task.buffer.take(min(n, task.buffer.available))
     device.handed_out = max(device.handed_out, task.buffer.read)
     return values
+
+
+def all_has_come(task: SimulatedTask) -> bool:
+    """Whether a finite acquisition has ended and all its samples have been read: a read gives no more."""
+    return task.buffer is not None and task.samples_remaining <= 0 and not task.buffer.available
 
 
 def _read_on_demand(device: DeviceState, task: SimulatedTask, n: int, timeout_s: float) -> NDArray[np.float64]:

@@ -88,9 +88,10 @@ def stop_task(device: DeviceState, task: SimulatedTask) -> None:
 
 
 def reset_device(device: DeviceState) -> None:
-    """Clear all tasks and put the outputs where they are after power-up."""
-    for name in list(device.tasks):
-        clear_task(device, name)
+    """Clear all tasks that use the device, and put the outputs where they are after power-up."""
+    for name, task in list(device.tasks.items()):
+        if task.channels or name in device.watchdogs:
+            clear_task(device, name)
     device.output_v = dict.fromkeys(device.output_v, 0.0)
     device.lines = dict.fromkeys(device.lines, False)
     device.exports.clear()

@@ -6,8 +6,9 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 from rig.simulated import status
 from rig.simulated.product.capabilities import Kind, Product
@@ -114,10 +115,15 @@ class Inventory:
         return self._terminals[name, output]
 
     def _checked_terminal(self, name: str, output: bool) -> str:
-        given, name = name, name if name.startswith("/") else f"/{self.name}/{name}"
-        if not name.startswith("/" + self.name):
+        given, owner = name, self.name.lower()
+        if not name.startswith("/"):
+            mine = re.match(re.escape(owner) + r"(mod\d+)?/", name, re.IGNORECASE)
+            name = f"/{name}" if mine else f"/{self.name}/{name}"
+        if not name.lower().startswith("/" + owner):
             raise DaqStatusError(status.NO_SUCH_TERMINAL, f"Terminal: {name!r}")
-        relative = name[1 + len(self.name) :].lstrip("/")
+        relative = self._spelled(name[1 + len(owner) :].lstrip("/"))
+        name = f"/{self.name}{name[1 + len(owner) :]}"
+        name = name[: len(name) - len(relative)] + relative
         patterns = (*self.product.terminals, self.product.timebases)
         known = relative in self.product.internal or any(re.fullmatch(p, relative) for p in patterns)
         spelled = "/" + self.full_name(relative) == name
@@ -129,6 +135,15 @@ class Inventory:
         inside = relative in self.product.internal or re.fullmatch(self.product.timebases, relative)
         if output and (inside or re.fullmatch(inputs, relative)):
             raise DaqStatusError(status.NO_ROUTE, f"Terminal: {name!r} is an input")
+        return relative
+
+    def _spelled(self, relative: str) -> str:
+        """Return a terminal as the product spells it; the driver does not tell capitals from small letters."""
+        for known in self.product.internal:
+            if known.lower() == relative.lower():
+                return known
+        for word in ("PFI", "RTSI", "Mod", "MHzTimebase", "kHzTimebase", "Ctr", "InternalOutput"):
+            relative = re.sub(rf"(?<![a-z]){word}(?=\d|/|$)|{word}$", word, relative, flags=re.IGNORECASE)
         return relative
 
     def coerced_rate(self, rate_hz: float, kind: Kind, channels: int) -> float:
@@ -159,6 +174,10 @@ class Inventory:
     def input_delay_s(self, kind: Kind, rate_hz: float) -> float:
         """Delay between the signal and its sample: the 9237's decimation filter; none otherwise."""
         return (40 + 5 / 512) / rate_hz + 4.5e-6 if kind == "bridge" else 0.0
+
+    def half_range(self, settings: Mapping[str, Any]) -> float:
+        """Return the range a voltage input uses, as half its span, V: the one set, else what covers its limits."""
+        return max(settings.get("range_v", 0.0), self.voltage_range(settings["min_val"], settings["max_val"]))
 
     def voltage_range(self, low_v: float, high_v: float) -> float:
         """Return the input range that covers the limits asked for, as half its span, V."""

@@ -1,6 +1,7 @@
 """Event streams of a DAQmx client: every N samples, done, a signal; each a generator of responses.
 
-A channel or server iterates them; waiting for an event lets the bench's time pass in stretches, as long as the client
+A channel iterates them in a thread of its client; a server lets :class:`StreamPump` send all of them from one thread.
+Waiting for an event lets the bench's time pass in stretches, as long as the client
 keeps up: on a virtual clock nothing runs ahead of samples that were announced and not yet read. A stream ends when its
 task is cleared, or the client cancels.
 """
@@ -20,7 +21,7 @@ from rig.simulated.driver.tasks import find_task
 from rig.simulated.rpc.messages import enum, response
 from rig.simulated.status import DaqStatusError, NotImplementedByDevice
 from rig.simulated.timing.engine import engine_of
-from rig.simulated.timing.wait import advance, edges_in
+from rig.simulated.timing.wait import advance, edges_in, go_on
 
 ACQUIRED, TRANSFERRED = 1, 2
 SAMPLE_CLOCK, CHANGE_DETECTION = 12487, 12511
@@ -71,6 +72,7 @@ class EventStream:
         self._streams, self._call, self._request, self._task = streams, call, request, task
         self._is_due = is_due
         self._cancelled = threading.Event()
+        self._sent, self._started = 0, False
 
     def is_of(self, call: str, task_name: str) -> bool:
         """Whether this is the live stream of an event of a task."""
@@ -81,28 +83,45 @@ class EventStream:
         self._cancelled.set()
         self._streams.remove(self)
 
-    def __iter__(self) -> Iterator[Any]:
-        sent, started, device = 0, False, self._streams.device
-        try:
-            while not self._cancelled.is_set():
-                with self._streams.lock:
-                    if device.tasks.get(self._task.name) is not self._task:
-                        return
-                    running = self._task.state == "running"
-                    if started and not running and self._call != "RegisterDoneEvent":
-                        sent, started = 0, False  # stopped; it may be started anew
-                    started = started or running
-                    due = self._is_due(sent) if started else False
-                    if started and not due and self._may_run_ahead(sent):
-                        advance(device, edges_in(device, STRETCH_S))
-                        due = self._is_due(sent)
-                    check_watchdogs(device)
-                if due:
-                    sent += 1
-                    yield self._answer()
-                    if self._call == "RegisterDoneEvent":
-                        return
+    @property
+    def waits(self) -> bool:
+        """Whether nothing can be due now: the task has not been started; known without touching the device."""
+        return not self._started and self._task.state != "running" and not self._cancelled.is_set()
+
+    def poll(self) -> tuple[Any | None, bool]:
+        """Return the response that is due, or None, and whether the stream has ended with it."""
+        device, done_event = self._streams.device, self._call == "RegisterDoneEvent"
+        if self._cancelled.is_set():
+            return None, True
+        with self._streams.lock:
+            if device.tasks.get(self._task.name) is not self._task:
+                return None, True
+            running = self._task.state == "running"
+            if self._started and not running and not done_event:
+                self._sent, self._started = 0, False  # stopped; it may be started anew
+            self._started = self._started or running
+            due = self._is_due(self._sent) if self._started else False
+            if self._started and not due and self._may_run_ahead(self._sent):
+                if device.bench.clock.paced:
+                    go_on(device)
                 else:
+                    advance(device, edges_in(device, STRETCH_S))
+                due = self._is_due(self._sent)
+            check_watchdogs(device)
+        if not due:
+            return None, False
+        self._sent += 1
+        return self._answer(), done_event
+
+    def __iter__(self) -> Iterator[Any]:
+        try:
+            while True:
+                answer, ended = self.poll()
+                if answer is not None:
+                    yield answer
+                if ended:
+                    return
+                if answer is None:
                     self._cancelled.wait(POLL_S)
         finally:
             self.cancel()
@@ -136,10 +155,11 @@ class EventStream:
 
 def _every_n(task: SimulatedTask, request: Any) -> Callable[[int], bool]:
     kind, n = enum(request, "every_n_samples_event_type"), int(request.n_samples)
-    if task.timing.clock is None or n < 1:
+    if n < 1:
         raise DaqStatusError(status.INVALID_VALUE, f"Task: {task.name}: every {n} samples")
     if kind != (ACQUIRED if task.type in ("AI", "CI", "DI") else TRANSFERRED):
-        raise DaqStatusError(status.INVALID_VALUE, f"Task: {task.name} is {task.type}, event type {kind}")
+        code = status.NO_ACQUIRED_EVENT if kind == ACQUIRED else status.NO_TRANSFERRED_EVENT
+        raise DaqStatusError(code, f"Task: {task.name} is {task.type}, event type {kind}")
     return lambda sent: task.total_samples >= (sent + 1) * n
 
 

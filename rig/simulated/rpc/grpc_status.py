@@ -6,9 +6,9 @@ from typing import NamedTuple
 
 import grpc
 
-from rig.simulated.status import DaqStatusError, NotImplementedByDevice, ServerGone, SessionRefused
+from rig.simulated.status import DaqStatusError, ServerGone, SessionRefused
 
-REFUSALS = (DaqStatusError, SessionRefused, ServerGone, NotImplementedByDevice)
+REFUSALS = (DaqStatusError, SessionRefused, ServerGone)
 
 
 class Metadatum(NamedTuple):
@@ -32,4 +32,4 @@ def rpc_status(error: Exception) -> tuple[grpc.StatusCode, str, tuple[Metadatum,
         return grpc.StatusCode[error.code], str(error), ()
     if isinstance(error, ServerGone):
         return grpc.StatusCode.UNAVAILABLE, f"failed to connect: {error}", ()
-    return grpc.StatusCode.UNIMPLEMENTED, f"not simulated: {error}", ()
+    raise error

@@ -2,7 +2,7 @@
 
 An in-process channel or a TCP server hands requests in; both get the same answers. A driver status below zero travels
 as the real server sends it (``ni-error`` in the trailing metadata, or a status with partial data for reads that time
-out). A call that is not in the tables raises NotImplementedByDevice, which the client sees as UNIMPLEMENTED.
+out). A call that is not in the tables is refused with the driver's code for what a device does not support.
 """
 
 from __future__ import annotations
@@ -10,9 +10,11 @@ from __future__ import annotations
 import re
 import sys
 import threading
-from contextlib import AbstractContextManager
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
 from typing import Any
 
+from rig.simulated import status
 from rig.simulated.device.state import DeviceState
 from rig.simulated.device.task import SimulatedTask
 from rig.simulated.device.watchdog import check_watchdogs, refuse_locked
@@ -28,10 +30,10 @@ from rig.simulated.rpc.event_streams import EVENTS, UNREGISTER, EventStream, Eve
 from rig.simulated.rpc.handlers import DeviceHandler, Fields, TaskHandler
 from rig.simulated.rpc.messages import CALLS, attribute_fields, attribute_value, enum, refuse_not_finite, response
 from rig.simulated.rpc.properties import task as task_properties
-from rig.simulated.status import NotImplementedByDevice
+from rig.simulated.status import NotImplementedByDevice, SessionRefused
 from rig.simulated.timing.wait import go_on, let_pass, question_asked
 
-_ATTRIBUTE_CALL = re.compile(r"(Get|Set)(Task|Timing|Read|Write|Buffer|Chan|Trig)Attribute(\w+)")
+_ATTRIBUTE_CALL = re.compile(r"(Get|Set|Reset)(Task|Timing|Read|Write|Buffer|Chan|Trig)Attribute(\w*)")
 _QUESTION = re.compile(r"IsTaskDone|Get(Read|Write)Attribute\w+|Get(Chan|Task)Attribute(Bool|UInt32)")
 """Calls that ask how far a task is."""
 TRACE_LENGTH = 100_000
@@ -44,7 +46,10 @@ class Service:
         self.device = device
         self.trace: list[str] = []
         """Names of the calls answered, the last 50,000 at least."""
+        self.waiting = 0
+        """Calls that have not been answered yet."""
         self._lock = threading.RLock()
+        self._caller = threading.local()
         self._events = EventStreams(device, self._lock)
         device.let_clients_call = self._let_clients_call
 
@@ -53,13 +58,16 @@ class Service:
         return self._lock
 
     def _let_clients_call(self) -> None:
-        """Let other clients and the watchdogs have a turn while time passes in one call."""
+        """Let other clients and the watchdogs have a turn while time passes in one call; end that of a dead client."""
         check_watchdogs(self.device)
         self._lock.release()
         self._lock.acquire()
+        waits = getattr(self._caller, "waits", None)
+        if waits is not None and not waits():
+            raise SessionRefused("CANCELLED", "the client no longer waits")
 
-    def handle(self, call: str, request: Any) -> Any:
-        """Answer one call.
+    def handle(self, call: str, request: Any, is_waiting: Callable[[], bool] | None = None) -> Any:
+        """Answer one call; ``is_waiting`` tells whether the client still waits for it.
 
         Raises
         ------
@@ -68,7 +76,8 @@ class Service:
         NotImplementedByDevice
             When the virtual device does not have the call.
         """
-        with self._lock:
+        self._caller.waits = is_waiting
+        with self._waiting(), self._lock:
             if self.device.call_delay_s > 0:
                 let_pass(self.device, self.device.call_delay_s)
             check_watchdogs(self.device)
@@ -79,6 +88,14 @@ class Service:
             if _QUESTION.fullmatch(call):
                 question_asked(self.device, again=bool(_QUESTION.fullmatch((self.trace[-2:-1] or [""])[0])))
             return response(call, **(self._answer(call, request) or {}))
+
+    @contextmanager
+    def _waiting(self) -> Iterator[None]:
+        self.waiting += 1
+        try:
+            yield
+        finally:
+            self.waiting -= 1
 
     def _answer(self, call: str, request: Any) -> Fields | None:
         device = self.device
@@ -96,7 +113,7 @@ class Service:
         match = _ATTRIBUTE_CALL.fullmatch(call)
         if match and call in CALLS:
             return self._attribute(call, match.group(1), match.group(2), request)
-        raise NotImplementedByDevice(call)
+        raise NotImplementedByDevice(call, _refusal_of(call))
 
     def stream(self, call: str, request: Any) -> EventStream:
         """Register an event and return the stream of its responses; raises as :meth:`handle`."""
@@ -119,10 +136,20 @@ class Service:
     def _attribute(self, call: str, action: str, category: str, request: Any) -> Fields | None:
         task, channel = find_task(self.device, request.task.name), getattr(request, "channel", "")
         key = (category, enum(request, "attribute"))
+        if action == "Reset":
+            task_properties.reset(self.device, task, channel, key)
+            return None
         if action == "Set":
             task_properties.put(self.device, task, channel, key, attribute_value(request))
             return None
         return attribute_fields(call, task_properties.get(self.device, task, channel, key))
+
+
+def _refusal_of(call: str) -> int:
+    """Return the driver's code for a call that the virtual device does not have."""
+    if created := re.fullmatch(r"Create(AI|CI|DI|AO|CO|DO)\w+", call):
+        return status.WRONG_MEASUREMENT_TYPE if created[1] in ("AI", "CI", "DI") else status.WRONG_OUTPUT_TYPE
+    return status.ATTRIBUTE_NOT_SUPPORTED
 
 
 _DEVICE_CALLS: dict[str, DeviceHandler] = {**DEVICE_CALLS, **WATCHDOG_CALLS}

@@ -37,7 +37,7 @@ def analog_reading(
         loopback = device.wiring.loopback
         if loopback is not None and channel.physical.name == device.inventory.full_name(loopback):
             volts = device.bench.motor_volts_before(edge)
-        half = device.inventory.voltage_range(settings["min_val"], settings["max_val"])
+        half = device.inventory.half_range(settings)
         return quantise(volts, half, product.ai_bits)
     if task.setting("Chan", channel.name, daqmx.AI_BRIDGE_SHUNT_CAL_ENABLE, False) and wired:
         # one arm of the bridge shunted; an input that is open has no bridge to unbalance

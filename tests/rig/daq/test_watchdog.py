@@ -13,6 +13,7 @@ from rig.backend import open_backend
 from rig.configuration.rig_file import load_rig
 from rig.errors import HardwareFault, NotSupported, WatchdogTripped
 from rig.recording.recorder import record_session
+from rig.simulated.rpc.tcp_server import serve
 from rig.simulated.status import DaqStatusError
 
 BUILT_IN = ("virtual", "pcie6363")
@@ -38,6 +39,22 @@ def test_nothing_but_resets_lies_between_the_watchdogs_start_and_its_first_reset
     assert max(b - a for a, b in zip(resets, resets[1:], strict=False)) <= 4
     slow = ("Create", "Cfg", "GetTiming", "SetChan", "GetSystem", "GetWrite")
     assert not [call for call in started if call.startswith(slow)]
+
+
+def test_the_watchdog_is_reset_by_the_devices_time_too(make_backend, config, command) -> None:
+    """A served bench on a virtual clock runs faster than ours: resets by the wall clock alone would come too late."""
+    far = make_backend(config)
+    server, port = serve(far.service)
+    remote = open_backend(f"ni-grpc://127.0.0.1:{port}", config)
+    try:
+        energise(remote, config, command)
+        for _ in range(200):  # 4 s of the bench in much less of ours
+            remote.read_block(100, 1.0)
+        calls = far.service.trace.count("ControlWatchdogTask")
+        assert 50 < calls < 120  # eight in a timeout of 0.5 s, not one a block
+    finally:
+        remote.close()
+        server.stop(None).wait()
 
 
 @pytest.mark.parametrize("name", BUILT_IN)

@@ -56,7 +56,20 @@ def _start_trigger(device: DeviceState, task: SimulatedTask, request: Any) -> No
     task.triggers.start = device.inventory.terminal(request.trigger_source)
 
 
+def _unsimulated(which: str, kind: str) -> TaskHandler:
+    """A trigger that the virtual bench does not have: taken like a setting, refused when the task is committed."""
+
+    def configure(device: DeviceState, task: SimulatedTask, request: Any) -> None:
+        task.refuse_while_running()
+        if which == "reference trigger" and task.type != "AI":
+            raise DaqStatusError(status.ATTRIBUTE_NOT_SUPPORTED, f"Task: {task.name}: reference trigger")
+        task.unsimulated[which] = kind
+
+    return configure
+
+
 def _no_start_trigger(device: DeviceState, task: SimulatedTask, request: Any) -> None:
+    task.unsimulated.pop("start trigger", None)
     task.triggers.start = ""
 
 
@@ -72,6 +85,7 @@ def _reference_trigger(device: DeviceState, task: SimulatedTask, request: Any) -
 
 
 def _no_reference_trigger(device: DeviceState, task: SimulatedTask, request: Any) -> None:
+    task.unsimulated.pop("reference trigger", None)
     task.triggers.reference = ""
 
 
@@ -102,6 +116,16 @@ TIMING_CALLS: dict[str, TaskHandler] = {
     "DisableStartTrig": _no_start_trigger,
     "CfgDigEdgeRefTrig": _reference_trigger,
     "DisableRefTrig": _no_reference_trigger,
+    **{
+        f"Cfg{kind}{end}": _unsimulated(which, words)
+        for kind, words in (
+            ("AnlgEdge", "analog edge"),
+            ("AnlgMultiEdge", "analog edges"),
+            ("AnlgWindow", "analog window"),
+            ("DigPattern", "digital pattern"),
+        )
+        for end, which in (("StartTrig", "start trigger"), ("RefTrig", "reference trigger"))
+    },
     "CfgInputBuffer": _buffer(daqmx.BUF_INPUT_BUF_SIZE),
     "CfgOutputBuffer": _buffer(daqmx.BUF_OUTPUT_BUF_SIZE),
     "ExportSignal": _export,

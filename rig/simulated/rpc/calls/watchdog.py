@@ -55,7 +55,10 @@ def _control(device: DeviceState, request: Any) -> None:
 def _expired(device: DeviceState, request: Any) -> Fields:
     if enum(request, "attribute") != HAS_EXPIRED:
         raise DaqStatusError(status.ATTRIBUTE_NOT_SUPPORTED, "Property (Watchdog)")
-    return {"value": watchdog_timer(device, request.task.name).expired}
+    timer = watchdog_timer(device, request.task.name)
+    if device.tasks[request.task.name].state == "unreserved":
+        raise DaqStatusError(status.NOT_WHILE_UNRESERVED, f"Task: {request.task.name}")
+    return {"value": timer.expired}
 
 
 WATCHDOG_CALLS: dict[str, DeviceHandler] = {

@@ -52,7 +52,7 @@ def _read(device: DeviceState, task: SimulatedTask, request: Any, type_: str) ->
     values = reading.read(device, task, wanted, request.timeout)
     mode = enum(request, "waveform_attribute_mode")
     timing = _times(device, task, values.shape[0]) if mode & TIMING else {}
-    return values, came(values, wanted), (timing, bool(mode & EXTENDED))
+    return values, came(task, values, wanted), (timing, bool(mode & EXTENDED))
 
 
 def _read_analog(device: DeviceState, task: SimulatedTask, request: Any) -> Fields:
@@ -125,7 +125,7 @@ def _codes(
         steps.append(step)
     wanted = samples_to_read(task, request, values_per_sample)
     values = reading.read(device, task, wanted, request.timeout)
-    return np.rint(values / np.array(steps)).astype(np.int64), came(values, wanted)
+    return np.rint(values / np.array(steps)).astype(np.int64), came(task, values, wanted)
 
 
 def _read_raw(device: DeviceState, task: SimulatedTask, request: Any) -> Fields:

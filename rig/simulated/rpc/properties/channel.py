@@ -31,13 +31,11 @@ LIMITS = {
     property_number("Chan", f"{type_}_{end}"): (type_, f"{end.lower()}_val")
     for type_ in ("AI", "AO")
     for end in ("MAX", "MIN")
-}
+} | {property_number("Chan", f"AI_RNG_{end}"): ("AI", "range_v") for end in ("HIGH", "LOW")}
 """Task type and setting of the properties that hold a channel's limits."""
 Property = Callable[[DeviceState, SimulatedTask, Channel], Any]
 
 SETTINGS = {
-    "AI_MAX": "max_val",
-    "AI_MIN": "min_val",
     "AI_TERM_CFG": "terminal_config",
     "AI_FORCE_UNITS": "units",
     "AO_MAX": "max_val",
@@ -70,12 +68,24 @@ UNITS_OF = {
 def _half_range(device: DeviceState, channel: Channel) -> float | None:
     if channel.physical.kind != "voltage_in":
         return None
-    return device.inventory.voltage_range(channel.settings["min_val"], channel.settings["max_val"])
+    return device.inventory.half_range(channel.settings)
 
 
 def _range_low(device: DeviceState, task: SimulatedTask, channel: Channel) -> float | None:
     half = _half_range(device, channel)
     return None if half is None else -half
+
+
+def _limit(end: str) -> Property:
+    """The largest or smallest value expected of an analog input: coerced to the converter's range, as by the driver."""
+
+    def get(device: DeviceState, task: SimulatedTask, channel: Channel) -> float | None:
+        half = _half_range(device, channel)
+        if half is None:
+            return float(channel.settings[f"{end}_val"])
+        return half if end == "max" else -half
+
+    return get
 
 
 def _bits(device: DeviceState, channel: Channel) -> int:
@@ -123,6 +133,8 @@ _GETTERS: dict[str, Property] = {
     "CHAN_IS_GLOBAL": lambda device, task, channel: False,
     "AI_MEAS_TYPE": lambda device, task, channel: AI_TYPE[channel.physical.kind],
     "AI_VOLTAGE_UNITS": _of_voltage(daqmx.VOLTS),
+    "AI_MAX": _limit("max"),
+    "AI_MIN": _limit("min"),
     "AI_RNG_HIGH": lambda device, task, channel: _half_range(device, channel),
     "AI_RNG_LOW": _range_low,
     "AI_RESOLUTION": lambda device, task, channel: float(_bits(device, channel)),
@@ -176,6 +188,11 @@ def volts_per_code(device: DeviceState, channel: Channel) -> float | None:
 def set_limit(device: DeviceState, task: SimulatedTask, channel: Channel, attribute: int, value: float) -> None:
     """Change the largest or smallest value expected of a voltage channel, within what the product has."""
     wanted, limit = LIMITS[attribute]
+    if limit == "range_v":
+        if task.type != "AI" or channel.physical.kind != "voltage_in" or not np.isfinite(value):
+            raise DaqStatusError(status.ATTRIBUTE_NOT_SUPPORTED, f"Property: 0x{attribute:04X} of {channel.name}")
+        channel.settings["range_v"] = device.inventory.voltage_range(-abs(value), abs(value))
+        return
     if task.type != wanted or channel.physical.kind not in ("voltage_in", "voltage_out"):
         raise DaqStatusError(status.ATTRIBUTE_NOT_SUPPORTED, f"Property: 0x{attribute:04X} of {channel.name}")
     limits = {**channel.settings, limit: float(value)}

@@ -6,12 +6,15 @@ What is not in these tables is refused, never answered with an invented value.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 from rig.simulated import daqmx, status
 from rig.simulated.device.state import DeviceState
 from rig.simulated.device.task import SimulatedTask
+from rig.simulated.driver.configuration import configure_clock
 from rig.simulated.rpc.messages import property_number
+from rig.simulated.rpc.properties import stored
 from rig.simulated.rpc.properties.channel import LIMITS, channel_property, find_channels, raw_sample_bits, set_limit
 from rig.simulated.status import DaqStatusError, NotImplementedByDevice
 from rig.simulated.timing.wait import await_something
@@ -47,6 +50,15 @@ SETTABLE: dict[str, frozenset[int]] = {
 _TEXTS = frozenset({*CI_INPUT_TERMS, daqmx.CO_PULSE_TERM, daqmx.DIG_EDGE_ARM_START_TRIG_SRC})
 _NUMBERS = frozenset({*LIMITS, *(number for number in CI_FILTERS if number not in CI_FILTERS[::2])})
 _SWITCHES = frozenset({*CI_FILTERS[::2], daqmx.AI_BRIDGE_SHUNT_CAL_ENABLE, daqmx.START_TRIG_RETRIGGERABLE})
+_CLOCK_FIELDS = {
+    property_number("Timing", name): field
+    for name, field in (
+        ("SAMP_CLK_RATE", "rate_hz"),
+        ("SAMP_CLK_SRC", "source"),
+        ("SAMP_QUANT_SAMP_MODE", "mode"),
+        ("SAMP_QUANT_SAMP_PER_CHAN", "samples"),
+    )
+}
 Getter = Callable[[DeviceState, SimulatedTask], Any]
 
 
@@ -188,6 +200,8 @@ def get(device: DeviceState, task: SimulatedTask, channel: str, key: Key) -> Any
             return value
     if (category, channel, number) in task.properties:
         return task.properties[category, channel, number]
+    if key in stored.STORED:
+        return stored.STORED[key].default
     raise _unsupported(task, key)
 
 
@@ -195,7 +209,11 @@ def put(device: DeviceState, task: SimulatedTask, channel: str, key: Key, value:
     """Set a property, after checking terminals and trigger types; refused while the task runs."""
     category, number = key
     kind = str if number in _TEXTS else float if number in _NUMBERS else bool if number in _SWITCHES else int
-    if number not in SETTABLE.get(category, frozenset()) or type(value) is not kind:
+    if category == "Timing" and number in _CLOCK_FIELDS:
+        _change_clock(device, task, number, value)
+        return
+    own = stored.accepts(key, value)
+    if not own and (number not in SETTABLE.get(category, frozenset()) or type(value) is not kind):
         raise _unsupported(task, key)
     task.refuse_while_running()
     names = [""]
@@ -206,10 +224,16 @@ def put(device: DeviceState, task: SimulatedTask, channel: str, key: Key, value:
             for found in channels:
                 set_limit(device, task, found, number, float(value))
             return
+        if own:
+            _store(task, key, names, value)
+            return
         shunt = number == daqmx.AI_BRIDGE_SHUNT_CAL_ENABLE
         wanted = "CO" if number == daqmx.CO_PULSE_TERM else "AI" if shunt else "CI"
         if task.type != wanted or (shunt and any(found.physical.kind != "bridge" for found in channels)):
             raise DaqStatusError(status.ATTRIBUTE_NOT_SUPPORTED, f"Property: 0x{number:04X} of {channel}")
+    if own:
+        _store(task, key, names, value)
+        return
     _check(device, task, number, value)
     for name in names:
         task.properties[category, name, number] = value
@@ -217,6 +241,40 @@ def put(device: DeviceState, task: SimulatedTask, channel: str, key: Key, value:
         armed = task.setting("Trig", "", daqmx.ARM_START_TRIG_TYPE, daqmx.NO_TRIGGER) == daqmx.DIGITAL_EDGE
         source = task.setting("Trig", "", daqmx.DIG_EDGE_ARM_START_TRIG_SRC, "")
         task.triggers.arm_start = device.inventory.terminal(source) if armed and source else ""
+
+
+def _store(task: SimulatedTask, key: Key, names: list[str], value: Any) -> None:
+    for name in names:
+        task.properties[key[0], name, key[1]] = value
+        stored.note_unsimulated(task, key, name, value)
+
+
+def _change_clock(device: DeviceState, task: SimulatedTask, number: int, value: Any) -> None:
+    """Set one of rate, mode, samples and source of a sample clock that is configured."""
+    clock, name = task.timing.clock, _CLOCK_FIELDS[number]
+    if clock is None or task.timing.implicit or type(value) is not type(getattr(clock, name)):
+        raise DaqStatusError(status.ATTRIBUTE_NOT_SUPPORTED, f"Task: {task.name} has no sample clock with {name}")
+    changed = replace(clock, **{name: value})
+    if changed.mode not in (daqmx.FINITE, daqmx.CONTINUOUS):
+        raise DaqStatusError(status.INVALID_VALUE, f"Sample mode {changed.mode}")
+    configure_clock(device, task, changed.rate_hz, changed.source, changed.mode, changed.samples)
+
+
+def reset(device: DeviceState, task: SimulatedTask, channel: str, key: Key) -> None:
+    """Put a property back to its default."""
+    category, number = key
+    if number not in SETTABLE.get(category, frozenset()) and key not in stored.STORED:
+        raise _unsupported(task, key)
+    if number in LIMITS:
+        raise _unsupported(task, key)
+    task.refuse_while_running()
+    names = [found.name for found in find_channels(task, channel)] if category == "Chan" else [""]
+    for name in names:
+        task.properties.pop((category, name, number), None)
+        if key in stored.STORED:
+            stored.note_unsimulated(task, key, name, stored.STORED[key].default)
+    if number in (daqmx.ARM_START_TRIG_TYPE, daqmx.DIG_EDGE_ARM_START_TRIG_SRC):
+        task.triggers.arm_start = ""
 
 
 def _check(device: DeviceState, task: SimulatedTask, number: int, value: Any) -> None:

@@ -11,7 +11,7 @@ import pytest
 from nidaqmx import constants as ni
 from nidaqmx._stubs import nidaqmx_pb2 as messages
 from nidaqmx._stubs import nidaqmx_pb2_grpc as services
-from nidaqmx.errors import DaqReadError, RpcError
+from nidaqmx.errors import DaqReadError
 from nidaqmx.stream_writers import AnalogSingleChannelWriter
 
 from rig.configuration.rig_file import load_rig
@@ -256,12 +256,6 @@ def test_the_sum_of_the_rates_and_the_number_of_outputs_limit_the_rate(card, ref
         outputs.timing.cfg_samp_clk_timing(2_000_001.0)
     outputs.timing.cfg_samp_clk_timing(30_000.0)
     assert outputs.timing.samp_clk_rate == pytest.approx(100e6 / 3333, rel=1e-12)
-
-
-def test_a_call_nobody_wrote_is_unimplemented(card) -> None:
-    with pytest.raises(RpcError) as refusal:
-        card.task().ai_channels.add_ai_thrmcpl_chan("Dev1/ai0")
-    assert refusal.value.rpc_code == grpc.StatusCode.UNIMPLEMENTED
 
 
 def test_a_client_that_reads_what_is_there_gets_what_has_come(card) -> None:

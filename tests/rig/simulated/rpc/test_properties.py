@@ -44,9 +44,12 @@ def test_limits_of_a_channel_can_be_changed_and_choose_its_range(card, refused) 
     three = task.ai_channels.add_ai_voltage_chan("Dev1/ai1:3", min_val=-10.0, max_val=10.0)
     assert (one.ai_rng_high, three.ai_rng_high) == (0.1, 10.0)
     one.ai_max = 5.0
-    assert (one.ai_min, one.ai_max, one.ai_rng_high, three.ai_max) == (-0.1, 5.0, 5.0, 10.0)
-    task.ai_channels["Dev1/ai2"].ai_max = 1.0
+    assert (one.ai_min, one.ai_max, one.ai_rng_high, three.ai_max) == (-5.0, 5.0, 5.0, 10.0)  # coerced to the range
+    two = task.ai_channels["Dev1/ai2"]
+    two.ai_min, two.ai_max = -1.0, 0.7
     assert [task.ai_channels[f"Dev1/ai{i}"].ai_max for i in (1, 2, 3)] == [10.0, 1.0, 10.0]
+    two.ai_rng_high = 4.0
+    assert (two.ai_rng_high, two.ai_rng_low, two.ai_min) == (5.0, -5.0, -5.0)
     with refused(-200077):
         one.ai_max = 11.0
 

@@ -82,7 +82,7 @@ def test_one_value_on_an_output(served) -> None:
     assert device.output_v == {"Dev1/ao1": 1.5}
 
 
-def test_refusals_carry_the_driver_status_and_unknown_calls_are_unimplemented(served) -> None:
+def test_refusals_carry_the_driver_status_and_unknown_calls_are_the_drivers_too(served) -> None:
     stub, _ = served
     task = new_task(stub)
     for code, channels, changes in ((-200170, "Dev1/ai99", {}), (-200077, "Dev1/ai1", {"max_val": 11.0})):
@@ -95,11 +95,11 @@ def test_refusals_carry_the_driver_status_and_unknown_calls_are_unimplemented(se
     ):
         with pytest.raises(grpc.RpcError) as refusal:
             call(request)
-        assert refusal.value.code() == grpc.StatusCode.UNIMPLEMENTED
+        assert refusal.value.code() == grpc.StatusCode.UNKNOWN and dict(refusal.value.trailing_metadata())["ni-error"]
     stream = stub.RegisterSignalEvent(messages.RegisterSignalEventRequest(task=task, signal_id_raw=12494))
     with pytest.raises(grpc.RpcError) as refusal:
         next(stream)
-    assert refusal.value.code() == grpc.StatusCode.UNIMPLEMENTED
+    assert dict(refusal.value.trailing_metadata())["ni-error"] == "-200452"
 
 
 @pytest.mark.parametrize("call", ["StartTask", "ReadAnalogF64", "WriteAnalogF64", "CfgSampClkTiming", "TaskControl"])
