@@ -22,7 +22,7 @@ def saturated_grey(bit_depth: int) -> int:
     return int(2**bit_depth - 1)
 
 
-SATURATED_SHARE = 0.05
+SATURATED_SHARE = 0.1
 """Saturated areas of less than this share of a body move with it and bias it less than leaving them out costs."""
 
 

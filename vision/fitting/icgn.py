@@ -9,6 +9,7 @@ down or does not converge returns ``converged = False``; nothing is raised.
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -79,7 +80,7 @@ class IcgnFitter:
         picture = film.read_region(index, y0, y1, x0, x1)
         coefficient = coefficients(picture)
         saturated = saturated_areas(picture, film.bit_depth)
-        if saturated is not None and np.count_nonzero(saturated) > SATURATED_SHARE * template.n_pixels:
+        if saturated is not None and self._under(saturated, start, y0, x0) > SATURATED_SHARE * template.n_pixels:
             # not a number: the compiled loop leaves out every sample that such a coefficient enters
             coefficient[saturated] = np.nan
         pose = np.array(start, dtype=float)
@@ -100,6 +101,15 @@ class IcgnFitter:
             return FAILED
         self._scale = found.sums.scale
         return self._assess(found, pose)
+
+    def _under(self, marked: NDArray[np.bool_], pose: NDArray[np.float64], y0: int, x0: int) -> int:
+        """Number of the body's pixels at a pose that are marked in the region whose corner is (y0, x0)."""
+        dx, dy = self.template.offset_px
+        cosine, sine = math.cos(pose[0]), math.sin(pose[0])
+        columns = np.rint(self.template.centre_px[0] + pose[1] - x0 + cosine * dx - sine * dy).astype(np.intp)
+        rows = np.rint(self.template.centre_px[1] + pose[2] - y0 + sine * dx + cosine * dy).astype(np.intp)
+        inside = (rows >= 0) & (rows < marked.shape[0]) & (columns >= 0) & (columns < marked.shape[1])
+        return int(np.count_nonzero(marked[rows[inside], columns[inside]]))
 
     def _assess(self, found: RigidFit, pose: NDArray[np.float64]) -> Fit:
         """Quality figures and covariance from the sums of the last iteration."""
