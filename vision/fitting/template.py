@@ -19,6 +19,9 @@ from numpy.typing import NDArray
 from vision.errors import BodyError
 from vision.fitting.bspline import gradient, slope_noise_gain
 
+TILE_PX = 8
+"""Side of the squares in which the pixels are kept together, so that loops over them find their neighbours near."""
+
 
 @dataclass(frozen=True)
 class Template:
@@ -30,7 +33,7 @@ class Template:
     centre_px : (float, float)
         Centroid of the mask (x, y).
     offset_px : ndarray of float32, shape (2, n)
-        Pixel positions (x, y) relative to the centre.
+        Pixel positions (x, y) relative to the centre; squares of `TILE_PX` one after the other.
     columns : ndarray of float32, shape (4, n)
         Derivative of the grey value by turn (grey per rad), by shift in x and y (grey per px), and the
         reference grey value less ``mean_grey``, which is the derivative by gain.
@@ -120,6 +123,8 @@ def build_template(
         inverse = invert_normal(columns.T @ columns)
         if inverse is None:
             raise BodyError(f"body {name}: {max_pixels} pixels do not fix its pose; allow more")
+    order = np.lexsort((np.floor((dx - dx.min()) / TILE_PX), np.floor((dy - dy.min()) / TILE_PX)))
+    columns, dx, dy = columns[order], dx[order], dy[order]
     mean_grey = float(np.asarray(picture, dtype=float)[mask].mean())
     return Template(
         name=name,
