@@ -20,7 +20,16 @@ InputError = ModelInputError
 
 
 class RegulationError(ModelInputError):
-    """The action cannot be regulated with the travel its screws have."""
+    """The action cannot be regulated with the travel its screws have.
+
+    Attributes
+    ----------
+    target : name of the target that stays off, "" where no single one does
+    """
+
+    def __init__(self, message: str, target: str = "") -> None:
+        super().__init__(message)
+        self.target = target
 
 
 class IntegrationError(ModelError):
