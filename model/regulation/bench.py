@@ -107,4 +107,5 @@ class Bench:
             f"{self.given.origin}: cannot be regulated: {target.words} {far} {1e3 * target.wanted_m:.1f} mm "
             f"with the {screw.name} ({screw.path}) {where}{'; ' + why if why else ''}",
             target=name,
+            off_m=error,
         )

@@ -29,6 +29,7 @@ IN_MOTION = ("let_off", "drop", "check")
 BESIDE = tuple(
     {name: sign * 0.45 * TOLERANCE} for name in ("jack", "hammer_height", "repetition", "dip") for sign in (1.0, -1.0)
 )
+JUMP = 0.2e-3  # m, largest error of let-off that a place of its jump within the tolerance may explain
 EFFECT_TURN = 50e-6  # m, to measure what a screw does that was hardly turned
 
 
@@ -162,7 +163,7 @@ def regulate(action: Action, progress: Callable[[str], None] | None = None) -> R
     if max(_off(before).values()) <= TOLERANCE:
         return Regulation(action, before, before, _turned(bench.turn_m), {}, dict(bench.evaluations))
     best = _rounds(bench, before, report)
-    if best.problem is not None and best.problem.target in IN_MOTION:
+    if best.problem is not None and best.problem.target == "let_off" and abs(best.problem.off_m) < JUMP:
         best = _beside(bench, before, report) or best
     if best.problem is not None:
         raise best.problem
