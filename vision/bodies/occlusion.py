@@ -74,7 +74,7 @@ class Occlusion:
     def __init__(
         self, bodies: Sequence[Body], templates: Sequence[Template], distances: Sequence[NDArray[np.float32]]
     ) -> None:
-        self._templates = templates
+        self._bodies, self._templates = bodies, templates
         self._centres = [np.array(template.centre_px) for template in templates]
         self._groups = [_groups(template.offset_px) for template in templates]
         self._distances = distances
@@ -82,6 +82,10 @@ class Occlusion:
             [j for j, other in enumerate(bodies) if j != i and other.layer >= body.layer]
             for i, body in enumerate(bodies)
         ]
+
+    def with_templates(self, templates: Sequence[Template]) -> Occlusion:
+        """The same for other pixels of the same bodies."""
+        return Occlusion(self._bodies, templates, self._distances)
 
     def covered(self, body: int, pose: NDArray[np.float64], poses: dict[int, NDArray[np.float64]]) -> NDArray[np.uint8]:
         """Template pixels of a body, at ``pose``, that bodies in front hide at theirs; shape (n,), 1 is hidden."""

@@ -10,7 +10,7 @@ offset hardly correlate.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -138,6 +138,25 @@ def build_template(
         n_averaged=n_averaged,
         box_px=(float(dx.min()), float(dx.max()), float(dy.min()), float(dy.max())),
         noise_grey=noise_grey,
+    )
+
+
+def thinned(template: Template, max_pixels: int) -> Template:
+    """A template with only the pixels that tell most about the pose; its centre stays."""
+    design = np.vstack([template.columns, np.ones(template.n_pixels)]).T.astype(float)
+    inverse = invert_normal(template.normal)
+    if inverse is None or max_pixels >= template.n_pixels:
+        return template
+    best = _best_pixels(design, inverse, max_pixels)
+    (dx, dy), columns = template.offset_px[:, best].astype(float), design[best]
+    return replace(
+        template,
+        offset_px=np.ascontiguousarray(template.offset_px[:, best]),
+        columns=np.ascontiguousarray(template.columns[:, best]),
+        normal=columns.T @ columns,
+        noise_normal=_noise_normal(dx, dy, template.noise_grey**2 / template.n_averaged),
+        radius_px=float(np.hypot(dx, dy).max()),
+        box_px=(float(dx.min()), float(dx.max()), float(dy.min()), float(dy.max())),
     )
 
 
