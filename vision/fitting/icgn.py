@@ -32,7 +32,8 @@ to eight standard uncertainties short."""
 STOP_U = 0.1
 """Or: what is left, judged by how fast the steps shrink, over its standard uncertainty. Along the grain of wood a step
 of 0.002 px is a small part of that, and asking for it loses frames."""
-MAX_ITERATIONS = 30
+MAX_ITERATIONS = 80
+"""Most fits take two; where noise in the template holds a body of weak texture back, the steps shrink slowly."""
 QUIET = 0.7
 """The residuals of a body may be quieter than the still frames by this factor, since darker parts of a picture are."""
 SCALE_FLOOR_GREY = 0.5
