@@ -30,6 +30,8 @@ MOST_ROWS = 120
 SCATTER = 1.6
 """Scatter of a pixel's differences, over what noise and the pattern in the template explain, from which they are not
 believed."""
+APART_PX, COMMON = 3.0, 0.7
+"""Way between the least and the most moved third of the rows, and share of the pattern's power that both must show."""
 LEFT_OVER = 1.25
 """Measured on disturbed films of wood, felt and speckle: their shares are 0.5, 0.25 and 0.05."""
 BETTER = 0.85
@@ -57,11 +59,15 @@ class WithoutPattern(Film):
         return np.where(grey >= self._top, np.float32(self._top), grey - self._pattern[y0:y1, x0:x1])
 
 
+def way_px(ready: PreparedFilm, table: PoseTable) -> NDArray[np.float64]:
+    """How far bodies have moved in the middle and half way to the rim, px, (n, m)."""
+    radius = np.array([template.radius_px for template in ready.templates])
+    return np.asarray(np.hypot(table.pose[..., 1], table.pose[..., 2]) + 0.5 * radius * np.abs(table.pose[..., 0]))
+
+
 def moved_rows(ready: PreparedFilm, table: PoseTable) -> NDArray[np.bool_]:
     """Rows and bodies, (n, m), that are found and have moved by more than `MOVED_PX` in the middle or at the rim."""
-    radius = np.array([template.radius_px for template in ready.templates])
-    way = np.hypot(table.pose[..., 1], table.pose[..., 2]) + 0.5 * radius * np.abs(table.pose[..., 0])
-    return ~table.failed & (way > MOVED_PX)
+    return ~table.failed & (way_px(ready, table) > MOVED_PX)
 
 
 def residual_variance(ready: PreparedFilm, table: PoseTable) -> NDArray[np.float64]:
@@ -100,20 +106,34 @@ def sensor_pattern(film: FrameSource, ready: PreparedFilm, table: PoseTable) -> 
     ``ready`` may be the film less an earlier estimate of its pattern.
     """
     shape = (film.height, film.width)
-    total, squares, count = (np.zeros(shape, dtype=np.float64) for _ in range(3))
+    sums = np.zeros((3, 3, *shape))  # count, sum, squares: of the least moved third, the middle and the furthest
     masks = build_masks(ready.bodies, *shape)
-    moved = moved_rows(ready, table)
+    way, moved = way_px(ready, table), moved_rows(ready, table)
+    apart = 0.0
     for i, (template, mask) in enumerate(zip(ready.templates, masks, strict=True)):
         rows = np.flatnonzero(moved[:, i])
-        for row in (
-            rows[np.unique(np.linspace(0, rows.size - 1, MOST_ROWS).astype(int))] if rows.size >= LEAST_ROWS else []
-        ):
+        if rows.size < LEAST_ROWS:
+            continue
+        rows = rows[np.argsort(way[rows, i], kind="stable")]
+        rows = rows[np.unique(np.linspace(0, rows.size - 1, MOST_ROWS).astype(int))]
+        third = np.minimum(3 * np.arange(rows.size) // rows.size, 2)
+        apart = max(apart, float(np.median(way[rows[third == 2], i]) - np.median(way[rows[third == 0], i])))
+        for row, part in zip(rows, third, strict=True):
             found = _difference(ready, film.read(int(table.frame[row])), table.pose[row, i], template.centre_px, mask)
             if found is not None:
                 difference, known = found
-                total[known] += difference[known]
-                squares[known] += difference[known] ** 2
-                count[known] += 1.0
+                grey = difference[known]
+                for k, values in enumerate((np.ones_like(grey), grey, grey**2)):
+                    sums[k, part][known] += values
+    if apart < APART_PX:
+        return None
+    return _believed(sums, max(ready.reference.noise_grey, 0.3) ** 2)
+
+
+def _believed(sums: NDArray[np.float64], noise2: float) -> NDArray[np.float32] | None:
+    """The pattern from counts, sums and squares of the differences in each third of the way; None where the first
+    and the last third do not show the same."""
+    count, total, squares = sums.sum(axis=1)
     enough = count >= LEAST_ROWS / 2
     if not enough.any():
         return None
@@ -122,10 +142,15 @@ def sensor_pattern(film: FrameSource, ready: PreparedFilm, table: PoseTable) -> 
     scatter = squares / number - mean**2
     # the template holds the pattern too, another one in each of the frames
     typical = float(np.median(scatter[enough]))
-    noise = max(ready.reference.noise_grey, 0.3) ** 2
-    usable = enough & (scatter < SCATTER**2 * max(min(typical, 4.0 * noise), noise))
-    power = float(np.mean(mean[usable] ** 2 - scatter[usable] / number[usable])) if usable.any() else 0.0
-    if power < 0.1 * noise:
+    usable = enough & (scatter < SCATTER**2 * max(min(typical, 4.0 * noise2), noise2))
+    both = usable & (sums[0, 0] >= 3.0) & (sums[0, 2] >= 3.0)
+    if np.count_nonzero(both) < 500:
+        return None
+    power = float(np.mean(mean[both] ** 2 - scatter[both] / number[both]))
+    # what comes from the body (defocus, blur, another scale) is not at the same pixels when other texture lies there
+    near, far = (sums[1, part][both] / sums[0, part][both] for part in (0, 2))
+    common = float(np.mean(near * far))
+    if power < 0.1 * noise2 or common < COMMON * power:
         return None
     pattern = mean * power / (power + scatter / number)
     return np.where(usable, pattern, 0.0).astype(np.float32)
