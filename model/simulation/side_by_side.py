@@ -1,6 +1,6 @@
 """Runs of one structure and method advanced together, several side by side in the lanes of one processor core.
 
-In: simulations with their plans (`Simulation.plan`); out: for each the time, next step and status that a step loop gives,
+In: plans of simulations (`Simulation.plan`); out: for each the time, next step and status that a step loop gives, and
 state, outputs and counters filled in place as by the loop of a single run.
 """
 

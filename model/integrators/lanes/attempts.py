@@ -78,12 +78,8 @@ def fit_steps(bits, width, members, space):
             t, step = number[S.TIME * width + lane], number[S.STEP * width + lane]
             k, last = whole[at + S.POINT], whole[at + S.LAST]
             if k + 1 < last and members.time[k + 1] < t + step:
-                u0 = number[S.START_INPUT * width + lane]
                 gain = input_gain(memory, lane, width, n)
-                angle, speed = number[S.ANGLE * width + lane], number[S.SPEED * width + lane]
-                number[S.STEP * width + lane] = fit_to_input(
-                    t, step, u0, k, gain, angle, speed, last, members.time, members.value
-                )
+                number[S.STEP * width + lane] = fit_to_input(lane, width, gain, members, space)
 
 
 @uncounted

@@ -4,6 +4,7 @@ As `model.kernels.stepping.inputs`, for tables that are linear between their poi
 array: ``first`` and ``last`` are the places of a table's ends.
 """
 
+from model.integrators.lanes import slots as S
 from model.kernels.compile import uncounted
 from model.kernels.stepping.inputs import JUMP, KINK_SHARE
 from model.kernels.workspace import F_U, M_DIAG
@@ -51,23 +52,25 @@ def input_gain(memory, lane, width, n):
 
 
 @uncounted
-def fit_to_input(t, step, u0, k, gain, angle, speed, last, time, value):
-    """Shorten ``step`` so that no kink of the table inside it can do harm; see `stepping.inputs.fit_to_input`."""
+def fit_to_input(lane, width, gain, members, space):
+    """The step of a lane, so short that no kink of its table inside it can do harm; see `stepping.inputs`."""
+    number, time, value = space.number, members.time, members.value
+    t, step = number[S.TIME * width + lane], number[S.STEP * width + lane]
+    angle, speed = number[S.ANGLE * width + lane], number[S.SPEED * width + lane]
+    u0 = number[S.START_INPUT * width + lane]
+    k, last = space.whole[S.N_WHOLE * lane + S.POINT], space.whole[S.N_WHOLE * lane + S.LAST]
     while True:
         end = t + step
-        if k + 1 >= last or time[k + 1] >= end:
-            return step  # no kink inside
         u1, _, _ = input_at(end, k, k, last, time, value)
         bend = 0.0
         j = k + 1
-        before = (value[j] - value[j - 1]) / (time[j] - time[j - 1])
         while j < last and time[j] < end:
+            before = (value[j] - value[j - 1]) / (time[j] - time[j - 1])
             after = (value[j + 1] - value[j]) / (time[j + 1] - time[j])
             reach = end - time[j]
             if gain * abs(after - before) * reach * reach > speed and time[j] - t > 1e-9:
                 return time[j] - t
             bend = max(bend, abs(value[j] - (u0 + (u1 - u0) * (time[j] - t) / step)))
-            before = after
             j += 1
         if step < 1e-6 or gain * bend * step <= max(speed, angle / step):
             return step

@@ -1,7 +1,7 @@
 """The state inside a step, at the times at which each lane's member wants it."""
 
 from model.integrators.lanes import slots as S
-from model.kernels.compile import uncounted
+from model.kernels.compile import inlined, uncounted
 from model.kernels.lanes.operations import put
 from model.kernels.workspace import Q1, V1, WIDTH, Q, U, V
 
@@ -66,3 +66,16 @@ def ask(bits, width, members, space):
                     number[S.FRACTION * width + lane] = (when - t) / step
                     asking |= 1 << lane
     return asking
+
+
+@inlined
+def give_out(bits, w, s, width, dense, members, space):
+    """Fill the outputs within the steps of the lanes of ``bits``."""
+    n = members.angle.shape[1]
+    asking = ask(bits, width, members, space)
+    if asking:
+        dense_sums(w, s, n, dense)
+    while asking:
+        state_inside(w, s, n, dense.shape[0])
+        write_rows(asking, width, n, space.number, space.whole)
+        asking = ask(asking, width, members, space)

@@ -1,9 +1,9 @@
 """The compiled step loop of every Rosenbrock method, for members side by side in lanes.
 
-The algorithm is that of `model.integrators.rosenbrock`: each lane has its own time, step, error, input, outputs and end.
+The algorithm is that of `model.integrators.rosenbrock`; each lane has its own time, step, error, input, outputs, end.
 An attempt advances all lanes; each lane then accepts or rejects its own. A lane whose member is done or has failed is
 given to the next member at once. What is computed for one lane never enters another, so that a member's numbers do not
-depend on who sits beside it; only time does.
+depend on who sits beside it.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import Any
 
 from model.integrators.lanes import slots as S
 from model.integrators.lanes.attempts import counted, fit_steps, read_inputs, read_start, rest, settle
-from model.integrators.lanes.outputs import ask, dense_sums, state_inside, write_rows
+from model.integrators.lanes.outputs import give_out
 from model.integrators.lanes.seats import fill_lanes
 from model.integrators.rosenbrock import STAGE
 from model.integrators.step_control import GROW, SAFETY, SHRINK
@@ -23,7 +23,18 @@ from model.kernels.lanes.maths import power
 from model.kernels.lanes.operations import bits_of, filled, mask_of, rows, where
 from model.kernels.signatures import INTEGRATE_LANES
 from model.kernels.workspace import (
-    ACC, ALLOWANCE, INPUT, INPUT_RATE, NEEDED, Q1, STAGE_STEP, STEP_TO_TRY, WIDTH, Q, U, V,
+    ACC,
+    ALLOWANCE,
+    INPUT,
+    INPUT_RATE,
+    NEEDED,
+    Q1,
+    STAGE_STEP,
+    STEP_TO_TRY,
+    WIDTH,
+    Q,
+    U,
+    V,
 )  # fmt: skip
 
 INFINITE = float("inf")
@@ -80,6 +91,15 @@ def next_step(step, error, exponent, accepted, sound, rejected_before, fitted, h
 
 
 @inlined
+def nearly_still(w, s, n):
+    """Bits of the lanes that move so little, under an input that does not change, that they may be at rest."""
+    fastest = abs(w[V])
+    for i in range(1, n):
+        fastest = max(fastest, abs(w[V + i]))
+    return bits_of((s[S.SLOPE] == 0.0) & (fastest * s[S.WANTED_STEP] < s[S.REST]))
+
+
+@inlined
 def chosen_step(w, p, s, n, n_contacts):
     """The step wanted, and that shortened to events and to the end of the run."""
     h = min(s[S.WANTED_STEP], s[S.LONGEST])
@@ -122,13 +142,7 @@ def loop_in_lanes(width: int) -> Any:
             read_start(fresh, width, n_contacts, members, space)
             w[INPUT] = s[S.START_INPUT]
             kernels.linearise(memory, numbers)
-            fastest = abs(w[V])
-            for i in range(1, n):
-                fastest = max(fastest, abs(w[V + i]))
-            still = bits_of((s[S.SLOPE] == 0.0) & (fastest * s[S.WANTED_STEP] < s[S.REST])) & fresh
-            rested = 0
-            if still:
-                rested = rest(still, width, parent, members, space)
+            rested = rest(nearly_still(w, s, n) & fresh, width, parent, members, space)
             chosen_step(w, p, s, n, n_contacts)
             trying = busy & ~rested
             fit_steps(trying, width, members, space)
@@ -160,13 +174,7 @@ def loop_in_lanes(width: int) -> Any:
                 s[S.WANTED_STEP],
             )  # fmt: skip
             s[S.WANTED_STEP] = where(mask_of(trying, width), s[S.NEXT_STEP], s[S.WANTED_STEP])
-            asking = ask(within, width, members, space)
-            if asking:
-                dense_sums(w, s, n, dense)
-            while asking:
-                state_inside(w, s, n, dense.shape[0])
-                write_rows(asking, width, n, number, space.whole)
-                asking = ask(asking, width, members, space)
+            give_out(within, w, s, width, dense, members, space)
             commit(w, s, accepted, n)
             counted(trying, within, prepared, n_stages, n_contacts, width, members, space)
             rejected = trying & ~within

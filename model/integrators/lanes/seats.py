@@ -6,6 +6,7 @@ from model.kernels.compile import uncounted
 from model.kernels.lanes.operations import put
 from model.kernels.workspace import ACC, IDLE, LANE_SIZE, M_DIAG, M_UP, STIFF, WIDTH, Q, V
 
+
 @uncounted
 def fill_still(lane, width, n, until, memory, whole, wanted):
     """Fill the outputs wanted up to ``until`` with the state of a lane as it is."""

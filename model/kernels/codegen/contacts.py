@@ -24,14 +24,17 @@ def _along(body: int, x: str, y: str) -> tuple[str, str]:
 
 
 def pivot(body: int) -> tuple[str, str]:
+    """World coordinates of a body's pivot."""
     return f"x{body}", f"y{body}"
 
 
 def contact_numbers(s: Structure | LoneContact, c: int, *names: int) -> list[str]:
+    """Texts of some numbers of contact ``c``."""
     return [s.contact_number(c, k) for k in names]
 
 
 def centres(s: Structure | LoneContact, c: int) -> list[str]:
+    """Lines that set the centres of both surfaces."""
     a, b, _, _ = s.contact[c]
     ax, ay = _at(a, *contact_numbers(s, c, L.A_X, L.A_Y))
     bx, by = _at(b, *contact_numbers(s, c, L.B_X, L.B_Y))
@@ -78,11 +81,13 @@ def arms_and_rates(s: Structure | LoneContact, c: int) -> list[str]:
 
 
 def law_numbers(s: Structure | LoneContact, c: int) -> str:
+    """Arguments of a contact's laws after its depth and speeds."""
     felt = contact_numbers(s, c, L.K_A, L.K_B, L.K_C, L.DAMP)
     return ", ".join([*felt, f"p[{L.V_T}]", *contact_numbers(s, c, L.MU_A, L.MU_B1, L.MU_B2)])
 
 
 def push(s: LoneContact, c: int) -> list[str]:
+    """Lines that add the force (fx, fy) to the generalised forces."""
     out = []
     for k, (b, side) in enumerate(s.chain[c]):
         if not s.solved(b):
@@ -101,6 +106,7 @@ def chosen(s: LoneContact, mask: str, text: str) -> str:
 
 
 def indent(lines: list[str]) -> list[str]:
+    """The lines as the block of a branch."""
     return ["    " + line for line in lines]
 
 

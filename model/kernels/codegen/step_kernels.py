@@ -26,7 +26,7 @@ from model.kernels.motion import motion_at, piece_at
 from model.kernels.signatures import ENERGY, LINEARISE, PREPARE, SKIP, STAGE
 from model.kernels.terms import circle_gap, contact_laws, cosine_sine, felt_energy, hybrid_gap
 '''
-_LANES_HEAD = '''"""Generated in lanes from the structure of a scene by model.kernels.codegen.step_kernels; do not edit."""
+_LANES_HEAD = '''"""Generated for lanes from the structure of a scene by step_kernels; do not edit."""
 
 from numba import int64
 
@@ -128,7 +128,8 @@ def _skip(s: Structure) -> list[str]:
 
 def _stage(s: Structure, pieces: set[Piece]) -> list[str]:
     n = range(s.free)
-    out = _per_lane(s) + [f"q{i} = w[{W.Q + i}]\nv{i} = w[{W.V + i}]\nsq{i} = 0.0\nsv{i} = 0.0\nb{i} = 0.0\nl{i} = 0.0" for i in n]
+    out = _per_lane(s)
+    out += [f"q{i} = w[{W.Q + i}]\nv{i} = w[{W.V + i}]\nsq{i} = 0.0\nsv{i} = 0.0\nb{i} = 0.0\nl{i} = 0.0" for i in n]
     out += ["for j in range(k):", f"    o = {W.U} + {2 * W.WIDTH} * j", f"    aj = a[{W.MAX_STAGES} * k + j]"]
     out += [f"    cj = c[{W.MAX_STAGES} * k + j]"]
     for i in n:

@@ -3,9 +3,9 @@
 ``Lanes`` is a row of doubles, ``Mask`` a row of truth values, ``Rows`` a block of memory whose entry ``k`` is the row
 of lanes at ``k * width``. A float64 beside lanes stands for the same number in each.
 
-Every operation is one that IEEE 754 rounds correctly (sum, product, quotient, square root, a b + c rounded once), and no
-optimiser may reorder them. Where a product stands directly in a sum, it is rounded once with it: that is decided here
-from the text alone, never by the compiler, so that a lane's bits cannot depend on which code path was compiled how.
+Every operation is one that IEEE 754 rounds correctly (sum, product, quotient, square root, a b + c rounded once), and
+no optimiser may reorder them. Where a product stands directly in a sum, it is rounded once with it: that is decided
+here from the text alone, never by LLVM, so that a lane's bits cannot depend on which code path was compiled how.
 """
 
 from __future__ import annotations
@@ -99,10 +99,10 @@ def _from_integer(context: Any, builder: Any, fromty: Any, toty: Any, value: Any
     return splat(builder, context.cast(builder, value, fromty, types.float64), toty.width)
 
 
-def _width(args: Any, kind: type = Lanes) -> int | None:
+def _width(args: Any) -> int | None:
     """Width of the lanes among the arguments; None where there are none or others."""
-    found = {a.width for a in args if isinstance(a, kind)}
-    if len(found) != 1 or not all(isinstance(a, (kind, types.Float, types.Integer)) for a in args):
+    found = {a.width for a in args if isinstance(a, Lanes)}
+    if len(found) != 1 or not all(isinstance(a, (Lanes, types.Float, types.Integer)) for a in args):
         return None
     return int(found.pop())
 
@@ -111,6 +111,8 @@ def _typed(key: Any, arguments: int, result: type) -> None:
     """Give ``key`` a meaning for lanes: ``arguments`` of them, numbers among them, a row of kind ``result``."""
 
     class Template(AbstractTemplate):  # type: ignore[misc]
+        key: Any = None
+
         def generic(self, args: Any, kws: Any) -> Any:
             width = _width(args)
             if kws or len(args) != arguments or width is None:
@@ -170,21 +172,21 @@ def _smaller(context: Any, builder: Any, sig: Any, args: Any) -> Any:
     return builder.select(builder.fcmp_ordered("<", b, a), b, a)
 
 
-for _key, _inplace, _lower in (
-    (operator.add, operator.iadd, _add),
-    (operator.sub, operator.isub, _subtract),
-    (operator.mul, operator.imul, _multiply),
-    (operator.truediv, operator.itruediv, _divide),
-):
-    for _one in (_key, _inplace):
-        _typed(_one, 2, Lanes)
-        lower_builtin(_one, Lanes, Lanes)(_lower)
-for _key, _lower in ((operator.neg, _negative), (abs, _absolute)):
-    _typed(_key, 1, Lanes)
-    lower_builtin(_key, Lanes)(_lower)
-for _key, _lower in ((max, _larger), (min, _smaller)):
-    _typed(_key, 2, Lanes)
-    lower_builtin(_key, Lanes, Lanes)(_lower)
+def _operation(keys: tuple[Any, ...], arguments: int, lower: Any) -> None:
+    """Give operators a meaning for lanes, ``lower`` writes the instruction."""
+    for key in keys:
+        _typed(key, arguments, Lanes)
+        lower_builtin(key, *[Lanes] * arguments)(lower)
+
+
+_operation((operator.add, operator.iadd), 2, _add)
+_operation((operator.sub, operator.isub), 2, _subtract)
+_operation((operator.mul, operator.imul), 2, _multiply)
+_operation((operator.truediv, operator.itruediv), 2, _divide)
+_operation((operator.neg,), 1, _negative)
+_operation((abs,), 1, _absolute)
+_operation((max,), 2, _larger)
+_operation((min,), 2, _smaller)
 
 
 def _comparison(key: Any, sign: str) -> None:
@@ -196,15 +198,18 @@ def _comparison(key: Any, sign: str) -> None:
         return make(sign, *args)
 
 
-for _key, _sign in (
-    (operator.lt, "<"), (operator.le, "<="), (operator.gt, ">"), (operator.ge, ">="), (operator.eq, "=="),
-    (operator.ne, "!="),
-):  # fmt: skip
-    _comparison(_key, _sign)
+_comparison(operator.lt, "<")
+_comparison(operator.le, "<=")
+_comparison(operator.gt, ">")
+_comparison(operator.ge, ">=")
+_comparison(operator.eq, "==")
+_comparison(operator.ne, "!=")
 
 
 def _logic(key: Any, name: str) -> None:
     class Template(AbstractTemplate):  # type: ignore[misc]
+        key: Any = None
+
         def generic(self, args: Any, kws: Any) -> Any:
             if kws or not all(isinstance(a, Mask) and a == args[0] for a in args):
                 return None
@@ -218,11 +223,11 @@ def _logic(key: Any, name: str) -> None:
         return getattr(builder, name)(*args)
 
 
-for _key, _name in (
-    (operator.and_, "and_"), (operator.iand, "and_"), (operator.or_, "or_"), (operator.ior, "or_"),
-    (operator.invert, "not_"),
-):  # fmt: skip
-    _logic(_key, _name)
+_logic(operator.and_, "and_")
+_logic(operator.iand, "and_")
+_logic(operator.or_, "or_")
+_logic(operator.ior, "or_")
+_logic(operator.invert, "not_")
 
 
 @infer_global(operator.getitem)
