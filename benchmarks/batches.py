@@ -180,9 +180,8 @@ def lanes_beside_scalar(name: str, many: dict[str, tuple[np.ndarray, np.ndarray]
         f"{ratios[len(ratios) // 2]:.2f}, lowest {ratios[0]:.2f}, highest {ratios[-1]:.2f} "
         f"({'reached' if ratios[len(ratios) // 2] >= target else 'missed'}: wanted {target})"
     )
-    for what, one, count in zip(
-        ("lanes from scalar runs", "last digit of the force"), (distance, rounding), beyond, strict=True
-    ):
+    names = "lanes from scalar runs", "last digit of the force"
+    for what, one, count in zip(names, (distance, rounding), beyond, strict=True):
         print(
             f"           {what}: {np.median(one) / TOLERANCE:.1g} tolerances in the median, 95 % "
             f"{np.quantile(one, 0.95) / TOLERANCE:.1g}, largest {one.max() / TOLERANCE:.1g}; {count} of {len(many)} "
