@@ -18,7 +18,7 @@ from model.integrators.lanes.rosenbrock import loop_in_lanes
 from model.integrators.methods import METHODS
 from model.integrators.rosenbrock import integrate
 from model.kernels.codegen.load import lane_kernels_of
-from model.kernels.lanes.width import LEAST_WIDTH, lanes_here
+from model.kernels.lanes.width import LANES, lanes_pay
 from model.scene.build import Scene
 from model.simulation.run import Plan, Simulation
 from model.simulation.side_by_side import advance_together
@@ -42,7 +42,7 @@ def _kind(run: ForceDrivenRun) -> tuple[object, ...]:
 
 def choose(jobs: Sequence[Job], lanes: bool | None) -> list[Job]:
     """The jobs, those for lanes marked: none of them, all that can, or by default where they are many of a kind."""
-    if lanes is False or lanes_here() == 1:
+    if lanes is False or not lanes_pay():
         return list(jobs)
     kinds: dict[int, tuple[object, ...]] = {}  # of each scene object and method, not of each job
     of_job: list[tuple[object, ...] | None] = []
@@ -92,10 +92,9 @@ def _order(run: ForceDrivenRun | None, index: int) -> tuple[float, int, int]:
 
 
 def warm(scene: Scene) -> None:
-    """Load or compile the loop and the kernels of a structure for this processor's lanes."""
-    width = max(lanes_here(), LEAST_WIDTH)
-    lane_kernels_of(scene.tables, width)
-    loop_in_lanes(width)
+    """Load or compile the loop and the kernels of a structure for lanes."""
+    lane_kernels_of(scene.tables, LANES)
+    loop_in_lanes(LANES)
 
 
 def run_together(jobs: Sequence[Job], hashes: Sequence[str]) -> list[Member]:
@@ -110,8 +109,7 @@ def run_together(jobs: Sequence[Job], hashes: Sequence[str]) -> list[Member]:
         except ModelError as problem:
             members[i] = Member(job.trial, job.parameters, hashes[i], error=problem)
     plans = [plan for _, _, runs in seated for _, plan in runs]
-    width = max(lanes_here(), LEAST_WIDTH)
-    ends = iter(advance_together(seated[0][1].scene.tables, plans, width) if plans else [])
+    ends = iter(advance_together(seated[0][1].scene.tables, plans, LANES) if plans else [])
     for i, run, runs in seated:
         reached = [next(ends) for _ in runs]
         job, sha256 = jobs[i], hashes[i]

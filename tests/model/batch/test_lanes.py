@@ -20,7 +20,6 @@ import model
 from model import batch
 from model.batch import lanes
 from model.batch.job import Job, make_jobs
-from model.kernels.lanes.width import LEAST_WIDTH, lanes_here
 from model.simulation.options import ForceDrivenOptions
 
 TIMES = np.array([0.0, 0.02, 0.06, 0.14, 0.16, 0.2])
@@ -134,7 +133,7 @@ def test_estimated_error_comes_from_a_companion_in_lanes(action: model.Action) -
 def test_lanes_are_chosen_for_many_members_of_a_kind_and_never_for_what_they_cannot_give(
     action: model.Action, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(lanes, "lanes_here", lambda: 8)
+    monkeypatch.setattr(lanes, "lanes_pay", lambda: True)
     monkeypatch.setattr(lanes, "LEAST_MEMBERS", 6)
 
     def chosen(wanted: bool | None, count: int = 6, **options: Any) -> int:
@@ -148,7 +147,7 @@ def test_lanes_are_chosen_for_many_members_of_a_kind_and_never_for_what_they_can
     assert not lanes.choose(failed, True)[0].in_lanes
     two_kinds = jobs_of(action, blows(4)) + jobs_of(action, blows(4), method="rodas5p")
     assert not any(job.in_lanes for job in lanes.choose([replace(j, in_lanes=False) for j in two_kinds], None))
-    monkeypatch.setattr(lanes, "lanes_here", lambda: 1)
+    monkeypatch.setattr(lanes, "lanes_pay", lambda: False)
     assert chosen(True) == 0
 
 
@@ -175,7 +174,7 @@ class ElsewhereBackwards(Executor):
 def test_executor_and_store_change_no_bit_and_lanes_have_files_of_their_own(
     action: model.Action, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(lanes, "lanes_here", lambda: max(lanes_here(), LEAST_WIDTH))
+    monkeypatch.setattr(lanes, "lanes_pay", lambda: True)
     trials = blows(10)
     options: dict[str, Any] = {"tolerance": 1e-5, "output_time_s": OUT, "scene": "key"}
     seen: list[int] = []

@@ -13,12 +13,11 @@ import model
 from model.integrators.methods import get_method
 from model.kernels import workspace as W
 from model.kernels.codegen.load import kernels_of, lane_kernels_of
-from model.kernels.lanes.width import LEAST_WIDTH, lanes_here
+from model.kernels.lanes.width import LANES
 from model.kernels.layout import MU_A
 from model.scene.build import Scene, build_scene
 from model.scene.selection import SCENES, load_scene
 
-LANES = max(lanes_here(), LEAST_WIDTH)
 SCALES = {"key_lift": 1e-3, "shank": 1e-2}  # of the coordinates that effects add; angles of an action: 0.05
 
 

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from model.kernels.lanes.operations import any_of, bits_of, exponent_of, mantissa_of, mask_of, rows, where
-from model.kernels.lanes.width import lanes_here
 from tests.model.kernels.lanes.in_lanes import in_lanes
 
 X = np.array([1.5, -2.25, 0.1, -0.0, 3.0, 1e-300, -7.0, 0.3])
@@ -68,10 +67,6 @@ def test_masks_as_integers_and_numbers_taken_apart() -> None:
     fraction, power = np.frexp(size)
     np.testing.assert_array_equal(in_lanes(exponent_of, 8)(size), power - 1.0)
     np.testing.assert_array_equal(in_lanes(mantissa_of, 8)(size), 2.0 * fraction)
-
-
-def test_width_of_this_processor_is_one_that_kernels_can_have() -> None:
-    assert lanes_here() in (1, 4, 8)
 
 
 def test_lanes_of_two_widths_do_not_mix() -> None:
