@@ -6,7 +6,7 @@ Bad tables are refused with the row and what is allowed.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Unpack
 
@@ -22,7 +22,7 @@ from model.parameters.effects import column
 from model.scene.build import Scene, build_scene
 from model.simulation.loads_and_losses import Inside
 from model.simulation.options import ForceDrivenKeywords, ForceDrivenOptions
-from model.simulation.run import SMALLEST_TOLERANCE, Simulation, State
+from model.simulation.run import SMALLEST_TOLERANCE, Plan, Simulation, State
 from model.simulation.solution import EnergyAudit, Solution
 from model.simulation.statics import RestState, solve_rest
 
@@ -143,21 +143,46 @@ class ForceDrivenRun:
 
     def from_state(self, state: State) -> Solution:
         """The motion from ``state``, which is left as it is."""
-        scene, energy = self.scene, "energy" in self.outputs
-        under_way = Simulation(scene, state.copy(), self.tolerance, self.method, energy=energy)
+        energy = "energy" in self.outputs
+        under_way = Simulation(self.scene, state.copy(), self.tolerance, self.method, energy=energy)
         stored = under_way.stored_energy() if energy else 0.0
-        end = float(self.output_time_s[-1]) if len(self.output_time_s) else float(self.time_s[-1])
-        angles, speeds = under_way.advance(end, self.time_s, self.force_n, output_time_s=self.output_time_s)
+        angles, speeds = under_way.advance(self._end(), self.time_s, self.force_n, output_time_s=self.output_time_s)
+        solution = self.solution(under_way, angles, speeds)
+        if energy:
+            given, *lost = map(float, under_way.audit)
+            audit = EnergyAudit(given, under_way.stored_energy() - stored, *lost)
+            solution = replace(solution, energy=audit)
+        if "inside" in self.outputs:
+            solution = replace(solution, inside=self._inside(state))
+        if self.estimate_error:
+            solution = replace(solution, error_rad=self._error(state, angles))
+        return solution
+
+    def _end(self) -> float:
+        return float(self.output_time_s[-1]) if len(self.output_time_s) else float(self.time_s[-1])
+
+    def planned(self, state: State, tolerance: float | None = None) -> tuple[Simulation, Plan]:
+        """The run from ``state``, and what its step loop is to be given; to its own tolerance or another."""
+        under_way = Simulation(self.scene, state.copy(), tolerance or self.tolerance, self.method)
+        return under_way, under_way.plan(self._end(), self.time_s, self.force_n, output_time_s=self.output_time_s)
+
+    def companion_tolerance(self) -> float:
+        """Tolerance of the run that an error is estimated with, rad."""
+        return max(COMPANION * self.tolerance, SMALLEST_TOLERANCE)
+
+    def largest_difference(self, angles: Array, others: Array) -> float:
+        """Largest difference of an angle (rad) between two motions, columns that are no angles left out."""
+        turning = [i for i, body in enumerate(self.scene.bodies) if column(body).endswith("_rad")]
+        return float(np.max(np.abs(angles - others)[:, turning], initial=0.0))
+
+    def solution(self, under_way: Simulation, angles: Array, speeds: Array) -> Solution:
+        """Solution with these angles and speeds (m, n), and contact forces where they are wanted."""
         contacts: tuple[str, ...] = ()
         normal, tangential = None, None
         if "contact_forces" in self.outputs:
             contacts, normal, tangential = _contact_forces(under_way, angles, speeds)
-        audit = None
-        if energy:
-            given, *lost = map(float, under_way.audit)
-            audit = EnergyAudit(given, under_way.stored_energy() - stored, *lost)
         return Solution(
-            bodies=scene.bodies,
+            bodies=self.scene.bodies,
             time_s=self.output_time_s,
             angle_rad=angles,
             speed_rad_per_s=speeds,
@@ -166,9 +191,6 @@ class ForceDrivenRun:
             contact_friction_n=tangential,
             counters=under_way.work(),
             tolerance=self.tolerance,
-            energy=audit,
-            inside=self._inside(state) if "inside" in self.outputs else None,
-            error_rad=self._error(state, angles) if self.estimate_error else None,
         )
 
     def _error(self, first: State, angles: Array) -> float:
@@ -176,12 +198,10 @@ class ForceDrivenRun:
 
         The tighter run contains what no local estimate knows: how much the errors of early steps grow.
         """
-        tighter = max(COMPANION * self.tolerance, SMALLEST_TOLERANCE)
-        companion = Simulation(self.scene, first.copy(), tighter, self.method)
+        companion = Simulation(self.scene, first.copy(), self.companion_tolerance(), self.method)
         end = float(self.output_time_s[-1]) if len(self.output_time_s) else first.time_s
         other, _ = companion.advance(end, self.time_s, self.force_n, output_time_s=self.output_time_s)
-        turning = [i for i, body in enumerate(self.scene.bodies) if column(body).endswith("_rad")]
-        return float(np.max(np.abs(angles - other)[:, turning], initial=0.0))
+        return self.largest_difference(angles, other)
 
     def _inside(self, first: State) -> Inside:
         """Inside view of the motion from ``first``, which is integrated again for the times that the view needs."""

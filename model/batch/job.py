@@ -41,6 +41,7 @@ class Job:
     trial, parameters : labels of the force table and of the parameter set
     run : what to simulate, with all numbers; None where ``failure`` says why there is none
     start_rad : (n,) angles at the first time, at rest
+    in_lanes : computed side by side with others; another order of operations, hence other last digits
     """
 
     trial: str
@@ -48,6 +49,7 @@ class Job:
     run: ForceDrivenRun | None
     start_rad: Array | None
     failure: Exception | None = None
+    in_lanes: bool = False
 
     def sha256(self) -> str:
         """Hash of everything the answer depends on."""
@@ -174,12 +176,18 @@ def make_jobs(
     return jobs
 
 
+def from_rest(job: Job) -> tuple[ForceDrivenRun, State]:
+    """What a job simulates, with arrays that kernels accept, and the state it starts from."""
+    assert job.run is not None and job.start_rad is not None
+    run = _writable(job.run)
+    return run, State(float(run.time_s[0]), job.start_rad.copy(), np.zeros(run.scene.size))
+
+
 def run_job(job: Job, sha256: str) -> Member:
-    """Compute one job; the same to the last bit as ``model.simulate`` with the same input."""
+    """Compute one job by itself; the same to the last bit as ``model.simulate`` with the same input."""
     if job.run is None or job.start_rad is None:
         return Member(job.trial, job.parameters, sha256, error=job.failure)
-    run = _writable(job.run)
-    state = State(float(run.time_s[0]), job.start_rad.copy(), np.zeros(run.scene.size))
+    run, state = from_rest(job)
     try:
         solution = run.from_state(state)
     except ModelError as problem:
