@@ -18,7 +18,7 @@ from validation.findings.session import find_faults
 from validation.measurement.session import measure_session, open_session
 from validation.options import CompareOptions, ComparisonOptions
 from validation.pipeline.provenance import provenance
-from validation.pipeline.verdict import Standing, verdict_lines
+from validation.pipeline.verdict import Standing, outcome, verdict_lines
 from validation.prediction.model_under_test import ModelUnderTest
 from validation.prediction.session import predict_session
 from validation.result import ValidationResult
@@ -96,7 +96,9 @@ def compare_by(session: Session, action: model.Action, chosen: ComparisonOptions
     findings = find_faults(predicted, events, scored, tested, search_changes=chosen.suspect)
     tables = make_tables(predicted, events, scored, findings, tested, chosen)
     name = session.info.name or session.path.name
-    standing = Standing(tables.judgement, tables.budget, null_closer(scored.scores, findings.left_out))
+    closer = null_closer(scored.scores, findings.left_out)
+    standing = Standing(tables.judgement, tables.budget, closer, tables.phases)
+    found, sentence = outcome(tables.channels, tables.phases, findings.faults, tables.judgement)
     return ValidationResult(
         session_name=name,
         action_name=action.name,
@@ -105,6 +107,8 @@ def compare_by(session: Session, action: model.Action, chosen: ComparisonOptions
         ),
         provenance=provenance(session, tested, predicted.trials, events.window, chosen.now())
         | {"judgement": tables.judgement},
+        outcome=found,
+        sentence=sentence,
         **vars(tables),
     )
 
