@@ -109,8 +109,8 @@ def rotation_of_all_trials(view: SessionView, channel: str) -> ReportFigure:
     text = f"sᵣ(t) is at most {np.nanmax(s_r):.3f}°." if known else "Repeatability is not known with one trial."
     caption = f"Rotation of the {TITLE[channel]} in all {len(result.traces)} trials; below: repeatability sᵣ(t)."
     if banded:
-        caption += f" Shaded: simultaneous 95 % band of the mean, at most ±{np.nanmax(reach):.3f}°; it holds for "
-        caption += "scatter in value: where blows scatter in time (impact, release) it covers less."
+        caption += f" Shaded: simultaneous 95 % band of the mean, at most ±{np.nanmax(reach):.3f}°; it knows "
+        caption += "scatter in value and in time, but not what one blow in thirty does."
     caption += lift_text(lifts)
     return finish(view, figure, f"{channel}-all", measured_anchor(view.condition, channel), caption, text)
 
