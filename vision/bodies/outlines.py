@@ -216,8 +216,18 @@ def build_masks(bodies: Sequence[Body], height: int, width: int) -> list[NDArray
     BodyError
         When fewer than `MIN_PIXELS` are left of a body.
     """
+    return masks_of(bodies, outline_distances(bodies, height, width))
+
+
+def outline_distances(bodies: Sequence[Body], height: int, width: int) -> list[NDArray[np.float32]]:
+    """`signed_distance` from each body's outline; raises `BodyError` for bodies that do not fit together."""
     check_bodies(bodies)
-    distances = [signed_distance(body.polygon_px, height, width) for body in bodies]
+    return [signed_distance(body.polygon_px, height, width) for body in bodies]
+
+
+def masks_of(bodies: Sequence[Body], distances: Sequence[NDArray[np.float32]]) -> list[NDArray[np.bool_]]:
+    """As `build_masks`, from `outline_distances`."""
+    height, width = distances[0].shape
     masks = []
     for i, body in enumerate(bodies):
         mask = distances[i] > EROSION_PX

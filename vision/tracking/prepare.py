@@ -9,7 +9,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from vision.bodies.outlines import Body, build_masks, unsaturated
+from vision.bodies.occlusion import Occlusion
+from vision.bodies.outlines import Body, masks_of, outline_distances, unsaturated
 from vision.errors import VisionInputError, VisionWarning
 from vision.film.open import open_film
 from vision.film.source import FrameSource
@@ -40,7 +41,8 @@ def prepare(
     VisionWarning
         When fewer than ten still frames are found.
     """
-    masks = build_masks(bodies, film.height, film.width)
+    distances = outline_distances(bodies, film.height, film.width)
+    masks = masks_of(bodies, distances)
     region = np.logical_or.reduce(masks)
 
     def prepared(reference: Reference) -> PreparedFilm:
@@ -49,7 +51,8 @@ def prepare(
             build_template(body.name, reference.picture, mask, reference.n_averaged, max_pixels, reference.noise_grey)
             for body, mask in zip(bodies, usable, strict=True)
         ]
-        return PreparedFilm(film, bodies, reference, templates, method)
+        occlusion = Occlusion(bodies, templates, distances)
+        return PreparedFilm(film, bodies, reference, templates, occlusion, method)
 
     if n_still is None:
         candidates = average_still_frames(film, region).n_averaged
