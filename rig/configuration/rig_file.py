@@ -92,7 +92,7 @@ class RecordingConfig(Table):
     rest_s: Number = Field(default=0.2, ge=0.2, le=10)
     rest_counts: Count = Field(default=1, ge=0, le=1000)
     rest_force_n: Number = Field(default=0.2, gt=0, le=10)
-    longest_s: Number = Field(default=3.0, ge=0.5, le=60)
+    longest_s: Number = Field(default=3.0, ge=0.5, le=900)
     block_s: Number = Field(default=0.02, ge=0.001, le=1)
 
 

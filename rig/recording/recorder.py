@@ -171,7 +171,7 @@ def software_versions() -> dict[str, str]:
 
 def _discard(session: Session, existed: bool) -> None:
     """Remove a session without trials; a folder that was there before stays, empty."""
-    if existed:
+    if existed and session.path.is_dir():
         for path in session.path.iterdir():
             path.unlink()
     else:

@@ -14,9 +14,9 @@ from pathlib import Path
 import numpy as np
 
 from rig.errors import RigInputError
-from rig.recording.trial_plan import reject_warm_up
+from rig.recording.sealing import seal_journal
 from rig.session import Session
-from rig.session.journal.format import Journal, read_journal
+from rig.session.journal.format import Journal, scan_journal, stored_blocks
 from rig.session.trial_data import TrialData
 from rig.storage import platform_calls
 from rig.storage.file_errors import refused
@@ -82,10 +82,10 @@ def _refuse_if_in_use(file: Path) -> None:
 
 
 def _recover_trial(session: Session, number: int, file: Path) -> Recovered:
-    journal = read_journal(file)
+    journal = scan_journal(file)
     if (sealed := _sealed(session, number)) is not None:
         return _already_sealed(session, sealed, file, journal)
-    if journal.head is None or not journal.blocks:
+    if journal.head is None or not journal.n_samples:
         if journal.left_over:
             return Recovered(number, "unreadable", 0, f"{file.name} begins with damage and was left as it is")
         file.unlink()
@@ -103,9 +103,7 @@ def _recover_trial(session: Session, number: int, file: Path) -> Recovered:
         reason = note
     if session.trial_path(number).exists():
         note += f"; the sealed file was damaged and is kept as {_put_aside(session.trial_path(number)).name}"
-    data = journal.head.assemble(journal.blocks, status, reason)
-    reject_warm_up(session, data)
-    sealed = session.add_trial(data).read()
+    sealed = seal_journal(session, file, journal, status, reason).read()
     if sealed.n_valid != journal.n_samples:
         raise RigInputError(
             f"{file}: {journal.n_samples} samples, but {sealed.n_valid} were sealed; the journal is kept"
@@ -127,8 +125,9 @@ def _sealed(session: Session, number: int) -> TrialData | None:
 
 def _already_sealed(session: Session, sealed: TrialData, file: Path, journal: Journal) -> Recovered:
     """Remove the journal of a trial that was sealed just before the program ended, unless the two differ."""
-    force_n = np.concatenate([np.empty(0), *(block.force_n for block in journal.blocks)])
-    if not np.array_equal(sealed.force_n[: force_n.size], force_n):
+    kept = stored_blocks(file, journal) if journal.head is not None else ()
+    at = sealed.force_n
+    if not all(np.array_equal(at[b.first_sample : b.first_sample + b.force_n.size], b.force_n) for b in kept):
         raise RigInputError(
             f"{file}: is not the journal of {session.trial_path(sealed.number).name}; move it elsewhere"
         )

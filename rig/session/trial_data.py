@@ -177,7 +177,8 @@ class TrialData:
     number : int
         Trial number, from 1.
     status : str
-        ``complete``, ``not at rest``, ``interrupted``, ``fault`` or ``incomplete`` (recovered from the journal).
+        ``complete``, ``not at rest``, ``interrupted``, ``fault`` (bench or disk), ``defect`` (an error in a program) or
+        ``incomplete`` (recovered from the journal).
     reason : str
         Why the status is not ``complete``; empty otherwise.
     time_s : ndarray, shape (n,)
@@ -249,7 +250,10 @@ class TrialData:
             columns |= {channel.name: self.channel_values[:, k] for k, channel in enumerate(self.channels)}
         return pd.DataFrame(columns)
 
-    def angle_rad(self) -> NDArray[np.float64]:
-        """Return the encoder angles, rad, counter-clockwise, zero at the first sample, shape (n, encoders)."""
+    def angle_rad(self, zero: NDArray[np.int64] | None = None) -> NDArray[np.float64]:
+        """Return the encoder angles, rad, counter-clockwise, shape (n, encoders), zero at the first sample.
+
+        ``zero`` (1, encoders): other counts at which the angles are zero.
+        """
         per_count = np.array([encoder.rad_per_count for encoder in self.encoders])
-        return (self.encoder_count - self.encoder_count[:1]) * per_count
+        return (self.encoder_count - (self.encoder_count[:1] if zero is None else zero)) * per_count
