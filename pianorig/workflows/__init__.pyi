@@ -1,6 +1,7 @@
 from .bench.access import BenchAccess as BenchAccess
 from .bench.dry_run import rehearsal_lines as rehearsal_lines
 from .bench.dry_run import rehearse as rehearse
+from .bench.export import export_session as export_session
 from .bench.info import backend_facts as backend_facts
 from .bench.info import session_facts as session_facts
 from .bench.interrupted import interrupts_told as interrupts_told
