@@ -75,6 +75,8 @@ class Timing:
     frame_rate_hz: float | None = None
     first_pulse_s: float | None = None
     shortest_block_s: float = 0.0
+    force_device_scaling: tuple[float, ...] = ()
+    """Polynomial from the converter's code to the force reading, V or V/V, lowest power first; empty if unknown."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,6 +20,7 @@ from rig.backend import Backend, Block, Capabilities, Timing
 from rig.configuration.rig_file import RigConfig
 from rig.daq import analog_inputs, call_delay, read_samples, tasks
 from rig.daq.bench_checks import BenchChecks
+from rig.daq.discovery.devices import driver_version, find_device
 from rig.daq.faults import translated
 from rig.daq.safe_bench import SafeBench
 from rig.daq.safing import worst
@@ -49,13 +50,14 @@ class NidaqmxBackend(SafeBench, BenchChecks, Backend):
         self._claim = claim
         self._name = name
         self._simulated, self._product = False, "unknown"
+        self._description: dict[str, str] = {}
         self._generating = False
         """The motor's command has not ended yet, as far as is known."""
 
     @property
     def capabilities(self) -> Capabilities:
         """What this is."""
-        description = {"client": f"nidaqmx {CLIENT_VERSION}", "product": self._product}
+        description = {"client": f"nidaqmx {CLIENT_VERSION}", "product": self._product, **self._description}
         return Capabilities(self._name, self._simulated, description, watchdog=True, hardware=True)
 
     def identify(self, config: RigConfig) -> None:
@@ -69,9 +71,13 @@ class NidaqmxBackend(SafeBench, BenchChecks, Backend):
             When the driver, server or device does not answer.
         """
         name = config.device.name
-        with translated("connect", f"device {name}"):
-            device = Device(name, grpc_options=self._options())
-            self._product, self._simulated = str(device.product_type), bool(device.is_simulated)
+        found = find_device(self._channel, name)
+        self._product, self._simulated = found.product, found.simulated
+        self._description = {
+            "driver": f"NI-DAQmx {driver_version(self._channel)}",
+            "serial_number": found.serial,
+            **{f"slot_{m.slot}": f"{m.product}, {m.name}, serial number {m.serial}" for m in found.modules},
+        }
         if self._product != config.device.product:
             raise RigInputError(
                 f"device.product = {config.device.product!r}: device {name} is a {self._product}; correct the rig file"
@@ -130,7 +136,9 @@ class NidaqmxBackend(SafeBench, BenchChecks, Backend):
         """Make every task of the rig file; nothing is reserved yet."""
         frame_rate_hz = first_pulse_s = None
         with translated("configure", config.force.channel):
-            rate = float(analog_inputs.inputs_task(self._tasks.make, config).timing.samp_clk_rate)
+            inputs = analog_inputs.inputs_task(self._tasks.make, config)
+            rate = float(inputs.timing.samp_clk_rate)
+            scaling = analog_inputs.device_scaling(inputs)
         if abs(rate - config.device.sample_rate_hz) > 1e-6 * rate:
             raise RigInputError(
                 f"device.sample_rate_hz = {config.device.sample_rate_hz:g} Hz: "
@@ -148,7 +156,7 @@ class NidaqmxBackend(SafeBench, BenchChecks, Backend):
                     tasks.edge_task(self._tasks.make, config, config.camera.counter, config.camera.terminal)
                 else:
                     _, frame_rate_hz, first_pulse_s = tasks.camera_task(self._tasks.make, config, config.camera)
-        return Timing(rate, config.force.group_delay(rate), frame_rate_hz, first_pulse_s)
+        return Timing(rate, config.force.group_delay(rate), frame_rate_hz, first_pulse_s, force_device_scaling=scaling)
 
     def arm(self, *, enable_drive: bool = True) -> None:
         """Start all slaves, which wait for the master's clock and trigger; enable the drive last, at 0 V."""

@@ -8,11 +8,9 @@ the caller. When not one trial was recorded, no session folder is left. A progra
 from __future__ import annotations
 
 import contextlib
-import platform
 import shutil
 from collections.abc import Mapping
 from dataclasses import replace
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Unpack
 
@@ -22,6 +20,7 @@ from rig.configuration.profile import Profile, load_profile
 from rig.configuration.rig_file import Rig, load_rig
 from rig.errors import HardwareFault
 from rig.recording.options import RecordingKeywords, RecordingOptions
+from rig.recording.provenance import software_versions
 from rig.recording.trial_plan import Plan, plain_plan
 from rig.recording.trial_sequence import record_entries
 from rig.safety.dry_run import dry_run
@@ -30,8 +29,6 @@ from rig.safety.permission import require_permission
 from rig.session.annotation_file import utc_now
 from rig.session.folder import Session
 from rig.session.info import ActionInfo, FileInfo, RoomInfo, SessionInfo
-
-PACKAGES = ("piano-action-rig", "numpy", "h5py", "nidaqmx", "grpcio")
 
 
 def record(out: str | Path, options: RecordingOptions | None = None, **keywords: Unpack[RecordingKeywords]) -> Session:
@@ -69,8 +66,8 @@ def record(out: str | Path, options: RecordingOptions | None = None, **keywords:
         ``ni-grpc://``.
     open_journal : callable
         Creates each trial's journal; tests put a bad disk here.
-    now_s : callable
-        Clock of the time left, s.
+    now_s, wall_s : callable
+        Monotonic clock of the time left, s, and the wall clock that is held against it.
 
     Returns
     -------
@@ -158,15 +155,6 @@ def _session_info(
         notes={**(options.notes or {}), **(options.permission.noted() if options.permission else {})},
         dry_run=dict(predicted),
     )
-
-
-def software_versions() -> dict[str, str]:
-    """Return versions of Python, the operating system and the packages a recording depends on."""
-    versions = {"python": platform.python_version(), "system": platform.platform()}
-    for package in PACKAGES:
-        with contextlib.suppress(PackageNotFoundError):
-            versions[package] = version(package)
-    return versions
 
 
 def _discard(session: Session, existed: bool) -> None:

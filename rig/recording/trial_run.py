@@ -6,8 +6,8 @@ any observer receives it; no sample is kept in memory.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -33,7 +33,7 @@ reset only by data, ends the trial sooner."""
 
 @dataclass(frozen=True, eq=False)
 class PlannedTrial:
-    """One trial to be recorded: its number (of ``trials``), command, journal, condition and entry of the plan."""
+    """One trial to be recorded: its number (of ``trials``), command, journal, place in the plan, and origin."""
 
     number: int
     trials: int
@@ -41,6 +41,7 @@ class PlannedTrial:
     journal_path: Path
     condition: str = ""
     plan_entry: int = 0
+    provenance: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,6 +75,7 @@ def run_trial(backend: Backend, config: RigConfig, trial: PlannedTrial, options:
             number=trial.number, simulated=backend.capabilities.simulated,
             condition=trial.condition, plan_entry=trial.plan_entry,
         )  # fmt: skip
+        head = replace(head, provenance=trial.provenance)
         size, longest = _lengths(config, command, timing)
         interlocks = Interlocks(config, timing, command.volts, command.blow_start_s)
         written = journal = options.open_journal(trial.journal_path, head, longest + size, longest // size + 2)

@@ -18,6 +18,7 @@ from rig.configuration.rig_file import RigConfig
 from rig.errors import NotPermitted, RecordingFault, RigInputError
 from rig.recording.options import RecordingOptions
 from rig.recording.progress import Progress, TimeLeft
+from rig.recording.provenance import ClockWatch, trial_provenance
 from rig.recording.sealing import seal_recorded
 from rig.recording.trial_plan import Entry
 from rig.recording.trial_run import PlannedTrial, TrialOutcome, run_trial
@@ -51,6 +52,7 @@ def record_entries(
     last = first_number + len(entries) - 1
     prompted: str | None = None
     there = len(session.trials)
+    clocks = ClockWatch(options.wall_s, options.now_s)
     clock = TimeLeft(options.now_s, rest_s, len(entries))
     observed = _with_time_left(options, clock)
     with termination_as_interrupt():
@@ -65,9 +67,11 @@ def record_entries(
             trial = PlannedTrial(
                 number, last, commands[entry.condition], session.journal_path(number),
                 entry.condition, entry.number if entry.condition else 0,
+                trial_provenance(session.info, backend.capabilities, config, entry.profile),
             )  # fmt: skip
             outcome = run_trial(backend, config, trial, observed)
             _store(session, trial, outcome, options)
+            _note_jump(session, number, clocks)
             if outcome.error is not None:
                 raise outcome.error
             clock.end()
@@ -109,6 +113,13 @@ def check_still_there(session: Session, sealed: int) -> None:
             "unmounted while it was recorded; nothing else is kept elsewhere, record into another folder",
             phase="write",
         )
+
+
+def _note_jump(session: Session, number: int, clocks: ClockWatch) -> None:
+    """Note a wall clock that was set during the trial, or the rest before it."""
+    if (jump := clocks.jump()) and any(trial.number == number for trial in session.trials):
+        with contextlib.suppress(RigInputError):  # a note is not worth the session
+            session.annotate(number, "note", jump, author="recorder")
 
 
 def _prompt(entry: Entry, number: int, options: RecordingOptions) -> None:

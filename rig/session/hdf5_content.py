@@ -44,14 +44,18 @@ class Content:
         return dataset
 
     def growing(
-        self, group: h5py.Group, name: str, shape: int | tuple[int, ...], /, *meaning: str, **attributes: Any
+        self,
+        group: h5py.Group,
+        name: str,
+        shape: int | tuple[int, ...],
+        dtype: str,
+        /,
+        *meaning: str,
+        **attributes: Any,
     ) -> Growing:
-        """Make a quantity whose rows are added part by part: 64-bit floats, or counts where there are columns.
-
-        ``meaning``: units and what it is, as for :meth:`quantity`.
-        """
+        """Make a quantity whose rows are added part by part; ``meaning``: unit and what it is."""
         units, long_name = meaning
-        dataset = group.create_dataset(name, shape, dtype="<f8" if isinstance(shape, int) else "<i8")
+        dataset = group.create_dataset(name, shape, dtype=dtype)
         self.describe(dataset, units=units, long_name=long_name, **attributes)
         return Growing(self, dataset)
 

@@ -7,8 +7,8 @@ first sample.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass, fields
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -29,7 +29,7 @@ def absent_bodies(names: Iterable[str]) -> tuple[str, ...]:
 
 def of_same_name(info: type, config: Table) -> dict[str, Any]:
     """Return the values of a configuration table for which the record has fields of the same name."""
-    return {field.name: getattr(config, field.name) for field in fields(info) if hasattr(config, field.name)}
+    return {one.name: getattr(config, one.name) for one in fields(info) if hasattr(config, one.name)}
 
 
 def _calibration(text: str, certificate: CertificateConfig | None) -> str:
@@ -103,6 +103,13 @@ class ForceInfo:
     preload_n: float = 0.0
     u_preload_n: float = 0.0
     mains_frequency_hz: float = 60.0
+    device_scaling: tuple[float, ...] = ()
+    """Polynomial from the converter's code to the reading in V or V/V, by the driver; empty where it is not known."""
+
+    @property
+    def volts_per_unit(self) -> float:
+        """V, or V/V, per unit of the electrical reading."""
+        return 1e-3 if self.electrical_unit == "mV/V" else 1.0
 
     @classmethod
     def of(cls, config: RigConfig, group_delay_s: float) -> ForceInfo:
@@ -199,6 +206,8 @@ class TrialData:
         Further channels of the rig file, as many as there are.
     channel_values : ndarray, shape (n, channels), or None
         Their values, each in its unit; None without such channels.
+    provenance : mapping of str
+        Operator, action, rig, devices with serial numbers, calibration dates, software; empty for older files.
     """
 
     number: int
@@ -221,6 +230,7 @@ class TrialData:
     sha256: str = ""
     channels: tuple[ChannelInfo, ...] = ()
     channel_values: NDArray[np.float64] | None = None
+    provenance: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def absent(self) -> tuple[str, ...]:

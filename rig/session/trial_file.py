@@ -16,11 +16,14 @@ import h5py
 import numpy as np
 
 from rig.errors import RigInputError
+from rig.session.converter_codes import NO_CODE, force_codes
 from rig.session.hdf5_content import Content, Growing
 from rig.session.sealed_hdf5 import open_sealed, write_sealed
 from rig.session.trial_data import CameraInfo, ChannelInfo, EncoderInfo, ForceInfo, TrialData
 
 SCHEMA = "piano-action-rig trial 1"
+LATER = ("device_scaling",)
+"""Attributes of the force that older files do not have."""
 STATUSES = ("complete", "not at rest", "interrupted", "fault", "defect", "incomplete")
 
 
@@ -60,6 +63,8 @@ def write_trial_parts(path: Path, about: TrialData, n_samples: int, parts: Itera
     with write_sealed(path) as file:
         _write_root(content, file, about)
         _write_daq(content, file.create_group("daq", track_order=True), about, n_samples, parts)
+        if about.provenance:
+            content.describe(file.create_group("provenance", track_order=True), **about.provenance)
         if about.camera is not None:
             _write_camera(content, file.create_group("camera", track_order=True), about.camera)
         digest = content.sha256()
@@ -124,7 +129,7 @@ def _write_daq(
     rate, info = about.sample_rate_hz, about.force_info
     content.describe(group, sample_rate_hz=rate, n_valid=n_samples, status=about.status, reason=about.reason)
     time = content.growing(
-        group, "time", n_samples, "s", "time since the AI start trigger", sample_rate_hz=about.sample_rate_hz
+        group, "time", n_samples, "<f8", "s", "time since the AI start trigger", sample_rate_hz=about.sample_rate_hz
     )
     time.dataset.make_scale("time")
     names = np.array([encoder.name for encoder in about.encoders], dtype=h5py.string_dtype("utf-8"))
@@ -134,6 +139,7 @@ def _write_daq(
         group,
         "force",
         n_samples,
+        "<f8",
         "N",
         "force on the key, positive downwards, calibrated, not corrected for offset, delay or hum",
         **_attributes(info),
@@ -142,15 +148,19 @@ def _write_daq(
         group,
         "force_raw",
         n_samples,
+        "<f8",
         info.electrical_unit,
         "electrical reading of the force channel",
         channel=info.channel,
     )
-    motor = content.growing(group, "motor_command", n_samples, "V", "motor command held from each sample to the next")
+    motor = content.growing(
+        group, "motor_command", n_samples, "<f8", "V", "motor command held from each sample to the next"
+    )
     count = content.growing(
         group,
         "encoder_count",
         (n_samples, len(about.encoders)),
+        "<i8",
         "1",
         "encoder counts since arming (X4)",
         encoders_json=json.dumps([asdict(encoder) for encoder in about.encoders]),
@@ -158,20 +168,31 @@ def _write_daq(
         sign=np.array([e.sign for e in about.encoders], dtype=np.int64),
     )
     further = _further_channels(content, group, about, n_samples)
+    codes = _force_codes(content, group, about, n_samples)
     for part in parts:
         time.add(part.time_s)
         force.add(part.force_n)
         raw.add(part.force_raw)
         motor.add(part.motor_command_v)
         count.add(part.encoder_count)
+        for column in codes:
+            column.add(force_codes(part.force_raw, info))
         for k, column in enumerate(further):
             assert part.channel_values is not None
             column.add(part.channel_values[:, k])
-    for column in (time, force, raw, motor, count, *further):
+    for column in (time, force, raw, motor, count, *further, *codes):
         column.finish()
         if column is not time:
             column.dataset.dims[0].attach_scale(time.dataset)
     count.dataset.dims[1].attach_scale(encoder_axis)
+
+
+def _force_codes(content: Content, group: h5py.Group, about: TrialData, n_samples: int) -> list[Growing]:
+    """Make the dataset of the converter's codes; nothing where the driver's scaling is not known."""
+    if not about.force_info.device_scaling:
+        return []
+    meaning = "code of the converter behind the force, by the driver's scaling device_scaling"
+    return [content.growing(group, "force_code", n_samples, "<i4", "1", meaning, no_code=NO_CODE)]
 
 
 def _further_channels(content: Content, group: h5py.Group, about: TrialData, n_samples: int) -> list[Growing]:
@@ -182,12 +203,13 @@ def _further_channels(content: Content, group: h5py.Group, about: TrialData, n_s
     for channel in about.channels:
         rest = _attributes(channel)
         name, unit, quantity = (rest.pop(key) for key in ("name", "unit", "quantity"))
-        made.append(content.growing(group, name, n_samples, unit, quantity, **rest))
+        made.append(content.growing(group, name, n_samples, "<f8", unit, quantity, **rest))
     return made
 
 
 def _attributes(info: ForceInfo | ChannelInfo) -> dict[str, Any]:
-    return {key: np.array(value) if isinstance(value, tuple) else value for key, value in asdict(info).items()}
+    plain = {key: np.array(value) if isinstance(value, tuple) else value for key, value in asdict(info).items()}
+    return {key: value for key, value in plain.items() if not isinstance(value, np.ndarray) or value.size}
 
 
 def _write_camera(content: Content, group: h5py.Group, camera: CameraInfo) -> None:
@@ -224,7 +246,8 @@ def _read(file: h5py.File, sha256: str) -> TrialData:
     _check_units(file)
     daq = file["daq"]
     force = daq["force"]
-    info = ForceInfo(**{field: _plain(force.attrs[field]) for field in ForceInfo.__dataclass_fields__})
+    stated = [field for field in ForceInfo.__dataclass_fields__ if field in force.attrs or field not in LATER]
+    info = ForceInfo(**{field: _plain(force.attrs[field]) for field in stated})
     encoders = tuple(EncoderInfo(**entry) for entry in json.loads(daq["encoder_count"].attrs["encoders_json"]))
     channels = tuple(ChannelInfo.from_plain(entry) for entry in json.loads(daq.attrs.get("channels_json", "[]")))
     camera = None
@@ -251,5 +274,6 @@ def _read(file: h5py.File, sha256: str) -> TrialData:
         camera=camera,
         sha256=sha256,
         channels=channels,
+        provenance={key: str(value) for key, value in file["provenance"].attrs.items()} if "provenance" in file else {},
         channel_values=np.column_stack([daq[channel.name][()] for channel in channels]) if channels else None,
     )

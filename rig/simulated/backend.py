@@ -50,8 +50,8 @@ class SimulatedBackend(NidaqmxBackend):
         self.device = device
         self.plant: Plant = device.bench.plant
         self.service = Service(device)
-        self._description = description or {}
         super().__init__(InProcessChannel(self.service), name="virtual bench")
+        self._bench = description or {}
 
     def wait(self, duration_s: float) -> None:
         """Let time pass between two trials on the bench's own clock; a virtual clock costs the operator none."""
@@ -69,9 +69,7 @@ class SimulatedBackend(NidaqmxBackend):
     def capabilities(self) -> Capabilities:
         """What this backend is."""
         inherited = super().capabilities
-        return replace(
-            inherited, simulated=True, hardware=False, description={**inherited.description, **self._description}
-        )
+        return replace(inherited, simulated=True, hardware=False, description={**inherited.description, **self._bench})
 
 
 def build_device(

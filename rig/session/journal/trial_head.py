@@ -6,8 +6,8 @@ would have been sealed.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass, fields, replace
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
@@ -38,6 +38,7 @@ class TrialHead:
     condition: str = ""
     plan_entry: int = 0
     channels: tuple[ChannelInfo, ...] = ()
+    provenance: Mapping[str, str] = field(default_factory=dict)
 
     @classmethod
     def of(
@@ -60,7 +61,9 @@ class TrialHead:
             blow_start_s=command.blow_start_s,
             command_v=command.volts,
             encoders=tuple(EncoderInfo.of(encoder) for encoder in config.encoders),
-            force_info=ForceInfo.of(config, timing.force_group_delay_s),
+            force_info=replace(
+                ForceInfo.of(config, timing.force_group_delay_s), device_scaling=timing.force_device_scaling
+            ),
             frame_clock=FrameClock.of(config.camera, timing),
             condition=condition,
             plan_entry=plan_entry,
@@ -93,6 +96,7 @@ class TrialHead:
             condition=str(plain.get("condition", "")),
             plan_entry=int(plain.get("plan_entry", 0)),
             channels=tuple(ChannelInfo.from_plain(channel) for channel in plain.get("channels", [])),
+            provenance={str(key): str(value) for key, value in plain.get("provenance", {}).items()},
         )
 
     def assemble(self, blocks: Sequence[Block], status: str, reason: str) -> TrialData:
@@ -119,7 +123,7 @@ class TrialHead:
         volts = np.zeros(end - first_sample)
         commanded = self.command_v[first_sample:end]
         volts[: commanded.size] = commanded
-        known = {field.name: getattr(self, field.name) for field in fields(self)}
+        known = {one.name: getattr(self, one.name) for one in fields(self)}
         del known["command_v"], known["frame_clock"]
         joined = blocks or (self._no_samples(first_sample),)
         return TrialData(

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 import shutil
 
+import h5py
 import numpy as np
 import pytest
 from nidaqmx.errors import DaqError
@@ -298,3 +300,39 @@ def test_trials_deleted_between_two_blows_are_noticed(record, assert_safe) -> No
     with pytest.raises(RecordingFault, match="1 trials were sealed here, 0 are left"):
         call(trials=3, after_trial=lambda trial: trial.path.unlink())
     assert_safe(backend)
+
+
+def test_a_trial_file_says_by_itself_where_it_comes_from(record, rig) -> None:
+    folder, _, call = record
+    call(operator="ana", action_name="Boston", trials=1)
+    said = Session.open(folder).trials[0].read().provenance
+    assert (said["operator"], said["action"], said["rig_sha256"]) == ("ana", "Boston", rig.sha256)
+    assert said["calibration_date_force"] == "2026-01-15" and said["profile"] == "step"
+    assert said["backend_client"].startswith("nidaqmx") and said["software_python"] and said["device"] == "cDAQ1"
+    with h5py.File(folder / "trial_0001.h5") as file:
+        codes = file["daq/force_code"][()]
+        assert (np.abs(codes) < 2**23).all() and np.unique(codes).size > 100  # each is whole on the virtual bridge
+        scaling = file["daq/force"].attrs["device_scaling"]
+        np.testing.assert_allclose(codes * scaling[1] * 1e3, file["daq/force_raw"][()], atol=1e-12)
+
+
+@pytest.mark.parametrize(("step_s", "words"), [(-3 * 86400.0, "back by 259200.0 s"), (7.5, "forward by 7.5 s")])
+def test_a_clock_that_is_set_during_a_recording_is_noted(step_s, words, record) -> None:
+    folder, _, call = record
+    monotonic = itertools.count(100.0)
+    now = iter(monotonic)
+    shown = {"s": 100.0}
+
+    def now_s() -> float:
+        shown["s"] = next(now)
+        return shown["s"]
+
+    set_by = {"s": 0.0}
+
+    def progress(at) -> None:
+        if at.trial == 2:
+            set_by["s"] = step_s
+
+    call(trials=3, now_s=now_s, wall_s=lambda: 1.7e9 + shown["s"] + 1.0 + set_by["s"], progress=progress)
+    notes = [(note.trial, note.reason) for note in Session.open(folder).annotations]
+    assert [number for number, _ in notes] == [2] and words in notes[0][1]
