@@ -10,6 +10,7 @@ from .bench.learn import learning_summary as learning_summary
 from .bench.learn import load_target as load_target
 from .bench.learning_figures import draw_recorded as draw_recorded
 from .bench.record import record as record
+from .bench.record import record_passive as record_passive
 from .bench.record import room_conditions as room_conditions
 from .bench.resume import resume as resume
 from .bench.selftest import SelftestFinding as SelftestFinding

@@ -83,12 +83,13 @@ class NidaqmxBackend(SafeBench, BenchChecks, Backend):
                 f"device.product = {config.device.product!r}: device {name} is a {self._product}; correct the rig file"
             )
 
-    def configure(self, config: RigConfig, command_v: NDArray[np.float64]) -> Timing:
+    def configure(self, config: RigConfig, command_v: NDArray[np.float64] | None) -> Timing:
         """Put the outputs in their safe state, reserve every channel, load the motor command."""
-        tasks.check_command(config, command_v)
+        if command_v is not None:
+            tasks.check_command(config, command_v)
         if self._live or not self._safe:
             self.safe_stop()
-        if config != self._config or self._timing is None:
+        if config != self._config or self._timing is None or (command_v is not None) != (tasks.MOTOR in self._tasks):
             self._clear()
         if self._claim is not None:
             self._claim.take(config)
@@ -97,16 +98,20 @@ class NidaqmxBackend(SafeBench, BenchChecks, Backend):
             shortest_s = self._begin_safely(config)
             self._live = True
             # all that takes calls comes before the watchdog starts: no task is reserved by it, as a chassis demands
-            timing = self._timing = replace(self._timing or self._make_tasks(config), shortest_block_s=shortest_s)
-            with translated("configure", config.motor.channel):
-                tasks.prepare_command(self._tasks[tasks.MOTOR], config, command_v.size)
+            timing = self._timing = replace(
+                self._timing or self._make_tasks(config, motor=command_v is not None), shortest_block_s=shortest_s
+            )
+            if command_v is not None:
+                with translated("configure", config.motor.channel):
+                    tasks.prepare_command(self._tasks[tasks.MOTOR], config, command_v.size)
             if config.watchdog is not None:
                 with translated("configure", "watchdog"):
                     self._watchdog = self._watchdog or Watchdog(self._channel, config)
                     self._watchdog.start()
                     self._reset_watchdog()
-            with translated("configure", config.motor.channel):
-                tasks.load_command(self._tasks[tasks.MOTOR], command_v)
+            if command_v is not None:
+                with translated("configure", config.motor.channel):
+                    tasks.load_command(self._tasks[tasks.MOTOR], command_v)
             for name in self._tasks:
                 with translated("configure", name):
                     self._reset_watchdog()
@@ -132,8 +137,8 @@ class NidaqmxBackend(SafeBench, BenchChecks, Backend):
             delay = call_delay.measure(lambda: device.is_simulated, self._now_s)
         return call_delay.shortest_block_s(config, delay)
 
-    def _make_tasks(self, config: RigConfig) -> Timing:
-        """Make every task of the rig file; nothing is reserved yet."""
+    def _make_tasks(self, config: RigConfig, *, motor: bool) -> Timing:
+        """Make every task of the rig file, the motor's only if asked; nothing is reserved yet."""
         frame_rate_hz = first_pulse_s = None
         with translated("configure", config.force.channel):
             inputs = analog_inputs.inputs_task(self._tasks.make, config)
@@ -148,8 +153,9 @@ class NidaqmxBackend(SafeBench, BenchChecks, Backend):
         for encoder in config.encoders:
             with translated("configure", encoder.counter):
                 tasks.encoder_task(self._tasks.make, config, encoder)
-        with translated("configure", config.motor.channel):
-            tasks.motor_task(self._tasks.make, config)
+        if motor:
+            with translated("configure", config.motor.channel):
+                tasks.motor_task(self._tasks.make, config)
         if config.camera is not None:
             with translated("configure", config.camera.counter):
                 if config.camera.mode == "counted":
@@ -167,8 +173,8 @@ class NidaqmxBackend(SafeBench, BenchChecks, Backend):
                     with translated("arm", name):
                         self._reset_watchdog()
                         self._tasks[name].start()
-            self._generating = True
-            if config.drive_enable is not None and enable_drive:
+            self._generating = tasks.MOTOR in self._tasks
+            if config.drive_enable is not None and enable_drive and self._generating:
                 with translated("arm", config.drive_enable.line):
                     self._reset_watchdog()
                     self._outputs.enable_drive(config.drive_enable.line, True)

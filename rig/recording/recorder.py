@@ -118,9 +118,8 @@ def record(out: str | Path, options: RecordingOptions | None = None, **keywords:
         if own:
             backend.close()
     finally:
-        with deferred():
-            if session is not None and not session.trials and not session.journals:
-                _discard(session, existed)
+        if session is not None:
+            discard_empty(session, existed)
     return session
 
 
@@ -157,10 +156,13 @@ def _session_info(
     )
 
 
-def _discard(session: Session, existed: bool) -> None:
-    """Remove a session without trials; a folder that was there before stays, empty."""
-    if existed and session.path.is_dir():
-        for path in session.path.iterdir():
-            path.unlink()
-    else:
-        shutil.rmtree(session.path, ignore_errors=True)
+def discard_empty(session: Session, existed: bool) -> None:
+    """Remove a session that has neither trials nor journals; a folder that was there before stays, empty."""
+    with deferred():
+        if session.trials or session.journals:
+            return
+        if not existed:
+            shutil.rmtree(session.path, ignore_errors=True)
+        elif session.path.is_dir():
+            for path in session.path.iterdir():
+                path.unlink()

@@ -17,7 +17,8 @@ import numpy as np
 
 from rig.configuration import toml_file
 from rig.errors import RigInputError
-from rig.recording.sealing import seal_journal
+from rig.recording.sealing import PASSIVE, Cut, seal_cut, seal_journal
+from rig.recording.strokes import Stroke, StrokeDetector, StrokeSettings
 from rig.session import Session, annotation_file
 from rig.session.folder import INFO_NAME
 from rig.session.journal.format import Journal, scan_journal, stored_blocks
@@ -124,6 +125,12 @@ def _recover_trial(session: Session, number: int, file: Path, *, keep: bool) -> 
         if not keep:
             file.unlink()
         return Recovered(number, "empty", 0, f"no sample had been acquired; the journal {_fate(keep)}")
+    settings = journal.head.provenance.get(PASSIVE)
+    stroke = None if settings is None else _stroke(file, journal, settings)
+    if settings is not None and stroke is None:
+        if not keep:
+            file.unlink()
+        return Recovered(number, "empty", 0, f"nobody was playing; the journal {_fate(keep)}")
     if journal.head.number != number:
         raise RigInputError(f"{file}: holds trial {journal.head.number}, not {number}; give it its own name again")
     damaged = journal.records_behind or (journal.ending is not None and journal.left_over > 0)
@@ -137,18 +144,33 @@ def _recover_trial(session: Session, number: int, file: Path, *, keep: bool) -> 
         reason = note
     if session.trial_path(number).exists():
         note += f"; the sealed file was damaged and is kept as {_put_aside(session.trial_path(number)).name}"
-    sealed = seal_journal(session, file, journal, status, reason).read()
-    if sealed.n_valid != journal.n_samples:
-        raise RigInputError(
-            f"{file}: {journal.n_samples} samples, but {sealed.n_valid} were sealed; the journal is kept"
-        )
+    if stroke is None:
+        wanted = journal.n_samples
+        sealed = seal_journal(session, file, journal, status, reason).read()
+    else:
+        wanted = stroke.end - stroke.first
+        sealed = seal_cut(session, file, Cut(stroke.first, stroke.trigger, stroke.end), status, reason).read()
+    if sealed.n_valid != wanted:
+        raise RigInputError(f"{file}: {wanted} samples, but {sealed.n_valid} were sealed; the journal is kept")
     if keep:
         note += "; the journal stays"
     elif damaged:
         _put_aside(file)
     else:
         file.unlink()
-    return Recovered(number, status, journal.n_samples, note)
+    return Recovered(number, status, wanted, note)
+
+
+def _stroke(file: Path, journal: Journal, settings: str) -> Stroke | None:
+    """Return the stroke in the journal of a passive recording, found as the recorder found it."""
+    try:
+        detector = StrokeDetector(StrokeSettings.from_text(settings))
+    except (TypeError, ValueError, KeyError) as error:
+        raise RigInputError(f"{file}: its settings of strokes cannot be read ({error})") from None
+    for block in stored_blocks(file, journal):
+        if (stroke := detector.add(block)) is not None:
+            return stroke
+    return detector.finish()
 
 
 def _sealed(session: Session, number: int) -> TrialData | None:
