@@ -22,7 +22,7 @@ from rig.errors import RigInputError
 from rig.storage.atomic_write import sha256_of_bytes
 
 FOLDER = Path(__file__).parents[1] / "profiles"
-MAX_DURATION_S = 60.0
+MAX_DURATION_S = 900.0
 
 
 class _Point(Table):

@@ -92,8 +92,22 @@ class RecordingConfig(Table):
     rest_s: Number = Field(default=0.2, ge=0.2, le=10)
     rest_counts: Count = Field(default=1, ge=0, le=1000)
     rest_force_n: Number = Field(default=0.2, gt=0, le=10)
-    longest_s: Number = Field(default=3.0, ge=0.5, le=60)
+    longest_s: Number = Field(default=3.0, ge=0.5, le=900)
     block_s: Number = Field(default=0.02, ge=0.001, le=1)
+
+
+class PassiveConfig(Table):
+    """What a stroke of a player is (``record --passive``): when it begins and ends.
+
+    ``pre_s`` of quiet time is kept before it. Force or key must leave their level by ``trigger_n`` or ``trigger_rad``;
+    encoders are still within ``still_rad``; ``longest_s`` ends a stroke whose key is held.
+    """
+
+    pre_s: Number = Field(default=0.5, ge=0.3, le=10)
+    trigger_n: Number = Field(default=0.5, gt=0, le=20)
+    trigger_rad: Number = Field(default=0.002, gt=0, le=0.1)
+    still_rad: Number = Field(default=5e-4, gt=0, le=0.1)
+    longest_s: Number = Field(default=10.0, ge=0.5, le=900)
 
 
 class RigConfig(Table):
@@ -115,6 +129,7 @@ class RigConfig(Table):
     safety: SafetyConfig = SafetyConfig()
     selftest: SelftestConfig | None = None
     recording: RecordingConfig = RecordingConfig()
+    passive: PassiveConfig = PassiveConfig()
 
     @model_validator(mode="after")
     def _consistent(self) -> RigConfig:

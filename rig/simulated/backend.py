@@ -7,7 +7,8 @@ Options of the address, e.g. ``sim://?bench=PATH&seed=3&clock=real``:
 - ``fault``: faults to inject (:mod:`rig.simulated.device.fault_injection`);
 - ``effects=balance_rail,shank``: the specimen's key can lift and its shank bend (`model.parameters.effects`);
 - ``delay_ms=20``: every driver call takes so long, as over a slow network;
-- ``hand=yes``: the virtual operator acts when a self-test asks for it.
+- ``hand=yes``: the virtual operator acts when a self-test asks for it; ``hand=plays``: a virtual pianist plays where
+  the motor has no task.
 
 The device takes product and name from the rig file.
 """
@@ -50,8 +51,8 @@ class SimulatedBackend(NidaqmxBackend):
         self.device = device
         self.plant: Plant = device.bench.plant
         self.service = Service(device)
-        self._description = description or {}
         super().__init__(InProcessChannel(self.service), name="virtual bench")
+        self._bench = description or {}
 
     def wait(self, duration_s: float) -> None:
         """Let time pass between two trials on the bench's own clock; a virtual clock costs the operator none."""
@@ -69,9 +70,7 @@ class SimulatedBackend(NidaqmxBackend):
     def capabilities(self) -> Capabilities:
         """What this backend is."""
         inherited = super().capabilities
-        return replace(
-            inherited, simulated=True, hardware=False, description={**inherited.description, **self._description}
-        )
+        return replace(inherited, simulated=True, hardware=False, description={**inherited.description, **self._bench})
 
 
 def build_device(
@@ -107,7 +106,8 @@ def open_backend(url: str, config: RigConfig) -> SimulatedBackend:
     device = build_device(config, plant, sensors, clock=clock, wiring=wiring)
     device.faults = FaultPlan(faults)
     device.call_delay_s = _delay_s(url, options.get("delay_ms", "0"))
-    device.bench.operator_acts = _yes_or_no(url, options.get("hand", "no"))
+    hand = _hand(url, options.get("hand", "no"))
+    device.bench.operator_acts, device.bench.pianist_plays = hand == "yes", hand == "plays"
     backend = SimulatedBackend(
         device,
         {
@@ -154,10 +154,10 @@ def _delay_s(url: str, text: str) -> float:
     return delay_ms / 1e3
 
 
-def _yes_or_no(url: str, text: str) -> bool:
-    if text not in ("yes", "no"):
-        raise RigInputError(f"{url}: hand = {text!r}, allowed yes or no")
-    return text == "yes"
+def _hand(url: str, text: str) -> str:
+    if text not in ("yes", "no", "plays"):
+        raise RigInputError(f"{url}: hand = {text!r}, allowed yes, no or plays")
+    return text
 
 
 def _clock(url: str, text: str) -> Clock:

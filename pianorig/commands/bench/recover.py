@@ -24,6 +24,9 @@ def command(
             help="End all sessions of the server at ni-grpc://host:port, of whomever; outputs keep their values.",
         ),
     ] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", help="Session folder to create for the result; the first is left as it is.")
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Rebuild unsealed trials from the journals of a recording.
@@ -42,10 +45,12 @@ def command(
         elif session is None:
             print_json({"server": target, "reset": True})
     if session is None:
+        if out is not None:
+            raise CommandInputError("--out: goes with a session folder to recover")
         return
-    rows = [asdict(trial) for trial in rig.recover(session)]
+    rows = [asdict(trial) for trial in rig.recover(session, out)]
     if as_json:
-        print_json({"session": session, "trials": rows})
+        print_json({"session": session if out is None else out, "trials": rows})
         return
     for row in rows:
         print(f"trial {row['trial']}: {row['status']}, {row['samples']} samples; {row['note']}")

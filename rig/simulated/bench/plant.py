@@ -22,6 +22,8 @@ from rig.simulated.bench.bench_file import bench_table, read_bench
 from rig.simulated.bench.plant_protocol import ENCODED_BODIES, PlantBlock
 
 TOLERANCE = 1e-6
+KEPT_S = 60.0
+"""How long a trial may be for its whole truth to be kept, s."""
 
 
 @dataclass(frozen=True)
@@ -129,7 +131,10 @@ class ActionPlant:
         )
         self._edge += count
         force = self._run.probe_forces(angles, speeds)[:, 0]
-        self._record.append((edges[:-1], angles, speeds, force))
+        if self._edge <= KEPT_S * self.sample_rate_hz:
+            self._record.append((edges[:-1], angles, speeds, force))
+        else:
+            self._record.clear()
         encoded = [model.BODIES.index(body) for body in ENCODED_BODIES]
         lift = angles[:, self._names.index(KEY_LIFT)] if KEY_LIFT in self._names else None
         return PlantBlock(
@@ -141,7 +146,11 @@ class ActionPlant:
         )
 
     def truth(self) -> PlantTruth:
-        """Everything that happened since the trial started."""
+        """Everything that happened since the trial started; RigInputError where that is more than is kept."""
+        if not self._record:
+            raise RigInputError(
+                f"the virtual bench keeps {KEPT_S:g} s of a trial's truth, e.g. for its film; this was longer"
+            )
         time, angles, speeds, force = (np.concatenate(parts) for parts in zip(*self._record, strict=True))
         return PlantTruth(time, angles, speeds, force, self._specimen, self._gain, self._names)
 
