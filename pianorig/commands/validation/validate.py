@@ -9,6 +9,7 @@ import typer
 
 import model
 import validation
+from pianorig.console.built_in_names import complete_file
 from pianorig.console.options import DEFAULT_ACTION, AsJson, Settings, Tolerance
 from pianorig.console.output import print_json, print_verdict
 from pianorig.console.overrides import read_settings
@@ -20,7 +21,11 @@ def command(
     sessions: Annotated[list[Path], typer.Argument(help="Session folders.", metavar="SESSION")],
     action: Annotated[
         list[str] | None,
-        typer.Option("--action", help=f"Built-in action or a TOML file; may be repeated.  [default: {DEFAULT_ACTION}]"),
+        typer.Option(
+            "--action",
+            help=f"Built-in action or a TOML file; may be repeated.  [default: {DEFAULT_ACTION}]",
+            autocompletion=complete_file("model/actions"),
+        ),
     ] = None,
     set_: Settings = None,
     out: Annotated[
@@ -48,9 +53,8 @@ def command(
     Every model is driven with each trial's own force. Several sessions and several models stand side by side in one
     report; they are never pooled.
 
-    Example:  pianorig validate sessions/2026-11-21_forte_key52 --action hirschkorn2004
-
-    Example:  pianorig validate sessions/forte sessions/piano --action hirschkorn2004 --action mine.toml --out report
+    Example:  pianorig validate sessions/try --action hirschkorn2004
+    Example:  pianorig validate sessions/try --action hirschkorn2004 --action hirschkorn2004-regulated --out both
     """
     folder = report_folder(sessions, out)
     actions = action or [DEFAULT_ACTION]
