@@ -15,7 +15,15 @@ from pathlib import Path
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("model", "vision", "rig", "validation", "pianorig")
 NOT_FOR_USERS = re.compile(r"(^|/)(tests?|benchmarks|docs|examples|sessions|\.ci|__pycache__)/|\.(pyc|nbi|nbc|so|log)$")
-IN_SDIST = ("README.md", "LICENSE", "CHANGELOG.md", "CITATION.cff", "pyproject.toml", "docs/index.md", "tests/conftest.py")
+IN_SDIST = (
+    "README.md",
+    "LICENSE",
+    "CHANGELOG.md",
+    "CITATION.cff",
+    "pyproject.toml",
+    "docs/index.md",
+    "tests/conftest.py",
+)
 
 
 def tracked() -> set[str]:

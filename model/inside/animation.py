@@ -41,7 +41,25 @@ MARGIN = 24.0
 
 
 def frame_rows(inside: Inside) -> NDArray[np.int64]:
-    """Rows to show, one per frame: fine around the strike, coarse elsewhere."""
+    """Rows to show, one per frame: fine around the strike, coarse elsewhere.
+
+    Parameters
+    ----------
+    inside : inside view of a blow
+
+    Returns
+    -------
+    ndarray of int
+        Indices into its rows, increasing.
+
+    Examples
+    --------
+    >>> import model
+    >>> solution = model.simulate(model.load_action(), *model.force_table("forte"), inside=True)
+    >>> rows = model.inside.animation.frame_rows(solution.inside)
+    >>> len(rows) < len(solution.time_s)
+    True
+    """
     time = inside.time_s
     near = close_up(inside)
     parts = [
@@ -54,12 +72,24 @@ def frame_rows(inside: Inside) -> NDArray[np.int64]:
 
 
 def write_animation(action: Action, solution: Solution, force_n: Array, path: str | Path) -> None:
-    """Write the moving side view to ``path`` (.svg or .html).
+    """Write the moving side view to one file.
 
     Parameters
     ----------
     action, solution : the simulated action and its solution, with an inside view at 5 kHz or finer
     force_n : (m,) force on the key at the solution's times, N
+    path : file to write, .svg or .html
+
+    Raises
+    ------
+    InputError : another ending, or a solution without an inside view
+
+    Examples
+    --------
+    >>> import model
+    >>> action, (time_s, force_n) = model.load_action(), model.force_table("forte")
+    >>> solution = model.simulate(action, time_s, force_n, inside=True)
+    >>> model.inside.write_animation(action, solution, force_n, "blow.html")
     """
     target = Path(path)
     if target.suffix not in ENDINGS:

@@ -31,7 +31,25 @@ WORTH_A_LABEL = 0.1  # of the largest, in the close-up; weaker ones would only c
 
 
 def draw_sheet(action: Action, solution: Solution, force_n: Array, path: str | Path) -> None:
-    """Write the sheet to ``path`` (.svg, .pdf or .png); ``force_n`` (m,) is the input at the solution's times."""
+    """Write the inside view of a blow to one sheet.
+
+    Parameters
+    ----------
+    action, solution : the simulated action and its solution, with an inside view
+    force_n : (m,) input at the solution's times, N (with a motor arm N m)
+    path : file to write, .svg, .pdf or .png
+
+    Raises
+    ------
+    InputError : a solution without an inside view, or a file that cannot be written
+
+    Examples
+    --------
+    >>> import model
+    >>> action, (time_s, force_n) = model.load_action(), model.force_table("forte")
+    >>> solution = model.simulate(action, time_s, force_n, inside=True)
+    >>> model.inside.draw_sheet(action, solution, force_n, "inside.svg")
+    """
     target = Path(path)
     check_ending(target)
     inside = solution.inside

@@ -216,9 +216,26 @@ def in_blow(action: Action, rest_rad: Array) -> tuple[dict[str, float], dict[str
 def measure(action: Action, progress: Callable[[str], None] | None = None) -> TargetValues:
     """All seven quantities of an action.
 
+    Parameters
+    ----------
+    action : parameter set
+    progress : called with a short text at each step
+
+    Returns
+    -------
+    TargetValues
+        Lengths, m, by target; NaN with a remark where one cannot be measured.
+
     Raises
     ------
     StaticsError, IntegrationError, InputError : the action has no rest state or cannot be pressed
+
+    Examples
+    --------
+    >>> import model
+    >>> found = model.regulation.measure(model.load_action("hirschkorn2004"))
+    >>> print(f"let-off {1e3 * found.value_m['let_off']:.1f} mm")
+    let-off 12.1 mm
     """
     report = progress or (lambda _: None)
     report("at rest")
