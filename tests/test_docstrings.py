@@ -16,8 +16,13 @@ from tests.command_line import run
 from tests.public_functions import ROOT, public_functions
 
 FUNCTIONS = public_functions()
-SLOW: set[str] = set()
-"""Examples of seconds, which the default suite leaves out."""
+SLOW = {
+    "model.inside.draw_sheet", "model.inside.write_animation", "model.regulation.measure", "model.regulation.regulate",
+    "model.study.draw_study", "model.study.draw_thesis", "model.study.thesis_studies", "model.touch.fastest_repetition",
+    "model.touch.feel", "model.touch.figure.draw", "model.touch.weigh", "validation.compare_many",
+    "validation.validate_session", "validation.validate_sessions", "validation.write_report",
+}  # fmt: skip
+"""Examples of seconds, which the default suite leaves out; ``.ci/pages`` runs them."""
 
 
 def section(text: str, title: str) -> str | None:
@@ -51,6 +56,10 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     assert run("examples", place) == 0
     shutil.copytree(ROOT / "sessions" / "example_forte", place / "sessions" / "example_forte")
     return place
+
+
+def test_every_example_that_is_called_slow_exists() -> None:
+    assert FUNCTIONS.keys() >= SLOW
 
 
 @pytest.mark.parametrize(

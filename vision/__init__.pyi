@@ -1,8 +1,8 @@
 from .angles import ccw_to_picture as ccw_to_picture
 from .angles import ground_to_picture as ground_to_picture
 from .angles import picture_to_ccw as picture_to_ccw
+from .bodies.masks import build_masks as build_masks
 from .bodies.outlines import Body as Body
-from .bodies.outlines import build_masks as build_masks
 from .bodies.outlines import load_bodies as load_bodies
 from .bodies.outlines import save_bodies as save_bodies
 from .camera.calibrate import Calibration as Calibration

@@ -102,8 +102,9 @@ def compare(
     Examples
     --------
     >>> import model
-    >>> blow = model.force_table("forte")
-    >>> limit = model.stick_slip.compare(model.load_action(), *blow, thresholds=[1e-3], step_s=5e-6)
+    >>> time_s, force_n = model.force_table("forte")
+    >>> begins = time_s < 0.1
+    >>> limit = model.stick_slip.compare(model.load_action(), time_s[begins], force_n[begins], [1e-3], step_s=2e-5)
     >>> limit.v_t
     (0.001,)
     """

@@ -68,7 +68,9 @@ def simulate(action: Action, time_s: ArrayLike, force_n: ArrayLike, step_s: floa
     Examples
     --------
     >>> import model
-    >>> marched = model.stick_slip.simulate(model.load_action(), *model.force_table("forte"))
+    >>> time_s, force_n = model.force_table("forte")
+    >>> begins = time_s < 0.1
+    >>> marched = model.stick_slip.simulate(model.load_action(), time_s[begins], force_n[begins], step_s=2e-5)
     >>> bool(marched.joint_sticks[1].all())  # at rest
     True
     """

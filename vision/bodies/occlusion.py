@@ -16,7 +16,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from vision.bodies.outlines import CLEARANCE_PX, Body, signed_distance
+from vision.bodies.masks import CLEARANCE_PX
+from vision.bodies.outlines import Body, signed_distance
 from vision.fitting.template import Template
 
 FAST = {"reassoc", "contract", "arcp", "nsz"}

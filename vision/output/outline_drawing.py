@@ -18,7 +18,28 @@ MIN_WIDTH_PX = 800
 
 
 def draw_bodies(picture: NDArray[Any], bodies: Sequence[Body], bit_depth: int) -> NDArray[np.uint8]:
-    """Outlines and names over a picture, enlarged to a width of at least 800 px, colour (h, w, 3)."""
+    """Draw outlines and names over a picture.
+
+    Parameters
+    ----------
+    picture : ndarray, shape (height, width)
+    bodies : sequence of Body
+    bit_depth : int
+        Of the picture's grey values.
+
+    Returns
+    -------
+    ndarray of uint8, shape (h, w, 3)
+        Colour in the order of OpenCV, enlarged to a width of at least 800 px.
+
+    Examples
+    --------
+    >>> import vision
+    >>> with vision.open_film("film.mraw") as film:
+    ...     drawn = vision.draw_bodies(film.read(0), vision.load_bodies("bodies.toml"), film.bit_depth)
+    >>> drawn.shape[1] >= 800
+    True
+    """
     grey = (np.asarray(picture, dtype=float) / 2.0 ** (bit_depth - 8)).clip(0, 255).astype(np.uint8)
     factor = max(1, -(-MIN_WIDTH_PX // grey.shape[1]))
     large = cv2.resize(grey, None, fx=factor, fy=factor, interpolation=cv2.INTER_CUBIC)
@@ -35,7 +56,26 @@ def draw_bodies(picture: NDArray[Any], bodies: Sequence[Body], bit_depth: int) -
 
 
 def write_picture(path: Path, picture: NDArray[np.uint8]) -> None:
-    """Write a picture, grey or colour (h, w, 3) in the order of OpenCV, as PNG: whole or not at all."""
+    """Write a picture as PNG: whole or not at all.
+
+    Parameters
+    ----------
+    path : Path
+    picture : ndarray of uint8, shape (h, w) or (h, w, 3)
+        Grey, or colour in the order of OpenCV.
+
+    Raises
+    ------
+    FilmError
+        The picture cannot be encoded.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> import numpy as np
+    >>> import vision
+    >>> vision.write_picture(Path("grey.png"), np.full((48, 64), 128, np.uint8))
+    """
     ok, data = cv2.imencode(".png", picture)
     if not ok:
         raise FilmError(f"{path}: the picture cannot be encoded as PNG")

@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.angles import ccw_to_picture
-from vision.bodies.outlines import Body, build_masks
+from vision.bodies.masks import build_masks
+from vision.bodies.outlines import Body
 from vision.errors import VisionInputError
 from vision.film.avi_writer import write_avi
 from vision.film.source import FrameSource
@@ -56,6 +57,15 @@ def write_overlay(
     -------
     int
         Number of frames written.
+
+    Examples
+    --------
+    >>> import vision
+    >>> bodies = vision.load_bodies("bodies.toml")
+    >>> result = vision.track("film.mraw", bodies, every=10)
+    >>> with vision.open_film("film.mraw") as film:
+    ...     vision.write_overlay("tracked.avi", film, bodies, result)
+    15
     """
     draw = _Drawer(film, bodies, result)
     rows = range(0, result.frame.size, every)
@@ -79,10 +89,30 @@ def write_contact_sheet(
 ) -> list[int]:
     """Write one picture (PNG) with the worst frames: lost ones first, then those of the lowest correlation.
 
+    Parameters
+    ----------
+    path : path
+        Ends in ``.png``.
+    film, bodies, result
+        What was tracked and what came out.
+    count : int
+        Frames to show at most.
+    columns : int
+        Frames side by side.
+
     Returns
     -------
     list of int
         Frame numbers shown, worst first.
+
+    Examples
+    --------
+    >>> import vision
+    >>> bodies = vision.load_bodies("bodies.toml")
+    >>> result = vision.track("film.mraw", bodies, every=10)
+    >>> with vision.open_film("film.mraw") as film:
+    ...     len(vision.write_contact_sheet("worst.png", film, bodies, result, count=6))
+    6
     """
     path = Path(path)
     draw = _Drawer(film, bodies, result)

@@ -18,7 +18,25 @@ from vision.results.track_result import TrackResult
 
 
 def write_plot(path: str | os.PathLike[str], result: TrackResult) -> None:
-    """Write angles, standard uncertainty and residuals of every body as one picture (.png, .svg or .pdf)."""
+    """Write angles, standard uncertainty and residuals of every body as one picture.
+
+    Parameters
+    ----------
+    path : path
+        Ends in ``.png``, ``.svg`` or ``.pdf``.
+    result : TrackResult
+
+    Raises
+    ------
+    FilmError
+        Another ending.
+
+    Examples
+    --------
+    >>> import vision
+    >>> result = vision.track("film.mraw", vision.load_bodies("bodies.toml"), every=10)
+    >>> vision.write_plot("angles.png", result)
+    """
     path = Path(path)
     if path.suffix.lower() not in (".png", ".svg", ".pdf"):
         raise FilmError(f"{path}: a plot must end in .png, .svg or .pdf")
