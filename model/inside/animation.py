@@ -32,8 +32,8 @@ FRAME_S = 0.04  # of the viewer's time between two rows
 FAR_STEP_S, NEAR_STEP_S = 1e-3, 2e-4  # of the action's time between two rows, away from the strike and around it
 GLOW_MM2_PER_N = 6.0
 COLORS = {
-    "key": "#8C6D46", "whippen": "#4C72B0", "jack": "#C44E52", "repetition": "#55A868", "hammer": "#8172B2",
-    "shank": "#8172B2", "motor": "#333333", GROUND: "#555555",
+    "key": "#B37400", "whippen": "#2A8FC4", "jack": "#D55E00", "repetition": "#009E73", "hammer": "#A8528A",
+    "shank": "#A8528A", "motor": "#333333", GROUND: "#555555",
 }  # fmt: skip
 PLOT_WIDTH, PLOT_HEIGHT = 820.0, 150.0
 BAR_WIDTH, BAR_STEP = 110.0, 24.0

@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 
 from vision.atomic_write import whole_file
 from vision.errors import FilmError
+from vision.output.colours import colour_of
 from vision.results.track_result import TrackResult
 
 
@@ -45,7 +46,7 @@ def write_plot(path: str | os.PathLike[str], result: TrackResult) -> None:
     angle_axes, u_axes, noise_axes, share_axes = figure.subplots(4, 1, sharex=True, height_ratios=[3, 1.3, 1, 1])
     relative_total = result.budget.total(relative=True, without=("synchronisation",))
     for i, body in enumerate(result.bodies):
-        colour = f"C{i}"
+        colour = colour_of(body, i)
         if result.parents[i] is None:
             name, angle = body, result.angle_rad[:, i]
             u, total = result.u_angle_rad[:, i], result.u_total_rad[:, i]
