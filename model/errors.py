@@ -3,6 +3,8 @@
 ``exit_code`` is what the command line returns: 2 for bad input, 1 for a computation that could not be completed.
 """
 
+import math
+
 
 class ModelError(Exception):
     """Base of everything the model raises on purpose."""
@@ -20,7 +22,18 @@ InputError = ModelInputError
 
 
 class RegulationError(ModelInputError):
-    """The action cannot be regulated with the travel its screws have."""
+    """The action cannot be regulated with the travel its screws have.
+
+    Attributes
+    ----------
+    target : name of the target that stays off, "" where no single one does
+    off_m : by how much, NaN where it cannot be measured
+    """
+
+    def __init__(self, message: str, target: str = "", off_m: float = math.nan) -> None:
+        super().__init__(message)
+        self.target = target
+        self.off_m = off_m
 
 
 class IntegrationError(ModelError):

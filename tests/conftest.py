@@ -34,6 +34,7 @@ def refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Capt
 
     def check(words: str, *arguments: str | Path) -> None:
         monkeypatch.chdir(tmp_path)
+        monkeypatch.setattr("pianorig.console.progress.PATIENCE_S", 600.0)  # on a slow machine it says what takes long
         before = contents(tmp_path)
         capsys.readouterr()
         assert run(*arguments) == 2

@@ -54,10 +54,13 @@ class OnTerminal:
         master, slave = os.openpty()
         fcntl.ioctl(slave, termios.TIOCSWINSZ, struct.pack("HHHH", 24, columns, 0, 0))
         environment = {name: value for name, value in os.environ.items() if name != "COLUMNS"} | dict(env or {})
+        # tests started in the background of a script ignore Ctrl-C, and the command would inherit that
+        before = signal.signal(signal.SIGINT, signal.default_int_handler)
         self.process = subprocess.Popen(
             [sys.executable, "-m", "pianorig", *map(str, words)],
             stdin=slave, stdout=subprocess.PIPE, stderr=slave, cwd=cwd, env=environment, start_new_session=True,
         )  # fmt: skip
+        signal.signal(signal.SIGINT, before)
         os.close(slave)
         self._master = master
         self.screen = Screen(columns)

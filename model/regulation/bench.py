@@ -39,6 +39,7 @@ class Bench:
     turn_m : target name (or `RAIL`) -> turn of its screw
     effect : target name -> change of the target per turn of its own screw
     evaluations : number of rest states, presses and blows
+    aim_m : target at rest -> how far beside what is wanted it is set (m), within its tolerance
     wider_m : by how much screws may pass the ends of their travel; above 0 only to find out what is in the way
     """
 
@@ -47,6 +48,7 @@ class Bench:
     turn_m: dict[str, float] = field(default_factory=lambda: {s.target: 0.0 for s in SCREWS} | {RAIL: 0.0})
     effect: dict[str, float] = field(default_factory=dict)
     evaluations: dict[str, int] = field(default_factory=lambda: {"rest": 0, "press": 0, "blow": 0})
+    aim_m: Mapping[str, float] = field(default_factory=dict)
     wider_m: float = 0.0
 
     def target(self, name: str) -> RegulationTarget:
@@ -69,13 +71,14 @@ class Bench:
         return self.given.with_values({path[name]: self.given[path[name]] + x for name, x in wanted.items() if x})
 
     def rest_errors(self, names: Iterable[str], turns: Mapping[str, float] | None = None) -> Array:
-        """Errors (m) of targets measured at rest; NaN where the action does not rest."""
+        """Distance (m) of targets measured at rest from where they are aimed; NaN where the action does not rest."""
         self.evaluations["rest"] += 1
         try:
             found = at_rest(self.action(turns))
         except (StaticsError, InputError):
             found = {}
-        return np.array([found.get(name, math.nan) - self.target(name).wanted_m for name in names])
+        aimed = {name: self.target(name).wanted_m + self.aim_m.get(name, 0.0) for name in names}
+        return np.array([found.get(name, math.nan) - x for name, x in aimed.items()])
 
     def error(self, name: str, turn: float) -> float:
         """Error (m) of one target with its screw at ``turn``; NaN where it cannot be measured."""
@@ -108,5 +111,7 @@ class Bench:
         far = f"stays {1e3 * abs(error):.2f} mm from" if math.isfinite(error) else "cannot be brought to"
         return RegulationError(
             f"{self.given.origin}: cannot be regulated: {target.words} {far} {1e3 * target.wanted_m:.1f} mm "
-            f"with the {screw.name} ({screw.path}) {where}{'; ' + why if why else ''}"
+            f"with the {screw.name} ({screw.path}) {where}{'; ' + why if why else ''}",
+            target=name,
+            off_m=error,
         )

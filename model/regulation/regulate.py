@@ -26,6 +26,10 @@ CLEARANCE = 0.5e-3  # m, of button, drop screw and back check at rest
 CLEARING_TURN = 1e-3  # m
 CLEARED = {BUTTON: "let_off", DROP_SCREW: "drop", BACK_CHECK: "check"}
 IN_MOTION = ("let_off", "drop", "check")
+BESIDE = tuple(
+    {name: sign * 0.45 * TOLERANCE} for name in ("jack", "hammer_height", "repetition", "dip") for sign in (1.0, -1.0)
+)
+JUMP = 0.2e-3  # m, largest error of let-off that a place of its jump within the tolerance may explain
 EFFECT_TURN = 50e-6  # m, to measure what a screw does that was hardly turned
 
 
@@ -93,6 +97,55 @@ def _off(measured: TargetValues, targets: tuple[RegulationTarget, ...]) -> dict[
     return {name: math.inf if math.isnan(x) else x for name, x in off.items()}
 
 
+@dataclass(frozen=True)
+class _Attempt:
+    """Best measurement of some rounds with its turns; why it does not meet the targets, or None."""
+
+    measured: TargetValues
+    turn_m: dict[str, float]
+    problem: RegulationError | None
+
+
+def _rounds(bench: Bench, before: TargetValues, report: Callable[[str], None]) -> _Attempt:
+    """Set all targets in their order until one measurement of all seven agrees."""
+    best, turns = before, dict(bench.turn_m)
+    for _ in range(ROUNDS):
+        try:
+            _clear(bench, report)
+            set_rest(bench, report)
+            _set_in_motion(bench, report)
+        except RegulationError as caught:
+            met = max(_off(best, bench.targets).values()) <= TOLERANCE
+            return _Attempt(best, turns, None if met else caught)
+        report("all seven again")
+        bench.turn_m = {target: round(turn, 7) for target, turn in bench.turn_m.items()}  # 0.1 um
+        after = measure(bench.action())
+        if max(_off(after, bench.targets).values()) < max(_off(best, bench.targets).values()):
+            best, turns = after, dict(bench.turn_m)
+        if max(_off(after, bench.targets).values()) <= 0.5 * TOLERANCE:
+            break
+    off = _off(best, bench.targets)
+    worst = max(off, key=lambda name: off[name])
+    if off[worst] <= TOLERANCE:
+        return _Attempt(best, turns, None)
+    bench.turn_m = turns
+    return _Attempt(best, turns, bench.failure(worst, off[worst], f"the screws disturb each other in {ROUNDS} rounds"))
+
+
+def _beside(bench: Bench, before: TargetValues, report: Callable[[str], None]) -> _Attempt | None:
+    """Rounds with the targets at rest aimed a little beside, since let-off jumps where the slow press sticks and slips.
+
+    Where the jump lies depends on how the action rests: within the tolerance of the targets at rest it may not cross
+    the wanted let-off.
+    """
+    for aim in BESIDE:
+        report(f"again, {', '.join(f'{name} {1e6 * x:+.0f} um' for name, x in aim.items())}")
+        attempt = _rounds(replace(bench, turn_m=dict(bench.turn_m), aim_m=aim), before, report)
+        if attempt.problem is None:
+            return attempt
+    return None
+
+
 def regulate(
     action: Action,
     progress: Callable[[str], None] | None = None,
@@ -130,37 +183,21 @@ def regulate(
     bench = Bench(action, targets)
     if max(_off(before, targets).values()) <= TOLERANCE:
         return Regulation(action, before, before, _turned(bench.turn_m), {}, dict(bench.evaluations), targets=targets)
-    best, turns = before, dict(bench.turn_m)
-    problem: RegulationError | None = None
-    for _ in range(ROUNDS):
-        try:
-            _clear(bench, report)
-            set_rest(bench, report)
-            _set_in_motion(bench, report)
-        except RegulationError as caught:
-            problem = caught
-            break
-        report("all seven again")
-        bench.turn_m = {target: round(turn, 7) for target, turn in bench.turn_m.items()}  # 0.1 um
-        after = measure(bench.action())
-        if max(_off(after, targets).values()) < max(_off(best, targets).values()):
-            best, turns = after, dict(bench.turn_m)
-        if max(_off(after, targets).values()) <= 0.5 * TOLERANCE:
-            break
-    off = _off(best, targets)
-    worst = max(off, key=lambda name: off[name])
-    bench.turn_m = turns
-    if off[worst] > TOLERANCE:
-        raise problem or bench.failure(worst, off[worst], f"the screws disturb each other in {ROUNDS} rounds")
+    best = _rounds(bench, before, report)
+    if best.problem is not None and best.problem.target == "let_off" and abs(best.problem.off_m) < JUMP:
+        best = _beside(bench, before, report) or best
+    if best.problem is not None:
+        raise best.problem
+    bench.turn_m = best.turn_m
     regulated = _finished(bench)
     return Regulation(
         action=regulated,
         before=before,
-        after=best,
-        turned_m=_turned(turns),
+        after=best.measured,
+        turned_m=_turned(best.turn_m),
         effect=dict(bench.effect),
         evaluations=dict(bench.evaluations),
-        rest_rail_m=turns[RAIL],
+        rest_rail_m=best.turn_m[RAIL],
         targets=targets,
     )
 

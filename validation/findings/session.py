@@ -60,7 +60,7 @@ def find_faults(
     """Faults of the session, wiring first; single changes of the model are tried on a trial without any."""
     trials, traces = predicted.trials, scored.traces
     found = rates(trials) + short_records(trials) + duplicates(trials)
-    found += _single_trials(predicted, events, tested, search_changes)
+    found += _single_trials(predicted, events, tested)
     travel = _travel(predicted, events, tested, found)
     let_off = _regulation(predicted, events, tested, [*found, *travel])
     if any(f.kind == "regulation" for f in let_off):  # the button also stops the whippen
@@ -83,20 +83,15 @@ def find_faults(
     return SessionFindings(tuple(found), without, tuple(notes), tuple(changes))
 
 
-def _single_trials(
-    predicted: PredictedSession, events: SessionEvents, tested: ModelUnderTest, with_runs: bool
-) -> list[SessionFinding]:
-    """Checks of one trial alone; a wrong force makes the prediction useless for the others.
-
-    Sign and unit of the force take further runs of the model, made only ``with_runs``.
-    """
+def _single_trials(predicted: PredictedSession, events: SessionEvents, tested: ModelUnderTest) -> list[SessionFinding]:
+    """Checks of one trial alone; a wrong force makes the prediction useless for the others."""
     found: list[SessionFinding] = []
     lags = {}
     for m in predicted.trials:
         p = predicted.predictions[m.number].model
         release = events.trial[m.number]["key_release"]
         until = release.value if release.status != "absent" else float(m.time_s[-1])
-        forces = force_sign_and_unit(tested, m, p, until) if with_runs else []
+        forces = force_sign_and_unit(tested, m, p, until)
         encoders = stuck_bits(m)
         if not forces:
             encoders += wiring(m, p) + dead(m, p) + encoder_return(m, p)

@@ -46,8 +46,7 @@ def compare(
         budget : bool, default True
             Make the uncertainty budget of the events, some fifty runs of one trial.
         suspect : bool, default True
-            Run further models: would another sign or unit of the force explain a trial (eight runs of each trial that
-            the model misses), which single changes explain the difference (some 200 runs of one trial).
+            Try which single changes of model or force explain the difference, some 200 runs of one trial.
         by_motion : bool, default False
             Also drive the model by the key's measured motion and compare the force, in the trial of median peak force.
         keep_predictions : bool, default True

@@ -29,6 +29,12 @@ class Counting:
         )
 
 
+@pytest.fixture(autouse=True)
+def one_force(monkeypatch):
+    """The stand-in does not move as the trials do: each would be run under other signs and units of the force."""
+    monkeypatch.setattr("validation.findings.signals.force_sign_and_unit.FACTORS", {})
+
+
 @pytest.fixture
 def small(make, tmp_path):
     return make.session(tmp_path / "small", n_trials=2, filmed=(2,))
