@@ -48,7 +48,7 @@ def draw_bodies(picture: NDArray[Any], bodies: Sequence[Body], bit_depth: int) -
     grey = (np.asarray(picture, dtype=float) / 2.0 ** (bit_depth - 8)).clip(0, 255).astype(np.uint8)
     factor = max(1, -(-MIN_WIDTH_PX // grey.shape[1]))
     large = cv2.resize(grey, None, fx=factor, fy=factor, interpolation=cv2.INTER_CUBIC)
-    colour = cv2.copyMakeBorder(
+    colour: NDArray[Any] = cv2.copyMakeBorder(
         cv2.cvtColor(large, cv2.COLOR_GRAY2BGR), MARGIN_PX, 0, MARGIN_PX, 0, cv2.BORDER_CONSTANT, value=(0, 0, 0)
     )
     _draw_scales(colour, grey.shape, factor)
@@ -69,7 +69,7 @@ def _inmost(polygon_px: NDArray[np.float64], height: int, width: int) -> tuple[i
     return int(x), int(y)
 
 
-def _draw_scales(picture: NDArray[np.uint8], shape: tuple[int, ...], factor: int) -> None:
+def _draw_scales(picture: NDArray[Any], shape: tuple[int, ...], factor: int) -> None:
     """Film pixels along the upper and the left side, as outlines are written in."""
     step = next(step for step in (10, 20, 50, 100, 200, 500, 1000) if step * factor >= SCALE_STEP_PX or step == 1000)
     for along, size in enumerate((shape[1], shape[0])):
@@ -82,7 +82,7 @@ def _draw_scales(picture: NDArray[np.uint8], shape: tuple[int, ...], factor: int
     _write(picture, "px", MARGIN_PX // 2 - 2, MARGIN_PX - 14, WHITE, 0.4)
 
 
-def _write(picture: NDArray[np.uint8], text: str, x: int, y: int, colour: tuple[int, int, int], size: float) -> None:
+def _write(picture: NDArray[Any], text: str, x: int, y: int, colour: tuple[int, int, int], size: float) -> None:
     """Text about a point, moved into the picture, with a dark rim."""
     plain = text.encode("ascii", "replace").decode()
     (wide, high), _ = cv2.getTextSize(plain, cv2.FONT_HERSHEY_SIMPLEX, size, 1)
