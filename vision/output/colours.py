@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 BODY_COLOURS = {
-    "key": "#B37400", "whippen": "#2A8FC4", "jack": "#D55E00", "repetition": "#009E73", "hammer": "#A8528A",
+    "key": "#8C6D46", "whippen": "#2A8FC4", "jack": "#D55E00", "repetition": "#009E73", "hammer": "#A8528A",
 }  # fmt: skip
 """Told apart on white paper, on grey film, and with either kind of red-green blindness."""
 OTHERS = ("#56B4E9", "#E69F00", "#CC79A7", "#F0E442", "#8FBF3F")
