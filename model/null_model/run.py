@@ -78,6 +78,12 @@ def simulate(
     Notes
     -----
     Equation and assumptions: `model.null_model.reduction` and this module. Tables of the last eight actions are cached.
+
+    Examples
+    --------
+    >>> import model
+    >>> model.null_model.simulate(model.load_action(), *model.force_table("forte")).angle_rad.shape
+    (3501, 5)
     """
     times, forces = check_force_table(time_s, force_n)
     outputs = check_output_times(output_time_s, times)

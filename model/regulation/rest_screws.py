@@ -74,10 +74,10 @@ def _solve(bench: Bench, report: Report, starts: Iterable[tuple[float, ...]] = G
         off = bench.rest_errors(REST_TARGETS[:3]) / [SCREW[name].usual_effect for name in REST_TARGETS[:3]]
         attempts.append((float(np.nan_to_num(np.abs(off).max(), nan=np.inf)), bench.turn_m))
     attempts.sort(key=lambda attempt: attempt[0])
-    for off, turns in attempts[:NEAR_STARTS]:
+    for how_far, turns in attempts[:NEAR_STARTS]:
         # near the edge of slipping the lever must carry its share: as it was, not lowered
         bench.turn_m = turns | {"repetition": usual["repetition"]}
-        if off < NEAR and _least_squares(bench, report):
+        if how_far < NEAR and _least_squares(bench, report):
             return True
     bench.turn_m = attempts[0][1]
     return False

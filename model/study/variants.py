@@ -106,13 +106,28 @@ def compare(
 
     Parameters
     ----------
+    action : parameter set, the first variant
     time_s, force_n : (k,) force table
     variants : changes to the action; names must differ
     tolerance : requested largest error of any angle, rad
 
+    Returns
+    -------
+    Study
+        A solution and the measures of the blow for each variant.
+
     Raises
     ------
     InputError : two variants of one name, an unknown parameter, a table that cannot be used
+    ModelError : a variant that cannot be simulated
+
+    Examples
+    --------
+    >>> import model
+    >>> dry = model.study.Variant("dry", factors={"damping": 0.1})
+    >>> study = model.study.compare(model.load_action(), *model.force_table("forte"), [dry])
+    >>> [variant.name for variant in study.variants]
+    ['as given', 'dry']
     """
     every = (Variant(AS_GIVEN), *variants)
     names = [v.name for v in every]
