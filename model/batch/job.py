@@ -20,7 +20,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from model.errors import ModelError
-from model.force_driven import ForceDrivenRun, check_force_table, check_output_times
+from model.files.force_table import check_force_table
+from model.force_driven import ForceDrivenRun, check_output_times
 from model.parameters.action import Action
 from model.scene.build import build_scene
 from model.simulation.options import ForceDrivenOptions

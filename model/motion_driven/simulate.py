@@ -20,7 +20,8 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.special import stdtrit
 
 from model.errors import InputError
-from model.force_driven import LARGEST_FORCE_N, check_output_times
+from model.files.force_table import LARGEST_FORCE_N
+from model.force_driven import check_output_times
 from model.motion_driven.prescribed_key import PrescribedRun, rest_angle, run_prescribed
 from model.motion_driven.spline_fit import KeyFit, fit_key_motion
 from model.parameters.action import Action

@@ -20,7 +20,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from model.errors import InputError, IntegrationError
-from model.force_driven import check_force_table, check_output_times
+from model.files.force_table import check_force_table
+from model.force_driven import check_output_times
 from model.null_model.reduction import HAMMER, KEY, Path, Reduced, reduce_action
 from model.null_model.time_stepping import Constants, integrate
 from model.parameters.action import BODIES, STRING, Action

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from model.force_driven import check_force_table
+from model.files.force_table import check_force_table
 from model.force_driven import simulate as simulate_smoothed
 from model.observables import hammer_height_m
 from model.parameters.action import Action

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from model.calibration.friction import peak_ratio
 from model.errors import InputError, IntegrationError
-from model.force_driven import check_force_table
+from model.files.force_table import check_force_table
 from model.kernels import layout as L
 from model.kernels.trajectory.contact_forces import forces_along
 from model.kernels.trajectory.stick_slip import SWEEPS, Forcing, FrictionLimits, Rows, step_along

@@ -14,7 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from model.batch.run import simulate_many
 from model.errors import InputError, ModelError
-from model.force_driven import check_force_table, output_times
+from model.files.force_table import check_force_table
+from model.force_driven import output_times
 from model.parameters.action import BODIES, Action
 from model.parameters.scaling import scaled
 from model.simulation.solution import Solution
