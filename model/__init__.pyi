@@ -37,6 +37,7 @@ from .parameters.scaling import scaled as scaled
 from .parameters.write_toml import write_action as write_action
 from .scene.build import Scene as Scene
 from .scene.build import build_scene as build_scene
+from .scene.compile_ahead import compile_ahead as compile_ahead
 from .scene.key_motion import KeyMotion as KeyMotion
 from .scene.selection import SCENES as SCENES
 from .scene.selection import SceneChoice as SceneChoice
