@@ -1,6 +1,6 @@
 """A first run compiles on two processors; a warm one starts nothing.
 
-The last test compiles twice: ``python -m pytest -m slow tests/model/scene/test_compile_ahead.py``.
+The last test compiles twice: ``python -m pytest -m slow tests/model/simulation/test_compile_ahead.py``.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import pytest
 
 import model
 from model.kernels import compile as compiling
-from model.scene import compile_ahead as ahead
+from model.simulation import compile_ahead as ahead
 
 SEEN = """
 import model

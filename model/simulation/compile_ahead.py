@@ -1,7 +1,7 @@
-"""Compile the kernels of scenes in a process beside this one, on the other processor, while this one compiles the loop.
+"""Compile kernels in a process beside this one, on the other processor, while this one compiles others.
 
-In: choices of scenes. Out: nothing but files in the kernel cache. Whoever needs a scene that is being compiled waits
-for it (`model.kernels.once`); what the process beside does not finish is compiled by who needs it.
+In: choices of scenes. Out: nothing but files in the kernel cache. Whoever needs what is being compiled waits for it
+(`model.kernels.once`); what the process beside does not finish is compiled by who needs it.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ from model.scene.build import build_scene
 from model.scene.selection import SceneChoice
 
 _ROOT = str(Path(__file__).resolve().parents[2])
-_BESIDE = f"import sys; sys.path.insert(0, {_ROOT!r}); from model.scene.compile_ahead import main; main()"
+_BESIDE = f"import sys; sys.path.insert(0, {_ROOT!r}); from model.simulation.compile_ahead import main; main()"
 
 
-def compile_ahead(choices: Sequence[SceneChoice]) -> subprocess.Popen[bytes] | None:
+def compile_ahead(choices: Sequence[SceneChoice], *, loop: bool = False) -> subprocess.Popen[bytes] | None:
     """Start compiling scenes in a process beside this one, where this machine has not compiled kernels yet.
 
     Halves the wait of a first run: call it before what integrates is first used.
@@ -31,6 +31,7 @@ def compile_ahead(choices: Sequence[SceneChoice]) -> subprocess.Popen[bytes] | N
     Parameters
     ----------
     choices : scenes that will be needed, the first needed first
+    loop : the step loop before them; for a caller that begins with a scene that is not among them
 
     Returns
     -------
@@ -54,7 +55,7 @@ def compile_ahead(choices: Sequence[SceneChoice]) -> subprocess.Popen[bytes] | N
             env={**os.environ, "PIANORIG_CACHE_DIR": str(_compile.cache_root())},
         )
         assert beside.stdin is not None
-        beside.stdin.write(pickle.dumps(cold))
+        beside.stdin.write(pickle.dumps((cold, loop)))
         beside.stdin.close()
     except OSError:
         return None
@@ -62,7 +63,10 @@ def compile_ahead(choices: Sequence[SceneChoice]) -> subprocess.Popen[bytes] | N
 
 
 def main() -> None:
-    """Compile the scenes that the standard input names."""
+    """Compile what the standard input names."""
+    choices, loop = pickle.load(sys.stdin.buffer)
+    if loop:
+        import model.integrators.rosenbrock  # noqa: F401  # start-up: seconds, its import compiles the loop
     action = load_action()
-    for choice in pickle.load(sys.stdin.buffer):
+    for choice in choices:
         kernels_of(build_scene(choice.on(action), choice).tables)
