@@ -31,6 +31,10 @@ def command(
     confirm: Annotated[
         str, typer.Option("--confirm", help="Rows to confirm by a backward pass: doubtful, all or none.")
     ] = "doubtful",
+    threads: Annotated[
+        int | None,
+        typer.Option("--threads", min=1, help="Threads; default: the computer's. The angles do not depend on it."),
+    ] = None,
     calibration: Annotated[
         Path | None, typer.Option("--calibration", help="Camera file of calibrate-camera; corrects the angles.")
     ] = None,
@@ -117,6 +121,7 @@ def command(
             method=method,
             n_still=n_still,
             confirm=confirm,
+            threads=threads,
             camera=camera,
             checkpoint=unfinished,
             expected=lambda budget: say("expected " + "\n".join(workflows.budget_lines(budget)), quiet=as_json),
