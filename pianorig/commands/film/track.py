@@ -111,6 +111,8 @@ def command(
         return
     if place:
         raise CommandInputError("--place: goes with --retrack FRAME")
+    if (doubt := filmed.doubt_about_times) is not None:
+        say(f"warning: {doubt}", quiet=as_json)
     unfinished = target.with_name(f"{target.name}.unfinished.npz")
     if restart:
         unfinished.unlink(missing_ok=True)
@@ -131,7 +133,7 @@ def command(
     workflows.draw_track(filmed, result, overlay=overlay, contact_sheet=contact_sheet, plot=figure)
     facts = workflows.tracking_summary(result)
     if as_json:
-        print_json({"out": target, **facts})
+        print_json({"out": target, "doubt_about_times": doubt, **facts})
         return
     again = f", {facts['rows_resumed']} from an interrupted run" if facts["rows_resumed"] else ""
     print(f"{target}: {facts['frames']} frames{again}, {facts['rows_confirmed']} confirmed backward")
