@@ -16,7 +16,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from vision.bodies.outlines import CLEARANCE_PX, Body
+from vision.bodies.masks import CLEARANCE_PX
+from vision.bodies.outlines import Body
 from vision.fitting.template import Template
 
 FAST = {"reassoc", "contract", "arcp", "nsz"}

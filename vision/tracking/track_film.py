@@ -101,8 +101,12 @@ def track(
 
     Examples
     --------
-    >>> result = vision.track("film.mraw", vision.load_bodies("bodies.toml"))  # doctest: +SKIP
-    >>> result.to_table().to_csv("angles.csv")  # doctest: +SKIP
+    >>> import vision
+    >>> result = vision.track("film.mraw", vision.load_bodies("bodies.toml"), every=10)
+    >>> result.bodies, result.angle_rad.shape
+    (('whippen', 'jack', 'repetition'), (15, 3))
+    >>> angle_rad, u_rad, flag = result.relative("jack")
+    >>> result.to_table().to_csv("angles.csv")
     """
     settings = TrackSettings(**options)
     if isinstance(path_or_source, str | os.PathLike):

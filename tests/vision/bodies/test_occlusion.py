@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from vision.bodies.masks import CLEARANCE_PX
 from vision.bodies.occlusion import Occlusion
-from vision.bodies.outlines import CLEARANCE_PX, Body, signed_distance
+from vision.bodies.outlines import Body, signed_distance
 from vision.fitting.template import build_template
 
 
