@@ -23,6 +23,8 @@ import numpy as np
 from llvmlite import binding
 from numba.core import config as _config
 
+from model.kernels.once import alone
+
 numba_config: Any = _config  # set at run time by numba; its names are unknown to type checkers
 _PACKAGE = Path(__file__).resolve().parents[1]
 
@@ -118,14 +120,29 @@ def piece(function: Callable[..., Any]) -> Callable[..., Any]:
     return _cached(fastmath=MULTIPLY_ADD, forceinline=True, _nrt=False)(function)
 
 
+def lane_piece(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Like `piece`, of lanes: what is rounded once is decided by `model.kernels.lanes.vector_type`, not by LLVM."""
+    return _cached(fastmath=False, forceinline=True, _nrt=False)(function)
+
+
 def step_loop(signature: Any) -> Callable[[Callable[..., Any]], Any]:
     """Decorator of a step loop: explicit types, in which a scene's kernels are values, so that one loop serves all.
 
     Without them numba compiles the loop again for every scene, and never finds it on disk.
     """
-    return _cached(signature, fastmath=False)
+
+    def compiled(function: Callable[..., Any]) -> Any:
+        with alone(FOLDER, f"{function.__module__}.{function.__qualname__}"):
+            return _cached(signature, fastmath=False)(function)
+
+    return compiled
 
 
 def generated(signature: Any) -> Callable[[Callable[..., Any]], Any]:
     """Decorator of generated kernels: explicit types, cached, multiply-add contracted where the processor has it."""
     return _cached(signature, fastmath=MULTIPLY_ADD, _nrt=False)
+
+
+def generated_lanes(signature: Any) -> Callable[[Callable[..., Any]], Any]:
+    """Like `generated`, of lanes; see `lane_piece`."""
+    return _cached(signature, fastmath=False, _nrt=False)

@@ -15,6 +15,7 @@ from pianorig.errors import CommandInputError
 _EXAMPLES = {
     "--set": "path=value, for example contact04.friction.A=0.3",
     "--scale": "name=factor, for example damping=0.1",
+    "--target-mm": "name=mm, for example let_off=1.5",
 }
 
 

@@ -7,9 +7,10 @@ Failures are :class:`rig.errors.RigInputError`, one line each.
 from __future__ import annotations
 
 import contextlib
+import html
 import re
 import shutil
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,7 +19,7 @@ from rig.errors import RigInputError
 from rig.session import annotation_file, derived
 from rig.session.info import SessionInfo
 from rig.session.trial_data import TrialData
-from rig.session.trial_file import read_status, read_trial, write_trial
+from rig.session.trial_file import read_status, read_trial, write_trial, write_trial_parts
 from rig.storage.atomic_write import write_text
 from rig.storage.file_errors import refused
 
@@ -44,7 +45,7 @@ class Trial:
 
     @property
     def status(self) -> str:
-        """``complete``, ``not at rest``, ``interrupted``, ``fault`` or ``incomplete``."""
+        """``complete``, ``not at rest``, ``interrupted``, ``fault``, ``defect`` or ``incomplete``."""
         return read_status(self.path)[0]
 
     @property
@@ -171,6 +172,10 @@ class Session:
             )
         return pd.DataFrame(rows)
 
+    def _repr_html_(self) -> str:
+        """The folder and its trials as a table, for a notebook."""
+        return html.escape(str(self.path)) + str(self.summary().to_html(index=False, float_format="{:.2f}".format))
+
     def trial(self, number: int) -> Trial:
         """Return the trial with this number."""
         for trial in self.trials:
@@ -191,6 +196,12 @@ class Session:
         path = self.trial_path(data.number)
         write_trial(path, data)
         return Trial(path, data.number, None)
+
+    def add_trial_parts(self, about: TrialData, n_samples: int, parts: Iterable[TrialData]) -> Trial:
+        """Write and seal one trial whose ``n_samples`` come in parts (:mod:`rig.session.trial_file`)."""
+        path = self.trial_path(about.number)
+        write_trial_parts(path, about, n_samples, parts)
+        return Trial(path, about.number, None)
 
     @property
     def annotations(self) -> tuple[annotation_file.Annotation, ...]:

@@ -76,8 +76,10 @@ def compare(
     Examples
     --------
     >>> import validation
-    >>> result = validation.compare("sessions/example_forte", budget=False)  # doctest: +SKIP
-    >>> print(result.verdict)  # doctest: +SKIP
+    >>> result = validation.compare("sessions/example_forte", "hirschkorn2004", budget=False, suspect=False)
+    >>> hammer = result.channels.set_index("channel").loc["hammer"]
+    >>> bool(hammer.s_r_rad < hammer.rmse_rad < 0.01)  # beyond the scatter of the trials, but small
+    True
     """
     chosen = ComparisonOptions.of(options)
     return compare_by(open_session(session), load_model(action), chosen)

@@ -15,10 +15,28 @@ from validation.side_by_side import SideBySide, alone
 def write_report(result: ValidationResult | SideBySide, folder: str | Path) -> ValidationResult | SideBySide:
     """Write the report of one result, or of several, into a folder and return it with its file names.
 
+    Parameters
+    ----------
+    result : ValidationResult or SideBySide
+    folder : path
+        Made if it does not exist.
+
+    Returns
+    -------
+    ValidationResult or SideBySide
+        The same with ``files``.
+
     Raises
     ------
     ValidationInputError
         The folder cannot be written; nothing new is left behind.
+
+    Examples
+    --------
+    >>> import validation
+    >>> result = validation.compare("sessions/example_forte", budget=False, suspect=False)
+    >>> validation.write_report(result, "written").files["results.json"].exists()
+    True
     """
     if isinstance(result, SideBySide):
         return write_side_by_side(result, Path(folder))

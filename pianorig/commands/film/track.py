@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from pianorig import workflows
-from pianorig.console.column_file import check_writable, write_table
+from pianorig.console.column_file import FIGURE_ENDINGS, check_writable, write_table
 from pianorig.console.options import AsJson
 from pianorig.console.output import print_json
 from pianorig.console.progress import bar, say
@@ -24,13 +24,17 @@ def command(
         Path | None, typer.Option("--out", help="CSV file; default: FILM with the ending .angles.csv.")
     ] = None,
     method: Annotated[str, typer.Option("--method", help="icgn or ecc.")] = "icgn",
-    every: Annotated[int, typer.Option("--every", help="Track every N-th frame.")] = 1,
+    every: Annotated[int, typer.Option("--every", help="Use every N-th frame.")] = 1,
     n_still: Annotated[
         int | None, typer.Option("--n-still", min=1, help="Frames at rest at the start; default: found from the film.")
     ] = None,
     confirm: Annotated[
         str, typer.Option("--confirm", help="Rows to confirm by a backward pass: doubtful, all or none.")
     ] = "doubtful",
+    threads: Annotated[
+        int | None,
+        typer.Option("--threads", min=1, help="Threads; default: the computer's. The angles do not depend on it."),
+    ] = None,
     calibration: Annotated[
         Path | None, typer.Option("--calibration", help="Camera file of calibrate-camera; corrects the angles.")
     ] = None,
@@ -42,7 +46,7 @@ def command(
         typer.Option("--distortion", help="Without calibration: that of the distortion at the corner, % [0.1]."),
     ] = None,
     frame_rate: Annotated[
-        float | None, typer.Option("--frame-rate", help="True frames/s, where the film does not say it.")
+        float | None, typer.Option("--frame-rate", help="True rate, frames/s, where the film does not say it.")
     ] = None,
     allow_truncated: Annotated[
         bool, typer.Option("--allow-truncated", help="Read a film that was cut short to its last whole frame.")
@@ -66,7 +70,9 @@ def command(
     contact_sheet: Annotated[
         Path | None, typer.Option("--contact-sheet", help="Picture (.png) of the worst frames.")
     ] = None,
-    figure: Annotated[Path | None, typer.Option("--figure", help="Draw angles and residuals: .png.")] = None,
+    figure: Annotated[
+        Path | None, typer.Option("--figure", help="Draw angles and residuals: .svg, .pdf or .png.")
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Track rigid bodies; give angles and their uncertainty.
@@ -76,9 +82,15 @@ def command(
     Example:  pianorig track film.mraw --bodies bodies.toml --out jack.csv --contact-sheet worst.png --figure jack.png
     """
     target = out if out is not None else film.with_suffix(".angles.csv")
-    for path in (target, propose_bodies, overlay, contact_sheet, figure):
+    for path, endings in (
+        (target, (".csv",)),
+        (propose_bodies, (".toml",)),
+        (overlay, (".avi",)),
+        (contact_sheet, (".png",)),
+        (figure, FIGURE_ENDINGS),
+    ):
         if path is not None:
-            check_writable(path)
+            check_writable(path, *endings)
     if propose_bodies is not None:
         found = workflows.propose_outlines(film, propose_bodies, allow_truncated=allow_truncated)
         if as_json:
@@ -99,6 +111,8 @@ def command(
         return
     if place:
         raise CommandInputError("--place: goes with --retrack FRAME")
+    if (doubt := filmed.doubt_about_times) is not None:
+        say(f"warning: {doubt}", quiet=as_json)
     unfinished = target.with_name(f"{target.name}.unfinished.npz")
     if restart:
         unfinished.unlink(missing_ok=True)
@@ -109,6 +123,7 @@ def command(
             method=method,
             n_still=n_still,
             confirm=confirm,
+            threads=threads,
             camera=camera,
             checkpoint=unfinished,
             expected=lambda budget: say("expected " + "\n".join(workflows.budget_lines(budget)), quiet=as_json),
@@ -118,7 +133,7 @@ def command(
     workflows.draw_track(filmed, result, overlay=overlay, contact_sheet=contact_sheet, plot=figure)
     facts = workflows.tracking_summary(result)
     if as_json:
-        print_json({"out": target, **facts})
+        print_json({"out": target, "doubt_about_times": doubt, **facts})
         return
     again = f", {facts['rows_resumed']} from an interrupted run" if facts["rows_resumed"] else ""
     print(f"{target}: {facts['frames']} frames{again}, {facts['rows_confirmed']} confirmed backward")

@@ -74,7 +74,7 @@ def command(
 
     With --force all five bodies are predicted; with --key-motion the force at the key front that this motion takes.
 
-    Example:  pianorig simulate --force forte.csv --set contact04.friction=0 --inside --out forte_angles.csv
+    Example:  pianorig simulate --force force.csv --set contact04.friction=0 --inside --out angles.csv
     """
     check_writable(out, ".csv", ".h5")
     if figure is not None:
@@ -109,6 +109,7 @@ def command(
     if force is None:
         raise CommandInputError("simulate: found neither --force nor --key-motion; give one of them")
     choice = model.load_scene(scene)
+    model.compile_ahead([choice])
     chosen = choice.on(chosen)
     driving = workflows.read_driving_force(force, choice.input_column)
     times, values = driving.time_s, driving.force_n

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 import validation
+from pianorig.console.built_in_names import complete_file
 from pianorig.console.options import DEFAULT_ACTION, AsJson, Settings, Tolerance
 from pianorig.console.output import print_json, print_verdict
 from pianorig.console.overrides import load_model, read_settings, split_model
@@ -23,6 +24,7 @@ def command(
             "--action",
             help='Built-in action or a TOML file, changed as in "hirschkorn2004: --set contact04.friction.A=0.3 '
             f'--scale damping=0.5"; may be repeated.  [default: {DEFAULT_ACTION}]',
+            autocompletion=complete_file("model/actions"),
         ),
     ] = None,
     set_: Settings = None,
@@ -51,11 +53,9 @@ def command(
     Every model is driven with each trial's own force. Several sessions and several models stand side by side in one
     report; they are never pooled.
 
-    Example:  pianorig validate sessions/2026-11-21_forte_key52 --action hirschkorn2004
-
-    Example:  pianorig validate sessions/forte sessions/piano --action hirschkorn2004 --action mine.toml --out report
-
-    Example:  pianorig validate sessions/forte --action hirschkorn2004 --action "hirschkorn2004: --set hammer.mass=0.01"
+    Example:  pianorig validate sessions/try --action hirschkorn2004
+    Example:  pianorig validate sessions/try --action hirschkorn2004 --action hirschkorn2004-regulated --out both
+    Example:  pianorig validate sessions/try --action hirschkorn2004 --action "hirschkorn2004: --set hammer.mass=0.01"
     """
     folder = report_folder(sessions, out)
     actions = action or [DEFAULT_ACTION]

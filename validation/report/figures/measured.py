@@ -118,8 +118,8 @@ def rotation_of_all_trials(view: SessionView, channel: str) -> ReportFigure:
     caption = f"Rotation of the {TITLE[channel]} in all {len(result.traces)} trials"
     caption += f": {QUANTILES}; below: repeatability sᵣ(t)." if several else "; below: repeatability sᵣ(t)."
     if banded:
-        caption += f" Shaded: simultaneous 95 % band of the mean, at most ±{np.nanmax(reach):.3f}°; it holds for "
-        caption += "scatter in value: where blows scatter in time (impact, release) it covers less."
+        caption += f" Shaded: simultaneous 95 % band of the mean, at most ±{np.nanmax(reach):.3f}°; it knows "
+        caption += "scatter in value and in time, but not what one blow in thirty does."
     caption += lift_text(lifts)
     made = finish(view, figure, f"{channel}-all", measured_anchor(view.condition, channel), caption, text)
     return replace(made, channel=channel, shows="all")
