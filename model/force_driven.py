@@ -7,15 +7,13 @@ Bad tables are refused with the row and what is allowed.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from model.errors import InputError
-from model.files.csv_columns import read_columns
-from model.files.time_table import check_rows, two_columns
+from model.files.force_table import check_force_table
 from model.inside.observe_motion import observe
 from model.parameters.action import Action
 from model.parameters.effects import column
@@ -28,29 +26,32 @@ from model.simulation.statics import RestState, solve_rest
 
 Array = NDArray[np.float64]
 
-LARGEST_FORCE_N = 1000.0
 COMPANION = 0.1  # tolerance of the run that an error is estimated with, of the requested one
 
 
-def check_force_table(
-    time_s: ArrayLike, force_n: ArrayLike, where: str = "force table", column: str = "force_n"
-) -> tuple[Array, Array]:
-    """Return times and forces (k,) as float arrays; raise ``InputError`` at the first row that cannot be used."""
-    times, forces = two_columns(time_s, force_n, where)
-    if len(times) < 2:
-        raise InputError(f"{where}: found {len(times)} rows, allowed at least 2")
-    check_rows(times, forces, where, column, LARGEST_FORCE_N)
-    return times, forces
-
-
-def read_force_table(path: str | Path, column: str = "force_n") -> tuple[Array, Array]:
-    """Read a CSV file with the columns ``time_s,force_n``; (k,) each. A motor's ``column`` is ``torque_nm``."""
-    table = read_columns(path, ("time_s", column), ())
-    return check_force_table(table.numbers("time_s"), table.numbers(column), table.where, column)
-
-
 def output_times(start: float, end: float, rate_hz: float) -> Array:
-    """Times from ``start`` to ``end`` at ``rate_hz``; k / rate exactly, so that no rounding adds up."""
+    """Times at which a run is to give out rows; k / rate exactly, so that no rounding adds up.
+
+    Parameters
+    ----------
+    start, end : first and last possible time, s
+    rate_hz : rows per second
+
+    Returns
+    -------
+    ndarray
+        Times (m,), s.
+
+    Raises
+    ------
+    InputError : a rate that is not above 0 and up to 1e7 Hz
+
+    Examples
+    --------
+    >>> import model
+    >>> model.output_times(0.0, 0.5, 4.0)
+    array([0.  , 0.25, 0.5 ])
+    """
     if not np.isfinite(rate_hz) or not 0 < rate_hz <= 1e7:
         raise InputError(f"output rate: found {rate_hz:g} Hz, allowed above 0 to 1e7")
     count = int(np.floor((end - start) * rate_hz + 1e-9)) + 1
@@ -94,6 +95,11 @@ def simulate(
     inside : also evaluate contacts, joints and bodies (`Solution.inside`)
     estimate_error : also estimate the largest error of any angle (`Solution.error_rad`), at about twice the cost
 
+    Returns
+    -------
+    Solution
+        Angles, rad, and speeds, rad/s, (m, 5), in the order of `model.BODIES`; with effects, their coordinates follow.
+
     Raises
     ------
     InputError : table, times or tolerance cannot be used
@@ -102,6 +108,17 @@ def simulate(
     Notes
     -----
     SI units, radians. Equations: thesis Chapter 2.
+
+    Examples
+    --------
+    >>> import model
+    >>> time_s, force_n = model.force_table("forte")
+    >>> solution = model.simulate(model.load_action("hirschkorn2004"), time_s, force_n, contact_forces=True)
+    >>> solution.angle_rad.shape, solution.bodies[0]
+    ((3501, 5), 'key')
+    >>> jack_under_knuckle = solution.contacts.index("contact07")
+    >>> print(f"{solution.contact_normal_n[:, jack_under_knuckle].max():.1f} N")
+    9.0 N
     """
     options = ForceDrivenOptions(**keywords)
     times, forces = check_force_table(time_s, force_n)

@@ -41,6 +41,7 @@ from .learning.target import make_target as make_target
 from .recording import recorder as recorder
 from .recording.feed import BlockFeed as BlockFeed
 from .recording.options import RecordingOptions as RecordingOptions
+from .recording.passive import record_passive as record_passive
 from .recording.progress import Progress as Progress
 from .recording.recorder import record as record
 from .recording.recorder import record_session as record_session

@@ -3,8 +3,9 @@
 Contract of a backend, in the order of a trial:
 
 1. ``configure(config, command_v)`` reserves every channel of the rig file, loads the motor command (volts,
-   one per sample, the last 0 V) and returns what the device really does (rates after coercion, delays).
-   Before anything else the motor is put at 0 V and the drive disabled. Nothing moves.
+   one per sample, the last 0 V; None: no motor task, the drive stays disabled) and returns what the device
+   really does (rates after coercion, delays). Before anything else the motor is put at 0 V and the drive
+   disabled. Nothing moves.
 2. ``arm()`` starts all slave tasks, so that they wait for the trigger, and enables the drive last.
 3. ``start()`` starts the master: force, counters, motor command and frame pulses begin on the same edge,
    sample 0.
@@ -75,6 +76,8 @@ class Timing:
     frame_rate_hz: float | None = None
     first_pulse_s: float | None = None
     shortest_block_s: float = 0.0
+    force_device_scaling: tuple[float, ...] = ()
+    """Polynomial from the converter's code to the force reading, V or V/V, lowest power first; empty if unknown."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,8 +116,8 @@ class Backend(Protocol):
     def capabilities(self) -> Capabilities:
         """What this backend is and can do."""
 
-    def configure(self, config: RigConfig, command_v: NDArray[np.float64]) -> Timing:
-        """Reserve all channels and load the motor command; nothing moves."""
+    def configure(self, config: RigConfig, command_v: NDArray[np.float64] | None) -> Timing:
+        """Reserve all channels and load the motor command, if there is one; nothing moves."""
 
     def arm(self, *, enable_drive: bool = True) -> None:
         """Start the slave tasks, then enable the drive, unless it is to stay disabled."""
@@ -162,12 +165,32 @@ def check_contract(backend: object, contract: type = Backend) -> None:
 def open_backend(url: str, config: RigConfig) -> Backend:
     """Open the backend an address names, e.g. ``sim://``, ``ni://local`` or ``ni-grpc://host:31763``.
 
+    Parameters
+    ----------
+    url : str
+        Its scheme chooses the backend.
+    config : RigConfig
+        The bench.
+
+    Returns
+    -------
+    Backend
+        To be closed by the caller.
+
     Raises
     ------
     RigInputError
         When the address has no scheme, no installed backend answers to it, or that lacks a member of the contract.
     HardwareFault
         When the driver, server or device does not answer.
+
+    Examples
+    --------
+    >>> import rig
+    >>> bench = rig.open_backend("sim://", rig.load_rig("virtual").config)
+    >>> bench.capabilities.simulated
+    True
+    >>> bench.close()
     """
     scheme, separator, _ = url.partition("://")
     found = {entry.name: entry for entry in entry_points(group=GROUP)}

@@ -89,3 +89,8 @@ class NotPermitted(HardwareFault):
 
     def __init__(self, message: str) -> None:
         super().__init__(message, phase="permit")
+
+
+def is_defect(error: BaseException) -> bool:
+    """Whether an error lies in a program, not in its input, the bench, its disk, or somebody's wish to stop it."""
+    return isinstance(error, Exception) and getattr(error, "exit_code", 1) == 1

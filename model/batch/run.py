@@ -87,7 +87,35 @@ def run_jobs(
     progress: Progress | None = None,
     store: str | Path | Store | None = None,
 ) -> list[Member]:
-    """Compute jobs; members come in the order of the jobs. See `simulate_many`."""
+    """Compute jobs; members come in the order of the jobs. See `simulate_many`.
+
+    Parameters
+    ----------
+    jobs : from `model.batch.make_jobs`
+    executor : where to compute; by default threads of this process
+    workers : how many threads; by default one per processor this process may use
+    progress : called with members done and members in all
+    store : folder that keeps finished members
+
+    Returns
+    -------
+    list of Member
+        One per job.
+
+    Raises
+    ------
+    InputError : workers or store cannot be used
+    BatchInterrupt : Ctrl-C; running members are finished and stored, the rest cancelled
+
+    Examples
+    --------
+    >>> import model
+    >>> from model.force_driven import ForceDrivenOptions
+    >>> jobs = model.batch.make_jobs(model.load_action(), {"forte": model.force_table("forte")}, {"printed": {}},
+    ...                              ForceDrivenOptions())
+    >>> len(model.batch.run_jobs(jobs, workers=1))
+    1
+    """
     if workers is not None and workers < 1:
         raise InputError(f"workers: found {workers}, allowed 1 or more")
     archive = Store(store) if isinstance(store, (str, Path)) else store
@@ -204,6 +232,15 @@ def simulate_many(
     ------
     InputError : scene, workers or store cannot be used
     BatchInterrupt : Ctrl-C, a `KeyboardInterrupt`; running members are finished and stored, the rest cancelled
+
+    Examples
+    --------
+    >>> import model
+    >>> blow = model.force_table("forte")
+    >>> sets = {"printed": {}, "heavy": {"hammer.mass": 0.0125}}
+    >>> members = model.simulate_many(model.load_action(), {"forte": blow}, sets)
+    >>> [(member.trial, member.parameters, member.error) for member in members]
+    [('forte', 'printed', None), ('forte', 'heavy', None)]
     """
     options = BatchOptions(**keywords)
     jobs = make_jobs(

@@ -27,6 +27,7 @@ COMMANDS = {
     "learn": Listed("bench.learn", "Learn motor profiles whose force follows recorded ones."),
     "recover": Listed("bench.recover", "Rebuild unsealed trials from the journals of a recording."),
     "import": Listed("bench.import_recording", "Make a session of recordings by other programs."),
+    "export": Listed("bench.export", "Write trials as CSV, MATLAB, TDMS or Parquet."),
     "attach": Listed("film.attach", "Check a film against a trial and copy it beside the trial."),
     "annotate": Listed("bench.annotate", "Add a line to a session's annotations, or list them."),
     "watch": Listed("bench.watch", "Show force and angles of the trial being recorded."),

@@ -16,6 +16,8 @@ from pianorig.console.live_line import LIVE
 
 BAR = 20
 PATIENCE_S = 5.0
+UNLIMITED = 9999
+"""So many trials are planned where their number is not known."""
 
 
 def say(text: str, quiet: bool = False) -> None:
@@ -116,6 +118,9 @@ def recording_line(quiet: bool = False, title: str = "") -> Iterator[Callable[[A
         return
     peak_n, trial, began_s = 0.0, 0, time.monotonic()
 
+    def of(at: Any, word: str = " of ") -> str:
+        return "" if at.trials >= UNLIMITED else f"{word}{at.trials}"
+
     def update(at: Any) -> None:
         nonlocal peak_n, trial
         if not trial and title and LIVE.is_on:
@@ -123,10 +128,10 @@ def recording_line(quiet: bool = False, title: str = "") -> Iterator[Callable[[A
         if at.trial != trial:
             trial, peak_n = at.trial, 0.0
             if not LIVE.is_on and time.monotonic() - began_s >= PATIENCE_S:
-                say(f"trial {at.trial} of {at.trials}" + (f", {title}" if title else ""))
+                say(f"trial {at.trial}{of(at)}" + (f", {title}" if title else ""))
         peak_n = max(peak_n, at.peak_force_n)
         left = "" if at.left_s is None else f"  {clock(at.left_s)} left"
-        LIVE.show(f"trial {at.trial}/{at.trials}  {at.time_s:5.2f} s  peak {peak_n:5.1f} N{left}")
+        LIVE.show(f"trial {at.trial}{of(at, '/')}  {at.time_s:5.2f} s  peak {peak_n:5.1f} N{left}")
 
     try:
         yield update

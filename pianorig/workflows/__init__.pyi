@@ -1,6 +1,7 @@
 from .bench.access import BenchAccess as BenchAccess
 from .bench.dry_run import rehearsal_lines as rehearsal_lines
 from .bench.dry_run import rehearse as rehearse
+from .bench.export import export_session as export_session
 from .bench.info import backend_facts as backend_facts
 from .bench.info import session_facts as session_facts
 from .bench.interrupted import interrupts_told as interrupts_told
@@ -9,6 +10,7 @@ from .bench.learn import learning_summary as learning_summary
 from .bench.learn import load_target as load_target
 from .bench.learning_figures import draw_recorded as draw_recorded
 from .bench.record import record as record
+from .bench.record import record_passive as record_passive
 from .bench.record import room_conditions as room_conditions
 from .bench.resume import resume as resume
 from .bench.selftest import SelftestFinding as SelftestFinding

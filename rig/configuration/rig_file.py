@@ -92,8 +92,22 @@ class RecordingConfig(Table):
     rest_s: Number = Field(default=0.2, ge=0.2, le=10)
     rest_counts: Count = Field(default=1, ge=0, le=1000)
     rest_force_n: Number = Field(default=0.2, gt=0, le=10)
-    longest_s: Number = Field(default=3.0, ge=0.5, le=60)
+    longest_s: Number = Field(default=3.0, ge=0.5, le=900)
     block_s: Number = Field(default=0.02, ge=0.001, le=1)
+
+
+class PassiveConfig(Table):
+    """What a stroke of a player is (``record --passive``): when it begins and ends.
+
+    ``pre_s`` of quiet time is kept before it. Force or key must leave their level by ``trigger_n`` or ``trigger_rad``;
+    encoders are still within ``still_rad``; ``longest_s`` ends a stroke whose key is held.
+    """
+
+    pre_s: Number = Field(default=0.5, ge=0.3, le=10)
+    trigger_n: Number = Field(default=0.5, gt=0, le=20)
+    trigger_rad: Number = Field(default=0.002, gt=0, le=0.1)
+    still_rad: Number = Field(default=5e-4, gt=0, le=0.1)
+    longest_s: Number = Field(default=10.0, ge=0.5, le=900)
 
 
 class RigConfig(Table):
@@ -115,6 +129,7 @@ class RigConfig(Table):
     safety: SafetyConfig = SafetyConfig()
     selftest: SelftestConfig | None = None
     recording: RecordingConfig = RecordingConfig()
+    passive: PassiveConfig = PassiveConfig()
 
     @model_validator(mode="after")
     def _consistent(self) -> RigConfig:
@@ -173,16 +188,54 @@ class Rig:
 def load_rig(name: str | Path = "virtual") -> Rig:
     """Load a built-in rig file by name, or one by path.
 
+    Parameters
+    ----------
+    name : str or path
+
+    Returns
+    -------
+    Rig
+        The checked description with its text and SHA-256.
+
     Raises
     ------
     RigInputError
         When the file is missing, not TOML, or has a value outside its allowed range.
+
+    Examples
+    --------
+    >>> import rig
+    >>> rig.load_rig("virtual").config.device.sample_rate_hz
+    5000.0
     """
     path = toml_file.named(name, FOLDER, "rig file")
     return parse_rig(toml_file.read_text(path), str(path))
 
 
 def parse_rig(text: str, where: str = "rig file") -> Rig:
-    """Check TOML text as a rig file; ``where`` names it in errors."""
+    """Check TOML text as a rig file.
+
+    Parameters
+    ----------
+    text : str
+    where : str
+        What to call it in errors.
+
+    Returns
+    -------
+    Rig
+
+    Raises
+    ------
+    RigInputError
+        When the text is not TOML, or has a value outside its allowed range.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> import rig
+    >>> rig.parse_rig(Path("my_rig.toml").read_text("utf-8"), "my_rig.toml").config.name
+    'my_rig'
+    """
     config = toml_file.check(RigConfig, toml_file.parse_toml(text, where), where)
     return Rig(config, text, sha256_of_bytes(text.encode("utf-8")), where)

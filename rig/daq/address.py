@@ -31,7 +31,16 @@ def open_backend(url: str, config: RigConfig) -> NidaqmxBackend:
 
 
 def reset_server(url: str) -> str:
-    """End all sessions of the server at ``ni-grpc://host[:port]``, of whomever; return its host and port.
+    """End all sessions of the server at ``ni-grpc://host[:port]``, of whomever.
+
+    Parameters
+    ----------
+    url : str
+
+    Returns
+    -------
+    str
+        Host and port of the server.
 
     Raises
     ------
@@ -39,6 +48,15 @@ def reset_server(url: str) -> str:
         For another address.
     HardwareFault
         When the server does not answer.
+
+    Examples
+    --------
+    >>> import rig
+    >>> try:
+    ...     rig.reset_server("sim://")
+    ... except rig.RigInputError as problem:
+    ...     print("refused")
+    refused
     """
     channel, target = _server(url)
     try:

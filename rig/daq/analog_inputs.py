@@ -5,6 +5,8 @@ NI-DAQmx's defaults (pounds, 2.5 V) are never relied on: every argument is given
 
 from __future__ import annotations
 
+import contextlib
+
 import nidaqmx
 import nidaqmx.constants as ni
 import numpy as np
@@ -62,6 +64,13 @@ def force_task(new_task: NewTask, config: RigConfig) -> nidaqmx.Task:
     _own_clock(task, config)
     task.in_stream.overwrite = ni.OverwriteMode.DO_NOT_OVERWRITE_UNREAD_SAMPLES
     return task
+
+
+def device_scaling(task: nidaqmx.Task) -> tuple[float, ...]:
+    """Return the polynomial by which the driver scales codes of the force channel; empty where it does not say."""
+    with contextlib.suppress(nidaqmx.errors.DaqError):
+        return tuple(float(one) for one in task.ai_channels[0].ai_dev_scaling_coeff)
+    return ()
 
 
 def voltage_task(new_task: NewTask, config: RigConfig, channel: str) -> nidaqmx.Task:

@@ -20,10 +20,13 @@ from rig.errors import (
     OutputUnderrun,
     ReadTimeout,
     ResourceBusy,
+    RigError,
     SamplesLost,
     WatchdogTripped,
 )
 
+CLIENTS_OWN = -1
+"""Code with which the client itself refuses arguments, e.g. an array of the wrong shape: no driver was asked."""
 TRIPPED = "the watchdog has tripped: the device has made safe the outputs it reaches; the program was too slow"
 _FAULT_OF_CODE: dict[int, tuple[type[HardwareFault], str]] = {
     -200279: (SamplesLost, "samples were overwritten before they were read"),
@@ -66,6 +69,8 @@ _FAULT_OF_STATUS: dict[grpc.StatusCode, tuple[type[HardwareFault], str]] = {
 def translated(phase: str, what: str) -> Iterator[None]:
     """Turn anything the client raises inside the block into a :class:`rig.errors.HardwareFault`.
 
+    What the client refuses by itself, without asking the driver, is an error of this program: RigError.
+
     Parameters
     ----------
     phase : str
@@ -87,8 +92,10 @@ def translated(phase: str, what: str) -> Iterator[None]:
         raise HardwareFault(f"{what}: {_first_words(str(error))}", phase=phase) from error
 
 
-def _from_code(error: nidaqmx.errors.DaqError, phase: str, what: str) -> HardwareFault:
+def _from_code(error: nidaqmx.errors.DaqError, phase: str, what: str) -> RigError:
     code = int(error.error_code)
+    if code == CLIENTS_OWN:
+        return RigError(f"{what}: the NI-DAQmx client was called wrongly during {phase}: {_first_words(str(error))}")
     kind, meaning = _FAULT_OF_CODE.get(code, (HardwareFault, _first_words(str(error))))
     message = f"{what}: {meaning} (NI-DAQmx {code} during {phase})"
     if kind is ReadTimeout:

@@ -20,6 +20,7 @@ from rig.backend import Backend, Block, Capabilities, Timing
 from rig.configuration.rig_file import RigConfig
 from rig.daq import analog_inputs, call_delay, read_samples, tasks
 from rig.daq.bench_checks import BenchChecks
+from rig.daq.discovery.devices import driver_version, find_device
 from rig.daq.faults import translated
 from rig.daq.safe_bench import SafeBench
 from rig.daq.safing import worst
@@ -49,13 +50,14 @@ class NidaqmxBackend(SafeBench, BenchChecks, Backend):
         self._claim = claim
         self._name = name
         self._simulated, self._product = False, "unknown"
+        self._description: dict[str, str] = {}
         self._generating = False
         """The motor's command has not ended yet, as far as is known."""
 
     @property
     def capabilities(self) -> Capabilities:
         """What this is."""
-        description = {"client": f"nidaqmx {CLIENT_VERSION}", "product": self._product}
+        description = {"client": f"nidaqmx {CLIENT_VERSION}", "product": self._product, **self._description}
         return Capabilities(self._name, self._simulated, description, watchdog=True, hardware=True)
 
     def identify(self, config: RigConfig) -> None:
@@ -69,20 +71,25 @@ class NidaqmxBackend(SafeBench, BenchChecks, Backend):
             When the driver, server or device does not answer.
         """
         name = config.device.name
-        with translated("connect", f"device {name}"):
-            device = Device(name, grpc_options=self._options())
-            self._product, self._simulated = str(device.product_type), bool(device.is_simulated)
+        found = find_device(self._channel, name)
+        self._product, self._simulated = found.product, found.simulated
+        self._description = {
+            "driver": f"NI-DAQmx {driver_version(self._channel)}",
+            "serial_number": found.serial,
+            **{f"slot_{m.slot}": f"{m.product}, {m.name}, serial number {m.serial}" for m in found.modules},
+        }
         if self._product != config.device.product:
             raise RigInputError(
                 f"device.product = {config.device.product!r}: device {name} is a {self._product}; correct the rig file"
             )
 
-    def configure(self, config: RigConfig, command_v: NDArray[np.float64]) -> Timing:
+    def configure(self, config: RigConfig, command_v: NDArray[np.float64] | None) -> Timing:
         """Put the outputs in their safe state, reserve every channel, load the motor command."""
-        tasks.check_command(config, command_v)
+        if command_v is not None:
+            tasks.check_command(config, command_v)
         if self._live or not self._safe:
             self.safe_stop()
-        if config != self._config or self._timing is None:
+        if config != self._config or self._timing is None or (command_v is not None) != (tasks.MOTOR in self._tasks):
             self._clear()
         if self._claim is not None:
             self._claim.take(config)
@@ -91,16 +98,20 @@ class NidaqmxBackend(SafeBench, BenchChecks, Backend):
             shortest_s = self._begin_safely(config)
             self._live = True
             # all that takes calls comes before the watchdog starts: no task is reserved by it, as a chassis demands
-            timing = self._timing = replace(self._timing or self._make_tasks(config), shortest_block_s=shortest_s)
-            with translated("configure", config.motor.channel):
-                tasks.prepare_command(self._tasks[tasks.MOTOR], config, command_v.size)
+            timing = self._timing = replace(
+                self._timing or self._make_tasks(config, motor=command_v is not None), shortest_block_s=shortest_s
+            )
+            if command_v is not None:
+                with translated("configure", config.motor.channel):
+                    tasks.prepare_command(self._tasks[tasks.MOTOR], config, command_v.size)
             if config.watchdog is not None:
                 with translated("configure", "watchdog"):
                     self._watchdog = self._watchdog or Watchdog(self._channel, config)
                     self._watchdog.start()
                     self._reset_watchdog()
-            with translated("configure", config.motor.channel):
-                tasks.load_command(self._tasks[tasks.MOTOR], command_v)
+            if command_v is not None:
+                with translated("configure", config.motor.channel):
+                    tasks.load_command(self._tasks[tasks.MOTOR], command_v)
             for name in self._tasks:
                 with translated("configure", name):
                     self._reset_watchdog()
@@ -126,11 +137,13 @@ class NidaqmxBackend(SafeBench, BenchChecks, Backend):
             delay = call_delay.measure(lambda: device.is_simulated, self._now_s)
         return call_delay.shortest_block_s(config, delay)
 
-    def _make_tasks(self, config: RigConfig) -> Timing:
-        """Make every task of the rig file; nothing is reserved yet."""
+    def _make_tasks(self, config: RigConfig, *, motor: bool) -> Timing:
+        """Make every task of the rig file, the motor's only if asked; nothing is reserved yet."""
         frame_rate_hz = first_pulse_s = None
         with translated("configure", config.force.channel):
-            rate = float(analog_inputs.inputs_task(self._tasks.make, config).timing.samp_clk_rate)
+            inputs = analog_inputs.inputs_task(self._tasks.make, config)
+            rate = float(inputs.timing.samp_clk_rate)
+            scaling = analog_inputs.device_scaling(inputs)
         if abs(rate - config.device.sample_rate_hz) > 1e-6 * rate:
             raise RigInputError(
                 f"device.sample_rate_hz = {config.device.sample_rate_hz:g} Hz: "
@@ -140,15 +153,16 @@ class NidaqmxBackend(SafeBench, BenchChecks, Backend):
         for encoder in config.encoders:
             with translated("configure", encoder.counter):
                 tasks.encoder_task(self._tasks.make, config, encoder)
-        with translated("configure", config.motor.channel):
-            tasks.motor_task(self._tasks.make, config)
+        if motor:
+            with translated("configure", config.motor.channel):
+                tasks.motor_task(self._tasks.make, config)
         if config.camera is not None:
             with translated("configure", config.camera.counter):
                 if config.camera.mode == "counted":
                     tasks.edge_task(self._tasks.make, config, config.camera.counter, config.camera.terminal)
                 else:
                     _, frame_rate_hz, first_pulse_s = tasks.camera_task(self._tasks.make, config, config.camera)
-        return Timing(rate, config.force.group_delay(rate), frame_rate_hz, first_pulse_s)
+        return Timing(rate, config.force.group_delay(rate), frame_rate_hz, first_pulse_s, force_device_scaling=scaling)
 
     def arm(self, *, enable_drive: bool = True) -> None:
         """Start all slaves, which wait for the master's clock and trigger; enable the drive last, at 0 V."""
@@ -159,8 +173,8 @@ class NidaqmxBackend(SafeBench, BenchChecks, Backend):
                     with translated("arm", name):
                         self._reset_watchdog()
                         self._tasks[name].start()
-            self._generating = True
-            if config.drive_enable is not None and enable_drive:
+            self._generating = tasks.MOTOR in self._tasks
+            if config.drive_enable is not None and enable_drive and self._generating:
                 with translated("arm", config.drive_enable.line):
                     self._reset_watchdog()
                     self._outputs.enable_drive(config.drive_enable.line, True)

@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import nidaqmx
 
-from rig.errors import RigError
+from rig.errors import is_defect
 
 LOG = logging.getLogger("rig.daq")
 
@@ -32,8 +32,8 @@ def attempt(step: Callable[[], None], failures: list[BaseException], what: str) 
     try:
         step()
     except BaseException as error:
-        known = isinstance(error, (RigError, nidaqmx.errors.Error, KeyboardInterrupt))
-        LOG.error("%s failed: %s: %s", what, type(error).__name__, error, exc_info=None if known else error)
+        defect = is_defect(error) and not isinstance(error, nidaqmx.errors.Error)
+        LOG.error("%s failed: %s: %s", what, type(error).__name__, error, exc_info=error if defect else None)
         failures.append(error)
         return False
     return True
@@ -44,5 +44,4 @@ def worst(failures: list[BaseException]) -> BaseException:
 
     A fault caused by an error in this program would otherwise be blamed on the bench.
     """
-    defects = [error for error in failures if not isinstance(error, (RigError, KeyboardInterrupt))]
-    return (defects or failures)[0]
+    return next(filter(is_defect, failures), failures[0])

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from rig.errors import RigInputError
 
+_GROUPED = r"[+-]?[1-9]\d{0,2}(%s\d{3})+(?![\d%s])"
 _NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d{1,4})?", re.ASCII)
 JITTER = 0.02
 """Largest deviation of a time from even spacing, relative to the spacing."""
@@ -40,9 +41,18 @@ class Clock(NamedTuple):
         return abs(self.interval_s - interval_s) <= max(0.51 * self.resolution_s, 1e-5 * interval_s)
 
 
-def number(cell: str, decimal: str = ".") -> float:
-    """Read a decimal number; ValueError for anything else, also for nan, inf, hexadecimal and 1_000."""
+def number(cell: str, decimal: str = ".", thousands: str = "") -> float:
+    """Read a decimal number; ValueError for anything else, also for nan, inf, hexadecimal and 1_000.
+
+    ``thousands``: sign between groups of three digits, which must be whole groups.
+    """
     text = cell.strip()
+    if thousands and thousands in text:
+        sign = re.escape(thousands)
+        grouped = re.match(_GROUPED % (sign, sign), text)
+        if grouped is None or thousands in text[grouped.end() :]:
+            raise ValueError(cell)
+        text = text.replace(thousands, "")
     if decimal != ".":
         if "." in text:
             raise ValueError(cell)
@@ -74,6 +84,9 @@ class ChannelTable:
     clocks : mapping of name to Clock, where the file gives one
     unreadable : mapping of name to what is wrong with that channel
         Refused when it is used.
+    started : str
+        When the recording began, by the file itself, ISO 8601: with a zone where the file knows it; empty where it does
+        not say.
     """
 
     where: str
@@ -81,6 +94,7 @@ class ChannelTable:
     units: Mapping[str, str] = field(default_factory=dict)
     clocks: Mapping[str, Clock] = field(default_factory=dict)
     unreadable: Mapping[str, str] = field(default_factory=dict)
+    started: str = ""
 
     def channel(self, name: str) -> NDArray[np.float64]:
         """Return one channel; RigInputError when it is missing or holds a value that is not finite."""

@@ -1,9 +1,9 @@
 """CSV: one row of names, optionally one of units, then one row per sample; ``#`` lines and empty lines are skipped.
 
-Conventions: UTF-8; separator and decimal sign are given, never guessed. A unit may also stand in brackets after a name,
-``Force (N)``; the name keeps it. A column of clock times (``10:15:00.0002``, ISO 8601 date and time) becomes seconds
-after its first row. A row that is too short or long is refused with its number (from 1 below the names), a column with
-a cell that is not a number when that column is used.
+Conventions: separator, decimal sign and sign between thousands are given, never guessed. A unit may also stand in
+brackets after a name, ``Force (N)``; the name keeps it. A column of clock times (``10:15:00.0002``, ISO 8601 date and
+time) becomes seconds after its first row, whose date tells when the recording began. A row that is too short or long is
+refused with its number (from 1 below the names), a column with a cell that is not a number when that column is used.
 """
 
 from __future__ import annotations
@@ -15,21 +15,24 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.configuration import toml_file
 from rig.errors import RigInputError
 from rig.foreign import units
 from rig.foreign.channel_table import ChannelTable, number, shown
+from rig.foreign.text_encoding import read_text
+
+UNDATED = 1900
+"""Year of clock times without a date."""
 
 
-def read_csv(path: Path, separator: str = ",", decimal: str = ".") -> ChannelTable:
+def read_csv(path: Path, separator: str = ",", decimal: str = ".", thousands: str = "") -> ChannelTable:
     """Read all columns of a CSV file.
 
     Raises RigInputError when the file cannot be read, has no rows, or rows of several lengths.
     """
-    return parse_csv(toml_file.read_text(path), str(path), separator, decimal)
+    return parse_csv(read_text(path), str(path), separator, decimal, thousands)
 
 
-def parse_csv(text: str, where: str, separator: str = ",", decimal: str = ".") -> ChannelTable:
+def parse_csv(text: str, where: str, separator: str = ",", decimal: str = ".", thousands: str = "") -> ChannelTable:
     """Read CSV text; ``where`` names it in errors."""
     if "\0" in text:
         raise RigInputError(f"{where}: holds null characters; not a CSV text file")
@@ -55,28 +58,30 @@ def parse_csv(text: str, where: str, separator: str = ",", decimal: str = ".") -
             )
     if all(not name for name in names):
         raise RigInputError(f"{where}: its first row holds no name of a column")
-    columns, unreadable = {}, {}
+    columns, unreadable, started = {}, {}, ""
     for k, name in enumerate(names):
         if names.count(name) > 1 and name:
             unreadable[name] = f"{names.count(name)} columns are named {name!r}; names must be unique"
         elif name:
             try:
-                columns[name], is_clock = _column([row[k] for row in rows[first:]], decimal, first)
-                stated[k] = "s" if is_clock else stated[k]
+                columns[name], clock = _column([row[k] for row in rows[first:]], decimal, thousands, first)
+                stated[k] = "s" if clock else stated[k]
+                if clock is not None and clock.year > UNDATED:
+                    started = started or clock.isoformat()
             except ValueError as error:
                 unreadable[name] = f"{name} {error}"
     known = {name: unit for name, unit in zip(names, stated, strict=True) if unit and name in columns}
-    return ChannelTable(where, columns, known, unreadable=unreadable)
+    return ChannelTable(where, columns, known, unreadable=unreadable, started=started)
 
 
-def _column(cells: list[str], decimal: str, first: int) -> tuple[NDArray[np.float64], bool]:
-    """Numbers of a column, and whether they were clock times."""
+def _column(cells: list[str], decimal: str, thousands: str, first: int) -> tuple[NDArray[np.float64], datetime | None]:
+    """Numbers of a column; the first of clock times, None for plain numbers."""
     started = _clock(cells[0], decimal)
     values = np.empty(len(cells))
     for i, cell in enumerate(cells):
         try:
             if started is None:
-                values[i] = number(cell, decimal)
+                values[i] = number(cell, decimal, thousands)
             else:
                 read = _clock(cell, decimal)
                 if read is None:
@@ -84,8 +89,10 @@ def _column(cells: list[str], decimal: str, first: int) -> tuple[NDArray[np.floa
                 values[i] = (read - started).total_seconds()
         except (ValueError, TypeError):
             what = "a number" if started is None else "a time like the first"
+            if started is None and "." in cell and decimal == "," and not thousands:
+                what += ' (the mapping can say thousands = ".")'
             raise ValueError(f"row {first + i}: found {shown(cell)}, allowed {what}") from None
-    return values, started is not None
+    return values, started
 
 
 def _clock(cell: str, decimal: str) -> datetime | None:
@@ -94,6 +101,6 @@ def _clock(cell: str, decimal: str) -> datetime | None:
     if ":" not in text:
         return None
     try:
-        return datetime.fromisoformat(text if "-" in text or "/" in text else f"2000-01-01T{text}")
+        return datetime.fromisoformat(text if "-" in text or "/" in text else f"{UNDATED}-01-01T{text}")
     except ValueError:
         return None

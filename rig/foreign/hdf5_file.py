@@ -42,7 +42,7 @@ def read_hdf5(path: Path) -> ChannelTable:
     }
     clock = Clock(1.0 / data.sample_rate_hz)
     units = {"time_s": "s", "force_n": "N", "motor_command_v": "V", **dict.fromkeys(angles, "rad")}
-    return ChannelTable(str(path), columns, units, dict.fromkeys(columns, clock))
+    return ChannelTable(str(path), columns, units, dict.fromkeys(columns, clock), started=data.started_utc)
 
 
 def _plain(path: Path, file: h5py.File) -> ChannelTable:

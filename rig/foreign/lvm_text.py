@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from datetime import datetime
+from datetime import datetime, timedelta
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from rig.errors import RigInputError
 from rig.foreign.channel_table import JITTER, SECONDS, ChannelTable, Clock, even_interval, number, shown
+from rig.foreign.text_encoding import decoded
 from rig.foreign.units import known
 from rig.storage.file_errors import refused
 
@@ -57,11 +58,7 @@ def read_lvm(path: Path) -> tuple[ChannelTable, ...]:
     """
     with refused(path, "read"):
         data = path.read_bytes()
-    try:
-        text = data.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        text = data.decode("latin-1")  # what LabVIEW writes on a western Windows; numbers are ASCII in both
-    return parse_lvm(text, str(path))
+    return parse_lvm(decoded(data, str(path)), str(path))
 
 
 def parse_lvm(text: str, where: str) -> tuple[ChannelTable, ...]:
@@ -251,7 +248,9 @@ def _table(
     units = of_channel("Y_Unit_Label")
     if all(np.array_equal(time, times[0]) for time in times):
         columns[TIME], units[TIME] = times[0].copy(), unit
-    return ChannelTable(where, columns, units, clocks)
+    stamped = [clock.stamp_s for clock in clocks.values() if clock.stamp_s]
+    started = (datetime(1904, 1, 1) + timedelta(seconds=stamped[0])).isoformat() if stamped else ""
+    return ChannelTable(where, columns, units, clocks, started=started)
 
 
 def _clock(time: NDArray[np.float64], stated: float | None, what: str) -> Clock:

@@ -97,6 +97,10 @@ class ImportMapping(Table):
         Bodies that were not measured; with those of ``encoders`` they are all three.
     segments : "trials", "join" or None
         Meaning of a file's segments: one trial each, or parts of one. None refuses files of several.
+    thousands : str
+        Sign between groups of three digits in CSV; empty for none.
+    utc_offset_h : float or None
+        Zone of the times of day in the files, hours ahead of UTC; None where it is not known.
     overrule_units : tuple of str
         Channels whose unit the file states wrongly: the mapping's is taken.
     """
@@ -106,6 +110,8 @@ class ImportMapping(Table):
     operator: str = "unknown"
     separator: Literal[",", ";", "\t", " "] = ","
     decimal: Literal[".", ","] = "."
+    thousands: Literal["", ".", ",", " ", "'"] = ""
+    utc_offset_h: Number | None = Field(default=None, ge=-14, le=14)
     mains_frequency_hz: Number = Field(ge=40, le=70)
     blow_start_s: Number | None = Field(default=None, ge=0)
     time: TimeMapping = TimeMapping()
@@ -138,6 +144,8 @@ class ImportMapping(Table):
             raise ValueError(f"overrule_units names {unknown[0]!r}, allowed are the channels of the mapping")
         if self.separator == self.decimal:
             raise ValueError("separator and decimal are the same sign")
+        if self.thousands in (self.separator, self.decimal):
+            raise ValueError(f"thousands = {self.thousands!r} is the separator or the decimal sign as well")
         return self
 
     @property
@@ -157,7 +165,28 @@ class MappingFile:
 
 
 def load_mapping(path: str | Path) -> MappingFile:
-    """Read and check a mapping file; raises RigInputError."""
+    """Read and check a mapping file: which channel of a recording is what.
+
+    Parameters
+    ----------
+    path : path
+        TOML file, see ``docs/import.md``.
+
+    Returns
+    -------
+    MappingFile
+
+    Raises
+    ------
+    RigInputError
+        When the file is missing, not TOML, or has a value that is not allowed.
+
+    Examples
+    --------
+    >>> import rig
+    >>> [encoder.name for encoder in rig.load_mapping("lab.toml").config.encoders]
+    ['key', 'whippen', 'hammer']
+    """
     return parse_mapping(toml_file.read_text(Path(path)), str(path))
 
 

@@ -20,15 +20,17 @@ from rig.foreign.tdms_file import read_tdms
 SUFFIXES = (".csv", ".txt", ".lvm", ".tdms", ".h5", ".hdf5")
 
 
-def read_segments(path: str | Path, *, separator: str = ",", decimal: str = ".") -> tuple[ChannelTable, ...]:
-    """Read all channels of a recording, one table a segment; ``separator`` and ``decimal`` are for CSV only.
+def read_segments(
+    path: str | Path, *, separator: str = ",", decimal: str = ".", thousands: str = ""
+) -> tuple[ChannelTable, ...]:
+    """Read all channels of a recording, one table a segment; the signs are for CSV only.
 
     Raises RigInputError when the ending is not known or the file cannot be used.
     """
     file = Path(path)
     suffix = file.suffix.lower()
     if suffix in (".csv", ".txt"):
-        return (read_csv(file, separator, decimal),)
+        return (read_csv(file, separator, decimal, thousands),)
     if suffix == ".lvm":
         return read_lvm(file)
     if suffix == ".tdms":
@@ -39,7 +41,31 @@ def read_segments(path: str | Path, *, separator: str = ",", decimal: str = ".")
 
 
 def read_channels(path: str | Path, *, separator: str = ",", decimal: str = ".") -> ChannelTable:
-    """Read a recording of one segment; raises RigInputError for others."""
+    """Read a recording of one segment.
+
+    Parameters
+    ----------
+    path : path
+        TDMS, LVM, CSV or HDF5 file.
+    separator, decimal : str
+        Of CSV.
+
+    Returns
+    -------
+    ChannelTable
+        Channels by name, each (n,), with units and clocks as far as the file states them.
+
+    Raises
+    ------
+    RigInputError
+        When the file cannot be read, or has several segments.
+
+    Examples
+    --------
+    >>> import rig
+    >>> rig.read_channels("lab.csv").channel("force_n").size
+    5001
+    """
     segments = read_segments(path, separator=separator, decimal=decimal)
     if len(segments) != 1:
         raise RigInputError(
@@ -84,4 +110,4 @@ def joined(segments: Sequence[ChannelTable], names: Sequence[str]) -> ChannelTab
                     'missing, segments = "trials" keeps them apart'
                 )
     clocks = {name: first.clocks[name] for name in names if name in first.clocks}
-    return ChannelTable(first.where.removesuffix(" segment 1"), whole, first.units, clocks)
+    return ChannelTable(first.where.removesuffix(" segment 1"), whole, first.units, clocks, started=first.started)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta, timezone
 from pathlib import Path
 
 import numpy as np
@@ -45,11 +45,25 @@ def import_session(out: str | Path, files: Sequence[Path], mapping: MappingFile)
         Session folder to create.
     files : sequence of path
         Trial 1, 2, … in this order.
+    mapping : MappingFile
+        Which channel is what.
+
+    Returns
+    -------
+    Session
 
     Raises
     ------
     RigInputError
         When a file cannot be used or the folder not be created; nothing is left behind then.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> import rig
+    >>> session = rig.import_session("sessions/from_lab", [Path("lab.csv")], rig.load_mapping("lab.toml"))
+    >>> session.trial(1).read().status
+    'complete'
     """
     if not files:
         raise RigInputError("no recording to import")
@@ -60,7 +74,11 @@ def import_session(out: str | Path, files: Sequence[Path], mapping: MappingFile)
         digest = sha256_of_file(file) if file.is_file() else ""
         tables = _recordings(file, config)
         for part, table in enumerate(tables, 1):
-            trials.append(make_trial(table, config, len(trials) + 1, _file_time(file)))
+            trials.append(make_trial(table, config, len(trials) + 1, _started(table, file, config)))
+            if not table.started:
+                notes[f"start of trial {len(trials)}"] = "not stated by the file; its last change is taken"
+            elif datetime.fromisoformat(trials[-1].started_utc).tzinfo is None:
+                notes[f"start of trial {len(trials)}"] = "local time, its zone is not stated"
             segment = f" segment {part} of {len(tables)}" if len(tables) > 1 else ""
             notes[f"trial {len(trials)}"] = f"{file.name}{segment} sha256 {digest}"
     if config.segments == "join":
@@ -91,7 +109,7 @@ def import_session(out: str | Path, files: Sequence[Path], mapping: MappingFile)
 
 def _recordings(file: Path, config: ImportMapping) -> tuple[ChannelTable, ...]:
     """Return one table for each trial of a file."""
-    segments = read_segments(file, separator=config.separator, decimal=config.decimal)
+    segments = read_segments(file, separator=config.separator, decimal=config.decimal, thousands=config.thousands)
     if len(segments) == 1 or config.segments == "trials":
         return segments
     if config.segments is None:
@@ -103,7 +121,17 @@ def _recordings(file: Path, config: ImportMapping) -> tuple[ChannelTable, ...]:
     return (joined(segments, names if timed or config.time.channel is None else [*names, config.time.channel]),)
 
 
-def _file_time(file: Path) -> str:
+def _started(table: ChannelTable, file: Path, config: ImportMapping) -> str:
+    """Return when a recording began, ISO 8601.
+
+    The file's own statement comes first: in UTC where its zone is known, without a zone where it is not. A file that
+    does not say has only the time at which it was last changed.
+    """
+    if table.started:
+        own = datetime.fromisoformat(table.started)
+        if own.tzinfo is None and config.utc_offset_h is not None:
+            own = own.replace(tzinfo=timezone(timedelta(hours=config.utc_offset_h)))
+        return own.isoformat() if own.tzinfo is None else own.astimezone(UTC).isoformat()
     return datetime.fromtimestamp(file.stat().st_mtime, UTC).isoformat(timespec="seconds")
 
 

@@ -100,7 +100,7 @@ def _read(path: Path, file: object, size: int, complaints: _Complaints) -> Chann
     if sum(len(channel) * channel.dtype.itemsize for channel in channels) > 16 * size:
         raise RigInputError(f"{path}: names more samples than its {size} bytes hold; the file is damaged")
     short = Counter(channel.name for channel in channels)
-    columns, units, clocks = {}, {}, {}
+    columns, units, clocks, started = {}, {}, {}, ""
     for channel in channels:
         name = channel.name if short[channel.name] == 1 else f"{channel.group_name}/{channel.name}"
         values = channel[:]
@@ -113,9 +113,12 @@ def _read(path: Path, file: object, size: int, complaints: _Complaints) -> Chann
         units[name] = "s" if stamps else str(channel.properties.get("unit_string", ""))
         if (clock := _clock(channel.properties)) is not None:
             clocks[name] = clock
+        begun = values[0] if stamps else channel.properties.get("wf_start_time")
+        if not started and isinstance(begun, np.datetime64) and not np.isnat(begun):
+            started = f"{begun.astype('datetime64[us]')}+00:00"  # TDMS keeps times in UTC
     if complaints.lines:
         raise RigInputError(f"{path}: not a whole TDMS file ({complaints.lines[0][:120]})")
-    return ChannelTable(str(path), columns, {k: v for k, v in units.items() if v}, clocks)
+    return ChannelTable(str(path), columns, {k: v for k, v in units.items() if v}, clocks, started=started)
 
 
 def _clock(properties: Mapping[str, object]) -> Clock | None:

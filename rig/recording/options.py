@@ -32,6 +32,7 @@ class ResumeKeywords(TypedDict, total=False):
     predict: Predict | None
     permission: Permission | None
     now_s: Callable[[], float]
+    wall_s: Callable[[], float]
 
 
 class RecordingKeywords(ResumeKeywords, total=False):
@@ -74,3 +75,4 @@ class RecordingOptions:
     predict: Predict | None = None
     permission: Permission | None = None
     now_s: Callable[[], float] = time.monotonic
+    wall_s: Callable[[], float] = time.time

@@ -8,11 +8,9 @@ the caller. When not one trial was recorded, no session folder is left. A progra
 from __future__ import annotations
 
 import contextlib
-import platform
 import shutil
 from collections.abc import Mapping
 from dataclasses import replace
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Unpack
 
@@ -22,6 +20,7 @@ from rig.configuration.profile import Profile, load_profile
 from rig.configuration.rig_file import Rig, load_rig
 from rig.errors import HardwareFault
 from rig.recording.options import RecordingKeywords, RecordingOptions
+from rig.recording.provenance import software_versions
 from rig.recording.trial_plan import Plan, plain_plan
 from rig.recording.trial_sequence import record_entries
 from rig.safety.dry_run import dry_run
@@ -30,8 +29,6 @@ from rig.safety.permission import require_permission
 from rig.session.annotation_file import utc_now
 from rig.session.folder import Session
 from rig.session.info import ActionInfo, FileInfo, RoomInfo, SessionInfo
-
-PACKAGES = ("piano-action-rig", "numpy", "h5py", "nidaqmx", "grpcio")
 
 
 def record(out: str | Path, options: RecordingOptions | None = None, **keywords: Unpack[RecordingKeywords]) -> Session:
@@ -69,8 +66,8 @@ def record(out: str | Path, options: RecordingOptions | None = None, **keywords:
         ``ni-grpc://``.
     open_journal : callable
         Creates each trial's journal; tests put a bad disk here.
-    now_s : callable
-        Clock of the time left, s.
+    now_s, wall_s : callable
+        Monotonic clock of the time left, s, and the wall clock that is held against it.
 
     Returns
     -------
@@ -90,8 +87,10 @@ def record(out: str | Path, options: RecordingOptions | None = None, **keywords:
 
     Examples
     --------
-    >>> session = rig.record("sessions/try", profile="forte", trials=2)
-    >>> session.trial(1).read().force_n.max()
+    >>> import rig
+    >>> session = rig.record("sessions/two", profile="forte", trials=2, operator="me")
+    >>> print(f"{session.trial(1).read().force_n.max():.0f} N")
+    34 N
     """
     given = replace(options or RecordingOptions(), **keywords)
     rig = given.rig_config if isinstance(given.rig_config, Rig) else load_rig(given.rig_config)
@@ -121,9 +120,8 @@ def record(out: str | Path, options: RecordingOptions | None = None, **keywords:
         if own:
             backend.close()
     finally:
-        with deferred():
-            if session is not None and not session.trials and not session.journals:
-                _discard(session, existed)
+        if session is not None:
+            discard_empty(session, existed)
     return session
 
 
@@ -160,19 +158,13 @@ def _session_info(
     )
 
 
-def software_versions() -> dict[str, str]:
-    """Return versions of Python, the operating system and the packages a recording depends on."""
-    versions = {"python": platform.python_version(), "system": platform.platform()}
-    for package in PACKAGES:
-        with contextlib.suppress(PackageNotFoundError):
-            versions[package] = version(package)
-    return versions
-
-
-def _discard(session: Session, existed: bool) -> None:
-    """Remove a session without trials; a folder that was there before stays, empty."""
-    if existed:
-        for path in session.path.iterdir():
-            path.unlink()
-    else:
-        shutil.rmtree(session.path, ignore_errors=True)
+def discard_empty(session: Session, existed: bool) -> None:
+    """Remove a session that has neither trials nor journals; a folder that was there before stays, empty."""
+    with deferred():
+        if session.trials or session.journals:
+            return
+        if not existed:
+            shutil.rmtree(session.path, ignore_errors=True)
+        elif session.path.is_dir():
+            for path in session.path.iterdir():
+                path.unlink()

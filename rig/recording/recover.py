@@ -8,17 +8,23 @@ damaged while its journal was still there ``.h5.damaged``. A second run changes 
 from __future__ import annotations
 
 import os
+import shutil
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from rig.configuration import toml_file
 from rig.errors import RigInputError
-from rig.recording.trial_plan import reject_warm_up
-from rig.session import Session
-from rig.session.journal.format import Journal, read_journal
+from rig.recording.sealing import PASSIVE, Cut, seal_cut, seal_journal
+from rig.recording.strokes import Stroke, StrokeDetector, StrokeSettings
+from rig.session import Session, annotation_file
+from rig.session.folder import INFO_NAME
+from rig.session.journal.format import Journal, scan_journal, stored_blocks
 from rig.session.trial_data import TrialData
 from rig.storage import platform_calls
+from rig.storage.atomic_write import replace_when_complete
 from rig.storage.file_errors import refused
 
 
@@ -32,13 +38,17 @@ class Recovered:
     note: str
 
 
-def recover(path: str | Path) -> list[Recovered]:
+def recover(path: str | Path, out: str | Path | None = None) -> list[Recovered]:
     """Recover every trial of a session that was not sealed.
 
     Parameters
     ----------
     path : path
         Session folder.
+    out : path, optional
+        Session folder to create for the result, e.g. where the first is full or cannot be written: sealed trials,
+        annotations and the files beside them are copied, films and derived results are not. Nothing of the first
+        is changed.
 
     Returns
     -------
@@ -50,17 +60,33 @@ def recover(path: str | Path) -> list[Recovered]:
     RigInputError
         When the folder is no session, is still being recorded, or cannot be written, or a journal does not belong
         there; the other trials are recovered first.
+
+    Examples
+    --------
+    >>> import rig
+    >>> rig.recover("sessions/example_forte")  # every trial is sealed
+    []
     """
     session = Session.open(path, require_trials=False)
     journals = session.journals
     for file in journals.values():
-        _refuse_if_in_use(file)
+        _refuse_if_in_use(file, os.O_RDWR if out is None else os.O_RDONLY)
+    if out is not None:
+        return _recover_all(_copied(session, Path(out)), journals, keep=True)
     for part in session.path.glob(".trial_*.h5.*.part"):
         part.unlink(missing_ok=True)  # part of a trial whose journal is still there
+    return _recover_all(session, journals, keep=False)
+
+
+recover_session = recover
+
+
+def _recover_all(session: Session, journals: Mapping[int, Path], *, keep: bool) -> list[Recovered]:
+    """Recover journals into a session; each stays where it is when it is to be kept."""
     found, complaints = [], []
     for number, file in journals.items():
         try:
-            found.append(_recover_trial(session, number, file))
+            found.append(_recover_trial(session, number, file, keep=keep))
         except RigInputError as error:
             complaints.append(str(error))
     if complaints:
@@ -68,12 +94,26 @@ def recover(path: str | Path) -> list[Recovered]:
     return found
 
 
-recover_session = recover
+def _copied(session: Session, out: Path) -> Session:
+    """Make a session of what is sealed and written in another; damaged trials are left out."""
+    texts = {INFO_NAME: "", annotation_file.FILE_NAME: ""}
+    for file in session.path.iterdir():
+        if file.suffix in (".toml", ".jsonl") and file.is_file():
+            texts[file.name] = toml_file.read_text(file)
+    del texts[INFO_NAME]  # written by the session itself
+    copy = Session.create(out, session.info, {name: text for name, text in texts.items() if text})
+    for trial in session.trials:
+        target = copy.trial_path(trial.number)
+        with refused(target, "written"), replace_when_complete(target) as part:
+            shutil.copyfile(trial.path, part)
+        if _sealed(copy, trial.number) is None:
+            _put_aside(target)
+    return copy
 
 
-def _refuse_if_in_use(file: Path) -> None:
+def _refuse_if_in_use(file: Path, flags: int) -> None:
     with refused(file, "opened"):
-        descriptor = platform_calls.open_raw(file, os.O_RDWR)
+        descriptor = platform_calls.open_raw(file, flags)
     try:
         if not platform_calls.lock(descriptor):
             raise RigInputError(f"{file}: another program is recording this session; wait until it has ended")
@@ -81,15 +121,22 @@ def _refuse_if_in_use(file: Path) -> None:
         os.close(descriptor)
 
 
-def _recover_trial(session: Session, number: int, file: Path) -> Recovered:
-    journal = read_journal(file)
+def _recover_trial(session: Session, number: int, file: Path, *, keep: bool) -> Recovered:
+    journal = scan_journal(file)
     if (sealed := _sealed(session, number)) is not None:
-        return _already_sealed(session, sealed, file, journal)
-    if journal.head is None or not journal.blocks:
+        return _already_sealed(session, sealed, file, journal, keep=keep)
+    if journal.head is None or not journal.n_samples:
         if journal.left_over:
             return Recovered(number, "unreadable", 0, f"{file.name} begins with damage and was left as it is")
-        file.unlink()
-        return Recovered(number, "empty", 0, "no sample had been acquired; the journal was removed")
+        if not keep:
+            file.unlink()
+        return Recovered(number, "empty", 0, f"no sample had been acquired; the journal {_fate(keep)}")
+    settings = journal.head.provenance.get(PASSIVE)
+    stroke = None if settings is None else _stroke(file, journal, settings)
+    if settings is not None and stroke is None:
+        if not keep:
+            file.unlink()
+        return Recovered(number, "empty", 0, f"nobody was playing; the journal {_fate(keep)}")
     if journal.head.number != number:
         raise RigInputError(f"{file}: holds trial {journal.head.number}, not {number}; give it its own name again")
     damaged = journal.records_behind or (journal.ending is not None and journal.left_over > 0)
@@ -103,18 +150,33 @@ def _recover_trial(session: Session, number: int, file: Path) -> Recovered:
         reason = note
     if session.trial_path(number).exists():
         note += f"; the sealed file was damaged and is kept as {_put_aside(session.trial_path(number)).name}"
-    data = journal.head.assemble(journal.blocks, status, reason)
-    reject_warm_up(session, data)
-    sealed = session.add_trial(data).read()
-    if sealed.n_valid != journal.n_samples:
-        raise RigInputError(
-            f"{file}: {journal.n_samples} samples, but {sealed.n_valid} were sealed; the journal is kept"
-        )
-    if damaged:
+    if stroke is None:
+        wanted = journal.n_samples
+        sealed = seal_journal(session, file, journal, status, reason).read()
+    else:
+        wanted = stroke.end - stroke.first
+        sealed = seal_cut(session, file, Cut(stroke.first, stroke.trigger, stroke.end), status, reason).read()
+    if sealed.n_valid != wanted:
+        raise RigInputError(f"{file}: {wanted} samples, but {sealed.n_valid} were sealed; the journal is kept")
+    if keep:
+        note += "; the journal stays"
+    elif damaged:
         _put_aside(file)
     else:
         file.unlink()
-    return Recovered(number, status, journal.n_samples, note)
+    return Recovered(number, status, wanted, note)
+
+
+def _stroke(file: Path, journal: Journal, settings: str) -> Stroke | None:
+    """Return the stroke in the journal of a passive recording, found as the recorder found it."""
+    try:
+        detector = StrokeDetector(StrokeSettings.from_text(settings))
+    except (TypeError, ValueError, KeyError) as error:
+        raise RigInputError(f"{file}: its settings of strokes cannot be read ({error})") from None
+    for block in stored_blocks(file, journal):
+        if (stroke := detector.add(block)) is not None:
+            return stroke
+    return detector.finish()
 
 
 def _sealed(session: Session, number: int) -> TrialData | None:
@@ -125,15 +187,21 @@ def _sealed(session: Session, number: int) -> TrialData | None:
         return None
 
 
-def _already_sealed(session: Session, sealed: TrialData, file: Path, journal: Journal) -> Recovered:
+def _already_sealed(session: Session, sealed: TrialData, file: Path, journal: Journal, *, keep: bool) -> Recovered:
     """Remove the journal of a trial that was sealed just before the program ended, unless the two differ."""
-    force_n = np.concatenate([np.empty(0), *(block.force_n for block in journal.blocks)])
-    if not np.array_equal(sealed.force_n[: force_n.size], force_n):
+    kept = stored_blocks(file, journal) if journal.head is not None else ()
+    at = sealed.force_n
+    if not all(np.array_equal(at[b.first_sample : b.first_sample + b.force_n.size], b.force_n) for b in kept):
         raise RigInputError(
             f"{file}: is not the journal of {session.trial_path(sealed.number).name}; move it elsewhere"
         )
-    file.unlink()
-    return Recovered(sealed.number, sealed.status, sealed.n_valid, "was sealed already; the journal was removed")
+    if not keep:
+        file.unlink()
+    return Recovered(sealed.number, sealed.status, sealed.n_valid, f"was sealed already; the journal {_fate(keep)}")
+
+
+def _fate(keep: bool) -> str:
+    return "stays" if keep else "was removed"
 
 
 def _put_aside(file: Path) -> Path:

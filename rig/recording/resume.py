@@ -75,7 +75,27 @@ def _copy(session: Session, file: FileInfo) -> str:
 
 
 def session_rig(session: Session) -> Rig:
-    """Return the rig file a session was begun with."""
+    """Return the rig file a session was begun with.
+
+    Parameters
+    ----------
+    session : Session
+
+    Returns
+    -------
+    Rig
+
+    Raises
+    ------
+    RigInputError
+        When the session's copy of it is missing or was changed.
+
+    Examples
+    --------
+    >>> import rig
+    >>> rig.session_rig(rig.Session.open("sessions/example_forte")).config.name
+    'virtual'
+    """
     return parse_rig(_copy(session, session.info.rig), str(session.path / session.info.rig.copy_name))
 
 
@@ -92,13 +112,19 @@ def resume(
 
     Parameters
     ----------
+    path : path
+        Session folder.
     backend : Backend
         Of the session's rig file (:func:`session_rig`); simulated or not as the session is.
     opened : callable, optional
         Called with the number of the last trial there is, before the first new one.
     **keywords
-        ``progress``, ``after_trial``, ``feed``, ``ask``, ``predict``, ``permission``, ``open_journal`` and ``now_s`` as
-        for :func:`rig.recording.recorder.record`.
+        ``progress``, ``after_trial``, ``feed``, ``ask``, ``predict``, ``permission``, ``open_journal``, ``now_s`` and
+        ``wall_s`` as for :func:`rig.recording.recorder.record`.
+
+    Returns
+    -------
+    Session
 
     Raises
     ------
@@ -106,6 +132,23 @@ def resume(
         No session, nothing left to record, or copies that were changed; nothing has moved.
     HardwareFault, KeyboardInterrupt
         As when recording.
+    TypeError
+        A keyword that is not known.
+
+    Examples
+    --------
+    >>> import rig
+    >>> def stop_at_trial_2(at):
+    ...     if at.trial == 2:
+    ...         raise KeyboardInterrupt
+    >>> try:
+    ...     rig.record("half", profile="forte", trials=2, progress=stop_at_trial_2)
+    ... except KeyboardInterrupt:
+    ...     half = rig.Session.open("half")
+    >>> bench = rig.open_backend("sim://", rig.session_rig(half).config)
+    >>> [trial.status for trial in rig.resume("half", bench).trials]
+    ['complete', 'interrupted', 'complete']
+    >>> bench.close()
     """
     if unknown := sorted(set(keywords) - set(ResumeKeywords.__annotations__)):
         raise TypeError(f"resume() got unexpected keyword arguments {', '.join(unknown)}")

@@ -1,13 +1,13 @@
 """One trial on a backend: quiet, blow, rest; whatever happens the bench is made safe and the data acquired are stored.
 
-The result is the trial's data with a status, and the exception that ended it, if any. A block is in the journal before
-any observer receives it.
+The result is a journal, the trial's status, and the exception that ended it, if any. A block is in the journal before
+any observer receives it; no sample is kept in memory.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -23,7 +23,6 @@ from rig.safety.interlocks import Interlocks
 from rig.safety.interrupts import deferred
 from rig.session.journal.trial_head import TrialHead
 from rig.session.journal.writer import JournalWriter
-from rig.session.trial_data import TrialData
 
 LATE_S = 0.2
 """How long a block may be late where there is no watchdog: without a sample clock the motor holds its last voltage."""
@@ -34,7 +33,7 @@ reset only by data, ends the trial sooner."""
 
 @dataclass(frozen=True, eq=False)
 class PlannedTrial:
-    """One trial to be recorded: its number (of ``trials``), command, journal, condition and entry of the plan."""
+    """One trial to be recorded: its number (of ``trials``), command, journal, place in the plan, and origin."""
 
     number: int
     trials: int
@@ -42,28 +41,32 @@ class PlannedTrial:
     journal_path: Path
     condition: str = ""
     plan_entry: int = 0
+    provenance: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
 class TrialOutcome:
-    """Data of a trial (None without a sample), the exception that ended it early, its journal, the reason."""
+    """What is in a trial's journal, how it ended, and the exception that ended it early.
 
-    data: TrialData | None
-    error: BaseException | None
-    journal: JournalWriter | None = None
+    ``journal`` is None, and ``samples`` 0, where the trial has no sample.
+    """
+
+    status: str
     reason: str = ""
+    error: BaseException | None = None
+    journal: JournalWriter | None = None
+    samples: int = 0
 
 
 def run_trial(backend: Backend, config: RigConfig, trial: PlannedTrial, options: RecordingOptions) -> TrialOutcome:
-    """Record one trial; never raises for what happens on the bench, the outcome carries it.
+    """Record one trial; never raises for what happens on the bench or in a program, the outcome carries it.
 
-    The closed journal stays on disk: the caller removes it once the trial is sealed.
+    The samples are in the closed journal, not in memory; the caller seals the trial and removes the journal.
     """
-    blocks: list[Block] = []
-    status, reason, outputs = "fault", "", ""
+    status, reason, outputs = "defect", "", ""
     error: BaseException | None = None
-    head: TrialHead | None = None
     journal: JournalWriter | None = None
+    read = 0
     command = trial.command
     try:
         timing = backend.configure(config, command.volts)
@@ -72,60 +75,87 @@ def run_trial(backend: Backend, config: RigConfig, trial: PlannedTrial, options:
             number=trial.number, simulated=backend.capabilities.simulated,
             condition=trial.condition, plan_entry=trial.plan_entry,
         )  # fmt: skip
+        head = replace(head, provenance=trial.provenance)
         size, longest = _lengths(config, command, timing)
         interlocks = Interlocks(config, timing, command.volts, command.blow_start_s)
-        journal = options.open_journal(trial.journal_path, head, longest + size, longest // size + 2)
+        written = journal = options.open_journal(trial.journal_path, head, longest + size, longest // size + 2)
         backend.arm()
         backend.start()
 
         def store(block: Block) -> None:
-            blocks.append(block)
-            committed = journal.append(block)
+            nonlocal read
+            committed = written.append(block)
+            read += block.force_n.size
             interlocks.check(block)
             if options.feed is not None:
                 options.feed.publish(block)
             if options.progress is not None:
-                peak = float(np.max(np.abs(block.force_n)))
-                rate, read = timing.sample_rate_hz, block.first_sample + block.force_n.size
+                peak, rate = float(np.max(np.abs(block.force_n))), timing.sample_rate_hz
                 options.progress(
                     Progress(trial.number, trial.trials, read / rate, command.blow_end_s, peak, committed / rate)
                 )
 
         status = _read_until_rest(backend, config, command, timing, store)
-        _check_sample_count(backend, sum(block.force_n.size for block in blocks))
+        _check_sample_count(backend, read)
         if status == "complete" or trial.number < trial.trials:
             interlocks.check_returned()  # or there is no further blow
-    except KeyboardInterrupt as interrupt:
-        status, reason, error = "interrupted", str(interrupt) or "stopped by the operator", interrupt
-    except BaseException as fault:
-        status, reason, error = "fault", _one_line(fault), fault
+    except BaseException as ended:
+        error, status, reason = ended, status_of(ended), reason_of(ended)
     finally:
         try:
             with deferred():
-                try:
-                    backend.safe_stop()
-                    outputs = "outputs safe"
-                except HardwareFault as fault:
-                    outputs = f"OUTPUTS NOT CONFIRMED SAFE, cut the drive's power: {_one_line(fault)}"
-                    reason = "; ".join(filter(None, (reason, _one_line(fault))))
-                    status, error = "fault", error or fault
+                unsafe = _made_safe(backend)
+                outputs = "outputs safe"
+                if unsafe is not None:
+                    outputs = f"OUTPUTS NOT CONFIRMED SAFE, cut the drive's power: {one_line(unsafe)}"
+                    reason = "; ".join(filter(None, (reason, one_line(unsafe))))
+                    status, error = status_of(unsafe), error or unsafe
                 if status == "not at rest":
                     reason = f"not at rest {config.recording.longest_s:g} s after the blow"
                 if journal is not None:
-                    try:
-                        journal.close(status, reason)
-                    except HardwareFault as fault:
-                        if error is None:
-                            status, reason, error = "fault", _one_line(fault), fault
+                    failed = closed(journal, status, reason)
+                    if error is None and failed is not None:
+                        status, reason, error = status_of(failed), one_line(failed), failed
         except KeyboardInterrupt as late:  # it came while the bench was made safe: the trial stays as it is
             error = error or late
     if isinstance(error, KeyboardInterrupt) and outputs:
         error.add_note(outputs)  # for whoever tells the operator what the interrupt did
-    if not blocks or head is None:
-        if journal is not None:
-            journal.remove()
-        return TrialOutcome(None, error, reason=reason)
-    return TrialOutcome(head.assemble(blocks, status, reason), error, journal, reason)
+    if journal is not None and not read:
+        journal.remove()
+        journal = None
+    return TrialOutcome(status, reason, error, journal, read)
+
+
+def status_of(error: BaseException) -> str:
+    """Return the status of a trial that an exception ended: only the bench and the disk have faults."""
+    if isinstance(error, HardwareFault):
+        return "fault"
+    return "defect" if isinstance(error, Exception) else "interrupted"
+
+
+def reason_of(error: BaseException) -> str:
+    """Return why a trial ended early, in one line."""
+    if isinstance(error, KeyboardInterrupt):
+        return str(error) or "stopped by the operator"
+    return one_line(error)
+
+
+def _made_safe(backend: Backend) -> BaseException | None:
+    """Make the bench safe; return what prevented it."""
+    try:
+        backend.safe_stop()
+    except BaseException as fault:  # nothing may keep the journal from being closed
+        return fault
+    return None
+
+
+def closed(journal: JournalWriter, status: str, reason: str) -> BaseException | None:
+    """Close a journal; return what prevented it."""
+    try:
+        journal.close(status, reason)
+    except Exception as failure:
+        return failure
+    return None
 
 
 def _check_sample_count(backend: Backend, stored: int) -> None:
@@ -172,6 +202,7 @@ def _read_until_rest(
             return "not at rest"
 
 
-def _one_line(error: BaseException) -> str:
+def one_line(error: BaseException) -> str:
+    """Return an exception's type and text in one line."""
     text = f"{type(error).__name__}: {error}".replace("\0", " ")  # HDF5 text cannot hold a null
     return " ".join(text.split())

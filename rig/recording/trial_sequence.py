@@ -10,6 +10,7 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 
 from rig.backend import Backend
 from rig.configuration.motor_command import motor_command
@@ -17,11 +18,12 @@ from rig.configuration.rig_file import RigConfig
 from rig.errors import NotPermitted, RecordingFault, RigInputError
 from rig.recording.options import RecordingOptions
 from rig.recording.progress import Progress, TimeLeft
-from rig.recording.trial_plan import Entry, reject_warm_up
+from rig.recording.provenance import ClockWatch, trial_provenance
+from rig.recording.sealing import seal_recorded
+from rig.recording.trial_plan import Entry
 from rig.recording.trial_run import PlannedTrial, TrialOutcome, run_trial
 from rig.safety.interrupts import deferred, termination_as_interrupt
 from rig.session.folder import Session, Trial
-from rig.session.trial_data import TrialData
 
 
 def record_entries(
@@ -49,6 +51,8 @@ def record_entries(
     commands = {entry.condition: motor_command(entry.profile, config) for entry in entries}
     last = first_number + len(entries) - 1
     prompted: str | None = None
+    there = len(session.trials)
+    clocks = ClockWatch(options.wall_s, options.now_s)
     clock = TimeLeft(options.now_s, rest_s, len(entries))
     observed = _with_time_left(options, clock)
     with termination_as_interrupt():
@@ -59,23 +63,25 @@ def record_entries(
                 _prompt(entry, number, options)
                 prompted = entry.condition
             clock.begin()
+            check_still_there(session, there + number - first_number)
             trial = PlannedTrial(
                 number, last, commands[entry.condition], session.journal_path(number),
                 entry.condition, entry.number if entry.condition else 0,
+                trial_provenance(session.info, backend.capabilities, config, entry.profile),
             )  # fmt: skip
             outcome = run_trial(backend, config, trial, observed)
             _store(session, trial, outcome, options)
+            _note_jump(session, number, clocks)
             if outcome.error is not None:
                 raise outcome.error
             clock.end()
 
 
 def _store(session: Session, trial: PlannedTrial, outcome: TrialOutcome, options: RecordingOptions) -> None:
-    if outcome.data is not None:
+    if outcome.journal is not None:
         with deferred():
-            sealed = _seal(session, outcome.data)
-            if outcome.journal is not None:
-                outcome.journal.remove()
+            sealed = seal(session, outcome.journal.path, outcome.status, outcome.reason)
+            outcome.journal.remove()
         if outcome.error is None and options.after_trial is not None:
             options.after_trial(sealed)
     elif session.trials:
@@ -83,14 +89,37 @@ def _store(session: Session, trial: PlannedTrial, outcome: TrialOutcome, options
             session.annotate(0, "note", f"trial {trial.number} did not begin: {outcome.reason}", author="recorder")
 
 
-def _seal(session: Session, data: TrialData) -> Trial:
-    """Seal a trial; a failure to seal it is reported together with what had ended the trial."""
+def seal(session: Session, journal: Path, status: str, reason: str) -> Trial:
+    """Seal a trial from its journal; a failure to seal it is reported together with what had ended the trial.
+
+    Raises RecordingFault, which says whether the journal is still there.
+    """
     try:
-        reject_warm_up(session, data)  # first: a warm-up blow never counts, whenever the program ends
-        return session.add_trial(data)
+        return seal_recorded(session, journal, status, reason)
     except RigInputError as failure:
-        advice = f"{failure}; its journal is kept: free some space, then run  pianorig recover {session.path}"
-        raise RecordingFault("; ".join(filter(None, (data.reason, advice))), phase="write") from failure
+        if journal.exists():
+            advice = f"{failure}; its journal is kept: free some space, then run  pianorig recover {session.path}"
+        else:
+            advice = f"{journal}: was deleted while it was recorded; the samples of this trial are lost"
+        raise RecordingFault("; ".join(filter(None, (reason, advice))), phase="write") from failure
+
+
+def check_still_there(session: Session, sealed: int) -> None:
+    """Refuse to go on recording into a folder that was deleted or unmounted, or lost trials that were ``sealed``."""
+    found = len(session.trials) if session.path.is_dir() else 0
+    if found < sealed or not session.path.is_dir():
+        raise RecordingFault(
+            f"{session.path}: {sealed} trials were sealed here, {found} are left: the folder was deleted, moved or "
+            "unmounted while it was recorded; nothing else is kept elsewhere, record into another folder",
+            phase="write",
+        )
+
+
+def _note_jump(session: Session, number: int, clocks: ClockWatch) -> None:
+    """Note a wall clock that was set during the trial, or the rest before it."""
+    if (jump := clocks.jump()) and any(trial.number == number for trial in session.trials):
+        with contextlib.suppress(RigInputError):  # a note is not worth the session
+            session.annotate(number, "note", jump, author="recorder")
 
 
 def _prompt(entry: Entry, number: int, options: RecordingOptions) -> None:

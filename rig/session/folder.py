@@ -9,7 +9,7 @@ from __future__ import annotations
 import contextlib
 import re
 import shutil
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,7 +18,7 @@ from rig.errors import RigInputError
 from rig.session import annotation_file, derived
 from rig.session.info import SessionInfo
 from rig.session.trial_data import TrialData
-from rig.session.trial_file import read_status, read_trial, write_trial
+from rig.session.trial_file import read_status, read_trial, write_trial, write_trial_parts
 from rig.storage.atomic_write import write_text
 from rig.storage.file_errors import refused
 
@@ -44,7 +44,7 @@ class Trial:
 
     @property
     def status(self) -> str:
-        """``complete``, ``not at rest``, ``interrupted``, ``fault`` or ``incomplete``."""
+        """``complete``, ``not at rest``, ``interrupted``, ``fault``, ``defect`` or ``incomplete``."""
         return read_status(self.path)[0]
 
     @property
@@ -191,6 +191,12 @@ class Session:
         path = self.trial_path(data.number)
         write_trial(path, data)
         return Trial(path, data.number, None)
+
+    def add_trial_parts(self, about: TrialData, n_samples: int, parts: Iterable[TrialData]) -> Trial:
+        """Write and seal one trial whose ``n_samples`` come in parts (:mod:`rig.session.trial_file`)."""
+        path = self.trial_path(about.number)
+        write_trial_parts(path, about, n_samples, parts)
+        return Trial(path, about.number, None)
 
     @property
     def annotations(self) -> tuple[annotation_file.Annotation, ...]:

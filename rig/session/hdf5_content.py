@@ -43,6 +43,27 @@ class Content:
         self.describe(dataset, sha256=self._arrays[_name(dataset)])
         return dataset
 
+    def growing(
+        self,
+        group: h5py.Group,
+        name: str,
+        shape: int | tuple[int, ...],
+        dtype: str,
+        /,
+        *meaning: str,
+        **attributes: Any,
+    ) -> Growing:
+        """Make a quantity whose rows are added part by part; ``meaning``: unit and what it is."""
+        units, long_name = meaning
+        dataset = group.create_dataset(name, shape, dtype=dtype)
+        self.describe(dataset, units=units, long_name=long_name, **attributes)
+        return Growing(self, dataset)
+
+    def close(self, dataset: h5py.Dataset, sha256: str) -> None:
+        """Take the digest of an array that is complete."""
+        self._arrays[_name(dataset)] = sha256
+        self.describe(dataset, sha256=sha256)
+
     def sha256(self) -> str:
         """Return the digest over everything written."""
         digest = hashlib.sha256()
@@ -52,6 +73,29 @@ class Content:
                 digest.update(f"{key}={hashed}\0".encode())
             digest.update(self._arrays.get(name, "").encode())
         return digest.hexdigest()
+
+
+class Growing:
+    """A dataset that is filled row by row; its digest is that of the whole array."""
+
+    def __init__(self, content: Content, dataset: h5py.Dataset) -> None:
+        self._content, self.dataset = content, dataset
+        self._rows = 0
+        self._digest = hashlib.sha256()
+
+    def add(self, values: NDArray[Any]) -> None:
+        """Add the next rows."""
+        rows = np.ascontiguousarray(values, dtype=self.dataset.dtype)
+        if rows.size:
+            self.dataset[self._rows : self._rows + rows.shape[0]] = rows
+            self._digest.update(rows.tobytes())
+        self._rows += values.shape[0]
+
+    def finish(self) -> None:
+        """Store the digest; ValueError unless every row was added."""
+        if self._rows != self.dataset.shape[0]:
+            raise ValueError(f"{self.dataset.name}: {self._rows} rows, expected {self.dataset.shape[0]}")
+        self._content.close(self.dataset, self._digest.hexdigest())
 
 
 def _name(node: h5py.Group | h5py.Dataset) -> str:

@@ -7,8 +7,8 @@ first sample.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass, fields
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -29,7 +29,7 @@ def absent_bodies(names: Iterable[str]) -> tuple[str, ...]:
 
 def of_same_name(info: type, config: Table) -> dict[str, Any]:
     """Return the values of a configuration table for which the record has fields of the same name."""
-    return {field.name: getattr(config, field.name) for field in fields(info) if hasattr(config, field.name)}
+    return {one.name: getattr(config, one.name) for one in fields(info) if hasattr(config, one.name)}
 
 
 def _calibration(text: str, certificate: CertificateConfig | None) -> str:
@@ -103,6 +103,13 @@ class ForceInfo:
     preload_n: float = 0.0
     u_preload_n: float = 0.0
     mains_frequency_hz: float = 60.0
+    device_scaling: tuple[float, ...] = ()
+    """Polynomial from the converter's code to the reading in V or V/V, by the driver; empty where it is not known."""
+
+    @property
+    def volts_per_unit(self) -> float:
+        """V, or V/V, per unit of the electrical reading."""
+        return 1e-3 if self.electrical_unit == "mV/V" else 1.0
 
     @classmethod
     def of(cls, config: RigConfig, group_delay_s: float) -> ForceInfo:
@@ -177,7 +184,8 @@ class TrialData:
     number : int
         Trial number, from 1.
     status : str
-        ``complete``, ``not at rest``, ``interrupted``, ``fault`` or ``incomplete`` (recovered from the journal).
+        ``complete``, ``not at rest``, ``interrupted``, ``fault`` (bench or disk), ``defect`` (an error in a program) or
+        ``incomplete`` (recovered from the journal).
     reason : str
         Why the status is not ``complete``; empty otherwise.
     time_s : ndarray, shape (n,)
@@ -198,6 +206,8 @@ class TrialData:
         Further channels of the rig file, as many as there are.
     channel_values : ndarray, shape (n, channels), or None
         Their values, each in its unit; None without such channels.
+    provenance : mapping of str
+        Operator, action, rig, devices with serial numbers, calibration dates, software; empty for older files.
     """
 
     number: int
@@ -220,6 +230,7 @@ class TrialData:
     sha256: str = ""
     channels: tuple[ChannelInfo, ...] = ()
     channel_values: NDArray[np.float64] | None = None
+    provenance: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def absent(self) -> tuple[str, ...]:
@@ -249,7 +260,10 @@ class TrialData:
             columns |= {channel.name: self.channel_values[:, k] for k, channel in enumerate(self.channels)}
         return pd.DataFrame(columns)
 
-    def angle_rad(self) -> NDArray[np.float64]:
-        """Return the encoder angles, rad, counter-clockwise, zero at the first sample, shape (n, encoders)."""
+    def angle_rad(self, zero: NDArray[np.int64] | None = None) -> NDArray[np.float64]:
+        """Return the encoder angles, rad, counter-clockwise, shape (n, encoders), zero at the first sample.
+
+        ``zero`` (1, encoders): other counts at which the angles are zero.
+        """
         per_count = np.array([encoder.rad_per_count for encoder in self.encoders])
-        return (self.encoder_count - self.encoder_count[:1]) * per_count
+        return (self.encoder_count - (self.encoder_count[:1] if zero is None else zero)) * per_count

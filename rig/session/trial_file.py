@@ -7,6 +7,7 @@ the SHA-256 of all content, which identifies the trial in derived results. A tru
 from __future__ import annotations
 
 import json
+from collections.abc import Iterable
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -15,25 +16,57 @@ import h5py
 import numpy as np
 
 from rig.errors import RigInputError
-from rig.session.hdf5_content import Content
+from rig.session.converter_codes import NO_CODE, force_codes
+from rig.session.hdf5_content import Content, Growing
 from rig.session.sealed_hdf5 import open_sealed, write_sealed
 from rig.session.trial_data import CameraInfo, ChannelInfo, EncoderInfo, ForceInfo, TrialData
 
 SCHEMA = "piano-action-rig trial 1"
-STATUSES = ("complete", "not at rest", "interrupted", "fault", "incomplete")
+LATER = ("device_scaling",)
+"""Attributes of the force that older files do not have."""
+STATUSES = ("complete", "not at rest", "interrupted", "fault", "defect", "incomplete")
 
 
 def write_trial(path: Path, data: TrialData) -> str:
     """Write and seal one trial; return its seal (SHA-256). An existing file is never replaced."""
+    return write_trial_parts(path, data, data.n_valid, (data,))
+
+
+def write_trial_parts(path: Path, about: TrialData, n_samples: int, parts: Iterable[TrialData]) -> str:
+    """Write and seal one trial whose samples come in parts, so that a long one never is in memory as a whole.
+
+    Parameters
+    ----------
+    path : Path
+        An existing file is never replaced.
+    about : TrialData
+        All that is not samples; its arrays count for their columns only.
+    n_samples : int
+        Samples of all parts.
+    parts : iterable of TrialData
+        Successive parts; only their arrays are read.
+
+    Returns
+    -------
+    str
+        The seal (SHA-256), the same however the samples were divided.
+
+    Raises
+    ------
+    RigInputError
+        When the file exists or cannot be written, or the shapes do not fit.
+    """
     if path.exists():
         raise RigInputError(f"{path}: exists already; a sealed trial is never replaced")
-    _check_shapes(path, data)
+    _check_shapes(path, about)
     content = Content()
     with write_sealed(path) as file:
-        _write_root(content, file, data)
-        _write_daq(content, file.create_group("daq", track_order=True), data)
-        if data.camera is not None:
-            _write_camera(content, file.create_group("camera", track_order=True), data.camera)
+        _write_root(content, file, about)
+        _write_daq(content, file.create_group("daq", track_order=True), about, n_samples, parts)
+        if about.provenance:
+            content.describe(file.create_group("provenance", track_order=True), **about.provenance)
+        if about.camera is not None:
+            _write_camera(content, file.create_group("camera", track_order=True), about.camera)
         digest = content.sha256()
         file.attrs["sha256"] = digest
     return digest
@@ -90,65 +123,93 @@ def _write_root(content: Content, file: h5py.File, data: TrialData) -> None:
     )
 
 
-def _write_daq(content: Content, group: h5py.Group, data: TrialData) -> None:
-    rate, info = data.sample_rate_hz, data.force_info
-    content.describe(group, sample_rate_hz=rate, n_valid=data.n_valid, status=data.status, reason=data.reason)
-    time = content.quantity(
-        group, "time", data.time_s, "s", "time since the AI start trigger", sample_rate_hz=data.sample_rate_hz
+def _write_daq(
+    content: Content, group: h5py.Group, about: TrialData, n_samples: int, parts: Iterable[TrialData]
+) -> None:
+    rate, info = about.sample_rate_hz, about.force_info
+    content.describe(group, sample_rate_hz=rate, n_valid=n_samples, status=about.status, reason=about.reason)
+    time = content.growing(
+        group, "time", n_samples, "<f8", "s", "time since the AI start trigger", sample_rate_hz=about.sample_rate_hz
     )
-    time.make_scale("time")
-    names = np.array([encoder.name for encoder in data.encoders], dtype=h5py.string_dtype("utf-8"))
+    time.dataset.make_scale("time")
+    names = np.array([encoder.name for encoder in about.encoders], dtype=h5py.string_dtype("utf-8"))
     encoder_axis = content.dataset(group, "encoder", names, long_name="body the encoder reads")
     encoder_axis.make_scale("encoder")
-    force = content.quantity(
+    force = content.growing(
         group,
         "force",
-        data.force_n,
+        n_samples,
+        "<f8",
         "N",
         "force on the key, positive downwards, calibrated, not corrected for offset, delay or hum",
         **_attributes(info),
     )
-    raw = content.quantity(
+    raw = content.growing(
         group,
         "force_raw",
-        data.force_raw,
+        n_samples,
+        "<f8",
         info.electrical_unit,
         "electrical reading of the force channel",
         channel=info.channel,
     )
-    motor = content.quantity(
-        group, "motor_command", data.motor_command_v, "V", "motor command held from each sample to the next"
+    motor = content.growing(
+        group, "motor_command", n_samples, "<f8", "V", "motor command held from each sample to the next"
     )
-    count = content.quantity(
+    count = content.growing(
         group,
         "encoder_count",
-        data.encoder_count.astype(np.int64),
+        (n_samples, len(about.encoders)),
+        "<i8",
         "1",
         "encoder counts since arming (X4)",
-        encoders_json=json.dumps([asdict(encoder) for encoder in data.encoders]),
-        counts_per_revolution=np.array([e.counts_per_revolution for e in data.encoders], dtype=np.int64),
-        sign=np.array([e.sign for e in data.encoders], dtype=np.int64),
+        encoders_json=json.dumps([asdict(encoder) for encoder in about.encoders]),
+        counts_per_revolution=np.array([e.counts_per_revolution for e in about.encoders], dtype=np.int64),
+        sign=np.array([e.sign for e in about.encoders], dtype=np.int64),
     )
-    further = _write_channels(content, group, data)
-    for dataset in (force, raw, motor, count, *further):
-        dataset.dims[0].attach_scale(time)
-    count.dims[1].attach_scale(encoder_axis)
+    further = _further_channels(content, group, about, n_samples)
+    codes = _force_codes(content, group, about, n_samples)
+    for part in parts:
+        time.add(part.time_s)
+        force.add(part.force_n)
+        raw.add(part.force_raw)
+        motor.add(part.motor_command_v)
+        count.add(part.encoder_count)
+        for column in codes:
+            column.add(force_codes(part.force_raw, info))
+        for k, column in enumerate(further):
+            assert part.channel_values is not None
+            column.add(part.channel_values[:, k])
+    for column in (time, force, raw, motor, count, *further, *codes):
+        column.finish()
+        if column is not time:
+            column.dataset.dims[0].attach_scale(time.dataset)
+    count.dataset.dims[1].attach_scale(encoder_axis)
 
 
-def _write_channels(content: Content, group: h5py.Group, data: TrialData) -> list[h5py.Dataset]:
-    """Write the further channels, one dataset each; nothing where there are none."""
-    if data.channel_values is None:
+def _force_codes(content: Content, group: h5py.Group, about: TrialData, n_samples: int) -> list[Growing]:
+    """Make the dataset of the converter's codes; nothing where the driver's scaling is not known."""
+    if not about.force_info.device_scaling:
         return []
-    content.describe(group, channels_json=json.dumps([asdict(channel) for channel in data.channels]))
+    meaning = "code of the converter behind the force, by the driver's scaling device_scaling"
+    return [content.growing(group, "force_code", n_samples, "<i4", "1", meaning, no_code=NO_CODE)]
+
+
+def _further_channels(content: Content, group: h5py.Group, about: TrialData, n_samples: int) -> list[Growing]:
+    """Make the datasets of the further channels, one each; nothing where there are none."""
+    if about.channels:
+        content.describe(group, channels_json=json.dumps([asdict(channel) for channel in about.channels]))
     made = []
-    for channel, values in zip(data.channels, data.channel_values.T, strict=True):
+    for channel in about.channels:
         rest = _attributes(channel)
-        made.append(content.quantity(group, rest.pop("name"), values, rest.pop("unit"), rest.pop("quantity"), **rest))
+        name, unit, quantity = (rest.pop(key) for key in ("name", "unit", "quantity"))
+        made.append(content.growing(group, name, n_samples, "<f8", unit, quantity, **rest))
     return made
 
 
 def _attributes(info: ForceInfo | ChannelInfo) -> dict[str, Any]:
-    return {key: np.array(value) if isinstance(value, tuple) else value for key, value in asdict(info).items()}
+    plain = {key: np.array(value) if isinstance(value, tuple) else value for key, value in asdict(info).items()}
+    return {key: value for key, value in plain.items() if not isinstance(value, np.ndarray) or value.size}
 
 
 def _write_camera(content: Content, group: h5py.Group, camera: CameraInfo) -> None:
@@ -185,7 +246,8 @@ def _read(file: h5py.File, sha256: str) -> TrialData:
     _check_units(file)
     daq = file["daq"]
     force = daq["force"]
-    info = ForceInfo(**{field: _plain(force.attrs[field]) for field in ForceInfo.__dataclass_fields__})
+    stated = [field for field in ForceInfo.__dataclass_fields__ if field in force.attrs or field not in LATER]
+    info = ForceInfo(**{field: _plain(force.attrs[field]) for field in stated})
     encoders = tuple(EncoderInfo(**entry) for entry in json.loads(daq["encoder_count"].attrs["encoders_json"]))
     channels = tuple(ChannelInfo.from_plain(entry) for entry in json.loads(daq.attrs.get("channels_json", "[]")))
     camera = None
@@ -212,5 +274,6 @@ def _read(file: h5py.File, sha256: str) -> TrialData:
         camera=camera,
         sha256=sha256,
         channels=channels,
+        provenance={key: str(value) for key, value in file["provenance"].attrs.items()} if "provenance" in file else {},
         channel_values=np.column_stack([daq[channel.name][()] for channel in channels]) if channels else None,
     )

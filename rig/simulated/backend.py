@@ -7,7 +7,8 @@ Options of the address, e.g. ``sim://?bench=PATH&seed=3&clock=real``:
 - ``fault``: faults to inject (:mod:`rig.simulated.device.fault_injection`);
 - ``effects=balance_rail,shank``: the specimen's key can lift and its shank bend (`model.parameters.effects`);
 - ``delay_ms=20``: every driver call takes so long, as over a slow network;
-- ``hand=yes``: the virtual operator acts when a self-test asks for it.
+- ``hand=yes``: the virtual operator acts when a self-test asks for it; ``hand=plays``: a virtual pianist plays where
+  the motor has no task.
 
 The device takes product and name from the rig file.
 """
@@ -50,8 +51,8 @@ class SimulatedBackend(NidaqmxBackend):
         self.device = device
         self.plant: Plant = device.bench.plant
         self.service = Service(device)
-        self._description = description or {}
         super().__init__(InProcessChannel(self.service), name="virtual bench")
+        self._bench = description or {}
 
     def wait(self, duration_s: float) -> None:
         """Let time pass between two trials on the bench's own clock; a virtual clock costs the operator none."""
@@ -69,9 +70,7 @@ class SimulatedBackend(NidaqmxBackend):
     def capabilities(self) -> Capabilities:
         """What this backend is."""
         inherited = super().capabilities
-        return replace(
-            inherited, simulated=True, hardware=False, description={**inherited.description, **self._description}
-        )
+        return replace(inherited, simulated=True, hardware=False, description={**inherited.description, **self._bench})
 
 
 def build_device(
@@ -82,7 +81,34 @@ def build_device(
     clock: Clock | None = None,
     wiring: Wiring | None = None,
 ) -> DeviceState:
-    """Assemble a virtual device for a rig file; without ``wiring`` the product's usual one."""
+    """Assemble a virtual device for a rig file.
+
+    Parameters
+    ----------
+    config : RigConfig
+    plant : Plant
+        The moving parts.
+    sensors : SensorSet
+        What they read as.
+    clock : Clock, optional
+        By default one that runs as fast as it is read.
+    wiring : Wiring, optional
+        By default the product's usual one.
+
+    Returns
+    -------
+    DeviceState
+
+    Examples
+    --------
+    >>> import rig
+    >>> from rig.simulated import build_device, load_plant
+    >>> from rig.simulated.backend import DEFAULT_BENCH
+    >>> from rig.simulated.bench.sensors import load_sensors
+    >>> plant = load_plant(DEFAULT_BENCH, seed=1, sample_rate_hz=5000.0)
+    >>> build_device(rig.load_rig("virtual").config, plant, load_sensors(DEFAULT_BENCH, seed=1)).inventory.name
+    'cDAQ1'
+    """
     inventory = Inventory(PRODUCTS[config.device.product], config.device.name)
     wiring = wiring or WIRING_OF_PRODUCT[config.device.product]
     device = DeviceState(inventory, BenchTime(plant, sensors, clock or VirtualClock()), wiring)
@@ -92,7 +118,31 @@ def build_device(
 
 
 def open_backend(url: str, config: RigConfig) -> SimulatedBackend:
-    """Open the virtual bench; raises RigInputError for an unknown option or a bad bench file."""
+    """Open the virtual bench.
+
+    Parameters
+    ----------
+    url : str
+        ``sim://``, with options such as ``sim://?seed=7&clock=real&effects=balance_rail``.
+    config : RigConfig
+
+    Returns
+    -------
+    SimulatedBackend
+
+    Raises
+    ------
+    RigInputError
+        For an unknown option or a bad bench file.
+
+    Examples
+    --------
+    >>> import rig
+    >>> bench = rig.simulated.open_backend("sim://?seed=7", rig.load_rig("virtual").config)
+    >>> bench.capabilities.hardware
+    False
+    >>> bench.close()
+    """
     options = _options(url)
     bench = Path(options["bench"]) if options.get("bench") else DEFAULT_BENCH
     if not bench.is_file():
@@ -107,7 +157,8 @@ def open_backend(url: str, config: RigConfig) -> SimulatedBackend:
     device = build_device(config, plant, sensors, clock=clock, wiring=wiring)
     device.faults = FaultPlan(faults)
     device.call_delay_s = _delay_s(url, options.get("delay_ms", "0"))
-    device.bench.operator_acts = _yes_or_no(url, options.get("hand", "no"))
+    hand = _hand(url, options.get("hand", "no"))
+    device.bench.operator_acts, device.bench.pianist_plays = hand == "yes", hand == "plays"
     backend = SimulatedBackend(
         device,
         {
@@ -154,10 +205,10 @@ def _delay_s(url: str, text: str) -> float:
     return delay_ms / 1e3
 
 
-def _yes_or_no(url: str, text: str) -> bool:
-    if text not in ("yes", "no"):
-        raise RigInputError(f"{url}: hand = {text!r}, allowed yes or no")
-    return text == "yes"
+def _hand(url: str, text: str) -> str:
+    if text not in ("yes", "no", "plays"):
+        raise RigInputError(f"{url}: hand = {text!r}, allowed yes, no or plays")
+    return text
 
 
 def _clock(url: str, text: str) -> Clock:

@@ -42,6 +42,11 @@ def synchronise(descriptor: int) -> None:
     getattr(os, "fdatasync", os.fsync)(descriptor)
 
 
+def is_deleted(descriptor: int) -> bool:
+    """Whether the open file has been deleted; Windows does not let that happen."""
+    return os.fstat(descriptor).st_nlink == 0
+
+
 def reserve(descriptor: int, path: Path, size: int) -> None:
     """Make sure that ``size`` bytes fit; where the system can, set them aside as zeros at the end of the file.
 

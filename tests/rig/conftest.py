@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import re
 import shutil
@@ -200,7 +201,7 @@ def died_then(tmp_path: Path) -> Any:
         target = tmp_path / "died"
         shutil.copytree(folder, target)
         journal = target / f"trial_{number:04d}.journal"
-        open_records = [r for r in records(journal.read_bytes()) if r.kind != END]
+        open_records = [r for r in records(io.BytesIO(journal.read_bytes())) if r.kind != END]
         journal.write_bytes(b"".join(encode(r.kind, r.sequence, r.first_sample, r.n, r.payload) for r in open_records))
         (target / f"trial_{number:04d}.h5").unlink()
         return target

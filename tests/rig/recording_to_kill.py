@@ -20,6 +20,7 @@ from rig.configuration.profile import load_profile
 from rig.configuration.rig_file import load_rig, parse_rig
 from rig.recording.progress import Progress
 from rig.recording.recorder import record_session
+from rig.session.hdf5_content import Growing
 from rig.session.journal.writer import JournalWriter
 from rig.simulated.backend import SimulatedBackend, build_device
 from rig.simulated.bench.clock import PacedClock
@@ -40,15 +41,9 @@ def killed(*arguments: object, **options: object) -> NoReturn:
     raise AssertionError("still there")
 
 
-def half_written(path: Path, data: bytes) -> NoReturn:
-    with path.open("wb") as stream:
-        stream.write(data[: len(data) // 2])
-    killed()
-
-
 STEPS = {
     "before the closing record": (JournalWriter, "close", killed),
-    "half the sealed file": (Path, "write_bytes", half_written),
+    "half the sealed file": (Growing, "finish", killed),
     "before it is on the disk": (platform_calls, "synchronise_whole", killed),
     "before it has its name": (os, "replace", killed),
     "before the journal goes": (platform_calls, "remove", killed),

@@ -20,7 +20,9 @@ def command(
     out: Annotated[
         Path | None, typer.Option("--out", help="Session folder to create; default: sessions/<date>_<profile>.")
     ] = None,
-    trials: Annotated[int, typer.Option("--trials", help="Number of trials.")] = 5,
+    trials: Annotated[
+        int | None, typer.Option("--trials", help="Number of trials; 5, with --passive until Ctrl-C.")
+    ] = None,
     backend: Backend = "sim://",
     rig: Rig = "virtual",
     film: Annotated[
@@ -39,25 +41,52 @@ def command(
     dry_run: Annotated[
         bool, typer.Option("--dry-run", help="Reserve and print every task, predict the blow, move nothing.")
     ] = False,
+    passive: Annotated[
+        bool, typer.Option("--passive", help="Somebody plays: the motor is off, each stroke becomes a trial.")
+    ] = False,
+    duration: Annotated[
+        float | None, typer.Option("--for", metavar="SECONDS", help="With --passive: end after so long.")
+    ] = None,
     yes: Yes = False,
     selftest: Selftests = SELFTESTS,
     as_json: AsJson = False,
 ) -> None:
     """Play a motor profile; record force, angles, frame clock.
 
-    On the virtual bench by default; hardware asks for a self-test and a confirmation first.
+    On the virtual bench by default; hardware asks for a self-test and a confirmation first, except with --passive,
+    where nothing moves.
 
     Example:  pianorig record --profile forte --trials 5 --film 1 --out sessions/try
     """
-    if dry_run:
+    if dry_run and not passive:
         found = workflows.rehearse(profile, rig, backend)
         if as_json:
             print_json(found)
         else:
             print("\n".join(workflows.rehearsal_lines(found)))
         return
+    if duration is not None and not passive:
+        raise CommandInputError("--for: goes with --passive; a profile has its own duration")
     access = workflows.BenchAccess(rig, backend, yes, operator_at_terminal(), selftest)
-    if resume is not None:
+    if passive:
+        if plan is not None or resume is not None or film or dry_run:
+            raise CommandInputError("--passive: plays no profile; not with --plan, --resume, --film or --dry-run")
+        target, count = out or workflows.new_session_folder("passive"), ""
+        title = f"waiting for strokes on {backend}, into {target}; Ctrl-C ends"
+        with workflows.interrupts_told(target), recording_line(as_json, title) as progress:
+            session = workflows.record_passive(
+                target,
+                rig_config=rig,
+                backend=backend,
+                strokes=trials,
+                duration_s=duration,
+                operator=operator,
+                action_name=action,
+                progress=progress,
+                room=workflows.room_conditions(temperature, humidity),
+            )
+        rows = [{"trial": t.number, "status": t.status} for t in session.trials]
+    elif resume is not None:
         if plan is not None or out is not None or film:
             raise CommandInputError(
                 "--resume: rig, profiles and plan are the session's own; not with --plan, --out or --film"
@@ -78,7 +107,7 @@ def command(
                 target,
                 access,
                 profile=profile,
-                trials=trials,
+                trials=5 if trials is None else trials,
                 plan_file=plan,
                 film=film or (),
                 film_progress=film_progress,

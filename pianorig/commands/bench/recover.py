@@ -24,6 +24,9 @@ def command(
             help="End all sessions of the server at ni-grpc://host:port, of whomever; outputs keep their values.",
         ),
     ] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", help="Session folder to create for the result; the first is left as it is.")
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Rebuild unsealed trials from the journals of a recording.
@@ -31,7 +34,7 @@ def command(
     Each trial is rebuilt up to the last good record of its journal. On a gRPC server a killed program leaves its
     sessions: the next  record  frees those of its own rig;  --reset-server  is for those of another rig or computer.
 
-    Example:  pianorig recover sessions/2026-11-21_forte
+    Example:  pianorig recover sessions/try
     """
     if session is None and server is None:
         raise CommandInputError("recover: name a session folder, or give --reset-server ADDRESS")
@@ -42,10 +45,12 @@ def command(
         elif session is None:
             print_json({"server": target, "reset": True})
     if session is None:
+        if out is not None:
+            raise CommandInputError("--out: goes with a session folder to recover")
         return
-    rows = [asdict(trial) for trial in rig.recover(session)]
+    rows = [asdict(trial) for trial in rig.recover(session, out)]
     if as_json:
-        print_json({"session": session, "trials": rows})
+        print_json({"session": session if out is None else out, "trials": rows})
         return
     for row in rows:
         print(f"trial {row['trial']}: {row['status']}, {row['samples']} samples; {row['note']}")

@@ -28,7 +28,7 @@ def command(
     force: Annotated[
         Path | None,
         typer.Option(
-            "--force", help="CSV file with the columns time_s,force_n; after thesis or friction-limit: another forte."
+            "--force", help="CSV of time_s,force_n, or a sealed trial; after thesis or friction-limit: another forte."
         ),
     ] = None,
     variant: Annotated[
@@ -46,7 +46,7 @@ def command(
 ) -> None:
     """Ask what if: variants of an action under one blow.
 
-    Example:  pianorig study hirschkorn2004 --force forte.csv --variant "dry: --scale damping=0.1" --out dry
+    Example:  pianorig study hirschkorn2004 --force force.csv --variant "dry: --scale damping=0.1" --out dry
     """
     if out is not None:
         make_folder(out)
@@ -62,7 +62,9 @@ def command(
                 f"--of {of}: goes with the words thesis and friction-limit only; name the action instead of {action}"
             )
         if force is None:
-            raise CommandInputError("--force: missing; name a CSV file with the columns time_s,force_n")
+            raise CommandInputError(
+                "--force: missing; name a CSV file with the columns time_s,force_n, or a sealed trial"
+            )
         chosen = load_changed(action, set_, scale)
         facts = workflows.study_variants(chosen, force, variant or [], out, quiet=as_json)
     if as_json:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from pianorig.console.failures import Interrupted, how_stopped
 from rig import RigInputError, Session
+from rig.recording.sealing import PASSIVE
 
 
 @contextmanager
@@ -43,6 +44,6 @@ def _left(folder: Path) -> str:
     if not trials:
         return f"no trial was recorded; session at {folder}"
     last, planned = trials[-1].number, session.info.plan.trials
-    lacking = planned - states.count("complete")
+    lacking = 0 if session.info.profile.name == PASSIVE else planned - states.count("complete")
     more = f", {lacking} of {planned} trials to go: pianorig record --resume {folder}" if lacking > 0 else ""
     return f"trial {last} sealed as {states[-1]}; session at {folder}{more}"

@@ -13,6 +13,7 @@ from pianorig.workflows.bench.render_film import film_virtual_trial
 from pianorig.workflows.model.predict_blow import predictor
 from rig import Profile, RoomInfo, Session, Trial, load_plan, load_profile, load_rig, open_backend, plain_plan
 from rig import record as record_session
+from rig import record_passive as record_passive
 from rig.configuration.toml_file import check
 from rig.recording.options import RecordingKeywords, RecordingOptions
 from rig.simulated import FilmTruth

@@ -27,6 +27,7 @@ from model.calibration.figure import draw
 from pianorig.console.output import nan_as_null
 from pianorig.console.overrides import read_measured
 from pianorig.errors import CommandInputError
+from pianorig.workflows.model.force_input import read_driving_force
 
 STRING = "contact12"
 THESIS_RATIO = "four to five times"
@@ -53,7 +54,8 @@ def blow_speeds(
             raise CommandInputError(f"{path}: a blow named {path.stem} is there already; rename the file")
         moved: tuple[Any, ...]
         if path in forces:
-            seen = model.simulate(action, *model.read_force_table(path))
+            driving = read_driving_force(path)
+            seen = model.simulate(action, driving.time_s, driving.force_n)
             moved = (seen.time_s, seen.angle_rad, seen.speed_rad_per_s)
         else:
             moved = read_motion(path)

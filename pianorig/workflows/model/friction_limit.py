@@ -11,6 +11,7 @@ from model.stick_slip.figure import draw
 from pianorig.console.column_file import write_rows
 from pianorig.console.output import nan_as_null, print_files
 from pianorig.console.progress import working
+from pianorig.workflows.model.force_input import read_driving_force
 
 _HEAD = ("friction", "strike", "speed", "hold", "moves in it", "differs by", "until release")
 _UNITS = ("", "ms", "m/s", "mm", "mm/s", "rad", "rad")
@@ -18,7 +19,11 @@ _UNITS = ("", "ms", "m/s", "mm", "mm/s", "rad", "rad")
 
 def friction_limit(action: model.Action, force: Path | None, out: Path | None, quiet: bool) -> dict[str, Any]:
     """Simulate, print and write the comparison; force table of a CSV file, by default the built-in forte."""
-    times, forces = model.force_table("thesis-forte") if force is None else model.read_force_table(force)
+    if force is None:
+        times, forces = model.force_table("thesis-forte")
+    else:
+        driving = read_driving_force(force)
+        times, forces = driving.time_s, driving.force_n
     with working("integrating with falling threshold speeds, then with set-valued friction", quiet):
         limit = compare(action, times, forces)
     rows = _rows(limit)

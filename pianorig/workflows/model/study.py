@@ -14,16 +14,20 @@ from pianorig.console.column_file import write_rows
 from pianorig.console.output import nan_as_null, print_files
 from pianorig.console.overrides import read_variant
 from pianorig.console.progress import working
+from pianorig.workflows.model.force_input import read_driving_force
 
 
 def study_variants(
     action: model.Action, force: Path, texts: Sequence[str], out: Path | None, quiet: bool
 ) -> dict[str, Any]:
-    """Simulate, print and write variants of an action, each written as ``--variant`` takes it."""
+    """Simulate, print and write variants of an action, each written as ``--variant`` takes it.
+
+    ``force`` is a CSV table or a sealed trial; under a trial the arm's preload acts from the first sample on.
+    """
     wanted = [Variant(*read_variant(text)) for text in texts]
-    times, forces = model.read_force_table(force)
+    driving = read_driving_force(force)
     with working(f"simulating {len(wanted) + 1} blows", quiet):
-        study = compare(action, times, forces, wanted)
+        study = compare(action, driving.time_s, driving.force_n, wanted)
     files: list[Path] = []
     if out is not None:
         files = [out / "study.svg", out / "variants.csv"]
@@ -37,7 +41,8 @@ def study_variants(
 
 def study_thesis(action: model.Action, force: Path | None, out: Path | None, quiet: bool) -> dict[str, Any]:
     """Simulate, print and write the thesis's studies; another forte may be given."""
-    forte = None if force is None else model.read_force_table(force)
+    driving = None if force is None else read_driving_force(force)
+    forte = None if driving is None else (driving.time_s, driving.force_n)
     with working("repeating the studies of the thesis, Sections 4.2.2 and 4.4", quiet):
         studies = thesis_studies(action, forte)
     observations = [asdict(o) for o in studies.observations]

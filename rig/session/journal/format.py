@@ -10,13 +10,14 @@ the result is always the beginning of what was written, whatever happened to the
 
 from __future__ import annotations
 
+import io
 import json
 import struct
 import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
+from typing import BinaryIO, NamedTuple
 
 import numpy as np
 
@@ -27,6 +28,7 @@ from rig.storage.file_errors import refused
 MAGIC = b"PAJ1"
 HEAD, COMMAND, BLOCK, END = 1, 2, 3, 4
 ENCODERS = 3
+_CHUNK = 1 << 20
 _FIXED = struct.Struct("<4sIQQII")
 _CRC = struct.Struct("<I")
 OVERHEAD = _FIXED.size + _CRC.size
@@ -47,24 +49,20 @@ class Record(NamedTuple):
 class Journal:
     """The undamaged beginning of a journal.
 
-    ``head`` is None when not even that is complete; ``ending`` is (status, reason) when the recorder wrote its closing
-    record; ``left_over`` counts bytes after the last complete record that are not zero, e.g. of a torn record, and
-    ``records_behind`` is True when later
-    records follow the damage; ``n_bytes`` and ``n_records`` are what was read.
+    ``head`` is None when not even that is complete; ``n_samples`` were found before the first damage, ``blocks`` holds
+    them unless the file was only scanned; ``ending`` is (status, reason) when the recorder wrote its closing record;
+    ``left_over`` counts bytes after the last complete record that are not zero, e.g. of a torn record, and
+    ``records_behind`` is True when later records follow the damage; ``n_bytes`` and ``n_records`` are what was read.
     """
 
     head: TrialHead | None
+    n_samples: int
     blocks: tuple[Block, ...]
     ending: tuple[str, str] | None
     left_over: int
     records_behind: bool
     n_bytes: int
     n_records: int
-
-    @property
-    def n_samples(self) -> int:
-        """Samples before the first damage."""
-        return sum(block.force_n.size for block in self.blocks)
 
 
 def bytes_per_sample(head: TrialHead) -> int:
@@ -90,37 +88,45 @@ def block_payload(block: Block) -> bytes:
     return floats + counts
 
 
-def records(data: bytes, first_sequence: int = 0) -> Iterator[Record]:
-    """Yield the complete records at the beginning of ``data``, in sequence from ``first_sequence``."""
-    at = 0
-    for expected in range(first_sequence, first_sequence + len(data)):
-        if len(data) - at < OVERHEAD:
+def records(stream: BinaryIO, first_sequence: int = 0) -> Iterator[Record]:
+    """Yield the complete records that follow in ``stream``, in sequence from ``first_sequence``, one in memory."""
+    expected = first_sequence
+    while True:
+        start = stream.read(OVERHEAD)
+        if len(start) < OVERHEAD:
             return
-        magic, kind, sequence, first, n, length = _FIXED.unpack_from(data, at)
-        (crc,) = _CRC.unpack_from(data, at + _FIXED.size)
-        payload = data[at + OVERHEAD : at + OVERHEAD + length]
-        whole = magic == MAGIC and sequence == expected and len(payload) == length
-        if not whole or zlib.crc32(payload, zlib.crc32(data[at : at + _FIXED.size])) != crc:
+        magic, kind, sequence, first, n, length = _FIXED.unpack_from(start)
+        if magic != MAGIC or sequence != expected:
+            return
+        (crc,) = _CRC.unpack_from(start, _FIXED.size)
+        payload = stream.read(length)
+        if len(payload) != length or zlib.crc32(payload, zlib.crc32(start[: _FIXED.size])) != crc:
             return
         yield Record(kind, sequence, first, n, payload)
-        at += OVERHEAD + length
+        expected += 1
 
 
 def parse(data: bytes) -> Journal:
     """Read a journal's bytes up to the first damage; never raises."""
+    return _read(io.BytesIO(data), keep=True)
+
+
+def _read(stream: BinaryIO, *, keep: bool) -> Journal:
     head_json: bytes | None = None
     head: TrialHead | None = None
     blocks: list[Block] = []
     ending: tuple[str, str] | None = None
     at = count = samples = 0
-    for record in records(data):
+    for record in records(stream):
         try:
             if record.kind == HEAD and record.sequence == 0:
                 head_json = record.payload
             elif record.kind == COMMAND and record.sequence == 1 and head_json is not None:
                 head = TrialHead.from_plain(json.loads(head_json), np.frombuffer(record.payload, dtype="<f8"))
             elif record.kind == BLOCK and head is not None and ending is None and record.first_sample == samples:
-                blocks.append(block_of(record, head))
+                block = block_of(record, head)
+                if keep:
+                    blocks.append(block)
                 samples += record.n
             elif record.kind == END and head is not None and record.first_sample == samples:
                 plain = json.loads(record.payload)
@@ -130,14 +136,45 @@ def parse(data: bytes) -> Journal:
         except (ValueError, TypeError, KeyError, AttributeError, OverflowError, RecursionError):
             break
         at, count = at + OVERHEAD + len(record.payload), count + 1
-    rest = data[at:].rstrip(b"\0")
-    return Journal(head, tuple(blocks), ending, len(rest), MAGIC in rest[1:], at, count)
+    stream.seek(at)
+    left_over, behind = _remains(stream)
+    return Journal(head, samples, tuple(blocks), ending, left_over, behind, at, count)
+
+
+def _remains(stream: BinaryIO) -> tuple[int, bool]:
+    """Return the bytes of the rest up to the last that is not zero, and whether a record begins behind its first."""
+    last = size = 0
+    behind, before = False, b""
+    while chunk := stream.read(_CHUNK if size else 1):  # a torn record begins at the very first byte
+        if bare := len(chunk.rstrip(b"\0")):
+            last = size + bare
+        behind = behind or MAGIC in before + chunk
+        before = (before + chunk)[1 - len(MAGIC) :] if size else b""
+        size += len(chunk)
+    return last, behind
 
 
 def read_journal(path: Path) -> Journal:
     """Read a journal file; raises RigInputError only when the file itself cannot be read."""
-    with refused(path, "read"):
-        return parse(path.read_bytes())
+    with refused(path, "read"), path.open("rb") as stream:
+        return _read(stream, keep=True)
+
+
+def scan_journal(path: Path) -> Journal:
+    """Check a journal file without keeping its blocks; raises as :func:`read_journal`."""
+    with refused(path, "read"), path.open("rb") as stream:
+        return _read(stream, keep=False)
+
+
+def stored_blocks(path: Path, scanned: Journal) -> Iterator[Block]:
+    """Yield the blocks of a journal that was scanned, one at a time; raises as :func:`read_journal`."""
+    assert scanned.head is not None
+    with refused(path, "read"), path.open("rb") as stream:
+        for record in records(stream):
+            if record.sequence >= scanned.n_records:
+                return
+            if record.kind == BLOCK:
+                yield block_of(record, scanned.head)
 
 
 def block_of(record: Record, head: TrialHead) -> Block:

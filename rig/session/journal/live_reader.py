@@ -7,6 +7,7 @@ time.
 
 from __future__ import annotations
 
+import io
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -19,14 +20,21 @@ from rig.session.journal.format import BLOCK, OVERHEAD, block_of, parse, records
 from rig.session.journal.trial_head import TrialHead
 from rig.session.trial_data import TrialData
 
+KEEP_S = 30.0
+"""How much of a trial in progress is kept and shown, s: a long one must not fill the memory."""
+
 
 class JournalFollower:
-    """Reads a growing journal incrementally; ``head`` is None until it is complete."""
+    """Reads a growing journal incrementally; ``head`` is None until it is complete.
+
+    ``blocks`` are the last 30 s, ``first_count`` the encoders' counts at the trial's first sample.
+    """
 
     def __init__(self, path: Path) -> None:
         self.path = path
         self.head: TrialHead | None = None
         self.blocks: list[Block] = []
+        self.first_count: NDArray[np.int64] | None = None
         self._n_bytes = self._n_records = 0
 
     def poll(self) -> bool:
@@ -42,13 +50,25 @@ class JournalFollower:
             if journal.head is not None:
                 self.head, self.blocks = journal.head, list(journal.blocks)
                 self._n_bytes, self._n_records = journal.n_bytes, journal.n_records
+                self._drop_old(self.head)
             return True
-        for record in records(data, self._n_records):
+        for record in records(io.BytesIO(data), self._n_records):
             self._n_bytes += OVERHEAD + len(record.payload)
             self._n_records += 1
             if record.kind == BLOCK:
                 self.blocks.append(block_of(record, self.head))
+        self._drop_old(self.head)
         return True
+
+    def _drop_old(self, head: TrialHead) -> None:
+        if not self.blocks:
+            return
+        if self.first_count is None:
+            self.first_count = self.blocks[0].encoder_count[:1]
+        last = self.blocks[-1]
+        oldest = last.first_sample + last.force_n.size - KEEP_S * head.sample_rate_hz
+        kept = next(k for k, block in enumerate(self.blocks) if block.first_sample + block.force_n.size > oldest)
+        del self.blocks[:kept]
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,6 +83,7 @@ class LiveView:
         ``recording``, or the status of a sealed trial.
     condition : str
     time_s, force_n : ndarray, shape (n,)
+        Of a trial in progress the last 30 s.
     angle_rad : ndarray, shape (n, len(names))
         Of the bodies ``names`` from the first sample on.
     sealed : int
@@ -103,13 +124,14 @@ class SessionFollower:
             if self._journal is None or self._journal.path != path:
                 self._journal = JournalFollower(path)
             if self._journal.poll() and self._journal.head is not None and self._journal.blocks:
-                head = replace(self._journal.head, frame_clock=None)  # frames are not shown
-                return self._view(head.assemble(self._journal.blocks, "recording", ""), len(self.session.trials))
+                blocks, zero = self._journal.blocks, self._journal.first_count
+                part = self._journal.head.part(blocks, blocks[0].first_sample)
+                return self._view(replace(part, status="recording"), len(self.session.trials), zero)
         trials = self.session.trials
         return self._view(trials[-1].read(), len(trials)) if trials else None
 
-    def _view(self, data: TrialData, sealed: int) -> LiveView:
+    def _view(self, data: TrialData, sealed: int, zero: NDArray[np.int64] | None = None) -> LiveView:
         return LiveView(
             data.number, self.session.info.plan.trials, data.status, data.condition, data.time_s, data.force_n,
-            data.angle_rad(), tuple(encoder.name for encoder in data.encoders), sealed,
+            data.angle_rad(zero), tuple(encoder.name for encoder in data.encoders), sealed,
         )  # fmt: skip

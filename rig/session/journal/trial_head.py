@@ -6,8 +6,8 @@ would have been sealed.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass, fields, replace
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
@@ -38,6 +38,7 @@ class TrialHead:
     condition: str = ""
     plan_entry: int = 0
     channels: tuple[ChannelInfo, ...] = ()
+    provenance: Mapping[str, str] = field(default_factory=dict)
 
     @classmethod
     def of(
@@ -60,7 +61,9 @@ class TrialHead:
             blow_start_s=command.blow_start_s,
             command_v=command.volts,
             encoders=tuple(EncoderInfo.of(encoder) for encoder in config.encoders),
-            force_info=ForceInfo.of(config, timing.force_group_delay_s),
+            force_info=replace(
+                ForceInfo.of(config, timing.force_group_delay_s), device_scaling=timing.force_device_scaling
+            ),
             frame_clock=FrameClock.of(config.camera, timing),
             condition=condition,
             plan_entry=plan_entry,
@@ -93,6 +96,7 @@ class TrialHead:
             condition=str(plain.get("condition", "")),
             plan_entry=int(plain.get("plan_entry", 0)),
             channels=tuple(ChannelInfo.from_plain(channel) for channel in plain.get("channels", [])),
+            provenance={str(key): str(value) for key, value in plain.get("provenance", {}).items()},
         )
 
     def assemble(self, blocks: Sequence[Block], status: str, reason: str) -> TrialData:
@@ -100,37 +104,52 @@ class TrialHead:
 
         Raises HardwareFault when they do not follow each other without a gap from sample 0.
         """
-        n_samples = 0
+        part = self.part(blocks, 0)
+        return replace(part, status=status, reason=reason, camera=self.camera(blocks, part.n_valid))
+
+    def part(self, blocks: Sequence[Block], first_sample: int) -> TrialData:
+        """Return the samples of ``blocks`` as the part of the trial from ``first_sample`` on, without camera.
+
+        Raises HardwareFault when they do not follow each other without a gap.
+        """
+        end = first_sample
         for block in blocks:
-            if block.first_sample != n_samples:
+            if block.first_sample != end:
                 raise HardwareFault(
-                    f"trial {self.number}: a block starts at sample {block.first_sample}, expected {n_samples}; "
+                    f"trial {self.number}: a block starts at sample {block.first_sample}, expected {end}; "
                     "samples are missing"
                 )
-            n_samples += block.force_n.size
-        volts = np.zeros(n_samples)
-        volts[: min(n_samples, self.command_v.size)] = self.command_v[:n_samples]
-        known = {field.name: getattr(self, field.name) for field in fields(self)}
+            end += block.force_n.size
+        volts = np.zeros(end - first_sample)
+        commanded = self.command_v[first_sample:end]
+        volts[: commanded.size] = commanded
+        known = {one.name: getattr(self, one.name) for one in fields(self)}
         del known["command_v"], known["frame_clock"]
+        joined = blocks or (self._no_samples(first_sample),)
         return TrialData(
             **known,
-            status=status,
-            reason=reason,
-            time_s=np.arange(n_samples) / self.sample_rate_hz,
-            force_n=np.concatenate([block.force_n for block in blocks]),
-            force_raw=np.concatenate([block.force_raw for block in blocks]),
+            status="incomplete",
+            time_s=np.arange(first_sample, end) / self.sample_rate_hz,
+            force_n=np.concatenate([block.force_n for block in joined]),
+            force_raw=np.concatenate([block.force_raw for block in joined]),
             motor_command_v=volts,
-            encoder_count=np.concatenate([block.encoder_count for block in blocks]),
-            camera=self._camera(blocks, n_samples),
-            channel_values=np.concatenate([block.channel_values for block in blocks]) if self.channels else None,
+            encoder_count=np.concatenate([block.encoder_count for block in joined]),
+            channel_values=np.concatenate([block.channel_values for block in joined]) if self.channels else None,
         )
 
-    def _camera(self, blocks: Sequence[Block], n_samples: int) -> CameraInfo | None:
+    def _no_samples(self, first_sample: int) -> Block:
+        none = np.empty(0)
+        values = np.empty((0, len(self.channels))) if self.channels else None
+        return Block(first_sample, none, none, np.empty((0, len(self.encoders)), dtype=np.int64), None, values)
+
+    def camera(self, blocks: Iterable[Block], n_samples: int) -> CameraInfo | None:
+        """Return the frames of a trial of ``n_samples``, by the counted exposures where it runs by itself."""
         if self.frame_clock is None:
             return None
         if not self.frame_clock.counted:
             return self.frame_clock.frames_until((n_samples - 1) / self.sample_rate_hz)
-        counts = [block.exposure_count for block in blocks if block.exposure_count is not None]
-        if len(counts) != len(blocks) or not counts:
+        counts = [block.exposure_count for block in blocks]
+        if not counts or any(count is None for count in counts):
             return None
-        return self.frame_clock.frames_counted(np.arange(n_samples) / self.sample_rate_hz, np.concatenate(counts))
+        counted = np.concatenate([count for count in counts if count is not None])
+        return self.frame_clock.frames_counted(np.arange(n_samples) / self.sample_rate_hz, counted)

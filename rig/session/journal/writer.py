@@ -25,7 +25,7 @@ from typing import Protocol
 import numpy as np
 
 from rig.backend import Block
-from rig.errors import RecordingFault, RigInputError
+from rig.errors import RecordingFault, RigInputError, is_defect
 from rig.session.journal.format import BLOCK, COMMAND, END, HEAD, OVERHEAD, block_payload, bytes_per_sample, encode
 from rig.session.journal.trial_head import TrialHead
 from rig.storage import platform_calls
@@ -163,6 +163,9 @@ class JournalWriter:
         return record
 
     def _raise_error(self) -> None:
+        own = self._error is not None and is_defect(self._error) and not isinstance(self._error, OSError)
+        if self._error is not None and (own or isinstance(self._error, RecordingFault)):
+            raise self._error
         if self._error is not None:
             words = getattr(self._error, "strerror", None) or f"{type(self._error).__name__}: {self._error}"
             raise RecordingFault(
@@ -205,6 +208,10 @@ class JournalWriter:
 
     def _sync(self) -> None:
         samples = self._committed
+        if platform_calls.is_deleted(self._file):
+            raise RecordingFault(
+                f"{self.path}: was deleted while it was being written; its samples are lost", phase="write"
+            )
         self._synchronise(self._file)
         self._synced = samples
 

@@ -16,6 +16,7 @@ from rig.simulated.bench.clock import Clock
 from rig.simulated.bench.plant_protocol import Plant
 from rig.simulated.bench.pulse_train import PulseTrain
 from rig.simulated.bench.sensors import EncoderSignals, ForceSignal, SensorSet
+from rig.simulated.bench.virtual_pianist import VirtualPianist
 
 _CAMERA_STREAM = 4
 
@@ -34,6 +35,9 @@ class BenchTime:
         self._encoders: EncoderSignals | None = None
         self.operator_acts = False
         """Whether the virtual operator acts in a self-test (:mod:`rig.simulated.bench.virtual_operator`)."""
+        self.pianist_plays = False
+        """Whether a virtual pianist plays where the motor has no task (:mod:`rig.simulated.bench.virtual_pianist`)."""
+        self._pianist: VirtualPianist | None = None
         self.force_per_volt_n = 12.0
         self._by_operator = False
         self.camera_rate_hz = 0.0
@@ -57,9 +61,12 @@ class BenchTime:
         """Time since the trial began, s."""
         return self.edge / self.rate_hz
 
-    def begin(self, trial: int, rate_hz: float, input_delay_s: float, *, by_operator: bool = False) -> None:
+    def begin(
+        self, trial: int, rate_hz: float, input_delay_s: float, *, by_operator: bool = False, by_pianist: bool = False
+    ) -> None:
         """Put the bench at rest for a new trial whose edges come at ``rate_hz``."""
         self.trial, self.edge, self._by_operator = trial, 0, by_operator and self.operator_acts
+        self._pianist = VirtualPianist(self.sensors.seed, trial) if by_pianist and self.pianist_plays else None
         self.plant.sample_rate_hz = rate_hz
         self.plant.start_trial(trial)
         self.clock.begin()
@@ -80,6 +87,8 @@ class BenchTime:
         time_s = (self.edge + np.arange(n)) / self.rate_hz
         if self._by_operator:
             command_v = command_v + virtual_operator.press_n(time_s) / self.force_per_volt_n
+        if self._pianist is not None:
+            command_v = command_v + self._pianist.press_n(time_s) / self.force_per_volt_n
         block = self.plant.advance(command_v)
         felt_n = np.where(virtual_operator.lifted(time_s), 0.0, block.force_n) if self._by_operator else block.force_n
         cell = self._force.millivolts_per_volt(self._delay.push(felt_n), time_s)

@@ -22,6 +22,8 @@ from rig.simulated.bench.bench_file import bench_table, read_bench
 from rig.simulated.bench.plant_protocol import ENCODED_BODIES, PlantBlock
 
 TOLERANCE = 1e-6
+KEPT_S = 60.0
+"""How long a trial may be for its whole truth to be kept, s."""
 
 
 @dataclass(frozen=True)
@@ -129,7 +131,10 @@ class ActionPlant:
         )
         self._edge += count
         force = self._run.probe_forces(angles, speeds)[:, 0]
-        self._record.append((edges[:-1], angles, speeds, force))
+        if self._edge <= KEPT_S * self.sample_rate_hz:
+            self._record.append((edges[:-1], angles, speeds, force))
+        else:
+            self._record.clear()
         encoded = [model.BODIES.index(body) for body in ENCODED_BODIES]
         lift = angles[:, self._names.index(KEY_LIFT)] if KEY_LIFT in self._names else None
         return PlantBlock(
@@ -141,15 +146,43 @@ class ActionPlant:
         )
 
     def truth(self) -> PlantTruth:
-        """Everything that happened since the trial started."""
+        """Everything that happened since the trial started; RigInputError where that is more than is kept."""
+        if not self._record:
+            raise RigInputError(
+                f"the virtual bench keeps {KEPT_S:g} s of a trial's truth, e.g. for its film; this was longer"
+            )
         time, angles, speeds, force = (np.concatenate(parts) for parts in zip(*self._record, strict=True))
         return PlantTruth(time, angles, speeds, force, self._specimen, self._gain, self._names)
 
 
 def load_plant(bench_path: Path, seed: int | None, sample_rate_hz: float, effects: Collection[str] = ()) -> ActionPlant:
-    """Build the plant a bench file describes; ``seed`` wins over the file's.
+    """Build the plant a bench file describes.
 
-    The specimen has the effects (`model.parameters.effects`) that are named in ``effects`` or have a table in the file.
+    Parameters
+    ----------
+    bench_path : Path
+        TOML file.
+    seed : int or None
+        Wins over the file's.
+    sample_rate_hz : float
+    effects : collection of str
+        Effects (`model.parameters.effects`) that the specimen has beside those with a table in the file.
+
+    Returns
+    -------
+    ActionPlant
+
+    Raises
+    ------
+    RigInputError
+        A value that is missing or out of range, with its name.
+
+    Examples
+    --------
+    >>> from rig.simulated import load_plant
+    >>> from rig.simulated.backend import DEFAULT_BENCH
+    >>> plant = load_plant(DEFAULT_BENCH, seed=1, sample_rate_hz=5000.0)
+    >>> plant.start_trial(1)
     """
     path = Path(bench_path)
     bench = read_bench(path)

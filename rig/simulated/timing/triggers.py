@@ -54,7 +54,10 @@ def _begin_trial(device: DeviceState, task: SimulatedTask) -> None:
     device.handed_out = 0
     delay_s = device.inventory.input_delay_s(task.channels[0].physical.kind, rate_hz)
     written = [t.output.samples for t in device.tasks.values() if t.type == "AO" and t.output.samples is not None]
-    bench.begin(device.trial, rate_hz, delay_s, by_operator=bool(written) and not any(v.any() for v in written))
+    bench.begin(
+        device.trial, rate_hz, delay_s,
+        by_operator=bool(written) and not any(v.any() for v in written), by_pianist=not written,
+    )  # fmt: skip
     for other in _waiting(device):
         other.progress.trigger_edges = 0
 

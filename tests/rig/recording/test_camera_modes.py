@@ -50,11 +50,11 @@ def test_what_was_counted_survives_in_the_journal(
 ) -> None:
     rig = edited_rig(*COUNTED)
 
-    def full(path, data):
+    def full(*trial):
         raise InputError("full")
 
     with monkeypatch.context() as context, pytest.raises(RecordingFault):
-        context.setattr("rig.session.folder.write_trial", full)
+        context.setattr("rig.session.folder.write_trial_parts", full)
         record(make_backend, rig, step_profile, tmp_path / "s")
     journal = read_journal(tmp_path / "s" / "trial_0001.journal")
     assert all(len(block_payload(b)) == 48 * b.force_n.size for b in journal.blocks)

@@ -201,15 +201,15 @@ def breaking(run: Watched, how: str, at_s: float, released: threading.Event) -> 
 
 
 @pytest.mark.parametrize(
-    ("fault", "words"),
+    ("fault", "words", "raised", "status"),
     [
-        ("slow disk", "taken nothing for 5."),
-        ("full disk", "No space left"),
-        ("crash of the writer", "ZeroDivisionError: planted"),
+        ("slow disk", "taken nothing for 5.", RecordingFault, "fault"),
+        ("full disk", "No space left", RecordingFault, "fault"),
+        ("crash of the writer", "planted", ZeroDivisionError, "defect"),
     ],
 )
 def test_a_disk_that_fails_stops_the_motor_in_time_and_keeps_what_it_took(
-    fault, words, watched, stated_s, died_then, recover
+    fault, words, raised, status, watched, stated_s, died_then, recover
 ) -> None:
     run, released, at_s = watched(profile=HELD), threading.Event(), 0.5
     stop = run.backend.safe_stop
@@ -220,12 +220,12 @@ def test_a_disk_that_fails_stops_the_motor_in_time_and_keeps_what_it_took(
             released.set()  # the disk comes back only when the bench is safe
 
     run.backend.safe_stop = safe_stop
-    with pytest.raises(RecordingFault, match=words):
+    with pytest.raises(raised, match=words):
         run.record(trials=2, open_journal=breaking(run, fault, at_s, released))
     assert run.live and 0 <= run.safe_after_s(1, at_s) <= stated_s[fault]
     (trial,) = Session.open(run.folder).trials
     data = trial.read()
-    assert trial.status == "fault" and words in data.reason and data.n_valid >= run.committed[1] > 0
+    assert trial.status == status and words in data.reason and data.n_valid >= run.committed[1] > 0
     (entry,) = recover(died := died_then(run.folder, 1))
     again = Session.open(died).trial(1).read()
     assert entry["status"] == again.status == "incomplete" and again.n_valid >= run.committed[1]

@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+import itertools
+import os
+import shutil
+
+import h5py
 import numpy as np
 import pytest
+from nidaqmx.errors import DaqError
 
 from rig.configuration.profile import parse_profile
-from rig.errors import HardwareFault, InputError, LimitExceeded, SamplesLost
+from rig.errors import HardwareFault, InputError, LimitExceeded, RecordingFault, RigError, SamplesLost
 from rig.recording.feed import BlockFeed
 from rig.recording.recorder import record_session
 from rig.session import Session
@@ -141,7 +147,7 @@ def test_an_exception_of_the_program_keeps_and_marks_too(record, assert_safe) ->
     with pytest.raises(ZeroDivisionError):
         call(progress=stop_at(1, 0.4, ZeroDivisionError("oops\0")))
     (trial,) = Session.open(folder).trials
-    assert (trial.status, trial.read().reason) == ("fault", "ZeroDivisionError: oops")
+    assert (trial.status, trial.read().reason) == ("defect", "ZeroDivisionError: oops")
     assert_safe(backend)
 
 
@@ -241,3 +247,92 @@ def test_a_path_that_cannot_be_used_is_refused_before_anything_moves(tmp_path, m
         assert str(out.name) in str(refusal.value) and "\n" not in str(refusal.value)
     assert sorted(p.name for p in tmp_path.rglob("*")) == ["file", "full", "thesis.txt"]
     assert backend.service.trace == []
+
+
+def test_an_error_of_the_program_in_the_safe_stop_is_no_fault_of_the_bench(record, assert_safe) -> None:
+    folder, backend, call = record
+    stop, told = backend.safe_stop, []
+
+    def wrong() -> None:
+        stop()
+        if backend.device.trial == 1 and not told:
+            told.append(1)
+            raise TypeError("wrong call")
+
+    backend.safe_stop = wrong
+    with pytest.raises(TypeError, match="wrong call"):
+        call()
+    (trial,) = Session.open(folder).trials
+    data = trial.read()
+    assert (data.status, data.reason) == ("defect", "TypeError: wrong call") and data.n_valid > 1900
+    assert not Session.open(folder).journals
+    assert_safe(backend)
+
+
+def test_a_client_that_is_called_wrongly_is_an_error_of_the_program(record, monkeypatch) -> None:
+    folder, backend, call = record
+
+    def misshapen(*arguments: object) -> None:
+        raise DaqError("Read cannot be performed because the NumPy array is not shaped correctly", -1)
+
+    monkeypatch.setattr("nidaqmx.stream_readers.CounterReader.read_many_sample_double", misshapen)
+    with pytest.raises(RigError, match="called wrongly during read") as caught:
+        call()
+    assert caught.value.exit_code == 1 and not isinstance(caught.value, HardwareFault)
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows keeps an open folder")
+def test_a_folder_deleted_under_a_recording_stops_it_and_is_said_truly(record, assert_safe) -> None:
+    folder, backend, call = record
+
+    def delete(at) -> None:
+        if at.trial == 2 and folder.exists():
+            shutil.rmtree(folder)
+
+    with pytest.raises(RecordingFault, match="was deleted while it was .*its samples are lost") as caught:
+        call(trials=3, progress=delete)
+    assert "is kept" not in str(caught.value) and not folder.exists()
+    assert_safe(backend)
+
+
+def test_trials_deleted_between_two_blows_are_noticed(record, assert_safe) -> None:
+    folder, backend, call = record
+    with pytest.raises(RecordingFault, match="1 trials were sealed here, 0 are left"):
+        call(trials=3, after_trial=lambda trial: trial.path.unlink())
+    assert_safe(backend)
+
+
+def test_a_trial_file_says_by_itself_where_it_comes_from(record, rig) -> None:
+    folder, _, call = record
+    call(operator="ana", action_name="Boston", trials=1)
+    said = Session.open(folder).trials[0].read().provenance
+    assert (said["operator"], said["action"], said["rig_sha256"]) == ("ana", "Boston", rig.sha256)
+    assert said["calibration_date_force"] == "2026-01-15" and said["profile"] == "step"
+    assert said["backend_client"].startswith("nidaqmx") and said["software_python"] and said["device"] == "cDAQ1"
+    with h5py.File(folder / "trial_0001.h5") as file:
+        codes = file["daq/force_code"][()]
+        assert (np.abs(codes) < 2**23).all() and np.unique(codes).size > 100  # each is whole on the virtual bridge
+        scaling = file["daq/force"].attrs["device_scaling"]
+        np.testing.assert_allclose(codes * scaling[1] * 1e3, file["daq/force_raw"][()], atol=1e-12)
+
+
+@pytest.mark.parametrize(("step_s", "words"), [(-3 * 86400.0, "back by 259200.0 s"), (7.5, "forward by 7.5 s")])
+def test_a_clock_that_is_set_during_a_recording_is_noted(step_s, words, record) -> None:
+    folder, _, call = record
+    monotonic = itertools.count(100.0)
+    now = iter(monotonic)
+    shown = {"s": 100.0}
+
+    def now_s() -> float:
+        shown["s"] = next(now)
+        return shown["s"]
+
+    set_by = {"s": 0.0}
+
+    def progress(at) -> None:
+        if at.trial == 2:
+            set_by["s"] = step_s
+
+    call(trials=3, now_s=now_s, wall_s=lambda: 1.7e9 + shown["s"] + 1.0 + set_by["s"], progress=progress)
+    notes = [(note.trial, note.reason) for note in Session.open(folder).annotations]
+    assert [number for number, _ in notes] == [2] and words in notes[0][1]

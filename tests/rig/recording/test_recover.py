@@ -13,6 +13,7 @@ from rig.recording.recorder import record_session
 from rig.recording.recover import recover_session
 from rig.recording.trial_plan import parse_plan
 from rig.session import Session
+from tests.command_line import run
 
 
 @pytest.fixture
@@ -173,3 +174,29 @@ def test_a_session_in_which_everything_went_wrong_is_recovered_at_once(
         data = trial.read()
         assert data.n_valid > 0
         np.testing.assert_array_equal(data.encoder_count, wanted.encoder_count[: data.n_valid])
+
+
+def test_the_command_recovers_into_another_folder_and_leaves_the_first_as_it_is(cut_off, tmp_path, capsys) -> None:
+    folder, session = cut_off
+    whole = session.trial(2).read()
+    session.trial_path(2).unlink()
+    session.annotate(1, "reject", "slipped", author="ana")
+    cut(folder, 2, 0.1)
+    before = {file.name: file.read_bytes() for file in folder.iterdir()}
+    folder.chmod(0o500)
+    try:
+        assert run("recover", folder, "--out", tmp_path / "rescued") == 0
+    finally:
+        folder.chmod(0o700)
+    assert {file.name: file.read_bytes() for file in folder.iterdir()} == before
+    rescued = Session.open(tmp_path / "rescued")
+    assert [(t.number, t.status, t.rejected) for t in rescued.trials] == [
+        (1, "complete", "slipped"),
+        (2, "incomplete", None),
+    ]
+    assert rescued.trial(1).sha256 == session.trial(1).sha256 and not rescued.journals
+    again = rescued.trial(2).read()
+    np.testing.assert_array_equal(again.force_n, whole.force_n[: again.n_valid])
+    assert again.provenance == whole.provenance and "the journal stays" in capsys.readouterr().out
+    assert run("recover", folder, "--out", tmp_path / "rescued") == 2
+    assert "not an empty folder" in capsys.readouterr().err

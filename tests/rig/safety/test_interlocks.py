@@ -64,11 +64,11 @@ def test_when_not_even_the_trial_can_be_sealed_the_fault_is_told_and_its_journal
 ) -> None:
     call, folder, backend = bench
 
-    def full(path, data):
+    def full(path, *trial):
         raise InputError(f"{path}: cannot be written (No space left on device)")
 
     with monkeypatch.context() as context, pytest.raises(RecordingFault, match="overwritten.*No space left.*recover"):
-        context.setattr("rig.session.folder.write_trial", full)
+        context.setattr("rig.session.folder.write_trial_parts", full)
         call(f"overwrite@1/{PUSHING_S}")
     assert_safe(backend)
     journal = read_journal(folder / "trial_0001.journal")

@@ -91,7 +91,7 @@ def test_a_recording_is_journalled_guarded_and_recovered_with_windows_calls(
             progress=progress, open_journal=open_journal,
         )  # fmt: skip
     (trial,) = Session.open(tmp_path / "s").trials
-    assert trial.status == "fault" and trial.read().n_valid >= seen[-1] * 5000 and synced
+    assert trial.status == "defect" and trial.read().n_valid >= seen[-1] * 5000 and synced
 
 
 def test_signals_that_do_not_exist_here_are_left_out_and_sigbreak_counts_where_it_does(monkeypatch) -> None:

@@ -98,6 +98,9 @@ def _of_voltage(value: int | float) -> Property:
 
 
 def _coefficients(device: DeviceState, task: SimulatedTask, channel: Channel) -> list[float] | None:
+    if channel.physical.kind == "bridge":
+        product = device.inventory.product
+        return [0.0, 2e-3 * product.bridge_range_mv_per_v / 2**product.bridge_bits]  # V/V
     step = volts_per_code(device, channel)
     return None if step is None else [0.0, step]
 

@@ -1,0 +1,95 @@
+"""Devices and modules with serial numbers, as the driver lists them. Only questions are asked, nothing is reserved."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import TypeVar
+
+import grpc
+import nidaqmx.errors
+from nidaqmx import GrpcSessionOptions
+from nidaqmx.system import Device, System
+
+from rig.daq.faults import translated
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class FoundDevice:
+    """A card, a chassis or a module: ``serial_number`` 0 is a simulated one; ``slot`` 0 is no module."""
+
+    name: str
+    product: str
+    serial_number: int
+    simulated: bool
+    slot: int = 0
+    modules: tuple[FoundDevice, ...] = ()
+
+    @property
+    def serial(self) -> str:
+        """Serial number as NI prints it, in hexadecimal digits; ``none (simulated)`` without one."""
+        if self.serial_number:
+            return f"{self.serial_number:08X}"
+        return "none (simulated)" if self.simulated else "none"
+
+    def __iter__(self) -> Iterator[FoundDevice]:
+        """Itself and its modules."""
+        yield self
+        yield from self.modules
+
+
+def _options(channel: grpc.Channel | None) -> GrpcSessionOptions | None:
+    return None if channel is None else GrpcSessionOptions(channel, "")
+
+
+def find_device(channel: grpc.Channel | None, name: str) -> FoundDevice:
+    """Return one device and, of a chassis, its modules; raises HardwareFault where the driver has none of that name."""
+    with translated("connect", f"device {name}"):
+        device = Device(name, grpc_options=_options(channel))
+        modules = [
+            FoundDevice(
+                m.name, str(m.product_type), int(m.serial_num), bool(m.is_simulated), int(m.compact_daq_slot_num)
+            )
+            for m in _modules(device)
+        ]
+        return FoundDevice(
+            name,
+            str(device.product_type),
+            _known(lambda: int(device.serial_num), 0),
+            bool(device.is_simulated),
+            modules=tuple(sorted(modules, key=lambda module: module.slot)),
+        )
+
+
+def _modules(device: Device) -> list[Device]:
+    with contextlib.suppress(nidaqmx.errors.DaqError):
+        return list(device.chassis_module_devices)
+    return []
+
+
+def _known(ask: Callable[[], T], otherwise: T) -> T:
+    """Return the answer, or ``otherwise`` where the device does not have the property."""
+    with contextlib.suppress(nidaqmx.errors.DaqError):
+        return ask()
+    return otherwise
+
+
+def driver_version(channel: grpc.Channel | None) -> str:
+    """Return the version of the NI-DAQmx driver, ``26.0.0``."""
+    with translated("connect", "NI-DAQmx driver"):
+        options = _options(channel)
+        version = (System.local() if options is None else System.remote(options)).driver_version
+    return ".".join(str(int(part)) for part in version)
+
+
+def find_devices(channel: grpc.Channel | None) -> list[FoundDevice]:
+    """Return every card and chassis of the driver or server, with its modules."""
+    with translated("connect", "list of devices"):
+        options = _options(channel)
+        names = (System.local() if options is None else System.remote(options)).devices.device_names
+    found = [find_device(channel, name) for name in names]
+    inside = {module.name for device in found for module in device.modules}
+    return [device for device in found if device.name not in inside]

@@ -1,0 +1,84 @@
+"""What every trial file says of its own origin, so that it stands alone: who, what, with which devices and programs."""
+
+from __future__ import annotations
+
+import contextlib
+import platform
+from collections.abc import Callable
+from importlib.metadata import PackageNotFoundError, version
+
+from rig.backend import Capabilities
+from rig.configuration.profile import Profile
+from rig.configuration.rig_file import RigConfig
+from rig.session.info import SessionInfo
+
+PACKAGES = ("piano-action-rig", "numpy", "h5py", "nidaqmx", "grpcio")
+JUMP_S = 1.0
+"""A wall clock that goes wrong by more against the monotonic one has been set."""
+
+
+def software_versions() -> dict[str, str]:
+    """Return versions of Python, the operating system and the packages a recording depends on.
+
+    Returns
+    -------
+    dict
+        Name to version.
+
+    Examples
+    --------
+    >>> import rig
+    >>> "nidaqmx" in rig.recorder.software_versions()
+    True
+    """
+    versions = {"python": platform.python_version(), "system": platform.platform()}
+    for package in PACKAGES:
+        with contextlib.suppress(PackageNotFoundError):
+            versions[package] = version(package)
+    return versions
+
+
+def trial_provenance(
+    info: SessionInfo, capabilities: Capabilities, config: RigConfig, profile: Profile | None
+) -> dict[str, str]:
+    """Return the origin of a trial that begins now, by name; what is not known is ``unknown`` or left out.
+
+    Devices come with serial numbers where the driver gives them, software as it runs now: a session may be resumed
+    with other versions than it began with.
+    """
+    force = config.force.certificate
+    calibrated = {"force": force, **{f"encoder_{e.name}": e.certificate for e in config.encoders}}
+    calibrated |= {channel.name: channel.certificate for channel in config.channels}
+    return {
+        "session": info.name,
+        "operator": info.operator,
+        "action": info.action.name,
+        "action_key": info.action.key,
+        "rig": info.rig.name,
+        "rig_sha256": info.rig.sha256,
+        **({} if profile is None else {"profile": profile.name, "profile_sha256": profile.sha256}),
+        "device": config.device.name,
+        "backend": capabilities.name,
+        **{f"backend_{key}": value for key, value in capabilities.description.items()},
+        **{f"calibration_date_{name}": c.date for name, c in calibrated.items() if c is not None},
+        **{f"software_{package}": found for package, found in software_versions().items()},
+    }
+
+
+class ClockWatch:
+    """Compares the computer's wall clock with its monotonic one; both are read by ``wall_s`` and ``monotonic_s``."""
+
+    def __init__(self, wall_s: Callable[[], float], monotonic_s: Callable[[], float]) -> None:
+        self._wall_s, self._monotonic_s = wall_s, monotonic_s
+        self._off_s = wall_s() - monotonic_s()
+
+    def jump(self) -> str:
+        """Return in words by how much the wall clock was set since the last call; empty where it was not."""
+        off_s = self._wall_s() - self._monotonic_s()
+        jump_s, self._off_s = off_s - self._off_s, off_s
+        if abs(jump_s) <= JUMP_S:
+            return ""
+        return (
+            f"the computer's clock went {'forward' if jump_s > 0 else 'back'} by {abs(jump_s):.1f} s; times of day "
+            "before and after do not compare, the samples' times are those of the device and not affected"
+        )

@@ -1,0 +1,150 @@
+"""A trial of minutes: memory stays flat from the first block to the seal, and every sample is there."""
+
+from __future__ import annotations
+
+import tracemalloc
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rig.backend import Backend, Block, Capabilities, Timing
+from rig.configuration.profile import parse_profile
+from rig.configuration.rig_file import Rig, RigConfig, load_rig, parse_rig
+from rig.recording.progress import Progress
+from rig.recording.recorder import record_session
+from rig.session import Session
+from rig.session.journal.live_reader import SessionFollower
+from rig.session.trial_file import read_trial, write_trial, write_trial_parts
+from tests.rig.lab_channels import READBACK
+from tests.rig.session.test_trial_file import trial
+
+RATE = 5000.0
+
+
+def samples(first: int, n: int) -> Block:
+    """Eight channels: the force and four further voltages, three encoders."""
+    k = np.arange(first, first + n)
+    force_n = 0.05 + 1e-3 * (k % 7)
+    count = np.zeros((n, 3), dtype=np.int64) + (k // 50_000)[:, None]
+    return Block(first, force_n, force_n / 50, count, None, np.column_stack([np.sin(k * (1 + c)) for c in range(4)]))
+
+
+class EightChannels(Backend):
+    """A bench whose samples cost nothing."""
+
+    def __init__(self) -> None:
+        self.next = 0
+
+    @property
+    def capabilities(self) -> Capabilities:
+        return Capabilities("test", True, {})
+
+    def configure(self, config: RigConfig, command_v: np.ndarray) -> Timing:
+        self.next = 0
+        return Timing(RATE, 0.0)
+
+    def arm(self, *, enable_drive: bool = True) -> None:
+        pass
+
+    def start(self) -> None:
+        pass
+
+    def read_block(self, n_samples: int, timeout_s: float) -> Block:
+        self.next += n_samples
+        return samples(self.next - n_samples, n_samples)
+
+    def safe_stop(self) -> None:
+        pass
+
+    def close(self) -> None:
+        pass
+
+
+@pytest.fixture
+def long_rig() -> Rig:
+    tables = [READBACK.replace("motor_readback", f"further_{k}").replace("ai1", f"ai{k}") for k in range(1, 5)]
+    text = load_rig("pcie6363").text.replace("block_s = 0.02", "block_s = 0.1")
+    return parse_rig(text + "".join(tables))
+
+
+def record_held(folder: Path, rig: Rig, duration_s: float, progress: Callable[[Progress], None]) -> Session:
+    profile = parse_profile(
+        f'name = "held"\npoints = [{{time_s=0,force_n=0}},{{time_s=0.1,force_n=1}},'
+        f"{{time_s={duration_s - 0.1},force_n=1}},{{time_s={duration_s},force_n=0}}]"
+    )
+    return record_session(folder, profile=profile, rig_config=rig, backend=EightChannels(), trials=1, progress=progress)
+
+
+def checked(session: Session, duration_s: float) -> None:
+    data = session.trials[0].read()
+    assert data.status == "complete" and data.n_valid >= duration_s * RATE and len(data.channels) == 4
+    want = samples(0, data.n_valid)
+    np.testing.assert_array_equal(data.force_n, want.force_n)
+    np.testing.assert_array_equal(data.channel_values, want.channel_values)
+    np.testing.assert_array_equal(data.time_s, np.arange(data.n_valid) / RATE)
+
+
+def test_memory_does_not_grow_during_a_trial_nor_when_it_is_sealed(tmp_path, long_rig) -> None:
+    began: list[int] = []
+
+    def progress(at: Progress) -> None:
+        if at.time_s > 2.0 and not began:
+            tracemalloc.reset_peak()
+            began.append(tracemalloc.get_traced_memory()[0])
+
+    tracemalloc.start()
+    session = record_held(tmp_path / "s", long_rig, 35.0, progress)
+    growth_mb = (tracemalloc.get_traced_memory()[1] - began[0]) / 1e6
+    tracemalloc.stop()
+    samples_mb = 35 * RATE * 8 * 10 / 1e6  # force, its reading, time, three counts, four voltages
+    assert growth_mb < 4.0 < samples_mb / 3  # the part that is being sealed
+    checked(session, 35.0)
+
+
+@pytest.mark.slow
+def test_ten_minutes_of_eight_channels_stay_flat(tmp_path, long_rig) -> None:
+    resource = pytest.importorskip("resource")
+    peaks_mb: list[float] = []
+
+    def progress(at: Progress) -> None:
+        if at.time_s > 60.0 * (1 + len(peaks_mb)):
+            peaks_mb.append(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
+
+    session = record_held(tmp_path / "s", long_rig, 600.0, progress)
+    sealed_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    print(f"peak memory after each minute, MB: {[round(peak, 1) for peak in peaks_mb]}; sealed: {sealed_mb:.1f}")
+    assert len(peaks_mb) == 10 and sealed_mb - peaks_mb[0] < 10.0
+    checked(session, 600.0)
+
+
+def test_a_trial_written_in_parts_is_the_same_trial(tmp_path) -> None:
+    whole = trial(200)
+    write_trial(tmp_path / "whole.h5", whole)
+    for size in (1, 37, 200):
+        arrays = ("time_s", "force_n", "force_raw", "motor_command_v", "encoder_count")
+        parts = [
+            replace(whole, **{name: getattr(whole, name)[first : first + size] for name in arrays})
+            for first in range(0, 200, size)
+        ]
+        write_trial_parts(tmp_path / f"{size}.h5", whole, 200, parts)
+        assert read_trial(tmp_path / f"{size}.h5").sha256 == read_trial(tmp_path / "whole.h5").sha256
+    with pytest.raises(ValueError, match="199 rows, expected 200"):
+        write_trial_parts(tmp_path / "less.h5", whole, 200, [replace(whole, time_s=whole.time_s[:199])])
+    assert not (tmp_path / "less.h5").exists()
+
+
+def test_a_live_view_keeps_the_last_half_minute_and_the_angles_from_the_start(tmp_path, long_rig) -> None:
+    views = []
+    follower: list[SessionFollower] = []
+
+    def progress(at: Progress) -> None:
+        follower[:] = follower or [SessionFollower(tmp_path / "s")]
+        views.append(follower[0].poll())
+
+    record_held(tmp_path / "s", long_rig, 35.0, progress)
+    last = views[-1]
+    assert last.time_s[-1] > 35.0 and 29.9 < np.ptp(last.time_s) < 30.2
+    assert last.angle_rad[-1, 0] == pytest.approx(3 * 2 * np.pi / 327680)  # a count every 10 s
