@@ -5,13 +5,14 @@ from __future__ import annotations
 import platform
 from importlib import metadata
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from pianorig import workflows
-from pianorig.console.options import AsJson, Rig
+from pianorig.console.options import AsJson
 from pianorig.console.output import print_json
+from pianorig.errors import CommandInputError
 
 PACKAGES = (
     "piano-action-rig", "numpy", "scipy", "pandas", "h5py", "matplotlib", "opencv-python-headless", "nidaqmx", "numba",
@@ -23,15 +24,25 @@ def command(
     backend: Annotated[
         str | None, typer.Option("--backend", help="Show what answers at sim://, ni://local or ni-grpc://host:31763.")
     ] = None,
-    rig: Rig = "virtual",
+    rig: Annotated[
+        str | None, typer.Option("--rig", help="Built-in rig or a TOML file to hold against the backend.")
+    ] = None,
+    propose: Annotated[
+        Path | None, typer.Option("--propose", help="With --backend: write a rig file for the devices found there.")
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Show a session, a backend, or the installed versions.
 
     Example:  pianorig info sessions/try
     Example:  pianorig info --backend sim:// --rig pcie6363
+    Example:  pianorig info --backend ni://local --propose my_rig.toml
     """
-    if backend is not None:
+    if propose is not None:
+        if backend is None:
+            raise CommandInputError("--propose: goes with --backend ADDRESS")
+        facts: dict[str, Any] = workflows.write_proposal(backend, propose, rig)
+    elif backend is not None:
         facts = workflows.backend_facts(backend, rig)
     else:
         facts = _versions() if session is None else workflows.session_facts(session)

@@ -1,9 +1,12 @@
 from .bench.access import BenchAccess as BenchAccess
+from .bench.calibrate import CalibrationOrder as CalibrationOrder
+from .bench.calibrate import calibrate_force as calibrate_force
 from .bench.dry_run import rehearsal_lines as rehearsal_lines
 from .bench.dry_run import rehearse as rehearse
 from .bench.export import export_session as export_session
 from .bench.info import backend_facts as backend_facts
 from .bench.info import session_facts as session_facts
+from .bench.info import write_proposal as write_proposal
 from .bench.interrupted import interrupts_told as interrupts_told
 from .bench.learn import learn_profile as learn_profile
 from .bench.learn import learning_summary as learning_summary

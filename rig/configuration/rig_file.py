@@ -77,7 +77,9 @@ class SelftestConfig(Table):
     stroke_tolerance: Number = Field(default=0.15, gt=0, le=0.4)
     push_n: Number = Field(default=0.25, gt=0, le=5)
     push_tolerance: Number = Field(default=0.2, gt=0, le=0.5)
-    latency_tolerance_samples: Number = Field(default=3.0, gt=0, le=100)
+    latency_tolerance_samples: Number = Field(default=0.5, gt=0, le=100)
+    drive_delay_s: Number = Field(default=0.0, ge=0, le=0.01)
+    """From the analog output to the torque."""
     offset_limit_n: Number = Field(default=2.0, gt=0, le=100)
     shunt_ohm: Number = Field(default=100e3, ge=0)
     shunt_tolerance: Number = Field(default=0.02, gt=0, le=0.5)

@@ -10,6 +10,7 @@ import grpc
 
 from rig.configuration.rig_file import RigConfig
 from rig.daq import server_sessions
+from rig.daq.discovery.devices import FoundDevice, driver_version, find_devices
 from rig.daq.nidaqmx_backend import NidaqmxBackend
 from rig.errors import RigInputError
 
@@ -28,6 +29,26 @@ def open_backend(url: str, config: RigConfig) -> NidaqmxBackend:
     channel, target = _server(url)
     claim = server_sessions.ServerClaim(channel, target)
     return _identified(NidaqmxBackend(channel, name=f"NI gRPC Device Server at {target}", claim=claim), config)
+
+
+def discover(url: str) -> tuple[str, list[FoundDevice]]:
+    """Return the driver's version and the devices behind ``ni://local`` or ``ni-grpc://host[:port]``.
+
+    Raises
+    ------
+    RigInputError
+        For another address.
+    HardwareFault
+        When driver or server does not answer.
+    """
+    parts = urlsplit(url)
+    if parts.scheme == "ni" and parts.netloc in ("", "local"):
+        return driver_version(None), find_devices(None)
+    channel, _ = _server(url)
+    try:
+        return driver_version(channel), find_devices(channel)
+    finally:
+        channel.close()
 
 
 def reset_server(url: str) -> str:

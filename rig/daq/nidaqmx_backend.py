@@ -20,7 +20,7 @@ from rig.backend import Backend, Block, Capabilities, Timing
 from rig.configuration.rig_file import RigConfig
 from rig.daq import analog_inputs, call_delay, read_samples, tasks
 from rig.daq.bench_checks import BenchChecks
-from rig.daq.discovery.devices import driver_version, find_device
+from rig.daq.discovery.devices import FoundDevice, driver_version, find_device, find_devices
 from rig.daq.faults import translated
 from rig.daq.safe_bench import SafeBench
 from rig.daq.safing import worst
@@ -82,6 +82,10 @@ class NidaqmxBackend(SafeBench, BenchChecks, Backend):
             raise RigInputError(
                 f"device.product = {config.device.product!r}: device {name} is a {self._product}; correct the rig file"
             )
+
+    def devices(self) -> list[FoundDevice]:
+        """Return every card and chassis that the driver or server has, with modules and serial numbers."""
+        return find_devices(self._channel)
 
     def configure(self, config: RigConfig, command_v: NDArray[np.float64] | None) -> Timing:
         """Put the outputs in their safe state, reserve every channel, load the motor command."""

@@ -6,41 +6,28 @@ In: an open backend and what the rig file says a sound bench does; out: a findin
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.backend import Backend, Block, Expiry, Timing
+from rig.backend import Block, Timing
 from rig.configuration.channels import BODIES
 from rig.configuration.rig_file import RigConfig, SelftestConfig
+from rig.selftest.backend import SelftestBackend
+from rig.selftest.edge import fit_edge, without_hum
 from rig.selftest.record import SelftestFinding
-from rig.selftest.step_response import LEAD_S, encoder_advice, first_crossing, joined, push_response, push_train
+from rig.selftest.step_response import LEAD_S, encoder_advice, joined, push_response, push_train
 
 PRESS_S = 4.5
 REST_WINDOW_S = 0.3
 CAMERA_S = 0.5
+EDGE_LEAD = 10
+"""Samples before the edge of a push that are evaluated with it."""
 READ_TIMEOUT_S = 5.0
 INSTRUCTION = (
     "drive disabled: lift the arm off the key for a second, put it back, then press the key slowly to its bottom and "
     f"let it come up again, all within {PRESS_S:g} s"
 )
-
-
-class SelftestBackend(Backend, Protocol):
-    """A backend with the calls only a self-test makes (:mod:`rig.daq.bench_checks`)."""
-
-    def shunt_step(self, config: RigConfig) -> float:
-        """Return the change of the bridge's reading with its shunt resistor, mV/V."""
-
-    def count_edges(self, config: RigConfig, counter: str, terminal: str, duration_s: float, pulses: bool) -> int:
-        """Return the rising edges on a terminal."""
-
-    def loopback_read(self, config: RigConfig, channel: str, command_v: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return what an input wired to the motor's output reads, V."""
-
-    def let_watchdog_expire(self, n_samples: int, blocks: int) -> Expiry:
-        """Read without resetting the watchdog; the blocks, in which it expired, and whether the device ended it."""
 
 
 class Checks:
@@ -128,7 +115,9 @@ class Checks:
         volts = push_train(self.expected.push_n / self.config.motor.force_per_volt_n, self.rate)
         timing, block = self._acquire(volts, enable_drive=enable_drive)
         self._delay_samples = timing.force_group_delay_s * self.rate
-        return push_response(block.force_n, self.rate, int(np.floor(self._delay_samples)))
+        late = int(np.floor(self._delay_samples)) - EDGE_LEAD
+        force_n = without_hum(block.force_n, self.rate, self.config.mains_frequency_hz, late)
+        return push_response(force_n, self.rate, late)
 
     def pushed_disabled(self) -> None:
         """With the drive disabled the motor's command must not reach the key."""
@@ -160,12 +149,22 @@ class Checks:
         tolerance = self.expected.push_tolerance
         self.add("motor and force", abs(force - wanted) <= tolerance * wanted, f"{force:+.4f} N",
                  f"{wanted:+.3g} N ± {tolerance:.0%}", advice)  # fmt: skip
-        crossing = first_crossing(response, 0.5 * force) if force > 0.3 * wanted else None
-        delay = self._delay_samples
-        late = float("nan") if crossing is None else crossing + np.floor(delay) - delay
-        limit = self.expected.latency_tolerance_samples
-        self.add("output to force delay", bool(abs(late) <= limit), f"{late:+.2f} samples beside {delay:.2f}",
-                 f"within {limit:g} samples", "force.module, group_delay_s or the clock's route are wrong")  # fmt: skip
+        self._add_delay(response if force > 0.3 * wanted else None)
+
+    def _add_delay(self, response: NDArray[np.float64] | None) -> None:
+        """The push must begin when it should: after the module's delay and the drive's."""
+        delay, limit_s = self._delay_samples, self.expected.latency_tolerance_samples / self.rate
+        at = EDGE_LEAD + delay - np.floor(delay) + self.expected.drive_delay_s * self.rate
+        edge = None if response is None else fit_edge(response, self.rate, at)
+        late_s = float("nan") if edge is None else edge.late_s
+        sure = edge is not None and edge.u_s <= limit_s / 2
+        found = "no edge" if edge is None else f"{late_s * 1e3:+.3f} ms, u {edge.u_s * 1e3:.3f}, "
+        found += "" if edge is None else f"beside {delay / self.rate * 1e3:.3f} ms; rings at {edge.ringing_hz:.0f} Hz"
+        advice = "force.module, group_delay_s, selftest.drive_delay_s or the clock's route are wrong"
+        if edge is not None and not sure:
+            advice = "too uncertain: look for noise on the force, or a loose arm; raise selftest.push_n"
+        passed = sure and abs(late_s) <= limit_s
+        self.add("output to force delay", passed, found, f"within {limit_s * 1e3:.3g} ms", advice)
 
     def watchdog(self) -> None:
         """While the motor pushes the watchdog is not reset: it must cut the force; a chassis shows it after a reset."""

@@ -9,7 +9,7 @@ from rig.backend import Block
 from rig.configuration.channels import BODIES
 from rig.configuration.rig_file import RigConfig
 
-PUSHES, PUSH_S, PAUSE_S, LEAD_S = 4, 0.15, 0.15, 0.3
+PUSHES, PUSH_S, PAUSE_S, LEAD_S = 8, 0.15, 0.15, 0.3
 
 
 def push_train(volts: float, rate_hz: float) -> NDArray[np.float64]:
@@ -61,12 +61,3 @@ def joined(blocks: list[Block]) -> Block:
         np.concatenate([block.force_raw for block in blocks]),
         np.concatenate([block.encoder_count for block in blocks]),
     )
-
-
-def first_crossing(values: NDArray[np.float64], level: float) -> float | None:
-    """Return where a curve first passes a level upwards, in samples, interpolated; None if it never does."""
-    above = np.flatnonzero(values >= level)
-    if not above.size:
-        return None
-    i = int(above[0])
-    return float(i) if i == 0 else i - 1 + float((level - values[i - 1]) / (values[i] - values[i - 1]))

@@ -6,7 +6,13 @@ from contextlib import closing
 from pathlib import Path
 from typing import Any
 
-from rig import Session, load_rig, open_backend
+from pianorig.errors import CommandInputError
+from rig import Session, load_rig, open_backend, parse_rig
+from rig.daq.address import discover
+from rig.daq.discovery.devices import FoundDevice
+from rig.daq.discovery.proposal import propose_rig
+from rig.daq.nidaqmx_backend import NidaqmxBackend
+from rig.storage.atomic_write import write_text
 
 
 def session_facts(path: Path) -> dict[str, Any]:
@@ -38,11 +44,18 @@ def session_facts(path: Path) -> dict[str, Any]:
     }
 
 
-def backend_facts(backend: str, rig: str) -> dict[str, Any]:
-    """What answers at a backend address: device, versions, and the settings of the rig file."""
-    config = load_rig(rig).config
+def backend_facts(backend: str, rig: str | None) -> dict[str, Any]:
+    """What answers at a backend address: devices with serial numbers, versions, and what a rig file makes of them.
+
+    Without a rig file only the devices are listed; ``sim://`` has those of the built-in one.
+    """
+    if rig is None and not backend.startswith("sim:"):
+        driver, devices = discover(backend)
+        return {"backend": backend, "driver": f"NI-DAQmx {driver}", "devices": _rows(devices)}
+    config = load_rig(rig or "virtual").config
     with closing(open_backend(backend, config)) as bench:
         facts = bench.capabilities
+        devices = bench.devices() if isinstance(bench, NidaqmxBackend) else []
     return {
         "backend": facts.name,
         "simulated": facts.simulated,
@@ -50,8 +63,38 @@ def backend_facts(backend: str, rig: str) -> dict[str, Any]:
         "watchdog": "yes" if facts.watchdog else "no",
         "rig": config.name,
         "device": config.device.name,
-        **facts.description,
+        **{key: value for key, value in facts.description.items() if not key.startswith("slot_")},
+        "devices": _rows(devices),
         "sample_rate_hz": config.device.sample_rate_hz,
         "force_group_delay_s": config.force.group_delay(config.device.sample_rate_hz),
         "camera": "none" if config.camera is None else config.camera.mode,
     }
+
+
+def _rows(devices: list[FoundDevice]) -> list[dict[str, Any]]:
+    return [
+        {"device": one.name, "product": one.product, "serial_number": one.serial, "slot": one.slot or "-"}
+        for device in devices
+        for one in device
+    ]
+
+
+def write_proposal(backend: str, path: Path, rig: str | None = None) -> dict[str, Any]:
+    """Write a rig file for the devices behind an address; the file is checked before it is written.
+
+    Raises
+    ------
+    CommandInputError : the file exists
+    rig.RigInputError : no device for which a file can be proposed
+    """
+    if path.exists():
+        raise CommandInputError(f"{path}: exists already; choose another name")
+    if backend.startswith("sim:"):
+        with closing(open_backend(backend, load_rig(rig or "virtual").config)) as bench:
+            devices = bench.devices() if isinstance(bench, NidaqmxBackend) else []
+    else:
+        _, devices = discover(backend)
+    text = propose_rig(devices)
+    config = parse_rig(text, str(path)).config
+    write_text(path, text)
+    return {"rig": path, "device": config.device.name, "product": config.device.product}

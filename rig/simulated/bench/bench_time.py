@@ -38,6 +38,8 @@ class BenchTime:
         self.pianist_plays = False
         """Whether a virtual pianist plays where the motor has no task (:mod:`rig.simulated.bench.virtual_pianist`)."""
         self._pianist: VirtualPianist | None = None
+        self.hung_n = 0.0
+        """Weight that hangs on the load cell, N."""
         self.force_per_volt_n = 12.0
         self._by_operator = False
         self.camera_rate_hz = 0.0
@@ -91,7 +93,7 @@ class BenchTime:
             command_v = command_v + self._pianist.press_n(time_s) / self.force_per_volt_n
         block = self.plant.advance(command_v)
         felt_n = np.where(virtual_operator.lifted(time_s), 0.0, block.force_n) if self._by_operator else block.force_n
-        cell = self._force.millivolts_per_volt(self._delay.push(felt_n), time_s)
+        cell = self._force.millivolts_per_volt(self._delay.push(felt_n + self.hung_n), time_s)
         self._last_force_n, self._last_angle_rad = block.force_n[-1:], block.angle_rad[-1:]
         self._last_lift_m = None if block.key_lift_m is None else block.key_lift_m[-1:]
         quarter = self._encoders.quarter_counts(block.angle_rad, block.key_lift_m)
