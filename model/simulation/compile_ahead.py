@@ -12,6 +12,7 @@ import subprocess
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from threading import Thread
 
 from model.kernels import compile as _compile
 from model.kernels.codegen.load import kernels_of, on_disk
@@ -59,6 +60,7 @@ def compile_ahead(choices: Sequence[SceneChoice], *, loop: bool = False) -> subp
         beside.stdin.close()
     except OSError:
         return None
+    Thread(target=beside.wait, daemon=True).start()  # takes note of its end, while the caller goes on
     return beside
 
 
