@@ -10,6 +10,7 @@ down or does not converge returns ``converged = False``; nothing is raised.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -22,6 +23,7 @@ from vision.fitting.coherence import UNKNOWN, Blocks, Ratios
 from vision.fitting.frame_spline import FrameSpline
 from vision.fitting.kernel_records import Region, RigidFit, Settings, State, Subset
 from vision.fitting.kernels import fit_rigid
+from vision.fitting.light_gradient import MOST, NO_LIGHT, LightGradient
 from vision.fitting.normal_inverse import inverse_and_covariance
 from vision.fitting.pose_covariance import PATTERN_EXCESS, TUKEY_FACTOR, pose_covariance
 from vision.fitting.template import Template
@@ -32,7 +34,11 @@ to eight standard uncertainties short."""
 STOP_U = 0.1
 """Or: what is left, judged by how fast the steps shrink, over its standard uncertainty. Along the grain of wood a step
 of 0.002 px is a small part of that, and asking for it loses frames."""
-MAX_ITERATIONS = 30
+MAX_ITERATIONS = 80
+"""Most fits take two; where noise in the template holds a body of weak texture back, the steps shrink slowly."""
+LIGHT_SUSPECTED = 2.5
+"""Ratio of `vision.fitting.coherence` over the largest blocks from which the light across the body is looked at."""
+LIGHT_ROUNDS = 3
 QUIET = 0.7
 """The residuals of a body may be quieter than the still frames by this factor, since darker parts of a picture are."""
 SCALE_FLOOR_GREY = 0.5
@@ -45,6 +51,7 @@ class IcgnFitter:
     def __init__(self, template: Template, frames: FrameSpline | None = None) -> None:
         self.template = template
         self._frames = frames
+        self._gradient: LightGradient | None = None
         self._settings = Settings(noise_gain(), SCALE_FLOOR_GREY, TOLERANCE_PX, STOP_U, MAX_ITERATIONS)
         self._blocks = Blocks(template.offset_px)
         self._work = np.zeros((5, template.n_pixels), dtype=np.float32)
@@ -56,14 +63,16 @@ class IcgnFitter:
         """Forget the weights carried over from the previous frame."""
         self._weight = np.ones(self.template.n_pixels, dtype=np.float32)
         self._scale = 2.0
+        self._light = NO_LIGHT
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """Weights and noise of the newest frame."""
-        return {"weight": self._weight, "scale": np.array(self._scale)}
+        """Weights, noise and light of the newest frame."""
+        return {"weight": self._weight, "scale": np.array(self._scale), "light": np.array(self._light)}
 
     def restore(self, arrays: dict[str, NDArray[Any]]) -> None:
         """Continue from the weights and noise of another frame."""
         self._weight, self._scale = np.array(arrays["weight"], dtype=np.float32), float(arrays["scale"])
+        self._light = (float(arrays["light"][0]), float(arrays["light"][1]))
 
     def fit(self, film: FrameSource, index: int, pose: NDArray[np.float64], covered: NDArray[np.uint8] | None) -> Fit:
         """Fit the body in frame ``index``, starting from ``pose``."""
@@ -90,16 +99,51 @@ class IcgnFitter:
             if saturated is not None and self._under(saturated, start, y0, x0) > SATURATED_SHARE * template.n_pixels:
                 # not a number: the compiled loop leaves out every sample that such a coefficient enters
                 coefficient = np.where(saturated, np.float32(np.nan), coefficient)
-        pose = np.array(start, dtype=float)
         hidden = self._uncovered if covered is None else covered
+        result = self._solve(coefficient, (y0, x0), start, hidden)
+        for _ in range(LIGHT_ROUNDS):
+            if not result.converged or not np.any(result.coherence.ratio[-1] > LIGHT_SUSPECTED):
+                break
+            more = self._light_gradient().measure(
+                self._weight * self._work[1], self._work[2], result.gain, result.noise_grey**2
+            )
+            there = (self._light[0] + more[0], self._light[1] + more[1])
+            if more == NO_LIGHT or max(map(abs, there)) > MOST:
+                break
+            self._light = there
+            result = self._solve(coefficient, (y0, x0), result.pose, hidden)
+        return result
+
+    def _light_gradient(self) -> LightGradient:
+        """Made when it is first asked for."""
+        if self._gradient is None:
+            self._gradient = LightGradient(self.template)
+        return self._gradient
+
+    def _solve(
+        self,
+        coefficient: NDArray[np.float32],
+        corner: tuple[int, int],
+        start: NDArray[np.float64],
+        hidden: NDArray[np.uint8],
+    ) -> Fit:
+        """Fit under the light known so far."""
+        template, lit = self.template, self._light != NO_LIGHT
+        if lit:
+            coefficient = self._light_gradient().divided_out(coefficient, corner, start, self._light)
+        pose = np.array(start, dtype=float)
         subset = Subset(template.offset_px, template.columns, hidden, *template.centre_px, template.radius_px)
         state = State(pose, self._weight, self._work, self._at, self._scale)
-        found = fit_rigid(Region(coefficient, float(x0), float(y0)), subset, self._settings, state)
+        found = fit_rigid(Region(coefficient, float(corner[1]), float(corner[0])), subset, self._settings, state)
         if found.iterations <= 0 or not all(map(math.isfinite, pose.tolist())):
             self.reset()
             return FAILED
         self._scale = found.sums.scale
-        return self._assess(found, pose)
+        fit = self._assess(found, pose)
+        if lit:
+            root = np.sqrt(self._light_gradient().variance_factor)
+            fit = replace(fit, covariance=fit.covariance * root[:, None] * root)
+        return fit
 
     def _under(self, marked: NDArray[np.bool_], pose: NDArray[np.float64], y0: int, x0: int) -> int:
         """Number of the body's pixels at a pose that are marked in the region whose corner is (y0, x0)."""

@@ -19,8 +19,15 @@ from vision.results.flags import FrameFlag
 from vision.results.pose_table import PoseTable
 from vision.tracking.checkpoint import EVERY_ROWS, Checkpoint
 from vision.tracking.film_tracker import FilmTracker
-from vision.tracking.row_steps import agree, forward_step, store
-from vision.tracking.stretches import SHARED_ROWS, first_rows, later_stretches, several_may_read
+from vision.tracking.stretches import (
+    SHARED_ROWS,
+    agree,
+    first_rows,
+    forward_step,
+    later_stretches,
+    several_may_read,
+    store,
+)
 from vision.tracking.workers import result_of, workers
 
 BEFORE, AFTER = 12, 4

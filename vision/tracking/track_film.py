@@ -11,28 +11,40 @@ from __future__ import annotations
 import os
 import warnings
 from collections.abc import Sequence
-from typing import Unpack
+from dataclasses import dataclass, replace
+from typing import Any, Unpack
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from vision.bodies.outlines import Body
 from vision.errors import VisionWarning
 from vision.film.open import open_film
 from vision.film.source import FrameSource
+from vision.reference.prepared_film import PreparedFilm
 from vision.results.flags import FrameFlag
 from vision.results.pose_table import PoseTable
 from vision.results.track_result import TrackResult
-from vision.tracking.assemble_result import assemble_result, zero_of_rows, zero_of_still_frames
+from vision.tracking.assemble_result import Zero, assemble_result, zero_of_rows, zero_of_still_frames
 from vision.tracking.checkpoint import Checkpoint, job_hash
 from vision.tracking.film_tracker import FilmTracker
 from vision.tracking.options import TrackOptions, TrackSettings
 from vision.tracking.passes import Run, confirm_backward, track_forward
 from vision.tracking.prepare import frame_times, prepare
+from vision.tracking.sensor_pattern import (
+    BETTER,
+    WithoutPattern,
+    left_over,
+    residual_variance,
+    sensor_pattern,
+    suspected,
+)
 from vision.tracking.stretches import first_rows
 from vision.tracking.workers import usable_threads
 from vision.uncertainty.budget_terms import expected_budget
+from vision.uncertainty.coherence_widening import widened
 
+PATTERN_ROUNDS = 4
 FIRST_ORDER_RADIAL = 0.006
 """Beyond this distortion pixels of one body move so differently that the weights leave some of them out."""
 
@@ -122,13 +134,43 @@ def _track(
     ready = prepare(film, bodies, settings.n_still, settings.max_pixels, settings.method)
     if settings.expected is not None:
         settings.expected(expected_budget(ready, camera, settings.u_time_s))
-    table = PoseTable.empty(np.arange(0, film.n_frames, settings.every), len(bodies))
+    frame = np.arange(0, film.n_frames, settings.every)
     checkpoint = None
     if settings.checkpoint is not None:
-        job = job_hash(
-            film, bodies, (settings.method, settings.every, first_rows(film, table.frame.size)), ready.templates
-        )
+        job = job_hash(film, bodies, (settings.method, settings.every, first_rows(film, frame.size)), ready.templates)
         checkpoint = Checkpoint(settings.checkpoint, job)
+    done = _both_passes(ready, frame, settings, checkpoint)
+    ready, done, pattern_grey = _without_pattern(ready, done, settings)
+    table = done.table
+    repeated = np.any(table.flag & np.uint16(int(FrameFlag.REPEATED)), axis=1)
+    if repeated.any():
+        warnings.warn(
+            f"{film.path}: {int(repeated.sum())} frames repeat the one before (first: {table.frame[repeated][0]}) and "
+            "are lost (flag 1024); the camera may have dropped frames: check the frame clock",
+            VisionWarning,
+            stacklevel=3,
+        )
+    info = {**done.info, "rows_repeated": int(repeated.sum()), "pattern_grey": pattern_grey}
+    result = assemble_result(ready, done.zero, table, time_s, settings, info)
+    if checkpoint is not None:
+        checkpoint.clear()
+    return result
+
+
+@dataclass(frozen=True)
+class _Done:
+    """Poses and zero of both passes, and what they counted."""
+
+    table: PoseTable
+    zero: Zero
+    info: dict[str, Any]
+
+
+def _both_passes(
+    ready: PreparedFilm, frame: NDArray[np.int64], settings: TrackSettings, checkpoint: Checkpoint | None
+) -> _Done:
+    """Track forward through frames, and backward through the doubtful ones."""
+    table = PoseTable.empty(frame, len(ready.bodies))
     # found as soon as it can be, so that outlines that do not fit the film are refused before the long work
     zeros = [zero_of_still_frames(ready)] if settings.every > 1 else []
 
@@ -141,21 +183,28 @@ def _track(
     run = Run(checkpoint, settings.progress, ready.reference.n_averaged, threads, at_rest)
     resumed = track_forward(tracker, table, run)
     confirmed = confirm_backward(ready, table, settings.confirm, threads)
-    repeated = np.any(table.flag & np.uint16(int(FrameFlag.REPEATED)), axis=1)
-    if repeated.any():
-        warnings.warn(
-            f"{film.path}: {int(repeated.sum())} frames repeat the one before (first: {table.frame[repeated][0]}) and "
-            "are lost (flag 1024); the camera may have dropped frames: check the frame clock",
-            VisionWarning,
-            stacklevel=3,
-        )
-    info = {
-        **tracker.info(),
-        "rows_repeated": int(repeated.sum()),
-        "rows_resumed": resumed,
-        "rows_confirmed": confirmed,
-    }
-    result = assemble_result(ready, zeros[0], table, time_s, settings, info)
-    if checkpoint is not None:
-        checkpoint.clear()
-    return result
+    return _Done(table, zeros[0], {**tracker.info(), "rows_resumed": resumed, "rows_confirmed": confirmed})
+
+
+def _without_pattern(ready: PreparedFilm, done: _Done, settings: TrackSettings) -> tuple[PreparedFilm, _Done, float]:
+    """Track again without the sensor's fixed pattern where there is one; the better of both, and the pattern's rms."""
+    film, grey = ready.film, 0.0
+    for _ in range(PATTERN_ROUNDS if suspected(ready, done.table) else 0):
+        # from the reference of the round before, which has less of the pattern in it
+        pattern = sensor_pattern(film, ready, done.table)
+        if pattern is None:
+            break
+        clean = WithoutPattern(film, pattern)
+        cleaned = prepare(clean, ready.bodies, ready.reference.n_averaged, settings.max_pixels, settings.method)
+        again = _both_passes(cleaned, done.table.frame, settings, None)
+        before, after = (residual_variance(*of).mean() for of in ((ready, done.table), (cleaned, again.table)))
+        found = int(done.table.failed.sum()) - int(again.table.failed.sum())
+        if found < 0 or after > (before if found or grey else BETTER * before):
+            break
+        info = {**again.info, "rows_resumed": done.info["rows_resumed"]}
+        ready, done = cleaned, replace(again, info=info)
+        grey = float(np.sqrt(np.mean(pattern[pattern != 0.0] ** 2)))
+    if grey:
+        factor = np.broadcast_to(left_over(ready, grey), (len(done.table.frame), len(ready.bodies), 3))
+        done = replace(done, table=replace(done.table, covariance=widened(done.table.covariance, factor)))
+    return ready, done, grey

@@ -1,0 +1,72 @@
+"""Light that changes across a body is measured and divided out; where it does not, nothing is."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from tests.vision.motion import bar_motion, smooth_step
+from vision.film.source import ArrayFilm
+from vision.fitting.icgn import IcgnFitter
+from vision.fitting.light_gradient import NO_LIGHT, LightGradient
+from vision.fitting.template import build_template
+from vision.synthetic import Scene
+from vision.tracking.track_film import track_film
+
+
+def bar_mask(shape: tuple[int, ...]) -> NDArray[np.bool_]:
+    mask = np.zeros(shape, dtype=bool)
+    mask[80:112, 68:166] = True
+    return mask
+
+
+@pytest.mark.parametrize("light", [(0.12, 0.0), (-0.05, 0.1), (0.0, 0.0)])
+def test_measured_light(
+    bar_scene: Callable[[str], Scene], pivot: tuple[float, float], light: tuple[float, float]
+) -> None:
+    still = bar_scene("speckle").light(np.array([[[0.0, *pivot]]]))
+    rng = np.random.default_rng(1)
+    template = build_template("bar", still, bar_mask(still.shape), 10, noise_grey=2.0)
+    y, x = np.mgrid[0 : still.shape[0], 0 : still.shape[1]]
+    centre, radius = template.centre_px, template.radius_px
+    factor = 1.0 + light[0] * (x - centre[0]) / radius + light[1] * (y - centre[1]) / radius
+    frame = np.clip(np.rint(still * factor + 2.0 * rng.standard_normal(still.shape)), 0, 255).astype(np.uint8)
+    fitter = IcgnFitter(template)
+    fit = fitter.fit(ArrayFilm(frame[None]), 0, np.array([0.002, 0.2, -0.1]), None)
+    found = fitter.state()["light"]
+    assert fit.converged and abs(fit.gain - 1.0) < 0.02
+    if light == (0.0, 0.0):
+        assert tuple(found) == NO_LIGHT
+    else:
+        np.testing.assert_allclose(found, light, atol=0.01)
+        assert fit.noise_grey < 2.3
+    u = np.sqrt(np.diag(fit.covariance))
+    assert np.all(np.abs(fit.pose) < 4.0 * u + [2e-5, 2e-3, 2e-3])
+    assert np.all(LightGradient(template).variance_factor < 1.2)
+
+
+@pytest.mark.parametrize("texture", ["speckle", "wood"])
+def test_light_that_grows_on_one_side(
+    bar_scene: Callable[[str], Scene], film_of: Callable[..., object], pivot: tuple[float, float], texture: str
+) -> None:
+    n = 80
+    pose = bar_motion(n, pivot, 0.25)
+    grown = 0.4 * smooth_step((np.arange(n) - 14) / 50.0)
+
+    def lamp(i: int, light: NDArray[np.float32]) -> None:
+        light *= 1.0 + grown[i] * (np.arange(light.shape[1], dtype=np.float32) - 100.0) / 200.0
+
+    known = film_of(bar_scene(texture), pose, cover=lamp)
+    result, plain = track_film(known.film, known.bodies), track_film(*(_plain(film_of, bar_scene, pose, texture)))
+    error = result.angle_rad[:, 0] - (pose[:, 0, 0] - pose[: result.n_still, 0, 0].mean())
+    assert not result.failed.any()
+    assert np.abs(error / result.u_angle_rad[:, 0]).max() < 5.0
+    assert np.median(result.u_angle_rad[20:]) < 2.0 * np.median(plain.u_angle_rad[20:])
+
+
+def _plain(film_of: Callable[..., object], scene: Callable[[str], Scene], pose: np.ndarray, texture: str) -> tuple:
+    known = film_of(scene(texture), pose)
+    return known.film, known.bodies

@@ -1,0 +1,69 @@
+"""A fixed pattern of the sensor is found from the moving film and taken off; other disturbances are left alone."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from tests.vision.motion import bar_motion
+from tests.vision.tracking.test_disturbed_films import stress, tracked  # noqa: F401  (fixture)
+from vision.film.source import ArrayFilm
+from vision.synthetic import Scene
+from vision.tracking.sensor_pattern import WithoutPattern
+from vision.tracking.track_film import track_film
+
+
+def with_pattern(film: ArrayFilm, rms: float, seed: int = 0) -> tuple[ArrayFilm, np.ndarray]:
+    """The film with an offset of its own for every pixel and every column."""
+    rng = np.random.default_rng(seed)
+    pattern = rng.normal(0.0, rms, (film.height, film.width)) + rng.normal(0.0, 0.4 * rms, film.width)
+    frames = np.stack([film.read(i) for i in range(film.n_frames)])
+    return ArrayFilm(np.clip(np.rint(frames + pattern), 0, 255).astype(np.uint8), film.frame_rate_hz), pattern
+
+
+@pytest.mark.parametrize("texture", ["speckle", "wood"])
+def test_a_fixed_pattern_is_taken_off(
+    bar_scene: Callable[[str], Scene], film_of: Callable[..., object], pivot: tuple[float, float], texture: str
+) -> None:
+    pose = bar_motion(110, pivot, 0.35)
+    known = film_of(bar_scene(texture), pose)
+    film, pattern = with_pattern(known.film, 2.5)
+    result = track_film(film, known.bodies)
+    assert not result.failed.any()
+    assert result.info["pattern_grey"] == pytest.approx(pattern.std(), rel=0.25)
+    still = result.n_still
+    error = result.angle_rad[still:, 0] - (pose[still:, 0, 0] - pose[:still, 0, 0].mean())
+    z = error / result.u_angle_rad[still:, 0]
+    assert np.abs(z).max() < 5.0 and np.sqrt(np.mean(z**2)) < 1.6
+    plain = track_film(known.film, known.bodies)
+    assert plain.info["pattern_grey"] == 0.0
+    assert np.median(result.u_angle_rad) < 2.0 * np.median(plain.u_angle_rad)
+
+
+@pytest.mark.parametrize("surface", ["wood", "fine"])
+def test_errors_of_a_pattern_are_within_the_uncertainty(stress: object, surface: str) -> None:  # noqa: F811
+    zs = []
+    for seed in (201, 202):
+        result, error, z = tracked(stress, "fixed_pattern", surface, seed)
+        assert not result.failed.any() and np.isfinite(error).all()
+        zs.append(z)
+    assert np.abs(zs).max() < 5.0
+    assert np.sqrt(np.mean(np.square(zs))) < 1.6
+
+
+@pytest.mark.parametrize("kind", ["clean", "scale_change", "jpeg"])
+def test_what_is_no_pattern_is_left_alone(stress: object, kind: str) -> None:  # noqa: F811
+    result, _, z = tracked(stress, kind, "fine", 203)
+    assert result.info["pattern_grey"] == 0.0
+    assert np.abs(z).max() < 5.0
+
+
+def test_saturated_pixels_stay_so() -> None:
+    frames = np.full((2, 20, 20), 100, dtype=np.uint8)
+    frames[:, 5, 5] = 255
+    film = WithoutPattern(ArrayFilm(frames, 100.0), np.full((20, 20), 3.0, dtype=np.float32))
+    picture = film.read(1)
+    assert picture[5, 5] == 255.0 and picture[0, 0] == 97.0 and picture.dtype == np.float32
+    np.testing.assert_array_equal(film.read_region(1, 2, 9, 3, 8), picture[2:9, 3:8])

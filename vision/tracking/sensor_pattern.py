@@ -1,0 +1,159 @@
+"""What stays with the sensor while the bodies move: fixed pattern, weak dust, a reflection fixed in the room.
+
+The still frames have it in common with the template, where it looks like texture that does not move; a body that has
+hardly moved is held back by it, and its residuals do not show it. Once the body has moved, it shows in every frame at
+the same pixels. Method: the reference, moved to the poses found, is subtracted from frames of the film; what is left
+is averaged pixel by pixel over the frames in which the body has moved there by more than `MOVED_PX`, and shrunk by what
+noise alone would leave. Pixels whose differences scatter by more than noise keep their grey values: something else
+moves there.
+The film less its pattern is then tracked again, and taken if its residuals are smaller.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from vision.bodies.outlines import build_masks
+from vision.film.source import Film, FrameSource, saturated_grey
+from vision.fitting.bspline import noise_gain
+from vision.fitting.pose_covariance import PATTERN_EXCESS
+from vision.reference.prepared_film import PreparedFilm
+from vision.results.pose_table import PoseTable
+
+MOVED_PX = 1.5
+LEAST_ROWS = 8
+MOST_ROWS = 120
+SCATTER = 1.6
+"""Scatter of a pixel's differences, over what noise and the pattern in the template explain, from which they are not
+believed."""
+LEFT_OVER = 1.25
+"""Measured on disturbed films of wood, felt and speckle: their shares are 0.5, 0.25 and 0.05."""
+BETTER = 0.85
+"""Residual variance of the second tracking over the first below which the pattern is taken."""
+
+
+class WithoutPattern(Film):
+    """A film whose frames have a fixed pattern taken off; saturated pixels stay so. Grey values are float32."""
+
+    def __init__(self, film: FrameSource, pattern: NDArray[np.float32]) -> None:
+        self._film, self._pattern = film, pattern
+        self.path, self.n_frames, self.height, self.width = film.path, film.n_frames, film.height, film.width
+        self.bit_depth, self.frame_rate_hz, self.exposure_s = film.bit_depth, film.frame_rate_hz, film.exposure_s
+        self.compression = film.compression
+        self.in_order = getattr(film, "in_order", True)
+        self._top = saturated_grey(film.bit_depth)
+
+    def read(self, index: int) -> NDArray[Any]:
+        """Whole frame, shape (height, width)."""
+        return self.read_region(index, 0, self.height, 0, self.width)
+
+    def read_region(self, index: int, y0: int, y1: int, x0: int, x1: int) -> NDArray[Any]:
+        """Rectangle of a frame."""
+        grey = self._film.read_region(index, y0, y1, x0, x1)
+        return np.where(grey >= self._top, np.float32(self._top), grey - self._pattern[y0:y1, x0:x1])
+
+
+def moved_rows(ready: PreparedFilm, table: PoseTable) -> NDArray[np.bool_]:
+    """Rows and bodies, (n, m), that are found and have moved by more than `MOVED_PX` in the middle or at the rim."""
+    radius = np.array([template.radius_px for template in ready.templates])
+    way = np.hypot(table.pose[..., 1], table.pose[..., 2]) + 0.5 * radius * np.abs(table.pose[..., 0])
+    return ~table.failed & (way > MOVED_PX)
+
+
+def residual_variance(ready: PreparedFilm, table: PoseTable) -> NDArray[np.float64]:
+    """Median variance of the noise in the rows that have moved, over that of the still frames, per body."""
+    moved = moved_rows(ready, table)
+    still = max(ready.reference.noise_grey, 0.3) ** 2 * (
+        float(noise_gain().mean()) ** 2 + 1.0 / ready.reference.n_averaged
+    )
+    counts = moved.sum(axis=0)
+    return np.array(
+        [
+            float(np.median(table.noise_grey[moved[:, i], i] ** 2)) / still if counts[i] >= LEAST_ROWS else 1.0
+            for i in range(moved.shape[1])
+        ]
+    )
+
+
+def suspected(ready: PreparedFilm, table: PoseTable) -> bool:
+    """Whether any body's residuals are larger once it has moved than noise explains."""
+    return bool(np.any(residual_variance(ready, table) > PATTERN_EXCESS))
+
+
+def left_over(ready: PreparedFilm, pattern_grey: float) -> NDArray[np.float64]:
+    """Factor of the variances of (turn, x, y), (m, 3), for what is left of a pattern of a given rms after it was taken
+    off: the more of a body's slopes the pattern made up, the more of it the poses had in them when it was estimated."""
+    share = []
+    for template in ready.templates:
+        part = template.noise_normal * (pattern_grey**2 * template.n_averaged / max(template.noise_grey, 0.3) ** 2)
+        share.append(part.diagonal()[:3] / template.normal.diagonal()[:3])
+    return 1.0 + LEFT_OVER * np.array(share)
+
+
+def sensor_pattern(film: FrameSource, ready: PreparedFilm, table: PoseTable) -> NDArray[np.float32] | None:
+    """The pattern of ``film``, grey, (height, width), zero where it is not known; None where there is none to speak of.
+
+    ``ready`` may be the film less an earlier estimate of its pattern.
+    """
+    shape = (film.height, film.width)
+    total, squares, count = (np.zeros(shape, dtype=np.float64) for _ in range(3))
+    masks = build_masks(ready.bodies, *shape)
+    moved = moved_rows(ready, table)
+    for i, (template, mask) in enumerate(zip(ready.templates, masks, strict=True)):
+        rows = np.flatnonzero(moved[:, i])
+        for row in (
+            rows[np.unique(np.linspace(0, rows.size - 1, MOST_ROWS).astype(int))] if rows.size >= LEAST_ROWS else []
+        ):
+            found = _difference(ready, film.read(int(table.frame[row])), table.pose[row, i], template.centre_px, mask)
+            if found is not None:
+                difference, known = found
+                total[known] += difference[known]
+                squares[known] += difference[known] ** 2
+                count[known] += 1.0
+    enough = count >= LEAST_ROWS / 2
+    if not enough.any():
+        return None
+    number = np.maximum(count, 1.0)
+    mean = total / number
+    scatter = squares / number - mean**2
+    # the template holds the pattern too, another one in each of the frames
+    typical = float(np.median(scatter[enough]))
+    noise = max(ready.reference.noise_grey, 0.3) ** 2
+    usable = enough & (scatter < SCATTER**2 * max(min(typical, 4.0 * noise), noise))
+    power = float(np.mean(mean[usable] ** 2 - scatter[usable] / number[usable])) if usable.any() else 0.0
+    if power < 0.1 * noise:
+        return None
+    pattern = mean * power / (power + scatter / number)
+    return np.where(usable, pattern, 0.0).astype(np.float32)
+
+
+def _difference(
+    ready: PreparedFilm,
+    frame: NDArray[Any],
+    pose: NDArray[np.float64],
+    centre: tuple[float, float],
+    mask: NDArray[np.bool_],
+) -> tuple[NDArray[np.float32], NDArray[np.bool_]] | None:
+    """A frame less the reference at a pose, with the light matched, and the pixels of the body that have moved."""
+    height, width = frame.shape
+    c, s = np.cos(pose[0]), np.sin(pose[0])
+    matrix = np.array([[c, -s, 0.0], [s, c, 0.0]])
+    matrix[:, 2] = np.array(centre) + pose[1:] - matrix[:, :2] @ centre
+    size = (width, height)
+    there = cv2.warpAffine(ready.reference.picture, matrix, size, flags=cv2.INTER_CUBIC, borderMode=cv2.BORDER_REFLECT)
+    inside = cv2.warpAffine(mask.astype(np.float32), matrix, size, flags=cv2.INTER_LINEAR) > 0.99
+    y, x = np.nonzero(inside)
+    way = matrix[:, :2] @ np.stack([x, y]) + matrix[:, 2:] - np.stack([x, y])
+    far = np.hypot(*way) > MOVED_PX
+    inside[y[~far], x[~far]] = False
+    if np.count_nonzero(inside) < 100:
+        return None
+    seen, expected = frame[inside].astype(np.float64), there[inside].astype(np.float64)
+    centred = expected - expected.mean()
+    gain = float(centred @ seen) / max(float(centred @ centred), 1e-9)
+    light = seen.mean() + gain * (there - expected.mean())
+    return (frame - light).astype(np.float32), inside
