@@ -1,12 +1,16 @@
-"""Batches: trials per second, parallel efficiency on two processors, and overhead outside the kernels.
+"""Batches: trials per second, lanes beside scalar runs, parallel efficiency on two processors, overhead.
 
-Run:  python benchmarks/batches.py [--trials N] [--workers W] [--rounds R] [--processes]
+Run:  python benchmarks/batches.py [--trials N] [--workers W] [--rounds R] [--processes] [--only-lanes]
 Forte trials of 3,501 rows that differ by up to 2 % in force, at 1e-4 rad, all angles and speeds at all rows. Runs
 with one worker and with W workers alternate; the ratio is taken within a round, and the best and median rounds are
 printed. Efficiency is the time of one worker over W times the time of W. Spread is that of single members on one
 worker. Work outside the step loop holds Python's global interpreter lock and limits thread scaling. Wall times are
 meaningful only on an idle machine; the ratio of processor time to wall time is printed and approaches W when idle.
-Exit code 1: a member differs from a single run in any bit, or from a run at 1e-9 rad by more than 10 tolerances.
+Lanes and scalar runs alternate on one worker, for members that are alike (those above) and unlike (four kinds of
+blow, half to one and a half times as strong, in random order); the ratio is of processor times within a round.
+Exit code 1: a scalar member differs from a single run in any bit, or from a run at 1e-9 rad by more than 10
+tolerances; lanes differ from scalar runs by more than a tolerance and that run's own error, or 95 % of them by more
+than twice what the last digit of the force moves scalar runs (step control amplifies rounding, in both alike).
 """
 
 from __future__ import annotations
@@ -17,6 +21,7 @@ import sys
 import time
 from concurrent.futures import Executor, ProcessPoolExecutor
 from functools import partial
+from itertools import product
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -27,17 +32,29 @@ from peers.forces import force_table  # noqa: E402
 
 import model  # noqa: E402
 from model import batch  # noqa: E402
+from model.batch.run import workers_here  # noqa: E402
 from model.integrators.tableau import RosenbrockTableau  # noqa: E402
+from model.kernels.lanes.width import LANES, lanes_pay  # noqa: E402
 from model.simulation.options import ForceDrivenOptions  # noqa: E402
 
 TOLERANCE = 1e-4
 TARGET_EFFICIENCY, TARGET_RATE = 0.90, 300.0
+TARGET_RATIO = 2.75  # of scalar to lanes, with AVX-512
 
 
 def trials(count: int) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     times, force = force_table("forte")
     scale = 1.0 + 0.02 * np.random.default_rng(7).uniform(-1.0, 1.0, count)
     return {f"{i:04d}": (times, force * s) for i, s in enumerate(scale)}
+
+
+def unlike(count: int) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    rng = np.random.default_rng(11)
+    out = {}
+    for i in range(count):
+        times, force = force_table(("forte", "piano", "double", "noisy")[int(rng.integers(4))])
+        out[f"{i:04d}"] = times, force * rng.uniform(0.5, 1.5)
+    return out
 
 
 def memory_mb() -> float:
@@ -107,7 +124,7 @@ def after_rest() -> tuple[float, float]:
 def check(many: dict[str, tuple[np.ndarray, np.ndarray]], workers: int) -> float:
     """Largest error (rad) of some members; exit with 1 if one differs from a single run."""
     action = model.load_action()
-    members = model.simulate_many(action, many, tolerance=TOLERANCE, workers=workers)
+    members = model.simulate_many(action, many, tolerance=TOLERANCE, workers=workers, lanes=False)
     worst = 0.0
     for member in members[:: max(1, len(members) // 8)]:
         single = model.simulate(action, *many[member.trial], tolerance=TOLERANCE)
@@ -120,33 +137,90 @@ def check(many: dict[str, tuple[np.ndarray, np.ndarray]], workers: int) -> float
     return worst
 
 
+def own_error(action: model.Action, force: tuple[np.ndarray, np.ndarray]) -> float:
+    """Largest error of an angle (rad) of a single run, against one at 1e-11 rad."""
+    coarse, fine = (model.simulate(action, *force, tolerance=tolerance) for tolerance in (TOLERANCE, 1e-11))
+    return float(np.abs(coarse.angle_rad - fine.angle_rad).max())
+
+
+def apart(one: list[batch.Member], other: list[batch.Member]) -> np.ndarray:
+    """Largest difference of an angle (rad) of each member."""
+    pairs = [(a.solution, b.solution) for a, b in zip(one, other, strict=True)]
+    return np.array([np.abs(a.angle_rad - b.angle_rad).max() for a, b in pairs if a is not None and b is not None])
+
+
+def lanes_beside_scalar(name: str, many: dict[str, tuple[np.ndarray, np.ndarray]], rounds: int) -> None:
+    """Print how much faster lanes are on one worker, and by how much members differ from their scalar runs."""
+    if not lanes_pay():
+        print(f"{name:9}  no lanes: this processor has neither AVX-512 nor AVX2")
+        return
+    action = model.load_action()
+    many_at = partial(model.simulate_many, action, tolerance=TOLERANCE, workers=1)
+    scalar = many_at(many, lanes=False)
+    distance = apart(scalar, many_at(many, lanes=True))
+    rounded = {k: (times, force * (1.0 + 2.0**-52)) for k, (times, force) in many.items()}
+    rounding = apart(scalar, many_at(rounded, lanes=False))
+    beyond = [0, 0]
+    for k, one in enumerate((distance, rounding)):
+        for i in np.flatnonzero(one > 0.1 * TOLERANCE):
+            own = own_error(action, many[scalar[i].trial])
+            beyond[k] += int(one[i] > own)
+            if k == 0 and one[i] > max(own, TOLERANCE):
+                raise SystemExit(f"member {scalar[i].trial}: lanes {one[i]:.2g} off, own error {own:.2g} rad")
+    typical = [float(np.quantile(one, 0.95)) for one in (distance, rounding)]
+    if typical[0] > 2.0 * typical[1]:
+        raise SystemExit(f"lanes are {typical[0]:.2g} rad from scalar runs, which rounding moves by {typical[1]:.2g}")
+    spent = [[timed(many, workers=1, lanes=lanes) for lanes in (False, True)] for _ in range(rounds)]
+    ratios = sorted(alone[1] / together[1] for alone, together in spent)
+    best = [1e3 * min(r[k][1] for r in spent) / len(many) for k in (0, 1)]
+    print(
+        f"{name:9}  scalar {best[0]:.2f} ms, {LANES} lanes {best[1]:.2f} ms a member; ratio median "
+        f"{ratios[len(ratios) // 2]:.2f}, lowest {ratios[0]:.2f}, highest {ratios[-1]:.2f} "
+        f"({'reached' if ratios[len(ratios) // 2] >= TARGET_RATIO else 'missed'}: wanted {TARGET_RATIO})"
+    )
+    names = "lanes from scalar runs", "last digit of the force"
+    for what, one, count in zip(names, (distance, rounding), beyond, strict=True):
+        print(
+            f"           {what}: {np.median(one) / TOLERANCE:.1g} tolerances in the median, 95 % "
+            f"{np.quantile(one, 0.95) / TOLERANCE:.1g}, largest {one.max() / TOLERANCE:.1g}; {count} of {len(many)} "
+            "beyond both 0.1 and the scalar run's error"
+        )
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--trials", type=int, default=400)
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--rounds", type=int, default=5)
     parser.add_argument("--processes", action="store_true", help="also with a pool of processes")
+    parser.add_argument("--only-lanes", action="store_true", help="only lanes beside scalar runs")
     chosen = parser.parse_args()
     count, workers = chosen.trials, chosen.workers
     many = trials(count)
     load = f", load {os.getloadavg()[0]:.1f}" if hasattr(os, "getloadavg") else ""
-    print(f"{count} forte trials at {TOLERANCE:g} rad on {workers} of {batch.run.workers_here()} processors{load}")
+    print(f"{count} forte trials at {TOLERANCE:g} rad on {workers} of {workers_here()} processors{load}")
     print(f"largest error {check(many, workers):.2g} rad; members equal single runs to the last bit")
+
+    lanes_beside_scalar("alike", many, chosen.rounds)
+    lanes_beside_scalar("unlike", unlike(count), chosen.rounds)
+    if chosen.only_lanes:
+        return
 
     pools: dict[str, Executor | None] = {"threads": None}
     if chosen.processes:
         pools["processes"] = ProcessPoolExecutor(workers)
-    for name, pool in pools.items():
-        run = partial(timed, many, workers=workers, executor=pool)
+    for (name, pool), lanes in product(pools.items(), (False, True)):
+        name = f"{name}{', lanes' if lanes else ''}"
+        run = partial(timed, many, workers=workers, executor=pool, lanes=lanes)
         run()
-        rounds = [(timed(many, workers=1), run()) for _ in range(chosen.rounds)]
+        rounds = [(timed(many, workers=1, lanes=lanes), run()) for _ in range(chosen.rounds)]
         efficiency = sorted(one[0] / (workers * more[0]) for one, more in rounds)
         best = count / min(more[0] for _, more in rounds)
         alone, together = (1e3 * min(r[k][1] for r in rounds) / count for k in (0, 1))
         got = max(more[1] / more[0] for _, more in rounds)
         verdict = "reached" if efficiency[-1] >= TARGET_EFFICIENCY and best >= TARGET_RATE else "missed"
         print(
-            f"{name:9}  {count / min(one[0] for one, _ in rounds):6.0f} trials/s on 1, {best:6.0f} on {workers}; "
+            f"{name:16}  {count / min(one[0] for one, _ in rounds):6.0f} trials/s on 1, {best:6.0f} on {workers}; "
             f"efficiency best {efficiency[-1]:.1%}, median {efficiency[len(efficiency) // 2]:.1%}  ({verdict}: wanted "
             f"{TARGET_RATE:.0f} trials/s, {TARGET_EFFICIENCY:.0%})"
         )
@@ -154,9 +228,10 @@ def main() -> None:
             print(
                 f"           processor time {alone:.2f} ms a trial on 1, {together:.2f} on {workers}; at work {got:.2f}"
             )
-        else:
-            pool.shutdown()
 
+    for pool in pools.values():
+        if pool is not None:
+            pool.shutdown()
     jobs = batch.make_jobs(model.load_action(), many, {"": {}}, ForceDrivenOptions(tolerance=TOLERANCE))
     each = []
     for job in jobs:

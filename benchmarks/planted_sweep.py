@@ -1,25 +1,31 @@
 """Held-out planted faults: what does a report name, and does it name anything in sessions without faults?
 
-    python benchmarks/planted_sweep.py [--only sign,swap] [--seed 800] [--strokes forte] [--specimen printed,bench]
-python benchmarks/planted_sweep.py --clean 10 [--seed 9100] --strokes forte,piano,double,staccato,slow,fortissimo
+    python benchmarks/planted_sweep.py [--only sign,swap] [--seed 800] [--strokes forte,piano] [--specimen bench]
+    python benchmarks/planted_sweep.py --clean 17 --seed 9100 --strokes forte,piano,double,staccato,slow,fortissimo
 
 Every session has six strokes of the virtual bench, one of them filmed; one trial, or all of them, or the specimen has
 one fault of `benchmarks/planted_kinds.py`. Prints a line per session that is not as expected, and a confusion table:
 kinds planted against what was found. ``named``: the fault, or the set of causes it belongs to; ``flagged``: a symptom,
-in the right trial; ``wrong``: any finding else.
+in the right trial; ``wrong``: any finding else. ``--results`` keeps a line per session: what it holds is not computed
+again, so that a long run can be stopped (``--minutes``) and go on.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import math
 import sys
 import tempfile
+import time
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from functools import lru_cache
+from itertools import product
 from pathlib import Path
+from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 import pandas as pd
@@ -36,7 +42,7 @@ from rig.simulated.bench.plant import load_plant
 from validation import compare_session
 
 TRIALS = 6
-QUICK = {"keep_predictions": False, "rivals": (), "budget": False, "suspect": False}
+QUICK = {"keep_predictions": False, "rivals": (), "budget": False}
 VERDICTS = ("named", "flagged", "silent", "wrong")
 SPECIMENS = ("printed", "bench")
 
@@ -106,14 +112,15 @@ def findings(fault: Fault | None, seed: int, kind: str, specimen: str) -> pd.Dat
             session.add_trial(data)
             if table is not None:
                 session.write_derived("angles", number, table)
-        return compare_session(session, model.load_action(), **QUICK).findings
+        # the list of single changes is no finding, and takes nearly all of the time
+        with patch("validation.findings.session.single_changes", return_value=[]):
+            return compare_session(session, model.load_action(), **QUICK).findings
 
 
-def judged(fault: Fault | None, found: pd.DataFrame) -> tuple[str, set[tuple[str, int]]]:
-    """Return the verdict (see above) and the findings, kind and trial."""
-    said = {(str(f.kind), 0 if math.isnan(f.trial) else int(f.trial)) for f in found.itertuples()}
+def judged(fault: Fault | None, said: set[tuple[str, int]]) -> str:
+    """Return the verdict (see above) on the findings, kind and trial (0: of the session)."""
     if fault is None:
-        return ("wrong" if said else "silent"), said
+        return "wrong" if said else "silent"
 
     def fits(kind: str, trial: int) -> bool:
         where = trial == fault.trial if fault.trial > 0 else True
@@ -123,8 +130,10 @@ def judged(fault: Fault | None, found: pd.DataFrame) -> tuple[str, set[tuple[str
         return kind in (fault.named | fault.flagged) and (where or kind == "film clock")
 
     if any(not fits(kind, trial) for kind, trial in said):
-        return "wrong", said
-    return ("named" if said and any(k in fault.named for k, _ in said) else "flagged" if said else "silent"), said
+        return "wrong"
+    if not said:
+        return "silent"
+    return "named" if any(kind in fault.named for kind, _ in said) else "flagged"
 
 
 def confusion(rows: Iterable[tuple[str, str, set[tuple[str, int]]]]) -> str:
@@ -142,6 +151,41 @@ def confusion(rows: Iterable[tuple[str, str, set[tuple[str, int]]]]) -> str:
     return "\n".join(out)
 
 
+Case = tuple[str, str, int, str]  # name of the fault, specimen, seed, kind of stroke
+
+
+def cases(planted: Sequence[Fault], clean: int, seed: int, strokes: str, specimens: str) -> Iterator[Case]:
+    """The sessions asked for; those without a fault have an empty name."""
+    for specimen, kind in product(specimens.split(","), strokes.split(",")):
+        if clean:
+            yield from (("", specimen, seed + n, kind) for n in range(clean))
+        else:
+            yield from ((fault.name, specimen, seed, kind) for fault in planted)
+
+
+def results(
+    asked: Iterable[Case], planted: Sequence[Fault], file: Path | None, until: float
+) -> Iterator[dict[str, Any]]:
+    """What was said of each session: kept in the file, or found now as long as there is time."""
+    by_name = {fault.name: fault for fault in planted}
+    kept: dict[Case, dict[str, Any]] = {}
+    if file is not None and file.exists():
+        rows = [json.loads(line) for line in file.read_text(encoding="utf-8").splitlines()]
+        kept = {(r["fault"], r["specimen"], r["seed"], r["kind"]): r for r in rows}
+    for case in asked:
+        if case not in kept:
+            if time.monotonic() > until:
+                continue
+            name, specimen, seed, kind = case
+            found = findings(by_name.get(name), seed, kind, specimen)
+            said = sorted((str(f.kind), 0 if math.isnan(f.trial) else int(f.trial)) for f in found.itertuples())
+            kept[case] = {"fault": name, "specimen": specimen, "seed": seed, "kind": kind, "said": said}
+            if file is not None:
+                with file.open("a", encoding="utf-8") as sheet:
+                    sheet.write(json.dumps(kept[case]) + "\n")
+        yield kept[case]
+
+
 def main() -> None:
     """Print what is not as expected, and the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -150,19 +194,22 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=800)
     parser.add_argument("--strokes", "--kinds", default="forte", help=f"some of {', '.join(KINDS)}")
     parser.add_argument("--specimen", default=",".join(SPECIMENS))
+    parser.add_argument("--results", type=Path, help="file of what was found, a JSON line per session")
+    parser.add_argument("--minutes", type=float, default=float("inf"), help="start no session after this time")
     options = parser.parse_args()
     planted = [f for f in faults() if not options.only or any(word in f.name for word in options.only.split(","))]
+    by_name = {fault.name: fault for fault in planted}
+    asked = cases(planted, options.clean, options.seed, options.strokes, options.specimen)
     rows = []
-    for specimen in options.specimen.split(","):
-        for kind in options.strokes.split(","):
-            cases: list[tuple[Fault | None, int]] = [(None, options.seed + n) for n in range(options.clean)]
-            for fault, seed in cases or [(f, options.seed) for f in planted]:
-                verdict, said = judged(fault, findings(fault, seed, kind, specimen))
-                name = f"clean {kind} {specimen}" if fault is None else fault.name
-                rows.append((name, verdict, said))
-                if verdict == "wrong":
-                    words = ", ".join(f"{k} {t or ''}".strip() for k, t in sorted(said))
-                    print(f"wrong: {specimen} {kind} seed {seed} {name}: {words}", flush=True)
+    for r in results(asked, planted, options.results, time.monotonic() + 60 * options.minutes):
+        fault = by_name.get(r["fault"])
+        said = {(kind, trial) for kind, trial in r["said"]}
+        verdict = judged(fault, said)
+        where = f"{r['kind']} {r['specimen']}"
+        rows.append((f"clean {where}" if fault is None else fault.name, verdict, said))
+        if verdict == "wrong":
+            words = ", ".join(f"{k} {t or ''}".strip() for k, t in sorted(said))
+            print(f"wrong: {where} seed {r['seed']} {r['fault'] or 'clean'}: {words}", flush=True)
     print(confusion(rows))
     print(dict(Counter(verdict for _, verdict, _ in rows)))
 

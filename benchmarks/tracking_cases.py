@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from rig.simulated import CameraSettings, film_bodies, film_trial
 from vision.angles import ccw_to_picture
-from vision.bodies.outlines import Body, build_masks
+from vision.bodies.masks import build_masks
+from vision.bodies.outlines import Body
 from vision.film.avi_writer import write_avi
 from vision.film.mmap_window import FileWindow
 from vision.film.mraw_writer import write_mraw

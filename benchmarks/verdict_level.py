@@ -1,21 +1,26 @@
 """How often does the verdict's simultaneous test reject a model that is right within what it declares? And its power.
 
     python benchmarks/verdict_level.py [--sessions 40] [--trials 3,5,10] [--kinds forte,piano,double,staccato]
-                                       [--seed 1] [--exact] [--power]
+                                       [--seed 1] [--exact] [--results FILE] [--minutes M]
 
 For every session the specimen's parameters, the force's gain, preload and delay, and the errors of the encoders are
 drawn anew from their declared standard uncertainties; its trials differ in strength and pace. ``--exact``: the
-specimen is the model, only force and sensors are drawn. ``--power``: a shift of 1 to 6 standard uncertainties is added
-to one channel of each session, over the whole window. Prints a row per cell with its 99 % interval and the
-mean p, which is 0.5 if the level is right at every level.
+specimen is the model, only force and sensors are drawn. The power is that against a shift of 1 to 6 standard
+uncertainties, added to one channel of each session over the whole window. Prints a row per cell with its 99 % interval
+and the mean p, which is 0.5 if the level is right at every level. ``--results`` keeps a line per session: what it
+holds is not computed again, so that a long run can be stopped (``--minutes``) and go on; all cells grow alike.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import sys
 import time
+from collections.abc import Iterator, Sequence
+from itertools import product
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -40,6 +45,7 @@ from validation.statistics.simultaneous_test import simultaneous_test
 
 RATE_HZ, AFTER_S, DELAY_S, TOLERANCE = 5000.0, 0.4, 0.0024, 3e-5
 SHIFTS = (1, 2, 3, 4, 5, 6)
+CHANNELS = 3
 
 
 def recorded(action: model.Action, kind: str, n: int, rng: np.random.Generator) -> list[TrialData]:
@@ -101,51 +107,88 @@ def session_draws(kind: str, n: int, seed: list[int], exact: bool) -> Difference
     return difference_draws(trials, traces, tested)
 
 
+def judged(kind: str, n: int, k: int, seed: int, exact: bool) -> dict[str, Any]:
+    """Outcome of one session as plain data; without ``p`` when its specimen cannot be played or judged."""
+    out: dict[str, Any] = {"kind": kind, "n": n, "session": k, "seed": seed, "exact": exact}
+    d = session_draws(kind, n, [seed, list(KINDS).index(kind), n, k], exact)
+    outcome = None if d is None else simultaneous_test(d.found, d.draws, d.floor)
+    if d is None or outcome is None:
+        return out
+    power = []
+    for shift in SHIFTS:
+        moved = [d.found.copy() for _ in range(CHANNELS)]
+        for c, found in enumerate(moved):
+            found[:, :, c] += shift * outcome.u[:, c]
+        tests = [simultaneous_test(found, d.draws, d.floor) for found in moved]
+        power.append([bool(t is not None and t.rejected) for t in tests])
+    return out | {
+        "rejected": bool(outcome.rejected), "factor": float(outcome.factor), "p": float(outcome.p),
+        "excess": bool(outcome.excess_scatter), "power": power,
+    }  # fmt: skip
+
+
+def outcomes(
+    asked: Sequence[tuple[str, int, int, int, bool]], file: Path | None, until: float
+) -> Iterator[dict[str, Any]]:
+    """Outcomes of the sessions asked for: those kept in the file, then new ones as long as there is time."""
+    kept = {}
+    if file is not None and file.exists():
+        rows = [json.loads(line) for line in file.read_text(encoding="utf-8").splitlines()]
+        kept = {(r["kind"], r["n"], r["session"], r["seed"], r["exact"]): r for r in rows}
+    for key in asked:
+        if key not in kept:
+            if time.monotonic() > until:
+                continue
+            kept[key] = judged(*key)
+            if file is not None:
+                with file.open("a", encoding="utf-8") as sheet:
+                    sheet.write(json.dumps(kept[key]) + "\n")
+        yield kept[key]
+
+
+def table(rows: Sequence[dict[str, Any]], cells: Sequence[tuple[str, int]]) -> str:
+    """Rejections by cell with their intervals, all cells together, and the power."""
+    titles = f"{'kind':10s} {'n':>3s} {'sessions':>8s} {'rejected':>8s} {'share':>7s} {'99 % interval':>16s}"
+    out = [f"{titles} {'factor':>7s} {'excess':>6s} {'mean p':>7s}"]
+
+    def line(name: str, n: str, here: Sequence[dict[str, Any]]) -> str:
+        rejected = sum(r["rejected"] for r in here)
+        low, high = stats.binomtest(rejected, max(len(here), 1)).proportion_ci(0.99, "exact")
+        factor, p = np.median([r["factor"] for r in here]), np.mean([r["p"] for r in here])
+        return (
+            f"{name:10s} {n:>3s} {len(here):8d} {rejected:8d} {rejected / len(here):7.3f} {low:7.3f} to {high:.3f} "
+            f"{factor:7.2f} {sum(r['excess'] for r in here):6d} {p:7.2f}"
+        )
+
+    told = [r for r in rows if "p" in r]
+    for kind, n in cells:
+        here = [r for r in told if (r["kind"], r["n"]) == (kind, n)]
+        if here:
+            out.append(line(kind, str(n), here))
+    if told:
+        out.append(line("pooled", "", told))
+        power = np.mean([r["power"] for r in told], axis=0)
+        for shift, row in zip(SHIFTS, power, strict=True):
+            out.append(f"shift of {shift} u: rejected {' '.join(f'{v:.2f}' for v in row)} (key, whippen, hammer)")
+    out.append(f"{len(rows) - len(told)} sessions could not be played or judged")
+    return "\n".join(out)
+
+
 def main() -> int:
+    """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--sessions", type=int, default=40)
+    parser.add_argument("--sessions", type=int, default=40, help="of each cell")
     parser.add_argument("--trials", default="3,5,10")
     parser.add_argument("--kinds", default="forte,piano,double,staccato")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--exact", action="store_true")
-    parser.add_argument("--power", action="store_true")
+    parser.add_argument("--results", type=Path, help="file of outcomes, a JSON line per session")
+    parser.add_argument("--minutes", type=float, default=float("inf"), help="start no session after this time")
     options = parser.parse_args()
-    total, rejected = 0, 0
-    power = np.zeros((len(SHIFTS), 3), dtype=int)
-    titles = f"{'kind':10s} {'n':>3s} {'sessions':>8s} {'rejected':>8s} {'99 % interval':>18s}"
-    print(f"{titles} {'factor':>7s} {'excess':>6s} {'mean p':>7s}")
-    for kind in options.kinds.split(","):
-        for n in map(int, options.trials.split(",")):
-            start, here, out, factors, excess, p = time.perf_counter(), 0, 0, [], 0, []
-            for k in range(options.sessions):
-                d = session_draws(kind, n, [options.seed, list(KINDS).index(kind), n, k], options.exact)
-                outcome = None if d is None else simultaneous_test(d.found, d.draws, d.floor)
-                if d is None or outcome is None:
-                    continue
-                here, out = here + 1, out + outcome.rejected
-                factors.append(outcome.factor)
-                p.append(outcome.p)
-                excess += outcome.excess_scatter
-                for i, shift in enumerate(SHIFTS) if options.power else ():
-                    for c in range(3):
-                        moved = d.found.copy()
-                        moved[:, :, c] += shift * outcome.u[:, c]
-                        again = simultaneous_test(moved, d.draws, d.floor)
-                        power[i, c] += again is not None and again.rejected
-            total, rejected = total + here, rejected + out
-            low, high = stats.binomtest(out, max(here, 1)).proportion_ci(0.99, "exact")
-            print(
-                f"{kind:10s} {n:3d} {here:8d} {out / max(here, 1):8.3f} {low:8.3f} to {high:.3f} "
-                f"{np.median(factors):7.2f} {excess:6d} {np.mean(p):7.2f}   ({time.perf_counter() - start:.0f} s)",
-                flush=True,
-            )  # fmt: skip
-    low, high = stats.binomtest(rejected, max(total, 1)).proportion_ci(0.99, "exact")
-    print(f"pooled: {rejected} of {total}: {rejected / max(total, 1):.3f}, 99 % interval {low:.3f} to {high:.3f}")
-    if options.power:
-        for i, shift in enumerate(SHIFTS):
-            print(
-                f"shift of {shift} u: rejected {' '.join(f'{v / total:.2f}' for v in power[i])} (key, whippen, hammer)"
-            )
+    cells = list(product(options.kinds.split(","), map(int, options.trials.split(","))))
+    asked = [(kind, n, k, options.seed, options.exact) for k in range(options.sessions) for kind, n in cells]
+    until = time.monotonic() + 60 * options.minutes
+    print(table(list(outcomes(asked, options.results, until)), cells))
     return 0
 
 

@@ -16,8 +16,9 @@ import numpy as np
 
 import validation
 import vision
+from vision.output.colours import colour_of
 
-BLUE, ORANGE, GREEN = "#0072B2", "#D55E00", "#009E73"
+BLUE, ORANGE = "#0072B2", "#D55E00"  # measured and predicted, as in a report
 
 
 def main(folder: str) -> None:
@@ -28,9 +29,9 @@ def main(folder: str) -> None:
     figure, axes = plt.subplots(1, 3, figsize=(11, 3.4), width_ratios=[1.1, 1, 1], layout="constrained")
     with vision.open_film(session / "trial_0001.mraw") as source:
         axes[0].imshow(source.read(130), cmap="gray")
-    for body, colour in zip(vision.load_bodies(session / "bodies.toml"), (BLUE, ORANGE, GREEN), strict=True):
+    for k, body in enumerate(vision.load_bodies(session / "bodies.toml")):
         outline = np.vstack([body.polygon_px, body.polygon_px[:1]])
-        axes[0].plot(*outline.T, color=colour, linewidth=1.2, label=body.name)
+        axes[0].plot(*outline.T, color=colour_of(body.name, k), linewidth=1.2, label=body.name)
     axes[0].set_title("film: outlines at rest over frame 130", fontsize=9)
     axes[0].legend(fontsize=7, loc="upper left")
     axes[0].set(xlim=(0, source.width), ylim=(source.height, 0))

@@ -117,10 +117,11 @@ def commands_page() -> str:
     for title, command, context in commands():
         lines += [f"## {title}", ""]
         for paragraph in (command.help or "").replace("\b", "").strip().split("\n\n"):
-            text = " ".join(paragraph.split())
-            example, found, call = text.partition("Example:")
-            lines += [example.strip(), ""] if example.strip() else []
-            lines += ["```sh", call.strip().replace(" pianorig ", "\npianorig "), "```", ""] if found else []
+            if "Example:" in paragraph:
+                calls = [line.replace("Example:", "").strip() for line in paragraph.strip().splitlines()]
+                lines += ["```sh", *calls, "```", ""]
+            else:
+                lines += [" ".join(paragraph.split()), ""]
         rows = [record for part in command.params if (record := _option(part, context)) is not None]
         lines += ["| option | meaning |", "| --- | --- |", *rows, ""]
     return "\n".join(lines)

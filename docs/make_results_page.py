@@ -28,6 +28,12 @@ results = json.load(open("report/results.json", encoding="utf-8"))
 scores = pandas.DataFrame(results["tables"]["scores"])
 print(scores.pivot_table("rmse_rad", ["session", "model"], "channel"))
 ```
+
+Curves stand beside it: `curves.nc` (netCDF-4; `xarray.open_dataset("curves.nc", engine="h5netcdf")`, or
+`validation.read_curves("curves.nc")` as a tidy table), and by channel `curves/*.csv` and `curves/*.json`.
+
+Changes of the schema. Version 4: each of `results` has `outcome` and `sentence`; table `phases`; nothing else
+changed. Version 3: scores beside a perfect model, the one test, table `single_changes`.
 """
 
 

@@ -16,9 +16,9 @@ from .errors import ModelInputError as ModelInputError
 from .errors import RegulationError as RegulationError
 from .errors import StaticsError as StaticsError
 from .files.force_library import force_table as force_table
-from .force_driven import check_force_table as check_force_table
+from .files.force_table import check_force_table as check_force_table
+from .files.force_table import read_force_table as read_force_table
 from .force_driven import output_times as output_times
-from .force_driven import read_force_table as read_force_table
 from .force_driven import simulate as simulate
 from .integrators.methods import DEFAULT_METHOD as DEFAULT_METHOD
 from .integrators.methods import METHODS as METHODS

@@ -6,51 +6,52 @@ Bad tables are refused with the row and what is allowed.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from pathlib import Path
+from dataclasses import dataclass, replace
 from typing import Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from model.errors import InputError
-from model.files.csv_columns import read_columns
-from model.files.time_table import check_rows, two_columns
+from model.files.force_table import check_force_table
 from model.inside.observe_motion import observe
 from model.parameters.action import Action
 from model.parameters.effects import column
 from model.scene.build import Scene, build_scene
 from model.simulation.loads_and_losses import Inside
 from model.simulation.options import ForceDrivenKeywords, ForceDrivenOptions
-from model.simulation.run import SMALLEST_TOLERANCE, Simulation, State
+from model.simulation.run import SMALLEST_TOLERANCE, Plan, Simulation, State
 from model.simulation.solution import EnergyAudit, Solution
 from model.simulation.statics import RestState, solve_rest
 
 Array = NDArray[np.float64]
 
-LARGEST_FORCE_N = 1000.0
 COMPANION = 0.1  # tolerance of the run that an error is estimated with, of the requested one
 
 
-def check_force_table(
-    time_s: ArrayLike, force_n: ArrayLike, where: str = "force table", column: str = "force_n"
-) -> tuple[Array, Array]:
-    """Return times and forces (k,) as float arrays; raise ``InputError`` at the first row that cannot be used."""
-    times, forces = two_columns(time_s, force_n, where)
-    if len(times) < 2:
-        raise InputError(f"{where}: found {len(times)} rows, allowed at least 2")
-    check_rows(times, forces, where, column, LARGEST_FORCE_N)
-    return times, forces
-
-
-def read_force_table(path: str | Path, column: str = "force_n") -> tuple[Array, Array]:
-    """Read a CSV file with the columns ``time_s,force_n``; (k,) each. A motor's ``column`` is ``torque_nm``."""
-    table = read_columns(path, ("time_s", column), ())
-    return check_force_table(table.numbers("time_s"), table.numbers(column), table.where, column)
-
-
 def output_times(start: float, end: float, rate_hz: float) -> Array:
-    """Times from ``start`` to ``end`` at ``rate_hz``; k / rate exactly, so that no rounding adds up."""
+    """Times at which a run is to give out rows; k / rate exactly, so that no rounding adds up.
+
+    Parameters
+    ----------
+    start, end : first and last possible time, s
+    rate_hz : rows per second
+
+    Returns
+    -------
+    ndarray
+        Times (m,), s.
+
+    Raises
+    ------
+    InputError : a rate that is not above 0 and up to 1e7 Hz
+
+    Examples
+    --------
+    >>> import model
+    >>> model.output_times(0.0, 0.5, 4.0)
+    array([0.  , 0.25, 0.5 ])
+    """
     if not np.isfinite(rate_hz) or not 0 < rate_hz <= 1e7:
         raise InputError(f"output rate: found {rate_hz:g} Hz, allowed above 0 to 1e7")
     count = int(np.floor((end - start) * rate_hz + 1e-9)) + 1
@@ -94,6 +95,11 @@ def simulate(
     inside : also evaluate contacts, joints and bodies (`Solution.inside`)
     estimate_error : also estimate the largest error of any angle (`Solution.error_rad`), at about twice the cost
 
+    Returns
+    -------
+    Solution
+        Angles, rad, and speeds, rad/s, (m, 5), in the order of `model.BODIES`; with effects, their coordinates follow.
+
     Raises
     ------
     InputError : table, times or tolerance cannot be used
@@ -102,6 +108,17 @@ def simulate(
     Notes
     -----
     SI units, radians. Equations: thesis Chapter 2.
+
+    Examples
+    --------
+    >>> import model
+    >>> time_s, force_n = model.force_table("forte")
+    >>> solution = model.simulate(model.load_action("hirschkorn2004"), time_s, force_n, contact_forces=True)
+    >>> solution.angle_rad.shape, solution.bodies[0]
+    ((3501, 5), 'key')
+    >>> jack_under_knuckle = solution.contacts.index("contact07")
+    >>> print(f"{solution.contact_normal_n[:, jack_under_knuckle].max():.1f} N")
+    9.0 N
     """
     options = ForceDrivenOptions(**keywords)
     times, forces = check_force_table(time_s, force_n)
@@ -143,21 +160,46 @@ class ForceDrivenRun:
 
     def from_state(self, state: State) -> Solution:
         """The motion from ``state``, which is left as it is."""
-        scene, energy = self.scene, "energy" in self.outputs
-        under_way = Simulation(scene, state.copy(), self.tolerance, self.method, energy=energy)
+        energy = "energy" in self.outputs
+        under_way = Simulation(self.scene, state.copy(), self.tolerance, self.method, energy=energy)
         stored = under_way.stored_energy() if energy else 0.0
-        end = float(self.output_time_s[-1]) if len(self.output_time_s) else float(self.time_s[-1])
-        angles, speeds = under_way.advance(end, self.time_s, self.force_n, output_time_s=self.output_time_s)
+        angles, speeds = under_way.advance(self._end(), self.time_s, self.force_n, output_time_s=self.output_time_s)
+        solution = self.solution(under_way, angles, speeds)
+        if energy:
+            given, *lost = map(float, under_way.audit)
+            audit = EnergyAudit(given, under_way.stored_energy() - stored, *lost)
+            solution = replace(solution, energy=audit)
+        if "inside" in self.outputs:
+            solution = replace(solution, inside=self._inside(state))
+        if self.estimate_error:
+            solution = replace(solution, error_rad=self._error(state, angles))
+        return solution
+
+    def _end(self) -> float:
+        return float(self.output_time_s[-1]) if len(self.output_time_s) else float(self.time_s[-1])
+
+    def planned(self, state: State, tolerance: float | None = None) -> tuple[Simulation, Plan]:
+        """The run from ``state``, and what its step loop is to be given; to its own tolerance or another."""
+        under_way = Simulation(self.scene, state.copy(), tolerance or self.tolerance, self.method)
+        return under_way, under_way.plan(self._end(), self.time_s, self.force_n, output_time_s=self.output_time_s)
+
+    def companion_tolerance(self) -> float:
+        """Tolerance of the run that an error is estimated with, rad."""
+        return max(COMPANION * self.tolerance, SMALLEST_TOLERANCE)
+
+    def largest_difference(self, angles: Array, others: Array) -> float:
+        """Largest difference of an angle (rad) between two motions, columns that are no angles left out."""
+        turning = [i for i, body in enumerate(self.scene.bodies) if column(body).endswith("_rad")]
+        return float(np.max(np.abs(angles - others)[:, turning], initial=0.0))
+
+    def solution(self, under_way: Simulation, angles: Array, speeds: Array) -> Solution:
+        """Solution with these angles and speeds (m, n), and contact forces where they are wanted."""
         contacts: tuple[str, ...] = ()
         normal, tangential = None, None
         if "contact_forces" in self.outputs:
             contacts, normal, tangential = _contact_forces(under_way, angles, speeds)
-        audit = None
-        if energy:
-            given, *lost = map(float, under_way.audit)
-            audit = EnergyAudit(given, under_way.stored_energy() - stored, *lost)
         return Solution(
-            bodies=scene.bodies,
+            bodies=self.scene.bodies,
             time_s=self.output_time_s,
             angle_rad=angles,
             speed_rad_per_s=speeds,
@@ -166,9 +208,6 @@ class ForceDrivenRun:
             contact_friction_n=tangential,
             counters=under_way.work(),
             tolerance=self.tolerance,
-            energy=audit,
-            inside=self._inside(state) if "inside" in self.outputs else None,
-            error_rad=self._error(state, angles) if self.estimate_error else None,
         )
 
     def _error(self, first: State, angles: Array) -> float:
@@ -176,12 +215,10 @@ class ForceDrivenRun:
 
         The tighter run contains what no local estimate knows: how much the errors of early steps grow.
         """
-        tighter = max(COMPANION * self.tolerance, SMALLEST_TOLERANCE)
-        companion = Simulation(self.scene, first.copy(), tighter, self.method)
+        companion = Simulation(self.scene, first.copy(), self.companion_tolerance(), self.method)
         end = float(self.output_time_s[-1]) if len(self.output_time_s) else first.time_s
         other, _ = companion.advance(end, self.time_s, self.force_n, output_time_s=self.output_time_s)
-        turning = [i for i, body in enumerate(self.scene.bodies) if column(body).endswith("_rad")]
-        return float(np.max(np.abs(angles - other)[:, turning], initial=0.0))
+        return self.largest_difference(angles, other)
 
     def _inside(self, first: State) -> Inside:
         """Inside view of the motion from ``first``, which is integrated again for the times that the view needs."""

@@ -16,7 +16,26 @@ def _column(angle_rad: ArrayLike, body: str) -> NDArray[np.float64]:
 
 
 def hammer_height_from_angle(action: Action, hammer_rad: ArrayLike) -> NDArray[np.float64]:
-    """Distance from the hammer's striking surface to the string (m), 0 at touch; from the hammer's angle alone."""
+    """Distance from the hammer's striking surface to the string, 0 at touch; from the hammer's angle alone.
+
+    Parameters
+    ----------
+    action : geometry
+    hammer_rad : (...,) angle of the hammer from ground, rad
+
+    Returns
+    -------
+    ndarray
+        Height (...,), m, negative where the felt is pressed in.
+
+    Examples
+    --------
+    >>> import model
+    >>> action = model.load_action("hirschkorn2004-regulated")
+    >>> hammer_rad = model.rest_state(action).angle_rad[model.BODIES.index("hammer")]
+    >>> print(f"{1e3 * model.observables.hammer_height_from_angle(action, hammer_rad):.1f} mm")
+    48.0 mm
+    """
     theta = np.asarray(hammer_rad, dtype=float)
     x, y = action[f"{STRING}.first.x"], action[f"{STRING}.first.y"]
     c, s = np.cos(theta), np.sin(theta)
@@ -29,10 +48,29 @@ def hammer_height_from_angle(action: Action, hammer_rad: ArrayLike) -> NDArray[n
 
 
 def hammer_height_m(action: Action, angle_rad: ArrayLike, shank_rad: ArrayLike | None = None) -> NDArray[np.float64]:
-    """Distance from the hammer's striking surface to the string, m; angles (m, n).
+    """Distance from the hammer's striking surface to the string, 0 at touch.
 
-    Where the shank bends, ``shank_rad`` (m,) is the head's angle from the straight shank; without it the height is that
-    of a straight hammer, which is what an encoder at the pivot tells.
+    Where the shank bends, ``shank_rad`` is the head's angle from the straight shank; without it the height is that of a
+    straight hammer, which is what an encoder at the pivot tells.
+
+    Parameters
+    ----------
+    action : geometry
+    angle_rad : (m, n) angles of the bodies, rad
+    shank_rad : (m,) bend of the shank, rad; by default none
+
+    Returns
+    -------
+    ndarray
+        Height (m,), m, negative where the felt is pressed in.
+
+    Examples
+    --------
+    >>> import model
+    >>> action = model.load_action("hirschkorn2004")
+    >>> solution = model.simulate(action, *model.force_table("forte"))
+    >>> print(f"{1e3 * model.observables.hammer_height_m(action, solution.angle_rad)[0]:.0f} mm at rest")
+    48 mm at rest
     """
     theta = _column(angle_rad, "hammer")
     if shank_rad is None:
@@ -47,30 +85,104 @@ def hammer_height_m(action: Action, angle_rad: ArrayLike, shank_rad: ArrayLike |
 
 
 def encoder_rad(angle_rad: ArrayLike, lift_m: ArrayLike, radius_m: float) -> NDArray[np.float64]:
-    """What an optical scale of ``radius_m`` on a turning body reads (rad) when its centre has risen by ``lift_m``.
+    """What an optical scale on a turning body reads when its centre has risen.
 
     The sensor stands on the key's front side, so that a lift reads as if the front had risen: too small a rotation
     while the key is down, as in the thesis (3.2.2).
+
+    Parameters
+    ----------
+    angle_rad : (m,) true angle, rad
+    lift_m : (m,) rise of the body's centre, m
+    radius_m : radius of the scale, m
+
+    Returns
+    -------
+    ndarray
+        Reading (m,), rad.
+
+    Examples
+    --------
+    >>> import model
+    >>> model.observables.encoder_rad([-0.05], [1e-4], 0.04)
+    array([-0.0475])
     """
     return np.asarray(angle_rad, dtype=float) + np.asarray(lift_m, dtype=float) / radius_m
 
 
 def key_front_height_m(action: Action, angle_rad: ArrayLike) -> NDArray[np.float64]:
-    """Height of the point where the force acts (Pk2), ground frame, m; angles (m, n)."""
+    """Height of the point of the key where the force acts, in the ground frame.
+
+    Parameters
+    ----------
+    action : geometry
+    angle_rad : (m, n) angles of the bodies, rad
+
+    Returns
+    -------
+    ndarray
+        Height (m,), m.
+
+    Examples
+    --------
+    >>> import model
+    >>> action = model.load_action()
+    >>> model.observables.key_front_height_m(action, model.rest_state(action).angle_rad[None, :]).shape
+    (1,)
+    """
     theta = _column(angle_rad, "key")
     x, y = action["drive.point.x"], action["drive.point.y"]
     return action["key.pivot.y"] + np.sin(theta) * x + np.cos(theta) * y
 
 
 def key_dip_m(action: Action, angle_rad: ArrayLike, rest_rad: ArrayLike | None = None) -> NDArray[np.float64]:
-    """How far the key front has gone down from rest, m; ``rest_rad`` (n,) or the first row of ``angle_rad``."""
+    """How far the key front has gone down from rest.
+
+    Parameters
+    ----------
+    action : geometry
+    angle_rad : (m, n) angles of the bodies, rad
+    rest_rad : (n,) angles at rest; by default the first row of ``angle_rad``
+
+    Returns
+    -------
+    ndarray
+        Dip (m,), m, positive downwards.
+
+    Examples
+    --------
+    >>> import model
+    >>> action = model.load_action("hirschkorn2004-regulated")
+    >>> solution = model.simulate(action, *model.force_table("forte"))
+    >>> print(f"{1e3 * model.observables.key_dip_m(action, solution.angle_rad).max():.1f} mm")
+    11.2 mm
+    """
     angles = np.asarray(angle_rad, dtype=float)
     rest = angles[:1] if rest_rad is None else np.asarray(rest_rad, dtype=float)[None, :]
     return key_front_height_m(action, rest) - key_front_height_m(action, angles)
 
 
 def key_front_gap_m(action: Action, angle_rad: ArrayLike) -> NDArray[np.float64]:
-    """Gap between the key's underside and the felt under its front, m, 0 at first touch; angles (m, n)."""
+    """Gap between the key's underside and the felt under its front, 0 at first touch.
+
+    Parameters
+    ----------
+    action : geometry
+    angle_rad : (m, n) angles of the bodies, rad
+
+    Returns
+    -------
+    ndarray
+        Gap (m,), m, negative where the felt is pressed in.
+
+    Examples
+    --------
+    >>> import model
+    >>> action = model.load_action("hirschkorn2004-regulated")
+    >>> at_rest = model.rest_state(action).angle_rad[None, :]
+    >>> bool(model.observables.key_front_gap_m(action, at_rest)[0] > 0.0)
+    True
+    """
     theta = _column(angle_rad, "key")
     c, s = np.cos(theta), np.sin(theta)
     x, y = action[f"{KEY_FRONT}.second.x"], action[f"{KEY_FRONT}.second.y"]
@@ -82,7 +194,26 @@ def key_front_gap_m(action: Action, angle_rad: ArrayLike) -> NDArray[np.float64]
 
 
 def capstan_gap_m(action: Action, angle_rad: ArrayLike) -> NDArray[np.float64]:
-    """Gap between capstan and whippen heel, m, negative where the felt is pressed in; angles (m, n)."""
+    """Gap between capstan and whippen heel.
+
+    Parameters
+    ----------
+    action : geometry
+    angle_rad : (m, n) angles of the bodies, rad
+
+    Returns
+    -------
+    ndarray
+        Gap (m,), m, negative where the felt is pressed in.
+
+    Examples
+    --------
+    >>> import model
+    >>> action = model.load_action("hirschkorn2004-regulated")
+    >>> at_rest = model.rest_state(action).angle_rad[None, :]
+    >>> bool(model.observables.capstan_gap_m(action, at_rest)[0] < 0.0)  # the key carries the whippen
+    True
+    """
     key, whippen = _column(angle_rad, "key"), _column(angle_rad, "whippen")
 
     def centre(body: str, side: str, theta: NDArray[np.float64]) -> NDArray[np.complex128]:

@@ -165,12 +165,32 @@ def check_contract(backend: object, contract: type = Backend) -> None:
 def open_backend(url: str, config: RigConfig) -> Backend:
     """Open the backend an address names, e.g. ``sim://``, ``ni://local`` or ``ni-grpc://host:31763``.
 
+    Parameters
+    ----------
+    url : str
+        Its scheme chooses the backend.
+    config : RigConfig
+        The bench.
+
+    Returns
+    -------
+    Backend
+        To be closed by the caller.
+
     Raises
     ------
     RigInputError
         When the address has no scheme, no installed backend answers to it, or that lacks a member of the contract.
     HardwareFault
         When the driver, server or device does not answer.
+
+    Examples
+    --------
+    >>> import rig
+    >>> bench = rig.open_backend("sim://", rig.load_rig("virtual").config)
+    >>> bench.capabilities.simulated
+    True
+    >>> bench.close()
     """
     scheme, separator, _ = url.partition("://")
     found = {entry.name: entry for entry in entry_points(group=GROUP)}

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
+import os
 from collections.abc import Callable
 from pathlib import Path
 
@@ -11,17 +10,20 @@ import pytest
 
 from tests.command_line import run
 
-ROOT = Path(__file__).parents[1]
-WHOLE_SUITE = 1000
-"""Number of tests from which compiling ahead is worthwhile."""
+PROCESSES = 2
+"""Processes of a run of the whole suite; files given by name run in one."""
 
 
-def pytest_collection_finish(session: pytest.Session) -> None:
-    """Compile kernels used by later tests in a second process."""
-    if len(session.items) >= WHOLE_SUITE and not session.config.option.collectonly:
-        quiet = subprocess.DEVNULL
-        ahead = subprocess.Popen([sys.executable, "-m", "tests.compile_ahead"], cwd=ROOT, stdout=quiet, stderr=quiet)
-        session.config.add_cleanup(lambda: (ahead.kill(), ahead.wait()))
+@pytest.hookimpl(tryfirst=True)
+def pytest_cmdline_main(config: pytest.Config) -> None:
+    """Share the files of the whole suite out to two processes, unless its options ask for something else."""
+    option = config.option
+    if not config.pluginmanager.hasplugin("xdist") or hasattr(config, "workerinput"):
+        return  # not installed, or one of the two
+    named = config.args_source is pytest.Config.ArgsSource.ARGS
+    watched = option.collectonly or option.usepdb or option.capture == "no"
+    if not named and not watched and option.numprocesses is None and option.dist == "no":
+        option.numprocesses, option.dist = min(PROCESSES, os.cpu_count() or 1), "loadfile"
 
 
 def contents(folder: Path) -> dict[Path, bytes]:

@@ -23,6 +23,9 @@ DOCS = ROOT / "docs"
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", ROOT / "SECURITY.md"] + [
     page for page in sorted(DOCS.rglob("*.md")) if not {"_build", "generated"} & set(page.parts)
 ]
+PAGES_WITH_CODE = {
+    "first_blow", "own_film", "regulate_and_feel", "cluster", "regulate", "odd_trial", "inner_forces",
+}  # fmt: skip
 LINK = re.compile(r"\]\((?!https?:|#|mailto:)([^)#\s]+)")
 SHELL = re.compile(r"^ *```sh\n(.*?)^ *```", re.MULTILINE | re.DOTALL)
 
@@ -128,7 +131,7 @@ def test_signatures_of_public_names_show_values_and_not_objects() -> None:
 
 
 @pytest.mark.slow  # records, films, regulates: about a minute
-@pytest.mark.parametrize("name", ["first_blow", "own_film", "regulate_and_feel", "cluster", "regulate"])
+@pytest.mark.parametrize("name", sorted(PAGES_WITH_CODE))
 def test_pages_run_and_print_what_they_show(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     made = script("run_pages")
     page = next(page for page in made.pages() if page.stem == name)
@@ -137,9 +140,7 @@ def test_pages_run_and_print_what_they_show(name: str, tmp_path: Path, monkeypat
 
 
 def test_every_page_with_code_is_run() -> None:
-    assert {page.stem for page in script("run_pages").pages()} == {
-        "first_blow", "own_film", "regulate_and_feel", "cluster", "regulate",
-    }  # fmt: skip
+    assert {page.stem for page in script("run_pages").pages()} == PAGES_WITH_CODE
 
 
 @pytest.mark.slow  # imports every package and writes every page: a minute

@@ -1,4 +1,5 @@
 from . import errors as errors
+from .curves.file import read_curves as read_curves
 from .errors import InputError as InputError
 from .errors import PredictionError as PredictionError
 from .errors import TrialError as TrialError

@@ -5,13 +5,28 @@ Conventions: SI and rad; degrees and millimetres appear only in the report.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import pandas as pd
 
+from validation.conventions import BODIES, FILM_CHANNELS, Array
+from validation.curves.file import curves_netcdf, write_curves
+from validation.curves.html import result_html
+from validation.curves.marks import Mark, trial_marks
+from validation.curves.table import curve_table
+from validation.errors import ValidationInputError
 from validation.events.evaluation_window import Window
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+AGREES, ERROR_SHOWN, NOT_JUDGED = "agrees", "error shown", "not judged"
+OUTCOMES = (AGREES, ERROR_SHOWN, NOT_JUDGED)
+"""What a verdict can be: agrees within the stated uncertainty, model error shown, cannot be judged."""
 
 TABLES = (
     "trials",
@@ -22,6 +37,7 @@ TABLES = (
     "single_changes",
     "motion_driven",
     "channels",
+    "phases",
     "events",
     "event_summary",
     "event_repeatability",
@@ -59,6 +75,8 @@ class SessionTables:
         tells them apart.
     channels : DataFrame
         One row per channel: RMSE, repeatability, and the share of the window in which model and trials differ.
+    phases : DataFrame
+        One row per channel and phase of the blow: largest difference in units of its uncertainty, as judged.
     events : DataFrame
         One row per trial, source (trial or model) and event.
     event_summary, event_repeatability : DataFrame
@@ -98,6 +116,7 @@ class SessionTables:
     findings: pd.DataFrame
     single_changes: pd.DataFrame
     channels: pd.DataFrame
+    phases: pd.DataFrame
     events: pd.DataFrame
     event_summary: pd.DataFrame
     event_repeatability: pd.DataFrame
@@ -130,6 +149,10 @@ class ValidationResult(SessionTables):
         Hashes, versions, tolerance and rules.
     files : dict
         What was written: name → path.
+    outcome : str
+        One of `OUTCOMES`.
+    sentence : str
+        The outcome in one sentence, without the names of session and model.
     """
 
     session_name: str
@@ -137,14 +160,124 @@ class ValidationResult(SessionTables):
     verdict_lines: list[str]
     provenance: dict[str, Any]
     files: dict[str, Path] = field(default_factory=dict)
+    outcome: str = NOT_JUDGED
+    sentence: str = ""
 
     def __repr__(self) -> str:
-        return f"ValidationResult({self.session_name!r}, {self.action_name!r}, {len(self.traces)} trials)"
+        n = len(self.traces)
+        return (
+            f"<ValidationResult: model {self.action_name} on {self.session_name}, {n} trial{'' if n == 1 else 's'}: "
+            f"{self.sentence or 'not judged'}>"
+        )
+
+    def _repr_html_(self) -> str:
+        return result_html(self.session_name, self.action_name, self.sentence, self.verdict_lines[1:], self.warnings)
 
     @property
     def verdict(self) -> str:
         """The verdict as one paragraph."""
         return " ".join(self.verdict_lines)
+
+    @property
+    def base_s(self) -> Array:
+        """The one time base of `curves` and ``spread``, (n,) s."""
+        return np.asarray(self.spread["time_s"].to_numpy(), dtype=float)
+
+    def curves(self, trials: Iterable[int] | None = None) -> pd.DataFrame:
+        """Measured and predicted curves of all channels in one tidy table on one time base.
+
+        Parameters
+        ----------
+        trials : iterable of int, optional
+            Only these trials.
+
+        Returns
+        -------
+        DataFrame
+            trial, channel, time_s, measured_rad, predicted_rad, null_rad, u_rad, left_out, force_n; see
+            `validation.curves.table.curve_table`.
+
+        Raises
+        ------
+        ValidationInputError
+            A trial that was not compared.
+
+        Examples
+        --------
+        >>> hammer = result.curves().query("channel == 'hammer'")  # doctest: +SKIP
+        """
+        chosen = None if trials is None else [self._checked(trial) for trial in trials]
+        return curve_table(self.base_s, self.traces, self.film_traces, chosen)
+
+    def curves_netcdf(self) -> bytes:
+        """The same as the bytes of a netCDF-4 file."""
+        about = {"session": self.session_name, "model": self.action_name, "verdict": self.sentence}
+        return curves_netcdf(self.base_s, self.traces, self.film_traces, about)
+
+    def write_curves(self, path: str | Path) -> Path:
+        """Write `curves` to a file: ``.nc`` (netCDF-4), ``.csv``, or ``.parquet`` (extra ``parquet``).
+
+        Raises
+        ------
+        ValidationInputError
+            Another ending, a folder that cannot be written, or Parquet without pyarrow.
+        """
+        file = Path(path)
+        netcdf = self.curves_netcdf() if file.suffix == ".nc" else b""
+        return write_curves(pd.DataFrame() if netcdf else self.curves(), netcdf, file)
+
+    def marks(self, trial: int) -> list[Mark]:
+        """Moments of a trial: the thesis's positions A, B and C, and its events, in the order of time."""
+        frame, events = self.traces[self._checked(trial)], self.events
+        inside = frame[self.window.mask(frame["time_s"].to_numpy())]
+        return trial_marks(inside, events[(events["trial"] == trial) & (events["source"] == "trial")])
+
+    def plot(self, channel: str = "hammer", trial: int | None = None) -> Figure:
+        """Draw one channel of one trial with its prediction, the difference below, and the marks A, B, C.
+
+        Parameters
+        ----------
+        channel : {"key", "whippen", "jack", "repetition", "hammer", "force"}
+        trial : int, optional
+            Default: the first, of jack and repetition lever the first that was filmed.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            Shown by a notebook as it is; ``result.plot().savefig("hammer.pdf")`` writes it.
+
+        Raises
+        ------
+        ValidationInputError
+            No such channel, a trial that was not compared, or one that was not filmed.
+        """
+        # start-up: matplotlib costs 0.3 s and a comparison draws nothing
+        from validation.curves.plot import plot_rotation
+
+        if channel not in (*BODIES, "force"):
+            raise ValidationInputError(f"channel {channel!r}: allowed {', '.join((*BODIES, 'force'))}")
+        filmed = channel in FILM_CHANNELS
+        known = list(self.film_traces if filmed else self.traces)
+        if trial is None and known:
+            trial = known[0]
+        if trial is None or (filmed and trial not in known):
+            raise ValidationInputError(f"{channel}: trial {trial} was not filmed; filmed: {known or 'none'}")
+        column = f"{channel}_difference_band95_rad"
+        reach = self.spread[column].to_numpy(dtype=float) if column in self.spread else None
+        return plot_rotation(
+            self.base_s,
+            channel,
+            self.traces[self._checked(trial)],
+            self.film_traces.get(trial),
+            band_rad=reach if reach is not None and np.isfinite(reach).any() else None,
+            marks=self.marks(trial),
+            title=f"trial {trial} of {self.session_name} and {self.action_name}",
+        )
+
+    def _checked(self, trial: int) -> int:
+        if trial not in self.traces:
+            raise ValidationInputError(f"trial {trial}: not compared; allowed {', '.join(map(str, self.traces))}")
+        return trial
 
     def with_files(self, files: dict[str, Path]) -> ValidationResult:
         """A copy that names the files it was written to."""

@@ -1,8 +1,8 @@
 from .angles import ccw_to_picture as ccw_to_picture
 from .angles import ground_to_picture as ground_to_picture
 from .angles import picture_to_ccw as picture_to_ccw
+from .bodies.masks import build_masks as build_masks
 from .bodies.outlines import Body as Body
-from .bodies.outlines import build_masks as build_masks
 from .bodies.outlines import load_bodies as load_bodies
 from .bodies.outlines import save_bodies as save_bodies
 from .camera.calibrate import Calibration as Calibration
@@ -29,9 +29,9 @@ from .film.source import ArrayFilm as ArrayFilm
 from .film.source import Film as Film
 from .film.source import FrameSource as FrameSource
 from .fitting.pose_covariance import cramer_rao_bound as cramer_rao_bound
+from .output.contact_sheet import write_contact_sheet as write_contact_sheet
 from .output.outline_drawing import draw_bodies as draw_bodies
 from .output.outline_drawing import write_picture as write_picture
-from .output.overlay import write_contact_sheet as write_contact_sheet
 from .output.overlay import write_overlay as write_overlay
 from .output.plots import write_plot as write_plot
 from .results.flags import FrameFlag as FrameFlag

@@ -15,12 +15,46 @@ from numpy.typing import ArrayLike, NDArray
 
 
 def picture_to_ccw(phi_rad: ArrayLike) -> NDArray[np.float64]:
-    """Turn a rotation in picture axes (y down) into a counter-clockwise angle (y up), rad."""
+    """Turn a rotation in picture axes (y down) into a counter-clockwise angle (y up).
+
+    Parameters
+    ----------
+    phi_rad : array_like
+        Rotations of any shape, rad.
+
+    Returns
+    -------
+    ndarray
+        The same shape, rad.
+
+    Examples
+    --------
+    >>> import vision
+    >>> vision.picture_to_ccw([0.1])
+    array([-0.1])
+    """
     return -np.asarray(phi_rad, dtype=float)
 
 
 def ccw_to_picture(angle_rad: ArrayLike) -> NDArray[np.float64]:
-    """Turn a counter-clockwise angle (y up) into a rotation in picture axes (y down), rad."""
+    """Turn a counter-clockwise angle (y up) into a rotation in picture axes (y down).
+
+    Parameters
+    ----------
+    angle_rad : array_like
+        Angles of any shape, rad.
+
+    Returns
+    -------
+    ndarray
+        The same shape, rad.
+
+    Examples
+    --------
+    >>> import vision
+    >>> vision.ccw_to_picture([0.1, -0.2])
+    array([-0.1,  0.2])
+    """
     return -np.asarray(angle_rad, dtype=float)
 
 
@@ -42,6 +76,12 @@ def ground_to_picture(
     -------
     ndarray, shape (..., 2)
         Picture points (x right, y down), pixels.
+
+    Examples
+    --------
+    >>> import vision
+    >>> vision.ground_to_picture([[0.01, 0.02]], 1000.0, (200.0, 150.0))
+    array([[210., 130.]])
     """
     points = np.asarray(points_m, dtype=float)
     return points * np.array([scale_px_per_m, -scale_px_per_m]) + np.asarray(origin_px, dtype=float)

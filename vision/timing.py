@@ -28,7 +28,7 @@ class FrameTimes:
 
 
 def times_of_edges(edge_time_s: ArrayLike, exposure_s: float = 0.0, delay_s: float = 0.0) -> NDArray[np.float64]:
-    """Middle of each exposure from the times of the frame clock's rising edges, shape (n,).
+    """Middle of each exposure from the times of the frame clock's rising edges.
 
     Parameters
     ----------
@@ -37,6 +37,22 @@ def times_of_edges(edge_time_s: ArrayLike, exposure_s: float = 0.0, delay_s: flo
     exposure_s : float
     delay_s : float
         From the edge to the start of the exposure, as the camera's manual states it.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Times, s.
+
+    Raises
+    ------
+    VisionInputError
+        Edges that do not increase, or an exposure or delay that cannot be.
+
+    Examples
+    --------
+    >>> import vision
+    >>> vision.times_of_edges([0.0, 0.0005], exposure_s=1e-4)
+    array([5.0e-05, 5.5e-04])
     """
     edges = np.asarray(edge_time_s, dtype=float)
     if edges.ndim != 1 or not np.all(np.isfinite(edges)) or np.any(np.diff(edges) <= 0.0):
@@ -65,11 +81,28 @@ def times_of_counts(
     sample_time_s : array_like, shape (k,)
     count : array_like of int, shape (k,)
         Pulses since the counter was armed; never falls.
+    exposure_s : float
+    delay_s : float
+        From the pulse to the start of the exposure, as the camera's manual states it.
 
     Returns
     -------
     FrameTimes
         Frame 0 belongs to the first pulse counted within the samples.
+
+    Raises
+    ------
+    VisionInputError
+        Counts that fall or are too few, or pulses that lie on no line.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import vision
+    >>> sample_time_s = np.arange(500) / 5000.0
+    >>> frames = vision.times_of_counts(sample_time_s, np.floor(2000.0 * sample_time_s).astype(int))
+    >>> print(f"{1e3 * np.diff(frames.time_s).mean():.3f} ms")
+    0.500 ms
     """
     time, counted = np.asarray(sample_time_s, dtype=float), np.asarray(count)
     if time.ndim != 1 or counted.shape != time.shape or time.size < 3 or np.any(np.diff(time) <= 0.0):
@@ -153,6 +186,25 @@ def estimate_offset(
     Returns
     -------
     ClockOffset
+
+    Raises
+    ------
+    VisionInputError
+        Columns of different lengths, too few frames or samples, or a body that hardly moves.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import vision
+    >>> encoder_time_s = np.arange(0.0, 0.4, 2e-4)
+    >>> film_time_s = np.arange(0.1, 0.3, 5e-4)
+    >>> def turn(t):
+    ...     return 0.1 * np.exp(-(((t - 0.2) / 0.02) ** 2))
+    >>> found = vision.estimate_offset(
+    ...     film_time_s, turn(film_time_s + 0.001), np.full(400, 1e-5), encoder_time_s, turn(encoder_time_s)
+    ... )
+    >>> print(f"{1e3 * found.offset_s:.2f} ms")
+    1.00 ms
     """
     time, angle, u = (np.asarray(v, dtype=float) for v in (time_s, angle_rad, u_angle_rad))
     clock, reading = np.asarray(encoder_time_s, dtype=float), np.asarray(encoder_rad, dtype=float)

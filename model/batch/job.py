@@ -20,7 +20,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from model.errors import ModelError
-from model.force_driven import ForceDrivenRun, check_force_table, check_output_times
+from model.files.force_table import check_force_table
+from model.force_driven import ForceDrivenRun, check_output_times
 from model.parameters.action import Action
 from model.scene.build import build_scene
 from model.simulation.options import ForceDrivenOptions
@@ -41,6 +42,7 @@ class Job:
     trial, parameters : labels of the force table and of the parameter set
     run : what to simulate, with all numbers; None where ``failure`` says why there is none
     start_rad : (n,) angles at the first time, at rest
+    in_lanes : computed side by side with others; another order of operations, hence other last digits
     """
 
     trial: str
@@ -48,6 +50,7 @@ class Job:
     run: ForceDrivenRun | None
     start_rad: Array | None
     failure: Exception | None = None
+    in_lanes: bool = False
 
     def sha256(self) -> str:
         """Hash of everything the answer depends on."""
@@ -145,7 +148,30 @@ def make_jobs(
     options: ForceDrivenOptions,
     initial: RestState | None = None,
 ) -> list[Job]:
-    """Jobs of every parameter set with every trial, in that order."""
+    """Jobs of every parameter set with every trial, in that order.
+
+    Parameters
+    ----------
+    action : parameter set that the others start from
+    trials : name -> times (k,), s, and forces (k,), N
+    parameter_sets : name -> parameter path -> value
+    options : tolerance, output times, scene and method, as for `model.simulate`
+    initial : rest state to start from; by default that of each parameter set
+
+    Returns
+    -------
+    list of Job
+        A job that cannot be made carries the reason and becomes a member with an ``error``.
+
+    Examples
+    --------
+    >>> import model
+    >>> from model.force_driven import ForceDrivenOptions
+    >>> jobs = model.batch.make_jobs(model.load_action(), {"forte": model.force_table("forte")}, {"printed": {}},
+    ...                              ForceDrivenOptions())
+    >>> jobs[0].trial, jobs[0].parameters
+    ('forte', 'printed')
+    """
     tables = list(_tables(trials, options.output_time_s))
     choice = options.choice
     jobs = []
@@ -174,12 +200,38 @@ def make_jobs(
     return jobs
 
 
+def from_rest(job: Job) -> tuple[ForceDrivenRun, State]:
+    """What a job simulates, with arrays that kernels accept, and the state it starts from."""
+    assert job.run is not None and job.start_rad is not None
+    run = _writable(job.run)
+    return run, State(float(run.time_s[0]), job.start_rad.copy(), np.zeros(run.scene.size))
+
+
 def run_job(job: Job, sha256: str) -> Member:
-    """Compute one job; the same to the last bit as ``model.simulate`` with the same input."""
+    """Compute one job; the same to the last bit as ``model.simulate`` with the same input.
+
+    Parameters
+    ----------
+    job : from `make_jobs`
+    sha256 : its content hash, `Job.sha256`, which the member carries on
+
+    Returns
+    -------
+    Member
+        With a ``solution``, or with the ``error`` that kept it from one.
+
+    Examples
+    --------
+    >>> import model
+    >>> from model.force_driven import ForceDrivenOptions
+    >>> jobs = model.batch.make_jobs(model.load_action(), {"forte": model.force_table("forte")}, {"printed": {}},
+    ...                              ForceDrivenOptions())
+    >>> model.batch.run_job(jobs[0], jobs[0].sha256()).solution.angle_rad.shape
+    (3501, 5)
+    """
     if job.run is None or job.start_rad is None:
         return Member(job.trial, job.parameters, sha256, error=job.failure)
-    run = _writable(job.run)
-    state = State(float(run.time_s[0]), job.start_rad.copy(), np.zeros(run.scene.size))
+    run, state = from_rest(job)
     try:
         solution = run.from_state(state)
     except ModelError as problem:

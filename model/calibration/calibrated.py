@@ -17,9 +17,21 @@ def with_calibrated(action: Action, values: Mapping[str, tuple[float, float]], s
     values : path -> value and standard uncertainty, in the unit of the path
     source : of the values, for the file
 
+    Returns
+    -------
+    Action
+
     Raises
     ------
     InputError : a path does not exist or a value lies outside its range
+
+    Examples
+    --------
+    >>> import model
+    >>> measured = {"hammer.mass": (0.0117, 0.0001)}
+    >>> mine = model.calibration.with_calibrated(model.load_action(), measured, "weighed, 2026-11-22")
+    >>> mine.quantities["hammer.mass"].u
+    0.0001
     """
     changed = action.with_values({path: value for path, (value, _) in values.items()}, "calibration")
     quantities = dict(changed.quantities)

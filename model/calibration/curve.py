@@ -49,7 +49,31 @@ class LoadingCurve:
 
 
 def split_phases(displacement_m: ArrayLike, force_n: ArrayLike, where: str = "loading curve") -> LoadingCurve:
-    """Split one press and release at its largest displacement; (n,) each, in the order measured."""
+    """Split one press and release at its largest displacement.
+
+    Parameters
+    ----------
+    displacement_m, force_n : (n,) m and N, in the order measured
+    where : what to call the experiment in an error
+
+    Returns
+    -------
+    LoadingCurve
+
+    Raises
+    ------
+    InputError : too few points in a phase, or values that cannot be used
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import model
+    >>> pressed = np.linspace(0.0, 1e-3, 20)
+    >>> there_and_back = np.concatenate([pressed, pressed[::-1]])
+    >>> curve = model.calibration.split_phases(there_and_back, 1e4 * there_and_back)
+    >>> print(f"{1e3 * curve.shared_m[1]:g} mm")
+    1 mm
+    """
     x = np.asarray(displacement_m, dtype=float)
     turn = int(np.argmax(x)) if len(x) else 0
     phase = np.where(np.arange(len(x)) <= turn, PHASES[0], PHASES[1])
@@ -115,9 +139,25 @@ def _check_direction(along: Array, rows: NDArray[np.int64], name: str, x: Array,
 def read_curve(path: str | Path) -> LoadingCurve:
     """Read a loading experiment from a CSV file with ``displacement_m,force_n`` and optionally ``phase``.
 
+    Parameters
+    ----------
+    path : CSV file; without ``phase`` the experiment is split at its largest displacement
+
+    Returns
+    -------
+    LoadingCurve
+        Displacements, m, and forces, N, of both phases.
+
     Raises
     ------
     InputError : the file cannot be read or used; the message names file and row
+
+    Examples
+    --------
+    >>> import model
+    >>> curve = model.calibration.read_curve("felt.csv")
+    >>> print(f"pressed by {1e3 * curve.loading_m[-1]:.1f} mm")
+    pressed by 0.5 mm
     """
     table = read_columns(path, ("displacement_m", "force_n"), ("phase",))
     x, f = table.numbers("displacement_m"), table.numbers("force_n")

@@ -34,9 +34,21 @@ def damping_factor(fit: FeltFit, speed_m_per_s: float, u_speed_m_per_s: float = 
     fit : cubic and smoothed loading curve
     speed_m_per_s, u_speed_m_per_s : mean normal speed of the contact and its standard uncertainty
 
+    Returns
+    -------
+    Damping
+        D and its standard uncertainty, s/m.
+
     Raises
     ------
     InputError : the speed is not positive, or loading is nowhere above the fit
+
+    Examples
+    --------
+    >>> import model
+    >>> fit = model.calibration.fit_felt(model.calibration.read_curve("felt.csv"))
+    >>> model.calibration.damping_factor(fit, speed_m_per_s=0.05).d > 0.0
+    True
     """
     check_numbers("damping", {"mean normal speed": speed_m_per_s}, {"mean normal speed": u_speed_m_per_s}, "m/s")
     x, above = fit.mid_m, fit.loading.force_n(fit.mid_m) - fit.force_n(fit.mid_m)

@@ -153,9 +153,25 @@ def smooth_phase(x_m: Array, force_n: Array) -> Phase:
 def fit_felt(curve: LoadingCurve) -> FeltFit:
     """Fit eq. 2.5 to the mid-line of a loading experiment.
 
+    Parameters
+    ----------
+    curve : both phases of the experiment
+
+    Returns
+    -------
+    FeltFit
+        The cubic's a, b and c with their covariance, and how well the curve follows it.
+
     Raises
     ------
     InputError : the mid-line is not a compressive force
+
+    Examples
+    --------
+    >>> import model
+    >>> fit = model.calibration.fit_felt(model.calibration.read_curve("felt.csv"))
+    >>> fit.abc.shape, fit.misfit_n < 0.1
+    ((3,), True)
     """
     loading = smooth_phase(curve.loading_m, curve.loading_n)
     unloading = smooth_phase(curve.unloading_m, curve.unloading_n)

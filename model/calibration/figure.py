@@ -13,7 +13,25 @@ from model.files.figure_sheet import new_sheet, save_sheet
 
 
 def draw(curve: LoadingCurve, fit: FeltFit, dampings: dict[str, Damping], title: str, path: str | Path) -> None:
-    """Write the sheet to ``path`` (.svg, .pdf or .png); ``dampings`` by the name of their blow."""
+    """Draw loading curve, cubic and loops on one sheet.
+
+    Parameters
+    ----------
+    curve, fit : what was measured and fitted
+    dampings : name of a blow -> D found with its speeds
+    title : for the sheet
+    path : file to write, .svg, .pdf or .png
+
+    Raises
+    ------
+    InputError : the file cannot be written
+
+    Examples
+    --------
+    >>> import model
+    >>> curve = model.calibration.read_curve("felt.csv")
+    >>> model.calibration.figure.draw(curve, model.calibration.fit_felt(curve), {}, "contact02", "felt.svg")
+    """
     sheet = new_sheet(10.0, 4.4)
     measured, fitted = sheet.subplots(1, 2, sharex=True, sharey=True)
     for axes in (measured, fitted):

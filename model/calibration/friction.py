@@ -60,9 +60,21 @@ def fit_friction(mu_s: float, mu_k: float, u_mu_s: float = 0.0, u_mu_k: float = 
     mu_s, mu_k : static and kinetic coefficient
     u_mu_s, u_mu_k : their standard uncertainties, taken as independent
 
+    Returns
+    -------
+    FrictionFit
+        A and B1 with their standard uncertainties; B2 is chosen.
+
     Raises
     ------
     InputError : a coefficient is not positive, mu_s is below mu_k, or so far above that B1 would pass its bound
+
+    Examples
+    --------
+    >>> import model
+    >>> fit = model.calibration.fit_friction(0.30, 0.25, u_mu_s=0.01, u_mu_k=0.01)
+    >>> fit.a, fit.u_a
+    (0.25, 0.01)
     """
     check_numbers("friction", {"mu_s": mu_s, "mu_k": mu_k}, {"mu_s": u_mu_s, "mu_k": u_mu_k})
     ratio, largest = mu_s / mu_k, peak_ratio(LARGEST_B1)

@@ -42,9 +42,20 @@ def inertia_from_pendulum(
     u_mass_kg, u_arm_m, u_period_s : standard uncertainties, taken as independent
     g : gravity, m/s^2
 
+    Returns
+    -------
+    Inertia
+        Moments, kg m^2, with their standard uncertainties.
+
     Raises
     ------
     InputError : a value is not positive, or the period is shorter than that of a point mass at the same arm
+
+    Examples
+    --------
+    >>> import model
+    >>> print(f"{model.calibration.inertia_from_pendulum(0.0117, 0.10, 0.65).about_pivot:.3e} kg m^2")
+    1.228e-04 kg m^2
     """
     check_numbers(
         "pendulum",

@@ -43,16 +43,28 @@ def rebound_speed(damping: float, v_in: float) -> float:
 
 
 def damping_from_rebound(v_in: float, v_out: float, u_v_in: float = 0.0, u_v_out: float = 0.0) -> tuple[float, float]:
-    """Damping factor D and its standard uncertainty, s/m.
+    """Damping factor of the string from the hammer's speeds before and after it.
 
     Parameters
     ----------
     v_in, v_out : speeds of the contact point before and after, m/s, both positive
     u_v_in, u_v_out : standard uncertainties, taken as independent
 
+    Returns
+    -------
+    tuple of float
+        D and its standard uncertainty, s/m.
+
     Raises
     ------
     InputError : a speed is not positive, or the body leaves faster than it arrived
+
+    Examples
+    --------
+    >>> import model
+    >>> d, u = model.calibration.damping_from_rebound(2.0, 1.1, u_v_in=0.02, u_v_out=0.02)
+    >>> print(f"{d:.2f} s/m, u {u:.2f}")
+    0.59 s/m, u 0.02
     """
     speeds, u_speeds = {"speed before": v_in, "speed after": v_out}, {"speed before": u_v_in, "speed after": u_v_out}
     check_numbers("rebound", speeds, u_speeds, "m/s")

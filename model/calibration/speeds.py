@@ -70,6 +70,23 @@ def mean_normal_speeds(
     angle_rad : (m, 5) as in `Solution.angle_rad`
     speed_rad_per_s : (m, 5); by default the derivative of the angles (local parabolas over ``SMOOTHING_S``)
     rest_share : share of a contact's largest speed below which it is at rest
+
+    Returns
+    -------
+    MeanSpeeds
+        Mean speed of each contact, m/s, NaN where it was never pressed.
+
+    Raises
+    ------
+    InputError : shapes that do not belong together, or times that do not increase
+
+    Examples
+    --------
+    >>> import model
+    >>> blow = model.simulate(model.load_action(), *model.force_table("forte"))
+    >>> speeds = model.calibration.mean_normal_speeds(model.load_action(), blow.time_s, blow.angle_rad)
+    >>> speeds.of("contact12") > speeds.of("contact02")  # the string is met faster than the key's felt
+    True
     """
     t, q = np.asarray(time_s, dtype=float), np.asarray(angle_rad, dtype=float)
     if q.shape != (len(t), len(BODIES)):
@@ -113,9 +130,29 @@ def _differentiate(t: Array, q: Array) -> Array:
 
 
 def read_motion(path: str | Path) -> tuple[Array, Array, Array | None]:
-    """Read times (m,), angles (m, 5) and, where all five are present, speeds (m, 5) from a CSV file.
+    """Read a motion from a CSV file with the columns that ``pianorig simulate --out`` writes.
 
-    The columns are those that ``pianorig simulate --out`` writes: ``time_s``, ``<body>_rad``, ``<body>_rad_per_s``.
+    Parameters
+    ----------
+    path : CSV file with ``time_s``, ``<body>_rad`` and, if all five are there, ``<body>_rad_per_s``
+
+    Returns
+    -------
+    tuple
+        Times (m,), s, angles (m, 5), rad, and speeds (m, 5), rad/s, or None.
+
+    Raises
+    ------
+    InputError : the file cannot be read, or a body is missing
+
+    Examples
+    --------
+    >>> import model
+    >>> blow = model.simulate(model.load_action(), *model.force_table("forte"))
+    >>> blow.to_table().to_csv("motion.csv")
+    >>> time_s, angle_rad, speed_rad_per_s = model.calibration.read_motion("motion.csv")
+    >>> angle_rad.shape
+    (3501, 5)
     """
     table = read_columns(path, ["time_s", *(f"{body}_rad" for body in BODIES)])
     angles = np.column_stack([table.numbers(f"{body}_rad") for body in BODIES])

@@ -41,7 +41,28 @@ KNOTS: dict[str, tuple[list[float], list[float]]] = {
 
 
 def force_table(name: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Times (k,) s and forces (k,) N of a named blow."""
+    """Times and forces of a named blow.
+
+    Parameters
+    ----------
+    name : ``forte``, ``thesis-forte``, ``piano``, ``double`` or ``fortissimo``
+
+    Returns
+    -------
+    tuple of ndarray
+        Times (k,), s, at 5 kHz, and forces (k,), N, positive downwards on the key.
+
+    Raises
+    ------
+    InputError : there is no blow of that name
+
+    Examples
+    --------
+    >>> import model
+    >>> time_s, force_n = model.force_table("forte")
+    >>> time_s.shape, float(force_n.max())
+    ((3501,), 26.52)
+    """
     if name not in KNOTS:
         raise InputError(f"force table {name!r}: not found; allowed {', '.join(KNOTS)}")
     time = np.round(np.arange(round(DURATION_S * RATE_HZ) + 1) / RATE_HZ, 4)

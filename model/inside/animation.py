@@ -16,8 +16,10 @@ from numpy.typing import NDArray
 
 from model.errors import InputError
 from model.files.atomic_write import whole_file
+from model.inside.animated_svg import FRAME_S, Clock, values_text
 from model.inside.html_player import page
-from model.inside.labels import close_up, contact_label, input_label
+from model.inside.labels import BODY_COLORS, close_up, contact_label, input_label
+from model.inside.moving_names import moving_names
 from model.inside.side_view import GROUND, SideView, side_view
 from model.parameters.action import Action
 from model.parameters.effects import RAIL
@@ -28,24 +30,41 @@ Array = NDArray[np.float64]
 
 ENDINGS = (".svg", ".html")
 SCALE = 1.75  # drawing units per mm
-FRAME_S = 0.04  # of the viewer's time between two rows
 FAR_STEP_S, NEAR_STEP_S = 1e-3, 2e-4  # of the action's time between two rows, away from the strike and around it
+STILL_STEP_S, VISIBLE_RAD = 25e-3, 2e-4  # the same before anything moves, and from which angle on it is seen to
 GLOW_MM2_PER_N = 6.0
-COLORS = {
-    "key": "#8C6D46", "whippen": "#4C72B0", "jack": "#C44E52", "repetition": "#55A868", "hammer": "#8172B2",
-    "shank": "#8172B2", "motor": "#333333", GROUND: "#555555",
-}  # fmt: skip
+COLORS = {**BODY_COLORS, GROUND: "#555555"}
 PLOT_WIDTH, PLOT_HEIGHT = 820.0, 150.0
 BAR_WIDTH, BAR_STEP = 110.0, 24.0
 MARGIN = 24.0
 
 
 def frame_rows(inside: Inside) -> NDArray[np.int64]:
-    """Rows to show, one per frame: fine around the strike, coarse elsewhere."""
+    """Rows to show, one per frame: fine around the strike, coarse elsewhere.
+
+    Parameters
+    ----------
+    inside : inside view of a blow
+
+    Returns
+    -------
+    ndarray of int
+        Indices into its rows, increasing.
+
+    Examples
+    --------
+    >>> import model
+    >>> solution = model.simulate(model.load_action(), *model.force_table("forte"), inside=True)
+    >>> rows = model.inside.animation.frame_rows(solution.inside)
+    >>> len(rows) < len(solution.time_s)
+    True
+    """
     time = inside.time_s
     near = close_up(inside)
+    begins = min(_first_motion_s(inside) - FAR_STEP_S, near[0])
     parts = [
-        np.arange(time[0], near[0], FAR_STEP_S),
+        np.arange(time[0], begins, STILL_STEP_S),
+        np.arange(max(begins, time[0]), near[0], FAR_STEP_S),
         np.arange(near[0], near[1], NEAR_STEP_S),
         np.arange(near[1], time[-1], FAR_STEP_S),
         time[-1:],
@@ -53,13 +72,32 @@ def frame_rows(inside: Inside) -> NDArray[np.int64]:
     return np.unique(np.searchsorted(time, np.concatenate(parts) - 1e-9).clip(0, len(time) - 1))
 
 
+def _first_motion_s(inside: Inside) -> float:
+    """Time (s) at which a body first turns visibly; the last time where none does."""
+    away = np.abs(inside.pose[:, :, 2] - inside.pose[0, :, 2]).max(axis=1)
+    moved = away > VISIBLE_RAD
+    return float(inside.time_s[int(np.argmax(moved))]) if moved.any() else float(inside.time_s[-1])
+
+
 def write_animation(action: Action, solution: Solution, force_n: Array, path: str | Path) -> None:
-    """Write the moving side view to ``path`` (.svg or .html).
+    """Write the moving side view to one file.
 
     Parameters
     ----------
     action, solution : the simulated action and its solution, with an inside view at 5 kHz or finer
     force_n : (m,) force on the key at the solution's times, N
+    path : file to write, .svg or .html
+
+    Raises
+    ------
+    InputError : another ending, or a solution without an inside view
+
+    Examples
+    --------
+    >>> import model
+    >>> action, (time_s, force_n) = model.load_action(), model.force_table("forte")
+    >>> solution = model.simulate(action, time_s, force_n, inside=True)
+    >>> model.inside.write_animation(action, solution, force_n, "blow.html")
     """
     target = Path(path)
     if target.suffix not in ENDINGS:
@@ -74,27 +112,9 @@ def write_animation(action: Action, solution: Solution, force_n: Array, path: st
         part.write_text(text, encoding="utf-8")
 
 
-def _values(values: Array, digits: int = 2) -> str:
-    """A list of numbers of an animated attribute, one per frame."""
-    return ";".join(f"{v:.{digits}f}".rstrip("0").rstrip(".") for v in values)
-
-
-class _Clock:
-    """Writes animated attributes that share the same frames."""
-
-    def __init__(self, frames: int) -> None:
-        self.end = f'dur="{(frames - 1) * FRAME_S:g}s" repeatCount="indefinite"'
-
-    def attribute(self, name: str, values: str) -> str:
-        return f'<animate attributeName="{name}" values="{values}" {self.end}/>'
-
-    def transform(self, kind: str, values: str) -> str:
-        return f'<animateTransform attributeName="transform" type="{kind}" values="{values}" {self.end}/>'
-
-
 def _svg(action: Action, inside: Inside, force: Array, rows: NDArray[np.int64]) -> str:
     view = side_view(inside)
-    clock = _Clock(len(rows))
+    clock = Clock(len(rows))
     low, high = _extent(inside, view)
     width, height = SCALE * 1e3 * (high - low)
     bars_x = width + 2 * MARGIN
@@ -112,7 +132,9 @@ def _svg(action: Action, inside: Inside, force: Array, rows: NDArray[np.int64]) 
         _surfaces(view, GROUND),
         *(_body(inside, view, i, rows, clock) for i in range(len(inside.bodies))),
         *(_glow(inside, c, rows, clock) for c in range(len(inside.contacts))),
+        *moving_names(inside, view, rows, clock),
         "</g>",
+        f'<text x="{bars_x + 188:.0f}" y="{MARGIN - 6:.0f}" font-size="10" fill="#555555">now; at most</text>',
         *(_bar(action, inside, c, rows, clock, bars_x) for c in range(len(inside.contacts))),
         _legend(inside, bars_x),
         _plot(inside, force, rows, clock, plot_y),
@@ -143,12 +165,12 @@ def _surfaces(view: SideView, body: str) -> str:
     return f'<path d="{lines}" stroke="{COLORS.get(body, "#777777")}" stroke-width="1.1"/>'
 
 
-def _body(inside: Inside, view: SideView, i: int, rows: NDArray[np.int64], clock: _Clock) -> str:
+def _body(inside: Inside, view: SideView, i: int, rows: NDArray[np.int64], clock: Clock) -> str:
     """Sticks, surfaces and pivot of a body, moved by its pose."""
     body = inside.bodies[i]
     pose = inside.pose[rows, i]
     color = COLORS.get(body, "#777777")
-    places = ";".join(f"{1e3 * x:.2f} {1e3 * y:.2f}" for x, y in pose[:, :2])
+    at = ";".join(f"{1e3 * x:.2f} {1e3 * y:.2f}" for x, y in pose[:, :2])
     sticks = "".join(_path(pair) for pair in view.sticks[body])
     dot = f'<circle r="1.6" fill="white" stroke="{color}" stroke-width="0.8"/>'
     if body == "key":
@@ -161,20 +183,18 @@ def _body(inside: Inside, view: SideView, i: int, rows: NDArray[np.int64], clock
             f"{clock.attribute('fill', fills)}{clock.attribute('r', radii)}</circle>"
         )
     return (
-        f"<g>{clock.transform('translate', places)}<g>{clock.transform('rotate', _values(np.degrees(pose[:, 2]), 3))}"
+        f"<g>{clock.transform('translate', at)}<g>{clock.transform('rotate', values_text(np.degrees(pose[:, 2]), 3))}"
         f'<path d="{sticks}" stroke="{color}" stroke-width="5" opacity="0.3"/>{_surfaces(view, body)}{dot}</g></g>'
     )
 
 
-def _glow(inside: Inside, c: int, rows: NDArray[np.int64], clock: _Clock) -> str:
+def _glow(inside: Inside, c: int, rows: NDArray[np.int64], clock: Clock) -> str:
     """A disc at a contact, its area in proportion to the largest force since the previous frame."""
     radius = np.sqrt(GLOW_MM2_PER_N * _peak_since(inside.normal_n[:, c], rows) / np.pi)
-    places = ";".join(f"{1e3 * x:.2f} {1e3 * y:.2f}" for x, y in inside.point_m[rows, c])
-    number = inside.contacts[c].removeprefix("contact").replace("_", " ")
+    at = ";".join(f"{1e3 * x:.2f} {1e3 * y:.2f}" for x, y in inside.point_m[rows, c])
     return (
-        f"<g>{clock.transform('translate', places)}"
-        f'<circle r="0" fill="#FF7F0E" opacity="0.75">{clock.attribute("r", _values(radius))}</circle>'
-        f'<text x="2.5" y="-2.5" transform="scale(1 -1)" font-size="6" fill="#444444">{number}</text></g>'
+        f"<g>{clock.transform('translate', at)}"
+        f'<circle r="0" fill="#FF7F0E" opacity="0.75">{clock.attribute("r", values_text(radius))}</circle></g>'
     )
 
 
@@ -185,7 +205,7 @@ def _peak_since(values: Array, rows: NDArray[np.int64]) -> Array:
     return out
 
 
-def _bar(action: Action, inside: Inside, c: int, rows: NDArray[np.int64], clock: _Clock, x: float) -> str:
+def _bar(action: Action, inside: Inside, c: int, rows: NDArray[np.int64], clock: Clock, x: float) -> str:
     """Name, force against its largest, and that largest force."""
     y = MARGIN + BAR_STEP * c
     largest = float(inside.largest_normal_n[c])
@@ -195,7 +215,7 @@ def _bar(action: Action, inside: Inside, c: int, rows: NDArray[np.int64], clock:
         f'<text x="{x + 180:.0f}" y="{y + 13:.0f}" text-anchor="end">{label}</text>'
         f'<rect x="{x + 188:.0f}" y="{y:.0f}" width="{BAR_WIDTH:.0f}" height="16" fill="#EEEEEE"/>'
         f'<rect x="{x + 188:.0f}" y="{y:.0f}" width="0" height="16" fill="#FF7F0E">'
-        f"{clock.attribute('width', _values(BAR_WIDTH * np.minimum(share, 1.0), 1))}</rect>"
+        f"{clock.attribute('width', values_text(BAR_WIDTH * np.minimum(share, 1.0), 1))}</rect>"
         f'<text x="{x + 186 + BAR_WIDTH:.0f}" y="{y + 12:.0f}" text-anchor="end" font-size="10" fill="#555555">'
         f"{largest:.3g} N</text>"
     )
@@ -215,7 +235,7 @@ def _legend(inside: Inside, x: float) -> str:
     )
 
 
-def _plot(inside: Inside, force: Array, rows: NDArray[np.int64], clock: _Clock, top: float) -> str:
+def _plot(inside: Inside, force: Array, rows: NDArray[np.int64], clock: Clock, top: float) -> str:
     """Force on the key and angles over real time, with a cursor at the frame's time."""
     time = inside.time_s
     span = float(time[-1] - time[0]) or 1.0
@@ -236,7 +256,7 @@ def _plot(inside: Inside, force: Array, rows: NDArray[np.int64], clock: _Clock, 
         parts.append(f'<path d="{line}" fill="none" stroke="{color}" stroke-width="1.3"/>')
         place = MARGIN + PLOT_WIDTH + 12
         parts.append(f'<text x="{place:.0f}" y="{top + 16 + 20 * k:.0f}" fill="{color}">{label}, to {peak}</text>')
-    cursor = _values(x[rows], 1)
+    cursor = values_text(x[rows], 1)
     parts.append(
         f'<line x1="0" x2="0" y1="{top:.0f}" y2="{top + PLOT_HEIGHT:.0f}" stroke="#D62728" stroke-width="1.2">'
         f"{clock.attribute('x1', cursor)}{clock.attribute('x2', cursor)}</line>"

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from model.errors import InputError
 from model.files.figure_sheet import check_ending, new_sheet, save_sheet
-from model.inside.labels import close_up, contact_label, input_label
+from model.inside.labels import BODY_COLORS, close_up, contact_label, input_label
 from model.observables import hammer_height_m, key_dip_m
 from model.parameters.action import BODIES, STRING, Action
 from model.parameters.effects import RAIL
@@ -31,7 +31,25 @@ WORTH_A_LABEL = 0.1  # of the largest, in the close-up; weaker ones would only c
 
 
 def draw_sheet(action: Action, solution: Solution, force_n: Array, path: str | Path) -> None:
-    """Write the sheet to ``path`` (.svg, .pdf or .png); ``force_n`` (m,) is the input at the solution's times."""
+    """Write the inside view of a blow to one sheet.
+
+    Parameters
+    ----------
+    action, solution : the simulated action and its solution, with an inside view
+    force_n : (m,) input at the solution's times, N (with a motor arm N m)
+    path : file to write, .svg, .pdf or .png
+
+    Raises
+    ------
+    InputError : a solution without an inside view, or a file that cannot be written
+
+    Examples
+    --------
+    >>> import model
+    >>> action, (time_s, force_n) = model.load_action(), model.force_table("forte")
+    >>> solution = model.simulate(action, time_s, force_n, inside=True)
+    >>> model.inside.draw_sheet(action, solution, force_n, "inside.svg")
+    """
     target = Path(path)
     check_ending(target)
     inside = solution.inside
@@ -39,7 +57,7 @@ def draw_sheet(action: Action, solution: Solution, force_n: Array, path: str | P
         raise InputError("sheet: the solution has no inside view; simulate with inside=True")
     figure = new_sheet(16.5, 11.7)
     layout: Any = figure.get_layout_engine()
-    layout.set(hspace=0.0, h_pad=0.01)
+    layout.set(hspace=0.0, h_pad=0.01, rect=(0.0, 0.0, 1.0, 0.965))  # the title stands above
     count = len(inside.contacts)
     halves = figure.add_gridspec(1, 2, width_ratios=[8.2, 3.4])
     grid = halves[0].subgridspec(count + 5, 2, width_ratios=[5, 3.2])
@@ -48,7 +66,8 @@ def draw_sheet(action: Action, solution: Solution, force_n: Array, path: str | P
     top = [figure.add_subplot(grid[:3, k]) for k in (0, 1)]
     for axes, ends in zip(top, (None, near), strict=True):
         _draw_motion(axes, action, solution, force_n, ends, legend=ends is None)
-    figure.suptitle(f"{action.name}. Contacts: pressure blue, friction orange, each row to its own largest force")
+    words = f"{action.name}. Contacts: pressure blue, friction orange, each row to its own largest force"
+    figure.text(0.01, 0.99, words, va="top", fontsize="large")
     top[1].set_title("the strike" if STRING in inside.contacts else "closer", loc="left")
     for c, name in enumerate(inside.contacts):
         for k in (0, 1):
@@ -187,7 +206,9 @@ def _draw_sliding(axes: Axes, action: Action, inside: Inside) -> None:
     axes.set_xlim(inside.time_s[0], inside.time_s[-1])
     axes.grid(alpha=0.3)
     if sliding:
-        axes.legend(fontsize="x-small")
+        axes.margins(y=0.06 + 0.11 * len(sliding))  # room for the legend above the curves
+        axes.set_ylim(bottom=0.0)
+        axes.legend(fontsize="x-small", loc="upper left")
 
 
 def _draw_speeds(axes: Axes, inside: Inside) -> None:
@@ -197,7 +218,7 @@ def _draw_speeds(axes: Axes, inside: Inside) -> None:
         speed = np.hypot(inside.center_m_per_s[:, i, 0], inside.center_m_per_s[:, i, 1])
         acceleration = np.hypot(inside.center_m_per_s2[:, i, 0], inside.center_m_per_s2[:, i, 1])
         label = f"{body}: to {speed.max():.2g} m/s, {acceleration.max():.2g} m/s²"
-        axes.plot(inside.time_s, speed, label=label, linewidth=1.0)
+        axes.plot(inside.time_s, speed, label=label, linewidth=1.0, color=BODY_COLORS.get(body, "#777777"))
     axes.set_title("speed of centres of mass, m/s", loc="left", fontsize="medium")
     axes.set_xlim(inside.time_s[0], inside.time_s[-1])
     axes.set_xlabel("time, s")

@@ -8,6 +8,11 @@ from model.kernels import layout as L
 from model.parameters.action import STRING, Action
 from model.simulation.loads_and_losses import Inside
 
+BODY_COLORS = {
+    "key": "#8C6D46", "whippen": "#2A8FC4", "jack": "#D55E00", "repetition": "#009E73", "hammer": "#A8528A",
+    "shank": "#A8528A", "motor": "#333333",
+}  # fmt: skip
+"""One colour for each body in every picture; `vision.output.colours` has the same."""
 BEFORE_S, AFTER_S = 0.012, 0.018  # of the close-up, around the strike
 
 

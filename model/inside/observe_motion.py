@@ -57,6 +57,23 @@ def observe(scene: Scene, states: States, time_s: Array, start: float, input_tim
     time_s : (m,) times of the rows to return
     start : where the run began, s; sums count from here
     input_time_s, value : (k,) input of the run, linear between its points
+
+    Returns
+    -------
+    Inside
+        Arrays of m rows; `Inside.columns` names each with its unit.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import model
+    >>> action, (time_s, force_n) = model.load_action(), model.force_table("forte")
+    >>> still = model.rest_state(action).angle_rad
+    >>> def states(at):
+    ...     return np.tile(still, (len(at), 1)), np.zeros((len(at), 5))
+    >>> inside = model.inside.observe(model.build_scene(action), states, time_s[:10], 0.0, time_s, force_n)
+    >>> inside.time_s.shape
+    (10,)
     """
     observer, record = Observer(scene), _Record(scene)
     c, n, b = len(scene.contacts), scene.size, len(scene.tables.probe)

@@ -118,6 +118,11 @@ def piece(function: Callable[..., Any]) -> Callable[..., Any]:
     return _cached(fastmath=MULTIPLY_ADD, forceinline=True, _nrt=False)(function)
 
 
+def lane_piece(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Like `piece`, of lanes: what is rounded once is decided by `model.kernels.lanes.vector_type`, not by LLVM."""
+    return _cached(fastmath=False, forceinline=True, _nrt=False)(function)
+
+
 def step_loop(signature: Any) -> Callable[[Callable[..., Any]], Any]:
     """Decorator of a step loop: explicit types, in which a scene's kernels are values, so that one loop serves all.
 
@@ -129,3 +134,8 @@ def step_loop(signature: Any) -> Callable[[Callable[..., Any]], Any]:
 def generated(signature: Any) -> Callable[[Callable[..., Any]], Any]:
     """Decorator of generated kernels: explicit types, cached, multiply-add contracted where the processor has it."""
     return _cached(signature, fastmath=MULTIPLY_ADD, _nrt=False)
+
+
+def generated_lanes(signature: Any) -> Callable[[Callable[..., Any]], Any]:
+    """Like `generated`, of lanes; see `lane_piece`."""
+    return _cached(signature, fastmath=False, _nrt=False)

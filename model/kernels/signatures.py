@@ -88,6 +88,51 @@ class StepKernels(NamedTuple):
     energy: Any
 
 
+class LaneKernels(NamedTuple):
+    """The kernels of a scene in lanes, used like those of `StepKernels`."""
+
+    linearise: Any
+    prepare: Any
+    skip: Any
+    stage: Any
+
+
+class LaneMembers(NamedTuple):
+    """Members of a batch, a row each: what they are given, and what becomes of them.
+
+    ``start`` (m, 7): time, end and first step (s), limits of local errors (rad, rad/s), motion that counts as rest
+    (rad), longest step (s). ``place`` (m, 7): where its input starts in ``time`` and ``value`` and how many points it
+    has, the same of its outputs in ``wanted``, most attempts, and where in memory the rows of angles and speeds are.
+    ``reached`` (m, 3): time, next step, time at rest (s). ``angle`` and ``speed`` are changed in place.
+    """
+
+    start: np.ndarray
+    place: np.ndarray
+    parameters: np.ndarray
+    angle: np.ndarray
+    speed: np.ndarray
+    time: np.ndarray
+    value: np.ndarray
+    wanted: np.ndarray
+    reached: np.ndarray
+    status: np.ndarray
+    counters: np.ndarray
+
+
+class LaneSpace(NamedTuple):
+    """Memory of a run in lanes: rows of the step, of parameters, of the loop's numbers, its integers lane by lane.
+
+    ``single`` and ``parts`` (n, n + 1) are the workspace in which one lane is looked at by itself.
+    """
+
+    step: np.ndarray
+    parameters: np.ndarray
+    number: np.ndarray
+    whole: np.ndarray
+    single: np.ndarray
+    parts: np.ndarray
+
+
 _array = types.Array(types.float64, 1, "C")
 _table = types.Array(types.float64, 2, "C")
 _integers = types.Array(types.int64, 1, "C")
@@ -101,6 +146,14 @@ SKIP = _i(_array, _array)  # w, p -> mask of contacts that cannot touch
 STAGE = _i(_array, _array, _array, _array, _i, _f, _f, _f, _f, _i)
 # w, p, a, c, stage, gamma h, h, u, weight of du/dt, mask -> 1 where a coordinate left its allowance
 
+# The same for lanes: numbers of the step, u and h among them, are rows of lanes in w, parameters rows in p; what was
+# a truth value is an integer with a bit per lane.
+LANE_LINEARISE = _i(_array, _array)  # w, p -> 0
+LANE_PREPARE = _i(_array)  # w -> bits of the lanes whose step is not too large
+LANE_SKIP = _i(_array, _array)  # w, p -> mask of contacts that touch in no lane
+LANE_STAGE = _i(_array, _array, _array, _array, _i, _i)
+# w, p, a, c, stage, mask -> bits of the lanes in which a coordinate left its allowance
+
 _STEP_KERNELS = types.NamedTuple(
     [_function(LINEARISE), _function(PREPARE), _function(SKIP), _function(STAGE), _function(ENERGY)], StepKernels
 )
@@ -112,13 +165,39 @@ def _step_kernels(value: StepKernels, context: Any) -> types.NamedTuple:
     return _STEP_KERNELS
 
 
+_LANE_KERNELS = types.NamedTuple(
+    [_function(LANE_LINEARISE), _function(LANE_PREPARE), _function(LANE_SKIP), _function(LANE_STAGE)], LaneKernels
+)
+
+
+@typeof_impl.register(LaneKernels)
+def _lane_kernels(value: LaneKernels, context: Any) -> types.NamedTuple:
+    return _LANE_KERNELS
+
+
+_integer_table = types.Array(types.int64, 2, "C")
+_COEFFICIENTS = types.NamedTuple([_array, _array, _array, _array, _array, _table, _f, _f], Coefficients)
+INTEGRATE_LANES = _i(  # attempts, each of all lanes
+    types.NamedTuple(
+        [
+            _table, _integer_table, _table, _table, _table, _array, _array, _array, _table, _integers, _integer_table,
+        ],
+        LaneMembers,
+    ),
+    _integers,  # parents of the coordinates
+    _i,  # contacts
+    _LANE_KERNELS,
+    _COEFFICIENTS,
+    types.NamedTuple([_array, _array, _array, _integers, _array, _table], LaneSpace),
+)  # fmt: skip
+
 INTEGRATE = types.Tuple((_f, _f, _i))(  # time reached, next step to try, status
     types.NamedTuple([_f, _f, _f, _array, _array], Span),
     types.NamedTuple([_array, _array, types.boolean], InputTable),
     types.NamedTuple([_array, _table, _table], Outputs),
     types.NamedTuple([_array, _integers, _i], SceneNumbers),
     _STEP_KERNELS,
-    types.NamedTuple([_array, _array, _array, _array, _array, _table, _f, _f], Coefficients),
+    _COEFFICIENTS,
     types.NamedTuple([_f, _f, _f, _f, _i], Limits),
     types.NamedTuple([_integers, _array, _array], Account),
 )

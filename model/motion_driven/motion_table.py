@@ -27,6 +27,27 @@ def check_motion_table(time_s: ArrayLike, key_rad: ArrayLike, where: str = "key 
 
 
 def read_motion_table(path: str | Path) -> tuple[Array, Array]:
-    """Read a CSV file with the columns ``time_s,key_rad``; (n,) each, without rows whose angle is NaN."""
+    """Read the motion of a key from a CSV file with the columns ``time_s,key_rad``.
+
+    Parameters
+    ----------
+    path : CSV file
+
+    Returns
+    -------
+    tuple of ndarray
+        Times (n,), s, and angles (n,), rad, without rows whose angle is NaN.
+
+    Raises
+    ------
+    InputError : the file cannot be read or used; the message names file and row
+
+    Examples
+    --------
+    >>> import model
+    >>> time_s, key_rad = model.read_motion_table("key.csv")
+    >>> bool(key_rad.min() < -0.04)  # pressed, the key turns clockwise
+    True
+    """
     table = read_columns(path, ("time_s", "key_rad"), ())
     return check_motion_table(table.numbers("time_s"), table.numbers("key_rad"), table.where)

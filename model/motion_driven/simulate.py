@@ -20,7 +20,8 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.special import stdtrit
 
 from model.errors import InputError
-from model.force_driven import LARGEST_FORCE_N, check_output_times
+from model.files.force_table import LARGEST_FORCE_N
+from model.force_driven import check_output_times
 from model.motion_driven.prescribed_key import PrescribedRun, rest_angle, run_prescribed
 from model.motion_driven.spline_fit import KeyFit, fit_key_motion
 from model.parameters.action import Action
@@ -152,6 +153,11 @@ def simulate_motion(
     seed : of the ensemble
     share : ``map``, or the ``map`` of an executor that distributes the ensemble over threads
 
+    Returns
+    -------
+    MotionDriven
+        Force (m,), N, with its standard uncertainty, and the motion of all bodies.
+
     Raises
     ------
     InputError : table, times or tolerance cannot be used
@@ -164,6 +170,14 @@ def simulate_motion(
     the members from ``force_n``. It is what the angle leaves open under this model, not how right the model is. Noise
     of the force from sample to sample moves the key by less than a count: it is neither in the force nor in its
     uncertainty. Errors persist: one draw at an impact can shift the force of a whole hold. Equations: thesis Chapter 2.
+
+    Examples
+    --------
+    >>> import model
+    >>> time_s, key_rad = model.read_motion_table("key.csv")
+    >>> driven = model.simulate_motion(model.load_action(), time_s, key_rad, from_rest=True, members=4)
+    >>> driven.force_n.shape == driven.u_force_n.shape == time_s.shape
+    True
     """
     options = MotionDrivenOptions(**keywords)
     check_prescribed_key(options.choice)  # before the rest angle, for which the scene's kernels may have to be compiled

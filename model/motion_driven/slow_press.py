@@ -106,6 +106,24 @@ def slow_press(
     speed_m_per_s : of the key front
     hold_s : rest at each stop, s
     tolerance : requested largest error of any angle, rad
+
+    Returns
+    -------
+    Press
+        Dip, m, force, N, angles, rad, and height of the hammer, m, over time.
+
+    Raises
+    ------
+    InputError : a speed that is not above 0 and up to 1 m/s
+    IntegrationError, StaticsError : the action cannot follow this motion
+
+    Examples
+    --------
+    >>> import model
+    >>> action = model.load_action("hirschkorn2004-regulated")
+    >>> press = model.slow_press(action, model.hand_set_rest(action), [0.005])
+    >>> print(f"{1e3 * press.hammer_height_m[-1]:.0f} mm below the string at half dip")
+    19 mm below the string at half dip
     """
     if not 0.0 < speed_m_per_s <= 1.0:
         raise InputError(f"speed of the press: found {speed_m_per_s:g} m/s, allowed above 0 to 1")

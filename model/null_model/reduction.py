@@ -172,9 +172,25 @@ def _string(action: Action, rest: float) -> tuple[float, float]:
 def reduce_action(action: Action) -> Reduced:
     """Paths and reflected quantities of an action, from its parameters alone.
 
+    Parameters
+    ----------
+    action : parameter set
+
+    Returns
+    -------
+    Reduced
+        Tables over the key's angle, rad.
+
     Raises
     ------
     StaticsError : no balance at some position of the key
+
+    Examples
+    --------
+    >>> import model
+    >>> reduced = model.null_model.reduce_action(model.load_action())
+    >>> reduced.rest_rad.shape
+    (5,)
     """
     scene = build_scene(action)
     rest = hand_set_rest(action)

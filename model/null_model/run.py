@@ -20,7 +20,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from model.errors import InputError, IntegrationError
-from model.force_driven import check_force_table, check_output_times
+from model.files.force_table import check_force_table
+from model.force_driven import check_output_times
 from model.null_model.reduction import HAMMER, KEY, Path, Reduced, reduce_action
 from model.null_model.time_stepping import Constants, integrate
 from model.parameters.action import BODIES, STRING, Action
@@ -78,6 +79,12 @@ def simulate(
     Notes
     -----
     Equation and assumptions: `model.null_model.reduction` and this module. Tables of the last eight actions are cached.
+
+    Examples
+    --------
+    >>> import model
+    >>> model.null_model.simulate(model.load_action(), *model.force_table("forte")).angle_rad.shape
+    (3501, 5)
     """
     times, forces = check_force_table(time_s, force_n)
     outputs = check_output_times(output_time_s, times)

@@ -55,9 +55,25 @@ class Constants(NamedTuple):
 
 
 def restitution(speed_m_per_s: float, damping: float) -> float:
-    """Rebound speed over impact speed of a mass on felt F = g(x)(1 + D dx/dt), D in s/m.
+    """Rebound speed over impact speed of a mass on felt F = g(x)(1 + D dx/dt).
 
     From v dv/dx = -g(x)(1 + D v)/m both ways, v/D - log(1 + D v)/D^2 is the same in and out whatever g and m are.
+
+    Parameters
+    ----------
+    speed_m_per_s : impact speed
+    damping : D, s/m
+
+    Returns
+    -------
+    float
+        From 0 to 1.
+
+    Examples
+    --------
+    >>> import model
+    >>> print(f"{model.null_model.restitution(2.0, 0.45):.2f}")
+    0.62
     """
     return float(_restitution(speed_m_per_s, damping))
 

@@ -184,9 +184,20 @@ def load_action(name_or_path: str | Path = TEMPLATE, overrides: Mapping[str, flo
     name_or_path : built-in name or TOML file
     overrides : path -> value, applied after reading
 
+    Returns
+    -------
+    Action
+
     Raises
     ------
     InputError : a key is missing, unknown, out of range, in another unit; the message names it.
+
+    Examples
+    --------
+    >>> import model
+    >>> action = model.load_action("hirschkorn2004", {"contact04.friction.A": 0.3})
+    >>> action["contact04.friction.A"], action.quantities["hammer.mass"].unit
+    (0.3, 'kg')
     """
     path = find_action(name_or_path)
     table = _read_toml(path)

@@ -47,11 +47,23 @@ def scaled(action: Action, factors: Mapping[str, float]) -> Action:
 
     Parameters
     ----------
+    action : parameter set; not changed
     factors : name, path or pattern -> factor
+
+    Returns
+    -------
+    Action
 
     Raises
     ------
     InputError : nothing has that name, the factor is not finite, or a value leaves its allowed range
+
+    Examples
+    --------
+    >>> import model
+    >>> light = model.scaled(model.load_action("hirschkorn2004"), {"hammer.mass": 0.5})
+    >>> light["hammer.mass"] / model.load_action("hirschkorn2004")["hammer.mass"]
+    0.5
     """
     names = _names(action)
     for name, factor in factors.items():

@@ -43,7 +43,26 @@ def action_text(action: Action, comment: Sequence[str] = ()) -> str:
 
 
 def write_action(action: Action, path: str | Path, comment: Sequence[str] = ()) -> None:
-    """Write an action to ``path`` (.toml)."""
+    """Write an action to a TOML file, whole or not at all.
+
+    Parameters
+    ----------
+    action : parameter set
+    path : file to write, ending in .toml
+    comment : lines for its head
+
+    Raises
+    ------
+    InputError : another ending, or the file cannot be written
+
+    Examples
+    --------
+    >>> import model
+    >>> heavier = model.load_action("hirschkorn2004", {"hammer.mass": 0.012})
+    >>> model.write_action(heavier, "heavier.toml", ["a heavier hammer"])
+    >>> model.load_action("heavier.toml")["hammer.mass"]
+    0.012
+    """
     target = Path(path)
     if target.suffix != ".toml":
         raise InputError(f"{target}: ending found {target.suffix!r}, allowed .toml")

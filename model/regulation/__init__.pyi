@@ -4,6 +4,8 @@ from .measures import RegulationTarget as RegulationTarget
 from .measures import Target as Target
 from .measures import TargetValues as TargetValues
 from .measures import measure as measure
+from .measures import other_lengths as other_lengths
+from .measures import targets_at as targets_at
 from .regulate import Regulation as Regulation
 from .regulate import RegulationError as RegulationError
 from .regulate import regulate as regulate

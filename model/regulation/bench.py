@@ -15,13 +15,13 @@ from numpy.typing import NDArray
 from model.errors import InputError, RegulationError, StaticsError
 from model.parameters.action import Action
 from model.regulation.contact_gap import contact_gap
-from model.regulation.measures import TARGETS, at_rest, in_blow, in_press
+from model.regulation.measures import TARGETS, RegulationTarget, at_rest, in_blow, in_press
 from model.regulation.screws import REST_RAIL, SCREWS, limits
 from model.simulation.hand_set_rest import hand_set_rest
 
 TOLERANCE = 20e-6  # m, within which a target counts as met
 CONVERGED = {"rest": 0.1e-6, "press": 4e-6, "blow": 4e-6}  # m, error at which a screw is left as it is
-TARGET = {t.name: t for t in TARGETS}
+MEASURED_IN = {t.name: t.measured_in for t in TARGETS}
 SCREW = {s.target: s for s in SCREWS}
 RAIL = "rest_rail"  # key of the rest rail among the turns
 
@@ -35,6 +35,7 @@ class Bench:
     Attributes
     ----------
     given : action as it came
+    targets : what is wanted
     turn_m : target name (or `RAIL`) -> turn of its screw
     effect : target name -> change of the target per turn of its own screw
     evaluations : number of rest states, presses and blows
@@ -43,11 +44,16 @@ class Bench:
     """
 
     given: Action
+    targets: tuple[RegulationTarget, ...] = TARGETS
     turn_m: dict[str, float] = field(default_factory=lambda: {s.target: 0.0 for s in SCREWS} | {RAIL: 0.0})
     effect: dict[str, float] = field(default_factory=dict)
     evaluations: dict[str, int] = field(default_factory=lambda: {"rest": 0, "press": 0, "blow": 0})
     aim_m: Mapping[str, float] = field(default_factory=dict)
     wider_m: float = 0.0
+
+    def target(self, name: str) -> RegulationTarget:
+        """The target of this name, with the length that is wanted."""
+        return next(t for t in self.targets if t.name == name)
 
     def limits(self, name: str) -> tuple[float, float]:
         """Travel of a screw (m)."""
@@ -71,12 +77,12 @@ class Bench:
             found = at_rest(self.action(turns))
         except (StaticsError, InputError):
             found = {}
-        aimed = {name: TARGET[name].wanted_m + self.aim_m.get(name, 0.0) for name in names}
+        aimed = {name: self.target(name).wanted_m + self.aim_m.get(name, 0.0) for name in names}
         return np.array([found.get(name, math.nan) - x for name, x in aimed.items()])
 
     def error(self, name: str, turn: float) -> float:
         """Error (m) of one target with its screw at ``turn``; NaN where it cannot be measured."""
-        kind = TARGET[name].measured_in
+        kind = MEASURED_IN[name]
         if kind == "rest":
             return float(self.rest_errors([name], {name: turn})[0])
         action = self.action({name: turn})
@@ -89,7 +95,7 @@ class Bench:
                 found, _ = in_blow(action, rest)
         except (StaticsError, InputError):
             return math.nan
-        return found[name] - TARGET[name].wanted_m
+        return found[name] - self.target(name).wanted_m
 
     def room(self, contact: str) -> float:
         """Gap (m) of a contact with the action at rest."""
@@ -98,7 +104,7 @@ class Bench:
 
     def failure(self, name: str, error: float, why: str = "") -> RegulationError:
         """The error that says which target stays how far off with which screw where."""
-        target, screw, turn = TARGET[name], SCREW[name], self.turn_m[name]
+        target, screw, turn = self.target(name), SCREW[name], self.turn_m[name]
         low, high = self.limits(name)
         where = f"{1e3 * turn:+.2f} mm of {1e3 * low:+.1f} to {1e3 * high:+.1f}"
         where = f"at its limit, {where}" if self.at_limit(name) else f"at {where}"

@@ -7,9 +7,10 @@ cannot be measured (the jack never lets go, the hammer is not caught) is NaN, wi
 
 from __future__ import annotations
 
+import difflib
 import math
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,6 +53,72 @@ TARGETS = (
     RegulationTarget("drop", "drop", 3.0e-3, "press"),
     RegulationTarget("check", "check height, medium blow", 15.0e-3, "blow"),
 )
+ALLOWED_M = {
+    "dip": (5e-3, 15e-3),
+    "hammer_height": (30e-3, 60e-3),
+    "jack": (-3e-3, 3e-3),
+    "repetition": (-3e-3, 3e-3),
+    "let_off": (0.2e-3, 20e-3),
+    "drop": (0.5e-3, 30e-3),
+    "check": (3e-3, 40e-3),
+}
+"""Lengths that may be asked for, m: beyond them a number is a slip, such as millimetres given as metres."""
+
+
+def targets_at(wanted_m: Mapping[str, float] | None = None) -> tuple[RegulationTarget, ...]:
+    """The seven targets of thesis Section 2.3, some of them at another length.
+
+    Parameters
+    ----------
+    wanted_m : target name -> length wanted, m; by default as in the thesis
+
+    Returns
+    -------
+    tuple of RegulationTarget
+        In the order of `TARGETS`.
+
+    Raises
+    ------
+    InputError : there is no such target, or its length is out of range
+
+    Examples
+    --------
+    >>> from model.regulation import targets_at
+    >>> [f"{t.name} {1e3 * t.wanted_m:g}" for t in targets_at({"let_off": 1.5e-3})][4:]
+    ['let_off 1.5', 'drop 3', 'check 15']
+    """
+    wanted = dict(wanted_m or {})
+    for name, length in wanted.items():
+        if name not in ALLOWED_M:
+            near = difflib.get_close_matches(name, ALLOWED_M, n=1)
+            hint = f"; did you mean {near[0]}" if near else ""
+            raise InputError(f"regulation target {name!r}: unknown{hint}; allowed {', '.join(ALLOWED_M)}")
+        low, high = ALLOWED_M[name]
+        if not low <= length <= high:
+            allowed = f"{1e3 * low:g} to {1e3 * high:g} mm"
+            raise InputError(f"regulation target {name}: found {1e3 * length:g} mm, allowed {allowed}")
+    return tuple(replace(t, wanted_m=float(wanted.get(t.name, t.wanted_m))) for t in TARGETS)
+
+
+def other_lengths(targets: Sequence[RegulationTarget]) -> str:
+    """The targets that are not the thesis's, in words, as ``", but let-off 1.5 mm"``; empty where there are none.
+
+    Parameters
+    ----------
+    targets : what is wanted
+
+    Returns
+    -------
+    str
+
+    Examples
+    --------
+    >>> from model.regulation import other_lengths, targets_at
+    >>> other_lengths(targets_at({"let_off": 1.5e-3}))
+    ', but let-off 1.5 mm'
+    """
+    other = [f"{t.words} {1e3 * t.wanted_m:g} mm" for t in targets if t not in TARGETS]
+    return f", but {', '.join(other)}" if other else ""
 
 
 @dataclass(frozen=True)
@@ -149,9 +216,26 @@ def in_blow(action: Action, rest_rad: Array) -> tuple[dict[str, float], dict[str
 def measure(action: Action, progress: Callable[[str], None] | None = None) -> TargetValues:
     """All seven quantities of an action.
 
+    Parameters
+    ----------
+    action : parameter set
+    progress : called with a short text at each step
+
+    Returns
+    -------
+    TargetValues
+        Lengths, m, by target; NaN with a remark where one cannot be measured.
+
     Raises
     ------
     StaticsError, IntegrationError, InputError : the action has no rest state or cannot be pressed
+
+    Examples
+    --------
+    >>> import model
+    >>> found = model.regulation.measure(model.load_action("hirschkorn2004"))
+    >>> print(f"let-off {1e3 * found.value_m['let_off']:.1f} mm")
+    let-off 12.1 mm
     """
     report = progress or (lambda _: None)
     report("at rest")

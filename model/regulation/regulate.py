@@ -9,14 +9,14 @@ regulated raises ``RegulationError``, which names target, distance and the screw
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 from model.errors import RegulationError as RegulationError
 from model.parameters.action import BACK_CHECK, BUTTON, DROP_SCREW, Action
 from model.parameters.write_toml import write_action as write_action  # public here too: model.regulation.write_action
-from model.regulation.bench import RAIL, SCREW, TARGET, TOLERANCE, Bench
-from model.regulation.measures import TARGETS, RegulationTarget, TargetValues, measure
+from model.regulation.bench import RAIL, SCREW, TOLERANCE, Bench
+from model.regulation.measures import TARGETS, RegulationTarget, TargetValues, measure, other_lengths, targets_at
 from model.regulation.rest_screws import WIDER, set_rest
 from model.regulation.screws import REST_RAIL, SCREWS
 from model.regulation.turn_screw import turn_screw
@@ -41,6 +41,7 @@ class Regulation:
     ----------
     action : regulated parameter set; the given one where it needed nothing
     before, after : all seven measurements
+    targets : what was wanted
     turned_m : target name -> how far its screw was turned from the given action
     effect : target name -> change of the target per turn of its own screw, m/m
     evaluations : number of rest states, presses and blows
@@ -54,6 +55,7 @@ class Regulation:
     effect: dict[str, float]
     evaluations: dict[str, int]
     rest_rail_m: float = 0.0
+    targets: tuple[RegulationTarget, ...] = TARGETS
 
     @property
     def looks(self) -> dict[str, int]:
@@ -89,9 +91,9 @@ def _set_in_motion(bench: Bench, report: Callable[[str], None]) -> None:
         raise bench.failure(name, error, why)
 
 
-def _off(measured: TargetValues) -> dict[str, float]:
+def _off(measured: TargetValues, targets: tuple[RegulationTarget, ...]) -> dict[str, float]:
     """Distance (m) of each target from what is wanted, infinite where it cannot be measured."""
-    off = {t.name: abs(measured.value_m[t.name] - t.wanted_m) for t in TARGETS}
+    off = {t.name: abs(measured.value_m[t.name] - t.wanted_m) for t in targets}
     return {name: math.inf if math.isnan(x) else x for name, x in off.items()}
 
 
@@ -113,16 +115,16 @@ def _rounds(bench: Bench, before: TargetValues, report: Callable[[str], None]) -
             set_rest(bench, report)
             _set_in_motion(bench, report)
         except RegulationError as caught:
-            met = max(_off(best).values()) <= TOLERANCE
+            met = max(_off(best, bench.targets).values()) <= TOLERANCE
             return _Attempt(best, turns, None if met else caught)
         report("all seven again")
         bench.turn_m = {target: round(turn, 7) for target, turn in bench.turn_m.items()}  # 0.1 um
         after = measure(bench.action())
-        if max(_off(after).values()) < max(_off(best).values()):
+        if max(_off(after, bench.targets).values()) < max(_off(best, bench.targets).values()):
             best, turns = after, dict(bench.turn_m)
-        if max(_off(after).values()) <= 0.5 * TOLERANCE:
+        if max(_off(after, bench.targets).values()) <= 0.5 * TOLERANCE:
             break
-    off = _off(best)
+    off = _off(best, bench.targets)
     worst = max(off, key=lambda name: off[name])
     if off[worst] <= TOLERANCE:
         return _Attempt(best, turns, None)
@@ -144,24 +146,43 @@ def _beside(bench: Bench, before: TargetValues, report: Callable[[str], None]) -
     return None
 
 
-def regulate(action: Action, progress: Callable[[str], None] | None = None) -> Regulation:
+def regulate(
+    action: Action,
+    progress: Callable[[str], None] | None = None,
+    wanted_m: Mapping[str, float] | None = None,
+) -> Regulation:
     """Regulate an action: find the positions of the screws that meet the seven targets of thesis Section 2.3.
 
     Parameters
     ----------
     action : parameter set; not changed
     progress : called with a short text at each step
+    wanted_m : target name -> length wanted, m, where it is not the thesis's, such as ``{"let_off": 1.5e-3}``
+
+    Returns
+    -------
+    Regulation
+        With the regulated action; the given one where it needed nothing.
 
     Raises
     ------
     RegulationError : a target cannot be met; the message names target, distance, screw and its travel
+    InputError : there is no such target, or its length is out of range
     StaticsError, IntegrationError : the action has no rest state or cannot be pressed
+
+    Examples
+    --------
+    >>> import model
+    >>> done = model.regulation.regulate(model.load_action("hirschkorn2004-regulated"))
+    >>> done.turned_m["let_off"]  # it is regulated already
+    0.0
     """
     report = progress or (lambda _: None)
+    targets = targets_at(wanted_m)
     before = measure(action)
-    bench = Bench(action)
-    if max(_off(before).values()) <= TOLERANCE:
-        return Regulation(action, before, before, _turned(bench.turn_m), {}, dict(bench.evaluations))
+    bench = Bench(action, targets)
+    if max(_off(before, targets).values()) <= TOLERANCE:
+        return Regulation(action, before, before, _turned(bench.turn_m), {}, dict(bench.evaluations), targets=targets)
     best = _rounds(bench, before, report)
     if best.problem is not None and best.problem.target == "let_off" and abs(best.problem.off_m) < JUMP:
         best = _beside(bench, before, report) or best
@@ -177,6 +198,7 @@ def regulate(action: Action, progress: Callable[[str], None] | None = None) -> R
         effect=dict(bench.effect),
         evaluations=dict(bench.evaluations),
         rest_rail_m=best.turn_m[RAIL],
+        targets=targets,
     )
 
 
@@ -212,25 +234,24 @@ def _finished(bench: Bench) -> Action:
                 quantities[REST_RAIL.path], u=before.u, basis="assumed", source=f"{words}; before: {before.source}"
             )
             continue
-        screw, wanted = SCREW[target], TARGET[target]
+        screw, wanted = SCREW[target], bench.target(target)
         quantities[screw.path] = replace(
             quantities[screw.path],
             u=float(f"{TOLERANCE / math.sqrt(3.0) / _effect(bench, target):.2g}"),
             basis="assumed",
             source=(
-                f"regulated: {wanted.words} {1e3 * wanted.wanted_m:.1f} mm (thesis 2.3); {screw.name} turned "
+                f"regulated: {wanted.words} {1e3 * wanted.wanted_m:.1f} mm{_where_from(wanted)}; {screw.name} turned "
                 f"{1e3 * turn:+.3f} mm; before: {bench.given.quantities[screw.path].source}"
             ),
         )
     return replace(
         action,
         name=f"{bench.given.name}-regulated",
-        description=f"{bench.given.description}; regulated as Section 2.3 describes",
+        description=f"{bench.given.description}; regulated as Section 2.3 describes{other_lengths(bench.targets)}",
         quantities=quantities,
         changed={},
     )
 
 
-def unmet(measurement: TargetValues, tolerance_m: float = TOLERANCE) -> list[RegulationTarget]:
-    """Targets that a measurement does not meet within ``tolerance_m``."""
-    return [t for t in TARGETS if not abs(measurement.value_m[t.name] - t.wanted_m) <= tolerance_m]
+def _where_from(target: RegulationTarget) -> str:
+    return " (thesis 2.3)" if target in TARGETS else ", as asked for"

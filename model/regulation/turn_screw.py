@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from model.regulation.bench import CONVERGED, SCREW, TARGET, TOLERANCE, Bench
+from model.regulation.bench import CONVERGED, MEASURED_IN, SCREW, TOLERANCE, Bench
 
 MOST_TURNS = 16  # of a screw in a round
 LARGEST_TURN = 1e-3  # m in one step
@@ -45,7 +45,7 @@ def _sign_changes(
 ) -> list[float]:
     """Turns to start again from: beside each change of sign, or where there is none the measurable place nearest."""
     low, high = bench.limits(name)
-    count = SEARCH[TARGET[name].measured_in]
+    count = SEARCH[MEASURED_IN[name]]
     for k in range(count + 1):
         error_at(low + (high - low) * k / count)
     turns = sorted(turn for turn, error in errors.items() if math.isfinite(error))
@@ -57,7 +57,7 @@ def _sign_changes(
 def _secant(bench: Bench, name: str, turn: float, error_at: Callable[[float], float]) -> None:
     """Follow the target's slope from ``turn``; keeps what it measures in ``bench.effect``."""
     low, high = bench.limits(name)
-    aim = CONVERGED[TARGET[name].measured_in]
+    aim = CONVERGED[MEASURED_IN[name]]
     usual = SCREW[name].usual_effect
 
     def known(at: float) -> tuple[float, bool]:

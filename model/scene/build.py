@@ -140,6 +140,27 @@ def build_scene(action: Action, choice: SceneChoice | None = None, key_motion: K
     """Scene of the whole action, or of what ``choice`` leaves out and adds.
 
     Driven by a force on the key, by the torque of the motor where the choice has one, or by the motion of the key.
+
+    Parameters
+    ----------
+    action : parameter set
+    choice : bodies, contacts and effects that take part; by default the whole action without effects
+    key_motion : prescribed motion of the key, in place of a force
+
+    Returns
+    -------
+    Scene
+        Tables of numbers that the kernels read.
+
+    Raises
+    ------
+    InputError : a body, contact or effect that the action has not
+
+    Examples
+    --------
+    >>> import model
+    >>> model.build_scene(model.load_action(), model.load_scene("key-whippen")).bodies
+    ('key', 'whippen')
     """
     choice = SceneChoice() if choice is None else choice
     choice.check(action)

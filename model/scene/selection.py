@@ -91,7 +91,26 @@ SCENES = {
 
 
 def load_scene(name_or_path: str | Path | SceneChoice) -> SceneChoice:
-    """A choice by built-in name or from a TOML file."""
+    """A choice of what takes part, by built-in name or from a TOML file.
+
+    Parameters
+    ----------
+    name_or_path : one of `model.SCENES`, a TOML file, or a choice, which is returned as it is
+
+    Returns
+    -------
+    SceneChoice
+
+    Raises
+    ------
+    InputError : there is no such scene, or the file cannot be used; the message says which key
+
+    Examples
+    --------
+    >>> import model
+    >>> model.load_scene("lifting-key").effects
+    ('balance_rail',)
+    """
     if isinstance(name_or_path, SceneChoice):
         return name_or_path
     if str(name_or_path) in SCENES:
@@ -111,7 +130,27 @@ def load_scene(name_or_path: str | Path | SceneChoice) -> SceneChoice:
 
 
 def scene_of(table: Mapping[str, Any], where: str) -> SceneChoice:
-    """A choice from the parsed tables of a file called ``where``."""
+    """A choice of what takes part from the parsed tables of a file.
+
+    Parameters
+    ----------
+    table : the file's tables
+    where : name of the file, for errors
+
+    Returns
+    -------
+    SceneChoice
+
+    Raises
+    ------
+    InputError : a key or value that is not allowed
+
+    Examples
+    --------
+    >>> import model
+    >>> model.scene_of({"bodies": ["key", "whippen"]}, "mine.toml").bodies
+    ('key', 'whippen')
+    """
     chosen: dict[str, tuple[str, ...]] = {}
     values: list[tuple[str, float]] = []
     on: list[str] = []

@@ -63,7 +63,27 @@ def _starts(usual: Array, found: list[Array]) -> Iterator[Array]:
 
 
 def hand_set_rest(action: Action) -> Array:
-    """Rest state (5,) rad reached when the hammer is lifted by hand and let down on the jack."""
+    """Rest state reached when the hammer is lifted by hand and let down on the jack.
+
+    Parameters
+    ----------
+    action : parameter set
+
+    Returns
+    -------
+    ndarray
+        Angles (5,), rad, in the order of `model.BODIES`.
+
+    Raises
+    ------
+    StaticsError : no such balance was found
+
+    Examples
+    --------
+    >>> import model
+    >>> model.hand_set_rest(model.load_action("hirschkorn2004-regulated")).shape
+    (5,)
+    """
     scene = build_scene(action)
     found: list[Array] = []
     problem: StaticsError | None = None

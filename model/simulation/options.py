@@ -59,6 +59,12 @@ class ForceDrivenKeywords(SimulationKeywords, total=False):
     estimate_error: bool
 
 
+class BatchKeywords(ForceDrivenKeywords, total=False):
+    """Keywords of a batch; see `BatchOptions`."""
+
+    lanes: bool | None
+
+
 @dataclass(frozen=True)
 class ForceDrivenOptions(SimulationOptions):
     """How to simulate under a force table, and what to give out beyond angles and speeds.
@@ -82,3 +88,15 @@ class ForceDrivenOptions(SimulationOptions):
         choice = load_scene(self.scene)
         wanted = {name for name in ("contact_forces", "energy", "inside") if getattr(self, name)}
         return replace(choice, outputs=tuple(sorted({*choice.outputs, *wanted})))
+
+
+@dataclass(frozen=True)
+class BatchOptions(ForceDrivenOptions):
+    """How to simulate a batch.
+
+    Attributes
+    ----------
+    lanes : advance members side by side; None leaves it to how many there are (`model.batch.lanes.choose`)
+    """
+
+    lanes: bool | None = None

@@ -66,12 +66,50 @@ def _negative_intervals(time_s: Array, signal: Array) -> Iterator[_Negative]:
 
 
 def tensions(time_s: Array, upwards_n: Array) -> list[RailTension]:
-    """Intervals in which the force of the rail on the key (m,) N points down."""
+    """Intervals in which the force of the rail on the key points down: there the rail would have to pull.
+
+    Parameters
+    ----------
+    time_s : (m,) increasing, s
+    upwards_n : (m,) force of the rail on the key, N, positive upwards
+
+    Returns
+    -------
+    list of RailTension
+        Ends, s, largest pull, N, and when, impulse, N s.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import model
+    >>> pull, = model.inside.tensions(np.array([0.0, 1.0, 2.0]), np.array([4.0, -4.0, 4.0]))
+    >>> pull.largest_n, pull.impulse_ns
+    (4.0, 2.0)
+    """
     return [RailTension(*interval) for interval in _negative_intervals(time_s, upwards_n)]
 
 
 def lifts(time_s: Array, depth_m: Array) -> list[RailLift]:
-    """Intervals in which the felt of the rail is not touched; its depth (m,) m is negative there."""
+    """Intervals in which the felt of the rail is not touched.
+
+    Parameters
+    ----------
+    time_s : (m,) increasing, s
+    depth_m : (m,) depth of the felt, m, negative where the key is off it
+
+    Returns
+    -------
+    list of RailLift
+        Ends, s, greatest height, m, and when.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import model
+    >>> lift, = model.inside.lifts(np.array([0.0, 1.0, 2.0]), np.array([1e-3, -1e-3, 1e-3]))
+    >>> lift.start_s, lift.end_s, lift.largest_m
+    (0.5, 1.5, 0.001)
+    """
     return [RailLift(*interval[:4]) for interval in _negative_intervals(time_s, depth_m)]
 
 

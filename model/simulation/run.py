@@ -9,6 +9,7 @@ A failed integration raises ``IntegrationError`` with time and advice; the state
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 from model.errors import InputError, IntegrationError
 from model.integrators.methods import DEFAULT_METHOD, get_method
 from model.integrators.step_control import NOT_FINITE, STEP_TOO_SMALL, TOO_MANY_STEPS
+from model.integrators.tableau import RosenbrockTableau
 from model.kernels import layout as L
 from model.kernels import workspace as W
 from model.kernels.codegen.load import energy_of, kernels_of
@@ -67,6 +69,18 @@ class State:
     def copy(self) -> State:
         """An independent copy."""
         return State(self.time_s, self.angle_rad.copy(), self.speed_rad_per_s.copy(), self.step_s)
+
+
+class Plan(NamedTuple):
+    """What a step loop is given, but for the scene's kernels; see `model.kernels.signatures`."""
+
+    method: RosenbrockTableau
+    span: Span
+    drive: InputTable
+    out: Outputs
+    scene: SceneNumbers
+    limits: Limits
+    account: Account
 
 
 @dataclass
@@ -142,8 +156,27 @@ class Simulation:
         -------
         angles, speeds : (m, n)
         """
-        method = get_method(self.method)
+        plan = self.plan(until, input_time_s, input_value, held=held, output_time_s=output_time_s)
         kernels = kernels_of(self.scene.tables)
+        if self.energy:
+            kernels = kernels._replace(energy=energy_of(self.scene.tables))
+        method = plan.method
+        time, step, status = method.loop(
+            plan.span, plan.drive, plan.out, plan.scene, kernels, method.coefficients, plan.limits, plan.account
+        )
+        return self.reached(plan, time, step, status)
+
+    def plan(
+        self,
+        until: float,
+        input_time_s: NDArray[np.float64],
+        input_value: NDArray[np.float64],
+        *,
+        held: bool = False,
+        output_time_s: NDArray[np.float64] | None = None,
+    ) -> Plan:
+        """What a step loop is given to `advance` with these arguments; refuses what would give a wrong answer."""
+        method = get_method(self.method)
         local = method.share * self.tolerance * min(1.0, (self.tolerance / REFERENCE_TOLERANCE) ** EXTRA)
         if np.any(self.scene.tables.prescribed):
             local *= PRESCRIBED_SHARE
@@ -162,15 +195,12 @@ class Simulation:
             tighter = max(1.0, (REFERENCE_TOLERANCE / self.tolerance) ** 0.25)
             most = STEPS_AT_LEAST + int(STEPS_PER_SECOND * tighter * max(0.0, min(1e6, until - self.state.time_s)))
         q, v = self.state.angle_rad.copy(), self.state.speed_rad_per_s.copy()
-        if self.energy:
-            kernels = kernels._replace(energy=energy_of(self.scene.tables))
-        time, step, status = method.loop(
+        return Plan(
+            method,
             Span(float(self.state.time_s), float(until), float(self.state.step_s), q, v),
             InputTable(times, values, bool(held)),
             Outputs(outputs, out_q, out_v),
             SceneNumbers(self.scene.vector, self.scene.tables.parent[: self.scene.size], self.scene.solved_contacts),
-            kernels,
-            method.coefficients,
             Limits(
                 angle=ANGLE_SHARE * local,
                 speed=min(SPEED_SHARE * local, self._creep()),
@@ -180,7 +210,13 @@ class Simulation:
             ),
             Account(self.counters, self.times, self.audit if self.energy else np.empty(0)),
         )
-        self.state = State(time, q, v, step)
+
+    def reached(
+        self, plan: Plan, time: float, step: float, status: int
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Take over the state in which a step loop left a plan; its angles and speeds, or the error that stopped it."""
+        self.state = State(time, plan.span.angle, plan.span.speed, step)
+        outputs, out_q, out_v = plan.out
         if status in _ADVICE:
             raise IntegrationError(f"simulation stopped at t = {time:.6g} s{self._extremes()}: {_ADVICE[status]}")
         if not (np.all(np.isfinite(out_q)) and np.all(np.isfinite(out_v))):

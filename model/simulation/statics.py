@@ -140,6 +140,24 @@ def rest_state(action: Action, force_n: float = 0.0, scene: Scene | None = None)
     ----------
     action : parameter set
     force_n : N, positive downwards on the key (with a motor arm in ``scene``: the motor's torque, N m)
+    scene : what takes part; by default the whole action without effects
+
+    Returns
+    -------
+    RestState
+        Angles (n,), rad, and what is left of the forces.
+
+    Raises
+    ------
+    StaticsError : no balance was found; the message says where the search ended
+
+    Examples
+    --------
+    >>> import model
+    >>> action = model.load_action("hirschkorn2004-regulated")
+    >>> at_rest = model.rest_state(action).angle_rad
+    >>> print(f"{1e3 * float(model.observables.hammer_height_m(action, at_rest)):.1f} mm")
+    48.0 mm
     """
     scene = build_scene(action) if scene is None else scene
     q = solve_rest(scene, force_n)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from model.force_driven import check_force_table
+from model.files.force_table import check_force_table
 from model.force_driven import simulate as simulate_smoothed
 from model.observables import hammer_height_m
 from model.parameters.action import Action
@@ -80,7 +80,34 @@ def compare(
     thresholds: Sequence[float] = THRESHOLDS,
     step_s: float = 2.5e-6,
 ) -> Limit:
-    """Simulate a blow at each threshold speed and march it without one; see `Limit`."""
+    """Simulate a blow at each threshold speed and march it without one; see `Limit`.
+
+    Parameters
+    ----------
+    action : parameter set
+    time_s, force_n : (k,) evenly spaced force table, s and N
+    thresholds : threshold speeds v_t of eq. 2.10, m/s
+    step_s : longest step of the march, s
+
+    Returns
+    -------
+    Limit
+        A solution for each threshold, the march, and measures of each blow.
+
+    Raises
+    ------
+    InputError : a table that cannot be used, or a step out of range
+    IntegrationError : an integration could not go on
+
+    Examples
+    --------
+    >>> import model
+    >>> time_s, force_n = model.force_table("forte")
+    >>> begins = time_s < 0.1
+    >>> limit = model.stick_slip.compare(model.load_action(), time_s[begins], force_n[begins], [1e-3], step_s=2e-5)
+    >>> limit.v_t
+    (0.001,)
+    """
     times, forces = check_force_table(time_s, force_n)
     ratio = action["friction_threshold.omega_t"] / action["friction_threshold.v_t"]
     smoothed = []

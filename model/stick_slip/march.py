@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from model.calibration.friction import peak_ratio
 from model.errors import InputError, IntegrationError
-from model.force_driven import check_force_table
+from model.files.force_table import check_force_table
 from model.kernels import layout as L
 from model.kernels.trajectory.contact_forces import forces_along
 from model.kernels.trajectory.stick_slip import SWEEPS, Forcing, FrictionLimits, Rows, step_along
@@ -55,10 +55,24 @@ def simulate(action: Action, time_s: ArrayLike, force_n: ArrayLike, step_s: floa
     time_s, force_n : (k,) evenly spaced force table, linear between its points
     step_s : longest step; the nearest whole part of the table's spacing below it is used
 
+    Returns
+    -------
+    Marched
+        The motion, and which contacts and joints stick.
+
     Raises
     ------
     InputError : a table that cannot be used, or a step out of range
     IntegrationError : the motion left all bounds, or an impulse did not converge; a shorter step helps
+
+    Examples
+    --------
+    >>> import model
+    >>> time_s, force_n = model.force_table("forte")
+    >>> begins = time_s < 0.1
+    >>> marched = model.stick_slip.simulate(model.load_action(), time_s[begins], force_n[begins], step_s=2e-5)
+    >>> bool(marched.joint_sticks[1].all())  # at rest
+    True
     """
     times, forces = check_force_table(time_s, force_n)
     spacing = float(np.mean(np.diff(times)))

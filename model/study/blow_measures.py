@@ -53,7 +53,27 @@ class BlowMeasures:
 
 
 def measure_blow(action: Action, solution: Solution, force_n: Array) -> BlowMeasures:
-    """Measures of a blow from its solution; force (m,) N at the solution's times."""
+    """Measures of a blow from its solution.
+
+    Parameters
+    ----------
+    action : the action that was simulated
+    solution : with contact forces
+    force_n : (m,) force at the solution's times, N
+
+    Returns
+    -------
+    BlowMeasures
+        NaN where something did not happen.
+
+    Examples
+    --------
+    >>> import model
+    >>> action, (time_s, force_n) = model.load_action(), model.force_table("forte")
+    >>> blow = model.simulate(action, time_s, force_n, contact_forces=True)
+    >>> print(f"{model.study.measure_blow(action, blow, force_n).strike_m_per_s:.1f} m/s")
+    2.3 m/s
+    """
     time = solution.time_s
     normal = solution.contact_normal_n
     assert normal is not None, "a blow is measured with its contact forces"

@@ -39,7 +39,20 @@ def _draw(axes: Axes, study: Study, body: str, names: Sequence[str]) -> None:
 
 
 def draw_study(study: Study, path: str | Path) -> None:
-    """Write a sheet of one blow on all variants: force, key, whippen, hammer."""
+    """Write a sheet of one blow on all variants: force, key, whippen, hammer.
+
+    Parameters
+    ----------
+    study : the simulated variants
+    path : file to write, .svg, .pdf or .png
+
+    Examples
+    --------
+    >>> import model
+    >>> dry = model.study.Variant("dry", factors={"damping": 0.1})
+    >>> study = model.study.compare(model.load_action(), *model.force_table("forte"), [dry])
+    >>> model.study.draw_study(study, "study.svg")
+    """
     target = Path(path)
     check_ending(target)
     figure = new_sheet(9.0, 9.5)
@@ -56,7 +69,18 @@ def draw_study(study: Study, path: str | Path) -> None:
 
 
 def draw_thesis(studies: ThesisStudy, path: str | Path) -> None:
-    """Write a sheet with the counterparts of the thesis's Figs 4.9-4.11 and 4.16-4.19."""
+    """Write a sheet with the counterparts of the thesis's Figs 4.9-4.11 and 4.16-4.19.
+
+    Parameters
+    ----------
+    studies : from `thesis_studies`
+    path : file to write, .svg, .pdf or .png
+
+    Examples
+    --------
+    >>> import model
+    >>> model.study.draw_thesis(model.study.thesis_studies(model.load_action()), "thesis.svg")
+    """
     target = Path(path)
     check_ending(target)
     figure = new_sheet(14.0, 9.5)

@@ -80,6 +80,22 @@ def thesis_studies(action: Action, forte: tuple[ArrayLike, ArrayLike] | None = N
     ----------
     action : the thesis used its own, regulated
     forte : times (k,) s and forces (k,) N of the strong blow; by default after Fig. 4.1
+
+    Returns
+    -------
+    ThesisStudy
+        Both blows with their variants, and which of the thesis's observations hold.
+
+    Raises
+    ------
+    InputError : a strong blow whose hammer never meets the string
+
+    Examples
+    --------
+    >>> import model
+    >>> studies = model.study.thesis_studies(model.load_action("hirschkorn2004"))
+    >>> len(studies.observations)
+    22
     """
     soft = compare(action, *force_table("piano"), [INCREASED])
     time, force = force_table("thesis-forte") if forte is None else forte

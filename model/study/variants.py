@@ -14,7 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from model.batch.run import simulate_many
 from model.errors import InputError, ModelError
-from model.force_driven import check_force_table, output_times
+from model.files.force_table import check_force_table
+from model.force_driven import output_times
 from model.parameters.action import BODIES, Action
 from model.parameters.scaling import scaled
 from model.simulation.solution import Solution
@@ -106,13 +107,28 @@ def compare(
 
     Parameters
     ----------
+    action : parameter set, the first variant
     time_s, force_n : (k,) force table
     variants : changes to the action; names must differ
     tolerance : requested largest error of any angle, rad
 
+    Returns
+    -------
+    Study
+        A solution and the measures of the blow for each variant.
+
     Raises
     ------
     InputError : two variants of one name, an unknown parameter, a table that cannot be used
+    ModelError : a variant that cannot be simulated
+
+    Examples
+    --------
+    >>> import model
+    >>> dry = model.study.Variant("dry", factors={"damping": 0.1})
+    >>> study = model.study.compare(model.load_action(), *model.force_table("forte"), [dry])
+    >>> [variant.name for variant in study.variants]
+    ['as given', 'dry']
     """
     every = (Variant(AS_GIVEN), *variants)
     names = [v.name for v in every]

@@ -67,6 +67,23 @@ def feel(
     forces_n : forces of the blows, N
     name : what to call it, by default the name of the set
     progress : called with a short text at each step
+
+    Returns
+    -------
+    Feel
+        Weights, N, hammer speeds, m/s, and repetition, 1/s; `Feel.rows` names them all with units.
+
+    Raises
+    ------
+    InputError : the key has no dip
+    StaticsError, IntegrationError : the action has no rest state or cannot be pressed
+
+    Examples
+    --------
+    >>> import model
+    >>> touch = model.touch.feel(model.load_action("hirschkorn2004-regulated"), forces_n=[5.0])
+    >>> print(f"{touch.weights.down_n:.2f} N down, {touch.repetition_hz:.1f} blows a second")
+    0.44 N down, 12.3 blows a second
     """
     report = progress or (lambda _: None)
     report("slow press")

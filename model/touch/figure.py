@@ -12,7 +12,18 @@ from model.touch.feel import Feel
 
 
 def draw(feels: Sequence[Feel], path: str | Path) -> None:
-    """Write the sheet to ``path`` (.svg, .pdf or .png)."""
+    """Draw force over dip, hammer speed over force and the fastest repetition of several actions on one sheet.
+
+    Parameters
+    ----------
+    feels : one per action
+    path : file to write, .svg, .pdf or .png
+
+    Examples
+    --------
+    >>> import model
+    >>> model.touch.figure.draw([model.touch.feel(model.load_action(), forces_n=[5.0, 10.0])], "touch.svg")
+    """
     target = Path(path)
     check_ending(target)
     figure = new_sheet(10.0, 4.2)

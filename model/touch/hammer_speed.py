@@ -41,7 +41,29 @@ def touches(height_m: Array) -> NDArray[np.int64]:
 
 
 def hammer_speeds(action: Action, forces_n: Sequence[float] = FORCES) -> Array:
-    """Speed (m/s) of the hammer at the string for each force of the blow (N), (k,); NaN where it does not reach it."""
+    """Speed of the hammer at the string for each force of the blow.
+
+    Parameters
+    ----------
+    action : parameter set
+    forces_n : (k,) forces that rise in 20 ms and then stay, N
+
+    Returns
+    -------
+    ndarray
+        Speeds (k,), m/s; NaN where the hammer does not reach the string.
+
+    Raises
+    ------
+    StaticsError, IntegrationError : the action has no rest state or cannot be simulated
+
+    Examples
+    --------
+    >>> import model
+    >>> soft, loud = model.touch.hammer_speeds(model.load_action(), [5.0, 20.0])
+    >>> print(f"{soft:.2f} and {loud:.2f} m/s")
+    2.05 and 4.14 m/s
+    """
     rest = hand_set_rest(action)
     times = np.arange(round(LONGEST / SAMPLE) + 1) * SAMPLE
     out = np.full(len(forces_n), math.nan)

@@ -43,7 +43,28 @@ def sounded(action: Action, rate_hz: float, peak_n: float) -> NDArray[np.bool_]:
 
 
 def fastest_repetition(action: Action, peaks_n: Sequence[float] = PEAKS) -> float:
-    """Highest rate (blows/s, to `FINE`) that the action follows; NaN where it does not follow the slowest."""
+    """Highest rate that the action follows.
+
+    Parameters
+    ----------
+    action : parameter set
+    peaks_n : strengths to try, N; one that works is enough
+
+    Returns
+    -------
+    float
+        Blows per second, to 0.1; NaN where the action does not follow the slowest rate.
+
+    Raises
+    ------
+    StaticsError, IntegrationError : the action has no rest state or cannot be simulated
+
+    Examples
+    --------
+    >>> import model
+    >>> model.touch.fastest_repetition(model.load_action("hirschkorn2004"))
+    4.5
+    """
 
     def follows(rate: float) -> bool:
         return any(bool(sounded(action, rate, peak)[SETTLING:].all()) for peak in peaks_n)

@@ -59,10 +59,25 @@ def _smooth(press: Press) -> Array:
 def weigh(action: Action) -> Weights:
     """Press the key slowly to first touch of its felt and let it up again.
 
+    Parameters
+    ----------
+    action : parameter set
+
+    Returns
+    -------
+    Weights
+        Down weight, up weight, friction weight and let-off peak, N, and the press itself.
+
     Raises
     ------
     InputError : the key has no dip
     StaticsError, IntegrationError : the action has no rest state or cannot be pressed
+
+    Examples
+    --------
+    >>> import model
+    >>> print(f"{model.touch.weigh(model.load_action('hirschkorn2004')).down_n:.2f} N")
+    0.45 N
     """
     rest = hand_set_rest(action)
     dip = at_rest(action, rest)["dip"]

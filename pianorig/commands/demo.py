@@ -18,12 +18,12 @@ def command(
         Path | None, typer.Option("--out", help="Session folder to create; default: sessions/<date>_demo.")
     ] = None,
     profile: Profile = "forte",
-    trials: Annotated[int, typer.Option("--trials", help="Number of blows.")] = 5,
+    trials: Annotated[int, typer.Option("--trials", help="Number of trials.")] = 5,
     as_json: AsJson = False,
 ) -> None:
     """Record five virtual blows, film and track one, report.
 
-    Example:  pianorig demo --out sessions/try
+    Example:  pianorig demo --out sessions/demo
     """
     target = out or workflows.new_session_folder("demo")
     show = workflows.DemoProgress() if as_json else workflows.DemoProgress(say, working, recording_line, bar)

@@ -34,7 +34,7 @@ def command(
 ) -> None:
     """Show a session, a backend, or the installed versions.
 
-    Example:  pianorig info sessions/2026-11-21_forte_key52
+    Example:  pianorig info sessions/try
     Example:  pianorig info --backend sim:// --rig pcie6363
     Example:  pianorig info --backend ni://local --propose my_rig.toml
     """

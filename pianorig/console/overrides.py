@@ -6,7 +6,8 @@ numbers hold no blanks, so blanks separate and nothing inside needs a quote.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import model
 from pianorig.errors import CommandInputError
@@ -14,6 +15,7 @@ from pianorig.errors import CommandInputError
 _EXAMPLES = {
     "--set": "path=value, for example contact04.friction.A=0.3",
     "--scale": "name=factor, for example damping=0.1",
+    "--target-mm": "name=mm, for example let_off=1.5",
 }
 
 
@@ -44,7 +46,7 @@ def load_changed(action: str, set_: Sequence[str] | None, scale: Sequence[str] |
     return model.scaled(model.load_action(action, values), factors)
 
 
-def read_variant(text: str) -> tuple[str, dict[str, float], dict[str, float]]:
+def read_variant(text: str, called: str = "--variant") -> tuple[str, dict[str, float], dict[str, float]]:
     """Name, values to set and factors of ``name: --set path=value --scale name=factor``.
 
     Raises
@@ -54,17 +56,47 @@ def read_variant(text: str) -> tuple[str, dict[str, float], dict[str, float]]:
     name, colon, rest = (part.strip() for part in text.partition(":"))
     example = 'allowed "name: --set path=value --scale name=factor"'
     if not colon or not name:
-        raise CommandInputError(f"--variant {text!r}: has no name; {example}")
+        raise CommandInputError(f"{called} {text!r}: has no name; {example}")
     given: dict[str, list[str]] = {"--set": [], "--scale": []}
     words = iter(rest.split())
     for word in words:
         option, equals, value = word.partition("=")
         if option not in given:
-            raise CommandInputError(f"--variant {name}: found {word!r}; {example}")
+            raise CommandInputError(f"{called} {name}: found {word!r}; {example}")
         given[option].append(value if equals else next(words, ""))
     if not any(given.values()):
-        raise CommandInputError(f"--variant {name}: changes nothing; {example}")
+        raise CommandInputError(f"{called} {name}: changes nothing; {example}")
     return name, read_settings(given["--set"]), read_settings(given["--scale"], "--scale")
+
+
+def load_model(text: str, changes: Mapping[str, float]) -> model.Action:
+    """The model of ``validate --action``: an action, or ``action: --set path=value --scale name=factor``.
+
+    Parameters
+    ----------
+    text : str
+        A colon counts only where a blank and an option follow it, so that ``C:\\mine.toml`` is a path.
+    changes : mapping
+        Values of ``--set`` beside it, for every model; those of the text go before them.
+
+    Raises
+    ------
+    CommandInputError : something else than --set and --scale follows the colon, or a value given twice
+    """
+    name, rest = split_model(text)
+    if not rest:
+        return model.load_action(text, changes)
+    _, values, factors = read_variant(f"{name}: {rest}", "--action")
+    action = model.scaled(model.load_action(name, {**changes, **values}), factors)
+    said = [f"{path}={value:g}" for path, value in values.items()]
+    said += [f"{path} × {factor:g}" for path, factor in factors.items()]
+    return replace(action, name=f"{action.name} ({', '.join(said)})")
+
+
+def split_model(text: str) -> tuple[str, str]:
+    """The action and the options of ``action: --set …``; no options where there are none."""
+    name, colon, rest = text.partition(": --")
+    return (name.strip(), f"--{rest}") if colon else (text, "")
 
 
 def read_measured(text: str, option: str) -> tuple[float, float | None]:

@@ -221,9 +221,9 @@ def seen_in_words(demo: Demo) -> list[str]:
         f"whippen and hammer were recorded; the first blow was also filmed, and jack and repetition lever were tracked "
         f"in {len(demo.track.frame)} frames, {lost or 'none'} of them lost.",
         "The model was then driven with each blow's own force and its motion held against the measured one. The "
-        "virtual action differs from the model on purpose (friction, felt damping, string, sensor errors): the "
-        "differences above are there to be found, and agreement shows that the chain works, not that the model is "
-        "right.",
+        "virtual action differs from the model on purpose (friction, felt damping, string, sensor errors), by about "
+        "what is uncertain of a real one. The verdict above says whether that shows; agreement means that the chain "
+        "works, not that the model is right.",
         "The report shows every curve, measured and predicted, with uncertainty and the scatter from blow to blow.",
     ]
 

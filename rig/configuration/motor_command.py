@@ -24,10 +24,27 @@ class MotorCommand:
 def motor_command(profile: Profile, config: RigConfig) -> MotorCommand:
     """Check a profile against the rig's limits and turn it into volts on the sample clock.
 
+    Parameters
+    ----------
+    profile : Profile
+    config : RigConfig
+
+    Returns
+    -------
+    MotorCommand
+        Volts (n,) for a whole trial; it ends at 0 V.
+
     Raises
     ------
     RigInputError
         When the profile exceeds the limits of force, slew rate, heating or output voltage.
+
+    Examples
+    --------
+    >>> import rig
+    >>> command = rig.motor_command(rig.load_profile("forte"), rig.load_rig("virtual").config)
+    >>> float(command.volts[-1])
+    0.0
     """
     rate, motor = config.device.sample_rate_hz, config.motor
     profile.check_limits(motor.force_limit_n, motor.slew_limit_n_per_s, rate)

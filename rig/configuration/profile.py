@@ -122,17 +122,55 @@ def built_in_profiles() -> tuple[str, ...]:
 def load_profile(name: str | Path) -> Profile:
     """Load a built-in profile by name, or a TOML file by path.
 
+    Parameters
+    ----------
+    name : str or path
+
+    Returns
+    -------
+    Profile
+
     Raises
     ------
     RigInputError
         When the file is missing, not TOML, or its key points are not a usable profile.
+
+    Examples
+    --------
+    >>> import rig
+    >>> rig.load_profile("piano").name
+    'piano'
     """
     path = toml_file.named(name, FOLDER, "profile")
     return parse_profile(toml_file.read_text(path), str(path))
 
 
 def parse_profile(text: str, where: str = "profile") -> Profile:
-    """Build a profile from TOML text; ``where`` names it in errors."""
+    r"""Build a profile from TOML text.
+
+    Parameters
+    ----------
+    text : str
+    where : str
+        What to call it in errors.
+
+    Returns
+    -------
+    Profile
+
+    Raises
+    ------
+    RigInputError
+        When the text is not TOML, or its key points are not a usable profile.
+
+    Examples
+    --------
+    >>> import rig
+    >>> points = "[{ time_s = 0.0, force_n = 0.0 }, { time_s = 0.1, force_n = 2.0 }, { time_s = 0.5, force_n = 0.0 }]"
+    >>> profile = rig.parse_profile(f'name = "push"\ninterpolation = "linear"\npoints = {points}')
+    >>> float(profile.force_at(0.05))
+    1.0
+    """
     file = toml_file.check(_File, toml_file.parse_toml(text, where), where)
     _check_points(file.points, where)
     return Profile(

@@ -190,16 +190,54 @@ class Rig:
 def load_rig(name: str | Path = "virtual") -> Rig:
     """Load a built-in rig file by name, or one by path.
 
+    Parameters
+    ----------
+    name : str or path
+
+    Returns
+    -------
+    Rig
+        The checked description with its text and SHA-256.
+
     Raises
     ------
     RigInputError
         When the file is missing, not TOML, or has a value outside its allowed range.
+
+    Examples
+    --------
+    >>> import rig
+    >>> rig.load_rig("virtual").config.device.sample_rate_hz
+    5000.0
     """
     path = toml_file.named(name, FOLDER, "rig file")
     return parse_rig(toml_file.read_text(path), str(path))
 
 
 def parse_rig(text: str, where: str = "rig file") -> Rig:
-    """Check TOML text as a rig file; ``where`` names it in errors."""
+    """Check TOML text as a rig file.
+
+    Parameters
+    ----------
+    text : str
+    where : str
+        What to call it in errors.
+
+    Returns
+    -------
+    Rig
+
+    Raises
+    ------
+    RigInputError
+        When the text is not TOML, or has a value outside its allowed range.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> import rig
+    >>> rig.parse_rig(Path("my_rig.toml").read_text("utf-8"), "my_rig.toml").config.name
+    'my_rig'
+    """
     config = toml_file.check(RigConfig, toml_file.parse_toml(text, where), where)
     return Rig(config, text, sha256_of_bytes(text.encode("utf-8")), where)

@@ -52,7 +52,16 @@ def discover(url: str) -> tuple[str, list[FoundDevice]]:
 
 
 def reset_server(url: str) -> str:
-    """End all sessions of the server at ``ni-grpc://host[:port]``, of whomever; return its host and port.
+    """End all sessions of the server at ``ni-grpc://host[:port]``, of whomever.
+
+    Parameters
+    ----------
+    url : str
+
+    Returns
+    -------
+    str
+        Host and port of the server.
 
     Raises
     ------
@@ -60,6 +69,15 @@ def reset_server(url: str) -> str:
         For another address.
     HardwareFault
         When the server does not answer.
+
+    Examples
+    --------
+    >>> import rig
+    >>> try:
+    ...     rig.reset_server("sim://")
+    ... except rig.RigInputError as problem:
+    ...     print("refused")
+    refused
     """
     channel, target = _server(url)
     try:

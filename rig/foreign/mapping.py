@@ -165,7 +165,28 @@ class MappingFile:
 
 
 def load_mapping(path: str | Path) -> MappingFile:
-    """Read and check a mapping file; raises RigInputError."""
+    """Read and check a mapping file: which channel of a recording is what.
+
+    Parameters
+    ----------
+    path : path
+        TOML file, see ``docs/import.md``.
+
+    Returns
+    -------
+    MappingFile
+
+    Raises
+    ------
+    RigInputError
+        When the file is missing, not TOML, or has a value that is not allowed.
+
+    Examples
+    --------
+    >>> import rig
+    >>> [encoder.name for encoder in rig.load_mapping("lab.toml").config.encoders]
+    ['key', 'whippen', 'hammer']
+    """
     return parse_mapping(toml_file.read_text(Path(path)), str(path))
 
 

@@ -41,7 +41,31 @@ def read_segments(
 
 
 def read_channels(path: str | Path, *, separator: str = ",", decimal: str = ".") -> ChannelTable:
-    """Read a recording of one segment; raises RigInputError for others."""
+    """Read a recording of one segment.
+
+    Parameters
+    ----------
+    path : path
+        TDMS, LVM, CSV or HDF5 file.
+    separator, decimal : str
+        Of CSV.
+
+    Returns
+    -------
+    ChannelTable
+        Channels by name, each (n,), with units and clocks as far as the file states them.
+
+    Raises
+    ------
+    RigInputError
+        When the file cannot be read, or has several segments.
+
+    Examples
+    --------
+    >>> import rig
+    >>> rig.read_channels("lab.csv").channel("force_n").size
+    5001
+    """
     segments = read_segments(path, separator=separator, decimal=decimal)
     if len(segments) != 1:
         raise RigInputError(

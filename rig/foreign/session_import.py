@@ -45,11 +45,25 @@ def import_session(out: str | Path, files: Sequence[Path], mapping: MappingFile)
         Session folder to create.
     files : sequence of path
         Trial 1, 2, … in this order.
+    mapping : MappingFile
+        Which channel is what.
+
+    Returns
+    -------
+    Session
 
     Raises
     ------
     RigInputError
         When a file cannot be used or the folder not be created; nothing is left behind then.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> import rig
+    >>> session = rig.import_session("sessions/from_lab", [Path("lab.csv")], rig.load_mapping("lab.toml"))
+    >>> session.trial(1).read().status
+    'complete'
     """
     if not files:
         raise RigInputError("no recording to import")

@@ -97,10 +97,26 @@ def learn(
     progress : callable, optional
         Called with each :class:`Blow`.
 
+    Returns
+    -------
+    Learned
+        Every blow, and the best one with its profile.
+
     Raises
     ------
     RigInputError
         Bad numbers, or a target outside the motor's limits.
+
+    Examples
+    --------
+    >>> import model
+    >>> import rig
+    >>> config = rig.load_rig("virtual").config
+    >>> target = rig.make_target("forte", model.force_table("thesis-forte")[1], 2e-4, config.device.sample_rate_hz)
+    >>> def blow(profile, number):
+    ...     return rig.record(f"blows/{number}", profile=profile, trials=1).trial(1).read()
+    >>> len(rig.learn(target, config, blow, blows=1).blows)
+    1
     """
     if not 1 <= blows <= MOST_BLOWS:
         raise RigInputError(f"blows = {blows}, allowed 1 to {MOST_BLOWS}")

@@ -76,6 +76,8 @@ def make_target(
 
     Parameters
     ----------
+    name : str
+        What to call it in errors.
     force_n : ndarray, shape (m,)
         Recorded force, positive downwards.
     interval_s : float
@@ -87,10 +89,22 @@ def make_target(
     key_bottom_s : float, optional
         Time of key bottom in the recording; found by itself when not given.
 
+    Returns
+    -------
+    TargetForce
+
     Raises
     ------
     RigInputError
         When the recording does not begin at rest, has no blow, or no spike at key bottom.
+
+    Examples
+    --------
+    >>> import model
+    >>> import rig
+    >>> target = rig.make_target("forte", model.force_table("thesis-forte")[1], 2e-4, 5000.0)
+    >>> print(f"{target.peak_n:.0f} N")
+    10 N
     """
     if not (np.isfinite(scale) and scale > 0):
         raise RigInputError(f"{name}: scale = {scale:g}, allowed above 0")

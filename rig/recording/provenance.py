@@ -18,7 +18,19 @@ JUMP_S = 1.0
 
 
 def software_versions() -> dict[str, str]:
-    """Return versions of Python, the operating system and the packages a recording depends on."""
+    """Return versions of Python, the operating system and the packages a recording depends on.
+
+    Returns
+    -------
+    dict
+        Name to version.
+
+    Examples
+    --------
+    >>> import rig
+    >>> "nidaqmx" in rig.recorder.software_versions()
+    True
+    """
     versions = {"python": platform.python_version(), "system": platform.platform()}
     for package in PACKAGES:
         with contextlib.suppress(PackageNotFoundError):

@@ -87,8 +87,10 @@ def record(out: str | Path, options: RecordingOptions | None = None, **keywords:
 
     Examples
     --------
-    >>> session = rig.record("sessions/try", profile="forte", trials=2)
-    >>> session.trial(1).read().force_n.max()
+    >>> import rig
+    >>> session = rig.record("sessions/two", profile="forte", trials=2, operator="me")
+    >>> print(f"{session.trial(1).read().force_n.max():.0f} N")
+    34 N
     """
     given = replace(options or RecordingOptions(), **keywords)
     rig = given.rig_config if isinstance(given.rig_config, Rig) else load_rig(given.rig_config)

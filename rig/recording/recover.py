@@ -60,6 +60,12 @@ def recover(path: str | Path, out: str | Path | None = None) -> list[Recovered]:
     RigInputError
         When the folder is no session, is still being recorded, or cannot be written, or a journal does not belong
         there; the other trials are recovered first.
+
+    Examples
+    --------
+    >>> import rig
+    >>> rig.recover("sessions/example_forte")  # every trial is sealed
+    []
     """
     session = Session.open(path, require_trials=False)
     journals = session.journals

@@ -75,7 +75,27 @@ def _copy(session: Session, file: FileInfo) -> str:
 
 
 def session_rig(session: Session) -> Rig:
-    """Return the rig file a session was begun with."""
+    """Return the rig file a session was begun with.
+
+    Parameters
+    ----------
+    session : Session
+
+    Returns
+    -------
+    Rig
+
+    Raises
+    ------
+    RigInputError
+        When the session's copy of it is missing or was changed.
+
+    Examples
+    --------
+    >>> import rig
+    >>> rig.session_rig(rig.Session.open("sessions/example_forte")).config.name
+    'virtual'
+    """
     return parse_rig(_copy(session, session.info.rig), str(session.path / session.info.rig.copy_name))
 
 
@@ -92,6 +112,8 @@ def resume(
 
     Parameters
     ----------
+    path : path
+        Session folder.
     backend : Backend
         Of the session's rig file (:func:`session_rig`); simulated or not as the session is.
     opened : callable, optional
@@ -100,12 +122,33 @@ def resume(
         ``progress``, ``after_trial``, ``feed``, ``ask``, ``predict``, ``permission``, ``open_journal``, ``now_s`` and
         ``wall_s`` as for :func:`rig.recording.recorder.record`.
 
+    Returns
+    -------
+    Session
+
     Raises
     ------
     RigInputError
         No session, nothing left to record, or copies that were changed; nothing has moved.
     HardwareFault, KeyboardInterrupt
         As when recording.
+    TypeError
+        A keyword that is not known.
+
+    Examples
+    --------
+    >>> import rig
+    >>> def stop_at_trial_2(at):
+    ...     if at.trial == 2:
+    ...         raise KeyboardInterrupt
+    >>> try:
+    ...     rig.record("half", profile="forte", trials=2, progress=stop_at_trial_2)
+    ... except KeyboardInterrupt:
+    ...     half = rig.Session.open("half")
+    >>> bench = rig.open_backend("sim://", rig.session_rig(half).config)
+    >>> [trial.status for trial in rig.resume("half", bench).trials]
+    ['complete', 'interrupted', 'complete']
+    >>> bench.close()
     """
     if unknown := sorted(set(keywords) - set(ResumeKeywords.__annotations__)):
         raise TypeError(f"resume() got unexpected keyword arguments {', '.join(unknown)}")

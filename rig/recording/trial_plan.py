@@ -125,7 +125,29 @@ def reject_warm_up(session: Session, trial: TrialData) -> None:
 
 
 def plain_plan(profile: Profile, trials: int) -> Plan:
-    """Return the plan of one profile played ``trials`` times."""
+    """Return the plan of one profile played over and over.
+
+    Parameters
+    ----------
+    profile : Profile
+    trials : int
+        How often, 1 to 9999.
+
+    Returns
+    -------
+    Plan
+
+    Raises
+    ------
+    RigInputError
+        When the number is out of range.
+
+    Examples
+    --------
+    >>> import rig
+    >>> len(rig.plain_plan(rig.load_profile("forte"), 3).entries)
+    3
+    """
     if not 1 <= trials <= MAX_TRIALS:
         raise RigInputError(f"trials = {trials}, allowed 1 to {MAX_TRIALS}")
     return Plan(tuple(Entry(k, "", profile) for k in range(1, trials + 1)), copies={"": "profile.toml"})
@@ -134,10 +156,27 @@ def plain_plan(profile: Profile, trials: int) -> Plan:
 def load_plan(path: str | Path) -> Plan:
     """Read a plan file and the profiles it names (built in, or paths from the plan's folder).
 
+    Parameters
+    ----------
+    path : path
+        TOML file.
+
+    Returns
+    -------
+    Plan
+        Its blows in the order they are played.
+
     Raises
     ------
     RigInputError
         When the file or one of its profiles cannot be used.
+
+    Examples
+    --------
+    >>> import rig
+    >>> plan = rig.load_plan("plan.toml")
+    >>> len(plan.entries), sorted(plan.profiles)
+    (4, ['forte', 'piano'])
     """
     file = Path(path)
     return parse_plan(toml_file.read_text(file), str(file), file.parent)

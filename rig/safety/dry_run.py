@@ -53,12 +53,36 @@ class FreeArm:
 
 
 def dry_run(profile: Profile, config: RigConfig, predict: Predict) -> dict[str, float | str]:
-    """Predict a profile's blow and refuse it outside the limits; return the predicted values, for the session file.
+    """Predict a profile's blow and refuse it outside the limits.
+
+    Parameters
+    ----------
+    profile : Profile
+    config : RigConfig
+    predict : callable
+        Gives the :class:`PredictedBlow` of a profile.
+
+    Returns
+    -------
+    dict
+        The predicted values, for the session file; names carry units.
 
     Raises
     ------
     RigInputError
         Naming the quantity, the value predicted, when, and the limit; or a rig file without an arm.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import rig
+    >>> def nothing_moves(profile):
+    ...     force_n = profile.sample(5000.0)
+    ...     still = np.zeros((force_n.size, 3))
+    ...     return rig.PredictedBlow(np.arange(force_n.size) / 5000.0, force_n, still, still, "a key nailed down")
+    >>> figures = rig.dry_run(rig.load_profile("forte"), rig.load_rig("virtual").config, nothing_moves)
+    >>> figures["hammer_speed_rad_per_s"]
+    0.0
     """
     where = profile.source or profile.name
     if config.arm is None:

@@ -82,7 +82,41 @@ def permit(
     ask: Callable[[str], str | None] | None,
     now: datetime | None = None,
 ) -> Permission:
-    """Ask for everything that recording on hardware needs: a valid self-test first, then the confirmation."""
+    """Ask for everything that recording on hardware needs: a valid self-test first, then the confirmation.
+
+    Parameters
+    ----------
+    rig : Rig
+    address : str
+        Of the backend, for the question.
+    selftests : Path
+        Record of a self-test, or the folder of them.
+    yes : bool
+        ``--yes`` was given; counts only where ``safety.allow_yes`` of the rig file is true.
+    ask : callable or None
+        Shows a question and returns what was typed; None when nobody can be asked.
+    now : datetime, optional
+        Time at which the self-test must be valid; by default the computer's.
+
+    Returns
+    -------
+    Permission
+
+    Raises
+    ------
+    NotPermitted
+        No valid self-test of this rig file, or not confirmed; the message says what is missing.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> import rig
+    >>> try:
+    ...     rig.permit(rig.load_rig("virtual"), "ni://local", Path("selftests"), yes=False, ask=None)
+    ... except rig.NotPermitted:
+    ...     print("run the self-test first")
+    run the self-test first
+    """
     _, record = valid_record(rig, selftests, now)
     return Permission(confirm(rig, address, yes=yes, ask=ask), rig.sha256, record)
 

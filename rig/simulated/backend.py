@@ -81,7 +81,34 @@ def build_device(
     clock: Clock | None = None,
     wiring: Wiring | None = None,
 ) -> DeviceState:
-    """Assemble a virtual device for a rig file; without ``wiring`` the product's usual one."""
+    """Assemble a virtual device for a rig file.
+
+    Parameters
+    ----------
+    config : RigConfig
+    plant : Plant
+        The moving parts.
+    sensors : SensorSet
+        What they read as.
+    clock : Clock, optional
+        By default one that runs as fast as it is read.
+    wiring : Wiring, optional
+        By default the product's usual one.
+
+    Returns
+    -------
+    DeviceState
+
+    Examples
+    --------
+    >>> import rig
+    >>> from rig.simulated import build_device, load_plant
+    >>> from rig.simulated.backend import DEFAULT_BENCH
+    >>> from rig.simulated.bench.sensors import load_sensors
+    >>> plant = load_plant(DEFAULT_BENCH, seed=1, sample_rate_hz=5000.0)
+    >>> build_device(rig.load_rig("virtual").config, plant, load_sensors(DEFAULT_BENCH, seed=1)).inventory.name
+    'cDAQ1'
+    """
     inventory = Inventory(PRODUCTS[config.device.product], config.device.name)
     wiring = wiring or WIRING_OF_PRODUCT[config.device.product]
     device = DeviceState(inventory, BenchTime(plant, sensors, clock or VirtualClock()), wiring)
@@ -91,7 +118,31 @@ def build_device(
 
 
 def open_backend(url: str, config: RigConfig) -> SimulatedBackend:
-    """Open the virtual bench; raises RigInputError for an unknown option or a bad bench file."""
+    """Open the virtual bench.
+
+    Parameters
+    ----------
+    url : str
+        ``sim://``, with options such as ``sim://?seed=7&clock=real&effects=balance_rail``.
+    config : RigConfig
+
+    Returns
+    -------
+    SimulatedBackend
+
+    Raises
+    ------
+    RigInputError
+        For an unknown option or a bad bench file.
+
+    Examples
+    --------
+    >>> import rig
+    >>> bench = rig.simulated.open_backend("sim://?seed=7", rig.load_rig("virtual").config)
+    >>> bench.capabilities.hardware
+    False
+    >>> bench.close()
+    """
     options = _options(url)
     bench = Path(options["bench"]) if options.get("bench") else DEFAULT_BENCH
     if not bench.is_file():

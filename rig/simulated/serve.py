@@ -100,6 +100,17 @@ def serve_until_interrupted(
         Bad rig file, bench file, clock or fault; an address on the network that was not allowed.
     HardwareFault
         When the address cannot be bound.
+
+    Examples
+    --------
+    >>> import threading
+    >>> from rig.simulated import ServeOptions, serve_until_interrupted
+    >>> stop = threading.Event()
+    >>> def announce(address, product, device):
+    ...     print(product)
+    ...     stop.set()
+    >>> serve_until_interrupted(ServeOptions(rig="pcie6363", port=0), announce, stop=stop)
+    PCIe-6363
     """
     if options.on_network and not options.allow_network:
         raise RigInputError(

@@ -1,17 +1,21 @@
-"""Commands of README and how-to pages run literally, from their own text, on the files of ``pianorig examples``."""
+"""Commands of README, pages and ``--help`` run from their own text, on the files of ``pianorig examples``."""
 
 from __future__ import annotations
 
+import importlib
 import shutil
+import sys
 from pathlib import Path
 
 import pytest
 
+from pianorig import commands
 from tests.command_line import run
 from tests.documented_commands import commands_of, is_quick, run_documented
 
 ROOT = Path(__file__).parents[2]
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs" / "howto").glob("*.md"))]
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+PAGES = [page for page in PAGES if not {"_build", "generated"} & set(page.parts)]
 PAGES = [page for page in PAGES if list(commands_of(page.read_text("utf-8")))]
 
 
@@ -37,7 +41,31 @@ def test_quick_commands_of_all_pages_run_as_they_stand(folder: Path) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 def test_all_commands_of_a_page_run_as_they_stand_one_after_the_other(page: Path, folder: Path) -> None:
-    for words in commands_of(page.read_text("utf-8")):
+    text = page.read_text("utf-8")
+    if "--out sessions/try" not in text:  # a page that goes on with the README's session
+        run_documented(["record", "--trials", "3", "--film", "1", "--out", "sessions/try"], folder)
+    for words in commands_of(text):
+        run_documented(words, folder)
+
+
+def helps() -> str:
+    """The examples of every command's help, as the reference shows them."""
+    sys.path.insert(0, str(ROOT / "docs"))
+    try:
+        return str(importlib.import_module("make_reference_pages").commands_page())
+    finally:
+        sys.path.pop(0)
+
+
+def test_every_command_has_an_example_in_its_help() -> None:
+    assert {words[0] for words in commands_of(helps())} == set(commands.COMMANDS)
+
+
+@pytest.mark.slow  # every command once: a few minutes
+def test_all_examples_of_the_helps_run_as_they_stand(folder: Path) -> None:
+    first = ["record", "demo", "annotate"]  # others use what these make
+    calls = sorted(commands_of(helps()), key=lambda words: first.index(words[0]) if words[0] in first else len(first))
+    for words in calls:
         run_documented(words, folder)
 
 

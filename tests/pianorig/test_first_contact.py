@@ -16,11 +16,13 @@ import numpy as np
 import pytest
 
 import model
+from model.inside.labels import BODY_COLORS
 from pianorig import commands
 from pianorig.console import built_in_names, plain_text, progress
 from pianorig.console.braille_plot import curve
 from pianorig.console.options import Profile
 from tests.command_line import run
+from vision.output.colours import BODY_COLOURS
 
 SHIPPED = Path(__file__).parents[2] / "sessions" / "example_forte"
 
@@ -116,6 +118,11 @@ def test_errors_are_json_under_json(
     assert json.loads(capsys.readouterr().out)["error"]["kind"] == "hardware or safety"
     assert run("info", "gone") == 2
     assert capsys.readouterr().out == ""
+
+
+def test_a_body_has_one_colour_in_all_pictures() -> None:
+    assert {body: BODY_COLORS[body] for body in model.BODIES} == BODY_COLOURS
+    assert len(set(BODY_COLOURS.values())) == len(model.BODIES)
 
 
 def test_old_spellings_are_understood_and_not_listed(

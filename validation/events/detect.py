@@ -26,6 +26,20 @@ def find_events(motion: Motion, quiet_stop: int) -> dict[str, Event]:
     -------
     dict
         Event name → Event, in the order of `EVENTS`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import model, validation
+    >>> from validation.measurement.geometry import geometry_of
+    >>> from validation.measurement.stroke import motion_of
+    >>> action = model.load_action("hirschkorn2004")
+    >>> blow = model.simulate(action, *model.force_table("forte"))
+    >>> change_rad = (blow.angle_rad - blow.angle_rad[0])[:, [0, 1, 4]]
+    >>> motion = motion_of(geometry_of(action, blow.angle_rad[0]), blow.time_s, change_rad, np.full(3, 1e-5))
+    >>> found = validation.find_events(motion, quiet_stop=200)
+    >>> print(f"{found['string_impact'].value:.3f} s")
+    0.111 s
     """
     strikes = find_strikes(motion)
     first = strikes[0] if strikes else None

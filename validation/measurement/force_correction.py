@@ -159,13 +159,25 @@ def find_quiet(
     time_s, force_n : (n,) arrays
     encoder_count : (n, m) array of int, optional
     mains_hz : float or None
+        Nominal mains frequency; None tries 50 and 60 Hz.
     group_delay_s : float
         Delay of the force channel; the onset is given at the time the force acted.
+
+    Returns
+    -------
+    Quiet
 
     Raises
     ------
     TrialError
         When force samples are lost, less than 20 ms of baseline are left, or the force never leaves it.
+
+    Examples
+    --------
+    >>> import rig, validation
+    >>> trial = rig.Session.open("sessions/example_forte").trial(1).read()
+    >>> print(f"{validation.find_quiet(trial.time_s, trial.force_n).onset_s:.2f} s")
+    0.41 s
     """
     time, force = np.asarray(time_s, dtype=float), np.asarray(force_n, dtype=float)
     _refuse_lost(time, force)
@@ -212,15 +224,30 @@ def correct_force(
     Parameters
     ----------
     time_s, force_n : (n,) arrays
-        DAQ time and calibrated force.
+        DAQ time, s, and calibrated force, N.
     quiet : Quiet
+        The baseline, from `find_quiet`.
     **declared
         What is declared of the force channel: the fields of `ForceChannel`.
+
+    Returns
+    -------
+    CorrectedForce
+        Times at which the force acted, force and standard uncertainty, (n,) each.
 
     Raises
     ------
     TrialError
         When force samples are lost (NaN).
+
+    Examples
+    --------
+    >>> import rig, validation
+    >>> trial = rig.Session.open("sessions/example_forte").trial(1).read()
+    >>> quiet = validation.find_quiet(trial.time_s, trial.force_n)
+    >>> corrected = validation.correct_force(trial.time_s, trial.force_n, quiet, preload_n=0.05)
+    >>> print(f"{corrected.force_n.max():.0f} N")
+    33 N
     """
     channel = ForceChannel(**declared)
     time, force = np.asarray(time_s, dtype=float), np.asarray(force_n, dtype=float)

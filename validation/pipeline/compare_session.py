@@ -18,7 +18,7 @@ from validation.findings.session import find_faults
 from validation.measurement.session import measure_session, open_session
 from validation.options import CompareOptions, ComparisonOptions
 from validation.pipeline.provenance import provenance
-from validation.pipeline.verdict import Standing, verdict_lines
+from validation.pipeline.verdict import Standing, outcome, verdict_lines
 from validation.prediction.model_under_test import ModelUnderTest
 from validation.prediction.session import predict_session
 from validation.result import ValidationResult
@@ -76,8 +76,10 @@ def compare(
     Examples
     --------
     >>> import validation
-    >>> result = validation.compare("sessions/example_forte", budget=False)  # doctest: +SKIP
-    >>> print(result.verdict)  # doctest: +SKIP
+    >>> result = validation.compare("sessions/example_forte", "hirschkorn2004", budget=False, suspect=False)
+    >>> hammer = result.channels.set_index("channel").loc["hammer"]
+    >>> bool(hammer.s_r_rad < hammer.rmse_rad < 0.01)  # beyond the scatter of the trials, but small
+    True
     """
     chosen = ComparisonOptions.of(options)
     return compare_by(open_session(session), load_model(action), chosen)
@@ -96,7 +98,9 @@ def compare_by(session: Session, action: model.Action, chosen: ComparisonOptions
     findings = find_faults(predicted, events, scored, tested, search_changes=chosen.suspect)
     tables = make_tables(predicted, events, scored, findings, tested, chosen)
     name = session.info.name or session.path.name
-    standing = Standing(tables.judgement, tables.budget, null_closer(scored.scores, findings.left_out))
+    closer = null_closer(scored.scores, findings.left_out)
+    standing = Standing(tables.judgement, tables.budget, closer, tables.phases)
+    found, sentence = outcome(tables.channels, tables.phases, findings.faults, tables.judgement)
     return ValidationResult(
         session_name=name,
         action_name=action.name,
@@ -105,6 +109,8 @@ def compare_by(session: Session, action: model.Action, chosen: ComparisonOptions
         ),
         provenance=provenance(session, tested, predicted.trials, events.window, chosen.now())
         | {"judgement": tables.judgement},
+        outcome=found,
+        sentence=sentence,
         **vars(tables),
     )
 

@@ -44,12 +44,25 @@ def compare_many(
     **options
         Those of `validation.compare`; ``condition`` holds for all sessions.
 
+    Returns
+    -------
+    SideBySide
+        One result for each session and model, and how the models compare.
+
     Raises
     ------
     ValidationInputError
         A session or a model is given twice, a model cannot be read, or no session can be compared.
     TypeError
         A keyword that is not known.
+
+    Examples
+    --------
+    >>> import validation
+    >>> models = ["hirschkorn2004", "hirschkorn2004-regulated"]
+    >>> side = validation.compare_many(["sessions/example_forte"], models, budget=False, suspect=False)
+    >>> [result.action_name for result in side.results]
+    ['hirschkorn2004', 'hirschkorn2004-regulated']
     """
     chosen = ComparisonOptions.of(options)
     models = distinct_models([load_model(action) for action in actions])

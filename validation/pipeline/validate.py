@@ -45,6 +45,13 @@ def validate_sessions(
         No session can be compared, a session or model is given twice, or the folder cannot be written.
     TypeError
         A keyword that is not known.
+
+    Examples
+    --------
+    >>> import validation
+    >>> side = validation.validate_sessions(["sessions/example_forte"], out="report", budget=False, suspect=False)
+    >>> side.files["report.html"].name
+    'report.html'
     """
     chosen = ComparisonOptions.of(options)
     folder = report_folder([s.path if isinstance(s, Session) else s for s in sessions], out)
@@ -62,9 +69,32 @@ def validate_session(
 ) -> ValidationResult:
     """Compare one session with one model and write the report: `validate_sessions` for one of each.
 
+    Parameters
+    ----------
+    session : Session or path
+    action : name, path or model.Action
+    out : path, optional
+        Folder for the report; by default that of the session.
+    **options
+        Those of `validation.compare`.
+
     Returns
     -------
     ValidationResult
         With ``files`` naming what was written.
+
+    Raises
+    ------
+    ValidationInputError
+        The session cannot be compared, or the folder cannot be written.
+    TypeError
+        A keyword that is not known.
+
+    Examples
+    --------
+    >>> import validation
+    >>> result = validation.validate_session("sessions/example_forte", out="one", budget=False, suspect=False)
+    >>> sorted(result.files)[:2]
+    ['report.html', 'results.json']
     """
     return validate_sessions([session], [action], out, **options).results[0]

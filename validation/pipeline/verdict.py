@@ -14,8 +14,10 @@ from typing import Any
 
 import pandas as pd
 
+from validation.curves.signs import SIGN
 from validation.events.definitions import EVENTS
 from validation.findings.finding import SessionFinding, distorted_trials, summary_line
+from validation.result import AGREES, ERROR_SHOWN, NOT_JUDGED
 from validation.statistics.paired_difference import SHOWN
 
 
@@ -28,11 +30,13 @@ class Standing:
     judgement : `validation.result.SessionTables.judgement`
     budget : the uncertainty budget of the events
     null_closer : what is to be said where the null model is closer, see `validation.statistics.null_comparison`
+    phases : the judged difference by channel and phase
     """
 
     judgement: Mapping[str, Any] = field(default_factory=dict)
     budget: pd.DataFrame = field(default_factory=pd.DataFrame)
     null_closer: str = ""
+    phases: pd.DataFrame = field(default_factory=pd.DataFrame)
 
 
 def verdict_lines(
@@ -61,7 +65,7 @@ def verdict_lines(
     trials = "1 trial" if n_trials == 1 else f"{n_trials} trials"
     distorted = distorted_trials(findings)
     head = f"Model {action} against {trials} of {session}, each driven by its own measured force: "
-    head += _head(scored, standing.judgement, distorted)
+    head += outcome(channels, standing.phases, findings, standing.judgement)[1]
     if standing.null_closer:
         head += f" {standing.null_closer}"
     differing = int((~events["agree"].astype(bool)).sum())
@@ -71,28 +75,52 @@ def verdict_lines(
     if len(scored):
         lines.append("RMSE: " + "; ".join(f"{row['channel']} {_score(row)}" for _, row in scored.iterrows()) + ".")
     lines += _beside_ceiling(scored)
-    lines += _distorted(distorted) if distorted else _shares(scored, standing.judgement)
-    return lines + _resolved(standing.budget) + _events(events)
-
-
-def _head(scored: pd.DataFrame, judgement: Mapping[str, Any], distorted: list[int]) -> str:
-    """Outcome of the test in one sentence."""
     if distorted:
-        return f"cannot be judged, because trials {', '.join(map(str, distorted))} are faulty (below)."
+        return lines + _distorted(distorted) + _events(events)
+    return lines + _shares(scored, standing.judgement) + _resolved(standing.budget) + _events(events)
+
+
+def outcome(
+    channels: pd.DataFrame, phases: pd.DataFrame, findings: Sequence[SessionFinding], judgement: Mapping[str, Any]
+) -> tuple[str, str]:
+    """One of `validation.result.OUTCOMES`, and the same in one sentence.
+
+    Parameters
+    ----------
+    channels, phases : DataFrame
+        `ValidationResult.channels` and ``phases``.
+    findings : sequence of SessionFinding
+        Faults of the session.
+    judgement : `validation.result.SessionTables.judgement`
+    """
+    distorted = distorted_trials(findings)
+    if distorted:
+        return NOT_JUDGED, f"cannot be judged, because trials {', '.join(map(str, distorted))} are faulty (below)."
     if not judgement.get("judged", False):
-        return f"cannot be judged, because {judgement.get('reason', 'the uncertainty budget was not made')}."
-    shown = scored[scored["judgement"] == SHOWN]
+        return (
+            NOT_JUDGED,
+            f"cannot be judged, because {judgement.get('reason', 'the uncertainty budget was not made')}.",
+        )
+    known = channels[channels["largest_ratio"].notna()]
+    if not len(known):
+        return NOT_JUDGED, "cannot be judged, because no channel is known in model and trials."
     limit = f"{judgement['factor']:.2g} u allowed for all channels and times together"
+    worst = known.sort_values("largest_ratio", ascending=False, kind="stable").iloc[0]
+    shown = known[known["judgement"] == SHOWN].sort_values("largest_ratio", ascending=False, kind="stable")
     if not len(shown):
-        largest = float(scored["largest_ratio"].astype(float).max())
-        return f"agrees within the stated uncertainty (largest difference {largest:.2g} u; {limit})."
-    order = shown.sort_values("largest_ratio", ascending=False, kind="stable")
-    parts = [
-        f"{row.channel} ({math.degrees(row.largest_ratio_difference_rad):+.2g}° at {row.largest_ratio_at_s:.3f} s, "
-        f"{row.largest_ratio:.2g} u)"
-        for row in order.itertuples()
-    ]
-    return f"model error shown in {', '.join(parts)}; {limit}."
+        most = f"{worst['largest_ratio']:.2g} u, in {worst['channel']}{_phase(phases, worst)}"
+        return AGREES, f"agrees within the stated uncertainty (largest difference {most}; {limit})."
+    degrees = SIGN[str(worst["channel"])] * math.degrees(worst["largest_ratio_difference_rad"])
+    return ERROR_SHOWN, (
+        f"model error shown in {', '.join(shown['channel'])}, largest in {worst['channel']}{_phase(phases, worst)}: "
+        f"{degrees:+.2g}° at {worst['largest_ratio_at_s']:.3f} s, {worst['largest_ratio']:.2g} u ({limit})."
+    ).replace("-", "−")
+
+
+def _phase(phases: pd.DataFrame, channel: Any) -> str:
+    """The phase of a channel's largest difference, in brackets; empty where there is none."""
+    own = phases[(phases["channel"] == channel["channel"]) & phases["ratio"].notna()] if len(phases) else phases
+    return f" ({own.sort_values('ratio', kind='stable')['phase'].iloc[-1]})" if len(own) else ""
 
 
 def _score(row: Any) -> str:

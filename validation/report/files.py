@@ -1,7 +1,7 @@
-"""Writing a set of text files together: all of them, or none.
+"""Writing a set of files together: all of them, or none.
 
-Conventions: UTF-8 with Unix line ends. Anything the file system refuses becomes a `ValidationInputError`; temporary
-files and folders made on the way are removed.
+Conventions: texts are UTF-8 with Unix line ends. Anything the file system refuses becomes a `ValidationInputError`;
+temporary files and folders made on the way are removed.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ def check_folder(folder: Path) -> None:
         raise InputError(f"{folder}: {nearest} is not writable; choose another folder for the report")
 
 
-def write_files(folder: Path, texts: dict[str, str]) -> dict[str, Path]:
-    """Write texts under their relative names, replacing older ones only when all have been written.
+def write_files(folder: Path, texts: dict[str, str | bytes]) -> dict[str, Path]:
+    """Write texts and bytes under their relative names, replacing older ones only when all have been written.
 
     Returns
     -------
@@ -46,7 +46,7 @@ def write_files(folder: Path, texts: dict[str, str]) -> dict[str, Path]:
             _make(path.parent, made)
             part = path.with_name(f".{path.name}.{os.getpid()}.part")
             parts.append((part, path))
-            part.write_bytes(text.encode("utf-8"))
+            part.write_bytes(text if isinstance(text, bytes) else text.encode("utf-8"))
         for _, path in parts:
             if path.is_dir():
                 raise IsADirectoryError(21, "is a folder", str(path))

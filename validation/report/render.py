@@ -14,18 +14,24 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
 from validation.events.definitions import EVENTS
+from validation.report.curve_files import netcdf_names
+from validation.report.glossary import GLOSSARY
 from validation.report.sections import is_simulated, session_section
+from validation.report.tables.forest import forest
+from validation.report.tables.heat_map import heat_map
 from validation.report.tables.models import matrix, pair_tables
 from validation.report.view import SessionView
 from validation.result import ValidationResult
 from validation.side_by_side import SideBySide
+from validation.tables.phases import PHASES
 
 HERE = Path(__file__).parent
+SCRIPTS = ("zoom.js", "curves.js", "tables.js")
 
 
 def render_html(side: SideBySide) -> str:
-    """The report as one HTML page without outside addresses; its only script is the zoom, and no other may run."""
-    script = (HERE / "zoom.js").read_text(encoding="utf-8")
+    """The report as one HTML page without outside addresses; no script but its own may run."""
+    script = "\n".join((HERE / name).read_text(encoding="utf-8").strip() for name in SCRIPTS)
     # the text between the tags, with the line end that the template puts on each side
     digest = hashlib.sha256(f"\n{script}\n".encode()).digest()
     environment = Environment(
@@ -48,6 +54,12 @@ def render_html(side: SideBySide) -> str:
         style=Markup((HERE / "report.css").read_text(encoding="utf-8")),
         script=Markup(script),
         script_sha256=base64.b64encode(digest).decode(),
+        heat=heat_map(side),
+        forest=forest(side),
+        phases=PHASES,
+        faults=", ".join(dict.fromkeys(side.results[0].findings["kind"])),
+        glossary=GLOSSARY,
+        netcdf=netcdf_names(side),
         matrix=matrix(side) if len(side.results) > 1 else None,
         pairs=pair_tables(side) if len(side.model_pairs) else None,
         definitions=[(kind.title, kind.definition) for kind in EVENTS.values()],

@@ -18,7 +18,7 @@ from validation.events.definitions import EVENTS
 from validation.side_by_side import SideBySide
 
 SCHEMA = "piano-action-rig results"
-SCHEMA_VERSION = 3
+SCHEMA_VERSION = 4
 
 
 def results_json(side: SideBySide) -> str:
@@ -32,6 +32,8 @@ def results_json(side: SideBySide) -> str:
             {
                 "session": r.session_name,
                 "model": r.action_name,
+                "outcome": r.outcome,
+                "sentence": r.sentence,
                 "verdict_lines": r.verdict_lines,
                 "warnings": r.warnings,
                 "provenance": _plain(r.provenance),

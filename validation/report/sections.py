@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 
 from validation.report.figures.layout import ReportFigure
 from validation.report.figures.measured import all_figures
+from validation.report.page_data import page_data
 from validation.report.tables import scores as present
 from validation.report.tables.budget import area_table, budget_table
 from validation.report.tables.formatting import PageTable
@@ -27,6 +28,7 @@ class SessionSection:
     result: ValidationResult
     simulated: bool
     impact_s: float | None
+    curves: str
     verdicts: list[list[str]]
     warnings: list[str]
     figures: dict[str, list[ReportFigure]]
@@ -58,6 +60,7 @@ def session_section(view: SessionView) -> SessionSection:
         result=first,
         simulated=is_simulated(first),
         impact_s=_impact_s(first),
+        curves=page_data(view),
         verdicts=[r.verdict_lines for r in view.results],
         warnings=_warnings(view),
         figures=all_figures(view),

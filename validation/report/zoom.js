@@ -2,6 +2,7 @@
    time.  Curves are moved and stretched as drawn (stroke widths stay); without this script the page shows the whole
    window. */
 "use strict";
+const sessions = [];
 for (const home of document.querySelectorAll(".session")) {
   const bar = home.querySelector("form.zoom");
   const SVG = document.querySelector("svg").namespaceURI;
@@ -16,7 +17,7 @@ for (const home of document.querySelectorAll(".session")) {
     return e;
   };
 
-  const panels = [];
+  const panels = [], after = [];
   for (const svg of home.querySelectorAll("svg[data-panels]")) {
     for (const p of JSON.parse(svg.dataset.panels)) {
       const axes = document.getElementById(p.id);
@@ -35,7 +36,7 @@ for (const home of document.querySelectorAll(".session")) {
       }
       const ticks = make("g", { class: "zoom-ticks" });
       frame.before(ticks);
-      panels.push({ ...p, clip, moving, ticks, own: axes.querySelectorAll('g[id*="-xtick_"]') });
+      panels.push({ ...p, svg, clip, moving, ticks, own: axes.querySelectorAll('g[id*="-xtick_"]') });
       axes.prepend(clip);
     }
   }
@@ -73,6 +74,7 @@ for (const home of document.querySelectorAll(".session")) {
     }
     from.value = now.a.toFixed(4);
     to.value = now.b.toFixed(4);
+    for (const act of after) act();
     said.textContent = all ? "Whole evaluation window." : `${now.a.toFixed(4)} s to ${now.b.toFixed(4)} s.`;
   };
 
@@ -102,7 +104,9 @@ for (const home of document.querySelectorAll(".session")) {
       const p = panels.find((q) => svg.contains(q.ticks) && at.x >= q.left && at.x <= q.right && at.y >= q.top && at.y <= q.bottom);
       return p ? now.a + (now.b - now.a) * (at.x - p.left) / (p.right - p.left) : null;
     };
-    svg.addEventListener("pointerdown", (event) => { start = event.button === 0 ? place(event) : null; });
+    svg.addEventListener("pointerdown", (event) => {
+      start = event.button === 0 && event.pointerType !== "touch" ? place(event) : null;  // a finger scrolls
+    });
     svg.addEventListener("pointerup", (event) => {
       const end = place(event);
       if (start !== null && end !== null && Math.abs(end - start) > 0.01 * (now.b - now.a))
@@ -112,4 +116,5 @@ for (const home of document.querySelectorAll(".session")) {
     svg.addEventListener("dblclick", () => show(whole.a, whole.b));
   }
   bar.hidden = false;
+  sessions.push({ home, bar, panels, after, make, current: () => now });
 }

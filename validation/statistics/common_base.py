@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 
 from validation.conventions import Array
+from validation.curves.time_base import on_base
 from validation.scores.traces import scored
 
 
@@ -19,11 +20,5 @@ def on_common_base(time_s: Array, frames: dict[int, pd.DataFrame], column: str) 
         time = frame["time_s"].to_numpy()
         channel = column.removesuffix("_measured_rad")
         values = frame[column].to_numpy() if channel == column else scored(frame, channel)
-        if time.size >= time_s.size:
-            first = int(np.searchsorted(time, time_s[0] - 1e-9))
-            part = slice(first, first + time_s.size)
-            if part.stop <= time.size and np.allclose(time[part], time_s, atol=1e-9, rtol=0):
-                out[:, j] = values[part]
-                continue
-        out[:, j] = np.interp(time_s, time, values, left=np.nan, right=np.nan)
+        out[:, j] = on_base(time_s, time, values)
     return out

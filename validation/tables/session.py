@@ -10,6 +10,7 @@ import pandas as pd
 from model.errors import ModelError
 from validation.events.key_lift import lifted_samples
 from validation.events.session import SessionEvents
+from validation.findings.finding import distorted_trials
 from validation.findings.pooling import counting_events, sound_trials
 from validation.findings.session import SessionFindings
 from validation.measurement.session import representative
@@ -28,6 +29,7 @@ from validation.statistics.paired_difference import Judgement, judge
 from validation.statistics.repeatability import event_repeatability, few_trials_warning
 from validation.tables.channels import channel_tables
 from validation.tables.events import event_summary, event_table
+from validation.tables.phases import phase_table
 from validation.tables.scorecard import NO_CEILING, scorecard, with_repeatability, with_scores
 from validation.tables.trials import lift_table, trial_table, uncertainty_table
 
@@ -84,6 +86,7 @@ def make_tables(
         findings=pd.DataFrame([asdict(f) for f in findings.faults], columns=FINDING_COLUMNS),
         single_changes=pd.DataFrame([asdict(c) for c in findings.changes], columns=CHANGE_COLUMNS),
         channels=with_scores(channels, scored.scores, card, without),
+        phases=phase_table(_in_verdict(judgement, findings), summary, channels, events.window),
         events=event_table(events.trial, events.model),
         event_summary=summary,
         event_repeatability=event_repeatability(counting),
@@ -97,6 +100,12 @@ def make_tables(
         judgement=judgement.facts(),
         nuisance=ceiling.nuisance,
     )
+
+
+def _in_verdict(judgement: Judgement, findings: SessionFindings) -> Judgement:
+    """The judgement as the verdict takes it: faulty trials judge nothing."""
+    distorted = distorted_trials(findings.faults)
+    return Judgement(why=f"trials {', '.join(map(str, distorted))} are faulty") if distorted else judgement
 
 
 def _warnings(predicted: PredictedSession, findings: SessionFindings) -> Iterator[str]:

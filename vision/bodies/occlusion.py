@@ -16,66 +16,88 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from vision.bodies.outlines import CLEARANCE_PX, Body, signed_distance
+from vision.bodies.masks import CLEARANCE_PX
+from vision.bodies.outlines import Body
 from vision.fitting.template import Template
 
 FAST = {"reassoc", "contract", "arcp", "nsz"}
 
 
+GROUP = 64
+"""Pixels that are looked at together first: where their whole neighbourhood is clear, none of them is."""
+
+
 @njit(cache=True, nogil=True, fastmath=FAST)
 def mark_covered(
     offset: NDArray[np.float32],
-    centre: NDArray[np.float64],
-    pose: NDArray[np.float64],
-    other_mask: NDArray[np.uint8],
+    around: NDArray[np.float64],
+    at: tuple[float, float, float],
+    distance: NDArray[np.float32],
     other_centre: NDArray[np.float64],
-    other_pose: NDArray[np.float64],
     covered: NDArray[np.uint8],
 ) -> int:
-    """Mark template pixels that a body in front hides; its reference mask is moved with it. Returns their number."""
-    cosine, sine = math.cos(pose[0]), math.sin(pose[0])
-    other_cosine, other_sine = math.cos(other_pose[0]), math.sin(other_pose[0])
-    shift_x = centre[0] + pose[1] - other_centre[0] - other_pose[1]
-    shift_y = centre[1] + pose[2] - other_centre[1] - other_pose[2]
-    height, width = other_mask.shape
+    """Mark template pixels that a body in front hides; its reference outline is moved with it. Returns their number.
+
+    ``around`` (3, n_groups) are centres and radii of groups of `GROUP` pixels, ``at`` the body's pose seen from the
+    other: turn, and shift of the centre from the other's; ``distance`` that of every pixel of the reference from the
+    other's outline, positive inside.
+    """
+    cosine, sine = math.cos(at[0]), math.sin(at[0])
+    left, top = other_centre[0] + at[1] + 0.5, other_centre[1] + at[2] + 0.5
+    height, width = distance.shape
     count = 0
-    for i in range(offset.shape[1]):
-        x = shift_x + cosine * offset[0, i] - sine * offset[1, i]
-        y = shift_y + sine * offset[0, i] + cosine * offset[1, i]
-        ix = int(math.floor(other_centre[0] + other_cosine * x + other_sine * y + 0.5))
-        iy = int(math.floor(other_centre[1] - other_sine * x + other_cosine * y + 0.5))
-        if 0 <= ix < width and 0 <= iy < height and other_mask[iy, ix] != 0:
-            covered[i] = 1
-            count += 1
+    for group in range(around.shape[1]):
+        ix = int(math.floor(left + cosine * around[0, group] - sine * around[1, group]))
+        iy = int(math.floor(top + sine * around[0, group] + cosine * around[1, group]))
+        if 0 <= ix < width and 0 <= iy < height and distance[iy, ix] + around[2, group] + 1.0 < -CLEARANCE_PX:
+            continue
+        for i in range(group * GROUP, min((group + 1) * GROUP, offset.shape[1])):
+            ix = int(math.floor(left + cosine * offset[0, i] - sine * offset[1, i]))
+            iy = int(math.floor(top + sine * offset[0, i] + cosine * offset[1, i]))
+            if 0 <= ix < width and 0 <= iy < height and distance[iy, ix] > -CLEARANCE_PX:
+                covered[i] = 1
+                count += 1
     return count
 
 
-class Occlusion:
-    """Which body can hide which, and the outlines of those in front; bodies and templates are in the same order."""
+def _groups(offset: NDArray[np.float32]) -> NDArray[np.float64]:
+    """Centres and radii of the groups of a template's pixels, shape (3, n_groups)."""
+    starts = range(0, offset.shape[1], GROUP)
+    parts = [offset[:, start : start + GROUP].astype(float) for start in starts]
+    centres = [part.mean(axis=1) for part in parts]
+    radii = [np.hypot(*(part - centre[:, None])).max() for part, centre in zip(parts, centres, strict=True)]
+    return np.vstack([np.array(centres).T, radii])
 
-    def __init__(self, bodies: Sequence[Body], templates: Sequence[Template], height: int, width: int) -> None:
-        self._templates = templates
+
+class Occlusion:
+    """Which body can hide which; bodies, templates and the distances from their outlines are in the same order."""
+
+    def __init__(
+        self, bodies: Sequence[Body], templates: Sequence[Template], distances: Sequence[NDArray[np.float32]]
+    ) -> None:
+        self._bodies, self._templates = bodies, templates
         self._centres = [np.array(template.centre_px) for template in templates]
-        self._outlines = [
-            (signed_distance(body.polygon_px, height, width) > -CLEARANCE_PX).astype(np.uint8) for body in bodies
-        ]
+        self._groups = [_groups(template.offset_px) for template in templates]
+        self._distances = distances
         self.in_front = [
             [j for j, other in enumerate(bodies) if j != i and other.layer >= body.layer]
             for i, body in enumerate(bodies)
         ]
 
+    def with_templates(self, templates: Sequence[Template]) -> Occlusion:
+        """The same for other pixels of the same bodies."""
+        return Occlusion(self._bodies, templates, self._distances)
+
     def covered(self, body: int, pose: NDArray[np.float64], poses: dict[int, NDArray[np.float64]]) -> NDArray[np.uint8]:
         """Template pixels of a body, at ``pose``, that bodies in front hide at theirs; shape (n,), 1 is hidden."""
         template = self._templates[body]
         covered = np.zeros(template.n_pixels, dtype=np.uint8)
+        here = self._centres[body] + pose[1:]
         for other, there in poses.items():
+            cosine, sine = math.cos(there[0]), math.sin(there[0])
+            x, y = here - self._centres[other] - there[1:]
+            seen = (float(pose[0] - there[0]), float(cosine * x + sine * y), float(cosine * y - sine * x))
             mark_covered(
-                template.offset_px,
-                self._centres[body],
-                pose,
-                self._outlines[other],
-                self._centres[other],
-                there,
-                covered,
+                template.offset_px, self._groups[body], seen, self._distances[other], self._centres[other], covered
             )
         return covered

@@ -1,6 +1,6 @@
-"""The bodies to track: outline polygons on the reference, their file, and the pixels that may be used.
+"""The bodies to track: outline polygons on the reference, and their file.
 
-`load_bodies` reads what the user drew, `build_masks` turns it into one pixel mask per body.
+`load_bodies` reads what the user drew, `vision.bodies.masks.build_masks` turns it into one pixel mask per body.
 
 Conventions: polygon points are picture coordinates (x right, y down, pixel centres at whole numbers) on the
 still frames. ``parent`` names the body relative to which the angle is wanted and through whose motion the
@@ -23,15 +23,6 @@ from numpy.typing import NDArray
 
 from vision.atomic_write import whole_file
 from vision.errors import BodyError
-from vision.film.source import SATURATED_SHARE
-
-EROSION_PX = 4.0
-"""Width of the rim that is not used: edge pixels mix the body with what lies behind it."""
-CLEARANCE_PX = 4.0
-"""Distance kept from the outline of a body that lies in front."""
-SATURATED_REACH_PX = 2
-MIN_PIXELS = 100
-"""Below this a five-parameter fit is not worth starting."""
 
 
 @dataclass(frozen=True)
@@ -123,10 +114,25 @@ def load_bodies(toml_path: str | os.PathLike[str]) -> list[Body]:
 
     Each table holds ``name``, ``polygon_px = [[x, y], ...]`` and optionally ``parent`` and ``layer``.
 
+    Parameters
+    ----------
+    toml_path : path
+
+    Returns
+    -------
+    list of Body
+        In the order of the file.
+
     Raises
     ------
     BodyError
         With file, body, value found and value allowed.
+
+    Examples
+    --------
+    >>> import vision
+    >>> [body.name for body in vision.load_bodies("bodies.toml")]
+    ['whippen', 'jack', 'repetition']
     """
     path = Path(toml_path)
     try:
@@ -163,7 +169,20 @@ def _body_from_table(table: Any) -> Body:
 
 
 def save_bodies(toml_path: str | os.PathLike[str], bodies: Sequence[Body]) -> None:
-    """Write outlines so that `load_bodies` returns the same bodies; the file appears whole or not at all."""
+    """Write outlines so that `load_bodies` returns the same bodies; the file appears whole or not at all.
+
+    Parameters
+    ----------
+    toml_path : path
+    bodies : sequence of Body
+
+    Examples
+    --------
+    >>> import vision
+    >>> vision.save_bodies("plate.toml", [vision.Body("plate", [[10, 10], [90, 10], [90, 60], [10, 60]])])
+    >>> vision.load_bodies("plate.toml")[0].polygon_px.shape
+    (4, 2)
+    """
     check_bodies(bodies)
     path = Path(toml_path)
     lines = ["# Outlines on the still frames: picture coordinates (x right, y down), pixels."]
@@ -201,64 +220,3 @@ def signed_distance(polygon_px: NDArray[np.float64], height: int, width: int) ->
             inside ^= crosses
     distance = np.sqrt(nearest)
     return np.where(inside, distance, -distance)
-
-
-def build_masks(bodies: Sequence[Body], height: int, width: int) -> list[NDArray[np.bool_]]:
-    """Pixels of each body that may be used: outline, less a rim, less every body that may lie in front.
-
-    Returns
-    -------
-    list of ndarray of bool, shape (height, width)
-        In the order of ``bodies``.
-
-    Raises
-    ------
-    BodyError
-        When fewer than `MIN_PIXELS` are left of a body.
-    """
-    check_bodies(bodies)
-    distances = [signed_distance(body.polygon_px, height, width) for body in bodies]
-    masks = []
-    for i, body in enumerate(bodies):
-        mask = distances[i] > EROSION_PX
-        for j, other in enumerate(bodies):
-            if j != i and other.layer >= body.layer:
-                mask &= distances[j] < -CLEARANCE_PX
-        found = int(np.count_nonzero(mask))
-        if found < MIN_PIXELS:
-            raise BodyError(
-                f"body {body.name}: {found} usable pixels in the {width} x {height} picture, at least {MIN_PIXELS} "
-                f"needed after {EROSION_PX:g} px of rim and the bodies in front; draw it larger or set its layer"
-            )
-        masks.append(mask)
-    return masks
-
-
-def unsaturated(
-    bodies: Sequence[Body], masks: Sequence[NDArray[np.bool_]], saturated: NDArray[np.bool_]
-) -> list[NDArray[np.bool_]]:
-    """Masks without the saturated pixels and those near enough to take part of their grey value from them, for bodies
-    of which more than a few are saturated.
-
-    Raises
-    ------
-    BodyError
-        When fewer than `MIN_PIXELS` are left of a body.
-    """
-    if not saturated.any():
-        return list(masks)
-    near = np.zeros_like(saturated)
-    rows, columns = np.nonzero(saturated)
-    for dy in range(-SATURATED_REACH_PX, SATURATED_REACH_PX + 1):
-        for dx in range(-SATURATED_REACH_PX, SATURATED_REACH_PX + 1):
-            inside_y = np.clip(rows + dy, 0, near.shape[0] - 1)
-            near[inside_y, np.clip(columns + dx, 0, near.shape[1] - 1)] = True
-    many = [np.count_nonzero(mask & saturated) > SATURATED_SHARE * np.count_nonzero(mask) for mask in masks]
-    left = [mask & ~near if much else mask for mask, much in zip(masks, many, strict=True)]
-    for body, mask, whole in zip(bodies, left, masks, strict=True):
-        if (found := int(np.count_nonzero(mask))) < MIN_PIXELS:
-            raise BodyError(
-                f"body {body.name}: {found} of {int(np.count_nonzero(whole))} pixels are not saturated, at least "
-                f"{MIN_PIXELS} needed; film with less light or a shorter exposure"
-            )
-    return left

@@ -4,9 +4,8 @@ OpenCV finds the target's corners or dots; views of one plane cannot separate le
 calibration, so only what distorts the plane itself is fitted: stretch, shear, perspective and radial distortion, the
 same in all frames, and the target's turn and place in each.
 
-Method: least squares over all points with SciPy; the covariance is that of the residuals. Frames in which the target
-is at rest are averaged first, since their errors are not independent. The target may be moved within the plane between
-frames, which also shows whether it stayed in it: the residual then stays small.
+SciPy's least squares over all points; covariance from the residuals. Frames at rest are averaged first: their errors
+are not independent. Moving the target between frames shows whether it stays in the plane (then the residual is small).
 """
 
 from __future__ import annotations
@@ -122,15 +121,25 @@ def calibrate(film: FrameSource, target: Target, every: int = 1) -> Calibration:
 
     Parameters
     ----------
-    film : FrameSource
-    target : Target
+    film, target : FrameSource, Target
     every : int
         Use one frame out of this many.
+
+    Returns
+    -------
+    Calibration
 
     Raises
     ------
     VisionInputError
         The target is not found, or its points are too few or badly spread.
+
+    Examples
+    --------
+    >>> import vision
+    >>> with vision.open_film("target.mraw") as film:
+    ...     vision.calibrate(film, vision.Target("checkerboard", columns=9, rows=6, pitch_m=5e-3)).n_frames
+    12
     """
     views: list[list[NDArray[np.float64]]] = []
     n_frames = 0

@@ -17,7 +17,22 @@ from vision.errors import VisionInputError
 
 
 def save_calibration(path: str | os.PathLike[str], camera: CalibratedCamera, notes: Mapping[str, Any]) -> None:
-    """Write a camera file; ``notes`` (numbers and texts) say how it was made and are not read again."""
+    """Write a camera file, whole or not at all.
+
+    Parameters
+    ----------
+    path : path
+    camera : CalibratedCamera
+    notes : mapping
+        Numbers and texts that say how it was made; they are not read again.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import vision
+    >>> seen = vision.CalibratedCamera(280, 212, np.zeros(5), np.zeros((5, 5)), 2240.0, 1.0)
+    >>> vision.save_calibration("camera.toml", seen, {"target": "checkerboard", "pitch_mm": 5.0})
+    """
     path = Path(path)
     lines = [
         "# View of the plane of motion: homography [[1 + a, b, 0], [b, 1 - a, 0], [p / R, q / R, 1]] about the",
@@ -43,7 +58,31 @@ def save_calibration(path: str | os.PathLike[str], camera: CalibratedCamera, not
 
 
 def load_calibration(path: str | os.PathLike[str]) -> CalibratedCamera:
-    """Read a camera file; raises `VisionInputError`, with the key, for one that is missing or incomplete."""
+    """Read a camera file.
+
+    Parameters
+    ----------
+    path : path
+        Written by `save_calibration` or ``pianorig calibrate-camera``.
+
+    Returns
+    -------
+    CalibratedCamera
+
+    Raises
+    ------
+    VisionInputError
+        The file is missing or incomplete; the message names the key.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import vision
+    >>> seen = vision.CalibratedCamera(280, 212, np.zeros(5), np.zeros((5, 5)), 2240.0, 1.0)
+    >>> vision.save_calibration("camera.toml", seen, {"made": "by hand"})
+    >>> vision.load_calibration("camera.toml").scale_px_per_m
+    2240.0
+    """
     path = Path(path)
     try:
         with path.open("rb") as file:

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from vision.errors import FilmError, VisionWarning
 from vision.film.compression import Compression, jpeg_steps
 from vision.film.mmap_window import FileWindow
-from vision.film.source import Film
+from vision.film.source import Film, NewestFrame
 
 GREY_CODES = (b"Y800", b"GREY", b"Y8  ")
 MAX_DEPTH = 4
@@ -34,7 +34,6 @@ COARSE_JPEG = 12.0
 """Mean quantisation step: 6 at quality 95, 11.5 at 90, 29 at 75 (tables of ITU-T T.81 annex K)."""
 LUMA = np.array([0.114, 0.587, 0.299])
 """Weights of blue, green, red (ITU-R BT.601)."""
-NOTHING: tuple[int, NDArray[Any]] = (-1, np.empty((0, 0), dtype=np.uint8))
 """No frame decoded yet."""
 
 
@@ -57,7 +56,7 @@ class AviFilm(Film):
         self.path = path
         self._allow_truncated = allow_truncated
         self._file = FileWindow(path)
-        self._last = NOTHING
+        self._newest = NewestFrame()
         # arrays, not lists: a damaged film may hold a chunk every few bytes
         self._offset = array("q")
         self._size = array("q")
@@ -106,11 +105,13 @@ class AviFilm(Film):
         self._check_region(y0, y1, x0, x1)
         start = self._offset[index]
         if not self._pixel_bytes:
-            if self._last[0] != index:
+            newest = self._newest
+            if newest.index != index or newest.picture is None:
                 # released first: one decoded picture at a time
-                self._last = NOTHING
-                self._last = (index, self._jpeg(index, self._file.view(start, start + self._size[index])))
-            return self._last[1][y0:y1, x0:x1]
+                newest.picture = None
+                newest.picture = self._jpeg(index, self._file.view(start, start + self._size[index]))
+                newest.index = index
+            return newest.picture[y0:y1, x0:x1]
         top, bottom = (self.height - y1, self.height - y0) if self._bottom_up else (y0, y1)
         data = self._file.view(start + top * self._row_bytes, start + bottom * self._row_bytes)
         rows = data.reshape(bottom - top, self._row_bytes)[:, x0 * self._pixel_bytes : x1 * self._pixel_bytes]

@@ -59,6 +59,13 @@ def write_avi(
     ------
     FilmError
         Frames that do not fit, a film beyond 2 GB, or a folder that cannot be written.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import vision
+    >>> vision.write_avi("grey.avi", [np.full((48, 64), level, np.uint8) for level in (50, 100)], 25.0, quality=None)
+    2
     """
     path = Path(path)
     if path.suffix.lower() != ".avi":

@@ -39,26 +39,28 @@ class FileWindow:
             self.size = path.stat().st_size
         except OSError as error:
             raise FilmError(f"{path}: cannot be read ({error.strerror or error})") from None
-        self._offset = 0
-        self._window = np.empty(0, dtype=np.uint8)
+        # one tuple, so that threads that move the window at the same time do not mix them
+        self._held = (0, np.empty(0, dtype=np.uint8))
 
     def view(self, start: int, end: int) -> NDArray[np.uint8]:
         """Bytes ``start..end-1``; the array stays valid after the window has moved on or the file was closed."""
         if not 0 <= start <= end <= self.size:
             raise FilmError(f"{self.path}: bytes {start}..{end} requested, the file has {self.size}; it is cut short")
-        if not (self._offset <= start and end <= self._offset + self._window.size):
-            offset = start // mmap.ALLOCATIONGRANULARITY * mmap.ALLOCATIONGRANULARITY
-            length = min(max(WINDOW_BYTES, end - offset), self.size - offset)
+        held, window = self._held
+        if not (held <= start and end <= held + window.size):
+            held = start // mmap.ALLOCATIONGRANULARITY * mmap.ALLOCATIONGRANULARITY
+            length = min(max(WINDOW_BYTES, end - held), self.size - held)
             if length == 0:
                 return np.empty(0, dtype=np.uint8)
             try:
-                mapped = mmap.mmap(self._file.fileno(), length, access=mmap.ACCESS_READ, offset=offset)
+                mapped = mmap.mmap(self._file.fileno(), length, access=mmap.ACCESS_READ, offset=held)
             except (OSError, ValueError) as error:
-                raise FilmError(f"{self.path}: cannot be read at byte {offset} ({error})") from None
-            self._offset, self._window = offset, np.frombuffer(mapped, dtype=np.uint8)
-        return self._window[start - self._offset : end - self._offset]
+                raise FilmError(f"{self.path}: cannot be read at byte {held} ({error})") from None
+            window = np.frombuffer(mapped, dtype=np.uint8)
+            self._held = (held, window)
+        return window[start - held : end - held]
 
     def close(self) -> None:
         """Close the file."""
-        self._offset, self._window = 0, np.empty(0, dtype=np.uint8)
+        self._held = (0, np.empty(0, dtype=np.uint8))
         self._file.close()

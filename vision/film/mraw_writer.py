@@ -55,6 +55,13 @@ def write_mraw(
     ------
     FilmError
         Frames that do not fit the stated format, or a folder that cannot be written; nothing is left behind.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import vision
+    >>> vision.write_mraw("grey.mraw", [np.full((48, 64), 900)] * 3, 2000.0, bit_depth=12)
+    3
     """
     path = Path(path)
     if path.suffix != ".mraw":

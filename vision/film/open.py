@@ -39,8 +39,10 @@ def open_film(path: str | os.PathLike[str], *, allow_truncated: bool = False) ->
 
     Examples
     --------
-    >>> with vision.open_film("film.mraw") as film:  # doctest: +SKIP
-    ...     first = film.read(0)
+    >>> import vision
+    >>> with vision.open_film("film.mraw") as film:
+    ...     film.n_frames, film.frame_rate_hz, film.read(0).shape
+    (150, 2000.0, (212, 280))
     """
     path = Path(path)
     suffix = path.suffix.lower()

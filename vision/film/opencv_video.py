@@ -36,6 +36,8 @@ class VideoFilm(Film):
     tracker the true frame times.
     """
 
+    in_order = True
+
     def __init__(self, path: Path, *, allow_truncated: bool = False) -> None:
         # start-up: OpenCV costs 0.12 s, MRAW films do without
         import cv2

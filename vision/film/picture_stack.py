@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.errors import FilmError
-from vision.film.source import Film
+from vision.film.source import Film, NewestFrame
 from vision.film.tiff_pages import chain_is_whole
 
 PICTURE_SUFFIXES = (".png", ".tif", ".tiff", ".bmp")
@@ -35,6 +35,7 @@ class PictureFolder(Film):
             raise FilmError(f"{path}: folder cannot be read ({error.strerror})") from None
         if not found:
             raise FilmError(f"{path}: holds no picture ({', '.join(PICTURE_SUFFIXES)}); give a film or such a folder")
+        self._newest = NewestFrame()
         self._files = _one_series(path, sorted(found, key=_by_number), allow_truncated)
         self.n_frames = len(self._files)
         first = _decode(self._files[0])
@@ -45,6 +46,8 @@ class PictureFolder(Film):
     def read(self, index: int) -> NDArray[Any]:
         """Whole frame, shape (height, width)."""
         self._check_index(index)
+        if self._newest.index == index and self._newest.picture is not None:
+            return self._newest.picture
         file = self._files[index]
         picture = _decode(file)
         if picture.shape != (self.height, self.width) or picture.dtype != self._type:
@@ -52,6 +55,7 @@ class PictureFolder(Film):
                 f"{file}: {picture.shape[1]} x {picture.shape[0]} {picture.dtype}, the first picture is "
                 f"{self.width} x {self.height} {self._type}; keep one film per folder"
             )
+        self._newest.index, self._newest.picture = index, picture
         return picture
 
 
@@ -63,6 +67,7 @@ class PagedPicture(Film):
         import cv2
 
         self.path = path
+        self._newest = NewestFrame()
         try:
             self.n_frames = int(cv2.imcount(str(path), cv2.IMREAD_UNCHANGED))
         except cv2.error as error:
@@ -92,9 +97,12 @@ class PagedPicture(Film):
     def read(self, index: int) -> NDArray[Any]:
         """Whole frame, shape (height, width)."""
         self._check_index(index)
+        if self._newest.index == index and self._newest.picture is not None:
+            return self._newest.picture
         page = self._page(index)
         if page.shape != (self.height, self.width):
             raise FilmError(f"{self.path}: page {index} is {page.shape[1]} x {page.shape[0]}, page 0 is not")
+        self._newest.index, self._newest.picture = index, page
         return page
 
     def _page(self, index: int) -> NDArray[Any]:

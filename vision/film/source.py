@@ -6,6 +6,7 @@ top; `read_region` returns only the wanted rectangle and, where the format allow
 
 from __future__ import annotations
 
+import threading
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Protocol
@@ -85,8 +86,18 @@ class FrameSource(Protocol):
         ...
 
 
+class NewestFrame(threading.local):
+    """The frame that a thread read last, for readers that can only decode whole ones."""
+
+    index = -1
+    picture: NDArray[Any] | None = None
+
+
 class Film:
-    """Shared part of the readers: bounds checks, the context manager, frame times from the frame rate."""
+    """Shared part of the readers: bounds checks, the context manager, frame times from the frame rate.
+
+    ``in_order`` is True where frames are decoded one after the other; of all other films several threads may read.
+    """
 
     path: Path
     n_frames: int
@@ -96,6 +107,7 @@ class Film:
     frame_rate_hz: float | None = None
     exposure_s: float | None = None
     compression: Compression | None = None
+    in_order = False
 
     @property
     def frame_time_s(self) -> NDArray[np.float64] | None:

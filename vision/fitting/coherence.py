@@ -17,8 +17,11 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-BLOCK_PX = (8, 16, 32)
+from vision.fitting.template import TILE_PX
+
+BLOCK_PX = (TILE_PX, 2 * TILE_PX, 4 * TILE_PX)
 """Sides of the blocks."""
+FAST = {"reassoc", "contract", "arcp", "nsz"}
 N_LEVELS = len(BLOCK_PX)
 
 
@@ -33,36 +36,41 @@ class Ratios(NamedTuple):
 UNKNOWN = Ratios(np.full((N_LEVELS, 3), np.nan), np.full((N_LEVELS, 3), np.nan))
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, fastmath=FAST)
 def block_moments(
     columns: NDArray[np.float32],
     work: NDArray[np.float32],
     weight: NDArray[np.float32],
-    block: NDArray[np.int32],
+    first: NDArray[np.int64],
     groups: NDArray[np.int32],
     influence: NDArray[np.float64],
 ) -> NDArray[np.float64]:
     """Sums of the squares and of the fourth powers of what each block moves turn, x and y by: (2, sizes, 3).
 
-    ``work`` holds visible pixels and residuals in rows 1 and 2; ``groups`` (sizes, n_blocks) says in which larger block
-    each smallest one lies.
+    ``work`` holds visible pixels and residuals in rows 1 and 2; ``first`` (n_runs + 1) where each run of pixels of one
+    block begins; ``groups`` (sizes, n_runs) says in which block of each size it lies.
     """
-    n_sizes, n_blocks = groups.shape
-    scores, moments = np.zeros((n_blocks, 5)), np.zeros((2, n_sizes, 3))
-    for i in range(block.size):
-        k, r = block[i], np.float64(weight[i] * work[1, i]) * np.float64(work[2, i])
-        for j in range(4):
-            scores[k, j] += r * columns[j, i]
-        scores[k, 4] += r
+    n_sizes, n_runs = groups.shape
+    moved, moments = np.zeros((n_sizes, n_runs, 3)), np.zeros((2, n_sizes, 3))
+    at, ax, ay, ref, visible, residual = columns[0], columns[1], columns[2], columns[3], work[1], work[2]
+    for k in range(n_runs):
+        # slices begin at zero, as the compiler needs to keep the sums in vector registers
+        start, end = first[k], first[k + 1]
+        w, seen, left = weight[start:end], visible[start:end], residual[start:end]
+        a0, a1, a2, a3 = at[start:end], ax[start:end], ay[start:end], ref[start:end]
+        s0 = s1 = s2 = s3 = s4 = np.float32(0.0)
+        for i in range(w.size):
+            r = w[i] * seen[i] * left[i]
+            s0, s1, s2, s3, s4 = s0 + r * a0[i], s1 + r * a1[i], s2 + r * a2[i], s3 + r * a3[i], s4 + r
+        for j in range(3):
+            way = influence[j, 0] * s0 + influence[j, 1] * s1 + influence[j, 2] * s2
+            way += influence[j, 3] * s3 + influence[j, 4] * s4
+            for size in range(n_sizes):
+                moved[size, groups[size, k], j] += way
     for size in range(n_sizes):
-        moved = np.zeros((n_blocks, 3))
-        for k in range(n_blocks):
+        for k in range(n_runs):
             for j in range(3):
-                for p in range(5):
-                    moved[groups[size, k], j] += influence[j, p] * scores[k, p]
-        for k in range(n_blocks):
-            for j in range(3):
-                square = moved[k, j] ** 2
+                square = moved[size, k, j] ** 2
                 moments[0, size, j] += square
                 moments[1, size, j] += square * square
     return moments
@@ -72,14 +80,14 @@ class Blocks:
     """The blocks of one template."""
 
     def __init__(self, offset_px: NDArray[np.float32]) -> None:
-        x, y = (offset_px - offset_px.min(axis=1, keepdims=True)).astype(float)
-        smallest = BLOCK_PX[0]
-        keys, number = np.unique(np.floor(y / smallest) * 4096 + np.floor(x / smallest), return_inverse=True)
-        self._block: NDArray[np.int32] = np.ascontiguousarray(number, dtype=np.int32)
-        row, column = np.divmod(keys, 4096)
+        x, y = np.floor((offset_px - offset_px.min(axis=1, keepdims=True)) / TILE_PX).astype(np.int64)
+        # runs of pixels in one square; in a template's order there is one run per square
+        starts = np.flatnonzero((np.diff(x, prepend=-1) != 0) | (np.diff(y, prepend=-1) != 0))
+        self._first = np.append(starts, x.size)
+        row, column = y[starts], x[starts]
         groups = [
             np.unique(row // step * 4096 + column // step, return_inverse=True)[1]
-            for step in (side // smallest for side in BLOCK_PX)
+            for step in (side // TILE_PX for side in BLOCK_PX)
         ]
         self._groups = np.array(groups, dtype=np.int32)
         # the scores of all blocks add up to zero in five directions
@@ -107,6 +115,6 @@ class Blocks:
         white_variance : ndarray, shape (3,)
             Of (turn, x, y), by the residual variance.
         """
-        square, fourth = block_moments(columns, work, weight, self._block, self._groups, influence)
+        square, fourth = block_moments(columns, work, weight, self._first, self._groups, influence)
         # of normal numbers the fourth power has a mean of three
         return Ratios(square / white_variance / self._freedom, 3.0 * square**2 / np.maximum(fourth, 1e-300))

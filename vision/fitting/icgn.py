@@ -15,12 +15,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.film.source import SATURATED_SHARE, FrameSource, saturated_areas
+from vision.film.source import SATURATED_SHARE, FrameSource
 from vision.fitting.base import FAILED, MARGIN_PX, Fit, region_of
-from vision.fitting.bspline import coefficients, noise_gain
+from vision.fitting.bspline import noise_gain
 from vision.fitting.coherence import UNKNOWN, Blocks, Ratios
-from vision.fitting.kernels import Region, RigidFit, Settings, Subset, fit_rigid
-from vision.fitting.pose_covariance import TUKEY_FACTOR, pose_covariance
+from vision.fitting.frame_spline import FrameSpline
+from vision.fitting.kernel_records import Region, RigidFit, Settings, State, Subset
+from vision.fitting.kernels import fit_rigid
+from vision.fitting.normal_inverse import inverse_and_covariance
+from vision.fitting.pose_covariance import PATTERN_EXCESS, TUKEY_FACTOR, pose_covariance
 from vision.fitting.template import Template
 
 TOLERANCE_PX = 0.002
@@ -39,11 +42,13 @@ SCALE_FLOOR_GREY = 0.5
 class IcgnFitter:
     """Fits one body; carries the weights of its pixels over from frame to frame."""
 
-    def __init__(self, template: Template) -> None:
+    def __init__(self, template: Template, frames: FrameSpline | None = None) -> None:
         self.template = template
+        self._frames = frames
         self._settings = Settings(noise_gain(), SCALE_FLOOR_GREY, TOLERANCE_PX, STOP_U, MAX_ITERATIONS)
         self._blocks = Blocks(template.offset_px)
-        self._work = np.zeros((3, template.n_pixels), dtype=np.float32)
+        self._work = np.zeros((5, template.n_pixels), dtype=np.float32)
+        self._at = np.zeros(template.n_pixels, dtype=np.int32)
         self._uncovered = np.zeros(template.n_pixels, dtype=np.uint8)
         self.reset()
 
@@ -76,26 +81,21 @@ class IcgnFitter:
         region = region_of(template, start, film.height, film.width)
         if region is None:
             return FAILED
-        y0, y1, x0, x1 = region
-        picture = film.read_region(index, y0, y1, x0, x1)
-        coefficient = coefficients(picture)
-        saturated = saturated_areas(picture, film.bit_depth)
-        if saturated is not None and self._under(saturated, start, y0, x0) > SATURATED_SHARE * template.n_pixels:
-            # not a number: the compiled loop leaves out every sample that such a coefficient enters
-            coefficient[saturated] = np.nan
+        if self._frames is None or self._frames.film is not film:
+            self._frames = FrameSpline(film)
+        part = self._frames.part(index, region)
+        coefficient, (y0, _, x0, _) = part.coefficient, part.box
+        # turned pixels may fall on one another, two at most
+        if 2 * part.n_saturated > SATURATED_SHARE * template.n_pixels:
+            saturated = part.saturated(film.bit_depth)
+            if saturated is not None and self._under(saturated, start, y0, x0) > SATURATED_SHARE * template.n_pixels:
+                # not a number: the compiled loop leaves out every sample that such a coefficient enters
+                coefficient = np.where(saturated, np.float32(np.nan), coefficient)
         pose = np.array(start, dtype=float)
-        subset = Subset(
-            template.offset_px, template.columns, self._uncovered if covered is None else covered, *template.centre_px
-        )
-        found = fit_rigid(
-            Region(coefficient, float(x0), float(y0)),
-            subset,
-            self._settings,
-            pose,
-            self._weight,
-            self._work,
-            self._scale,
-        )
+        hidden = self._uncovered if covered is None else covered
+        subset = Subset(template.offset_px, template.columns, hidden, *template.centre_px, template.radius_px)
+        state = State(pose, self._weight, self._work, self._at, self._scale)
+        found = fit_rigid(Region(coefficient, float(x0), float(y0)), subset, self._settings, state)
         if found.iterations <= 0 or not np.all(np.isfinite(pose)):
             self.reset()
             return FAILED
@@ -125,7 +125,7 @@ class IcgnFitter:
         # pixels that are saturated, or of one grey value, have no residual, though the others have their noise
         still = QUIET * template.noise_grey * min(abs(gain), 1.0)
         variance = max(variance, still**2 * (found.noise_gain + gain**2 / template.n_averaged))
-        covariance, inverse = pose_covariance(found.normal, variance, gain, found.noise_gain, template, TUKEY_FACTOR)
+        covariance, inverse = self._covariance(found, variance)
         return Fit(
             pose=pose,
             covariance=covariance,
@@ -138,6 +138,18 @@ class IcgnFitter:
             converged=True,
             coherence=self._coherence(found, covariance, inverse),
         )
+
+    def _covariance(self, found: RigidFit, variance: float) -> tuple[NDArray[np.float64], NDArray[np.float64] | None]:
+        """As `pose_covariance`, which is asked where the short way does not do."""
+        template, gain = self.template, found.gain
+        noise = variance / (found.noise_gain + gain**2 / template.n_averaged)
+        if noise <= PATTERN_EXCESS * template.noise_grey**2:
+            inverse, covariance = np.empty((5, 5)), np.empty((3, 3))
+            share = float(found.normal[4, 4]) / template.n_pixels
+            factor = TUKEY_FACTOR * noise / gain**2
+            if inverse_and_covariance(found.normal, template.noise_normal, share, factor, inverse, covariance):
+                return covariance, inverse
+        return pose_covariance(found.normal, variance, gain, found.noise_gain, template, TUKEY_FACTOR)
 
     def _coherence(
         self, found: RigidFit, covariance: NDArray[np.float64], inverse: NDArray[np.float64] | None

@@ -11,72 +11,23 @@ at ``centre + (tx, ty) + R(phi) (dx, dy)``, ``R = [[cos, -sin], [sin, cos]]``. F
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
-from numba import njit
-from numpy.typing import NDArray
+from llvmlite import ir
+from numba import njit, types
+from numba.extending import intrinsic
+
+from vision.fitting.kernel_records import F32, F64, Places, Region, ResidualSums, RigidFit, Settings, State, Subset
 
 TUKEY = 4.685
 """Tukey's constant: 95 % efficiency on normal noise."""
 SCALE_BINS = 512
-F64 = NDArray[np.float64]
-F32 = NDArray[np.float32]
 FAST = {"reassoc", "contract", "arcp", "nsz"}
+SIXTH, THIRD = 1.0 / 6.0, 2.0 / 3.0
+BASIS = ((-SIXTH, 0.5, -0.5, SIXTH), (0.5, -1.0, 0.5, 0.0), (-0.5, 0.0, 0.5, 0.0), (SIXTH, THIRD, SIXTH, 0.0))
+"""Cubic B-splines of the four coefficients around a point, times the fraction's cube, its square, itself and one."""
 # module constants are frozen into the compiled code, so they are defined in this file, as the cache needs
-
-
-class Region(NamedTuple):
-    """Part of a frame as B-spline coefficients; its first pixel lies at (``origin_x``, ``origin_y``) of the frame."""
-
-    coefficient: F32
-    origin_x: float
-    origin_y: float
-
-
-class Subset(NamedTuple):
-    """Pixels of the template: ``offset`` (2, n), ``columns`` (4, n) their sensitivities to turn, x, y and gain, and
-    ``covered`` (n), 1 for those another body hides; the centre of the body in the reference."""
-
-    offset: F32
-    columns: F32
-    covered: NDArray[np.uint8]
-    centre_x: float
-    centre_y: float
-
-
-class Settings(NamedTuple):
-    """How the fit weights and when it stops: ``stop_u`` in standard uncertainties; ``gain_table`` is
-    `bspline.noise_gain`."""
-
-    gain_table: F64
-    scale_floor: float
-    tolerance_px: float
-    stop_u: float
-    max_iterations: int
-
-
-class ResidualSums(NamedTuple):
-    """Sums over the visible pixels, with their Tukey weights w: of w, w r^2, w v and w v^2 (residual r, grey value v);
-    the pixels within three times the robust ``scale``, and the visible ones."""
-
-    scale: float
-    weight: float
-    squares: float
-    inlier: float
-    seen: float
-    value: float
-    value2: float
-
-
-class RigidFit(NamedTuple):
-    """``iterations``, negative where the fit broke down; gain; weighted normal matrix (5, 5); mean noise gain."""
-
-    iterations: int
-    gain: float
-    normal: F64
-    sums: ResidualSums
-    noise_gain: float
 
 
 @njit(cache=True, nogil=True)
@@ -114,48 +65,86 @@ def solve5(matrix: F64, right: F64, solution: F64) -> bool:
     return True
 
 
-@njit(cache=True, nogil=True, fastmath=FAST)
-def warp_template(region: Region, subset: Subset, pose: F64, gain_table: F64, value: F32, visible: F32) -> float:
-    """Sample the frame at every template pixel; ``visible`` is 1 or 0. Returns the mean noise gain of the samples."""
-    coefficient, offset, covered = region.coefficient, subset.offset, subset.covered
-    cx, cy, phi = subset.centre_x + pose[1], subset.centre_y + pose[2], pose[0]
-    height, width = coefficient.shape
-    cosine, sine = math.cos(phi), math.sin(phi)
-    dx, dy = offset[0], offset[1]
-    gain_sum, gain_count = 0.0, 0
-    base_x, base_y = cx - region.origin_x, cy - region.origin_y
+@intrinsic
+def spline_sample(typing: Any, flat: Any, at: Any, width: Any, fx: Any, fy: Any) -> Any:
+    """The spline of coefficients ``flat`` (rows of ``width``) at fractions (fx, fy) past the second of the four by four
+    that begin at ``at``. Four rows of four at once: the compiler leaves them scalar, four times slower."""
+
+    def code(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        picture, index, step, along, across = args
+        four, lanes = ir.VectorType(ir.FloatType(), 4), ir.VectorType(ir.IntType(32), 4)
+        free, fused = ir.Constant(four, ir.Undefined), {"flags": ("contract",)}
+
+        def spread(vector: Any, order: list[int]) -> Any:
+            return builder.shuffle_vector(vector, free, ir.Constant(lanes, order))
+
+        def basis(fraction: Any) -> Any:
+            f = spread(builder.insert_element(free, fraction, ir.Constant(ir.IntType(32), 0)), [0] * 4)
+            total = ir.Constant(four, list(BASIS[0]))
+            for row in BASIS[1:]:
+                total = builder.fadd(builder.fmul(total, f, **fused), ir.Constant(four, list(row)), **fused)
+            return total
+
+        data = context.make_array(signature.args[0])(context, builder, picture).data
+        by, total = basis(across), ir.Constant(four, [0.0] * 4)
+        for row in range(4):
+            line = builder.load(builder.bitcast(builder.gep(data, [index]), four.as_pointer()), align=4)
+            total = builder.fadd(total, builder.fmul(spread(by, [row] * 4), line, **fused), **fused)
+            index = builder.add(index, step)
+        total = builder.fmul(total, basis(along))
+        for order in ([2, 3, 0, 1], [1, 0, 3, 2]):
+            total = builder.fadd(total, spread(total, order))
+        return builder.extract_element(total, ir.Constant(ir.IntType(32), 0))
+
+    return types.float32(flat, types.int64, types.int64, types.float32, types.float32), code
+
+
+@njit(cache=True, nogil=True)
+def place_pixels(region: Region, subset: Subset, pose: F64, places: Places, visible: F32) -> None:
+    """Where each template pixel lies in the region; ``visible`` is 1 or 0."""
+    height, width = region.coefficient.shape
+    cosine, sine = np.float32(math.cos(pose[0])), np.float32(math.sin(pose[0]))
+    centre_x = subset.centre_x + pose[1] - region.origin_x
+    centre_y = subset.centre_y + pose[2] - region.origin_y
+    # whole pixels apart, so that single precision is enough
+    left, top = np.int32(math.floor(centre_x)), np.int32(math.floor(centre_y))
+    rest_x, rest_y = np.float32(centre_x - left), np.float32(centre_y - top)
+    last_x, last_y, step = np.int32(width - 3), np.int32(height - 3), np.int32(width)
+    dx, dy, covered = subset.offset[0], subset.offset[1], subset.covered
+    one, zero = np.float32(1.0), np.float32(0.0)
     for i in range(dx.size):
-        x = base_x + cosine * dx[i] - sine * dy[i]
-        y = base_y + sine * dx[i] + cosine * dy[i]
-        if covered[i] != 0 or not (x >= 1.0 and y >= 1.0 and x < width - 2 and y < height - 2):
-            value[i] = 0.0
-            visible[i] = 0.0
-            continue
-        ix, iy = int(x), int(y)
-        fx, fy = np.float32(x - ix), np.float32(y - iy)
-        one, four, three, six = np.float32(1.0), np.float32(4.0), np.float32(3.0), np.float32(6.0)
-        sixth = np.float32(1.0 / 6.0)
-        gx, gy = one - fx, one - fy
-        x0, x3 = gx * gx * gx * sixth, fx * fx * fx * sixth
-        x1 = (four - fx * fx * (six - three * fx)) * sixth
-        x2 = one - x0 - x1 - x3
-        y0, y3 = gy * gy * gy * sixth, fy * fy * fy * sixth
-        y1 = (four - fy * fy * (six - three * fy)) * sixth
-        y2 = one - y0 - y1 - y3
-        r0, r1, r2, r3 = coefficient[iy - 1], coefficient[iy], coefficient[iy + 1], coefficient[iy + 2]
-        a = x0 * r0[ix - 1] + x1 * r0[ix] + x2 * r0[ix + 1] + x3 * r0[ix + 2]
-        b = x0 * r1[ix - 1] + x1 * r1[ix] + x2 * r1[ix + 1] + x3 * r1[ix + 2]
-        c = x0 * r2[ix - 1] + x1 * r2[ix] + x2 * r2[ix + 1] + x3 * r2[ix + 2]
-        d = x0 * r3[ix - 1] + x1 * r3[ix] + x2 * r3[ix + 1] + x3 * r3[ix + 2]
-        value[i] = y0 * a + y1 * b + y2 * c + y3 * d
-        visible[i] = one
-        if math.isnan(value[i]):  # a saturated pixel is among the sixteen
-            value[i] = visible[i] = 0.0
-        if i % 16 == 0:
-            steps = gain_table.size - 1
-            gain_sum += gain_table[int(fx * steps + 0.5)] * gain_table[int(fy * steps + 0.5)]
-            gain_count += 1
-    return gain_sum / gain_count if gain_count > 0 else 1.0
+        x, y = rest_x + (cosine * dx[i] - sine * dy[i]), rest_y + (sine * dx[i] + cosine * dy[i])
+        whole_x, whole_y = np.floor(x), np.floor(y)
+        places.fx[i], places.fy[i] = x - whole_x, y - whole_y
+        ix, iy = np.int32(left + np.int32(whole_x)), np.int32(top + np.int32(whole_y))
+        inside = (covered[i] == 0) & (ix >= 1) & (iy >= 1) & (ix <= last_x) & (iy <= last_y)
+        visible[i] = one if inside else zero
+        places.at[i] = np.int32(iy - 1) * step + np.int32(ix - 1) if inside else np.int32(0)
+
+
+@njit(cache=True, nogil=True)
+def sample(region: Region, places: Places, value: F32, visible: F32) -> None:
+    """Sample the frame at every visible template pixel; the others, and what is not a number, become zero."""
+    flat, width = region.coefficient.reshape(-1), region.coefficient.shape[1]
+    zero = np.float32(0.0)
+    for i in range(value.size):
+        at, fx, fy = np.int64(places.at[i]), places.fx[i], places.fy[i]
+        v = np.float32(spline_sample(flat, at, np.int64(width), fx, fy))  # type: ignore[call-arg]  # mypy sees `typing`
+        known = (visible[i] > zero) & (v == v)  # a saturated pixel among the sixteen is not a number
+        value[i] = v if known else zero
+        visible[i] = np.float32(1.0) if known else zero
+
+
+@njit(cache=True, nogil=True, fastmath=FAST)
+def mean_noise_gain(places: Places, visible: F32, gain_table: F64) -> float:
+    """Mean noise gain of every sixteenth sample."""
+    total, count, steps = 0.0, 0, np.float32(gain_table.size - 1)
+    half = np.float32(0.5)
+    for i in range(0, visible.size, 16):
+        if visible[i] > 0.0:
+            total += gain_table[int(places.fx[i] * steps + half)] * gain_table[int(places.fy[i] * steps + half)]
+            count += 1
+    return total / count if count > 0 else 1.0
 
 
 @njit(cache=True, nogil=True, fastmath=FAST)
@@ -254,26 +243,23 @@ def step_in_u(matrix: F64, q: F64, sums: ResidualSums, right: F64, column: F64) 
 
 
 @njit(cache=True, nogil=True)
-def fit_rigid(
-    region: Region, subset: Subset, settings: Settings, pose: F64, weight: F32, work: F32, scale: float
-) -> RigidFit:
+def fit_rigid(region: Region, subset: Subset, settings: Settings, state: State) -> RigidFit:
     """Inverse-compositional Gauss-Newton fit of one body in one frame.
 
-    Starts from ``pose`` (phi, tx, ty), ``weight`` and the residuals' robust ``scale``; pose and weight receive the
-    result, ``work`` (3, n) grey values, visible pixels and residuals.
+    Starts from pose, weights and scale of ``state``, which receives the result.
     """
-    value, visible, residual = work[0], work[1], work[2]
+    pose, weight, value, visible, residual = state.pose, state.weight, state.work[0], state.work[1], state.work[2]
+    places = Places(state.work[3], state.work[4], state.at)
     # q: gain times the step (turn, x, y), gain, offset
     matrix, right, q, column = np.zeros((5, 5)), np.empty(5), np.zeros(5), np.zeros(5)
-    sums, noise_gain = ResidualSums(scale, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0), 1.0
-    radius, before, rate = 0.0, np.inf, 0.0
-    for i in range(weight.size):
-        radius = max(radius, math.hypot(subset.offset[0, i], subset.offset[1, i]))
+    sums = ResidualSums(state.scale, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    before, rate = np.inf, 0.0
     for iteration in range(1, settings.max_iterations + 1):
-        noise_gain = warp_template(region, subset, pose, settings.gain_table, value, visible)
+        place_pixels(region, subset, pose, places, visible)
+        sample(region, places, value, visible)
         accumulate(subset.columns, value, weight, visible, matrix, right)
         if not solve5(matrix, right, q) or abs(q[3]) < 1e-3:
-            return RigidFit(-iteration, q[3], matrix, sums, noise_gain)
+            return RigidFit(-iteration, q[3], matrix, sums, 1.0)
         residuals(subset.columns, value, q, residual)
         top, found = 8.0 * max(sums.scale, settings.scale_floor), np.inf
         while found >= 0.175 * top and top < 1e7:
@@ -283,7 +269,7 @@ def fit_rigid(
         sums = weighted_sums(residual, weight, value, visible, found)
         turn, step_x, step_y = q[0] / q[3], q[1] / q[3], q[2] / q[3]
         if not (abs(turn) < 1.0 and max(abs(step_x), abs(step_y)) < 100.0):
-            return RigidFit(-iteration, q[3], matrix, sums, noise_gain)
+            return RigidFit(-iteration, q[3], matrix, sums, 1.0)
         # compose with the inverse of the template's own motion
         pose[0] -= turn
         cosine, sine = math.cos(pose[0]), math.sin(pose[0])
@@ -293,8 +279,8 @@ def fit_rigid(
         step = step_in_u(matrix, q, sums, right, column)
         rate = max(min(step / before, 0.95), 0.7 * rate)
         before = step
-        small = max(abs(turn) * radius, max(abs(step_x), abs(step_y))) < settings.tolerance_px
+        small = max(abs(turn) * subset.radius, max(abs(step_x), abs(step_y))) < settings.tolerance_px
         left = step * (1.0 if iteration == settings.max_iterations else rate / (1.0 - rate))
         if (small or (step < 1.0 and left < settings.stop_u)) and iteration > 1:
-            return RigidFit(iteration, q[3], matrix, sums, noise_gain)
-    return RigidFit(-settings.max_iterations, q[3], matrix, sums, noise_gain)
+            return RigidFit(iteration, q[3], matrix, sums, mean_noise_gain(places, visible, settings.gain_table))
+    return RigidFit(-settings.max_iterations, q[3], matrix, sums, 1.0)

@@ -149,6 +149,15 @@ def cramer_rao_bound(picture: NDArray[Any], mask: NDArray[np.bool_], noise_grey:
     ------
     BodyError
         When the masked region has no texture.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import vision
+    >>> speckle = np.random.default_rng(1).normal(128.0, 30.0, (60, 80))
+    >>> u_angle_rad, u_x_px, u_y_px = vision.cramer_rao_bound(speckle, np.ones((60, 80), bool), noise_grey=2.0)
+    >>> bool(u_angle_rad < 1e-4)
+    True
     """
     rows, cols = np.nonzero(mask)
     columns, _, _ = design_columns(picture, mask, (float(cols.mean()), float(rows.mean())))

@@ -10,7 +10,7 @@ offset hardly correlate.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -18,6 +18,9 @@ from numpy.typing import NDArray
 
 from vision.errors import BodyError
 from vision.fitting.bspline import gradient, slope_noise_gain
+
+TILE_PX = 8
+"""Side of the squares in which the pixels are kept together, so that loops over them find their neighbours near."""
 
 
 @dataclass(frozen=True)
@@ -30,7 +33,7 @@ class Template:
     centre_px : (float, float)
         Centroid of the mask (x, y).
     offset_px : ndarray of float32, shape (2, n)
-        Pixel positions (x, y) relative to the centre.
+        Pixel positions (x, y) relative to the centre; squares of `TILE_PX` one after the other.
     columns : ndarray of float32, shape (4, n)
         Derivative of the grey value by turn (grey per rad), by shift in x and y (grey per px), and the
         reference grey value less ``mean_grey``, which is the derivative by gain.
@@ -120,6 +123,8 @@ def build_template(
         inverse = invert_normal(columns.T @ columns)
         if inverse is None:
             raise BodyError(f"body {name}: {max_pixels} pixels do not fix its pose; allow more")
+    order = np.lexsort((np.floor((dx - dx.min()) / TILE_PX), np.floor((dy - dy.min()) / TILE_PX)))
+    columns, dx, dy = columns[order], dx[order], dy[order]
     mean_grey = float(np.asarray(picture, dtype=float)[mask].mean())
     return Template(
         name=name,
@@ -133,6 +138,25 @@ def build_template(
         n_averaged=n_averaged,
         box_px=(float(dx.min()), float(dx.max()), float(dy.min()), float(dy.max())),
         noise_grey=noise_grey,
+    )
+
+
+def thinned(template: Template, max_pixels: int) -> Template:
+    """A template with only the pixels that tell most about the pose; its centre stays."""
+    design = np.vstack([template.columns, np.ones(template.n_pixels)]).T.astype(float)
+    inverse = invert_normal(template.normal)
+    if inverse is None or max_pixels >= template.n_pixels:
+        return template
+    best = _best_pixels(design, inverse, max_pixels)
+    (dx, dy), columns = template.offset_px[:, best].astype(float), design[best]
+    return replace(
+        template,
+        offset_px=np.ascontiguousarray(template.offset_px[:, best]),
+        columns=np.ascontiguousarray(template.columns[:, best]),
+        normal=columns.T @ columns,
+        noise_normal=_noise_normal(dx, dy, template.noise_grey**2 / template.n_averaged),
+        radius_px=float(np.hypot(dx, dy).max()),
+        box_px=(float(dx.min()), float(dx.max()), float(dy.min()), float(dy.max())),
     )
 
 

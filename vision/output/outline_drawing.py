@@ -11,31 +11,110 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.atomic_write import whole_file
-from vision.bodies.outlines import Body
+from vision.bodies.outlines import Body, signed_distance
 from vision.errors import FilmError
+from vision.output.colours import bgr, colour_of
 
 MIN_WIDTH_PX = 800
+MARGIN_PX = 44
+SCALE_STEP_PX = 60
+"""Least distance of two numbers along a side."""
+WHITE = (255, 255, 255)
 
 
 def draw_bodies(picture: NDArray[Any], bodies: Sequence[Body], bit_depth: int) -> NDArray[np.uint8]:
-    """Outlines and names over a picture, enlarged to a width of at least 800 px, colour (h, w, 3)."""
+    """Draw outlines and names over a picture, with film pixels along its sides.
+
+    Parameters
+    ----------
+    picture : ndarray, shape (height, width)
+    bodies : sequence of Body
+    bit_depth : int
+        Of the picture's grey values.
+
+    Returns
+    -------
+    ndarray of uint8, shape (h, w, 3)
+        Colour in the order of OpenCV, enlarged to a width of at least 800 px, with a margin for the scales.
+
+    Examples
+    --------
+    >>> import vision
+    >>> with vision.open_film("film.mraw") as film:
+    ...     drawn = vision.draw_bodies(film.read(0), vision.load_bodies("bodies.toml"), film.bit_depth)
+    >>> drawn.shape[1] >= 800
+    True
+    """
     grey = (np.asarray(picture, dtype=float) / 2.0 ** (bit_depth - 8)).clip(0, 255).astype(np.uint8)
     factor = max(1, -(-MIN_WIDTH_PX // grey.shape[1]))
     large = cv2.resize(grey, None, fx=factor, fy=factor, interpolation=cv2.INTER_CUBIC)
-    colour = cv2.cvtColor(large, cv2.COLOR_GRAY2BGR)
+    colour: NDArray[Any] = cv2.copyMakeBorder(
+        cv2.cvtColor(large, cv2.COLOR_GRAY2BGR), MARGIN_PX, 0, MARGIN_PX, 0, cv2.BORDER_CONSTANT, value=(0, 0, 0)
+    )
+    _draw_scales(colour, grey.shape, factor)
     for i, body in enumerate(bodies):
-        hue = np.full((1, 1, 3), ((47 * i + 25) % 180, 220, 255), dtype=np.uint8)
-        tint = tuple(int(v) for v in cv2.cvtColor(hue, cv2.COLOR_HSV2BGR)[0, 0])
-        points = np.rint((body.polygon_px + 0.5) * factor).astype(np.int32)
+        tint = bgr(colour_of(body.name, i))
+        points = np.rint((body.polygon_px + 0.5) * factor).astype(np.int32) + MARGIN_PX
         cv2.polylines(colour, [points], True, tint, 2, cv2.LINE_AA)
-        x, y = (int(v) for v in points.mean(axis=0))
-        for shade, width in (((0, 0, 0), 4), (tint, 1)):
-            cv2.putText(colour, body.name, (x - 24, y), cv2.FONT_HERSHEY_SIMPLEX, 0.6, shade, width, cv2.LINE_AA)
+    for i, body in enumerate(bodies):  # over all outlines
+        x, y = _inmost(body.polygon_px, *grey.shape)
+        _write(colour, body.name, int((x + 0.5) * factor) + MARGIN_PX, int((y + 0.5) * factor) + MARGIN_PX,
+               bgr(colour_of(body.name, i)), 0.6)  # fmt: skip
     return np.asarray(colour, dtype=np.uint8)
 
 
+def _inmost(polygon_px: NDArray[np.float64], height: int, width: int) -> tuple[int, int]:
+    """The pixel (x, y) of the picture furthest inside an outline: there a name lies on its body."""
+    y, x = np.unravel_index(int(np.argmax(signed_distance(polygon_px, height, width))), (height, width))
+    return int(x), int(y)
+
+
+def _draw_scales(picture: NDArray[Any], shape: tuple[int, ...], factor: int) -> None:
+    """Film pixels along the upper and the left side, as outlines are written in."""
+    step = next(step for step in (10, 20, 50, 100, 200, 500, 1000) if step * factor >= SCALE_STEP_PX or step == 1000)
+    for along, size in enumerate((shape[1], shape[0])):
+        for value in range(0, size, step):
+            at = int((value + 0.5) * factor) + MARGIN_PX
+            place = (at, MARGIN_PX) if along == 0 else (MARGIN_PX, at)
+            tick = (at, MARGIN_PX - 5) if along == 0 else (MARGIN_PX - 5, at)
+            cv2.line(picture, place, tick, WHITE, 1)
+            _write(picture, str(value), *((at, MARGIN_PX - 14) if along == 0 else (MARGIN_PX // 2 - 2, at)), WHITE, 0.4)
+    _write(picture, "px", MARGIN_PX // 2 - 2, MARGIN_PX - 14, WHITE, 0.4)
+
+
+def _write(picture: NDArray[Any], text: str, x: int, y: int, colour: tuple[int, int, int], size: float) -> None:
+    """Text about a point, moved into the picture, with a dark rim."""
+    plain = text.encode("ascii", "replace").decode()
+    (wide, high), _ = cv2.getTextSize(plain, cv2.FONT_HERSHEY_SIMPLEX, size, 1)
+    at = (
+        min(max(x - wide // 2, 2), picture.shape[1] - wide - 2),
+        min(max(y + high // 2, high + 2), picture.shape[0] - 4),
+    )
+    for shade, width in (((0, 0, 0), 4), (colour, 1)):
+        cv2.putText(picture, plain, at, cv2.FONT_HERSHEY_SIMPLEX, size, shade, width, cv2.LINE_AA)
+
+
 def write_picture(path: Path, picture: NDArray[np.uint8]) -> None:
-    """Write a picture, grey or colour (h, w, 3) in the order of OpenCV, as PNG: whole or not at all."""
+    """Write a picture as PNG: whole or not at all.
+
+    Parameters
+    ----------
+    path : Path
+    picture : ndarray of uint8, shape (h, w) or (h, w, 3)
+        Grey, or colour in the order of OpenCV.
+
+    Raises
+    ------
+    FilmError
+        The picture cannot be encoded.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> import numpy as np
+    >>> import vision
+    >>> vision.write_picture(Path("grey.png"), np.full((48, 64), 128, np.uint8))
+    """
     ok, data = cv2.imencode(".png", picture)
     if not ok:
         raise FilmError(f"{path}: the picture cannot be encoded as PNG")

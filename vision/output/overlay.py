@@ -1,4 +1,4 @@
-"""Pictures to check a tracking by eye: an overlay film, and a contact sheet of the worst frames.
+"""A film to check a tracking by eye: its frames with the outlines at the poses found.
 
 Drawn with OpenCV: the outlines are moved to the poses found; a body lost in a frame is drawn red where it was last
 seen. A result that does not belong to the film, or a path that cannot be written, raises `VisionInputError`.
@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator, Sequence
-from pathlib import Path
 from typing import Any
 
 import cv2
@@ -16,15 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.angles import ccw_to_picture
-from vision.bodies.outlines import Body, build_masks
+from vision.bodies.masks import build_masks
+from vision.bodies.outlines import Body
 from vision.errors import VisionInputError
 from vision.film.avi_writer import write_avi
 from vision.film.source import FrameSource
-from vision.output.outline_drawing import write_picture
+from vision.output.colours import LOST, bgr, colour_of
 from vision.results.track_result import TrackResult
 
-COLOURS = ((0, 220, 255), (120, 255, 60), (255, 180, 40), (255, 80, 255), (200, 200, 200))
-LOST = (60, 60, 255)
 SUBPIXEL_BITS = 4
 
 
@@ -56,65 +54,41 @@ def write_overlay(
     -------
     int
         Number of frames written.
+
+    Examples
+    --------
+    >>> import vision
+    >>> bodies = vision.load_bodies("bodies.toml")
+    >>> result = vision.track("film.mraw", bodies, every=10)
+    >>> with vision.open_film("film.mraw") as film:
+    ...     vision.write_overlay("tracked.avi", film, bodies, result)
+    15
     """
-    draw = _Drawer(film, bodies, result)
+    draw = OutlineDrawer(film, bodies, result)
     rows = range(0, result.frame.size, every)
 
     def pictures() -> Iterator[NDArray[Any]]:
         for row in rows:
-            yield draw.picture(row)
+            picture = draw.picture(row)
+            words = f"{int(result.frame[row])}  {result.time_s[row] * 1e3:.2f} ms"
+            _write(picture, words, 0, (255, 255, 255))
+            for i, body in enumerate(result.bodies):
+                lost = bool(result.failed[row, i])
+                _write(picture, f"{body} lost" if lost else body, i + 1, bgr(LOST if lost else colour_of(body, i)))
+            yield picture
 
     report = None if progress is None else (lambda done: progress(done, len(rows)))
     return write_avi(path, pictures(), playback_hz, quality=90, progress=report)
 
 
-def write_contact_sheet(
-    path: str | os.PathLike[str],
-    film: FrameSource,
-    bodies: Sequence[Body],
-    result: TrackResult,
-    *,
-    count: int = 12,
-    columns: int = 3,
-) -> list[int]:
-    """Write one picture (PNG) with the worst frames: lost ones first, then those of the lowest correlation.
-
-    Returns
-    -------
-    list of int
-        Frame numbers shown, worst first.
-    """
-    path = Path(path)
-    draw = _Drawer(film, bodies, result)
-    rows = worst_rows(result, count)
-    tiles = [draw.picture(row) for row in rows]
-    blank = np.zeros_like(tiles[0])
-    tiles += [blank] * (-len(tiles) % columns)
-    sheet = np.vstack([np.hstack(tiles[i : i + columns]) for i in range(0, len(tiles), columns)])
-    write_picture(path, sheet)
-    return [int(result.frame[row]) for row in rows]
+def _write(picture: NDArray[Any], text: str, line: int, colour: tuple[int, int, int]) -> None:
+    """A line of text in the upper left corner, with a dark rim that keeps it readable on any grey."""
+    for shade, width in (((0, 0, 0), 3), (colour, 1)):
+        at = (4, 12 + 14 * line)
+        cv2.putText(picture, text, at, cv2.FONT_HERSHEY_SIMPLEX, 0.4, shade, width, cv2.LINE_AA)
 
 
-def worst_rows(result: TrackResult, count: int) -> list[int]:
-    """Rows of the result to inspect first: most bodies lost, then lowest correlation of any body.
-
-    Neighbours show the same, so rows that are not lost and close to one already chosen come last.
-    """
-    lost = result.failed.sum(axis=1)
-    correlation = np.where(np.isfinite(result.zncc), result.zncc, 1.0).min(axis=1)
-    order = np.lexsort((correlation, -lost))
-    apart = lost.size // (4 * count)
-    taken: list[int] = []
-    later: list[int] = []
-    for row in map(int, order):
-        near = lost[row] == 0 and any(abs(row - other) <= apart for other in taken)
-        (later if near else taken).append(row)
-        if len(taken) == count:
-            break
-    return [*taken, *later][:count]
-
-
-class _Drawer:
+class OutlineDrawer:
     """Draws the outlines of one result into frames of its film."""
 
     def __init__(self, film: FrameSource, bodies: Sequence[Body], result: TrackResult) -> None:
@@ -150,8 +124,6 @@ class _Drawer:
             c, s = np.cos(phi), np.sin(phi)
             points = shape @ np.array([[c, s], [-s, c]]) + (result.x_px[at, i], result.y_px[at, i])
             whole = np.rint(points * 2**SUBPIXEL_BITS).astype(np.int32)
-            tint = LOST if lost else COLOURS[i % len(COLOURS)]
+            tint = bgr(LOST if lost else colour_of(result.bodies[i], i))
             cv2.polylines(colour, [whole], True, tint, 1, cv2.LINE_AA, SUBPIXEL_BITS)
-        words = f"{int(result.frame[row])}  {result.time_s[row] * 1e3:.2f} ms"
-        cv2.putText(colour, words, (4, 12), cv2.FONT_HERSHEY_SIMPLEX, 0.4, (255, 255, 255), 1, cv2.LINE_AA)
         return colour

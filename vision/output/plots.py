@@ -14,11 +14,30 @@ from matplotlib.figure import Figure
 
 from vision.atomic_write import whole_file
 from vision.errors import FilmError
+from vision.output.colours import colour_of
 from vision.results.track_result import TrackResult
 
 
 def write_plot(path: str | os.PathLike[str], result: TrackResult) -> None:
-    """Write angles, standard uncertainty and residuals of every body as one picture (.png, .svg or .pdf)."""
+    """Write angles, standard uncertainty and residuals of every body as one picture.
+
+    Parameters
+    ----------
+    path : path
+        Ends in ``.png``, ``.svg`` or ``.pdf``.
+    result : TrackResult
+
+    Raises
+    ------
+    FilmError
+        Another ending.
+
+    Examples
+    --------
+    >>> import vision
+    >>> result = vision.track("film.mraw", vision.load_bodies("bodies.toml"), every=10)
+    >>> vision.write_plot("angles.png", result)
+    """
     path = Path(path)
     if path.suffix.lower() not in (".png", ".svg", ".pdf"):
         raise FilmError(f"{path}: a plot must end in .png, .svg or .pdf")
@@ -27,7 +46,7 @@ def write_plot(path: str | os.PathLike[str], result: TrackResult) -> None:
     angle_axes, u_axes, noise_axes, share_axes = figure.subplots(4, 1, sharex=True, height_ratios=[3, 1.3, 1, 1])
     relative_total = result.budget.total(relative=True, without=("synchronisation",))
     for i, body in enumerate(result.bodies):
-        colour = f"C{i}"
+        colour = colour_of(body, i)
         if result.parents[i] is None:
             name, angle = body, result.angle_rad[:, i]
             u, total = result.u_angle_rad[:, i], result.u_total_rad[:, i]

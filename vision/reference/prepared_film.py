@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from vision.bodies.occlusion import Occlusion
 from vision.bodies.outlines import Body
 from vision.film.source import FrameSource
 from vision.fitting.template import Template
@@ -22,6 +23,7 @@ class PreparedFilm:
     reference : Reference
     templates : list of Template
         In the order of the bodies.
+    occlusion : Occlusion
     method : {"icgn", "ecc"}
     """
 
@@ -29,6 +31,7 @@ class PreparedFilm:
     bodies: Sequence[Body]
     reference: Reference
     templates: list[Template]
+    occlusion: Occlusion
     method: str
 
     @property

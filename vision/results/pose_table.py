@@ -81,6 +81,11 @@ class PoseTable:
         for name in ("pose", "covariance", "zncc", "inlier", "noise_grey", "gain", "ratio", "blocks"):
             getattr(self, name)[row, body] = np.nan
 
+    def copy_row(self, row: int, other: PoseTable, other_row: int) -> None:
+        """Take a row of another table, all bodies."""
+        for name in (field.name for field in fields(self)[1:]):
+            getattr(self, name)[row] = getattr(other, name)[other_row]
+
     def copy_from(self, other: PoseTable, row: int, body: int) -> None:
         """Take one row of one body from another table of the same frames."""
         for name in (field.name for field in fields(self)[1:]):

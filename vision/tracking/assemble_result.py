@@ -48,16 +48,27 @@ class Zero:
 
 def zero_of_still_frames(ready: PreparedFilm) -> Zero:
     """Zero of the angles; raises `TrackingError` for a body found in fewer than half of the still frames."""
+    pose, u = first_poses(FilmTracker(ready), ready.reference.n_averaged)
+    return _zero(ready, pose[..., 0], u[..., 0])
+
+
+def zero_of_rows(ready: PreparedFilm, table: PoseTable) -> Zero:
+    """As `zero_of_still_frames`, from the rows of these frames once they are tracked."""
+    still = table.frame < ready.reference.n_averaged
+    return _zero(ready, table.pose[still, :, 0], table.u_turn[still])
+
+
+def _zero(ready: PreparedFilm, turn: NDArray[np.float64], u: NDArray[np.float64]) -> Zero:
+    """Zero from turns and their standard uncertainties in the still frames, (n, m)."""
     n = ready.reference.n_averaged
-    pose, u = first_poses(FilmTracker(ready), n)
-    good = np.count_nonzero(np.isfinite(pose[..., 0]), axis=0)
+    good = np.count_nonzero(np.isfinite(turn), axis=0)
     for i, body in enumerate(ready.bodies):
         if 2 * good[i] < n:
             raise TrackingError(
                 f"{ready.film.path}: body {body.name} is found in {good[i]} of the {n} still frames; "
                 "check its outline against the first frame"
             )
-    return Zero(np.nanmean(pose[..., 0], axis=0), np.sqrt(np.nanmean(u[..., 0] ** 2, axis=0)), good)
+    return Zero(np.nanmean(turn, axis=0), np.sqrt(np.nanmean(u**2, axis=0)), good)
 
 
 def _widened_table(ready: PreparedFilm, table: PoseTable, camera: Projection | None) -> PoseTable:

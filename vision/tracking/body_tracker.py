@@ -88,10 +88,15 @@ class BodyTracker:
         return self._pose(self.absolute.predict(step), self.relative.predict(step), step)
 
     def step(
-        self, film: FrameSource, index: int, step: int, covered: NDArray[np.uint8] | None, search: bool = True
+        self,
+        film: FrameSource,
+        index: int,
+        step: int,
+        expected: NDArray[np.float64],
+        covered: NDArray[np.uint8] | None,
+        search: bool = True,
     ) -> Fit:
-        """Fit the body in frame ``index``, the ``step``-th tracked one, and remember the result."""
-        expected = self.predict(step)
+        """Fit the body in frame ``index``, the ``step``-th tracked one, from its `predict` pose, and remember it."""
         fit = self.fitter.fit(film, index, expected, covered)
         flag = self._flags_of(fit, expected)
         if flag & FAILURE:

@@ -15,6 +15,7 @@ from vision.uncertainty.budget import ErrorBudget
 
 METHODS = ("icgn", "ecc")
 CONFIRM = ("doubtful", "all", "none")
+MOST_THREADS = 64
 MAX_PIXELS = 12_000
 """Pixels fitted per body; beyond this the ones that tell least about the angle are left out."""
 
@@ -34,6 +35,7 @@ class TrackOptions(FitOptions, total=False):
 
     every: int
     confirm: str
+    threads: int | None
     checkpoint: str | os.PathLike[str] | None
     expected: Callable[[ErrorBudget], None] | None
     progress: Callable[[int, int], None] | None
@@ -67,6 +69,7 @@ class TrackSettings(FitSettings):
 
     every: int = 1
     confirm: str = "doubtful"
+    threads: int | None = None
     checkpoint: str | os.PathLike[str] | None = None
     expected: Callable[[ErrorBudget], None] | None = None
     progress: Callable[[int, int], None] | None = None
@@ -75,5 +78,9 @@ class TrackSettings(FitSettings):
         super().__post_init__()
         if isinstance(self.every, bool) or not isinstance(self.every, int | np.integer) or self.every < 1:
             raise VisionInputError(f"every = {self.every!r}; needs a whole number of at least 1")
+        if self.threads is not None and (
+            isinstance(self.threads, bool) or not isinstance(self.threads, int) or not 1 <= self.threads <= MOST_THREADS
+        ):
+            raise VisionInputError(f"threads = {self.threads!r}; needs a whole number from 1 to {MOST_THREADS}")
         if self.confirm not in CONFIRM:
             raise VisionInputError(f"confirm = {self.confirm!r}; choose {', '.join(CONFIRM)}")

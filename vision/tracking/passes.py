@@ -9,6 +9,7 @@ flag ``UNCONFIRMED``; where only the backward pass finds the body, its pose is t
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,47 +19,97 @@ from vision.results.flags import FrameFlag
 from vision.results.pose_table import PoseTable
 from vision.tracking.checkpoint import EVERY_ROWS, Checkpoint
 from vision.tracking.film_tracker import FilmTracker
+from vision.tracking.row_steps import agree, forward_step, store
+from vision.tracking.stretches import SHARED_ROWS, first_rows, later_stretches, several_may_read
+from vision.tracking.workers import result_of, workers
 
 BEFORE, AFTER = 12, 4
 """Rows before and after a doubtful row that are confirmed with it."""
-AGREE_SIGMA = 2.0
-"""Both passes fit the same pixels, so they differ by how far each has converged, not by noise."""
-AGREE_PX = 0.02
 INLIER_CHANGE = 0.12
 """Share of the pixels that may stop agreeing from one row to the next; more means that something covers the body."""
 
 
-def track_forward(
-    tracker: FilmTracker,
-    table: PoseTable,
-    checkpoint: Checkpoint | None = None,
-    progress: Callable[[int, int], None] | None = None,
-    n_still: int = 0,
-) -> int:
+@dataclass(frozen=True)
+class Run:
+    """How the forward pass runs: where its rows are kept, who is told of them, still frames and threads; ``at_rest`` is
+    called once the still frames are tracked."""
+
+    checkpoint: Checkpoint | None = None
+    progress: Callable[[int, int], None] | None = None
+    n_still: int = 0
+    threads: int = 1
+    at_rest: Callable[[], None] | None = None
+
+
+def track_forward(tracker: FilmTracker, table: PoseTable, run: Run) -> int:
     """Track all bodies forward and fill the table; returns the number of rows resumed from a checkpoint.
 
-    Frames that repeat the one before are lost, beyond the first ``n_still``: at rest they are right all the same.
+    ``tracker`` is where the still frames are, and begins; its count of searches becomes that of the whole pass.
     """
-    n = table.frame.size
-    repeats = tracker.repeats()
-    done = checkpoint.load(table, tracker) if checkpoint is not None else 0
-    for row in range(done, n):
-        if int(table.frame[row]) >= n_still and repeats.at(int(table.frame[row])):
-            table.flag[row] = np.uint16(int(FrameFlag.REPEATED))
-        _step(tracker, table, row, row, table.flag[row])
-        if checkpoint is not None and (row + 1) % EVERY_ROWS == 0 and row + 1 < n:
-            checkpoint.save(row + 1, table, tracker)
-        if progress is not None:
-            progress(row + 1, n)
+    ready, n = tracker.ready, table.frame.size
+    done = run.checkpoint.load(table, tracker) if run.checkpoint is not None else 0
+    keeper = _Keeper(run, table, done)
+    rows = first_rows(ready.film, n)
+    newest = tracker
+
+    def go_on(start: int, end: int) -> None:
+        repeats = newest.repeats()
+        for row in range(max(start, done), end):
+            crew.check()
+            forward_step(newest, repeats, table, row, row, run.n_still)
+            keeper.rows_done(row + 1, newest)
+
+    with workers(run.threads if len(rows) > 1 else 1) as crew:
+        first = crew.submit(go_on, 0, rows[1] if len(rows) > 1 else n)
+        later = later_stretches(crew, ready, table.frame, run.n_still, done) if len(rows) > 1 else []
+        result_of(first)
+        for start, end, future in later:
+            stretch = None if future is None else result_of(future)
+            if stretch is None or not stretch.joins(table):
+                go_on(start, end)
+                continue
+            for row in range(start, end):
+                table.copy_row(row, stretch.table, row - start + SHARED_ROWS)
+            stretch.tracker.searched_before(newest)
+            newest = stretch.tracker
+            keeper.rows_done(end, newest)
+    if newest is not tracker:
+        tracker.searched_before(newest)
     return done
 
 
-def confirm_backward(ready: PreparedFilm, table: PoseTable, confirm: str) -> int:
+class _Keeper:
+    """Tells of the rows that are done, and keeps them."""
+
+    def __init__(self, run: Run, table: PoseTable, done: int) -> None:
+        self._run, self._table, self._kept = run, table, done
+        self._at_rest = run.at_rest
+        self._call_at_rest(done)
+
+    def rows_done(self, rows: int, tracker: FilmTracker) -> None:
+        """The first ``rows`` rows are in the table, and the tracker is where they end."""
+        self._call_at_rest(rows)
+        n, checkpoint = self._table.frame.size, self._run.checkpoint
+        if checkpoint is not None and rows - self._kept >= EVERY_ROWS and rows < n:
+            checkpoint.save(rows, self._table, tracker)
+            self._kept = rows
+        if self._run.progress is not None:
+            self._run.progress(rows, n)
+
+    def _call_at_rest(self, rows: int) -> None:
+        if self._at_rest is not None and rows and int(self._table.frame[rows - 1]) + 1 >= self._run.n_still:
+            at_rest, self._at_rest = self._at_rest, None
+            at_rest()
+
+
+def confirm_backward(ready: PreparedFilm, table: PoseTable, confirm: str, threads: int = 1) -> int:
     """Track backward through the doubtful rows and correct the table; returns the number of rows tracked again."""
     n = table.frame.size
     stretches = [(0, n)] if confirm == "all" else doubtful_stretches(table) if confirm == "doubtful" else []
-    for start, end in stretches:
-        back = _backward(ready, table, start, end)
+    with workers(threads if len(stretches) > 1 and several_may_read(ready.film) else 1) as crew:
+        backs = [crew.submit(_backward, ready, table, start, end) for start, end in stretches]
+        found = [result_of(back) for back in backs]
+    for (start, end), back in zip(stretches, found, strict=True):
         for row in range(start, end):
             for body in range(len(ready.bodies)):
                 _reconcile(table, back, row, body, ready.templates[body].radius_px)
@@ -69,9 +120,9 @@ def fit_alone(ready: PreparedFilm, table: PoseTable, row: int, poses: Sequence[N
     """Fit one row of the table from given poses, one per body, without its neighbours."""
     tracker = FilmTracker(ready)
     tracker.clear_histories()
-    for i in tracker.order:
-        tracker.trackers[i].place(-1, poses[i])
-    _step(tracker, table, row, 0)
+    tracker.place(-1, poses)
+    tracker.step(int(table.frame[row]), 0)
+    store(tracker, table, row)
 
 
 def doubtful_stretches(table: PoseTable) -> list[tuple[int, int]]:
@@ -88,17 +139,6 @@ def doubtful_stretches(table: PoseTable) -> list[tuple[int, int]]:
         wide[max(0, row - BEFORE) : row + AFTER + 1] = True
     edges = np.flatnonzero(np.diff(np.concatenate([[0], wide.astype(np.int8), [0]])))
     return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
-
-
-def _step(tracker: FilmTracker, table: PoseTable, row: int, step: int, known: NDArray[np.uint16] | None = None) -> None:
-    """Fit the frame of one row, the ``step``-th tracked one, and store the fits; a repeated one, by the flags that are
-    ``known`` of it, is passed over."""
-    if known is not None and np.any(known & np.uint16(int(FrameFlag.REPEATED))):
-        tracker.skip(step, FrameFlag.REPEATED)
-    else:
-        tracker.step(int(table.frame[row]), step)
-    for i, body in enumerate(tracker.trackers):
-        table.store(row, i, body.fit, body.flag)
 
 
 def _backward(ready: PreparedFilm, table: PoseTable, start: int, end: int) -> PoseTable:
@@ -128,7 +168,11 @@ def _backward(ready: PreparedFilm, table: PoseTable, start: int, end: int) -> Po
                 # a row within the stretch is only a place to start from
                 tracker.trackers[i].place(-1, table.pose[starts[i][-1], i])
     for step, row in enumerate(range(end - 1, start - 1, -1)):
-        _step(tracker, back, row, step, table.flag[row])
+        if np.any(table.flag[row] & np.uint16(int(FrameFlag.REPEATED))):
+            tracker.skip(step, FrameFlag.REPEATED)
+        else:
+            tracker.step(int(table.frame[row]), step)
+        store(tracker, back, row)
     return back
 
 
@@ -140,12 +184,5 @@ def _reconcile(table: PoseTable, back: PoseTable, row: int, body: int, radius_px
     if forward_lost:
         table.copy_from(back, row, body)
         table.flag[row, body] |= np.uint16(int(FrameFlag.REACQUIRED))
-    elif backward_lost or not _agree(table, back, row, body, radius_px):
+    elif backward_lost or not agree(table, row, back, row, body, radius_px):
         table.reject(row, body, FrameFlag.UNCONFIRMED)
-
-
-def _agree(table: PoseTable, back: PoseTable, row: int, body: int, radius_px: float) -> bool:
-    apart: NDArray[np.float64] = np.abs(table.pose[row, body] - back.pose[row, body])
-    u = np.sqrt(np.diag(table.covariance[row, body]))
-    least = np.array([AGREE_PX / radius_px, AGREE_PX, AGREE_PX])
-    return bool(np.all(apart <= np.maximum(AGREE_SIGMA * u, least)))

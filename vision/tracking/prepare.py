@@ -9,7 +9,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from vision.bodies.outlines import Body, build_masks, unsaturated
+from vision.bodies.masks import masks_of, outline_distances, unsaturated
+from vision.bodies.occlusion import Occlusion
+from vision.bodies.outlines import Body
 from vision.errors import VisionInputError, VisionWarning
 from vision.film.open import open_film
 from vision.film.source import FrameSource
@@ -40,7 +42,8 @@ def prepare(
     VisionWarning
         When fewer than ten still frames are found.
     """
-    masks = build_masks(bodies, film.height, film.width)
+    distances = outline_distances(bodies, film.height, film.width)
+    masks = masks_of(bodies, distances)
     region = np.logical_or.reduce(masks)
 
     def prepared(reference: Reference) -> PreparedFilm:
@@ -49,7 +52,8 @@ def prepare(
             build_template(body.name, reference.picture, mask, reference.n_averaged, max_pixels, reference.noise_grey)
             for body, mask in zip(bodies, usable, strict=True)
         ]
-        return PreparedFilm(film, bodies, reference, templates, method)
+        occlusion = Occlusion(bodies, templates, distances)
+        return PreparedFilm(film, bodies, reference, templates, occlusion, method)
 
     if n_still is None:
         candidates = average_still_frames(film, region).n_averaged
@@ -68,9 +72,33 @@ def prepare(
 def predict_uncertainty(
     path_or_source: str | os.PathLike[str] | FrameSource, bodies: Sequence[Body], *, n_still: int | None = None
 ) -> dict[str, float]:
-    """Standard uncertainty of each body's angle from noise and reference, rad, before the film is tracked.
+    """Standard uncertainty of each body's angle from noise and reference, before the film is tracked.
 
     The other terms of the budget are in what `vision.track` gives to its ``expected`` callable.
+
+    Parameters
+    ----------
+    path_or_source : path or FrameSource
+    bodies : sequence of Body
+    n_still : int or None
+        Still frames at the start; found from the film when None.
+
+    Returns
+    -------
+    dict of str to float
+        Body name to u, rad.
+
+    Raises
+    ------
+    VisionInputError
+        Film or outlines that cannot be used.
+
+    Examples
+    --------
+    >>> import vision
+    >>> expected = vision.predict_uncertainty("film.mraw", vision.load_bodies("bodies.toml"))
+    >>> all(0.0 < u < 1e-3 for u in expected.values())
+    True
     """
     if isinstance(path_or_source, str | os.PathLike):
         with open_film(path_or_source) as film:

@@ -54,10 +54,22 @@ def propose_bodies(film: FrameSource) -> list[Body]:
     film : FrameSource
         Begins with still frames.
 
+    Returns
+    -------
+    list of Body
+        To be looked at, corrected and named.
+
     Raises
     ------
     TrackingError
         Nothing moves as a rigid textured body.
+
+    Examples
+    --------
+    >>> import vision
+    >>> with vision.open_film("film.mraw") as film:
+    ...     vision.propose_bodies(film)[0].name
+    'body1'
     """
     still = average_still_frames(film, np.ones((film.height, film.width), dtype=bool), max_still=16)
     sample = np.unique(np.linspace(0, film.n_frames - 1, SAMPLES).astype(int))

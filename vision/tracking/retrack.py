@@ -57,6 +57,16 @@ def retrack_frames(
     ------
     VisionInputError
         Frames that the film has not, places that do not name every body, or as for `track`.
+
+    Examples
+    --------
+    >>> import vision
+    >>> bodies = vision.load_bodies("bodies.toml")
+    >>> first = vision.track("film.mraw", bodies, every=10)
+    >>> angle, x, y = first.angle_rad[5], first.x_px[5], first.y_px[5]
+    >>> near = {body: (angle[k], x[k], y[k]) for k, body in enumerate(first.bodies)}
+    >>> vision.retrack_frames("film.mraw", bodies, [50], [near]).frame
+    array([50])
     """
     settings = FitSettings(**options)
     if isinstance(path_or_source, str | os.PathLike):

@@ -23,12 +23,14 @@ from vision.film.source import FrameSource
 from vision.results.flags import FrameFlag
 from vision.results.pose_table import PoseTable
 from vision.results.track_result import TrackResult
-from vision.tracking.assemble_result import assemble_result, zero_of_still_frames
+from vision.tracking.assemble_result import assemble_result, zero_of_rows, zero_of_still_frames
 from vision.tracking.checkpoint import Checkpoint, job_hash
 from vision.tracking.film_tracker import FilmTracker
 from vision.tracking.options import TrackOptions, TrackSettings
-from vision.tracking.passes import confirm_backward, track_forward
+from vision.tracking.passes import Run, confirm_backward, track_forward
 from vision.tracking.prepare import frame_times, prepare
+from vision.tracking.stretches import first_rows
+from vision.tracking.workers import usable_threads
 from vision.uncertainty.budget_terms import expected_budget
 
 FIRST_ORDER_RADIAL = 0.006
@@ -65,6 +67,9 @@ def track(
         A calibrated camera corrects the angles; without one `AssumedCamera` stands in the budget.
     u_time_s : float
         Standard uncertainty of the frame times, for the budget.
+    threads : int or None
+        Threads that track parts of the film at the same time; None takes what the computer has, at most 8. The result
+        is the same to the bit.
     checkpoint : path, optional
         File that stores the rows done; an interrupted run resumes from it. Removed at the end.
     expected : callable, optional
@@ -84,8 +89,12 @@ def track(
 
     Examples
     --------
-    >>> result = vision.track("film.mraw", vision.load_bodies("bodies.toml"))  # doctest: +SKIP
-    >>> result.to_table().to_csv("angles.csv")  # doctest: +SKIP
+    >>> import vision
+    >>> result = vision.track("film.mraw", vision.load_bodies("bodies.toml"), every=10)
+    >>> result.bodies, result.angle_rad.shape
+    (('whippen', 'jack', 'repetition'), (15, 3))
+    >>> angle_rad, u_rad, flag = result.relative("jack")
+    >>> result.to_table().to_csv("angles.csv")
     """
     settings = TrackSettings(**options)
     if isinstance(path_or_source, str | os.PathLike):
@@ -113,16 +122,25 @@ def _track(
     ready = prepare(film, bodies, settings.n_still, settings.max_pixels, settings.method)
     if settings.expected is not None:
         settings.expected(expected_budget(ready, camera, settings.u_time_s))
-    # first, so that outlines that do not fit the film are refused before the long work
-    zero = zero_of_still_frames(ready)
     table = PoseTable.empty(np.arange(0, film.n_frames, settings.every), len(bodies))
     checkpoint = None
     if settings.checkpoint is not None:
-        job = job_hash(film, bodies, (settings.method, settings.every), ready.templates)
+        job = job_hash(
+            film, bodies, (settings.method, settings.every, first_rows(film, table.frame.size)), ready.templates
+        )
         checkpoint = Checkpoint(settings.checkpoint, job)
+    # found as soon as it can be, so that outlines that do not fit the film are refused before the long work
+    zeros = [zero_of_still_frames(ready)] if settings.every > 1 else []
+
+    def at_rest() -> None:
+        if not zeros:
+            zeros.append(zero_of_rows(ready, table))
+
+    threads = settings.threads or usable_threads()
     tracker = FilmTracker(ready)
-    resumed = track_forward(tracker, table, checkpoint, settings.progress, ready.reference.n_averaged)
-    confirmed = confirm_backward(ready, table, settings.confirm)
+    run = Run(checkpoint, settings.progress, ready.reference.n_averaged, threads, at_rest)
+    resumed = track_forward(tracker, table, run)
+    confirmed = confirm_backward(ready, table, settings.confirm, threads)
     repeated = np.any(table.flag & np.uint16(int(FrameFlag.REPEATED)), axis=1)
     if repeated.any():
         warnings.warn(
@@ -137,7 +155,7 @@ def _track(
         "rows_resumed": resumed,
         "rows_confirmed": confirmed,
     }
-    result = assemble_result(ready, zero, table, time_s, settings, info)
+    result = assemble_result(ready, zeros[0], table, time_s, settings, info)
     if checkpoint is not None:
         checkpoint.clear()
     return result

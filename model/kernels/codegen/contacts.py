@@ -23,35 +23,39 @@ def _along(body: int, x: str, y: str) -> tuple[str, str]:
     return (x, y) if body < 0 else (f"c{body} * {x} - s{body} * {y}", f"s{body} * {x} + c{body} * {y}")
 
 
-def _pivot(body: int) -> tuple[str, str]:
+def pivot(body: int) -> tuple[str, str]:
+    """World coordinates of a body's pivot."""
     return f"x{body}", f"y{body}"
 
 
-def _numbers(s: Structure | LoneContact, c: int, *names: int) -> list[str]:
+def contact_numbers(s: Structure | LoneContact, c: int, *names: int) -> list[str]:
+    """Texts of some numbers of contact ``c``."""
     return [s.contact_number(c, k) for k in names]
 
 
-def _centres(s: Structure | LoneContact, c: int) -> list[str]:
+def centres(s: Structure | LoneContact, c: int) -> list[str]:
+    """Lines that set the centres of both surfaces."""
     a, b, _, _ = s.contact[c]
-    ax, ay = _at(a, *_numbers(s, c, L.A_X, L.A_Y))
-    bx, by = _at(b, *_numbers(s, c, L.B_X, L.B_Y))
+    ax, ay = _at(a, *contact_numbers(s, c, L.A_X, L.A_Y))
+    bx, by = _at(b, *contact_numbers(s, c, L.B_X, L.B_Y))
     return [f"ax = {ax}", f"ay = {ay}", f"bx = {bx}", f"by = {by}"]
 
 
-def _surface(s: Structure | LoneContact, c: int, room: bool) -> list[str]:
+def surface(s: Structure | LoneContact, c: int, room: bool) -> list[str]:
     """Lines that set x, nx, ny, distance (or room, nx, ny) from the centres."""
     _, b, shape, _ = s.contact[c]
-    ra, rb = _numbers(s, c, L.A_R, L.B_R)
-    nx, ny = _along(b, *_numbers(s, c, L.N_X, L.N_Y))
+    ra, rb = contact_numbers(s, c, L.A_R, L.B_R)
+    nx, ny = _along(b, *contact_numbers(s, c, L.N_X, L.N_Y))
     if shape == L.LINE:
         out = [f"nx = {nx}", f"ny = {ny}"]
         if room:
             return [*out, f"room = max(0.0, (ax - bx) * nx + (ay - by) * ny - {ra})"]
-        return [*out, f"x = {ra} - ((ax - bx) * nx + (ay - by) * ny)", "distance = 0.0"]
+        flat = "filled(0.0, x)" if s.lanes > 1 else "0.0"
+        return [*out, f"x = {ra} - ((ax - bx) * nx + (ay - by) * ny)", f"distance = {flat}"]
     ends = ""
     out = []
     if shape == L.HYBRID:
-        ex, ey = _along(b, *_numbers(s, c, L.E_X, L.E_Y))
+        ex, ey = _along(b, *contact_numbers(s, c, L.E_X, L.E_Y))
         out = [f"sx = {nx}", f"sy = {ny}", f"ex = {ex}", f"ey = {ey}"]
         ends = ", sx, sy, ex, ey"
     kind = "hybrid" if shape == L.HYBRID else "circle"
@@ -60,15 +64,15 @@ def _surface(s: Structure | LoneContact, c: int, room: bool) -> list[str]:
     return [*out, f"x, nx, ny, distance = {kind}_gap(ax - bx, ay - by, {ra} + {rb}{ends})"]
 
 
-def _rates(s: Structure | LoneContact, c: int) -> list[str]:
+def arms_and_rates(s: Structure | LoneContact, c: int) -> list[str]:
     """Arms, generalised directions, rate of penetration, sliding speed, at mid-penetration."""
-    out = [f"r = {_numbers(s, c, L.A_R)[0]} - 0.5 * x", "px = ax - r * nx", "py = ay - r * ny"]
+    out = [f"r = {contact_numbers(s, c, L.A_R)[0]} - 0.5 * x", "px = ax - r * nx", "py = ay - r * ny"]
     for k, (b, side) in enumerate(s.chain[c]):
         sign = "" if side > 0 else "-"
         if b in s.guided:
             out += [f"gn{k} = {sign}ny", f"gt{k} = {sign}nx"]
             continue
-        x, y = _pivot(b)
+        x, y = pivot(b)
         out += [f"lx{k} = px - {x}", f"ly{k} = py - {y}"]
         out += [f"gn{k} = {sign}(lx{k} * ny - ly{k} * nx)", f"gt{k} = {sign}(lx{k} * nx + ly{k} * ny)"]
     out.append("rate = -(" + " + ".join(f"gn{k} * v{b}" for k, (b, _) in enumerate(s.chain[c])) + ")")
@@ -76,61 +80,73 @@ def _rates(s: Structure | LoneContact, c: int) -> list[str]:
     return out
 
 
-def _law(s: Structure | LoneContact, c: int) -> str:
-    felt = _numbers(s, c, L.K_A, L.K_B, L.K_C, L.DAMP)
-    return ", ".join([*felt, f"p[{L.V_T}]", *_numbers(s, c, L.MU_A, L.MU_B1, L.MU_B2)])
+def law_numbers(s: Structure | LoneContact, c: int) -> str:
+    """Arguments of a contact's laws after its depth and speeds."""
+    felt = contact_numbers(s, c, L.K_A, L.K_B, L.K_C, L.DAMP)
+    return ", ".join([*felt, f"p[{L.V_T}]", *contact_numbers(s, c, L.MU_A, L.MU_B1, L.MU_B2)])
 
 
-def _push(s: LoneContact, c: int) -> list[str]:
+def push(s: LoneContact, c: int) -> list[str]:
+    """Lines that add the force (fx, fy) to the generalised forces."""
     out = []
     for k, (b, side) in enumerate(s.chain[c]):
         if not s.solved(b):
             continue
         moment = "fy" if b in s.guided else f"lx{k} * fy - ly{k} * fx"
+        if s.lanes > 1:
+            out.append(f"f{b} += " + chosen(s, "on", moment if side > 0 else f"-({moment})"))
+            continue
         out.append(f"f{b} {'+' if side > 0 else '-'}= {moment}")
     return out
 
 
-def _indent(lines: list[str]) -> list[str]:
+def chosen(s: LoneContact, mask: str, text: str) -> str:
+    """Text of what is added where ``mask`` holds: in lanes a choice, whose other side changes no bit of a sum."""
+    return f"where({mask}, {text}, -0.0)" if s.lanes > 1 else text
+
+
+def indent(lines: list[str]) -> list[str]:
+    """The lines as the block of a branch."""
     return ["    " + line for line in lines]
 
 
 def contact_forces(s: LoneContact, c: int) -> list[str]:
     """Add the force of contact ``c`` to f where it touches."""
-    touch = [*_rates(s, c), f"fx, fy = contact_force(x, rate, slide, nx, ny, {_law(s, c)})", *_push(s, c)]
-    return [*_centres(s, c), *_surface(s, c, False), "if x > 0.0:", *_indent(touch)]
+    touch = [*arms_and_rates(s, c), f"fx, fy = contact_force(x, rate, slide, nx, ny, {law_numbers(s, c)})", *push(s, c)]
+    where_closed = ["on = x > 0.0", "if any_of(on):"] if s.lanes > 1 else ["if x > 0.0:"]
+    return [*centres(s, c), *surface(s, c, False), *where_closed, *indent(touch)]
 
 
 def contact_linearised(s: LoneContact, c: int) -> list[str]:
     """Force and derivatives of contact ``c`` where it touches; its gap and how fast that changes in any case."""
     chain = s.chain[c]
-    law = [f"fn, fnx, fnr, mu, mus = contact_laws(x, rate, slide, {_law(s, c)})"]
-    law += ["fx = fn * nx + mu * fn * ny", "fy = fn * ny - mu * fn * nx", *_push(s, c), "touching += 1"]
+    law = [f"fn, fnx, fnr, mu, mus = contact_laws(x, rate, slide, {law_numbers(s, c)})"]
+    law += ["fx = fn * nx + mu * fn * ny", "fy = fn * ny - mu * fn * nx", *push(s, c), "touching += 1"]
     law += [f"turns{k}_{c} = gn{k}" for k in range(len(chain))]
     law += [f"slides{k}_{c} = gt{k}" for k in range(len(chain))]
     law += [f"w[{s.at(c, W.ROOM)}] = 0.0", f"w[{s.at(c, W.GAP)}] = -x", f"w[{s.at(c, W.GAP_RATE)}] = -rate"]
     law += [
         f"w[{s.at(c, W.SLIDE)}] = slide",
-        f"w[{s.at(c, W.GRIP)}] = {_numbers(s, c, L.MU_A)[0]} * fn * {_easiest(s, c, 'gt')}",
+        f"w[{s.at(c, W.GRIP)}] = {contact_numbers(s, c, L.MU_A)[0]} * fn * {easiest(s, c, 'gt')}",
     ]
-    away = _surface(s, c, True)
+    away = surface(s, c, True)
     for k, (b, side) in enumerate(chain):
-        x, y = _pivot(b)
+        x, y = pivot(b)
         way = "ny" if b in s.guided else f"((ax - {x}) * ny - (ay - {y}) * nx)"
         away.append(f"turns{k}_{c} = {'' if side > 0 else '-'}{way}")
     rate = " + ".join(f"turns{k}_{c} * v{b}" for k, (b, _) in enumerate(chain))
-    stiffness, damping = _numbers(s, c, L.K_C, L.DAMP)
+    stiffness, damping = contact_numbers(s, c, L.K_C, L.DAMP)
     away += [f"w[{s.at(c, W.ROOM)}] = room", f"w[{s.at(c, W.GAP)}] = room", f"w[{s.at(c, W.GAP_RATE)}] = {rate}"]
     return [
-        *(f"slides{k}_{c} = 0.0" for k in range(len(chain))), *_centres(s, c), *_surface(s, c, False),
-        "if x > 0.0:", *_indent([*_rates(s, c), *law, "if fn > 0.0:", *_indent(_derivatives(s, c))]),
-        "else:", *_indent(away),
+        *(f"slides{k}_{c} = 0.0" for k in range(len(chain))), *centres(s, c), *surface(s, c, False),
+        "if x > 0.0:", *indent([*arms_and_rates(s, c), *law, "if fn > 0.0:", *indent(derivatives(s, c))]),
+        "else:", *indent(away),
         f"w[{s.at(c, W.KICK)}] = {stiffness} * (1.0 + {damping} * abs(w[{s.at(c, W.GAP_RATE)}])) * "
-        + _easiest(s, c, "turns", f"_{c}"),
+        + easiest(s, c, "turns", f"_{c}"),
     ]  # fmt: skip
 
 
-def _easiest(s: LoneContact, c: int, name: str, end: str = "") -> str:
+def easiest(s: LoneContact, c: int, name: str, end: str = "") -> str:
     """Text of the largest acceleration of one joint that a unit force along a direction gives."""
     terms = [f"abs({name}{k}{end}) * easy{b}" for k, (b, _) in enumerate(s.chain[c]) if s.solved(b)]
     out = terms[0]
@@ -143,19 +159,19 @@ def second_rates(s: LoneContact, c: int) -> list[str]:
     """How fast gap rate and sliding speed of contact ``c`` change, once the accelerations are known."""
     chain = s.chain[c]
     turn, slide = (" + ".join(f"{n}{k}_{c} * a{b}" for k, (b, _) in enumerate(chain)) for n in ("turns", "slides"))
-    rubs = f"{_numbers(s, c, L.MU_A)[0]} != 0.0"
+    rubs = f"{contact_numbers(s, c, L.MU_A)[0]} != 0.0"
     return [
         f"w[{s.at(c, W.GAP_ACC)}] = {turn}",
         f"w[{s.at(c, W.SLIDE_RATE)}] = 0.0", f"if {rubs}:", f"    w[{s.at(c, W.SLIDE_RATE)}] = {slide}",
     ]  # fmt: skip
 
 
-def _derivatives(s: LoneContact, c: int) -> list[str]:
+def derivatives(s: LoneContact, c: int) -> list[str]:
     """Add the derivatives of a pushing contact to K and D."""
     chain = s.chain[c]
     out = [f"along{k} = gn{k} - mu * gt{k}" for k in range(len(chain))]
     for j, (cj, side) in enumerate(chain):
-        qx, qy = _pivot(cj)
+        qx, qy = pivot(cj)
         what, centre = ("first", "a") if side > 0 else ("second", "b")
         if cj in s.guided:
             out.append(f"kappa, xx, xy = lift_of_{what}(nx, ny, distance, r, -gn{j})")
@@ -165,7 +181,7 @@ def _derivatives(s: LoneContact, c: int) -> list[str]:
             if b in s.guided:
                 out += [f"dn{k} = {float(sk)} * kappa * nx", f"dt{k} = {float(-sk)} * kappa * ny"]
                 continue
-            bx, by = _pivot(b)
+            bx, by = pivot(b)
             mx, my = (f"xx + ({by} - {qy})", f"xy - ({bx} - {qx})") if s.parent[b] == cj else ("xx", "xy")
             if s.parent[b] == cj and cj in s.guided:
                 mx, my = "xx", "xy - 1.0"
@@ -177,8 +193,9 @@ def _derivatives(s: LoneContact, c: int) -> list[str]:
         for k, (b, _) in enumerate(chain):
             if not s.solved(b):
                 continue
-            out.append(f"{s.stiffness(b, cj)} += fnj * along{k} + fn * (dn{k} - mu * dt{k}) - fmu * gt{k}")
-            out.append(f"{s.damping(b, cj)} += fnv * along{k} - fmv * gt{k}")
+            more = f"fnj * along{k} + fn * (dn{k} - mu * dt{k}) - fmu * gt{k}", f"fnv * along{k} - fmv * gt{k}"
+            out.append(f"{s.stiffness(b, cj)} += {chosen(s, 'pushes', more[0])}")
+            out.append(f"{s.damping(b, cj)} += {chosen(s, 'pushes', more[1])}")
     return out
 
 
@@ -233,14 +250,14 @@ def _closing(s: Structure, k: int) -> str:
 
 def contact_energy(s: Structure, c: int) -> list[str]:
     """Elastic energy and losses of contact ``c``."""
-    stiffness = ", ".join(_numbers(s, c, L.K_A, L.K_B, L.K_C))
+    stiffness = ", ".join(contact_numbers(s, c, L.K_A, L.K_B, L.K_C))
     touch = [
-        *_rates(s, c), f"fn, _, _, mu, _ = contact_laws(x, rate, slide, {_law(s, c)})",
+        *arms_and_rates(s, c), f"fn, _, _, mu, _ = contact_laws(x, rate, slide, {law_numbers(s, c)})",
         f"stored, lost = felt_energy(x, rate, fn, {stiffness})", "energy += stored",
         "rail_loss += lost" if c in s.rail else "felt_loss += lost",
         "friction_loss += mu * fn * slide",
     ]  # fmt: skip
-    return [*_centres(s, c), *_surface(s, c, False), "if x > 0.0:", *_indent(touch)]
+    return [*centres(s, c), *surface(s, c, False), "if x > 0.0:", *indent(touch)]
 
 
 def probe_energy(s: Structure, k: int) -> list[str]:
@@ -251,4 +268,4 @@ def probe_energy(s: Structure, k: int) -> list[str]:
         f"stored, lost = felt_energy(x, {_closing(s, k)}, fn, p[{o + 4}], p[{o + 5}], p[{o + 6}])",
         "energy += stored", "felt_loss += lost",
     ]  # fmt: skip
-    return [*_probe_force(s, k), f"x = y{b} + hb - y{a} - ha", "if x > 0.0:", *_indent(touch)]
+    return [*_probe_force(s, k), f"x = y{b} + hb - y{a} - ha", "if x > 0.0:", *indent(touch)]

@@ -21,9 +21,10 @@ from model.kernels import compile as _compile
 from model.kernels.codegen.energy import emit_energy
 from model.kernels.codegen.step_kernels import emit_with_pieces
 from model.kernels.layout import Tables
-from model.kernels.signatures import StepKernels
+from model.kernels.signatures import LaneKernels, StepKernels
 
 _loaded: dict[bytes, StepKernels] = {}
+_in_lanes: dict[tuple[bytes, int], LaneKernels] = {}
 _energies: dict[bytes, Any] = {}
 # structures whose kernels this process has loaded, and how many of them it had to compile for that; values never do
 COMPILED = {"scenes": 0, "compiled": 0}
@@ -70,17 +71,35 @@ def energy_of(tables: Tables) -> Any:
     return _energies[key]
 
 
+def _load_with_pieces(tables: Tables, lanes: int = 1) -> ModuleType:
+    text, pieces = emit_with_pieces(tables, lanes)
+    for piece in pieces:
+        if piece.name not in sys.modules:
+            _load(piece.text, piece.name)
+    return _load(text)
+
+
+def lane_kernels_of(tables: Tables, lanes: int) -> LaneKernels:
+    """Kernels of a structure for ``lanes`` members side by side; no coordinate may be prescribed."""
+    key = _key(tables), lanes
+    if key not in _in_lanes:
+        with _lock:
+            if key not in _in_lanes:
+                module = _load_with_pieces(tables, lanes)
+                kernels = LaneKernels(module.linearise, module.prepare, module.skip, module.stage)
+                COMPILED["scenes"] += 1
+                COMPILED["compiled"] += not all(k.stats.cache_hits for k in kernels)
+                _in_lanes[key] = kernels
+    return _in_lanes[key]
+
+
 def kernels_of(tables: Tables) -> StepKernels:
     """Kernels of the structure in ``tables``: from memory, from the disk cache, or compiled (a few seconds, once)."""
     key = _key(tables)
     if key not in _loaded:
         with _lock:
             if key not in _loaded:
-                text, pieces = emit_with_pieces(tables)
-                for piece in pieces:
-                    if piece.name not in sys.modules:
-                        _load(piece.text, piece.name)
-                module = _load(text)
+                module = _load_with_pieces(tables)
                 kernels = StepKernels(
                     module.linearise, module.prepare, module.skip, module.stage, energy=module.linearise
                 )

@@ -26,6 +26,16 @@ from model.kernels.motion import motion_at, piece_at
 from model.kernels.signatures import ENERGY, LINEARISE, PREPARE, SKIP, STAGE
 from model.kernels.terms import circle_gap, contact_laws, cosine_sine, felt_energy, hybrid_gap
 '''
+_LANES_HEAD = '''"""Generated for lanes from the structure of a scene by step_kernels; do not edit."""
+
+from numba import int64
+
+from model.kernels.compile import generated_lanes
+from model.kernels.lanes.maths import cosine_sine
+from model.kernels.lanes.operations import any_of, bits_of, filled, rows, where
+from model.kernels.lanes.terms import felt, friction
+from model.kernels.signatures import LANE_LINEARISE, LANE_PREPARE, LANE_SKIP, LANE_STAGE
+'''
 
 
 def _prescribed(s: Structure, derivatives: bool) -> list[str]:
@@ -86,14 +96,18 @@ def _prepare(s: Structure) -> list[str]:
         out.append(f"m{i}_{j} = {text}")
     out += [f"small{i} = 1e-6 * abs(m{i}_{i})" for i in range(s.free)]
     for k in range(s.free):
-        out += [f"if not abs(m{k}_{k}) > small{k}:", "    return 0", f"r{k} = 1.0 / m{k}_{k}"]
+        if s.lanes == 1:
+            out += [f"if not abs(m{k}_{k}) > small{k}:", "    return 0", f"r{k} = 1.0 / m{k}_{k}"]
+        else:
+            also = "" if k == 0 else "sound & "
+            out += [f"sound = {also}(abs(m{k}_{k}) > small{k})", f"r{k} = 1.0 / m{k}_{k}"]
         for i in range(k + 1, s.free):
             if (i, k) in pattern:
                 out.append(f"m{i}_{k} *= r{k}")
                 out += [f"m{i}_{j} -= m{i}_{k} * m{k}_{j}" for j in range(k + 1, s.free) if (k, j) in pattern]
     for i, j in sorted(pattern):
         out.append(f"w[{W.LU + W.WIDTH * i + j}] = {f'r{i}' if i == j else f'm{i}_{j}'}")
-    return [*out, "return 1"]
+    return [*out, "return 1" if s.lanes == 1 else "return bits_of(sound)"]
 
 
 def _skip(s: Structure) -> list[str]:
@@ -102,23 +116,34 @@ def _skip(s: Structure) -> list[str]:
     for c, at in s.place.items():
         o = s.offset[1] + L.CONTACT_SIZE * c + L.REACH
         way = " + ".join(f"p[{o + k}] * w[{W.ALLOWANCE + b}]" for k, (b, _) in enumerate(s.chain[c]))
-        out += [f"if {way} < w[{W.ROOM + at}]:", f"    mask |= {1 << at}"]
+        if s.lanes == 1:
+            out += [f"if {way} < w[{W.ROOM + at}]:", f"    mask |= {1 << at}"]
+            continue
+        out += [f"near = ({way} >= w[{W.ROOM + at}]) & busy", "needed = needed + where(near, 1.0, 0.0)"]
+        out += ["if not any_of(near):", f"    mask |= {1 << at}"]
+    if s.lanes > 1:
+        out = [f"busy = w[{W.IDLE}] == 0.0", "needed = filled(0.0, busy)", *out, f"w[{W.NEEDED}] = needed"]
     return [*out, "return mask"]
 
 
 def _stage(s: Structure, pieces: set[Piece]) -> list[str]:
     n = range(s.free)
-    out = [f"q{i} = w[{W.Q + i}]\nv{i} = w[{W.V + i}]\nsq{i} = 0.0\nsv{i} = 0.0\nb{i} = 0.0\nl{i} = 0.0" for i in n]
+    out = _per_lane(s)
+    out += [f"q{i} = w[{W.Q + i}]\nv{i} = w[{W.V + i}]\nsq{i} = 0.0\nsv{i} = 0.0\nb{i} = 0.0\nl{i} = 0.0" for i in n]
     out += ["for j in range(k):", f"    o = {W.U} + {2 * W.WIDTH} * j", f"    aj = a[{W.MAX_STAGES} * k + j]"]
     out += [f"    cj = c[{W.MAX_STAGES} * k + j]"]
     for i in n:
         out += [f"    x = w[o + {i}]", f"    sq{i} += aj * x", f"    b{i} += cj * x"]
     for i in n:
         out += [f"    x = w[o + {W.WIDTH + i}]", f"    sv{i} += aj * x", f"    l{i} += cj * x"]
-    far = " or ".join(f"abs(sq{i}) > w[{W.ALLOWANCE + i}]" for i in n)
+    ways = [f"abs(sq{i}) > w[{W.ALLOWANCE + i}]" for i in n]
     out += _prescribed(s, False)
-    far += "".join(f" or abs(q{i} - w[{W.Q + i}]) > w[{W.ALLOWANCE + i}]" for i in range(s.free, s.n))
-    out += ["exceeded = 0", f"if {far}:", "    mask = 0", "    exceeded = 1"]
+    ways += [f"abs(q{i} - w[{W.Q + i}]) > w[{W.ALLOWANCE + i}]" for i in range(s.free, s.n)]
+    if s.lanes == 1:
+        out += ["exceeded = 0", f"if {' or '.join(ways)}:", "    mask = 0", "    exceeded = 1"]
+    else:
+        far = " | ".join(f"({way})" for way in ways)
+        out += [f"exceeded = bits_of(({far}) & (w[{W.IDLE}] == 0.0))", "if exceeded != 0:", "    mask = 0"]
     out += [f"q{i} += sq{i}\nv{i} += sv{i}" for i in n]
     out.append("if k > 0:")
     inner = [*pose(s), *mass(s), *forces(s, False)]
@@ -151,31 +176,47 @@ def _stage(s: Structure, pieces: set[Piece]) -> list[str]:
     return [*out, "return exceeded"]
 
 
-def emit(tables: L.Tables) -> str:
+def _per_lane(s: Structure) -> list[str]:
+    """Lines that read what a scalar kernel is given as numbers."""
+    names = {"u": W.INPUT, "ft": W.INPUT_RATE, "gh": W.STAGE_STEP, "step": W.STEP_TO_TRY}
+    return [f"{name} = w[{at}]" for name, at in names.items()] if s.lanes > 1 else []
+
+
+def emit(tables: L.Tables, lanes: int = 1) -> str:
     """Source of the module that holds the four kernels of a scene with this structure."""
-    return emit_with_pieces(tables)[0]
+    return emit_with_pieces(tables, lanes)[0]
 
 
-def emit_with_pieces(tables: L.Tables) -> tuple[str, list[Piece]]:
+def emit_with_pieces(tables: L.Tables, lanes: int = 1) -> tuple[str, list[Piece]]:
     """The same, and the modules of the kinds of contact that it imports."""
-    s = Structure(tables)
+    s = Structure(tables, lanes)
     pieces: set[Piece] = set()
-    functions = (
-        ("linearise", "w, p, u", _linearise(s, pieces)),
-        ("prepare", "w, gh", _prepare(s)),
-        ("skip", "w, p", _skip(s)),
-        ("stage", "w, p, a, c, k, gh, step, u, ft, mask", _stage(s, pieces)),
-    )
+    linearise, prepare, skip, stage = _linearise(s, pieces), _prepare(s), _skip(s), _stage(s, pieces)
     used = sorted(pieces)
     head = "".join(f"from {piece.name} import {piece.name}\n" for piece in used)
-    return module(*functions, head=head), used
+    if lanes > 1:
+        begin, given = [f"w = rows(memory, {lanes})", f"p = rows(numbers, {lanes})"], "memory, numbers"
+        lane_functions = (
+            ("linearise", given, [*begin, *_per_lane(s)[:1], *linearise]),
+            ("prepare", "memory", [begin[0], f"gh = w[{W.STAGE_STEP}]", *prepare]),
+            ("skip", given, [*begin, *skip]),
+            ("stage", f"{given}, a, c, k, mask", [*begin, *stage]),
+        )
+        return module(*lane_functions, head=_LANES_HEAD + head, decorator="generated_lanes(LANE_"), used
+    functions = (
+        ("linearise", "w, p, u", linearise),
+        ("prepare", "w, gh", prepare),
+        ("skip", "w, p", skip),
+        ("stage", "w, p, a, c, k, gh, step, u, ft, mask", stage),
+    )
+    return module(*functions, head=_HEAD + head), used
 
 
-def module(*functions: tuple[str, str, list[str]], head: str = "") -> str:
+def module(*functions: tuple[str, str, list[str]], head: str = _HEAD, decorator: str = "generated(") -> str:
     """Source of a module with these functions: name, arguments, lines."""
-    parts = [_HEAD, head]
+    parts = [head]
     for name, arguments, body in functions:
         lines = [line for text in body for line in text.split("\n")]
-        parts.append(f"\n\n@generated({name.upper()})\ndef {name}({arguments}):\n")
+        parts.append(f"\n\n@{decorator}{name.upper()})\ndef {name}({arguments}):\n")
         parts.append("\n".join("    " + line for line in lines) + "\n")
     return "".join(parts)

@@ -17,9 +17,10 @@ def solved_contacts(tables: L.Tables) -> list[int]:
 
 
 class Structure:
-    """Tables of a scene as plain Python, with the offsets of its numbers."""
+    """Tables of a scene as plain Python, with the offsets of its numbers; ``lanes`` of members side by side, or one."""
 
-    def __init__(self, tables: L.Tables) -> None:
+    def __init__(self, tables: L.Tables, lanes: int = 1) -> None:
+        self.lanes = lanes
         self.parent = [int(i) for i in tables.parent]
         self.n = len(self.parent)
         self.spring = [int(i) for i in tables.spring]
@@ -98,6 +99,7 @@ class LoneContact:
 
     def __init__(self, s: Structure, c: int) -> None:
         a, b, shape, length = s.contact[c]
+        self.lanes = s.lanes
         self.bodies: list[int] = []  # in the scene
         for i in (*(i for i, _ in s.chain[c]), a, b):
             if i >= 0 and i not in self.bodies:

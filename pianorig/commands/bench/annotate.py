@@ -27,7 +27,7 @@ def command(
 
     Trials are never changed or deleted.
 
-    Example:  pianorig annotate sessions/2026-11-21_forte --trial 3 --reject "cable touched the whippen"
+    Example:  pianorig annotate sessions/try --trial 3 --reject "cable touched the whippen"
     """
     texts: dict[Literal["note", "reject", "accept"], str | None] = {"note": note, "reject": reject, "accept": accept}
     given = [(kind, text) for kind, text in texts.items() if text is not None]

@@ -24,7 +24,7 @@ def command(
 
     docs/import.md has a mapping file to start from.
 
-    Example:  pianorig import run1.tdms run2.tdms --mapping lab.toml --out sessions/lab_2025
+    Example:  pianorig import lab.csv --mapping lab.toml --out sessions/lab
     """
     session = rig.import_session(out, files, rig.load_mapping(mapping))
     rows = [

@@ -44,7 +44,7 @@ def command(
     Force is compared and corrected up to the first key bottom. After that the motor plays the recorded force as it
     is, a second stroke included, without the spike at key bottom.
 
-    Example:  pianorig learn pianist_forte.csv --out learned/forte
+    Example:  pianorig learn recorded_force.csv --out learned/forte
               pianorig record --profile learned/forte/profile.toml
     """
     if len({path.stem for path in forces}) < len(forces):

@@ -34,7 +34,7 @@ def command(
     Each trial is rebuilt up to the last good record of its journal. On a gRPC server a killed program leaves its
     sessions: the next  record  frees those of its own rig;  --reset-server  is for those of another rig or computer.
 
-    Example:  pianorig recover sessions/2026-11-21_forte
+    Example:  pianorig recover sessions/try
     """
     if session is None and server is None:
         raise CommandInputError("recover: name a session folder, or give --reset-server ADDRESS")

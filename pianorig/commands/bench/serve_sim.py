@@ -45,7 +45,7 @@ def command(
 
     Record from it with  --backend ni-grpc://127.0.0.1:31763.
 
-    Example:  pianorig serve-sim --port 31763 --clock real
+    Example:  pianorig serve-sim --rig pcie6363 --port 31763
     """
 
     def announce(at: str, product: str, name: str) -> None:

@@ -30,7 +30,7 @@ def command(
 
     Only reads, so that the recording is not disturbed.
 
-    Example:  pianorig watch sessions/2026-11-21_forte
+    Example:  pianorig watch sessions/try
     """
     if not 0.05 <= every <= 60:
         raise CommandInputError(f"--every {every:g}: allowed 0.05 to 60 s")

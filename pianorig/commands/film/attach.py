@@ -26,16 +26,16 @@ def command(
         typer.Option("--first-frame", min=0, help="First frame after the trigger, if the film does not say."),
     ] = None,
     frame_rate: Annotated[
-        float | None, typer.Option("--frame-rate", help="Rate it was filmed at, Hz, if the film does not say.")
+        float | None, typer.Option("--frame-rate", help="True rate, frames/s, where the film does not say it.")
     ] = None,
-    author: Annotated[str, typer.Option("--author", help="Who attaches it.")] = "unknown",
+    author: Annotated[str, typer.Option("--author", help="Who writes this.")] = "unknown",
     as_json: AsJson = False,
 ) -> None:
     """Check a film against a trial and copy it beside the trial.
 
     Frame count, rate, trigger frame and hash must fit; the original stays where it is.
 
-    Example:  pianorig attach /media/camera/C001.mraw --trial 3 sessions/2026-11-21_forte
+    Example:  pianorig attach film.mraw --trial 3 sessions/try
     """
     record = workflows.attach_film(
         film,

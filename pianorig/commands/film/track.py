@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from pianorig import workflows
-from pianorig.console.column_file import check_writable, write_table
+from pianorig.console.column_file import FIGURE_ENDINGS, check_writable, write_table
 from pianorig.console.options import AsJson
 from pianorig.console.output import print_json
 from pianorig.console.progress import bar, say
@@ -24,7 +24,7 @@ def command(
         Path | None, typer.Option("--out", help="CSV file; default: FILM with the ending .angles.csv.")
     ] = None,
     method: Annotated[str, typer.Option("--method", help="icgn or ecc.")] = "icgn",
-    every: Annotated[int, typer.Option("--every", help="Track every N-th frame.")] = 1,
+    every: Annotated[int, typer.Option("--every", help="Use every N-th frame.")] = 1,
     n_still: Annotated[
         int | None, typer.Option("--n-still", min=1, help="Frames at rest at the start; default: found from the film.")
     ] = None,
@@ -42,7 +42,7 @@ def command(
         typer.Option("--distortion", help="Without calibration: that of the distortion at the corner, % [0.1]."),
     ] = None,
     frame_rate: Annotated[
-        float | None, typer.Option("--frame-rate", help="True frames/s, where the film does not say it.")
+        float | None, typer.Option("--frame-rate", help="True rate, frames/s, where the film does not say it.")
     ] = None,
     allow_truncated: Annotated[
         bool, typer.Option("--allow-truncated", help="Read a film that was cut short to its last whole frame.")
@@ -66,7 +66,9 @@ def command(
     contact_sheet: Annotated[
         Path | None, typer.Option("--contact-sheet", help="Picture (.png) of the worst frames.")
     ] = None,
-    figure: Annotated[Path | None, typer.Option("--figure", help="Draw angles and residuals: .png.")] = None,
+    figure: Annotated[
+        Path | None, typer.Option("--figure", help="Draw angles and residuals: .svg, .pdf or .png.")
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Track rigid bodies; give angles and their uncertainty.
@@ -76,9 +78,15 @@ def command(
     Example:  pianorig track film.mraw --bodies bodies.toml --out jack.csv --contact-sheet worst.png --figure jack.png
     """
     target = out if out is not None else film.with_suffix(".angles.csv")
-    for path in (target, propose_bodies, overlay, contact_sheet, figure):
+    for path, endings in (
+        (target, (".csv",)),
+        (propose_bodies, (".toml",)),
+        (overlay, (".avi",)),
+        (contact_sheet, (".png",)),
+        (figure, FIGURE_ENDINGS),
+    ):
         if path is not None:
-            check_writable(path)
+            check_writable(path, *endings)
     if propose_bodies is not None:
         found = workflows.propose_outlines(film, propose_bodies, allow_truncated=allow_truncated)
         if as_json:

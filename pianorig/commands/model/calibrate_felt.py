@@ -64,7 +64,7 @@ def command(
 
     A measured number may carry its standard uncertainty, 0.35+-0.01; with --out it must.
 
-    Example:  pianorig calibrate-felt felt.csv --contact contact02 --force forte.csv --figure felt.svg --out mine.toml
+    Example:  pianorig calibrate-felt felt.csv --contact contact02 --force force.csv --figure felt.svg --out mine.toml
     """
     if figure is not None:
         if curve is None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -21,6 +22,14 @@ def command(
     out: Annotated[
         Path | None, typer.Option("--out", help="TOML file to write; without it the action is only measured.")
     ] = None,
+    target_mm: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--target-mm",
+            help="Another length wanted, name=mm; may be repeated. Names: dip, hammer_height, jack, repetition, "
+            "let_off, drop, check.",
+        ),
+    ] = None,
     set_: Settings = None,
     as_json: AsJson = False,
 ) -> None:
@@ -29,17 +38,20 @@ def command(
     Dip, hammer height, jack, repetition lever, let-off, drop, back check.
 
     Example:  pianorig regulate hirschkorn2004 --out regulated.toml
+    Example:  pianorig regulate hirschkorn2004 --target-mm let_off=1.5 --out soft.toml
     """
     if out is not None:
         check_writable(out, ".toml")
     given = model.load_action(action, read_settings(set_ or []))
+    wanted = {name: 1e-3 * length for name, length in read_settings(target_mm or [], "--target-mm").items()}
+    targets = model.regulation.targets_at(wanted)
     if out is None:
-        _measure(given, as_json)
+        _measure(given, targets, as_json)
     else:
-        _regulate(given, out, as_json)
+        _regulate(given, wanted, out, as_json)
 
 
-def _measure(given: model.Action, as_json: bool) -> None:
+def _measure(given: model.Action, targets: Sequence[model.regulation.RegulationTarget], as_json: bool) -> None:
     """Print the seven targets as they are."""
     with working("measuring the action", quiet=as_json):
         seen = model.regulation.measure(given)
@@ -51,7 +63,7 @@ def _measure(given: model.Action, as_json: bool) -> None:
             "measured_m": seen.value_m[t.name],
             "remark": seen.remarks.get(t.name),
         }
-        for t in model.regulation.TARGETS
+        for t in targets
     ]
     if as_json:
         print_json({"action": given.name, "targets": [nan_as_null(row) for row in rows]})
@@ -62,16 +74,16 @@ def _measure(given: model.Action, as_json: bool) -> None:
         print(f"  {row['words']:<58}{_millimetres(row['wanted_m'])}  {_millimetres(row['measured_m'])}{remark}")
 
 
-def _regulate(given: model.Action, out: Path, as_json: bool) -> None:
+def _regulate(given: model.Action, wanted_m: Mapping[str, float], out: Path, as_json: bool) -> None:
     """Turn the seven screws, write the action, print each target before and after."""
     with working("turning seven screws until seven targets are met", quiet=as_json):
-        done = model.regulation.regulate(given)
+        done = model.regulation.regulate(given, wanted_m=wanted_m)
     model.write_action(
         done.action,
         out,
         [
             f"{done.action.name}: {given.name} regulated by `pianorig regulate` to the targets of Hirschkorn (2004), "
-            "Section 2.3.",
+            f"Section 2.3{model.regulation.other_lengths(done.targets)}.",
             f"{_turned_words(done)} differ from the given set; their source begins with 'regulated'. u of a screw:",
             "what changes its target by its tolerance of 0.02 mm (rectangular).",
         ],
@@ -87,7 +99,7 @@ def _regulate(given: model.Action, out: Path, as_json: bool) -> None:
             "path": s.path,
             "turned_m": done.turned_m[t.name],
         }
-        for t, s in zip(model.regulation.TARGETS, model.regulation.SCREWS, strict=True)
+        for t, s in zip(done.targets, model.regulation.SCREWS, strict=True)
     ]
     if as_json:
         plain = [nan_as_null(row) for row in rows]

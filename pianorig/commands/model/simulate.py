@@ -74,7 +74,7 @@ def command(
 
     With --force all five bodies are predicted; with --key-motion the force at the key front that this motion takes.
 
-    Example:  pianorig simulate --force forte.csv --set contact04.friction=0 --inside --out forte_angles.csv
+    Example:  pianorig simulate --force force.csv --set contact04.friction=0 --inside --out angles.csv
     """
     check_writable(out, ".csv", ".h5")
     if figure is not None:

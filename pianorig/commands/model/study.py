@@ -46,7 +46,7 @@ def command(
 ) -> None:
     """Ask what if: variants of an action under one blow.
 
-    Example:  pianorig study hirschkorn2004 --force forte.csv --variant "dry: --scale damping=0.1" --out dry
+    Example:  pianorig study hirschkorn2004 --force force.csv --variant "dry: --scale damping=0.1" --out dry
     """
     if out is not None:
         make_folder(out)

@@ -7,11 +7,11 @@ from typing import Annotated
 
 import typer
 
-import model
 import validation
+from pianorig.console.built_in_names import complete_file
 from pianorig.console.options import DEFAULT_ACTION, AsJson, Settings, Tolerance
 from pianorig.console.output import print_json, print_verdict
-from pianorig.console.overrides import read_settings
+from pianorig.console.overrides import load_model, read_settings, split_model
 from pianorig.console.progress import say
 from validation.cache.report_cache import inputs_sha256, report_folder, store_report, stored_report
 
@@ -20,7 +20,12 @@ def command(
     sessions: Annotated[list[Path], typer.Argument(help="Session folders.", metavar="SESSION")],
     action: Annotated[
         list[str] | None,
-        typer.Option("--action", help=f"Built-in action or a TOML file; may be repeated.  [default: {DEFAULT_ACTION}]"),
+        typer.Option(
+            "--action",
+            help='Built-in action or a TOML file, changed as in "hirschkorn2004: --set contact04.friction.A=0.3 '
+            f'--scale damping=0.5"; may be repeated.  [default: {DEFAULT_ACTION}]',
+            autocompletion=complete_file("model/actions"),
+        ),
     ] = None,
     set_: Settings = None,
     out: Annotated[
@@ -48,14 +53,15 @@ def command(
     Every model is driven with each trial's own force. Several sessions and several models stand side by side in one
     report; they are never pooled.
 
-    Example:  pianorig validate sessions/2026-11-21_forte_key52 --action hirschkorn2004
-
-    Example:  pianorig validate sessions/forte sessions/piano --action hirschkorn2004 --action mine.toml --out report
+    Example:  pianorig validate sessions/try --action hirschkorn2004
+    Example:  pianorig validate sessions/try --action hirschkorn2004 --action hirschkorn2004-regulated --out both
+    Example:  pianorig validate sessions/try --action hirschkorn2004 --action "hirschkorn2004: --set hammer.mass=0.01"
     """
     folder = report_folder(sessions, out)
     actions = action or [DEFAULT_ACTION]
     options = {"set": set_ or [], "tolerance": tolerance, "by_motion": by_motion, "condition": condition}
-    inputs = inputs_sha256(sessions, actions, options)
+    read = [*actions, *(split_model(text)[0] for text in actions)]  # a changed action depends on its file, too
+    inputs = inputs_sha256(sessions, read, options)
     stored = None if again else stored_report(folder, inputs)
     refused: tuple[str, ...] = ()
     if stored is not None:
@@ -64,7 +70,7 @@ def command(
         changes = read_settings(set_ or [])
         side = validation.validate_sessions(
             sessions,
-            [model.load_action(name, changes) for name in actions],
+            [load_model(name, changes) for name in actions],
             folder,
             progress=None if as_json else say,
             tolerance=tolerance,
@@ -73,7 +79,7 @@ def command(
         )
         verdict, files, refused, reused = side.verdict_lines, side.files, side.refused, _reused(side)
         # a report is not stored when a session could not be read, or when an input changed while it was made
-        if not refused and inputs_sha256(sessions, actions, options) == inputs:
+        if not refused and inputs_sha256(sessions, read, options) == inputs:
             note = store_report(folder, inputs, files, verdict, side.results[0].provenance["created_utc"])
             reused += f"; {note}" if note else ""
     if as_json:

@@ -105,6 +105,15 @@ def film_trial(
     ------
     InputError
         Frame times that do not increase, or a path that cannot be written.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from rig.simulated import ActionGeometry, film_trial
+    >>> rest = np.array(ActionGeometry().rest_angle_rad)
+    >>> truth = film_trial("still.mraw", np.arange(3) / 2000.0, lambda t: np.tile(rest, (len(t), 1)))
+    >>> truth.mean_angle_rad.shape
+    (3, 3)
     """
     geometry, settings = geometry or ActionGeometry(), settings or CameraSettings()
     times = np.asarray(frame_time_s, dtype=float)

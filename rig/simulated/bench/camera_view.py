@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.angles import ccw_to_picture, ground_to_picture
-from vision.bodies.outlines import Body, build_masks
+from vision.bodies.masks import build_masks
+from vision.bodies.outlines import Body
 from vision.errors import InputError
 from vision.fitting.pose_covariance import cramer_rao_bound
 from vision.synthetic import Projection, Scene, SyntheticBody, background, speckle, thick_line, turned, wood_grain
@@ -121,12 +122,24 @@ def film_scene(settings: CameraSettings, seed: int) -> Scene:
 
 
 def film_bodies(geometry: ActionGeometry | None = None, settings: CameraSettings | None = None) -> list[Body]:
-    """Outlines of the three bodies at ``geometry.rest_angle_rad``, as a user would draw them on the first frame.
+    """Outlines of the three bodies at rest, as a user would draw them on the first frame.
+
+    Parameters
+    ----------
+    geometry : ActionGeometry, optional
+        Its ``rest_angle_rad`` places the bodies.
+    settings : CameraSettings, optional
 
     Returns
     -------
     list of Body
         Whippen, jack and repetition, the last two with the whippen as parent.
+
+    Examples
+    --------
+    >>> from rig.simulated import film_bodies
+    >>> [body.parent for body in film_bodies()]
+    [None, 'whippen', 'whippen']
     """
     geometry, settings = geometry or ActionGeometry(), settings or CameraSettings()
     rest = np.asarray(geometry.rest_angle_rad, dtype=float)[None, :]

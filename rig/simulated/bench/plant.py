@@ -156,9 +156,33 @@ class ActionPlant:
 
 
 def load_plant(bench_path: Path, seed: int | None, sample_rate_hz: float, effects: Collection[str] = ()) -> ActionPlant:
-    """Build the plant a bench file describes; ``seed`` wins over the file's.
+    """Build the plant a bench file describes.
 
-    The specimen has the effects (`model.parameters.effects`) that are named in ``effects`` or have a table in the file.
+    Parameters
+    ----------
+    bench_path : Path
+        TOML file.
+    seed : int or None
+        Wins over the file's.
+    sample_rate_hz : float
+    effects : collection of str
+        Effects (`model.parameters.effects`) that the specimen has beside those with a table in the file.
+
+    Returns
+    -------
+    ActionPlant
+
+    Raises
+    ------
+    RigInputError
+        A value that is missing or out of range, with its name.
+
+    Examples
+    --------
+    >>> from rig.simulated import load_plant
+    >>> from rig.simulated.backend import DEFAULT_BENCH
+    >>> plant = load_plant(DEFAULT_BENCH, seed=1, sample_rate_hz=5000.0)
+    >>> plant.start_trial(1)
     """
     path = Path(bench_path)
     bench = read_bench(path)

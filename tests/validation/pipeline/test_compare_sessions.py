@@ -25,7 +25,7 @@ def page(side_written):
 
 
 def test_the_page_repeats_the_figures_of_chapter_4(page):
-    anchors = re.findall(r"<strong>(As thesis Figs?\.? [^<]*)\.</strong>", page)
+    anchors = re.findall(r'class="anchor">(As thesis Figs?\.? [^<]*)\.</span>', page)
     named = {number for text in anchors for number in re.findall(r"4\.\d+", text)}
     assert named == {f"4.{k}" for k in range(5, 16)}
     assert anchors.count("As thesis Figs 4.8 and 4.11") == 1
@@ -66,8 +66,9 @@ def test_verdict_matrix_and_files_name_session_and_model(side, side_written, pag
 def test_numbers_of_captions_and_verdicts_are_those_of_the_file(side_written, page):
     content = json.loads(side_written.files["results.json"].read_text(encoding="utf-8"))
     scores = pd.DataFrame(content["tables"]["scores"])
-    said = re.findall(r"Rotation of the (\w+), trial (\d+) and models; .*?calibrated: ([\d.]+)°", page)
-    assert len(said) == 12  # caption and title of six figures
+    figure = r'data-channel="(key|whippen|hammer)" data-shows="one">.*?class="of-trial">Trial (\d+): '
+    said = re.findall(figure + r"calibrated: RMSE ([\d.]+)°", page, re.S)
+    assert len(said) == 6
     for channel, trial, value in said:
         row = scores.query(f"model == 'calibrated' and channel == '{channel}' and trial == {trial}").iloc[0]
         assert value == degrees(row["rmse_rad"])

@@ -11,7 +11,7 @@
   if (all("main").length !== 1) faults.push("not one main");
   for (const e of all("img, svg")) if (!named(e) || (e.tagName === "svg" && e.getAttribute("role") !== "img")) say("image without text", e);
   for (const e of all("figure")) if (!e.querySelector("figcaption")?.textContent.trim()) say("figure without caption", e);
-  for (const e of all("th")) if (!["col", "row"].includes(e.getAttribute("scope"))) say("header without scope", e);
+  for (const e of all("th")) if (!["col", "row", "colgroup", "rowgroup"].includes(e.getAttribute("scope"))) say("header without scope", e);
   for (const e of all("table")) if (!e.caption?.textContent.trim() || !e.querySelector("th")) say("table without caption or header", e);
   for (const e of all("a[href], button, input, summary, [role=region], form")) if (!named(e)) say("control or region without name", e);
   for (const e of all("[tabindex]")) if (e.tabIndex > 0) say("own order of tabs", e);

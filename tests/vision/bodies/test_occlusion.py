@@ -5,19 +5,25 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.bodies.occlusion import mark_covered
+from vision.bodies.masks import CLEARANCE_PX
+from vision.bodies.occlusion import Occlusion
+from vision.bodies.outlines import Body, signed_distance
+from vision.fitting.template import build_template
 
 
 def test_mark_covered_against_plain_geometry() -> None:
     """Template pixels carried into the frame, then back into the axes of the one in front."""
     rng = np.random.default_rng(6)
-    offset = rng.uniform(-40, 40, (2, 500)).astype(np.float32)
-    centre, pose = np.array([70.0, 50.0]), np.array([0.2, 3.0, -2.0])
-    other_centre, other_pose = np.array([90.0, 60.0]), np.array([-0.3, -4.0, 5.0])
-    outline = np.zeros((120, 180), dtype=np.uint8)
-    outline[45:70, 70:120] = 1
-    covered = np.zeros(500, dtype=np.uint8)
-    count = mark_covered(offset, centre, pose, outline, other_centre, other_pose, covered)
+    mask = np.zeros((120, 180), dtype=bool)
+    mask[20:80, 30:110] = True
+    template = build_template("back", rng.uniform(50.0, 200.0, mask.shape), mask, 4)
+    offset, centre, pose = template.offset_px, np.array(template.centre_px), np.array([0.2, 3.0, -2.0])
+    front = Body("front", np.array([[70.0, 45.0], [120.0, 45.0], [120.0, 70.0], [70.0, 70.0]]), layer=1)
+    back = Body("back", np.array([[26.0, 16.0], [114.0, 16.0], [114.0, 84.0], [26.0, 84.0]]))
+    distances = [signed_distance(body.polygon_px, 120, 180) for body in (back, front)]
+    other = build_template("front", rng.uniform(50.0, 200.0, mask.shape), distances[1] > 4.0, 4)
+    other_centre, other_pose = np.array(other.centre_px), np.array([-0.3, -4.0, 5.0])
+    covered = Occlusion([back, front], [template, other], distances).covered(0, pose, {1: other_pose})
 
     def turn(phi: float) -> NDArray[np.float64]:
         return np.array([[np.cos(phi), -np.sin(phi)], [np.sin(phi), np.cos(phi)]])
@@ -26,6 +32,6 @@ def test_mark_covered_against_plain_geometry() -> None:
     back = other_centre[:, None] + turn(0.3) @ (there - (other_centre + other_pose[1:])[:, None])
     column, row = np.floor(back + 0.5).astype(int)
     inside = (row >= 0) & (row < 120) & (column >= 0) & (column < 180)
-    expected = inside & (outline[np.clip(row, 0, 119), np.clip(column, 0, 179)] > 0)
+    expected = inside & (distances[1][np.clip(row, 0, 119), np.clip(column, 0, 179)] > -CLEARANCE_PX)
     np.testing.assert_array_equal(covered.astype(bool), expected)
-    assert count == expected.sum() > 50
+    assert 500 < expected.sum() < offset.shape[1] - 500

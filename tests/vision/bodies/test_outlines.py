@@ -9,7 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vision.bodies.outlines import Body, build_masks, load_bodies, parents_first, save_bodies, signed_distance
+from vision.bodies.masks import build_masks
+from vision.bodies.outlines import Body, load_bodies, parents_first, save_bodies, signed_distance
 from vision.errors import BodyError
 from vision.synthetic import box
 

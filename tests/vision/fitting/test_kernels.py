@@ -11,7 +11,8 @@ from scipy import ndimage
 
 from vision.fitting.bspline import coefficients, noise_gain
 from vision.fitting.icgn import IcgnFitter
-from vision.fitting.kernels import Region, Settings, Subset, fit_rigid, robust_scale, solve5
+from vision.fitting.kernel_records import Region, Settings, State, Subset
+from vision.fitting.kernels import fit_rigid, robust_scale, solve5
 from vision.fitting.pose_covariance import TUKEY
 from vision.fitting.template import Template, build_template
 from vision.synthetic import Scene
@@ -55,10 +56,11 @@ def test_fit_against_plain_numpy(bar_scene: Callable[[str], Scene], pivot: tuple
     start = np.array([-0.045, 0.9, -0.8])
     pose, weight = start.copy(), np.ones(template.n_pixels, dtype=np.float32)
     uncovered = np.zeros(template.n_pixels, dtype=np.uint8)
-    subset = Subset(template.offset_px, template.columns, uncovered, *template.centre_px)
+    subset = Subset(template.offset_px, template.columns, uncovered, *template.centre_px, template.radius_px)
     settings = Settings(noise_gain(), scale_floor=0.5, tolerance_px=1e-4, stop_u=0.0, max_iterations=30)
-    work = np.zeros((3, template.n_pixels), dtype=np.float32)
-    fit = fit_rigid(Region(coefficients(frame), 0.0, 0.0), subset, settings, pose, weight, work, 2.0)
+    work, at = np.zeros((5, template.n_pixels), dtype=np.float32), np.zeros(template.n_pixels, dtype=np.int32)
+    state = State(pose, weight, work, at, 2.0)
+    fit = fit_rigid(Region(coefficients(frame), 0.0, 0.0), subset, settings, state)
     rounds = fit.iterations
     assert 3 <= rounds < 30
     expected, gain, scale = plain_fit(coefficients(frame).astype(float), template, start, rounds)

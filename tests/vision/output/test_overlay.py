@@ -13,7 +13,9 @@ from vision.bodies.outlines import Body
 from vision.errors import InputError
 from vision.film.open import open_film
 from vision.film.source import ArrayFilm
-from vision.output.overlay import COLOURS, LOST, worst_rows, write_contact_sheet, write_overlay
+from vision.output.colours import LOST, bgr, colour_of
+from vision.output.contact_sheet import words_of, worst_rows, write_contact_sheet
+from vision.output.overlay import OutlineDrawer, write_overlay
 from vision.synthetic import Scene, box
 from vision.tracking.track_film import track_film
 
@@ -42,18 +44,16 @@ def test_outline_is_drawn_on_the_body(tmp_path: Path, tracked: tuple) -> None:
     assert seen[-1] == (22, 22)
     with open_film(path) as film:
         assert (film.n_frames, film.height, film.width) == (22, 150, 210)
-    from vision.output.overlay import _Drawer
-
-    picture = _Drawer(known.film, known.bodies, result).picture(42)
-    tinted = np.abs(picture.astype(int) - COLOURS[0]).max(axis=2) < 60
+    picture = OutlineDrawer(known.film, known.bodies, result).picture(42)
+    tinted = np.abs(picture.astype(int) - bgr(colour_of("bar", 0))).max(axis=2) < 60
     # the true outline at that pose, rasterised apart: most of it carries the colour
     c, s = np.cos(-0.2), np.sin(-0.2)
     outline = box(-30.0, -22.0, 80.0, 22.0) @ np.array([[c, s], [-s, c]]) + (92.0, 96.0)
     line = np.zeros((150, 210), dtype=np.uint8)
     cv2.polylines(line, [np.rint(outline).astype(np.int32)], True, 255, 3)
     assert np.count_nonzero(tinted & (line > 0)) > 0.8 * np.count_nonzero(tinted) > 100
-    dark = _Drawer(known.film, known.bodies, result).picture(31)
-    assert (np.abs(dark.astype(int) - LOST).max(axis=2) < 60).sum() > 100
+    dark = OutlineDrawer(known.film, known.bodies, result).picture(31)
+    assert (np.abs(dark.astype(int) - bgr(LOST)).max(axis=2) < 60).sum() > 100
 
 
 def test_contact_sheet_shows_lost_frames_first(tmp_path: Path, tracked: tuple) -> None:
@@ -62,7 +62,10 @@ def test_contact_sheet_shows_lost_frames_first(tmp_path: Path, tracked: tuple) -
     shown = write_contact_sheet(path, known.film, known.bodies, result, count=5, columns=2)
     assert sorted(shown[:4]) == [30, 31, 32, 33] and len(shown) == 5
     sheet = cv2.imread(str(path))
-    assert sheet.shape == (3 * 150, 2 * 210, 3)
+    assert sheet.shape[1] == 2 * 2 * 210 and sheet.shape[0] > 3 * 2 * 150  # enlarged twice, strips of text between
+    row = int(np.flatnonzero(result.frame == 30)[0])
+    assert words_of(result, row)[0].startswith("frame 30, ") and words_of(result, row)[1].startswith("bar lost: ")
+    assert words_of(result, 40)[1].startswith(f"bar correlates {result.zncc[40, 0]:.3f}")
     good = worst_rows(result, 44)[4:]
     correlation = result.zncc[good, 0]
     assert np.all(np.diff(correlation) >= 0)

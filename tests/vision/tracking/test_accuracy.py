@@ -10,7 +10,8 @@ import pytest
 
 from tests.vision.motion import bar_motion, smooth_step
 from vision.angles import ccw_to_picture
-from vision.bodies.outlines import Body, build_masks
+from vision.bodies.masks import build_masks
+from vision.bodies.outlines import Body
 from vision.errors import InputError, TrackingError
 from vision.film.source import ArrayFilm
 from vision.fitting.ecc import EccFitter

@@ -98,10 +98,10 @@ def test_backward_pass_takes_back_a_wrong_stretch(
     known = film_of(bar_scene("speckle"), bar_motion(70, pivot, 0.3))
     forward = vision.tracking.passes.track_forward
 
-    def spoil(run: object, table: object, *rest: object) -> int:
-        done = forward(run, table, *rest)
+    def spoil(tracker: object, table: object, *rest: object) -> int:
+        done = forward(tracker, table, *rest)
         table.pose[40:43, 0, 0] += 60 * MDEG
-        table.store(30, 0, run.trackers[0].fit, FrameFlag.NOT_CONVERGED)
+        table.store(30, 0, tracker.trackers[0].fit, FrameFlag.NOT_CONVERGED)
         return done
 
     monkeypatch.setattr("vision.tracking.track_film.track_forward", spoil)

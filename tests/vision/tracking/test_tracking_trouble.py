@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from tests.vision.motion import bar_motion, smooth_step
 from vision.angles import ccw_to_picture
-from vision.bodies.outlines import Body, build_masks
+from vision.bodies.masks import build_masks
+from vision.bodies.outlines import Body
 from vision.errors import VisionWarning
 from vision.fitting.icgn import IcgnFitter
 from vision.fitting.pose_covariance import cramer_rao_bound

@@ -12,12 +12,13 @@ from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties
 from matplotlib.textpath import text_to_path
 
-from validation.report.figures.svg import figure_svg
+from validation.report.figures.svg import TIME_PANEL, figure_svg
 from validation.report.view import SessionView
 from validation.result import ValidationResult
 
 ZOOM_S = (0.02, 0.03)
 WIDTH_IN = 9.2
+TITLE_PAD = 13.0  # points: the letters of the marks stand between title and panel
 # inches: what ticks and an axis label take beside the ticks' numbers, a line of text, the edges
 BESIDE_IN, LINE_IN, EDGE_IN, GAP_IN = 0.36, 0.19, 0.1, 0.12
 POINTS_PER_IN = 72.0
@@ -25,12 +26,16 @@ POINTS_PER_IN = 72.0
 
 @dataclass(frozen=True)
 class ReportFigure:
-    """One figure: its id, which figure of the thesis it repeats, caption and SVG text."""
+    """One figure: its id, which figure of the thesis it repeats, caption and SVG text; the channel it shows and whether
+    of the chosen trial (``one``), of all trials (``all``) or neither; what it says of the chosen trial."""
 
     key: str
     anchor: str
     caption: str
     svg: str
+    channel: str = ""
+    shows: str = ""
+    of_trial: str = ""
 
 
 def window(result: ValidationResult, frame: pd.DataFrame) -> pd.DataFrame:
@@ -62,7 +67,8 @@ def zoom_on_impact(result: ValidationResult, trial: int, axes: Axes) -> None:
     hit = e[(e["trial"] == trial) & (e["source"] == "trial") & (e["event"] == "string_impact")]["value"]
     if len(hit) and np.isfinite(hit.iloc[0]):
         axes.set_xlim(float(hit.iloc[0]) - ZOOM_S[0], float(hit.iloc[0]) + ZOOM_S[1])
-        axes.set_title("around the string impact", fontsize=9)
+        axes.set_label(TIME_PANEL)
+        axes.set_title("around the string impact", fontsize=9, pad=TITLE_PAD)
 
 
 def arrange(figure: Figure, legend_lines: int = 0) -> None:

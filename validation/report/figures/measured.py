@@ -8,11 +8,19 @@ Source: thesis Figures 3.9–3.12.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
-from validation.conventions import ENCODER_CHANNELS
+from validation.conventions import ENCODER_CHANNELS, Array
+from validation.curves.signs import TITLE, degrees, rotation_label
+from validation.curves.style import BLACK, band, columns_for, draw, finish_axes, legend, line_style, shade_lifts
+from validation.curves.table import force_on_base
+from validation.curves.time_base import on_base
+from validation.report.figures.control import control_charts
+from validation.report.figures.film_and_motion import film_rotations, force_from_motion
 from validation.report.figures.layout import (
     WIDTH_IN,
     ReportFigure,
@@ -23,27 +31,14 @@ from validation.report.figures.layout import (
     zoom_on_impact,
 )
 from validation.report.figures.overlays import (
-    film_rotations,
-    force_from_motion,
     force_of_one_trial,
     model_against_trial,
 )
-from validation.report.figures.style import (
-    BLACK,
-    TITLE,
-    band,
-    columns_for,
-    degrees,
-    draw,
-    finish_axes,
-    legend,
-    line_style,
-    rotation_label,
-    shade_lifts,
-)
+from validation.report.figures.quantiles import MOST_LINES, QUANTILES, draw_quantiles, quantiles
 from validation.report.figures.svg import STYLE
 from validation.report.thesis import measured_anchor
 from validation.report.view import SessionView
+from validation.result import ValidationResult
 
 
 def force_of_all_trials(view: SessionView) -> ReportFigure:
@@ -52,7 +47,13 @@ def force_of_all_trials(view: SessionView) -> ReportFigure:
     figure = Figure(figsize=(WIDTH_IN, 3.0))
     axes = figure.subplots()
     peak = 0.0
-    for i, (number, frame) in enumerate(result.traces.items()):
+    several = len(result.traces) > MOST_LINES
+    if several:
+        base = result.base_s
+        curves = np.column_stack([force_on_base(base, frame) for frame in result.traces.values()])
+        peak = float(np.nanmax(curves))
+        draw_quantiles(axes, quantiles(base, curves))
+    for i, (number, frame) in enumerate(result.traces.items() if not several else ()):
         f = window(result, frame)
         force = f["force_n"].to_numpy()
         peak = max(peak, float(force.max(initial=0.0)))
@@ -65,11 +66,13 @@ def force_of_all_trials(view: SessionView) -> ReportFigure:
             **line_style(i),
         )
     finish_axes(axes, "force (N)")
-    legend(axes, len(result.traces))
     n = len(result.traces)
-    caption = f"Measured force of all {n} trials, corrected for offset, hum and channel delay, never smoothed."
+    legend(axes, 3 if several else n)
+    caption = f"Measured force of all {n} trials, corrected for offset, hum and channel delay, never smoothed"
+    caption += f": {QUANTILES}." if several else "."
     text = f"{n} curves of force over time; the largest force is {peak:.1f} N."
-    return finish(view, figure, "force-all", measured_anchor(view.condition, "force"), caption, text)
+    made = finish(view, figure, "force-all", measured_anchor(view.condition, "force"), caption, text)
+    return replace(made, channel="force", shows="all")
 
 
 def rotation_of_all_trials(view: SessionView, channel: str) -> ReportFigure:
@@ -77,7 +80,12 @@ def rotation_of_all_trials(view: SessionView, channel: str) -> ReportFigure:
     result = view.first
     figure = Figure(figsize=(WIDTH_IN, 3.9))
     grid = figure.subplots(2, 2, sharex="col", height_ratios=(3, 1), width_ratios=(2.2, 1))
-    for i, (trial, frame) in enumerate(result.traces.items()):
+    several = len(result.traces) > MOST_LINES
+    if several:
+        curves = on_columns(result, channel)
+        for top in grid[0]:
+            draw_quantiles(top, quantiles(result.base_s, curves))
+    for i, (trial, frame) in enumerate(result.traces.items() if not several else ()):
         f = window(result, frame)
         for top in grid[0]:
             rotation = degrees(channel, f[f"{channel}_measured_rad"])
@@ -104,15 +112,24 @@ def rotation_of_all_trials(view: SessionView, channel: str) -> ReportFigure:
         finish_axes(top, rotation_label(channel), bottom=False)
         finish_axes(low, "$s_r$ (°)")
         low.set_ylim(bottom=0)
-    legend(grid[0, 0], len(result.traces))
+    legend(grid[0, 0], 3 if several else len(result.traces))
     zoom_on_impact(result, next(iter(result.traces)), grid[0, 1])
     text = f"sᵣ(t) is at most {np.nanmax(s_r):.3f}°." if known else "Repeatability is not known with one trial."
-    caption = f"Rotation of the {TITLE[channel]} in all {len(result.traces)} trials; below: repeatability sᵣ(t)."
+    caption = f"Rotation of the {TITLE[channel]} in all {len(result.traces)} trials"
+    caption += f": {QUANTILES}; below: repeatability sᵣ(t)." if several else "; below: repeatability sᵣ(t)."
     if banded:
-        caption += f" Shaded: simultaneous 95 % band of the mean, at most ±{np.nanmax(reach):.3f}°; it holds for "
-        caption += "scatter in value: where blows scatter in time (impact, release) it covers less."
+        caption += f" Shaded: simultaneous 95 % band of the mean, at most ±{np.nanmax(reach):.3f}°; it knows "
+        caption += "scatter in value and in time, but not what one blow in thirty does."
     caption += lift_text(lifts)
-    return finish(view, figure, f"{channel}-all", measured_anchor(view.condition, channel), caption, text)
+    made = finish(view, figure, f"{channel}-all", measured_anchor(view.condition, channel), caption, text)
+    return replace(made, channel=channel, shows="all")
+
+
+def on_columns(result: ValidationResult, channel: str) -> Array:
+    """Measured rotation of every trial on the time base, (n_samples, n_trials) degrees."""
+    base, name = result.base_s, f"{channel}_measured_rad"
+    columns = [on_base(base, f["time_s"].to_numpy(), degrees(channel, f[name])) for f in result.traces.values()]
+    return np.column_stack(columns)
 
 
 def all_figures(view: SessionView) -> dict[str, list[ReportFigure]]:
@@ -124,4 +141,6 @@ def all_figures(view: SessionView) -> dict[str, list[ReportFigure]]:
         comparison += [force_from_motion(view, i) for i, r in enumerate(view.results) if r.motion_trace is not None]
         repeatability = [force_of_all_trials(view)]
         repeatability += [rotation_of_all_trials(view, channel) for channel in ENCODER_CHANNELS]
+        charts = control_charts(view)
+        repeatability += [] if charts is None else [charts]
         return {"repeatability": repeatability, "comparison": comparison}

@@ -1,4 +1,4 @@
-"""Turning a matplotlib figure into small, self-contained, accessible inline SVG; thinning curves for it.
+"""Turning a matplotlib figure into small, self-contained, accessible inline SVG.
 
 Conventions: every id carries the figure's key, so that many figures live on one page; no name space, document
 type or metadata is left, so the page holds no address of any kind.
@@ -18,9 +18,7 @@ from matplotlib import rc_context
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
-from validation.conventions import Array
-
-COLUMNS = 560
+TIME_PANEL = "time"
 STYLE: dict[Any, Any] = {
     "svg.fonttype": "none",
     "svg.hashsalt": "pianorig",
@@ -31,52 +29,21 @@ STYLE: dict[Any, Any] = {
 }
 
 
-def decimate(time: Array, values: Array, *, columns: int = COLUMNS, keep: str = "both") -> tuple[Array, Array]:
-    """Thin a curve to the smallest and largest value of each pixel column, so that no spike is lost.
+def panels(figure: Figure, key: str, start_s: float, end_s: float) -> tuple[str, str]:
+    """Places and limits of the panels with a time axis, as JSON in the units of the SVG, for the page's scripts.
 
-    Parameters
-    ----------
-    time, values : (n,) arrays
-        NaN breaks the line and is kept as a break.
-    columns : int
-    keep : {"both", "min", "max"}
-        One value per column for the edge of a band.
-    """
-    t, v = np.asarray(time, dtype=float), np.asarray(values, dtype=float)
-    per = 2 if keep == "both" else 1
-    if t.size <= per * columns:
-        return t, v
-    size = int(np.ceil(t.size / columns))
-    pad = (-t.size) % size
-    blocks = np.concatenate([v, np.full(pad, v[-1])]).reshape(-1, size)
-    starts = np.arange(blocks.shape[0]) * size
-    gap = np.isnan(blocks).any(axis=1)
-    low = starts + np.where(np.isnan(blocks), np.inf, blocks).argmin(axis=1)
-    high = starts + np.where(np.isnan(blocks), -np.inf, blocks).argmax(axis=1)
-    if keep != "both":
-        index = np.minimum(low if keep == "min" else high, t.size - 1)
-        out = v[index].copy()
-        out[gap] = np.nan
-        return t[np.minimum(starts + size // 2, t.size - 1)], out
-    pair = np.sort(np.stack([low, high], axis=1), axis=1)
-    index = np.minimum(pair.reshape(-1), t.size - 1)
-    out = v[index].copy()
-    out[np.repeat(gap, 2)] = np.nan
-    return t[index], out
-
-
-def time_panels(figure: Figure, key: str, start_s: float, end_s: float) -> str:
-    """Places of the panels that show the whole window, as JSON in the units of the SVG, for the page's zoom.
-
-    Known once the figure has been drawn: its layout is decided then.
+    First those that show the whole window and zoom together, then those around one moment, which are labelled
+    `TIME_PANEL`. Known once the figure has been drawn: its layout is decided then.
     """
     width, height = (72 * float(v) for v in figure.get_size_inches())
-    panels = []
+    whole: list[dict[str, object]] = []
+    parts: list[dict[str, object]] = []
     for i, axes in enumerate(figure.axes, start=1):
-        if not np.allclose(axes.get_xlim(), (start_s, end_s), rtol=0, atol=1e-9):
+        is_whole = bool(np.allclose(axes.get_xlim(), (start_s, end_s), rtol=0, atol=1e-9))
+        if not is_whole and axes.get_label() != TIME_PANEL:
             continue
         box = axes.get_position()
-        panels.append(
+        (whole if is_whole else parts).append(
             {
                 "id": f"{key}-axes_{i}",
                 "left": round(width * box.x0, 3),
@@ -84,15 +51,17 @@ def time_panels(figure: Figure, key: str, start_s: float, end_s: float) -> str:
                 "top": round(height * (1 - box.y1), 3),
                 "bottom": round(height * (1 - box.y0), 3),
                 "labelled": bool(axes.get_xlabel()),
+                "x": [round(float(v), 6) for v in axes.get_xlim()],
+                "y": [round(float(v), 6) for v in axes.get_ylim()],
             }
         )
-    return json.dumps(panels, separators=(",", ":"))
+    return json.dumps(whole, separators=(",", ":")), json.dumps(parts, separators=(",", ":"))
 
 
 def figure_svg(figure: Figure, key: str, title: str, description: str, window_s: tuple[float, float]) -> str:
     """SVG text of a figure for a page: role img, title and description, unique ids, no addresses.
 
-    Panels that show ``window_s`` are named in the attribute ``data-panels``.
+    Panels that show ``window_s`` are named in the attribute ``data-panels``, others over time in ``data-parts``.
     """
     with rc_context(STYLE):
         FigureCanvasSVG(figure)
@@ -111,9 +80,9 @@ def figure_svg(figure: Figure, key: str, title: str, description: str, window_s:
     text = re.sub(r"url\(#([^)]+)\)", rf"url(#{key}-\1)", text)
     head, body = text.split(">", 1)
     head = re.sub(r'\s(width|height)="[^"]*"', "", head)
-    panels = html.escape(time_panels(figure, key, *window_s))
+    whole, parts = (html.escape(text) for text in panels(figure, key, *window_s))
     label = (
-        f'{head} role="img" data-panels="{panels}" aria-labelledby="{key}-title {key}-desc">'
+        f'{head} role="img" data-panels="{whole}" data-parts="{parts}" aria-labelledby="{key}-title {key}-desc">'
         f'<title id="{key}-title">{html.escape(title)}</title>'
         f'<desc id="{key}-desc">{html.escape(description)}</desc>'
     )

@@ -53,7 +53,7 @@ def budget_table(result: ValidationResult) -> PageTable:
         )
     else:
         notes.append("No budget was asked for.")
-    return PageTable("budget", "Uncertainty budget of the events", head, rows, notes)
+    return PageTable("budget", "Uncertainty budget of the events", head, rows, notes, "budget")
 
 
 def _part(u: float, whole: float) -> str:
@@ -84,4 +84,4 @@ def area_table(result: ValidationResult) -> PageTable:
         "Area between the distribution functions of predictions and trials; floor: what a perfect model would show "
         "with as few trials, by chance."
     ]
-    return PageTable("area", "Area metric of the events", head, rows, notes)
+    return PageTable("area", "Area metric of the events", head, rows, notes, "event_summary")

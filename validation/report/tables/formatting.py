@@ -12,13 +12,15 @@ DASH = "–"
 
 @dataclass(frozen=True)
 class PageTable:
-    """A table of text: caption, column heads, rows; the first cell of a row is its head."""
+    """A table of text: caption, column heads, rows; the first cell of a row is its head; ``source``: the CSV table that
+    has its numbers in full."""
 
     key: str
     caption: str
     head: list[str]
     rows: list[list[str]]
     notes: list[str] = field(default_factory=list)
+    source: str = ""
 
 
 def number(value: object, digits: int = 3) -> str:

@@ -41,7 +41,7 @@ def matrix(side: SideBySide) -> PageTable:
         "model of many bodies should do better. Sessions are never pooled: blows of different conditions or sample "
         "rates have no common repeatability. Jack and repetition lever: filmed trials only."
     ]
-    return PageTable("matrix", "Scores of every session, model and channel", head, rows, notes)
+    return PageTable("matrix", "Scores of every session, model and channel", head, rows, notes, "scorecard")
 
 
 def _cells(result: ValidationResult, channels: list[str], column: str) -> list[str]:
@@ -102,7 +102,7 @@ def _pairs(pairs: pd.DataFrame, key: str, caption: str) -> PageTable:
         "test, two-sided; least p: the smallest that so many trials allow (five: 0.0625); all channels: signs flipped "
         "in all channels together. Closer to these trials does not mean right."
     ]
-    return PageTable(key, caption, head, rows, notes)
+    return PageTable(key, caption, head, rows, notes, "model_pairs")
 
 
 def event_table(view: SessionView) -> PageTable:
@@ -135,7 +135,7 @@ def event_table(view: SessionView) -> PageTable:
             "Events of the trials are found with the geometry and rest of each model; the trials’ column is that of "
             f"{view.names[0]}, the differences are each model’s own."
         )
-    return PageTable("events", "Events: presence first, then timing", head, rows, notes)
+    return PageTable("events", "Events: presence first, then timing", head, rows, notes, "event_summary")
 
 
 def _moved(view: SessionView) -> bool:

@@ -30,7 +30,7 @@ def scorecard_table(result: ValidationResult) -> PageTable:
     ]
     if guards:
         notes.append("Guards raised (the scores themselves are left as they are): " + " ".join(guards))
-    return PageTable("scorecard", "Every score beside its ceiling and the null model", head, rows, notes)
+    return PageTable("scorecard", "Every score beside its ceiling and the null model", head, rows, notes, "scorecard")
 
 
 def _between(s: Any) -> str:

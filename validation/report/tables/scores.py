@@ -6,11 +6,12 @@ import math
 
 import pandas as pd
 
+from validation.curves.signs import SIGN
 from validation.events.definitions import EVENTS
 from validation.report.tables.formatting import DASH, PageTable, between, degrees, number, percent, rms, with_u
 from validation.result import ValidationResult
 
-MOST_TRIALS = 12  # more columns than that nobody reads side by side
+MOST_TRIALS = 10  # more columns than that nobody reads side by side
 
 
 def score_matrix(result: ValidationResult) -> PageTable:
@@ -53,7 +54,9 @@ def score_matrix(result: ValidationResult) -> PageTable:
     ]
     if not trials:
         notes.append(f"The RMSE of each of the {len(result.traces)} trials stands in tables/scores.csv.")
-    return PageTable("scores", "RMSE of every trial and channel (°)" if trials else "RMSE (°)", head, rows, notes)
+    return PageTable(
+        "scores", "RMSE of every trial and channel (°)" if trials else "RMSE (°)", head, rows, notes, "scores"
+    )
 
 
 def _pooled(result: ValidationResult) -> pd.DataFrame:
@@ -77,7 +80,7 @@ def iso_table(result: ValidationResult) -> PageTable:
         "The specification is made for forces and accelerations of vehicle safety; here it is a style of scoring. "
         "A curve with lost frames has no score."
     ]
-    return PageTable("iso", "ISO/TS 18571-style scores", head, rows, notes)
+    return PageTable("iso", "ISO/TS 18571-style scores", head, rows, notes, "scores")
 
 
 def resolution_table(result: ValidationResult) -> PageTable:
@@ -91,7 +94,7 @@ def resolution_table(result: ValidationResult) -> PageTable:
                 str(channel),
                 degrees(rms(part["before_impact_rmse_rad"])),
                 degrees(rms(part["rmse_rad"])),
-                degrees(float(part["bias_rad"].mean())),
+                degrees(SIGN[str(channel)] * float(part["bias_rad"].mean())),
                 degrees(float(worst["largest_rad"])) if worst is not None else DASH,
                 f"{worst['largest_at_s']:.4f} (trial {int(worst['trial'])})" if worst is not None else DASH,
                 percent(shares[str(channel)]),
@@ -114,7 +117,7 @@ def resolution_table(result: ValidationResult) -> PageTable:
         "resolved: share of the window in which the mean paired difference leaves its simultaneous 95 % band "
         "(declared uncertainties of force, sensors and parameters; scatter of the trials where larger)."
     ]
-    return PageTable("differences", "Differences model − trial by channel (°)", head, rows, notes)
+    return PageTable("differences", "Differences model − trial by channel (°)", head, rows, notes, "channels")
 
 
 def event_by_trial_table(result: ValidationResult) -> PageTable:
@@ -130,7 +133,7 @@ def event_by_trial_table(result: ValidationResult) -> PageTable:
         shown = with_u(k * e.value, k * e.u)
         rows.append([kind.label, str(e.trial), e.source, shown, e.status, e.note or ""])
     head = ["event", "trial", "source", "value ± u", "status", "note"]
-    return PageTable("events-by-trial", "Every event of every trial", head, rows)
+    return PageTable("events-by-trial", "Every event of every trial", head, rows, source="events")
 
 
 def repeatability_tables(result: ValidationResult) -> list[PageTable]:
@@ -166,12 +169,14 @@ def repeatability_tables(result: ValidationResult) -> list[PageTable]:
             "Repeatability of the angles over the window (°)",
             ["channel", "trials", "sᵣ pooled", "95 % interval of sᵣ", "largest sᵣ(t)", "limit"],
             channel_rows,
+            source="channels",
         ),
         PageTable(
             "event-repeatability",
             "Repeatability of the events",
             ["event", "trials", "mean ± s", "95 % interval of s", "limit", "range"],
             event_rows,
+            source="event_repeatability",
         ),
     ]
 
@@ -208,4 +213,4 @@ def trial_page_table(result: ValidationResult) -> PageTable:
         "delay (ms)",
         "prediction",
     ]
-    return PageTable("trials", "Trials and the correction of their force", head, rows)
+    return PageTable("trials", "Trials and the correction of their force", head, rows, source="trials")

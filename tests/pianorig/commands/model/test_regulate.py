@@ -28,6 +28,18 @@ def test_regulate_writes_and_tells(tmp_path: Path, capsys: pytest.CaptureFixture
     assert [p.name for p in tmp_path.iterdir()] == ["regulated.toml"]
 
 
+def test_another_length_may_be_wanted(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "soft.toml"
+    assert run("regulate", "hirschkorn2004-regulated", "--target-mm", "let_off=1.5", "--out", out, "--json") == 0
+    rows = {row["target"]: row for row in json.loads(capsys.readouterr().out)["targets"]}
+    assert rows["let_off"]["wanted_m"] == 1.5e-3 and rows["drop"]["wanted_m"] == 3e-3
+    assert all(abs(row["after_m"] - row["wanted_m"]) < 2e-5 for row in rows.values())
+    soft = model.load_action(out)
+    assert abs(model.regulation.measure(soft).value_m["let_off"] - 1.5e-3) < 2e-5
+    assert "let-off 1.5 mm, as asked for" in soft.quantities["contact08.second.y"].source
+    assert "let-off 1.5 mm" in soft.description and "but let-off 1.5 mm" in out.read_text("utf-8").splitlines()[0]
+
+
 def test_without_out_it_measures(capsys: pytest.CaptureFixture[str]) -> None:
     assert run("regulate", "hirschkorn2004") == 0
     lines = capsys.readouterr().out.splitlines()
@@ -40,6 +52,9 @@ def test_without_out_it_measures(capsys: pytest.CaptureFixture[str]) -> None:
         (["hirschkorn2004", "--out", "o.csv"], "o.csv: ending found '.csv', allowed .toml"),
         (["hirschkorn2004", "--out", "no_such_folder/o.toml"], "folder no_such_folder does not exist"),
         (["steinway", "--out", "o.toml"], "action 'steinway': not found; built in: hirschkorn2004"),
+        (["hirschkorn2004", "--target-mm", "letoff=1.5"], "'letoff': unknown; did you mean let_off"),
+        (["hirschkorn2004", "--target-mm", "let_off=0.0015"], "let_off: found 0.0015 mm, allowed 0.2 to 20 mm"),
+        (["hirschkorn2004", "--target-mm", "let_off"], "allowed name=mm, for example let_off=1.5"),
         (["hirschkorn2004", "--set", "contact02.first.y=-0.014", "--out", "o.toml"], "key-dip washers"),
     ],
 )

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from rig.simulated import ActionGeometry, CameraSettings, FilmTruth, film_bodies, film_trial
 from rig.simulated.bench.camera_view import film_scene, poses
-from vision.bodies.outlines import build_masks
+from vision.bodies.masks import build_masks
 from vision.errors import InputError
 from vision.film.mraw_reader import MrawFilm
 from vision.film.open import open_film

@@ -16,7 +16,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from validation.conventions import Array
-from validation.report.figures.svg import COLUMNS, decimate
+from validation.curves.thinning import COLUMNS, decimate
 
 BLACK, ORANGE, SKY, GREEN, BLUE, VERMILION, PURPLE = (
     "#000000",
@@ -31,25 +31,10 @@ COLOURS = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, BLACK, SKY)
 DASHES: tuple[tuple[float, ...] | None, ...] = (None, (5, 1.5), (1.5, 1.2), (6, 1.5, 1.5, 1.5), (8, 2))
 MODEL_COLOURS = (VERMILION, BLUE, GREEN, PURPLE, ORANGE)
 MODEL_DASHES = ((5, 1.5), (1.5, 1.2), (6, 1.5, 1.5, 1.5), (8, 2), (3, 1, 1, 1, 1, 1))
-SIGN = {"key": -1.0, "whippen": 1.0, "jack": -1.0, "repetition": -1.0, "hammer": -1.0}
-SYMBOL = {"key": "k", "whippen": "w", "jack": "j", "repetition": "r", "hammer": "h"}
-TITLE = {
-    "key": "key",
-    "whippen": "whippen",
-    "jack": "jack",
-    "repetition": "repetition lever",
-    "hammer": "hammer",
-}
 MOST_IN_LEGEND = 8
 LEGEND_CHARACTERS = 140  # in a line above the panels
 FULL_CURVES = 8
 FEWEST_COLUMNS = 60
-
-
-def rotation_label(channel: str) -> str:
-    """Axis label with the thesis's sign convention."""
-    s = f"\\theta_{SYMBOL[channel]}"
-    return f"${s} - {s}(0)$ (°)" if SIGN[channel] > 0 else f"${s}(0) - {s}$ (°)"
 
 
 def line_style(i: int) -> dict[str, Any]:
@@ -119,11 +104,6 @@ def plot_text(text: str) -> str:
     return "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in text).replace("$", r"\$")
 
 
-def degrees(channel: str, rad: pd.Series | Array) -> Array:
-    """An angle or a difference of angles in degrees with the thesis's sign."""
-    return SIGN[channel] * np.degrees(np.asarray(rad, dtype=float))
-
-
 def band(
     axes: Axes,
     time: Array,
@@ -133,6 +113,7 @@ def band(
     *,
     alpha: float = 0.35,
     fits: bool = True,
+    gid: str | None = None,
 ) -> None:
     """A shaded band between two curves, nothing where it is not known; ``fits``: the panel grows to hold it."""
     if not np.isfinite(low).any():
@@ -140,7 +121,7 @@ def band(
     t, a = decimate(time, low, keep="min")
     _, b = decimate(time, high, keep="max")
     before = axes.dataLim.frozen()
-    axes.fill_between(t, a, b, color=SKY, alpha=alpha, linewidth=0, label=label)
+    axes.fill_between(t, a, b, color=SKY, alpha=alpha, linewidth=0, label=label, gid=gid)
     if not fits:
         axes.dataLim.set(before)
 

@@ -1,0 +1,125 @@
+"""Members of a batch side by side in lanes: which jobs can, which share a unit of work, what computes it.
+
+A member's numbers are the same to the last bit whatever the other members of its unit are, so that units may be made
+by what saves time. They are not those of a single run to the last bit: same equations and steps, rounded in
+another order (docs/decisions/0083-model-lanes.md).
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+
+from model.batch.job import Job, Member, from_rest
+from model.errors import ModelError
+from model.force_driven import ForceDrivenRun
+from model.integrators.lanes.rosenbrock import loop_in_lanes
+from model.integrators.methods import METHODS
+from model.integrators.rosenbrock import integrate
+from model.kernels.codegen.load import lane_kernels_of
+from model.kernels.lanes.width import LANES, lanes_pay
+from model.scene.build import Scene
+from model.simulation.run import Plan, Simulation
+from model.simulation.side_by_side import advance_together
+
+LEAST_MEMBERS = 100  # of one structure and method: for fewer a first compilation is not worth while
+UNIT = 64  # most members computed by one call: the last of them wait for each other in half-empty lanes
+SUPPORTED = {"contact_forces"}  # outputs beyond angles and speeds
+
+
+def can(job: Job) -> bool:
+    """Whether lanes give all that a job asks for."""
+    if job.run is None or job.failure is not None or not set(job.run.outputs) <= SUPPORTED:
+        return False
+    return job.run.method in METHODS and METHODS[job.run.method].loop is integrate
+
+
+def _kind(run: ForceDrivenRun) -> tuple[object, ...]:
+    """What the members of one unit have in common: structure of the scene, method."""
+    return (run.method, run.scene.size, *((table.shape, table.tobytes()) for table in run.scene.tables))
+
+
+def choose(jobs: Sequence[Job], lanes: bool | None) -> list[Job]:
+    """The jobs, those for lanes marked: none of them, all that can, or by default where they are many of a kind."""
+    if lanes is False or not lanes_pay():
+        return list(jobs)
+    kinds: dict[int, tuple[object, ...]] = {}  # of each scene object and method, not of each job
+    of_job: list[tuple[object, ...] | None] = []
+    count: dict[tuple[object, ...], int] = defaultdict(int)
+    for job in jobs:
+        kind = None
+        if can(job) and job.run is not None:
+            key = hash((id(job.run.scene), job.run.method))
+            kind = kinds.setdefault(key, _kind(job.run)) if key not in kinds else kinds[key]
+            count[kind] += 1
+        of_job.append(kind)
+    least = 1 if lanes else LEAST_MEMBERS
+    return [
+        replace(job, in_lanes=True) if kind is not None and count[kind] >= least else job
+        for job, kind in zip(jobs, of_job, strict=True)
+    ]
+
+
+def units(jobs: Sequence[Job], todo: Iterable[int], workers: int) -> list[list[int]]:
+    """Indices of jobs in units of work: those in lanes with others of their kind, every other by itself."""
+    alone: list[list[int]] = []
+    groups: dict[tuple[object, ...], list[int]] = defaultdict(list)
+    kinds: dict[int, tuple[object, ...]] = {}
+    for i in todo:
+        run = jobs[i].run
+        if run is None or not jobs[i].in_lanes:
+            alone.append([i])
+            continue
+        kind = kinds.setdefault(id(run.scene), ())
+        if not kind:
+            kind = kinds[id(run.scene)] = _kind(run)
+        groups[kind].append(i)
+    together = []
+    for group in groups.values():
+        # long ones first, the same force side by side: neighbours touch and end at about the same time
+        group.sort(key=lambda i: _order(jobs[i].run, i))
+        rounds = -(-len(group) // (workers * UNIT))
+        size = -(-len(group) // (workers * rounds))
+        together += [group[k : k + size] for k in range(0, len(group), size)]
+    return together + alone
+
+
+def _order(run: ForceDrivenRun | None, index: int) -> tuple[float, int, int]:
+    assert run is not None
+    end = run.output_time_s[-1] if len(run.output_time_s) else run.time_s[-1]
+    return -float(end - run.time_s[0]), id(run.force_n), index
+
+
+def warm(scene: Scene) -> None:
+    """Load or compile the loop and the kernels of a structure for lanes."""
+    lane_kernels_of(scene.tables, LANES)
+    loop_in_lanes(LANES)
+
+
+def run_together(jobs: Sequence[Job], hashes: Sequence[str]) -> list[Member]:
+    """Compute jobs of one kind side by side; members in the order of the jobs, each failure that of its own member."""
+    members: list[Member | None] = [None] * len(jobs)
+    seated: list[tuple[int, ForceDrivenRun, list[tuple[Simulation, Plan]]]] = []
+    for i, job in enumerate(jobs):
+        run, state = from_rest(job)
+        try:
+            wanted = [None, run.companion_tolerance()] if run.estimate_error else [None]
+            seated.append((i, run, [run.planned(state, tolerance) for tolerance in wanted]))
+        except ModelError as problem:
+            members[i] = Member(job.trial, job.parameters, hashes[i], error=problem)
+    plans = [plan for _, _, runs in seated for _, plan in runs]
+    ends = iter(advance_together(seated[0][1].scene.tables, plans, LANES) if plans else [])
+    for i, run, runs in seated:
+        reached = [next(ends) for _ in runs]
+        job, sha256 = jobs[i], hashes[i]
+        try:
+            motions = [one.reached(plan, *end) for (one, plan), end in zip(runs, reached, strict=True)]
+            solution = run.solution(runs[0][0], *motions[0])
+            if run.estimate_error:
+                solution = replace(solution, error_rad=run.largest_difference(motions[0][0], motions[1][0]))
+        except ModelError as problem:
+            members[i] = Member(job.trial, job.parameters, sha256, error=problem)
+            continue
+        members[i] = Member(job.trial, job.parameters, sha256, solution)
+    return [member for member in members if member is not None]

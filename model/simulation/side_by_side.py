@@ -1,0 +1,117 @@
+"""Runs of one structure and method advanced together, several side by side in the lanes of one processor core.
+
+In: plans of simulations (`Simulation.plan`); out: for each the time, next step and status that a step loop gives, and
+state, outputs and counters filled in place as by the loop of a single run.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.integrators.lanes import slots as S
+from model.integrators.lanes.rosenbrock import loop_in_lanes
+from model.kernels import workspace as W
+from model.kernels.codegen.load import lane_kernels_of
+from model.kernels.layout import COUNTERS, Tables
+from model.kernels.signatures import InputTable, LaneMembers, LaneSpace
+from model.simulation.run import Plan
+
+Array = NDArray[np.float64]
+CACHE_LINE = 64  # bytes; a row of lanes across two of them takes twice the time
+
+
+def _aligned(count: int) -> Array:
+    """Zeros that start at a cache line."""
+    whole = np.zeros(count + CACHE_LINE // 8)
+    start = (-whole.ctypes.data % CACHE_LINE) // 8
+    return whole[start : start + count]
+
+
+def _space(n: int, n_parameters: int, lanes: int) -> LaneSpace:
+    return LaneSpace(
+        _aligned(W.LANE_SIZE * lanes),
+        _aligned(n_parameters * lanes),
+        _aligned(S.N_NUMBERS * lanes),
+        np.zeros(S.N_WHOLE * lanes, dtype=np.int64),
+        np.zeros(W.SIZE),
+        np.zeros((n, n + 1)),
+    )
+
+
+def _one_after_the_other(rows: Sequence[Array]) -> tuple[Array, list[int]]:
+    """Rows in one array, each once, and where each starts."""
+    place: dict[int, int] = {}
+    parts: list[Array] = []
+    total = 0
+    for row in rows:
+        if id(row) not in place:
+            place[id(row)] = total
+            parts.append(row)
+            total += len(row)
+    return np.concatenate([*parts, np.empty(0)]), [place[id(row)] for row in rows]
+
+
+def _inputs(drives: Sequence[InputTable]) -> tuple[Array, Array, list[int]]:
+    """Times and values of input tables in one array each, and where each table starts."""
+    place: dict[tuple[int, int], int] = {}
+    times, values = [np.empty(0)], [np.empty(0)]
+    total = 0
+    for drive in drives:
+        key = id(drive.time), id(drive.value)
+        if key not in place:
+            place[key] = total
+            times.append(drive.time)
+            values.append(drive.value)
+            total += len(drive.time)
+    return np.concatenate(times), np.concatenate(values), [place[id(d.time), id(d.value)] for d in drives]
+
+
+def advance_together(tables: Tables, plans: Sequence[Plan], lanes: int) -> list[tuple[float, float, int]]:
+    """Carry out the ``plans`` of runs whose scenes have these tables, by one method, inputs linear.
+
+    Returns
+    -------
+    list of (float, float, int)
+        Time reached (s), next step to try (s) and status of each, as the step loop of a single run returns them.
+    """
+    time, value, first = _inputs([plan.drive for plan in plans])
+    wanted, first_out = _one_after_the_other([plan.out.time for plan in plans])
+    count, n = len(plans), len(plans[0].span.angle)
+    start = np.array(
+        [(p.span.time, p.span.end, p.span.step, p.limits.angle, p.limits.speed, p.limits.rest, p.limits.longest_step)
+         for p in plans]
+    )  # fmt: skip
+    place = np.zeros((count, 7), dtype=np.int64)
+    for row, plan, at, out in zip(place, plans, first, first_out, strict=True):
+        points = len(plan.drive.time), out, len(plan.out.time), plan.limits.most_steps
+        row[:] = (at, *points, plan.out.angle.ctypes.data, plan.out.speed.ctypes.data)
+    members = LaneMembers(
+        start,
+        place,
+        np.array([plan.scene.parameters for plan in plans]),
+        np.array([plan.span.angle for plan in plans]),
+        np.array([plan.span.speed for plan in plans]),
+        time,
+        value,
+        wanted,
+        np.zeros((count, 3)),
+        np.zeros(count, dtype=np.int64),
+        np.zeros((count, len(COUNTERS)), dtype=np.int64),
+    )
+    scene = plans[0].scene
+    loop_in_lanes(lanes)(
+        members,
+        scene.parent,
+        scene.n_contacts,
+        lane_kernels_of(tables, lanes),
+        plans[0].method.coefficients,
+        _space(n, members.parameters.shape[1], lanes),
+    )
+    for i, plan in enumerate(plans):
+        plan.span.angle[:], plan.span.speed[:] = members.angle[i], members.speed[i]
+        plan.account.counters[:] += members.counters[i]
+        plan.account.time_at_rest[0] += members.reached[i, 2]
+    return [(float(t), float(h), int(s)) for (t, h, _), s in zip(members.reached, members.status, strict=True)]

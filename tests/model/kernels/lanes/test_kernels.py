@@ -1,0 +1,114 @@
+"""A scene's kernels for lanes against its scalar kernels at random states: same physics, each lane its own member.
+
+The scene with the key alone is in the default suite; the others compile for seconds each:
+``python -m pytest -m slow tests/model/kernels/lanes``.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import model
+from model.integrators.methods import get_method
+from model.kernels import workspace as W
+from model.kernels.codegen.load import kernels_of, lane_kernels_of
+from model.kernels.lanes.width import LANES
+from model.kernels.layout import MU_A
+from model.scene.build import Scene, build_scene
+from model.scene.selection import SCENES, load_scene
+
+SCALES = {"key_lift": 1e-3, "shank": 1e-2}  # of the coordinates that effects add; angles of an action: 0.05
+
+
+def member(scene: Scene, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
+    """Parameters, angles, speeds and input of a random member: near rest, so that contacts touch, part and slide."""
+    p = scene.vector.copy()
+    p *= 1.0 + rng.normal(size=len(p)) * rng.choice([0.0, 1e-3])
+    first, size = int(scene.tables.offset[1]), 21
+    for c in range(len(scene.contacts)):
+        if rng.random() < 0.2:
+            p[first + size * c + MU_A] = 0.0
+    rest = model.rest_state(model.load_action()).angle_rad
+    q = np.zeros(scene.size)
+    for i, body in enumerate(scene.bodies):
+        q[i] = rest[i] if i < len(rest) and len(scene.bodies) >= 5 else 0.0286
+        if body not in model.BODIES:
+            q[i] = 0.0
+        q[i] += rng.normal() * SCALES.get(body, 0.05) * rng.choice([0.02, 1.0])
+    v = rng.normal(size=scene.size) * rng.choice([1e-3, 0.1, 3.0])
+    return p, q, v, float(rng.normal() * 20.0)
+
+
+def compare(scene: Scene, rounds: int) -> int:
+    """Compare linearise, prepare, skip and a stage; returns how many contacts were found closed."""
+    n, contacts = scene.size, scene.solved_contacts
+    alone, together = kernels_of(scene.tables), lane_kernels_of(scene.tables, LANES)
+    rng = np.random.default_rng(5)
+    method = get_method("rodas4p").coefficients
+    closed = 0
+    whole = np.zeros((W.LANE_SIZE, LANES))
+    for _ in range(rounds):
+        members = [member(scene, rng) for _ in range(LANES)]
+        whole[W.IDLE] = 0.0
+        numbers = np.array([p for p, _, _, _ in members]).T.copy()
+        singles = []
+        for lane, (p, q, v, u) in enumerate(members):
+            w = np.zeros(W.SIZE)
+            w[W.Q : W.Q + n], w[W.V : W.V + n] = q, v
+            whole[W.Q : W.Q + n, lane], whole[W.V : W.V + n, lane], whole[W.INPUT, lane] = q, v, u
+            alone.linearise(w, p, u)
+            singles.append(w)
+        together.linearise(whole.ravel(), numbers.ravel())
+        step = 10.0 ** rng.uniform(-7, -4, LANES)
+        whole[W.STEP_TO_TRY], whole[W.STAGE_STEP], whole[W.INPUT_RATE] = step, 0.25 * step, 0.3 * step
+        whole[W.ALLOWANCE : W.ALLOWANCE + n] = 10.0 ** rng.uniform(-9, -2, (n, LANES))
+        sound = together.prepare(whole.ravel())
+        mask = together.skip(whole.ravel(), numbers.ravel())
+        needed, union = whole[W.NEEDED].copy(), 2**contacts - 1
+        stages = rng.normal(size=(n, LANES)) * 1e-8
+        whole[W.U : W.U + n], whole[W.U + W.WIDTH : W.U + W.WIDTH + n] = stages, 10.0 * stages
+        exceeded = together.stage(whole.ravel(), numbers.ravel(), method.a, method.c, 1, mask)
+        for lane, ((p, _, _, u), w) in enumerate(zip(members, singles, strict=True)):
+            mine = whole[:, lane]
+            closed += int(np.sum(w[W.GAP : W.GAP + contacts] < 0.0))
+            for start in (W.ACC, W.F_U, W.M_DIAG, W.M_UP):
+                same(mine[start : start + n], w[start : start + n])
+            for start in (W.STIFF, W.DAMP):
+                rows = [start + W.WIDTH * i + j for i in range(n) for j in range(n)]
+                same(mine[rows], w[rows])
+            for start in (W.ROOM, W.GAP, W.GAP_RATE, W.GAP_ACC, W.KICK, W.SLIDE_RATE):
+                same(mine[start : start + contacts], w[start : start + contacts])
+            gripping = np.flatnonzero(w[W.SLIDE_RATE : W.SLIDE_RATE + contacts])
+            for start in (W.SLIDE, W.GRIP):
+                same(mine[start + gripping], w[start + gripping])
+            w[W.ALLOWANCE : W.ALLOWANCE + W.WIDTH] = mine[W.ALLOWANCE : W.ALLOWANCE + W.WIDTH]
+            assert alone.prepare(w, 0.25 * step[lane]) == sound >> lane & 1
+            own = alone.skip(w, p)
+            union &= own
+            assert needed[lane] == contacts - own.bit_count()
+            w[W.U : W.U + n], w[W.U + W.WIDTH : W.U + W.WIDTH + n] = stages[:, lane], 10.0 * stages[:, lane]
+            left = alone.stage(w, p, method.a, method.c, 1, 0.25 * step[lane], step[lane], u, 0.3 * step[lane], own)
+            assert left == exceeded >> lane & 1
+            if sound >> lane & 1:
+                after = W.U + 2 * W.WIDTH
+                rows = [*range(after, after + n), *range(after + W.WIDTH, after + W.WIDTH + n)]
+                same(mine[rows], w[rows], 1e-7)
+        assert mask == union
+    return closed
+
+
+def same(mine: np.ndarray, other: np.ndarray, share: float = 1e-10) -> None:
+    np.testing.assert_allclose(mine, other, rtol=1e-7, atol=share * float(np.max(np.abs(other), initial=0.0)))
+
+
+def test_kernels_of_the_key_in_lanes_are_the_scalar_ones(action: model.Action) -> None:
+    choice = load_scene("key")
+    assert compare(build_scene(choice.on(action), choice), 60) > 60
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", [name for name in SCENES if name != "key"])
+def test_kernels_in_lanes_are_the_scalar_ones(name: str, action: model.Action) -> None:
+    choice = load_scene(name)
+    assert compare(build_scene(choice.on(action), choice), 200) > 500

@@ -1,0 +1,50 @@
+"""Models of ``validate --action`` with their own changes, and what is refused."""
+
+from __future__ import annotations
+
+import pytest
+
+import model
+from pianorig.console.overrides import load_model, split_model
+from pianorig.errors import CommandInputError
+from validation.pipeline.distinct_names import distinct_models
+
+
+def test_a_model_takes_its_own_changes_beside_those_of_all():
+    plain = load_model("hirschkorn2004", {"hammer.mass": 0.012})
+    own = load_model("hirschkorn2004: --set contact04.friction.A=0.3 --scale damping=0.5", {"hammer.mass": 0.012})
+    assert plain["hammer.mass"] == own["hammer.mass"] == 0.012
+    assert own["contact04.friction.A"] == 0.3 != plain["contact04.friction.A"]
+    assert own.name == "hirschkorn2004 (contact04.friction.A=0.3, damping × 0.5)"
+    printed = model.load_action("hirschkorn2004")
+    scaled = {path for path in printed.quantities if own[path] == 0.5 * printed[path] != 0}
+    assert len(scaled) >= 10 and scaled == {path for path in printed.quantities if own[path] != plain[path]} - {
+        "contact04.friction.A"
+    }
+    # the model's own value goes before that of all
+    assert load_model("hirschkorn2004: --set hammer.mass=0.013", {"hammer.mass": 0.012})["hammer.mass"] == 0.013
+
+
+def test_printed_against_printed_with_one_change_needs_no_file():
+    pair = distinct_models([load_model(t, {}) for t in ("hirschkorn2004", "hirschkorn2004: --set hammer.mass=0.012")])
+    assert [a.name for a in pair] == ["hirschkorn2004", "hirschkorn2004 (hammer.mass=0.012)"]
+
+
+@pytest.mark.parametrize(
+    "text, said",
+    [
+        ("hirschkorn2004: --set hammer.mass", "--set 'hammer.mass': allowed path=value"),
+        ("hirschkorn2004: --set hammer.mass=heavy", "value found 'heavy', allowed a number"),
+        ("hirschkorn2004: --weight hammer.mass=1", "--action hirschkorn2004: found '--weight'"),
+        ("hirschkorn2004: --set hammer.mass=1 --set hammer.mass=2", "given twice"),
+    ],
+)
+def test_what_is_not_a_change_is_refused_in_one_line(text, said):
+    with pytest.raises(CommandInputError) as caught:
+        load_model(text, {})
+    assert said in str(caught.value) and "\n" not in str(caught.value)
+
+
+def test_a_path_of_windows_is_no_variant():
+    assert split_model(r"C:\\actions\\mine.toml") == (r"C:\\actions\\mine.toml", "")
+    assert split_model(r"C:\\mine.toml: --set hammer.mass=0.012") == (r"C:\\mine.toml", "--set hammer.mass=0.012")

@@ -1,0 +1,75 @@
+"""Docstrings of public functions: every part that a reader needs, and an example that runs as it stands."""
+
+from __future__ import annotations
+
+import doctest
+import inspect
+import re
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.command_line import run
+from tests.public_functions import ROOT, public_functions
+
+FUNCTIONS = public_functions()
+SLOW = {
+    "model.inside.draw_sheet", "model.inside.write_animation", "model.regulation.measure", "model.regulation.regulate",
+    "model.study.draw_study", "model.study.draw_thesis", "model.study.thesis_studies", "model.touch.fastest_repetition",
+    "model.touch.feel", "model.touch.figure.draw", "model.touch.weigh", "validation.compare_many",
+    "validation.validate_session", "validation.validate_sessions", "validation.write_report",
+}  # fmt: skip
+"""Examples of seconds, which the default suite leaves out; ``.ci/pages`` runs them."""
+
+
+def section(text: str, title: str) -> str | None:
+    """The text below a heading of numpydoc's, None where there is none."""
+    found = re.search(rf"^{title}\n-+\n(.*?)(?=^[A-Z][a-z ]+\n-+\n|\Z)", text, re.MULTILINE | re.DOTALL)
+    return found[1] if found else None
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_a_public_function_says_what_it_takes_returns_and_refuses(name: str) -> None:
+    function = FUNCTIONS[name]
+    text = inspect.getdoc(function) or ""
+    signature = inspect.signature(function)
+    taken = section(text, "Parameters") or ""
+    for parameter in signature.parameters.values():
+        if parameter.kind is not parameter.VAR_KEYWORD:
+            assert re.search(rf"^[\w, ]*\b{parameter.name}\b", taken, re.MULTILINE), (
+                f"{parameter.name} is not described"
+            )
+    if signature.return_annotation not in ("None", None):
+        assert section(text, "Returns"), "what it returns is not described"
+    if re.search(r"^\s+raise [A-Z]", inspect.getsource(function), re.MULTILINE):
+        assert section(text, "Raises"), "what it refuses is not described"
+    assert ">>>" in (section(text, "Examples") or ""), "it has no example"
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Where examples run: the files of ``pianorig examples``, and the sessions of a clone."""
+    place = tmp_path_factory.mktemp("examples")
+    assert run("examples", place) == 0
+    shutil.copytree(ROOT / "sessions" / "example_forte", place / "sessions" / "example_forte")
+    return place
+
+
+def test_every_example_that_is_called_slow_exists() -> None:
+    assert FUNCTIONS.keys() >= SLOW
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[pytest.mark.slow] if name in SLOW else []) for name in FUNCTIONS]
+)
+def test_the_example_of_a_public_function_runs(name: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(folder)
+    function: Callable[..., Any] = FUNCTIONS[name]
+    (found,) = doctest.DocTestFinder(recurse=False).find(function, name, module=False, globs={})
+    assert not any(doctest.SKIP in example.options for example in found.examples)
+    said: list[str] = []
+    failed, tried = doctest.DocTestRunner(verbose=False).run(found, out=said.append)
+    assert tried and not failed, "".join(said)

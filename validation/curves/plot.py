@@ -1,0 +1,96 @@
+"""One channel of one trial with its prediction, as a figure for a notebook or a file.
+
+Conventions: degrees with the thesis's signs; above: trial, model and its band of difference; below: model − trial.
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_svg import FigureCanvasSVG
+from matplotlib.figure import Figure
+
+from validation.conventions import Array
+from validation.curves.marks import Mark
+from validation.curves.signs import SIGN, TITLE, degrees, rotation_label
+from validation.curves.style import BLACK, band, draw, finish_axes, model_style
+from validation.curves.table import force_on_base, trial_curves
+
+SIZE_IN = (8.0, 4.6)
+
+
+class CurveFigure(Figure):
+    """A matplotlib figure that a notebook shows without pyplot."""
+
+    def _repr_svg_(self) -> str:
+        FigureCanvasSVG(self)
+        buffer = io.StringIO()
+        self.savefig(buffer, format="svg")
+        return buffer.getvalue()
+
+
+def draw_marks(axes: Axes, marks: Sequence[Mark], *, labels: bool = True) -> None:
+    """A line at every mark; positions of the thesis are solid and labelled above the panel."""
+    panel = axes.figure.axes.index(axes)
+    for i, mark in enumerate(marks):
+        style = {"color": BLACK, "linewidth": 0.8} if mark.position else {"color": "#777777", "linewidth": 0.6}
+        axes.axvline(mark.time_s, gid=f"mark-{panel}-{i}", linestyle="-" if mark.position else ":", **style)  # type: ignore[arg-type]
+        if labels and mark.position:
+            axes.annotate(
+                mark.label, (mark.time_s, 1), xycoords=("data", "axes fraction"), xytext=(0, 2),
+                textcoords="offset points", ha="center", va="bottom", fontsize=9, fontweight="bold",
+                gid=f"mark-letter-{panel}-{i}",
+            )  # fmt: skip
+
+
+def plot_rotation(
+    base_s: Array,
+    channel: str,
+    encoder: pd.DataFrame,
+    film: pd.DataFrame | None,
+    *,
+    band_rad: Array | None,
+    marks: Sequence[Mark],
+    title: str,
+) -> CurveFigure:
+    """Rotation of one body in one trial, measured and predicted, and their difference.
+
+    Parameters
+    ----------
+    base_s : (n,) s
+    channel : body, or ``force``
+    encoder, film : DataFrame
+        Traces of the trial.
+    band_rad : (n,) half width of the simultaneous 95 % band of the mean difference, or None
+    marks : sequence of Mark
+    title : str
+    """
+    figure = CurveFigure(figsize=SIZE_IN, layout="constrained")
+    if channel == "force":
+        axes = figure.subplots()
+        draw(axes, base_s, force_on_base(base_s, encoder), "trial", color=BLACK, linewidth=1.2)
+        finish_axes(axes, "force (N)")
+        draw_marks(axes, marks)
+        axes.set_title(title, fontsize=9, loc="left", pad=14)
+        return figure
+    curves = trial_curves(base_s, encoder, film)[channel]
+    top, low = figure.subplots(2, 1, sharex=True, height_ratios=(2.2, 1))
+    measured, predicted = (degrees(channel, curves[f"{kind}_rad"]) for kind in ("measured", "predicted"))
+    draw(top, base_s, measured, "trial", color=BLACK, linewidth=1.2)
+    draw(top, base_s, predicted, "model", **model_style(0))
+    if band_rad is not None:
+        reach = np.degrees(band_rad)
+        band(low, base_s, -reach, reach, "right model, 95 %")
+    draw(low, base_s, SIGN[channel] * np.degrees(curves["predicted_rad"] - curves["measured_rad"]), **model_style(0))
+    low.axhline(0.0, color="#777777", linewidth=0.7)
+    finish_axes(top, rotation_label(channel), bottom=False)
+    finish_axes(low, "model − trial (°)")
+    draw_marks(top, marks)
+    draw_marks(low, marks, labels=False)
+    top.legend(fontsize=8, framealpha=0.9)
+    top.set_title(f"{TITLE[channel]}, {title}", fontsize=9, loc="left", pad=14)
+    return figure

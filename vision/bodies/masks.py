@@ -1,0 +1,107 @@
+"""Pixels of each body that may be used: inside its outline, away from its rim, from bodies in front, from saturation.
+
+In: outlines and the size of the picture; out: one mask per body. A body of which too little is left raises `BodyError`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vision.bodies.outlines import Body, check_bodies, signed_distance
+from vision.errors import BodyError
+from vision.film.source import SATURATED_SHARE
+
+EROSION_PX = 4.0
+"""Width of the rim that is not used: edge pixels mix the body with what lies behind it."""
+CLEARANCE_PX = 4.0
+"""Distance kept from the outline of a body that lies in front."""
+SATURATED_REACH_PX = 2
+MIN_PIXELS = 100
+"""Below this a five-parameter fit is not worth starting."""
+
+
+def build_masks(bodies: Sequence[Body], height: int, width: int) -> list[NDArray[np.bool_]]:
+    """Pixels of each body that may be used: outline, less a rim, less every body that may lie in front.
+
+    Parameters
+    ----------
+    bodies : sequence of Body
+    height, width : int
+        Of the picture, px.
+
+    Returns
+    -------
+    list of ndarray of bool, shape (height, width)
+        In the order of ``bodies``.
+
+    Raises
+    ------
+    BodyError
+        When fewer than `MIN_PIXELS` are left of a body.
+
+    Examples
+    --------
+    >>> import vision
+    >>> masks = vision.build_masks(vision.load_bodies("bodies.toml"), 212, 280)
+    >>> len(masks), masks[0].shape
+    (3, (212, 280))
+    """
+    return masks_of(bodies, outline_distances(bodies, height, width))
+
+
+def outline_distances(bodies: Sequence[Body], height: int, width: int) -> list[NDArray[np.float32]]:
+    """`signed_distance` from each body's outline; raises `BodyError` for bodies that do not fit together."""
+    check_bodies(bodies)
+    return [signed_distance(body.polygon_px, height, width) for body in bodies]
+
+
+def masks_of(bodies: Sequence[Body], distances: Sequence[NDArray[np.float32]]) -> list[NDArray[np.bool_]]:
+    """As `build_masks`, from `outline_distances`."""
+    height, width = distances[0].shape
+    masks = []
+    for i, body in enumerate(bodies):
+        mask = distances[i] > EROSION_PX
+        for j, other in enumerate(bodies):
+            if j != i and other.layer >= body.layer:
+                mask &= distances[j] < -CLEARANCE_PX
+        found = int(np.count_nonzero(mask))
+        if found < MIN_PIXELS:
+            raise BodyError(
+                f"body {body.name}: {found} usable pixels in the {width} x {height} picture, at least {MIN_PIXELS} "
+                f"needed after {EROSION_PX:g} px of rim and the bodies in front; draw it larger or set its layer"
+            )
+        masks.append(mask)
+    return masks
+
+
+def unsaturated(
+    bodies: Sequence[Body], masks: Sequence[NDArray[np.bool_]], saturated: NDArray[np.bool_]
+) -> list[NDArray[np.bool_]]:
+    """Masks without the saturated pixels and those near enough to take part of their grey value from them, for bodies
+    of which more than a few are saturated.
+
+    Raises
+    ------
+    BodyError
+        When fewer than `MIN_PIXELS` are left of a body.
+    """
+    if not saturated.any():
+        return list(masks)
+    near = np.zeros_like(saturated)
+    rows, columns = np.nonzero(saturated)
+    for dy in range(-SATURATED_REACH_PX, SATURATED_REACH_PX + 1):
+        for dx in range(-SATURATED_REACH_PX, SATURATED_REACH_PX + 1):
+            inside_y = np.clip(rows + dy, 0, near.shape[0] - 1)
+            near[inside_y, np.clip(columns + dx, 0, near.shape[1] - 1)] = True
+    many = [np.count_nonzero(mask & saturated) > SATURATED_SHARE * np.count_nonzero(mask) for mask in masks]
+    left = [mask & ~near if much else mask for mask, much in zip(masks, many, strict=True)]
+    for body, mask, whole in zip(bodies, left, masks, strict=True):
+        if (found := int(np.count_nonzero(mask))) < MIN_PIXELS:
+            raise BodyError(
+                f"body {body.name}: {found} of {int(np.count_nonzero(whole))} pixels are not saturated, at least "
+                f"{MIN_PIXELS} needed; film with less light or a shorter exposure"
+            )
+    return left

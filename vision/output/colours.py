@@ -1,0 +1,22 @@
+"""One colour for each body in every picture; `model.inside` and the docs have the same for the five of an action."""
+
+from __future__ import annotations
+
+BODY_COLOURS = {
+    "key": "#8C6D46", "whippen": "#2A8FC4", "jack": "#D55E00", "repetition": "#009E73", "hammer": "#A8528A",
+}  # fmt: skip
+"""Told apart on white paper, on grey film, and with either kind of red-green blindness."""
+OTHERS = ("#56B4E9", "#E69F00", "#CC79A7", "#F0E442", "#8FBF3F")
+"""For bodies of other names, in their order."""
+LOST = "#FF3C3C"
+
+
+def colour_of(name: str, index: int) -> str:
+    """Colour of a body as ``#RRGGBB``: its own by name, else one by its place among the bodies."""
+    return BODY_COLOURS.get(name) or OTHERS[index % len(OTHERS)]
+
+
+def bgr(colour: str) -> tuple[int, int, int]:
+    """``#RRGGBB`` in the order of OpenCV."""
+    red, green, blue = (int(colour[i : i + 2], 16) for i in (1, 3, 5))
+    return blue, green, red

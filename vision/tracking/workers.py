@@ -1,0 +1,71 @@
+"""Threads that track parts of one film."""
+
+from __future__ import annotations
+
+import os
+import threading
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager
+from typing import ParamSpec, TypeVar
+
+MOST_THREADS = 8
+P = ParamSpec("P")
+T = TypeVar("T")
+
+
+class StoppedError(Exception):
+    """The run has ended before this part of it."""
+
+
+def usable_threads() -> int:
+    """Processors this program may use, at most `MOST_THREADS`."""
+    # platform: only Linux tells which processors a program is restricted to
+    allowed = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return min(allowed, MOST_THREADS)
+
+
+class Workers:
+    """Does work in threads; without a pool of them, where it is asked for."""
+
+    def __init__(self, pool: ThreadPoolExecutor | None) -> None:
+        self._pool = pool
+        self.stop = threading.Event()
+
+    def submit(self, work: Callable[P, T], *arguments: P.args, **named: P.kwargs) -> Future[T]:
+        """Have work done; its result or error is in the future."""
+        if self._pool is not None:
+            return self._pool.submit(work, *arguments, **named)
+        future: Future[T] = Future()
+        future.set_result(work(*arguments, **named))
+        return future
+
+    def check(self) -> None:
+        """Raise `StoppedError` when the run has ended."""
+        if self.stop.is_set():
+            raise StoppedError
+
+
+@contextmanager
+def workers(threads: int) -> Iterator[Workers]:
+    """Threads that end with the block, at once where it ends by an error."""
+    if threads == 1:
+        yield Workers(None)
+        return
+    with ThreadPoolExecutor(threads) as pool:
+        crew = Workers(pool)
+        try:
+            yield crew
+        finally:
+            crew.stop.set()
+            pool.shutdown(wait=True, cancel_futures=True)
+
+
+def result_of(future: Future[T]) -> T:
+    """Wait for a result, so that Ctrl-C is heard meanwhile: without a limit of time Windows does not."""
+    while True:
+        try:
+            return future.result(timeout=0.5)
+        except TimeoutError:
+            if future.done():
+                raise
