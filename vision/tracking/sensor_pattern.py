@@ -17,7 +17,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.bodies.outlines import build_masks
+from vision.bodies.masks import build_masks
 from vision.film.source import Film, FrameSource, saturated_grey
 from vision.fitting.bspline import noise_gain
 from vision.fitting.pose_covariance import PATTERN_EXCESS
