@@ -14,7 +14,9 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("model", "vision", "rig", "validation", "pianorig")
-NOT_FOR_USERS = re.compile(r"(^|/)(tests?|benchmarks|docs|examples|sessions|\.ci|__pycache__)/|\.(pyc|nbi|nbc|so|log)$")
+NOT_FOR_USERS = re.compile(
+    r"^(benchmarks|docs|examples|sessions|\.ci)/|(^|/)(tests?|__pycache__)/|\.(pyc|nbi|nbc|log)$"
+)
 IN_SDIST = (
     "README.md",
     "LICENSE",

@@ -1,13 +1,14 @@
 """Coverage of the trials' own band on the virtual bench, whose blows scatter in time and amplitude.
 
     python benchmarks/band_on_bench.py [--sessions 2000] [--others 2000] [--strokes forte,piano,double,staccato]
-                                       [--seed 1] [--pace 1.0] [--strength 1.0]
+                                       [--seed 1] [--pace 1.0] [--strength 1.0] [--drawn]
 
 Every session is ten trials of one stroke with a seed of its own, read by encoders; the band of its first five and of
 all ten is compared, over the whole record and for each encoder, with the mean of other trials of the same stroke.
 Prints the share covered with its 95 % interval, and the band's root mean square half width over the range; beside it
-the share that the band of the values alone would cover. Pace and strength make other strokes. Exit code 1 if the share
-of all encoders together lies outside 0.93 to 0.97.
+the share that the band of the values alone would cover. Pace and strength make other strokes. ``--drawn`` is quicker:
+only the other trials are played, and each session draws ten of them; the rest are then the others. Exit code 1 if the
+share of all encoders together lies outside 0.93 to 0.97.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from __future__ import annotations
 import argparse
 import sys
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -57,6 +59,22 @@ class Strokes:
         return np.asarray(((count - count[0]) * self.count_rad)[self.first :])
 
 
+def sessions(strokes: Strokes, options: argparse.Namespace) -> Iterator[tuple[Array, Array]]:
+    """Curves of each session, (n_samples, 3, n), and the mean of the other trials, (n_samples, 3)."""
+    # the others have one seed, the sessions the following ones
+    first, n = 1_000_000 * options.seed, max(TRIALS)
+    if not options.drawn:
+        others = sum(strokes.trial(first, k) for k in range(1, options.others + 1)) / options.others
+        for k in range(options.sessions):
+            yield np.stack([strokes.trial(first + 1 + k, number) for number in range(1, n + 1)], axis=2), others
+        return
+    pool = np.stack([strokes.trial(first, k) for k in range(1, options.others + 1)], axis=2)
+    total = pool.sum(axis=2)
+    for _ in range(options.sessions):
+        mine = pool[:, :, strokes.rng.choice(options.others, n, replace=False)]
+        yield mine, (total - mine.sum(axis=2)) / (options.others - n)
+
+
 def line(name: str, n: int, held: Array, by_value: Array, width: float) -> str:
     low, high = stats.binomtest(int(held.sum()), held.size).proportion_ci(0.95, "exact")
     return (
@@ -69,16 +87,12 @@ def coverage(kind: str, options: argparse.Namespace) -> bool:
     """Print the rows of one stroke; whether all of them are within the allowed shares."""
     start = time.perf_counter()
     strokes = Strokes(kind, options.pace, options.strength, options.seed)
-    # the others have one seed, the sessions the following ones
-    first = 1_000_000 * options.seed
-    others = sum(strokes.trial(first, k) for k in range(1, options.others + 1)) / options.others
     u = strokes.count_rad / np.sqrt(6)
-    extent = np.ptp(others, axis=0)
     held = {n: np.zeros((options.sessions, 3), dtype=bool) for n in TRIALS}
     by_value = {n: np.zeros((options.sessions, 3), dtype=bool) for n in TRIALS}
     width = {n: np.zeros((options.sessions, 3)) for n in TRIALS}
-    for k in range(options.sessions):
-        curves = np.stack([strokes.trial(first + 1 + k, number) for number in range(1, max(TRIALS) + 1)], axis=2)
+    for k, (curves, others) in enumerate(sessions(strokes, options)):
+        extent = np.ptp(others, axis=0)
         for n in TRIALS:
             for c in range(3) if n >= FEWEST_FOR_BAND else ():
                 band = simultaneous_band(curves[:, c, :n], u_sample=float(u[c]))
@@ -110,6 +124,7 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--pace", type=float, default=1.0)
     parser.add_argument("--strength", type=float, default=1.0)
+    parser.add_argument("--drawn", action="store_true", help="draw the sessions from the other trials")
     options = parser.parse_args()
     print(f"{'stroke, encoder':18s} {'n':>3s} {'of':>7s} {'covered':>8s}  95 % interval   by values  half width")
     found = [coverage(kind, options) for kind in options.strokes.split(",")]

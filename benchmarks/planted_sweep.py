@@ -25,7 +25,6 @@ from functools import lru_cache
 from itertools import product
 from pathlib import Path
 from typing import Any
-from unittest.mock import patch
 
 import numpy as np
 import pandas as pd
@@ -42,7 +41,7 @@ from rig.simulated.bench.plant import load_plant
 from validation import compare_session
 
 TRIALS = 6
-QUICK = {"keep_predictions": False, "rivals": (), "budget": False}
+QUICK = {"keep_predictions": False, "rivals": (), "budget": False, "suspect": False}
 VERDICTS = ("named", "flagged", "silent", "wrong")
 SPECIMENS = ("printed", "bench")
 
@@ -112,9 +111,7 @@ def findings(fault: Fault | None, seed: int, kind: str, specimen: str) -> pd.Dat
             session.add_trial(data)
             if table is not None:
                 session.write_derived("angles", number, table)
-        # the list of single changes is no finding, and takes nearly all of the time
-        with patch("validation.findings.session.single_changes", return_value=[]):
-            return compare_session(session, model.load_action(), **QUICK).findings
+        return compare_session(session, model.load_action(), **QUICK).findings
 
 
 def judged(fault: Fault | None, said: set[tuple[str, int]]) -> str:

@@ -42,6 +42,7 @@ from .scene.selection import SCENES as SCENES
 from .scene.selection import SceneChoice as SceneChoice
 from .scene.selection import load_scene as load_scene
 from .scene.selection import scene_of as scene_of
+from .simulation.compile_ahead import compile_ahead as compile_ahead
 from .simulation.hand_set_rest import hand_set_rest as hand_set_rest
 from .simulation.run import Simulation as Simulation
 from .simulation.run import State as State

@@ -92,5 +92,20 @@ class NotPermitted(HardwareFault):
 
 
 def is_defect(error: BaseException) -> bool:
-    """Whether an error lies in a program, not in its input, the bench, its disk, or somebody's wish to stop it."""
+    """Whether an error lies in a program, not in its input, the bench, its disk, or somebody's wish to stop it.
+
+    Parameters
+    ----------
+    error : exception
+
+    Returns
+    -------
+    bool
+
+    Examples
+    --------
+    >>> import rig
+    >>> rig.errors.is_defect(ZeroDivisionError()), rig.errors.is_defect(rig.errors.HardwareFault("no device"))
+    (True, False)
+    """
     return isinstance(error, Exception) and getattr(error, "exit_code", 1) == 1

@@ -38,6 +38,8 @@ def is_quick(words: list[str], folder: Path) -> bool:
     if words[0] not in QUICK or drawn or any(HARDWARE.search(word) for word in words):
         return False
     pairs = zip([""] + words[:-1], words, strict=True)
+    if words[0] == "open":
+        return len(words) > 1 and (folder / words[1] / "report.html").exists()
     needed = [w for before, w in pairs if before not in OUTPUTS and (FILE.search(w) or w.startswith("sessions/"))]
     return all((folder / name).exists() for name in needed)
 
@@ -65,7 +67,9 @@ def rehearsal(words: list[str]) -> list[str]:
 
 
 def _serve(line: list[str], folder: Path) -> str:
-    server = subprocess.Popen(line, cwd=folder, stdout=subprocess.PIPE, text=True)
+    # a test run in the background of a shell ignores Ctrl-C, and so would what it starts
+    heard = {} if sys.platform == "win32" else {"preexec_fn": lambda: signal.signal(signal.SIGINT, signal.SIG_DFL)}
+    server = subprocess.Popen(line, cwd=folder, stdout=subprocess.PIPE, text=True, **heard)
     assert server.stdout is not None
     with server.stdout:
         said = server.stdout.readline()

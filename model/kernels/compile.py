@@ -23,6 +23,8 @@ import numpy as np
 from llvmlite import binding
 from numba.core import config as _config
 
+from model.kernels.once import alone
+
 numba_config: Any = _config  # set at run time by numba; its names are unknown to type checkers
 _PACKAGE = Path(__file__).resolve().parents[1]
 
@@ -128,7 +130,12 @@ def step_loop(signature: Any) -> Callable[[Callable[..., Any]], Any]:
 
     Without them numba compiles the loop again for every scene, and never finds it on disk.
     """
-    return _cached(signature, fastmath=False)
+
+    def compiled(function: Callable[..., Any]) -> Any:
+        with alone(FOLDER, f"{function.__module__}.{function.__qualname__}"):
+            return _cached(signature, fastmath=False)(function)
+
+    return compiled
 
 
 def generated(signature: Any) -> Callable[[Callable[..., Any]], Any]:

@@ -57,6 +57,23 @@ class Regulation:
     rest_rail_m: float = 0.0
     targets: tuple[RegulationTarget, ...] = TARGETS
 
+    def _repr_html_(self) -> str:
+        """Each target before and after with its screw, mm, for a notebook."""
+        import pandas as pd  # start-up: 0.6 s, only a notebook's display needs it
+
+        rows = [
+            {
+                "target": t.words,
+                "wanted, mm": 1e3 * t.wanted_m,
+                "before": 1e3 * self.before.value_m[t.name],
+                "after": 1e3 * self.after.value_m[t.name],
+                "screw": SCREW[t.name].name,
+                "turned": 1e3 * self.turned_m[t.name],
+            }
+            for t in self.targets
+        ]
+        return str(pd.DataFrame(rows).to_html(index=False, float_format="{:.3f}".format))
+
     @property
     def looks(self) -> dict[str, int]:
         """Former name of `evaluations`."""

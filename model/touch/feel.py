@@ -52,6 +52,12 @@ class Feel:
         out["fastest repetition, 1/s"] = self.repetition_hz
         return out
 
+    def _repr_html_(self) -> str:
+        """The rows as a table, for a notebook."""
+        import pandas as pd  # start-up: 0.6 s, only a notebook's display needs it
+
+        return str(pd.DataFrame({self.name: self.rows()}).to_html(float_format="{:.3g}".format))
+
 
 def feel(
     action: Action,

@@ -20,10 +20,10 @@ from rig.backend import Backend, Block, Timing, check_contract, open_backend
 from rig.configuration.motor_command import MotorCommand
 from rig.configuration.rig_file import Rig, RigConfig, load_rig
 from rig.errors import HardwareFault, RigInputError
+from rig.recording.empty_session import discard_empty
 from rig.recording.options import RecordingKeywords, RecordingOptions
 from rig.recording.progress import Progress
 from rig.recording.provenance import ClockWatch, software_versions, trial_provenance
-from rig.recording.recorder import discard_empty
 from rig.recording.sealing import PASSIVE, Cut, seal_cut
 from rig.recording.strokes import Stroke, StrokeDetector, StrokeSettings
 from rig.recording.trial_plan import MAX_TRIALS
@@ -72,6 +72,13 @@ def record_passive(
         The bench stopped; strokes sealed so far and the one under way are kept.
     KeyboardInterrupt
         The operator stopped; likewise.
+
+    Examples
+    --------
+    >>> import rig
+    >>> session = rig.record_passive("sessions/played", strokes=2, backend="sim://?hand=plays")
+    >>> [trial.number for trial in session.trials]
+    [1, 2]
     """
     options = RecordingOptions(**keywords)
     if strokes is not None and not 1 <= strokes <= MAX_TRIALS:

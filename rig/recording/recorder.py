@@ -8,7 +8,6 @@ the caller. When not one trial was recorded, no session folder is left. A progra
 from __future__ import annotations
 
 import contextlib
-import shutil
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -19,6 +18,7 @@ from rig.configuration.motor_command import motor_command
 from rig.configuration.profile import Profile, load_profile
 from rig.configuration.rig_file import Rig, load_rig
 from rig.errors import HardwareFault
+from rig.recording.empty_session import discard_empty
 from rig.recording.options import RecordingKeywords, RecordingOptions
 from rig.recording.provenance import software_versions
 from rig.recording.trial_plan import Plan, plain_plan
@@ -156,15 +156,3 @@ def _session_info(
         notes={**(options.notes or {}), **(options.permission.noted() if options.permission else {})},
         dry_run=dict(predicted),
     )
-
-
-def discard_empty(session: Session, existed: bool) -> None:
-    """Remove a session that has neither trials nor journals; a folder that was there before stays, empty."""
-    with deferred():
-        if session.trials or session.journals:
-            return
-        if not existed:
-            shutil.rmtree(session.path, ignore_errors=True)
-        elif session.path.is_dir():
-            for path in session.path.iterdir():
-                path.unlink()

@@ -7,6 +7,7 @@ Failures are :class:`rig.errors.RigInputError`, one line each.
 from __future__ import annotations
 
 import contextlib
+import html
 import re
 import shutil
 from collections.abc import Iterable, Mapping
@@ -170,6 +171,10 @@ class Session:
                 }
             )
         return pd.DataFrame(rows)
+
+    def _repr_html_(self) -> str:
+        """The folder and its trials as a table, for a notebook."""
+        return html.escape(str(self.path)) + str(self.summary().to_html(index=False, float_format="{:.2f}".format))
 
     def trial(self, number: int) -> Trial:
         """Return the trial with this number."""

@@ -81,6 +81,11 @@ def _make(file: h5py.File, name: str, dimensions: tuple[str, ...], shape: tuple[
 def read_curves(path: str | Path) -> pd.DataFrame:
     """The tidy table of a curves file, as `validation.ValidationResult.curves` gives it.
 
+    Parameters
+    ----------
+    path : path
+        File written by `validation.ValidationResult.write_curves`, or ``curves.nc`` beside a report.
+
     Returns
     -------
     DataFrame
@@ -90,6 +95,14 @@ def read_curves(path: str | Path) -> pd.DataFrame:
     ------
     ValidationInputError
         The file is missing, or is no curves file.
+
+    Examples
+    --------
+    >>> import validation
+    >>> result = validation.compare("sessions/example_forte", "hirschkorn2004", budget=False, suspect=False)
+    >>> path = result.write_curves("curves.nc")
+    >>> sorted(set(validation.read_curves("curves.nc")["channel"]))[:2]
+    ['hammer', 'jack']
     """
     try:
         with h5py.File(path, "r") as file:

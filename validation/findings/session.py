@@ -7,13 +7,13 @@ peak force stands for all where many runs of the model are needed.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from validation.events.session import SessionEvents
 from validation.findings.between_trials.changed_condition import changed_condition
 from validation.findings.between_trials.duplicates import duplicates
 from validation.findings.between_trials.force_reach import force_reach
-from validation.findings.between_trials.mixed_strokes import mixed_strokes
+from validation.findings.between_trials.mixed_strokes import mixed_strokes, two_kinds
 from validation.findings.between_trials.outlying_residuals import outlying_residuals
 from validation.findings.between_trials.residuals import residuals_of
 from validation.findings.camera_clock import camera_clock
@@ -40,13 +40,14 @@ from validation.scores.session import ScoredSession
 
 @dataclass(frozen=True)
 class SessionFindings:
-    """Faults, trials and channels that no pooled figure counts, notes, and single changes that may explain the model's
-    difference, which are no faults."""
+    """Faults, trials and channels that no pooled figure counts, notes, single changes that may explain the model's
+    difference, which are no faults, and the trials of each kind of stroke where there are two."""
 
     faults: tuple[SessionFinding, ...]
     left_out: frozenset[tuple[int, str]]
     notes: tuple[str, ...]
     changes: tuple[SingleChange, ...] = ()
+    kinds: tuple[tuple[int, ...], ...] = ()
 
 
 def find_faults(
@@ -66,11 +67,13 @@ def find_faults(
     if any(f.kind == "regulation" for f in let_off):  # the button also stops the whippen
         travel = [f for f in travel if (f.kind, f.channel) != ("encoder scale or stops", "whippen")]
     found += travel + let_off
+    kinds = two_kinds(trials)
     found += mixed_strokes(trials)
     found += _lifts(events, found)
-    if not any(f.kind == "mixed strokes" for f in found):
-        found += _odd_trials(predicted, events, scored, tested, found)
-        found += _residuals(predicted, events, tested, found)
+    for numbers in [tuple(m.number for m in trials)] if kinds is None else [kinds.weak, kinds.strong]:
+        of_kind = _only(numbers, predicted, events, scored)
+        odd = _odd_trials(*of_kind, tested, found)
+        found += odd + _residuals(*of_kind[:2], tested, [*found, *odd])
     sound = sound_trials(trials, found)
     changes: list[SingleChange] = []
     if sound and search_changes:
@@ -80,7 +83,8 @@ def find_faults(
         changes = single_changes(tested, m, until)
     without = left_out(found)
     notes = [*with_and_without(traces.base_s, traces.encoder, found, without), *in_words(changes)]
-    return SessionFindings(tuple(found), without, tuple(notes), tuple(changes))
+    apart = () if kinds is None else (kinds.weak, kinds.strong)
+    return SessionFindings(tuple(found), without, tuple(notes), tuple(changes), apart)
 
 
 def _single_trials(predicted: PredictedSession, events: SessionEvents, tested: ModelUnderTest) -> list[SessionFinding]:
@@ -135,6 +139,18 @@ def _regulation(
         let_off[m.number] = let_off_way_m(m, p, own, model, tested.geometry_at(m.force.preload_n))
         check[m.number] = check_difference_m(own, model)
     return regulation(let_off, check)
+
+
+def _only(
+    numbers: Sequence[int], predicted: PredictedSession, events: SessionEvents, scored: ScoredSession
+) -> tuple[PredictedSession, SessionEvents, ScoredSession]:
+    """The same of some trials."""
+    traces = scored.traces
+    return (
+        replace(predicted, trials=tuple(m for m in predicted.trials if m.number in numbers)),
+        replace(events, trial={n: e for n, e in events.trial.items() if n in numbers}),
+        replace(scored, traces=replace(traces, encoder={n: f for n, f in traces.encoder.items() if n in numbers})),
+    )
 
 
 def _odd_trials(

@@ -76,10 +76,12 @@ class HumFit:
 
 
 def _design(time: Array, frequency_hz: float) -> Array:
-    columns = [np.ones(time.shape)]
-    for k in range(1, HARMONICS + 1):
-        turn = 2 * np.pi * k * frequency_hz * time
-        columns += [np.cos(turn), np.sin(turn)]
+    turn = 2 * np.pi * frequency_hz * time
+    first = np.cos(turn) + 1j * np.sin(turn)
+    columns, harmonic = [np.ones(time.shape)], first
+    for k in range(1, HARMONICS + 1):  # by products: sines cost most of a trial's correction
+        columns += [harmonic.real, harmonic.imag]
+        harmonic = harmonic * first if k < HARMONICS else harmonic
     return np.column_stack(columns)
 
 

@@ -5,11 +5,12 @@ A trial the model cannot predict is refused with the reason; a rival that cannot
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from model.errors import ModelError
 from model.simulation.solution import MISSED
+from validation.conventions import ENCODER_CHANNELS, FILM_CHANNELS, Array
 from validation.errors import PredictionError, ValidationInputError
 from validation.measurement.session import MeasuredSession
 from validation.measurement.trial import MeasuredTrial
@@ -21,11 +22,19 @@ MOST_NAMED = 4
 
 
 @dataclass(frozen=True)
+class RivalCurves:
+    """Changes since rest predicted by a rival, by channel: on the DAQ's sample times, and on the film's, rad."""
+
+    encoder: Mapping[str, Array]
+    film: Mapping[str, Array]
+
+
+@dataclass(frozen=True)
 class PredictedTrial:
     """What is predicted for one trial: by the model, and by its rivals."""
 
     model: PredictedAngles
-    rivals: dict[str, PredictedAngles]
+    rivals: dict[str, RivalCurves]
     notes: tuple[str, ...]
 
 
@@ -73,10 +82,17 @@ def _predict(m: MeasuredTrial, tested: ModelUnderTest) -> PredictedTrial:
     notes, rivals = [missed] if missed else [], {}
     for name in tested.rivals:
         try:
-            rivals[name] = predict_trial(m, tested, name)
+            rivals[name] = _curves_of(predict_trial(m, tested, name), m)
         except (ModelError, PredictionError) as error:
             notes.append(f"{name.replace('_', ' ')} not predicted: {error}")
     return PredictedTrial(found, rivals, tuple(notes))
+
+
+def _curves_of(found: PredictedAngles, m: MeasuredTrial) -> RivalCurves:
+    """What is compared of a rival; the rest, two thirds of it, would be kept for every trial."""
+    encoder = {name: found.change_rad(name) for name in ENCODER_CHANNELS}
+    film = {} if m.film is None else {name: found.change_at(name, m.film.time_s) for name in FILM_CHANNELS}
+    return RivalCurves(encoder, film)
 
 
 def _missed(found: PredictedAngles, tolerance: float) -> str:

@@ -7,6 +7,7 @@ Source: plain definitions; Sprague and Geers (2003) for magnitude, phase and com
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -68,16 +69,20 @@ def score_curve(time_s: Array, trial: Array, model: Array) -> CurveScore:
     )
 
 
-def trial_pairs(n: int, most: int = MOST_PAIRS, seed: int = PAIR_SEED) -> list[tuple[int, int]]:
-    """Pairs of n trials, all of them or a seeded sample of `most`."""
-    pairs = list(combinations(range(n), 2))
+def trial_pairs(
+    n: int, most: int = MOST_PAIRS, seed: int = PAIR_SEED, kinds: Sequence[int] | None = None
+) -> list[tuple[int, int]]:
+    """Pairs of n trials of one kind of stroke, all of them or a seeded sample of `most`."""
+    pairs = [(i, j) for i, j in combinations(range(n), 2) if kinds is None or kinds[i] == kinds[j]]
     if len(pairs) <= most:
         return pairs
     chosen = np.random.default_rng(seed).choice(len(pairs), most, replace=False)
     return [pairs[i] for i in sorted(chosen)]
 
 
-def pair_rmse(curves: Array, *, most_pairs: int = MOST_PAIRS, seed: int = PAIR_SEED) -> tuple[float, int]:
+def pair_rmse(
+    curves: Array, *, most_pairs: int = MOST_PAIRS, seed: int = PAIR_SEED, kinds: Sequence[int] | None = None
+) -> tuple[float, int]:
     """Repeatability ceiling of the RMSE: root mean square difference of one trial against another.
 
     Parameters
@@ -85,6 +90,8 @@ def pair_rmse(curves: Array, *, most_pairs: int = MOST_PAIRS, seed: int = PAIR_S
     curves : (n_samples, n_trials) array
     most_pairs : int
         With more pairs than this a seeded sample of them is used.
+    kinds : sequence of int, optional
+        Number of the kind of stroke of each trial; trials of different kinds are no pair.
 
     Returns
     -------
@@ -93,7 +100,7 @@ def pair_rmse(curves: Array, *, most_pairs: int = MOST_PAIRS, seed: int = PAIR_S
     pairs : int
         Number of pairs used.
     """
-    pairs = np.array(trial_pairs(curves.shape[1], most_pairs, seed), dtype=int).reshape(-1, 2)
+    pairs = np.array(trial_pairs(curves.shape[1], most_pairs, seed, kinds), dtype=int).reshape(-1, 2)
     difference = curves[:, pairs[:, 0]] - curves[:, pairs[:, 1]]
     if not np.isfinite(difference).any():
         return float("nan"), 0

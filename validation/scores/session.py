@@ -52,14 +52,18 @@ def score_session(predicted: PredictedSession, events: SessionEvents, store: Res
 def score_curves(traces: SessionTraces, u_encoder: dict[int, Array], store: ResultStore) -> pd.DataFrame:
     """Scores of every trial and channel inside the window, with guards; null model and raw force beside."""
     jobs = [
-        (number, name, i, source, frame[traces.window.mask(frame["time_s"].to_numpy())])
+        (number, name, i, source, frame)
         for names, source in CHANNEL_GROUPS
         for number, frame in traces.of(source).items()
         for i, name in enumerate(names)
     ]
 
     def row(job: tuple[int, str, int, str, pd.DataFrame]) -> dict[str, object]:
-        number, name, i, source, frame = job
+        number, name, i, source, whole = job
+        known = {"time_s", f"{name}_marked", f"{name}_u_rad", f"{name}_measured_rad", f"{name}_predicted_rad"}
+        known |= {f"{name}_{infix}_rad" for infix in INFIX.values()}
+        own = whole[[column for column in whole.columns if column in known]]
+        frame = own[traces.window.mask(whole["time_s"].to_numpy())]
         u = float(u_encoder[number][i]) if source == "encoder" else _rms(frame[f"{name}_u_rad"].to_numpy())
         time, trial, model = frame["time_s"].to_numpy(), scored(frame, name), frame[f"{name}_predicted_rad"].to_numpy()
         early = time < traces.impact_s.get(number, np.inf)

@@ -1,7 +1,7 @@
 """Repeatability of curves and events over the trials of one session (thesis Section 3.2.2, in numbers).
 
 Conventions: curves are (n_samples, n_trials); NaN is lost and left out sample by sample. One trial gives NaN and a
-note, never zero.
+note, never zero. Where a session has several kinds of stroke, scatter is that within each kind, pooled.
 Source: ISO 5725-2 for s_r and for the limit r = t√2·s_r below which 95 % of differences of two trials should
 fall; with few trials Student's t replaces 1.96 (3.93 instead of 2.8 at n = 5); the interval of s is that of
 the chi-square distribution.
@@ -9,6 +9,7 @@ the chi-square distribution.
 
 from __future__ import annotations
 
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,23 +28,27 @@ STANDS_OUT = 4.0  # fewer than 3 % of good sessions of six trials (simulated in 
 
 @dataclass(frozen=True)
 class CurveRepeatability:
-    """s_r(t) of one channel and its summary over the evaluation window, in the unit of the curves."""
+    """s_r(t) of one channel and its summary over the evaluation window, in the unit of the curves.
+
+    ``mean`` is NaN where there are several kinds of stroke.
+    """
 
     s_r: Array
     mean: Array
     pooled: float
     largest: float
     n_trials: int
+    n_kinds: int = 1
 
     @property
     def limit(self) -> float:
         """ISO 5725 repeatability limit of the pooled s_r with the factor for few trials."""
-        return self.pooled * limit_factor(self.n_trials)
+        return self.pooled * limit_factor(self.n_trials - self.n_kinds + 1)
 
     @property
     def interval(self) -> tuple[float, float]:
         """95 % interval of the pooled s_r from the number of trials (samples of a curve are dependent)."""
-        low, high = s_interval_factors(self.n_trials)
+        low, high = s_interval_factors(self.n_trials - self.n_kinds + 1)
         return self.pooled * low, self.pooled * high
 
 
@@ -69,13 +74,15 @@ def s_interval_factors(n: int) -> tuple[float, float]:
     return float(low), float(high)
 
 
-def curve_repeatability(curves: Array) -> CurveRepeatability:
+def curve_repeatability(curves: Array, kinds: Sequence[int] | None = None) -> CurveRepeatability:
     """Repeatability of one channel.
 
     Parameters
     ----------
     curves : (n_samples, n_trials) array
         All on one time base, inside the evaluation window; NaN where lost.
+    kinds : sequence of int, optional
+        Number of the kind of stroke of each trial; all alike when left out.
 
     Returns
     -------
@@ -84,16 +91,24 @@ def curve_repeatability(curves: Array) -> CurveRepeatability:
         present.
     """
     values = np.atleast_2d(np.asarray(curves, dtype=float))
-    present = np.isfinite(values).sum(axis=1)
-    filled = np.where(np.isfinite(values), values, 0.0)
+    n = values.shape[1]
+    label = np.zeros(n, dtype=int) if kinds is None else np.asarray(kinds)
+    mean, squares, freedom = np.full(len(values), np.nan), np.zeros(len(values)), np.zeros(len(values))
+    every = np.unique(label)
+    for kind in every:
+        mine = values[:, label == kind]
+        present = np.isfinite(mine).sum(axis=1)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            own = np.where(present > 0, np.where(np.isfinite(mine), mine, 0.0).sum(axis=1) / present, np.nan)
+        squares += np.square(np.where(np.isfinite(mine), mine - own[:, None], 0.0)).sum(axis=1)
+        freedom += np.maximum(present - 1, 0)
+        mean = own if every.size == 1 else mean
     with np.errstate(invalid="ignore", divide="ignore"):
-        mean = np.where(present > 0, filled.sum(axis=1) / present, np.nan)
-        deviation = np.where(np.isfinite(values), values - mean[:, None], 0.0)
-        s_r = np.where(present > 1, np.sqrt((deviation**2).sum(axis=1) / (present - 1)), np.nan)
+        s_r = np.where(freedom > 0, np.sqrt(squares / freedom), np.nan)
     usable = s_r[np.isfinite(s_r)]
     pooled = float(np.sqrt(np.mean(usable**2))) if usable.size else float("nan")
     largest = float(usable.max()) if usable.size else float("nan")
-    return CurveRepeatability(s_r, mean, pooled, largest, values.shape[1])
+    return CurveRepeatability(s_r, mean, pooled, largest, n, every.size)
 
 
 def distance_ratios(curves: Array) -> Array:
@@ -121,13 +136,15 @@ def distance_ratios(curves: Array) -> Array:
     return distance / usual if usual > 0 else np.full(n, np.nan)
 
 
-def event_repeatability(events: dict[int, dict[str, Event]]) -> pd.DataFrame:
+def event_repeatability(events: dict[int, dict[str, Event]], kinds: Sequence[Collection[int]] = ()) -> pd.DataFrame:
     """Mean, s, 95 % interval of s and ISO 5725 limit of each event over the trials in which it was found.
 
     Parameters
     ----------
     events : dict
         Trial number → events of that trial; one that is left out does not count.
+    kinds : sequence
+        Numbers of the trials of each kind of stroke; all alike when left out.
 
     Returns
     -------
@@ -136,12 +153,17 @@ def event_repeatability(events: dict[int, dict[str, Event]]) -> pd.DataFrame:
     """
     rows = []
     for name, kind in EVENTS.items():
-        counting = [trial[name] for trial in events.values() if name in trial]
-        status = [event.status for event in counting]
-        value = np.array([event.value for event in counting if event.status == "found"])
+        counting = {number: trial[name] for number, trial in events.items() if name in trial}
+        status = [event.status for event in counting.values()]
+        found = {number: event.value for number, event in counting.items() if event.status == "found"}
+        value = np.array(list(found.values()))
         n = value.size
-        s = float(value.std(ddof=1)) if n > 1 else float("nan")
-        low, high = s_interval_factors(n)
+        parts = [np.array([v for i, v in found.items() if i in of_kind]) for of_kind in kinds or [found]]
+        parts = [part for part in parts if part.size]
+        freedom = sum(part.size - 1 for part in parts)
+        squares = sum(float(np.sum((part - part.mean()) ** 2)) for part in parts)
+        s = float(np.sqrt(squares / freedom)) if freedom > 0 else float("nan")
+        low, high = s_interval_factors(freedom + 1)
         rows.append(
             {
                 "event": name,
@@ -153,8 +175,8 @@ def event_repeatability(events: dict[int, dict[str, Event]]) -> pd.DataFrame:
                 "s": s,
                 "s_low": s * low,
                 "s_high": s * high,
-                "limit": s * limit_factor(n),
-                "range": float(np.ptp(value)) if n > 1 else float("nan"),
+                "limit": s * limit_factor(freedom + 1),
+                "range": max(float(np.ptp(part)) for part in parts) if freedom > 0 else float("nan"),
             }
         )
     return pd.DataFrame(rows)

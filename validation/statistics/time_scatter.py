@@ -5,18 +5,20 @@ a step, so that the values of a few trials at one instant are equal before it an
 of how far the mean may lie off. Their shift in time does: near each instant it is the regression of a curve's deviation
 on the slope of the mean curve (registration to first order).
 
-A shift counts where it explains most of the deviations, where the body moves (a hundredth of its largest speed, clear
-of rounding), and where it is shorter than half of the time the body takes at its fastest: a longer one is not told from
-a difference in value. Once acquired it stays: delays are not made good before the action rests. The mean curve may
-lie wherever it comes when it is shifted by as much as a further trial's shift may be (prediction interval of
-Student's t), since one trial in some that comes early has its part in the mean. Curves without a motion in common have
-no scatter in time.
+A shift counts where it explains the deviations, where the body moves (a hundredth of its largest speed, clear of
+rounding), and where it is shorter than half of the time the body takes at its fastest: a longer one is not told from
+a difference in value. Delays are not made good before the action rests: the variance over time is the non-decreasing
+one nearest to what is found at each instant, weighted with the squared slope, so that what looks like a delay of slow
+creeping yields to what the next fast motion shows. The mean curve may lie wherever it comes when it is shifted by as
+much as a further trial's shift may be (prediction interval of Student's t), since one trial in some that comes early
+has its part in the mean. Curves without a motion in common have no scatter in time.
 """
 
 from __future__ import annotations
 
 import numpy as np
 from scipy.ndimage import convolve1d, maximum_filter1d
+from scipy.optimize import isotonic_regression
 from scipy.special import stdtrit
 
 from validation.conventions import Array
@@ -27,7 +29,7 @@ MOVES = 0.01  # of the largest speed
 EXPLAINED = 0.4  # of the squared deviations near an instant; half is what shifts explain of sharp steps
 CLEAR = 3.0  # times the rounding of its samples, over the window, that a slope must exceed
 IS_MOTION = 10.0  # times the variance of the mean's slope, all along: below, the mean is what is left of the scatter
-TIME_CONFIDENCE = 0.92  # for a further trial; with it the band of the mean covers about 95 % on the virtual bench
+TIME_CONFIDENCE = 0.995  # for a further trial; with it the band of the mean covers about 95 % on the virtual bench
 ROUND_SAMPLES = 0.05
 
 
@@ -75,7 +77,11 @@ def time_scatter(curves: Array, u_sample: float = 0.0) -> Array:
     shift = common / np.where(power > 0, power, np.inf)[:, None]
     s = np.sqrt(np.square(shift - shift.mean(axis=1, keepdims=True)).sum(axis=1) / (n - 1))
     explained = np.square(common).sum(axis=1) > EXPLAINED * power * near(np.square(deviation).sum(axis=1))
-    return np.asarray(np.maximum.accumulate(np.where(moving & explained & (s < LONGEST * way), s, 0.0)))
+    told = np.flatnonzero(moving & explained & (s < LONGEST * way))
+    if not told.size:
+        return np.zeros(n_samples)
+    grown = np.sqrt(isotonic_regression(s[told] ** 2, weights=power[told]).x)
+    return np.concatenate([np.zeros(told[0]), np.repeat(grown, np.diff(np.append(told, n_samples)))])
 
 
 def reach_in_time(mean: Array, scatter: Array, n: int) -> Array:

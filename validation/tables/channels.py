@@ -1,12 +1,13 @@
 """Summary of every channel: repeatability, simultaneous band, paired difference between model and trials.
 
 Conventions: SI and rad; differences are model − trial, paired by trial; samples left out of the scores are NaN. What
-cannot be stated is NaN, and the column ``state`` says why.
+cannot be stated is NaN, and the column ``state`` says why. Two kinds of stroke have no mean and no band; their
+repeatability is that within each kind.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 import pandas as pd
@@ -44,11 +45,12 @@ def channel_tables(
     u_sample: Mapping[str, float],
     without: LeftOut = (),
     judgement: Judgement = NOT_MADE,
+    kinds: Sequence[Collection[int]] = (),
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Channel summary without scores; mean, s_r, bands and paired difference over time, per channel.
 
     ``u_sample`` is the standard uncertainty of one sample by channel; ``without`` the trials and channels not
-    pooled; ``judgement`` the test of the difference.
+    pooled; ``judgement`` the test of the difference; ``kinds`` the trials of each kind of stroke, where there are two.
     """
     base = traces.base_s
     rows: list[dict[str, object]] = []
@@ -73,7 +75,8 @@ def channel_tables(
                 if every:  # recorded, and wired wrong in all trials
                     spread |= {f"{name}_{part}_rad": np.full(base.shape, np.nan) for part in SPREAD}
                 continue
-            row, columns = _channel(name, source, base, frames, u_sample.get(name, 0.0), judgement)
+            row, columns = _channel(name, base, frames, u_sample.get(name, 0.0), judgement, kinds)
+            row["source"] = source
             row["state"] = "; ".join(text for text in (str(row["state"]), state) if text)
             rows.append(row)
             spread |= columns
@@ -81,7 +84,12 @@ def channel_tables(
 
 
 def _channel(
-    name: str, source: str, base: Array, frames: dict[int, pd.DataFrame], u: float, judgement: Judgement
+    name: str,
+    base: Array,
+    frames: dict[int, pd.DataFrame],
+    u: float,
+    judgement: Judgement,
+    kinds: Sequence[Collection[int]],
 ) -> tuple[dict[str, object], dict[str, Array]]:
     curves = on_common_base(base, frames, f"{name}_measured_rad")
     difference = judgement.channel(name, base)
@@ -91,10 +99,13 @@ def _channel(
         difference.mean[known] = np.nanmean(apart[known], axis=1)
         if known.any():
             difference.row["mean_difference_rad"] = float(np.sqrt(np.mean(difference.mean[known] ** 2)))
-    r = curve_repeatability(curves)
-    band = simultaneous_band(curves, u_sample=u)
+    label = [next((k for k, part in enumerate(kinds) if number in part), -1) for number in frames]
+    mixed = len(set(label)) > 1
+    r = curve_repeatability(curves, label)
+    # curves of two kinds have no mean that a band could hold
+    band = simultaneous_band(np.full_like(curves, np.nan) if mixed else curves, u_sample=u)
     low, high = r.interval
-    ceiling, pairs = pair_rmse(curves)
+    ceiling, pairs = pair_rmse(curves, kinds=label)
     extent = [float(np.ptp(c[np.isfinite(c)])) if np.isfinite(c).any() else np.nan for c in curves.T]
     spread = {
         f"{name}_mean_rad": r.mean,
@@ -106,7 +117,7 @@ def _channel(
     }
     row: dict[str, object] = {
         "channel": name,
-        "source": source,
+        "source": "",
         "n_trials": r.n_trials,
         "range_rad": float(np.mean(extent)),
         "s_r_rad": r.pooled,
@@ -118,7 +129,7 @@ def _channel(
         "trial_to_trial_rmse_rad": ceiling,
         "pairs": pairs,
         **difference.row,
-        "state": _state(curves),
+        "state": "two kinds of stroke: compared within each, no band" if mixed else _state(curves),
     }
     return row, spread
 

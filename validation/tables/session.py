@@ -66,7 +66,7 @@ def make_tables(
         options.say("uncertainty of the difference: draws of all inputs")
         judgement = judge(difference_draws(predicted.trials, traces, tested, without))
         ceiling = perfect_scores(predicted.trials, traces, tested, without)
-    channels, spread = channel_tables(traces, u_sample, without, judgement)
+    channels, spread = channel_tables(traces, u_sample, without, judgement, findings.kinds)
     card = scorecard(scored.scores, traces, ceiling, without)
     counting = counting_events(events.trial, without)
     summary = event_summary(counting, events.model)
@@ -89,7 +89,7 @@ def make_tables(
         phases=phase_table(_in_verdict(judgement, findings), summary, channels, events.window),
         events=event_table(events.trial, events.model),
         event_summary=summary,
-        event_repeatability=event_repeatability(counting),
+        event_repeatability=event_repeatability(counting, findings.kinds),
         budget=budget,
         uncertainty=uncertainty,
         spread=spread,

@@ -27,7 +27,7 @@ GROUP = 64
 """Pixels that are looked at together first: where their whole neighbourhood is clear, none of them is."""
 
 
-@njit(cache=True, nogil=True, fastmath=FAST)
+@njit(cache=True, fastmath=FAST)
 def mark_covered(
     offset: NDArray[np.float32],
     around: NDArray[np.float64],
@@ -92,11 +92,13 @@ class Occlusion:
         """Template pixels of a body, at ``pose``, that bodies in front hide at theirs; shape (n,), 1 is hidden."""
         template = self._templates[body]
         covered = np.zeros(template.n_pixels, dtype=np.uint8)
-        here = self._centres[body] + pose[1:]
+        centre_x, centre_y = template.centre_px
+        turn, shift_x, shift_y = pose.tolist()
         for other, there in poses.items():
-            cosine, sine = math.cos(there[0]), math.sin(there[0])
-            x, y = here - self._centres[other] - there[1:]
-            seen = (float(pose[0] - there[0]), float(cosine * x + sine * y), float(cosine * y - sine * x))
+            (other_x, other_y), (turn0, x0, y0) = self._templates[other].centre_px, there.tolist()
+            cosine, sine = math.cos(turn0), math.sin(turn0)
+            x, y = centre_x + shift_x - other_x - x0, centre_y + shift_y - other_y - y0
+            seen = (turn - turn0, cosine * x + sine * y, cosine * y - sine * x)
             mark_covered(
                 template.offset_px, self._groups[body], seen, self._distances[other], self._centres[other], covered
             )

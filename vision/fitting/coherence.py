@@ -36,22 +36,26 @@ class Ratios(NamedTuple):
 UNKNOWN = Ratios(np.full((N_LEVELS, 3), np.nan), np.full((N_LEVELS, 3), np.nan))
 
 
-@njit(cache=True, nogil=True, fastmath=FAST)
-def block_moments(
+# short, so that releasing the lock of the interpreter would cost more than it gives other threads
+@njit(cache=True, fastmath=FAST)
+def block_ratios(
     columns: NDArray[np.float32],
     work: NDArray[np.float32],
     weight: NDArray[np.float32],
     first: NDArray[np.int64],
     groups: NDArray[np.int32],
     influence: NDArray[np.float64],
-) -> NDArray[np.float64]:
-    """Sums of the squares and of the fourth powers of what each block moves turn, x and y by: (2, sizes, 3).
+    white_variance: NDArray[np.float64],
+    freedom: NDArray[np.float64],
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Squares of what each block moves turn, x and y by, added and over ``white_variance`` (3,) and ``freedom``
+    (sizes,); and, from their fourth powers, the number of blocks that carry them: each (sizes, 3).
 
     ``work`` holds visible pixels and residuals in rows 1 and 2; ``first`` (n_runs + 1) where each run of pixels of one
     block begins; ``groups`` (sizes, n_runs) says in which block of each size it lies.
     """
     n_sizes, n_runs = groups.shape
-    moved, moments = np.zeros((n_sizes, n_runs, 3)), np.zeros((2, n_sizes, 3))
+    moved, ratio, count = np.zeros((n_sizes, n_runs, 3)), np.empty((n_sizes, 3)), np.empty((n_sizes, 3))
     at, ax, ay, ref, visible, residual = columns[0], columns[1], columns[2], columns[3], work[1], work[2]
     for k in range(n_runs):
         # slices begin at zero, as the compiler needs to keep the sums in vector registers
@@ -68,12 +72,16 @@ def block_moments(
             for size in range(n_sizes):
                 moved[size, groups[size, k], j] += way
     for size in range(n_sizes):
-        for k in range(n_runs):
-            for j in range(3):
+        for j in range(3):
+            squares = fourth = 0.0
+            for k in range(n_runs):
                 square = moved[size, k, j] ** 2
-                moments[0, size, j] += square
-                moments[1, size, j] += square * square
-    return moments
+                squares += square
+                fourth += square * square
+            ratio[size, j] = squares / white_variance[j] / freedom[size]
+            # of normal numbers the fourth power has a mean of three
+            count[size, j] = 3.0 * squares**2 / max(fourth, 1e-300)
+    return ratio, count
 
 
 class Blocks:
@@ -91,7 +99,7 @@ class Blocks:
         ]
         self._groups = np.array(groups, dtype=np.int32)
         # the scores of all blocks add up to zero in five directions
-        count = self._groups.max(axis=1, keepdims=True) + 1.0
+        count = self._groups.max(axis=1) + 1.0
         self._freedom = np.maximum(1.0 - 5.0 / count, 0.2)
 
     def ratios(
@@ -115,6 +123,5 @@ class Blocks:
         white_variance : ndarray, shape (3,)
             Of (turn, x, y), by the residual variance.
         """
-        square, fourth = block_moments(columns, work, weight, self._first, self._groups, influence)
-        # of normal numbers the fourth power has a mean of three
-        return Ratios(square / white_variance / self._freedom, 3.0 * square**2 / np.maximum(fourth, 1e-300))
+        arrays = (columns, work, weight, self._first, self._groups, influence, white_variance, self._freedom)
+        return Ratios(*block_ratios(*arrays))

@@ -44,12 +44,10 @@ class FrameSpline:
 
     def expect(self, index: int, boxes: list[Box]) -> None:
         """Say which rectangles of frame ``index`` will be asked for."""
-        known = np.array(boxes, dtype=np.int64).reshape(-1, 4)
-        if not len(known):
-            self._expected = (index, None)
-            return
-        low, high = known.min(axis=0), known.max(axis=0)
-        self._expected = (index, (int(low[0]), int(high[1]), int(low[2]), int(high[3])))
+        self._expected = (index, None)
+        if boxes:
+            y0, y1, x0, x1 = zip(*boxes, strict=True)
+            self._expected = (index, (min(y0), max(y1), min(x0), max(x1)))
 
     def part(self, index: int, box: Box) -> FilteredPart:
         """A filtered rectangle of frame ``index`` that holds ``box``, valid until the next one is asked for."""

@@ -68,8 +68,7 @@ class IcgnFitter:
     def fit(self, film: FrameSource, index: int, pose: NDArray[np.float64], covered: NDArray[np.uint8] | None) -> Fit:
         """Fit the body in frame ``index``, starting from ``pose``."""
         result = self._fit_once(film, index, pose, covered)
-        moved = np.abs(result.pose[1:] - pose[1:]).max() if result.converged else 0.0
-        if moved > MARGIN_PX - 9:
+        if result.converged and max(abs(result.pose[1] - pose[1]), abs(result.pose[2] - pose[2])) > MARGIN_PX - 9:
             # the fit ended where the border of the spline filter spoils the samples
             result = self._fit_once(film, index, result.pose, covered)
         return result
@@ -96,7 +95,7 @@ class IcgnFitter:
         subset = Subset(template.offset_px, template.columns, hidden, *template.centre_px, template.radius_px)
         state = State(pose, self._weight, self._work, self._at, self._scale)
         found = fit_rigid(Region(coefficient, float(x0), float(y0)), subset, self._settings, state)
-        if found.iterations <= 0 or not np.all(np.isfinite(pose)):
+        if found.iterations <= 0 or not all(map(math.isfinite, pose.tolist())):
             self.reset()
             return FAILED
         self._scale = found.sums.scale
@@ -129,11 +128,11 @@ class IcgnFitter:
         return Fit(
             pose=pose,
             covariance=covariance,
-            zncc=float(np.sqrt(max(explained, 0.0)) * np.sign(gain)),
+            zncc=math.copysign(math.sqrt(max(explained, 0.0)), gain),
             inlier=sums.inlier / n,
             seen=sums.seen / n,
             gain=gain,
-            noise_grey=float(np.sqrt(variance)),
+            noise_grey=math.sqrt(variance),
             iterations=found.iterations,
             converged=True,
             coherence=self._coherence(found, covariance, inverse),

@@ -11,7 +11,7 @@ MOST = 1e9
 """Largest element of the inverse of a normal matrix whose columns are scaled to length one."""
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True)
 def inverse_and_covariance(
     normal: F64, noise_normal: F64, share: float, factor: float, inverse: F64, covariance: F64
 ) -> bool:

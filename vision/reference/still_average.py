@@ -130,7 +130,12 @@ def _matched_difference(
     """Frame less the mean times the gain, which is returned too, after fitting gain, offset and two gradients of the
     light; ``light`` (2, n) are the coordinates."""
     design = np.column_stack([mean - mean.mean(), *light, np.ones_like(mean)])
-    solution = np.linalg.lstsq(design, frame, rcond=None)[0]
+    # the coordinates and the centred mean are of the order of one and of the contrast, so products do no harm
+    normal = design.T @ design
+    if np.linalg.cond(normal) < 1e12:
+        solution = np.linalg.solve(normal, design.T @ frame)
+    else:
+        solution = np.linalg.lstsq(design, frame, rcond=None)[0]
     # a gain far from one is a different picture, not flicker
     solution[0] = min(max(solution[0], 0.5), 2.0)
     return frame - design @ solution, float(solution[0])

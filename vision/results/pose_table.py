@@ -66,14 +66,15 @@ class PoseTable:
 
     def store(self, row: int, body: int, fit: Fit, flag: FrameFlag) -> None:
         """Store one fit; of a failed one only its flag."""
+        if flag & FAILURE:
+            self.flag[row, body] = 0
+            self.reject(row, body, flag)
+            return
         self.flag[row, body] = int(flag)
-        lost = bool(flag & FAILURE)
-        self.pose[row, body] = np.nan if lost else fit.pose
-        self.covariance[row, body] = np.nan if lost else fit.covariance
-        for name in ("zncc", "inlier", "noise_grey", "gain"):
-            getattr(self, name)[row, body] = np.nan if lost else getattr(fit, name)
-        for name in ("ratio", "blocks"):
-            getattr(self, name)[row, body] = np.nan if lost else getattr(fit.coherence, name)
+        self.pose[row, body], self.covariance[row, body] = fit.pose, fit.covariance
+        self.zncc[row, body], self.inlier[row, body] = fit.zncc, fit.inlier
+        self.noise_grey[row, body], self.gain[row, body] = fit.noise_grey, fit.gain
+        self.ratio[row, body], self.blocks[row, body] = fit.coherence
 
     def reject(self, row: int, body: int, flag: FrameFlag) -> None:
         """Replace a body's values in a row by NaN, with a flag."""

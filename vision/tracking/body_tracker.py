@@ -85,7 +85,8 @@ class BodyTracker:
 
     def predict(self, step: int) -> NDArray[np.float64]:
         """Pose expected at a step, through the parent's pose of the same step where that is known."""
-        return self._pose(self.absolute.predict(step), self.relative.predict(step), step)
+        relative = None if self._parent_placement(step) is None else self.relative.predict(step)
+        return self._pose(self.absolute.predict(step) if relative is None else None, relative, step)
 
     def step(
         self,
@@ -160,10 +161,11 @@ class BodyTracker:
             flag |= FrameFlag.ODD_GAIN
         if not fit.inlier >= MIN_INLIER:
             flag |= FrameFlag.FEW_INLIERS
-        moved = np.abs(fit.pose - expected)
-        if not (moved[0] <= MAX_JUMP_RAD and np.hypot(moved[1], moved[2]) <= MAX_JUMP_PX):
+        (turn, x, y), (turn0, x0, y0) = fit.pose.tolist(), expected.tolist()
+        if not (abs(turn - turn0) <= MAX_JUMP_RAD and math.hypot(x - x0, y - y0) <= MAX_JUMP_PX):
             flag |= FrameFlag.JUMP
-        if not (np.all(np.isfinite(fit.covariance)) and fit.covariance[0, 0] > 0.0):
+        # one number that is not finite makes the sum so
+        if not (math.isfinite(fit.covariance.sum()) and fit.covariance[0, 0] > 0.0):
             flag |= FrameFlag.NO_COVARIANCE
         return flag
 

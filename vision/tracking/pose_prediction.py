@@ -19,15 +19,16 @@ Placement = NDArray[np.float64]
 def in_parent(child: Placement, parent: Placement) -> Placement:
     """Placement of a child in the axes of its parent."""
     cosine, sine = math.cos(parent[0]), math.sin(parent[0])
-    x, y = child[1] - parent[1], child[2] - parent[2]
-    return np.array([child[0] - parent[0], cosine * x + sine * y, -sine * x + cosine * y])
+    # plain numbers: arrays of three cost more than the sums
+    (turn, x, y), (turn0, x0, y0) = child.tolist(), parent.tolist()
+    return np.array([turn - turn0, cosine * (x - x0) + sine * (y - y0), cosine * (y - y0) - sine * (x - x0)])
 
 
 def from_parent(relative: Placement, parent: Placement) -> Placement:
     """Placement in the picture of a child given in the axes of its parent; undoes `in_parent`."""
     cosine, sine = math.cos(parent[0]), math.sin(parent[0])
-    x, y = relative[1], relative[2]
-    return np.array([relative[0] + parent[0], parent[1] + cosine * x - sine * y, parent[2] + sine * x + cosine * y])
+    (turn, x, y), (turn0, x0, y0) = relative.tolist(), parent.tolist()
+    return np.array([turn + turn0, x0 + cosine * x - sine * y, y0 + sine * x + cosine * y])
 
 
 class PlacementHistory:
@@ -67,4 +68,5 @@ class PlacementHistory:
             return place
         if len(self._last) == 2:
             return 2.0 * place - self._last[0][1]
-        return 3.0 * place - 3.0 * self._last[1][1] + self._last[0][1]
+        three = zip(self._last[0][1].tolist(), self._last[1][1].tolist(), place.tolist(), strict=True)
+        return np.array([3.0 * new - 3.0 * middle + old for old, middle, new in three])

@@ -21,6 +21,7 @@ from model.kernels import compile as _compile
 from model.kernels.codegen.energy import emit_energy
 from model.kernels.codegen.step_kernels import emit_with_pieces
 from model.kernels.layout import Tables
+from model.kernels.once import alone
 from model.kernels.signatures import LaneKernels, StepKernels
 
 _loaded: dict[bytes, StepKernels] = {}
@@ -39,9 +40,13 @@ def _write(path: Path, text: str) -> None:
     os.replace(name, path)
 
 
+def _name(text: str) -> str:
+    return "scene_" + hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
 def _load(text: str, name: str = "") -> ModuleType:
     """Module with this text: written to the cache under its name, by default the hash of its text, and imported."""
-    name = name or "scene_" + hashlib.sha256(text.encode()).hexdigest()[:16]
+    name = name or _name(text)
     if _compile.FOLDER is None:
         module = sys.modules[name] = ModuleType(name)
         exec(compile(text, f"<{name}>", "exec"), module.__dict__)
@@ -73,10 +78,17 @@ def energy_of(tables: Tables) -> Any:
 
 def _load_with_pieces(tables: Tables, lanes: int = 1) -> ModuleType:
     text, pieces = emit_with_pieces(tables, lanes)
-    for piece in pieces:
-        if piece.name not in sys.modules:
-            _load(piece.text, piece.name)
-    return _load(text)
+    with alone(_compile.FOLDER, _name(text)):
+        for piece in pieces:
+            if piece.name not in sys.modules:
+                _load(piece.text, piece.name)
+        return _load(text)
+
+
+def on_disk(tables: Tables) -> bool:
+    """Whether the kernels of a structure are in the disk cache, or are being made there."""
+    text, _ = emit_with_pieces(tables)
+    return _compile.FOLDER is not None and (_compile.FOLDER / f"{_name(text)}.py").is_file()
 
 
 def lane_kernels_of(tables: Tables, lanes: int) -> LaneKernels:

@@ -31,6 +31,10 @@ def command(
     confirm: Annotated[
         str, typer.Option("--confirm", help="Rows to confirm by a backward pass: doubtful, all or none.")
     ] = "doubtful",
+    threads: Annotated[
+        int | None,
+        typer.Option("--threads", min=1, help="Threads; default: the computer's. The angles do not depend on it."),
+    ] = None,
     calibration: Annotated[
         Path | None, typer.Option("--calibration", help="Camera file of calibrate-camera; corrects the angles.")
     ] = None,
@@ -107,6 +111,8 @@ def command(
         return
     if place:
         raise CommandInputError("--place: goes with --retrack FRAME")
+    if (doubt := filmed.doubt_about_times) is not None:
+        say(f"warning: {doubt}", quiet=as_json)
     unfinished = target.with_name(f"{target.name}.unfinished.npz")
     if restart:
         unfinished.unlink(missing_ok=True)
@@ -117,6 +123,7 @@ def command(
             method=method,
             n_still=n_still,
             confirm=confirm,
+            threads=threads,
             camera=camera,
             checkpoint=unfinished,
             expected=lambda budget: say("expected " + "\n".join(workflows.budget_lines(budget)), quiet=as_json),
@@ -126,7 +133,7 @@ def command(
     workflows.draw_track(filmed, result, overlay=overlay, contact_sheet=contact_sheet, plot=figure)
     facts = workflows.tracking_summary(result)
     if as_json:
-        print_json({"out": target, **facts})
+        print_json({"out": target, "doubt_about_times": doubt, **facts})
         return
     again = f", {facts['rows_resumed']} from an interrupted run" if facts["rows_resumed"] else ""
     print(f"{target}: {facts['frames']} frames{again}, {facts['rows_confirmed']} confirmed backward")

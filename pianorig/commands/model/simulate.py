@@ -109,6 +109,7 @@ def command(
     if force is None:
         raise CommandInputError("simulate: found neither --force nor --key-motion; give one of them")
     choice = model.load_scene(scene)
+    model.compile_ahead([choice])
     chosen = choice.on(chosen)
     driving = workflows.read_driving_force(force, choice.input_column)
     times, values = driving.time_s, driving.force_n

@@ -60,7 +60,8 @@ def command(
     folder = report_folder(sessions, out)
     actions = action or [DEFAULT_ACTION]
     options = {"set": set_ or [], "tolerance": tolerance, "by_motion": by_motion, "condition": condition}
-    read = [*actions, *(split_model(text)[0] for text in actions)]  # a changed action depends on its file, too
+    # a changed action depends on its file, too
+    read = list(dict.fromkeys([*actions, *(split_model(text)[0] for text in actions)]))
     inputs = inputs_sha256(sessions, read, options)
     stored = None if again else stored_report(folder, inputs)
     refused: tuple[str, ...] = ()

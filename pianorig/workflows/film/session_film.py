@@ -26,6 +26,7 @@ if TYPE_CHECKING:  # start-up: 0.3 s of every recording, which needs no table
 
 BODIES_NAME = "bodies.toml"
 STEP = "angles"
+VIDEO_ENDINGS = (".avi", ".mp4", ".mov", ".mkv")
 
 
 @dataclass(frozen=True)
@@ -91,6 +92,20 @@ class SessionFilm:
         if not 0.0 < rate_hz < 1e9:
             raise CommandInputError(f"{self.path}: frame rate {rate_hz:g} Hz; needs a positive number")
         return np.arange(source.n_frames) / rate_hz + 0.5 * (source.exposure_s or 0.0), 0.0
+
+    @property
+    def doubt_about_times(self) -> str | None:
+        """What to tell of times that rest on the rate a video file states, which is often that of play-back."""
+        if self.owner is not None or self.frame_rate_hz is not None or self.path.suffix.lower() not in VIDEO_ENDINGS:
+            return None
+        with vision.open_film(self.path, allow_truncated=True) as source:
+            rate_hz = source.frame_rate_hz
+        if rate_hz is None:
+            return None
+        return (
+            f"{self.path}: times are from the rate in the file, {rate_hz:g} frames/s; in a video file that is often "
+            "the rate of play-back: give the true one with --frame-rate"
+        )
 
     def store_angles(self, table: pd.DataFrame, attributes: dict[str, Any]) -> None:
         """Put a table of angles into the film's session, if it has one, with the hashes of what it was made from."""

@@ -10,7 +10,7 @@ import pytest
 
 from validation.findings.between_trials.changed_condition import changed_condition
 from validation.findings.between_trials.duplicates import duplicates
-from validation.findings.between_trials.mixed_strokes import mixed_strokes
+from validation.findings.between_trials.mixed_strokes import mixed_strokes, two_kinds
 from validation.findings.between_trials.outlying_residuals import outlying_residuals
 from validation.findings.between_trials.residuals import residuals_of
 from validation.findings.camera_clock import camera_clock
@@ -41,6 +41,8 @@ def test_two_kinds_of_stroke_are_told_apart(stage, by):
     assert "trials 2, 4, 6" in found.text
     assert "trials 1, 3, 5" in found.text
     assert found.value == pytest.approx(by, rel=0.02)
+    kinds = two_kinds(trials)
+    assert (kinds.weak, kinds.strong) == ((2, 4, 6), (1, 3, 5))
 
 
 def test_one_odd_stroke_and_a_small_difference_are_no_two_kinds(stage):

@@ -39,18 +39,18 @@ def reasons(session):
 def test_wrong_or_missing_units_are_named(make, strokes, tmp_path, monkeypatch, units, words):
     session = Session.create(tmp_path / "s", make.info())
     session.add_trial(make.trial(1, *strokes))
-    write = Content.quantity
+    write = Content.growing
 
     def other(content, group, name, *args, **kwargs):
-        dataset = write(content, group, name, *args, **kwargs)
+        column = write(content, group, name, *args, **kwargs)
         if name == "force":
             if units is None:
-                del dataset.attrs["units"]
+                del column.dataset.attrs["units"]
             else:
-                dataset.attrs["units"] = units
-        return dataset
+                column.dataset.attrs["units"] = units
+        return column
 
-    monkeypatch.setattr(Content, "quantity", other)
+    monkeypatch.setattr(Content, "growing", other)
     session.add_trial(make.trial(2, *strokes))
     result, reason = reasons(Session.open(tmp_path / "s"))
     assert list(result.traces) == [1]

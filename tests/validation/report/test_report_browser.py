@@ -232,3 +232,118 @@ def test_a_session_of_few_trials_zooms_without_an_error(browser, make, tmp_path,
     with quietly(browser, file) as page:
         page.get_by_role("button", name="Closer").click()
         assert "Whole" not in page.locator("form.zoom output").inner_text()
+
+
+def test_a_head_sorts_its_table_by_number_and_back(opened):
+    opened.locator("#events details summary").last.click()
+    head = opened.locator("#table-events-by-trial thead th").nth(1)
+    column = "() => [...document.querySelectorAll('#table-events-by-trial tbody tr')].map(r => +r.cells[1].textContent)"
+    head.get_by_role("button").click()
+    assert head.get_attribute("aria-sort") == "ascending"
+    trials = opened.evaluate(column)
+    assert trials == sorted(trials) and set(trials) == {1, 2, 3, 4, 5}
+    head.get_by_role("button").press("Enter")
+    assert head.get_attribute("aria-sort") == "descending"
+    assert opened.evaluate(column) == trials[::-1]
+    # dashes stand last in either order, numbers by value and not by text
+    value = opened.locator("#table-scorecard thead th").nth(1)
+    opened.locator("#scores details summary").first.click()
+    for order in ("ascending", "descending"):
+        value.get_by_role("button").click()
+        assert value.get_attribute("aria-sort") == order
+        texts = opened.locator("#table-scorecard tbody tr td:nth-child(2)").all_text_contents()
+        found = [float(t.replace("\u2212", "-")) for t in texts if t != "\u2013"]
+        assert found == sorted(found, reverse=order == "descending")
+        assert all(t == "\u2013" for t in texts[len(found) :])
+
+
+def test_a_long_table_is_folded_on_screen_and_whole_on_paper(opened):
+    opened.locator("#events details summary").last.click()
+    rows = opened.locator("#table-events-by-trial tbody tr")
+    n = rows.count()
+    assert sum(rows.nth(i).is_visible() for i in range(0, n, 7)) == 2
+    opened.get_by_role("button", name=f"Show all {n} rows").last.click()
+    assert rows.last.is_visible()
+    opened.get_by_role("button", name="Show the first 10 rows").click()
+    assert not rows.last.is_visible()
+    opened.emulate_media(media="print")
+    opened.evaluate("dispatchEvent(new Event('beforeprint'))")
+    assert rows.last.is_visible()
+    assert opened.evaluate("document.querySelectorAll('details:not([open])').length") == 0
+    opened.evaluate("dispatchEvent(new Event('afterprint'))")
+
+
+CURVE = """() => [...document.querySelectorAll('#hammer-model-trial-0 path, #hammer-model-model0-0 path')]
+  .map(p => p.getAttribute('d'))"""
+POINTED = """([x, y]) => {
+  const svg = document.querySelector('#figure-hammer-model svg'), p = JSON.parse(svg.dataset.panels)[0];
+  const at = new DOMPoint(p.left + x * (p.right - p.left), p.top + y * (p.bottom - p.top));
+  const shown = at.matrixTransform(svg.getScreenCTM());
+  return [shown.x, shown.y, p.x[0] + x * (p.x[1] - p.x[0])];
+}"""
+
+
+def test_another_trial_is_drawn_with_its_own_numbers_and_read_under_the_pointer(opened, compared):
+    figure = opened.locator("#figure-hammer-model")
+    figure.scroll_into_view_if_needed()
+    before = opened.evaluate(CURVE)
+    assert "Trial 1: RMSE" in figure.locator(".of-trial").inner_text()
+    opened.locator("#trial").select_option("4")
+    after = opened.evaluate(CURVE)
+    assert len(after) == 2 and after[0] != before[0] and after[1] != before[1]
+    scores = compared.scores.set_index(["trial", "channel"]).loc[(4, "hammer")]
+    said = figure.locator(".of-trial").inner_text()
+    assert f"Trial 4: RMSE {scores['rmse_rad'] * 180 / 3.141592653589793:.4f}°" in said
+    for share in (0.3, 0.55):
+        x, y, t = opened.evaluate(POINTED, [share, 0.5])
+        opened.mouse.move(x, y)
+        tip = opened.locator(".tip").inner_text().split("\n")
+        trace = compared.traces[4]
+        at = (trace["time_s"] - t).abs().idxmin()
+        measured, predicted = (
+            -180 / 3.141592653589793 * trace.loc[at, f"hammer_{kind}_rad"] for kind in ("measured", "predicted")
+        )
+        assert float(tip[0].split()[0]) == pytest.approx(t, abs=1e-3)
+        assert float(tip[1].split(": ")[1].rstrip("°")) == pytest.approx(measured, abs=0.02)
+        assert float(tip[2].split(": ")[1].split("°")[0]) == pytest.approx(predicted, abs=0.02)
+
+
+def test_marks_follow_trial_and_zoom(opened, compared):
+    letters = "() => [...document.querySelectorAll('#figure-key-model .marks text')].map(e => e.textContent).join('')"
+    assert opened.evaluate(letters) == "ABCA"  # whole window, around the impact
+    a = next(mark.time_s for mark in compared.marks(1) if mark.label == "A")
+    opened.locator("#zoom-from").fill(f"{a + 0.005:.4f}")
+    opened.keyboard.press("Enter")
+    assert opened.evaluate(letters) == "BCA"
+    title = opened.locator("#figure-key-model .marks line title").all_text_contents()
+    assert any(text.startswith("B: force released completely") for text in title)
+
+
+AXE = "axe_playwright_python"
+
+
+@pytest.mark.parametrize("width", [1400, 390])
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_axe_core_finds_no_violation(browser, written, width, scheme):
+    axe = pytest.importorskip(AXE, reason="axe-playwright-python carries axe-core")
+    script = next(Path(axe.__file__).parent.rglob("axe.min.js")).read_text(encoding="utf-8")
+    page = browser.new_page(viewport={"width": width, "height": 900}, color_scheme=scheme, bypass_csp=True)
+    page.goto(written.files["report.html"].as_uri())
+    page.evaluate("document.querySelectorAll('details').forEach(e => { e.open = true; })")
+    page.evaluate(script)
+    found = page.evaluate("axe.run()")
+    page.close()
+    assert len(found["passes"]) > 30
+    assert [(v["id"], v["nodes"][0]["html"][:100]) for v in found["violations"]] == []
+
+
+def test_no_table_is_cut_at_1400_and_nothing_is_wider_than_a_phone(opened):
+    opened.evaluate("document.querySelectorAll('details').forEach(e => { e.open = true; })")
+    opened.set_viewport_size({"width": 1400, "height": 1000})
+    cut = """() => [...document.querySelectorAll('.scroll, .plotted')]
+      .filter(e => e.scrollWidth > e.clientWidth + 1).length"""
+    assert opened.evaluate(cut) == 0
+    opened.set_viewport_size({"width": 390, "height": 844})
+    assert opened.evaluate("document.documentElement.scrollWidth") <= 390
+    heat = "() => { const e = document.querySelector('#heat-map .scroll'); return e.scrollWidth - e.clientWidth; }"
+    assert opened.evaluate(heat) <= 1

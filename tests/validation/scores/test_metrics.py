@@ -51,6 +51,7 @@ def test_trial_to_trial_rmse_is_root_two_times_the_scatter():
     assert value == pytest.approx(3.0 * np.sqrt(2), rel=0.01)
     assert pair_rmse(rng.normal(size=(10, 40)))[1] == 200
     assert np.isnan(pair_rmse(np.ones((10, 1)))[0])
+    assert pair_rmse(np.array([[0.0, 5.0, 1.0, 7.0]]), kinds=[0, 1, 0, 1]) == (pytest.approx(np.sqrt(2.5)), 2)
 
 
 def reference_pair(scale=1.0, delay_s=0.0):

@@ -99,13 +99,14 @@ def test_one_trial_that_stands_out_is_found_and_good_ones_are_not():
     assert np.isnan(distance_ratios(np.ones((10, 5)))).all()
 
 
-def test_event_repeatability_counts_presence_and_uses_found_events_only():
-    def trial(speed):
-        events = {name: absent(name) for name in EVENTS}
-        if speed is not None:
-            events["hammer_speed"] = Event("hammer_speed", speed, 0.01, "found")
-        return events
+def trial(speed):
+    events = {name: absent(name) for name in EVENTS}
+    if speed is not None:
+        events["hammer_speed"] = Event("hammer_speed", speed, 0.01, "found")
+    return events
 
+
+def test_event_repeatability_counts_presence_and_uses_found_events_only():
     table = event_repeatability({1: trial(2.0), 2: trial(2.2), 3: trial(None)}).set_index("event")
     row = table.loc["hammer_speed"]
     assert (row["n_found"], row["n_absent"], row["n_ambiguous"]) == (2, 1, 0)
@@ -119,3 +120,30 @@ def test_warning_below_six_trials():
     assert "factor of 0.60 to 2.87" in few_trials_warning(5)
     assert "One trial" in few_trials_warning(1)
     assert few_trials_warning(6) == ""
+
+
+def test_two_kinds_of_stroke_are_compared_within_each():
+    rng = np.random.default_rng(6)
+    curves = rng.normal(0, 1.0, (4000, 6)) + np.array([0, 10, 0, 10, 0, 10])
+    kinds = [0, 1, 0, 1, 0, 1]
+    apart = curve_repeatability(curves, kinds)
+    assert apart.pooled == pytest.approx(1.0, rel=0.03)
+    assert np.isnan(apart.mean).all()
+    assert apart.limit == pytest.approx(apart.pooled * limit_factor(5))  # four degrees of freedom
+    assert curve_repeatability(curves).pooled > 5
+    one = curve_repeatability(curves[:, :3], [4, 4, 4])
+    np.testing.assert_allclose(one.s_r, curve_repeatability(curves[:, :3]).s_r)
+    assert np.isfinite(one.mean).all()
+    lost = curves.copy()
+    lost[0, [1, 3, 5]] = np.nan
+    assert apart.s_r[1] == curve_repeatability(lost, kinds).s_r[1]
+    assert curve_repeatability(lost, kinds).s_r[0] == pytest.approx(lost[0, [0, 2, 4]].std(ddof=1))
+
+
+def test_events_of_two_kinds_scatter_within_each():
+    speeds = {1: 2.0, 2: 4.0, 3: 2.2, 4: 4.2}
+    table = event_repeatability({n: trial(v) for n, v in speeds.items()}, [(1, 3), (2, 4)]).set_index("event")
+    row = table.loc["hammer_speed"]
+    assert row["s"] == pytest.approx(np.sqrt(0.02))
+    assert row["limit"] == pytest.approx(row["s"] * limit_factor(3))
+    assert row["range"] == pytest.approx(0.2)

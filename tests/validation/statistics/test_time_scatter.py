@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy import stats
 
-from validation.statistics.time_scatter import reach_in_time, time_scatter
+from validation.statistics.time_scatter import TIME_CONFIDENCE, reach_in_time, time_scatter
 
 T = np.arange(600.0)[:, None]
 LATE = np.array([-3.0, -1.0, 0.0, 1.0, 3.0])
@@ -35,6 +36,14 @@ def test_scatter_in_value_is_no_shift():
     assert time_scatter(np.random.default_rng(1).normal(0, 1, (600, 5))).max() == 0.0  # no motion in common
 
 
+def test_what_looks_like_a_delay_of_creeping_yields_to_the_next_fast_motion():
+    creeping = blow(0.0) + 0.02 * LATE * np.exp(-(((T - 275) / 60) ** 2))
+    fast_after = time_scatter(creeping)
+    assert fast_after[300] < 1.0  # 9.9 samples by the creeping alone
+    late_after = time_scatter(creeping + blow(LATE) - blow(0.0))
+    assert late_after[-1] == pytest.approx(2 * LATE.std(ddof=1), rel=0.15)
+
+
 def test_equal_and_resting_curves_have_none():
     assert time_scatter(np.zeros((50, 5))).max() == 0.0
     assert time_scatter(np.repeat(blow(0.0), 5, axis=1)).max() == pytest.approx(0.0, abs=1e-9)
@@ -47,5 +56,6 @@ def test_the_reach_is_the_largest_change_within_the_shift():
     far = np.flatnonzero(reach > 0)
     assert np.all(reach[far] == 1.0)
     assert far[0] == 100 - 1 - far[-1]  # as far before the step as after it
-    assert 4 <= 50 - far[0] <= 5  # two samples, times Student's t of a further trial
+    further = stats.t.ppf(0.5 + TIME_CONFIDENCE / 2, 9) * np.sqrt(1 + 1 / 10)
+    assert 50 - far[0] == round(2.0 * further)  # the shift of a further trial
     assert reach_in_time(mean, 0 * scatter, 10).max() == 0.0

@@ -66,6 +66,20 @@ def test_channel_table_of_a_known_difference():
     assert spread["key_difference_rad"].to_numpy() == pytest.approx(0.01)
 
 
+def test_two_kinds_of_stroke_are_compared_within_each_and_have_no_mean():
+    traces = frames(np.arange(0, 1, 2e-4), scatter=0.0)
+    strong = {n: f.assign(**{c: 3 * f[c] for c in f if c != "time_s"}) for n, f in traces.items() if n > 3}
+    session = SessionTraces(traces | strong, {}, WINDOW, {1: 0.25})
+    apart, spread = channel_tables(session, {"key": 1e-4}, kinds=[(1, 2, 3), (4, 5)])
+    row = apart.set_index("channel").loc["hammer"]
+    assert row["s_r_rad"] == pytest.approx(0.0, abs=1e-12)
+    assert (row["trial_to_trial_rmse_rad"], row["pairs"]) == (pytest.approx(0.0, abs=1e-12), 4)
+    assert row["state"] == "two kinds of stroke: compared within each, no band"
+    assert np.isnan(row["band_factor"]) and spread["hammer_mean_rad"].isna().all()
+    together = channel_tables(session, {"key": 1e-4})[0].set_index("channel").loc["hammer"]
+    assert together["s_r_rad"] > 1.0
+
+
 def test_trials_of_another_rate_are_put_on_the_first_one_s_base():
     time = np.arange(0, 1, 2e-4)
     traces = frames(time, scatter=0.0, rate_of_last=2000.0)

@@ -72,6 +72,14 @@ def test_contact_sheet_shows_lost_frames_first(tmp_path: Path, tracked: tuple) -
     assert sorted(p.name for p in tmp_path.iterdir()) == ["worst.png"]
 
 
+def test_a_notebook_shows_lost_frames_and_uncertainty(tracked: tuple) -> None:
+    _, result = tracked
+    view = result._repr_html_()
+    assert view.count("<table") == 1
+    for words in ("<td>bar</td>", "<td>44</td>", "<td>4</td>", "median u, mdeg"):
+        assert words in view
+
+
 def test_refusals(tmp_path: Path, tracked: tuple) -> None:
     known, result = tracked
     with pytest.raises(InputError, match="outlines of other"):

@@ -1,4 +1,4 @@
-"""Mixed strokes: the forces of a session fall into two kinds, which have no common repeatability.
+"""Mixed strokes: the forces of a session fall into two kinds, compared within each.
 
 Conventions: force held for 20 ms and impulse of each stroke, on a logarithmic scale. Two kinds are named when the
 widest gap between neighbours is more than 25 % and four times the spread within either kind, with two trials or more
@@ -9,6 +9,7 @@ trials.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -23,10 +24,22 @@ OVER_SPREAD = 4.0
 FEWEST = 2
 
 
-def mixed_strokes(trials: Sequence[MeasuredTrial]) -> list[SessionFinding]:
-    """The two kinds of stroke of a session, if there are two."""
+@dataclass(frozen=True)
+class TwoKinds:
+    """Numbers of the weaker and of the stronger trials, and by what they are told apart: medians, unit."""
+
+    weak: tuple[int, ...]
+    strong: tuple[int, ...]
+    words: str
+    unit: str
+    low: float
+    high: float
+
+
+def two_kinds(trials: Sequence[MeasuredTrial]) -> TwoKinds | None:
+    """The two kinds of stroke of a session; None where there is one."""
     if len(trials) < 2 * FEWEST:
-        return []
+        return None
     numbers = [m.number for m in trials]
     impulse = np.array([impulse_n_s(m) for m in trials])
     held = np.array([sustained_force_n(m) for m in trials])
@@ -42,14 +55,23 @@ def mixed_strokes(trials: Sequence[MeasuredTrial]) -> list[SessionFinding]:
         if abs(np.log(np.median(other[weak]) / np.median(other[~weak]))) < np.log(ALSO):
             continue
         low, high = float(np.median(values[weak])), float(np.median(values[~weak]))
-        named = [", ".join(str(numbers[i]) for i in np.flatnonzero(part)) for part in (weak, ~weak)]
-        text = (
-            f"two kinds of stroke: {words} {low:.3g} {unit} in trials {named[0]} and {high:.3g} {unit} in trials "
-            f"{named[1]}; they have no common repeatability, validate them apart (conditions of the trial plan, or "
-            "pianorig annotate)"
-        )
-        return [SessionFinding("mixed strokes", float("nan"), "force", high / low, APART, text)]
-    return []
+        lower, upper = (tuple(numbers[i] for i in np.flatnonzero(part)) for part in (weak, ~weak))
+        return TwoKinds(lower, upper, words, unit, low, high)
+    return None
+
+
+def mixed_strokes(trials: Sequence[MeasuredTrial]) -> list[SessionFinding]:
+    """What is said of two kinds of stroke, if there are two."""
+    kinds = two_kinds(trials)
+    if kinds is None:
+        return []
+    weak, strong = (", ".join(map(str, part)) for part in (kinds.weak, kinds.strong))
+    text = (
+        f"two kinds of stroke: {kinds.words} {kinds.low:.3g} {kinds.unit} in trials {weak} and {kinds.high:.3g} "
+        f"{kinds.unit} in trials {strong}; repeatability and odd trials are those within each kind, and there is no "
+        "band of their mean; for all else validate them apart (conditions of the trial plan, or pianorig annotate)"
+    )
+    return [SessionFinding("mixed strokes", float("nan"), "force", kinds.high / kinds.low, APART, text)]
 
 
 def _split(values: Array) -> float | None:

@@ -57,10 +57,12 @@ def _lag(force: Array, key_rad: Array, step: float) -> tuple[float, float]:
     reach = round(LONGEST_S / step)
     inner = slice(2 * reach, a.size - 2 * reach)
     a0 = a[inner] - a[inner].mean()
-    shifted = np.lib.stride_tricks.sliding_window_view(f[reach : f.size - reach], a0.size)
-    centred = shifted - shifted.mean(axis=1, keepdims=True)
-    size = np.sqrt((centred**2).sum(axis=1) * (a0 @ a0))
-    c = np.divide(centred @ a0, size, out=np.zeros(size.size), where=size > 0)
+    near = f[reach : f.size - reach] - f[reach : f.size - reach].mean()
+    # a0 has no mean, so the mean of each shifted piece need not be taken off; its square sum comes from running sums
+    running, squares = (np.concatenate([[0.0], np.cumsum(x)]) for x in (near, near**2))
+    total, power = (x[a0.size :] - x[: -a0.size] for x in (running, squares))
+    size = np.sqrt(np.maximum(power - total**2 / a0.size, 0.0) * (a0 @ a0))
+    c = np.divide(np.correlate(near, a0, "valid"), size, out=np.zeros(size.size), where=size > 0)
     best = int(np.argmax(c))
     part = 0.0
     if 0 < best < c.size - 1:

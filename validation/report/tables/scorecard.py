@@ -14,10 +14,19 @@ def scorecard_table(result: ValidationResult) -> PageTable:
     rows = []
     for s in result.scorecard.itertuples():
         cells = [_cell(s.unit, value) for value in (s.value, s.ceiling, s.null, s.raw_force)]
-        better = "smaller is better" if s.better == "lower" else "larger is better"
+        better = "smaller" if s.better == "lower" else "larger"
         unit = "°" if s.unit == "rad" else ""
         rows.append([f"{s.channel}: {s.title}{f' ({unit})' if unit else ''}", *cells, _between(s), s.reading, better])
-    head = ["score", "model", "perfect model", "null model", "raw force", "range of perfect models", "reading", ""]
+    head = [
+        "score",
+        "model",
+        "perfect model",
+        "null model",
+        "raw force",
+        "range of perfect models",
+        "reading",
+        "better",
+    ]
     notes = [
         "perfect model (the ceiling): median and range over draws of the errors of force and sensors, the prediction "
         "taken for the truth, scored at the same samples of the same trials (at most five); a score inside the range "

@@ -121,10 +121,15 @@ def resolution_table(result: ValidationResult) -> PageTable:
 
 
 def event_by_trial_table(result: ValidationResult) -> PageTable:
-    """Every event of every trial and its prediction."""
-    rows = []
+    """Every event of every trial and its prediction; of many trials, the first ones."""
+    rows, notes = [], []
     order = {name: i for i, name in enumerate(EVENTS)}
-    table = result.events.assign(order=result.events["event"].map(order)).sort_values(
+    events = result.events
+    if len(result.traces) > MOST_TRIALS:
+        first = list(result.traces)[:MOST_TRIALS]
+        events = events[events["trial"].isin(first)]
+        notes.append(f"The first {MOST_TRIALS} of {len(result.traces)} trials; all are in the file below.")
+    table = events.assign(order=events["event"].map(order)).sort_values(
         ["order", "trial", "source"], ascending=[True, True, False], kind="stable"
     )
     for e in table.itertuples():
@@ -133,7 +138,7 @@ def event_by_trial_table(result: ValidationResult) -> PageTable:
         shown = with_u(k * e.value, k * e.u)
         rows.append([kind.label, str(e.trial), e.source, shown, e.status, e.note or ""])
     head = ["event", "trial", "source", "value ± u", "status", "note"]
-    return PageTable("events-by-trial", "Every event of every trial", head, rows, source="events")
+    return PageTable("events-by-trial", "Every event of every trial", head, rows, notes, source="events")
 
 
 def repeatability_tables(result: ValidationResult) -> list[PageTable]:

@@ -13,7 +13,9 @@ import pytest
 from tests.command_line import run
 from tests.vision.motion import smooth_step
 from vision.bodies.outlines import Body, save_bodies
+from vision.film.avi_writer import write_avi
 from vision.film.mraw_writer import write_mraw
+from vision.film.open import open_film
 from vision.synthetic import Scene, Sensor, SyntheticBody, background, box, speckle
 
 
@@ -50,6 +52,22 @@ def test_a_film_on_its_own(
     assert table["bar_u_total_rad"].iloc[-1] > 1.1 * table["bar_u_rad"].iloc[-1], "tilt assumed"
     assert all(path.stat().st_size > 1000 for path in (sheet, plot, overlay))
     assert sorted(p.name for p in tmp_path.iterdir()) == ["film.avi", "o.csv", "plot.png", "worst.png"]
+
+
+def test_the_rate_of_a_video_file_is_doubted(
+    filmed: tuple[Path, Path, np.ndarray], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    film, outlines, _ = filmed
+    with open_film(film) as source:
+        write_avi(tmp_path / "f.avi", [(source.read(i) >> 4).astype(np.uint8) for i in range(30)], 25.0, quality=None)
+    line = ("track", tmp_path / "f.avi", "--bodies", outlines, "--out", tmp_path / "o.csv", "--every", "6")
+    assert run(*line) == 0
+    assert "25 frames/s; in a video file that is often the rate of play-back" in capsys.readouterr().err
+    assert run(*line, "--frame-rate", "2000") == 0
+    assert "play-back" not in capsys.readouterr().err
+    assert pd.read_csv(tmp_path / "o.csv")["time_s"].tolist() == pytest.approx([k * 0.003 for k in range(5)])
+    assert run(*line, "--figure", tmp_path / "f.gif") == 2  # before any frame is tracked
+    assert "allowed .svg, .pdf or .png" in capsys.readouterr().err
 
 
 def test_every_nth_frame_with_json(

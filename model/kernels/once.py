@@ -1,0 +1,54 @@
+"""What only one process at a time may do to the kernel cache, so that two that start together compile once.
+
+``alone(folder, name)`` waits until no other process holds that name; what the other has compiled meanwhile is then
+found on disk. The operating system lets go of a lock whose process died. Where files cannot be locked nobody waits:
+both compile, and write the same.
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager, suppress
+from pathlib import Path
+from typing import BinaryIO
+
+if sys.platform == "win32":
+    import msvcrt
+else:
+    import fcntl
+
+POLL_S = 0.05
+
+
+if sys.platform == "win32":
+
+    def _take(file: BinaryIO) -> None:
+        """Lock an open file, when no other process holds it any more."""
+        while True:
+            try:
+                file.seek(0)
+                msvcrt.locking(file.fileno(), msvcrt.LK_NBLCK, 1)
+            except PermissionError:
+                time.sleep(POLL_S)
+            else:
+                return
+
+else:
+
+    def _take(file: BinaryIO) -> None:
+        """Lock an open file, when no other process holds it any more."""
+        fcntl.flock(file, fcntl.LOCK_EX)
+
+
+@contextmanager
+def alone(folder: Path | None, name: str) -> Iterator[None]:
+    """Hold ``name`` among the processes that use a cache folder; without a folder there is nothing to share."""
+    with ExitStack() as held:
+        if folder is not None:
+            with suppress(OSError):  # a folder that cannot be written, a file system without locks
+                file = held.enter_context(open(folder / (re.sub(r"\W+", "_", name) + ".lock"), "ab"))
+                _take(file)
+        yield  # closing the file lets go of the lock

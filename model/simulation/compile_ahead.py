@@ -1,0 +1,72 @@
+"""Compile kernels in a process beside this one, on the other processor, while this one compiles others.
+
+In: choices of scenes. Out: nothing but files in the kernel cache. Whoever needs what is being compiled waits for it
+(`model.kernels.once`); what the process beside does not finish is compiled by who needs it.
+"""
+
+from __future__ import annotations
+
+import os
+import pickle
+import subprocess
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from model.kernels import compile as _compile
+from model.kernels.codegen.load import kernels_of, on_disk
+from model.parameters.action import load_action
+from model.scene.build import build_scene
+from model.scene.selection import SceneChoice
+
+_ROOT = str(Path(__file__).resolve().parents[2])
+_BESIDE = f"import sys; sys.path.insert(0, {_ROOT!r}); from model.simulation.compile_ahead import main; main()"
+
+
+def compile_ahead(choices: Sequence[SceneChoice], *, loop: bool = False) -> subprocess.Popen[bytes] | None:
+    """Start compiling scenes in a process beside this one, where this machine has not compiled kernels yet.
+
+    Halves the wait of a first run: call it before what integrates is first used.
+
+    Parameters
+    ----------
+    choices : scenes that will be needed, the first needed first
+    loop : the step loop before them; for a caller that begins with a scene that is not among them
+
+    Returns
+    -------
+    subprocess.Popen or None
+        The process; it ends by itself. None where the step loop or all scenes are in the cache, where nothing can be
+        kept, or on a single processor.
+    """
+    folder = _compile.FOLDER
+    if folder is None or (os.cpu_count() or 1) < 2 or any(folder.rglob("rosenbrock.integrate-*.nbi")):
+        return None
+    action = load_action()
+    cold = [choice for choice in choices if not on_disk(build_scene(choice.on(action), choice).tables)]
+    if not cold:
+        return None
+    try:
+        beside = subprocess.Popen(
+            [sys.executable, "-c", _BESIDE],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            env={**os.environ, "PIANORIG_CACHE_DIR": str(_compile.cache_root())},
+        )
+        assert beside.stdin is not None
+        beside.stdin.write(pickle.dumps((cold, loop)))
+        beside.stdin.close()
+    except OSError:
+        return None
+    return beside
+
+
+def main() -> None:
+    """Compile what the standard input names."""
+    choices, loop = pickle.load(sys.stdin.buffer)
+    if loop:
+        import model.integrators.rosenbrock  # noqa: F401  # start-up: seconds, its import compiles the loop
+    action = load_action()
+    for choice in choices:
+        kernels_of(build_scene(choice.on(action), choice).tables)

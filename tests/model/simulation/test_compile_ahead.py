@@ -1,0 +1,69 @@
+"""A first run compiles on two processors; a warm one starts nothing.
+
+The last test compiles twice: ``python -m pytest -m slow tests/model/simulation/test_compile_ahead.py``.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import model
+from model.kernels import compile as compiling
+from model.simulation import compile_ahead as ahead
+
+SEEN = """
+import model
+beside = model.compile_ahead([model.load_scene("key")])
+from model.kernels.codegen import load
+choice = model.load_scene("key")
+tables = model.build_scene(choice.on(model.load_action()), choice).tables
+beside.wait()
+load.kernels_of(tables)
+print(load.COMPILED, load.on_disk(tables))
+"""
+
+
+def test_nothing_is_started_where_kernels_are_in_the_cache_or_cannot_be_kept(
+    action: model.Action, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    def refuse(*_: Any, **__: Any) -> Any:
+        raise AssertionError("a process was started")
+
+    monkeypatch.setattr(subprocess, "Popen", refuse)
+    whole = model.load_scene("whole")
+    monkeypatch.setattr(compiling, "FOLDER", None)
+    assert ahead.compile_ahead([whole]) is None
+    warm = tmp_path / "integrators_0"
+    warm.mkdir()
+    (warm / "rosenbrock.integrate-113.py311.nbi").touch()
+    monkeypatch.setattr(compiling, "FOLDER", tmp_path)
+    assert ahead.compile_ahead([whole]) is None
+    (warm / "rosenbrock.integrate-113.py311.nbi").unlink()
+    monkeypatch.setattr(ahead, "on_disk", lambda tables: True)
+    assert ahead.compile_ahead([whole]) is None
+    monkeypatch.setattr(ahead, "on_disk", lambda tables: False)
+    monkeypatch.setattr(os, "cpu_count", lambda: 1)
+    assert ahead.compile_ahead([whole]) is None
+
+
+def test_a_process_that_cannot_be_started_is_no_error(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(compiling, "FOLDER", tmp_path)
+    monkeypatch.setattr(os, "cpu_count", lambda: 2)
+    monkeypatch.setattr(sys, "executable", str(tmp_path / "absent"))
+    assert ahead.compile_ahead([model.load_scene("key")]) is None
+
+
+@pytest.mark.slow  # compiles the scene of the key
+def test_what_the_process_beside_compiled_is_loaded(tmp_path: Path) -> None:
+    root = str(Path(model.__file__).parents[1])
+    environment = {**os.environ, "PYTHONPATH": root, "PIANORIG_CACHE_DIR": str(tmp_path)}
+    done = subprocess.run(
+        [sys.executable, "-c", SEEN], env=environment, cwd=tmp_path, capture_output=True, text=True, check=True
+    )
+    assert done.stdout.strip() == "{'scenes': 1, 'compiled': 0} True"

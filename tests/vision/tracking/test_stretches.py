@@ -1,0 +1,133 @@
+"""A film tracked in stretches: the same bits with any number of threads, and stretches that do not join are mended."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+import vision.tracking.stretches
+from tests.vision.motion import bar_motion
+from vision.errors import InputError
+from vision.film.mmap_window import FileWindow
+from vision.film.source import ArrayFilm
+from vision.results.track_result import TrackResult
+from vision.synthetic import Scene
+from vision.tracking.track_film import track_film
+
+N = 120
+
+
+@pytest.fixture(autouse=True)
+def short_stretches(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Four stretches of the film."""
+    monkeypatch.setattr(vision.tracking.stretches, "STRETCH_ROWS", 30)
+
+
+def same(a: TrackResult, b: TrackResult) -> None:
+    """Equal to the bit."""
+    for name in ("angle_rad", "u_angle_rad", "x_px", "zncc", "covariance", "u_common_rad", "u_total_rad", "flag"):
+        np.testing.assert_array_equal(getattr(a, name), getattr(b, name))
+
+
+@pytest.mark.parametrize("texture", ["speckle", "wood"])
+def test_any_number_of_threads_gives_the_same_bits(
+    bar_scene: Callable[[str], Scene], film_of: Callable[..., object], pivot: tuple[float, float], texture: str
+) -> None:
+    pose = bar_motion(N, pivot, 0.4)
+    known = film_of(bar_scene(texture), pose)
+    one = track_film(known.film, known.bodies, threads=1)
+    for threads in (2, 3, 5):
+        same(track_film(known.film, known.bodies, threads=threads), one)
+    error = one.angle_rad[:, 0] - (pose[:, 0, 0] - pose[: one.n_still, 0, 0].mean())
+    assert not one.failed.any() and np.abs(error / one.u_angle_rad[:, 0]).max() < 5.0
+    with pytest.raises(InputError, match="threads"):
+        track_film(known.film, known.bodies, threads=0)
+
+
+def test_a_film_in_stretches_is_as_good_as_a_whole_one(
+    bar_scene: Callable[[str], Scene],
+    film_of: Callable[..., object],
+    pivot: tuple[float, float],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    known = film_of(bar_scene("wood"), bar_motion(N, pivot, 0.4))
+    parts = track_film(known.film, known.bodies)
+    monkeypatch.setattr(vision.tracking.stretches, "STRETCH_ROWS", N)
+    whole = track_film(known.film, known.bodies)
+    assert np.abs((parts.angle_rad - whole.angle_rad) / whole.u_angle_rad).max() < 0.3
+    np.testing.assert_allclose(parts.u_angle_rad, whole.u_angle_rad, rtol=0.1)
+    np.testing.assert_array_equal(parts.flag, whole.flag)
+
+
+@pytest.mark.parametrize("fault", ["wrong place", "no place"])
+def test_a_stretch_that_does_not_join_is_tracked_from_the_one_before(
+    bar_scene: Callable[[str], Scene],
+    film_of: Callable[..., object],
+    pivot: tuple[float, float],
+    monkeypatch: pytest.MonkeyPatch,
+    fault: str,
+) -> None:
+    known = film_of(bar_scene("speckle"), bar_motion(N, pivot, 0.4))
+    plain = vision.tracking.stretches.starts
+
+    def misled(*arguments: object) -> object:
+        for k, (before, newest) in enumerate(plain(*arguments)):
+            if k == 1 and fault == "no place":
+                return
+            # far enough to be another place, too far to be found again
+            yield (before + [0.9, 70.0, -50.0], newest + [0.9, 70.0, -50.0]) if k == 1 else (before, newest)
+
+    monkeypatch.setattr(vision.tracking.stretches, "starts", misled)
+    results = [track_film(known.film, known.bodies, threads=threads, confirm="none") for threads in (1, 3)]
+    same(*results)
+    assert not results[0].failed.any()
+    monkeypatch.setattr(vision.tracking.stretches, "STRETCH_ROWS", N)
+    whole = track_film(known.film, known.bodies, confirm="none")
+    assert np.abs((results[0].angle_rad - whole.angle_rad) / whole.u_angle_rad).max() < 0.3
+
+
+def test_darkness_across_a_seam(
+    bar_scene: Callable[[str], Scene], film_of: Callable[..., object], pivot: tuple[float, float]
+) -> None:
+    def blackout(i: int, light: np.ndarray) -> None:
+        if 55 <= i < 64:
+            light[:] = 12.0
+
+    known = film_of(bar_scene("speckle"), bar_motion(N, pivot, 0.2), cover=blackout)
+    results = [track_film(known.film, known.bodies, threads=threads) for threads in (1, 2)]
+    same(*results)
+    np.testing.assert_array_equal(np.flatnonzero(results[0].failed[:, 0]), np.arange(55, 64))
+
+
+def test_an_error_in_a_thread_ends_the_run(
+    bar_scene: Callable[[str], Scene], film_of: Callable[..., object], pivot: tuple[float, float]
+) -> None:
+    known = film_of(bar_scene("speckle"), bar_motion(N, pivot, 0.2))
+
+    class Broken(ArrayFilm):
+        def read(self, index: int) -> np.ndarray:
+            if index == 100:
+                raise InputError("frame 100 cannot be decoded")
+            return super().read(index)
+
+    film = Broken(np.stack([known.film.read(i) for i in range(N)]), 2000.0)
+    for threads in (1, 3):
+        with pytest.raises(InputError, match="frame 100"):
+            track_film(film, known.bodies, threads=threads)
+
+
+def test_a_window_of_a_file_serves_several_threads(tmp_path: object, monkeypatch: pytest.MonkeyPatch) -> None:
+    from concurrent.futures import ThreadPoolExecutor
+
+    path = tmp_path / "bytes"
+    data = np.random.default_rng(1).integers(0, 256, 1_000_000).astype(np.uint8)
+    path.write_bytes(data.tobytes())
+    monkeypatch.setattr("vision.film.mmap_window.WINDOW_BYTES", 8192)
+    window = FileWindow(path)
+    places = np.random.default_rng(2).integers(0, data.size - 5000, 4000)
+    with ThreadPoolExecutor(4) as pool:
+        right = pool.map(lambda k: bool(np.array_equal(window.view(k, k + 5000), data[k : k + 5000])), places.tolist())
+        assert all(right)
+    window.close()
