@@ -16,7 +16,7 @@ from rig.calibration.line_fit import fit_line
 from rig.calibration.rig_text import Value, changed
 from rig.configuration.rig_file import Rig, RigConfig, parse_rig
 from rig.errors import RigInputError
-from rig.selftest.checks import SelftestBackend
+from rig.selftest.backend import SelftestBackend
 
 READ_S = 2.0
 SETTLE_S = 0.3

@@ -6,14 +6,14 @@ In: an open backend and what the rig file says a sound bench does; out: a findin
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.backend import Backend, Block, Expiry, Timing
+from rig.backend import Block, Timing
 from rig.configuration.channels import BODIES
 from rig.configuration.rig_file import RigConfig, SelftestConfig
+from rig.selftest.backend import SelftestBackend
 from rig.selftest.edge import fit_edge, without_hum
 from rig.selftest.record import SelftestFinding
 from rig.selftest.step_response import LEAD_S, encoder_advice, joined, push_response, push_train
@@ -28,22 +28,6 @@ INSTRUCTION = (
     "drive disabled: lift the arm off the key for a second, put it back, then press the key slowly to its bottom and "
     f"let it come up again, all within {PRESS_S:g} s"
 )
-
-
-class SelftestBackend(Backend, Protocol):
-    """A backend with the calls only a self-test makes (:mod:`rig.daq.bench_checks`)."""
-
-    def shunt_step(self, config: RigConfig) -> float:
-        """Return the change of the bridge's reading with its shunt resistor, mV/V."""
-
-    def count_edges(self, config: RigConfig, counter: str, terminal: str, duration_s: float, pulses: bool) -> int:
-        """Return the rising edges on a terminal."""
-
-    def loopback_read(self, config: RigConfig, channel: str, command_v: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return what an input wired to the motor's output reads, V."""
-
-    def let_watchdog_expire(self, n_samples: int, blocks: int) -> Expiry:
-        """Read without resetting the watchdog; the blocks, in which it expired, and whether the device ended it."""
 
 
 class Checks:

@@ -14,7 +14,8 @@ from datetime import UTC, datetime
 
 from rig.configuration.rig_file import Rig
 from rig.errors import HardwareFault, RigInputError
-from rig.selftest.checks import Checks, SelftestBackend
+from rig.selftest.backend import SelftestBackend
+from rig.selftest.checks import Checks
 from rig.selftest.record import SelftestFinding, SelftestRecord
 
 
