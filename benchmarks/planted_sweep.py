@@ -6,8 +6,9 @@
 Every session has six strokes of the virtual bench, one of them filmed; one trial, or all of them, or the specimen has
 one fault of `benchmarks/planted_kinds.py`. Prints a line per session that is not as expected, and a confusion table:
 kinds planted against what was found. ``named``: the fault, or the set of causes it belongs to; ``flagged``: a symptom,
-in the right trial; ``wrong``: any finding else. ``--results`` keeps a line per session: what it holds is not computed
-again, so that a long run can be stopped (``--minutes``) and go on.
+in the right trial; ``wrong``: any finding else. ``--largest`` plants the largest size of each kind only. ``--results``
+keeps a line per session: what it holds is not computed again, so that a long run can be stopped (``--minutes``) and go
+on.
 """
 
 from __future__ import annotations
@@ -187,6 +188,7 @@ def main() -> None:
     """Print what is not as expected, and the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--only", default="", help="parts of the names of faults")
+    parser.add_argument("--largest", action="store_true", help="the largest size of each kind only")
     parser.add_argument("--clean", type=int, default=0, help="sessions without faults of each stroke and specimen")
     parser.add_argument("--seed", type=int, default=800)
     parser.add_argument("--strokes", "--kinds", default="forte", help=f"some of {', '.join(KINDS)}")
@@ -195,6 +197,8 @@ def main() -> None:
     parser.add_argument("--minutes", type=float, default=float("inf"), help="start no session after this time")
     options = parser.parse_args()
     planted = [f for f in faults() if not options.only or any(word in f.name for word in options.only.split(","))]
+    if options.largest:
+        planted = list({fault.kind: fault for fault in reversed(planted)}.values())[::-1]  # the first of each kind
     by_name = {fault.name: fault for fault in planted}
     asked = cases(planted, options.clean, options.seed, options.strokes, options.specimen)
     rows = []

@@ -7,7 +7,7 @@ another order (docs/decisions/0083-model-lanes.md).
 
 from __future__ import annotations
 
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
@@ -35,25 +35,34 @@ def can(job: Job) -> bool:
     return job.run.method in METHODS and METHODS[job.run.method].loop is integrate
 
 
-def _kind(run: ForceDrivenRun) -> tuple[object, ...]:
-    """What the members of one unit have in common: structure of the scene, method."""
-    return (run.method, run.scene.size, *((table.shape, table.tobytes()) for table in run.scene.tables))
+Kind = tuple[object, ...]
+
+
+class _Kinds:
+    """What the members of one unit have in common: structure of the scene, method. Found once for each scene object."""
+
+    def __init__(self) -> None:
+        self._of: dict[tuple[int, str], Kind] = {}
+
+    def of(self, run: ForceDrivenRun) -> Kind:
+        key = id(run.scene), run.method
+        if key not in self._of:
+            tables = ((table.shape, table.tobytes()) for table in run.scene.tables)
+            self._of[key] = (run.method, run.scene.size, *tables)
+        return self._of[key]
 
 
 def choose(jobs: Sequence[Job], lanes: bool | None) -> list[Job]:
     """The jobs, those for lanes marked: none of them, all that can, or by default where they are many of a kind."""
     if lanes is False or not lanes_pay():
         return list(jobs)
-    kinds: dict[int, tuple[object, ...]] = {}  # of each scene object and method, not of each job
-    of_job: list[tuple[object, ...] | None] = []
-    count: dict[tuple[object, ...], int] = defaultdict(int)
+    kinds, count = _Kinds(), Counter[Kind]()
+    of_job: list[Kind | None] = []
     for job in jobs:
-        kind = None
-        if can(job) and job.run is not None:
-            key = hash((id(job.run.scene), job.run.method))
-            kind = kinds.setdefault(key, _kind(job.run)) if key not in kinds else kinds[key]
-            count[kind] += 1
+        kind = kinds.of(job.run) if can(job) and job.run is not None else None
         of_job.append(kind)
+        if kind is not None:
+            count[kind] += 1
     least = 1 if lanes else LEAST_MEMBERS
     return [
         replace(job, in_lanes=True) if kind is not None and count[kind] >= least else job
@@ -64,17 +73,14 @@ def choose(jobs: Sequence[Job], lanes: bool | None) -> list[Job]:
 def units(jobs: Sequence[Job], todo: Iterable[int], workers: int) -> list[list[int]]:
     """Indices of jobs in units of work: those in lanes with others of their kind, every other by itself."""
     alone: list[list[int]] = []
-    groups: dict[tuple[object, ...], list[int]] = defaultdict(list)
-    kinds: dict[int, tuple[object, ...]] = {}
+    groups: dict[Kind, list[int]] = defaultdict(list)
+    kinds = _Kinds()
     for i in todo:
         run = jobs[i].run
         if run is None or not jobs[i].in_lanes:
             alone.append([i])
-            continue
-        kind = kinds.setdefault(id(run.scene), ())
-        if not kind:
-            kind = kinds[id(run.scene)] = _kind(run)
-        groups[kind].append(i)
+        else:
+            groups[kinds.of(run)].append(i)
     together = []
     for group in groups.values():
         # long ones first, the same force side by side: neighbours touch and end at about the same time

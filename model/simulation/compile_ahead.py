@@ -12,6 +12,7 @@ import subprocess
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from threading import Thread
 
 from model.kernels import compile as _compile
 from model.kernels.codegen.load import kernels_of, on_disk
@@ -38,6 +39,14 @@ def compile_ahead(choices: Sequence[SceneChoice], *, loop: bool = False) -> subp
     subprocess.Popen or None
         The process; it ends by itself. None where the step loop or all scenes are in the cache, where nothing can be
         kept, or on a single processor.
+
+    Examples
+    --------
+    >>> import model
+    >>> beside = model.compile_ahead([model.SceneChoice()])
+    >>> solution = model.simulate(model.load_action(), *model.force_table("forte"))
+    >>> model.compile_ahead([model.SceneChoice()]) is None  # now all is there
+    True
     """
     folder = _compile.FOLDER
     if folder is None or (os.cpu_count() or 1) < 2 or any(folder.rglob("rosenbrock.integrate-*.nbi")):
@@ -59,6 +68,7 @@ def compile_ahead(choices: Sequence[SceneChoice], *, loop: bool = False) -> subp
         beside.stdin.close()
     except OSError:
         return None
+    Thread(target=beside.wait, daemon=True).start()  # takes note of its end, while the caller goes on
     return beside
 
 

@@ -77,6 +77,8 @@ def advance_together(tables: Tables, plans: Sequence[Plan], lanes: int) -> list[
     list of (float, float, int)
         Time reached (s), next step to try (s) and status of each, as the step loop of a single run returns them.
     """
+    if any(plan.method is not plans[0].method or plan.drive.held for plan in plans):
+        raise ValueError("runs side by side need one method and inputs that are linear between their points")
     time, value, first = _inputs([plan.drive for plan in plans])
     wanted, first_out = _one_after_the_other([plan.out.time for plan in plans])
     count, n = len(plans), len(plans[0].span.angle)

@@ -2,8 +2,8 @@
 
 Source of A, B, C: M. Hirschkorn (2004), section 3.2.2: at A the key reaches its bottom, at B the force is released
 completely, at C the key has come back to its lowest point and begins to bounce. A is the event *key bottom*; B is when
-the corrected force last exceeds `RELEASED` of its peak above rest; C is the first minimum of the key's rotation after
-the event *key release* that lies near its rest.
+the corrected force last exceeds `RELEASED` of its peak above rest before the key rises; C is the first minimum of the
+key's rotation after the event *key release* that lies near its rest.
 """
 
 from __future__ import annotations
@@ -53,25 +53,36 @@ def trial_marks(frame: pd.DataFrame, events: pd.DataFrame) -> list[Mark]:
     ]
     if "key_bottom" in found:
         marks.append(Mark("A", float(found["key_bottom"]), "A: key reaches its bottom"))
-    released = _released_s(frame["force_time_s"].to_numpy(), frame["force_n"].to_numpy())
-    if np.isfinite(released):
-        marks.append(Mark("B", released, "B: force released completely"))
     if "key_release" in found:
-        back = _back_s(frame["time_s"].to_numpy(), -frame["key_measured_rad"].to_numpy(), float(found["key_release"]))
+        release = float(found["key_release"])
+        released = _released_s(frame["force_time_s"].to_numpy(), frame["force_n"].to_numpy(), release)
+        if np.isfinite(released):
+            marks.append(Mark("B", released, "B: force released completely"))
+        back = _back_s(frame["time_s"].to_numpy(), -frame["key_measured_rad"].to_numpy(), release)
         if np.isfinite(back):
             marks.append(Mark("C", back, "C: key back at its lowest point"))
     return sorted(marks, key=lambda mark: mark.time_s)
 
 
-def _released_s(time_s: Array, force_n: Array) -> float:
-    """When the force last exceeds its level of release; NaN where it never falls below it."""
+def _released_s(time_s: Array, force_n: Array, key_release_s: float) -> float:
+    """When the force falls below its level of release for the last time before the key rises; NaN if it never does.
+
+    A force that is still there when the key rises is followed to its end; what the motor arm does later, when it
+    bounces on the resting key, does not count.
+    """
     known = np.isfinite(force_n)
     if known.sum() < AT_REST:
         return float("nan")
     time, force = time_s[known], force_n[known]
     rest = float(np.median(force[:AT_REST]))
-    above = np.flatnonzero(force > rest + RELEASED * (float(force.max()) - rest))
-    return float(time[above[-1]]) if above.size and above[-1] + 1 < force.size else float("nan")
+    above = force > rest + RELEASED * (float(force.max()) - rest)
+    falls = np.flatnonzero(above[:-1] & ~above[1:])
+    before = falls[time[falls] <= key_release_s]
+    pressed = bool(above[min(int(np.searchsorted(time, key_release_s)), above.size - 1)])
+    if before.size and not pressed:
+        return float(time[before[-1]])
+    after = falls[time[falls] > key_release_s]
+    return float(time[after[0]]) if after.size else float("nan")
 
 
 def _back_s(time_s: Array, rotation: Array, release_s: float) -> float:

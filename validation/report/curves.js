@@ -20,7 +20,8 @@ for (const { home, bar, panels, after, make, current } of sessions) {
     if (!channel) continue;
     const parts = JSON.parse(svg.dataset.parts).map((p) => ({ ...p, svg, fixed: true }));
     const own = [...panels.filter((p) => p.svg === svg), ...parts];
-    figures.push({ figure, svg, channel, one: figure.dataset.shows === "one", own });
+    const highest = Math.min(...own.map((p) => p.top));
+    figures.push({ figure, svg, channel, highest, one: figure.dataset.shows === "one", own });
   }
 
   /* the curve of the chosen trial: path of a line, or of the area of width 2 half about it */
@@ -68,10 +69,10 @@ for (const { home, bar, panels, after, make, current } of sessions) {
   for (const { svg, one } of figures) if (one) svg.querySelectorAll("[id*='-mark']").forEach((e) => e.remove());
   const marked = () => {
     const now = current();
-    for (const { svg, own, one } of one_only()) for (const p of own) {
+    for (const { svg, own, highest } of one_only()) for (const p of own) {
       p.marks?.remove();
       p.marks = make("g", { class: "marks" });
-      const [a, b] = p.fixed ? p.x : [now.a, now.b], first = p.top < 60;
+      const [a, b] = p.fixed ? p.x : [now.a, now.b], first = p.top === highest;
       for (const [label, t, meaning] of data.marks[data.trials[chosen]]) {
         if (t < a || t > b) continue;
         const x = p.left + (p.right - p.left) * (t - a) / (b - a), named = /^[ABC]$/.test(label);

@@ -26,11 +26,15 @@ from validation.side_by_side import SideBySide
 from validation.tables.phases import PHASES
 
 HERE = Path(__file__).parent
+ANIMATION = "animation.html"
 SCRIPTS = ("zoom.js", "curves.js", "tables.js")
 
 
-def render_html(side: SideBySide) -> str:
-    """The report as one HTML page without outside addresses; no script but its own may run."""
+def render_html(side: SideBySide, *, animation: bool = False) -> str:
+    """The report as one HTML page without outside addresses; no script but its own may run.
+
+    ``animation``: the folder of the page has an `ANIMATION` to link.
+    """
     script = "\n".join((HERE / name).read_text(encoding="utf-8").strip() for name in SCRIPTS)
     # the text between the tags, with the line end that the template puts on each side
     digest = hashlib.sha256(f"\n{script}\n".encode()).digest()
@@ -60,6 +64,7 @@ def render_html(side: SideBySide) -> str:
         faults=", ".join(dict.fromkeys(side.results[0].findings["kind"])),
         glossary=GLOSSARY,
         netcdf=netcdf_names(side),
+        animation=ANIMATION if animation else "",
         matrix=matrix(side) if len(side.results) > 1 else None,
         pairs=pair_tables(side) if len(side.model_pairs) else None,
         definitions=[(kind.title, kind.definition) for kind in EVENTS.values()],

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from validation.report.curve_files import curve_files
 from validation.report.files import check_folder, write_files
-from validation.report.render import render_html
+from validation.report.render import ANIMATION, render_html
 from validation.report.results import results_json, table_csv
 from validation.result import ValidationResult
 from validation.side_by_side import SideBySide, alone
@@ -49,5 +49,7 @@ def write_side_by_side(side: SideBySide, folder: Path) -> SideBySide:
     texts: dict[str, str | bytes] = {f"tables/{name}.csv": table_csv(table) for name, table in side.tables.items()}
     texts.update(curve_files(side))
     texts["results.json"] = results_json(side)
-    texts["report.html"] = render_html(side)  # last: a page never points at tables that are not there yet
+    texts["report.html"] = render_html(
+        side, animation=(folder / ANIMATION).is_file()
+    )  # last: a page never points at tables that are not there yet
     return side.with_files(write_files(folder, texts))

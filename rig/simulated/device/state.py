@@ -17,6 +17,7 @@ from rig.simulated.bench.bench_time import BenchTime
 from rig.simulated.bench.wiring import Wiring
 from rig.simulated.device.fault_injection import FaultPlan
 from rig.simulated.device.reservations import Reservations
+from rig.simulated.device.scales import CustomScale
 from rig.simulated.device.task import SimulatedTask
 from rig.simulated.product.inventory import Inventory
 from rig.simulated.status import DaqStatusError
@@ -66,6 +67,8 @@ class DeviceState:
     """Levels of the digital lines that were written, by full name."""
     line_history: dict[str, NDArray[np.float64]] = field(default_factory=dict)
     """Levels before the edges that passed last, and after the last one, of lines with a sample clock."""
+    scales: dict[str, CustomScale] = field(default_factory=dict)
+    """Custom scales by name in lower case."""
     exports: dict[str, str] = field(default_factory=dict)
     """Terminals that carry another terminal's signal."""
     let_clients_call: Callable[[], None] = lambda: None

@@ -18,8 +18,11 @@ from rig.simulated.timing.wait import write_as_room_comes
 def write_volts(
     device: DeviceState, task: SimulatedTask, values: NDArray[np.float64], auto_start: bool, timeout_s: float
 ) -> None:
-    """Take samples for an analog output, V, shape (n, channels); refuses values outside the channels' limits."""
+    """Take samples for an analog output, V or in its custom scale, shape (n, channels), within the channels' limits."""
+    values = values.copy()
     for column, channel in enumerate(task.channels):
+        if (scale := channel.settings.get("scale")) is not None:
+            values[:, column] = scale.prescaled(values[:, column])
         low, high = channel.settings["min_val"], channel.settings["max_val"]
         inside = (values[:, column] >= low) & (values[:, column] <= high)  # NaN is not inside
         if not np.all(inside):

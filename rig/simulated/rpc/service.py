@@ -22,6 +22,7 @@ from rig.simulated.driver.tasks import find_task
 from rig.simulated.rpc.calls.channels import CHANNEL_CALLS
 from rig.simulated.rpc.calls.data import DATA_CALLS
 from rig.simulated.rpc.calls.device import DEVICE_CALLS
+from rig.simulated.rpc.calls.scales import SCALE_CALLS
 from rig.simulated.rpc.calls.task import TASK_CALLS, refuse_failed
 from rig.simulated.rpc.calls.timing import TIMING_CALLS
 from rig.simulated.rpc.calls.watchdog import WATCHDOG_CALLS
@@ -152,5 +153,5 @@ def _refusal_of(call: str) -> int:
     return status.ATTRIBUTE_NOT_SUPPORTED
 
 
-_DEVICE_CALLS: dict[str, DeviceHandler] = {**DEVICE_CALLS, **WATCHDOG_CALLS}
+_DEVICE_CALLS: dict[str, DeviceHandler] = {**DEVICE_CALLS, **SCALE_CALLS, **WATCHDOG_CALLS}
 _TASK_CALLS: dict[str, TaskHandler] = {**TASK_CALLS, **CHANNEL_CALLS, **TIMING_CALLS, **DATA_CALLS, **WAVEFORM_CALLS}

@@ -38,7 +38,9 @@ def analog_reading(
         if loopback is not None and channel.physical.name == device.inventory.full_name(loopback):
             volts = device.bench.motor_volts_before(edge)
         half = device.inventory.half_range(settings)
-        return quantise(volts, half, product.ai_bits)
+        reading = quantise(volts, half, product.ai_bits)
+        scale = settings.get("scale")
+        return reading if scale is None else scale.scaled(reading)
     if task.setting("Chan", channel.name, daqmx.AI_BRIDGE_SHUNT_CAL_ENABLE, False) and wired:
         # one arm of the bridge shunted; an input that is open has no bridge to unbalance
         signal = signal + 1e3 * BRIDGE_OHM / (4 * SHUNT_OHM + 2 * BRIDGE_OHM)

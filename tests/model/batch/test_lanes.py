@@ -151,6 +151,20 @@ def test_lanes_are_chosen_for_many_members_of_a_kind_and_never_for_what_they_can
     assert chosen(True) == 0
 
 
+def test_members_of_two_methods_never_share_a_unit(action: model.Action) -> None:
+    jobs = jobs_of(action, blows(6))
+    mixed = [
+        job if i % 2 else replace(job, run=replace(job.run, method="rodas5p"))  # of one scene object
+        for i, job in enumerate(jobs)
+        if job.run is not None
+    ]
+    parts = lanes.units(mixed, range(6), 1)
+    assert sorted(sorted(part) for part in parts) == [[0, 2, 4], [1, 3, 5]]
+    members = batch.run_jobs(mixed, workers=1)
+    by_method = {0: together(mixed[::2]), 1: together(mixed[1::2])}
+    assert [content(m) for m in members] == [content(by_method[i % 2][i // 2]) for i in range(6)]
+
+
 class ElsewhereBackwards(Executor):
     """Another process in miniature: work is pickled, arrays come back read-only, the last unit is done first."""
 

@@ -101,6 +101,21 @@ def test_a_blow_that_is_never_released_has_no_b_and_no_c():
     assert [mark.label for mark in trial_marks(frame, events)] == ["A"]
 
 
+def test_b_is_no_later_bounce_of_the_motor_arm_and_waits_for_a_force_that_lingers():
+    time = np.arange(0, 1.2, 1e-3)
+    hold = 10.0 * ((time > 0.1) & (time < 0.6))
+    key = -np.interp(time, [0.1, 0.15, 0.6, 0.8, 0.82], [0, 1, 1, 0, 0.1])
+    frame = pd.DataFrame({"time_s": time, "force_time_s": time, "force_n": hold, "key_measured_rad": key})
+    events = pd.DataFrame({"event": ["key_release"], "value": [0.7], "status": ["found"]})
+
+    def b(force):
+        return {m.label: m.time_s for m in trial_marks(frame.assign(force_n=force), events)}["B"]
+
+    assert b(hold) == pytest.approx(0.599)
+    assert b(hold + 1.0 * ((time > 1.0) & (time < 1.01))) == pytest.approx(0.599)
+    assert b(10.0 * ((time > 0.1) & (time < 0.75)) + (time > 1.0) * (time < 1.01)) == pytest.approx(0.749)
+
+
 def test_a_notebook_shows_the_verdict_first(compared):
     assert compared.outcome in ("agrees", "error shown", "not judged")
     assert compared.sentence in repr(compared) and compared.sentence in compared.verdict_lines[0]

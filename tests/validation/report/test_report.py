@@ -269,3 +269,10 @@ def test_a_single_trial_is_judged_but_has_no_band_of_its_own(lonely):
     assert "FillBetweenPolyCollection" not in figures["key-all"].svg
     assert "Shaded above" not in figures["key-model"].caption and "Shaded" not in figures["key-all"].caption
     assert "Shaded below" in figures["key-model"].caption and result.judgement["trials"] == [1]
+
+
+def test_an_animation_beside_the_page_is_linked_and_otherwise_said_how_to_make(compared, tmp_path):
+    assert 'href="animation.html"' not in render_html(alone(compared))
+    (tmp_path / "animation.html").write_text("<p>moves</p>")
+    page = write_report(compared, tmp_path).files["report.html"].read_text(encoding="utf-8")
+    assert '<a href="animation.html">Animation of the action</a>' in page and "--animation REPORT" not in page

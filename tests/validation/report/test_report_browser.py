@@ -178,6 +178,7 @@ def test_the_audit_sees_what_it_looks_for(browser):
     }  # fmt: skip
 
 
+@pytest.mark.slow
 def test_every_control_is_reached_by_tab_and_shows_its_focus(opened):
     expected = opened.evaluate(FOCUSABLE)
     reached = {}
@@ -189,6 +190,7 @@ def test_every_control_is_reached_by_tab_and_shows_its_focus(opened):
     assert len(reached) == expected
 
 
+@pytest.mark.slow
 def test_sessions_side_by_side_zoom_on_their_own_and_no_name_breaks_the_page(opened_side):
     page = opened_side
     assert page.locator("form.zoom").count() == page.locator("section.session").count() == 2
@@ -206,6 +208,7 @@ def test_sessions_side_by_side_zoom_on_their_own_and_no_name_breaks_the_page(ope
         assert page.evaluate("document.documentElement.scrollWidth") <= width
 
 
+@pytest.mark.slow
 def test_no_serious_accessibility_fault_side_by_side_in_the_dark(opened_side):
     assert opened_side.evaluate("getComputedStyle(document.body).backgroundColor") == "rgb(22, 22, 22)"
     opened_side.evaluate("document.querySelectorAll('details').forEach(e => { e.open = true; })")
@@ -257,6 +260,7 @@ def test_a_head_sorts_its_table_by_number_and_back(opened):
         assert all(t == "\u2013" for t in texts[len(found) :])
 
 
+@pytest.mark.slow
 def test_a_long_table_is_folded_on_screen_and_whole_on_paper(opened):
     opened.locator("#events details summary").last.click()
     rows = opened.locator("#table-events-by-trial tbody tr")

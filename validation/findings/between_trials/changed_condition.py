@@ -2,9 +2,8 @@
 
 Conventions: residuals as in `residuals`; for each place between two trials, the distance of the two means over the
 scatter within both parts, in its standard deviation. Named from seven such deviations and 0.5 % of the range, with six
-trials or more and two on each side,
-and only beyond what the scatter of the blows may do (`force_reach`). What changed cannot be told: bench, force
-channel and action look alike here.
+trials or more and two on each side, and only beyond what the scatter of the blows may do to the means of both parts
+(`force_reach`). What changed cannot be told: bench, force channel and action look alike here.
 """
 
 from __future__ import annotations
@@ -44,7 +43,8 @@ def changed_condition(
         return []
     last, first = residuals.numbers[k - 1], residuals.numbers[k]
     span = residuals.start_s, residuals.until_s
-    if apart <= max(force_reach(tested, trials[number], *span) for number in (last, first)):
+    of_means = np.sqrt(1 / k + 1 / (n - k))
+    if apart <= of_means * max(force_reach(tested, trials[number], *span) for number in (last, first)):
         return []
     text = (
         f"something changed between trial {last} and trial {first}: the difference from the model in {channel} moves "

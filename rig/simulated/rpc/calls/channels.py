@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any, Literal
 
 from rig.simulated import daqmx, status
+from rig.simulated.device.scales import find_scale
 from rig.simulated.device.state import DeviceState
 from rig.simulated.device.task import SimulatedTask
 from rig.simulated.driver.configuration import add_channels, add_lines
@@ -56,16 +57,29 @@ def _increasing(request: Any) -> None:
         raise DaqStatusError(status.MIN_NOT_LESS_THAN_MAX, f"{request.min_val:g} to {request.max_val:g}")
 
 
+def _scaling(device: DeviceState, request: Any) -> tuple[dict[str, Any], float, float]:
+    """Return the settings of a custom scale, if one is asked for, and the limits of the channel, V."""
+    units = enum(request, "units")
+    one_of(units, (daqmx.VOLTS, daqmx.FROM_CUSTOM_SCALE), "Units")
+    if units == daqmx.VOLTS:
+        if request.custom_scale_name:
+            raise DaqStatusError(status.UNITS_NOT_SCALED, f"Scale: {request.custom_scale_name}")
+        return {}, request.min_val, request.max_val
+    scale = find_scale(device.scales, request.custom_scale_name)
+    low_v, high_v = sorted(float(v) for v in scale.prescaled([request.min_val, request.max_val]))
+    return {"units": units, "scale": scale}, low_v, high_v
+
+
 def ai_voltage(device: DeviceState, task: SimulatedTask, request: Any) -> None:
     """AI voltage within one of the device's ranges."""
-    one_of(enum(request, "units"), (daqmx.VOLTS,), "Units")
-    if device.inventory.product.ai_ranges_v:
-        device.inventory.voltage_range(request.min_val, request.max_val)
     _increasing(request)
+    scaling, low_v, high_v = _scaling(device, request)
+    if device.inventory.product.ai_ranges_v:
+        device.inventory.voltage_range(low_v, high_v)
     before = len(task.channels)
     add_channels(
         device, task, "AI", "voltage_in", request.physical_channel, request.name_to_assign_to_channel,
-        min_val=request.min_val, max_val=request.max_val,
+        min_val=low_v, max_val=high_v, **scaling,
     )  # fmt: skip
     wanted = enum(request, "terminal_config") or DEFAULT
     one_of(wanted, (DEFAULT, RSE, NRSE, DIFFERENTIAL), "Terminal configuration")
@@ -78,14 +92,14 @@ def ai_voltage(device: DeviceState, task: SimulatedTask, request: Any) -> None:
 
 def ao_voltage(device: DeviceState, task: SimulatedTask, request: Any) -> None:
     """AO voltage within the device's range."""
-    one_of(enum(request, "units"), (daqmx.VOLTS,), "Units")
     _increasing(request)
+    scaling, low_v, high_v = _scaling(device, request)
     reach = device.inventory.product.ao_range_v
-    if not -reach <= request.min_val < request.max_val <= reach:
-        raise DaqStatusError(status.INVALID_VALUE, f"Output limits {request.min_val:g} to {request.max_val:g} V")
+    if not -reach <= low_v < high_v <= reach:
+        raise DaqStatusError(status.INVALID_VALUE, f"Output limits {low_v:g} to {high_v:g} V")
     add_channels(
         device, task, "AO", "voltage_out", request.physical_channel, request.name_to_assign_to_channel,
-        min_val=request.min_val, max_val=request.max_val,
+        min_val=low_v, max_val=high_v, **scaling,
     )  # fmt: skip
 
 

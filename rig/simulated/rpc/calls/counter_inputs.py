@@ -14,18 +14,24 @@ from rig.simulated.device.task import SimulatedTask
 from rig.simulated.driver.configuration import add_channels
 from rig.simulated.rpc.handlers import TaskHandler
 from rig.simulated.rpc.messages import enum
-from rig.simulated.status import DaqStatusError, NotImplementedByDevice, one_of
+from rig.simulated.status import DaqStatusError, one_of
 
 METERS, INCHES = 10219, 10379
 COUNT_UP, COUNT_DOWN = 10128, 10124
 LOW_FREQUENCY, HIGH_FREQUENCY, LARGE_RANGE, DYNAMIC = 10105, 10157, 10205, 16065
 LINEAR_ENCODER = 10361
+Z_PHASES = (10040, 10041, 10042, 10043)
 TWO_COUNTERS = (HIGH_FREQUENCY, LARGE_RANGE)
 
 
+def _index(request: Any) -> dict[str, Any]:
+    """Return the settings of the Z index; nothing is wired to it on the virtual bench, so that it never comes."""
+    phase = enum(request, "zidx_phase") or Z_PHASES[0]
+    one_of(phase, Z_PHASES, "Z index phase")
+    return {"zidx_enable": bool(request.zidx_enable), "zidx_val": float(request.zidx_val), "zidx_phase": phase}
+
+
 def _decoding(request: Any) -> int:
-    if request.zidx_enable:
-        raise NotImplementedByDevice("Z index of an encoder")
     decoding = enum(request, "decoding_type")
     one_of(decoding, (daqmx.X1, daqmx.X2, daqmx.X4), "Decoding type")
     return decoding
@@ -40,7 +46,7 @@ def ci_angular_encoder(device: DeviceState, task: SimulatedTask, request: Any) -
     add_channels(
         device, task, "CI", "counter", request.counter, request.name_to_assign_to_channel,
         decoding_type=decoding, units=units, pulses_per_rev=request.pulses_per_rev,
-        initial_angle=request.initial_angle,
+        initial_angle=request.initial_angle, **_index(request),
     )  # fmt: skip
     _set_encoder_terminals(device, task)
 
@@ -54,7 +60,7 @@ def ci_linear_encoder(device: DeviceState, task: SimulatedTask, request: Any) ->
     add_channels(
         device, task, "CI", "counter", request.counter, request.name_to_assign_to_channel,
         decoding_type=decoding, units=units, dist_per_pulse=request.dist_per_pulse, initial_pos=request.initial_pos,
-        type=LINEAR_ENCODER,
+        type=LINEAR_ENCODER, **_index(request),
     )  # fmt: skip
     _set_encoder_terminals(device, task)
 
@@ -62,6 +68,7 @@ def ci_linear_encoder(device: DeviceState, task: SimulatedTask, request: Any) ->
 def _set_encoder_terminals(device: DeviceState, task: SimulatedTask) -> None:
     _set_terminal(device, task, daqmx.CI_ENCODER_A_INPUT_TERM, "source")
     _set_terminal(device, task, daqmx.CI_ENCODER_B_INPUT_TERM, "auxiliary")
+    _set_terminal(device, task, daqmx.CI_ENCODER_Z_INPUT_TERM, "gate")
 
 
 def _set_terminal(

@@ -120,7 +120,7 @@ def _codes(
     steps = []
     for channel in task.channels:
         step = volts_per_code(device, channel)
-        if step is None:
+        if step is None or "scale" in channel.settings:
             raise NotImplementedByDevice(f"raw samples of {channel.physical.name}")
         steps.append(step)
     wanted = samples_to_read(task, request, values_per_sample)

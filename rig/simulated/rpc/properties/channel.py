@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from rig.simulated import daqmx, status
+from rig.simulated.device.scales import find_scale
 from rig.simulated.device.state import DeviceState
 from rig.simulated.device.task import Channel, SimulatedTask
 from rig.simulated.product.inventory import channel_names
@@ -33,19 +34,22 @@ LIMITS = {
     for end in ("MAX", "MIN")
 } | {property_number("Chan", f"AI_RNG_{end}"): ("AI", "range_v") for end in ("HIGH", "LOW")}
 """Task type and setting of the properties that hold a channel's limits."""
+SCALES = {property_number("Chan", f"{type_}_CUSTOM_SCALE_NAME"): type_ for type_ in ("AI", "AO")}
+"""Task type of the properties that name a custom scale."""
 Property = Callable[[DeviceState, SimulatedTask, Channel], Any]
 
 SETTINGS = {
     "AI_TERM_CFG": "terminal_config",
     "AI_FORCE_UNITS": "units",
-    "AO_MAX": "max_val",
-    "AO_MIN": "min_val",
     "CI_MAX": "max_val",
     "CI_MIN": "min_val",
     "CI_COUNT_EDGES_ACTIVE_EDGE": "edge",
     "CI_COUNT_EDGES_DIR": "count_direction",
     "CI_COUNT_EDGES_INITIAL_CNT": "initial_count",
     "CI_ENCODER_DECODING_TYPE": "decoding_type",
+    "CI_ENCODER_Z_INDEX_ENABLE": "zidx_enable",
+    "CI_ENCODER_Z_INDEX_VAL": "zidx_val",
+    "CI_ENCODER_Z_INDEX_PHASE": "zidx_phase",
     "CI_ANG_ENCODER_UNITS": "units",
     "CI_ANG_ENCODER_PULSES_PER_REV": "pulses_per_rev",
     "CI_ANG_ENCODER_INITIAL_ANGLE": "initial_angle",
@@ -81,9 +85,10 @@ def _limit(end: str) -> Property:
 
     def get(device: DeviceState, task: SimulatedTask, channel: Channel) -> float | None:
         half = _half_range(device, channel)
-        if half is None:
-            return float(channel.settings[f"{end}_val"])
-        return half if end == "max" else -half
+        volts = [channel.settings["min_val"], channel.settings["max_val"]] if half is None else [-half, half]
+        scale = channel.settings.get("scale")
+        ends = volts if scale is None else scale.scaled(volts).tolist()
+        return float(max(ends) if end == "max" else min(ends))
 
     return get
 
@@ -91,6 +96,27 @@ def _limit(end: str) -> Property:
 def _bits(device: DeviceState, channel: Channel) -> int:
     product = device.inventory.product
     return product.ai_bits if channel.physical.kind == "voltage_in" else product.bridge_bits
+
+
+def _scale_name(device: DeviceState, task: SimulatedTask, channel: Channel) -> str | None:
+    scale = channel.settings.get("scale")
+    return "" if scale is None else str(scale.name)
+
+
+def _voltage_units(device: DeviceState, task: SimulatedTask, channel: Channel) -> int | None:
+    if not channel.physical.kind.startswith("voltage"):
+        return None
+    return daqmx.FROM_CUSTOM_SCALE if "scale" in channel.settings else daqmx.VOLTS
+
+
+def set_scale(device: DeviceState, channel: Channel, name: str) -> None:
+    """Give a voltage channel another custom scale, or none for an empty name."""
+    if not channel.physical.kind.startswith("voltage"):
+        raise DaqStatusError(status.ATTRIBUTE_NOT_SUPPORTED, f"custom scale of {channel.name}")
+    if name:
+        channel.settings["scale"] = find_scale(device.scales, name)
+    else:
+        channel.settings.pop("scale", None)
 
 
 def _of_voltage(value: int | float) -> Property:
@@ -135,7 +161,11 @@ _GETTERS: dict[str, Property] = {
     "CHAN_DESCR": lambda device, task, channel: "",
     "CHAN_IS_GLOBAL": lambda device, task, channel: False,
     "AI_MEAS_TYPE": lambda device, task, channel: AI_TYPE[channel.physical.kind],
-    "AI_VOLTAGE_UNITS": _of_voltage(daqmx.VOLTS),
+    "AI_VOLTAGE_UNITS": _voltage_units,
+    "AI_CUSTOM_SCALE_NAME": _scale_name,
+    "AO_CUSTOM_SCALE_NAME": _scale_name,
+    "AO_MAX": _limit("max"),
+    "AO_MIN": _limit("min"),
     "AI_MAX": _limit("max"),
     "AI_MIN": _limit("min"),
     "AI_RNG_HIGH": lambda device, task, channel: _half_range(device, channel),
@@ -146,7 +176,7 @@ _GETTERS: dict[str, Property] = {
     "AI_RAW_SAMP_JUSTIFICATION": lambda device, task, channel: RIGHT_JUSTIFIED,
     "AI_DEV_SCALING_COEFF": _coefficients,
     "AO_OUTPUT_TYPE": _of_voltage(daqmx.VOLTAGE),
-    "AO_VOLTAGE_UNITS": _of_voltage(daqmx.VOLTS),
+    "AO_VOLTAGE_UNITS": _voltage_units,
     "AO_RESOLUTION": _of_voltage(16.0),
     "AO_RESOLUTION_UNITS": _of_voltage(BITS),
     "AO_DAC_RNG_HIGH": lambda device, task, channel: device.inventory.product.ao_range_v,

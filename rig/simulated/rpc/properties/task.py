@@ -15,19 +15,25 @@ from rig.simulated.device.task import SimulatedTask
 from rig.simulated.driver.configuration import configure_clock
 from rig.simulated.rpc.messages import property_number
 from rig.simulated.rpc.properties import stored
-from rig.simulated.rpc.properties.channel import LIMITS, channel_property, find_channels, raw_sample_bits, set_limit
-from rig.simulated.status import DaqStatusError, NotImplementedByDevice
+from rig.simulated.rpc.properties.channel import (
+    LIMITS,
+    SCALES,
+    channel_property,
+    find_channels,
+    raw_sample_bits,
+    set_limit,
+    set_scale,
+)
+from rig.simulated.rpc.properties.checks import CI_INPUT_TERMS, DO_NOT_OVERWRITE, READ_OVERWRITE, check_value
+from rig.simulated.status import DaqStatusError
 from rig.simulated.timing.wait import await_something
 
 Key = tuple[str, int]
 """Category and the driver's number of a property."""
-DO_NOT_OVERWRITE = 10159
 IMPLICIT, CHANGE_DETECTION, SAMPLE_CLOCK, ON_DEMAND = 10451, 12504, 10388, 10390
 """Sample timing types."""
-READ_OVERWRITE = property_number("Read", "OVERWRITE")
 READ_DEFAULT_SAMPLES = 0x31E8
 """A property of newer drivers without a name in the service: samples a read takes when a client gives no number."""
-CI_INPUT_TERMS = (daqmx.CI_ENCODER_A_INPUT_TERM, daqmx.CI_ENCODER_B_INPUT_TERM, *daqmx.CI_TERM.values())
 CI_FILTERS = tuple(
     property_number("Chan", f"CI_ENCODER_{signal}_INPUT_DIG_FLTR_{what}")
     for signal in "AB"
@@ -208,6 +214,11 @@ def get(device: DeviceState, task: SimulatedTask, channel: str, key: Key) -> Any
 def put(device: DeviceState, task: SimulatedTask, channel: str, key: Key, value: Any) -> None:
     """Set a property, after checking terminals and trigger types; refused while the task runs."""
     category, number = key
+    if category == "Chan" and SCALES.get(number) == task.type and isinstance(value, str):
+        task.refuse_while_running()
+        for found in find_channels(task, channel):
+            set_scale(device, found, value)
+        return
     kind = str if number in _TEXTS else float if number in _NUMBERS else bool if number in _SWITCHES else int
     if category == "Timing" and number in _CLOCK_FIELDS:
         _change_clock(device, task, number, value)
@@ -234,7 +245,7 @@ def put(device: DeviceState, task: SimulatedTask, channel: str, key: Key, value:
     if own:
         _store(task, key, names, value)
         return
-    _check(device, task, number, value)
+    check_value(device, task, number, value)
     for name in names:
         task.properties[category, name, number] = value
     if number in (daqmx.ARM_START_TRIG_TYPE, daqmx.DIG_EDGE_ARM_START_TRIG_SRC):
@@ -263,6 +274,9 @@ def _change_clock(device: DeviceState, task: SimulatedTask, number: int, value: 
 def reset(device: DeviceState, task: SimulatedTask, channel: str, key: Key) -> None:
     """Put a property back to its default."""
     category, number = key
+    if category == "Chan" and SCALES.get(number) == task.type:
+        put(device, task, channel, key, "")
+        return
     if number not in SETTABLE.get(category, frozenset()) and key not in stored.STORED:
         raise _unsupported(task, key)
     if number in LIMITS:
@@ -275,19 +289,3 @@ def reset(device: DeviceState, task: SimulatedTask, channel: str, key: Key) -> N
             stored.note_unsimulated(task, key, name, stored.STORED[key].default)
     if number in (daqmx.ARM_START_TRIG_TYPE, daqmx.DIG_EDGE_ARM_START_TRIG_SRC):
         task.triggers.arm_start = ""
-
-
-def _check(device: DeviceState, task: SimulatedTask, number: int, value: Any) -> None:
-    """Refuse a value that the product does not have, or the virtual device."""
-    if number in (*CI_INPUT_TERMS, daqmx.DIG_EDGE_ARM_START_TRIG_SRC):
-        device.inventory.terminal(value)
-    if number == daqmx.CO_PULSE_TERM:
-        device.inventory.terminal(value, output=True)
-    if number == READ_OVERWRITE and value != DO_NOT_OVERWRITE:
-        raise DaqStatusError(status.ATTRIBUTE_NOT_SUPPORTED, "only DO_NOT_OVERWRITE_UNREAD_SAMPLES is simulated")
-    if number == daqmx.ARM_START_TRIG_TYPE and value not in (daqmx.DIGITAL_EDGE, daqmx.NO_TRIGGER):
-        raise DaqStatusError(status.INVALID_VALUE, f"Arm start trigger type {value}")
-    if number == daqmx.START_TRIG_RETRIGGERABLE and (
-        task.type not in ("AI", "AO", "DI", "DO") or task.triggers.reference
-    ):
-        raise NotImplementedByDevice(f"retriggering a {task.type} task")

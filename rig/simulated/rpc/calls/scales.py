@@ -1,0 +1,113 @@
+"""Calls about custom scales: created by name, their properties, and the inverse of a polynomial."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from rig.simulated import daqmx, status
+from rig.simulated.device.scales import LINEAR, MAP, POLYNOMIAL, TABLE, CustomScale, find_scale
+from rig.simulated.device.state import DeviceState
+from rig.simulated.rpc.handlers import DeviceHandler, Fields
+from rig.simulated.rpc.messages import CALLS, attribute_fields, attribute_value, enum, property_number
+from rig.simulated.status import DaqStatusError, one_of
+
+_FIELDS: dict[str, tuple[int, dict[str, str]]] = {
+    "CreateLinScale": (LINEAR, {"slope": "LIN_SLOPE", "y_intercept": "LIN_Y_INTERCEPT"}),
+    "CreateMapScale": (
+        MAP,
+        {
+            "prescaled_min": "MAP_PRE_SCALED_MIN",
+            "prescaled_max": "MAP_PRE_SCALED_MAX",
+            "scaled_min": "MAP_SCALED_MIN",
+            "scaled_max": "MAP_SCALED_MAX",
+        },
+    ),
+    "CreatePolynomialScale": (
+        POLYNOMIAL,
+        {"forward_coeffs": "POLY_FORWARD_COEFF", "reverse_coeffs": "POLY_REVERSE_COEFF"},
+    ),
+    "CreateTableScale": (TABLE, {"prescaled_vals": "TABLE_PRE_SCALED_VALS", "scaled_vals": "TABLE_SCALED_VALS"}),
+}
+"""Type of the scale and property of each field of the request, by call."""
+_NAMES = {property_number("Scale", name): name for _, fields in _FIELDS.values() for name in fields.values()}
+_TYPE, _DESCRIPTION, _UNITS, _PRESCALED_UNITS = (
+    property_number("Scale", name) for name in ("TYPE", "DESCR", "SCALED_UNITS", "PRE_SCALED_UNITS")
+)
+
+
+def _create(call: str) -> DeviceHandler:
+    type_, fields = _FIELDS[call]
+
+    def create(device: DeviceState, request: Any) -> None:
+        if not request.name.strip():
+            raise DaqStatusError(status.INVALID_VALUE, "a scale needs a name")
+        values = {name: _plain(getattr(request, field)) for field, name in fields.items()}
+        scale = CustomScale(
+            request.name, type_, values, enum(request, "pre_scaled_units") or daqmx.VOLTS, request.scaled_units
+        )
+        scale.check()
+        device.scales[request.name.lower()] = scale
+
+    return create
+
+
+def _plain(value: Any) -> Any:
+    return float(value) if isinstance(value, (int, float)) else [float(one) for one in value]
+
+
+def _get(call: str) -> DeviceHandler:
+    def get(device: DeviceState, request: Any) -> Fields:
+        scale, number = find_scale(device.scales, request.scale_name), enum(request, "attribute")
+        own = {
+            _TYPE: scale.type, _DESCRIPTION: scale.description, _UNITS: scale.scaled_units,
+            _PRESCALED_UNITS: scale.prescaled_units,
+        }  # fmt: skip
+        value = own[number] if number in own else scale.values.get(_NAMES.get(number, ""))
+        if value is None:
+            raise DaqStatusError(status.NOT_OF_THIS_SCALE, f"Property: 0x{number:04X} of {scale.name}")
+        return attribute_fields(call, value)
+
+    return get
+
+
+def _set(device: DeviceState, request: Any) -> None:
+    scale, number = find_scale(device.scales, request.scale_name), enum(request, "attribute")
+    value = attribute_value(request)
+    if number == _DESCRIPTION:
+        scale.description = value
+    elif number == _UNITS:
+        scale.scaled_units = value
+    elif number == _PRESCALED_UNITS:
+        one_of(value, (daqmx.VOLTS,), "Pre-scaled units")
+        scale.prescaled_units = value
+    elif (name := _NAMES.get(number, "")) in scale.values:
+        before = scale.values[name]
+        scale.values[name] = _plain(value)
+        try:
+            scale.check()
+        except DaqStatusError:
+            scale.values[name] = before
+            raise
+    else:
+        raise DaqStatusError(status.NOT_OF_THIS_SCALE, f"Property: 0x{number:04X} of {scale.name}")
+
+
+def _reverse(device: DeviceState, request: Any) -> Fields:
+    """Fit the inverse of a polynomial over a range, as the driver does, by least squares."""
+    n = request.num_points_to_compute
+    order = len(request.forward_coeffs) - 1 if request.reverse_poly_order < 0 else request.reverse_poly_order
+    if not request.forward_coeffs or n <= order or request.min_val_x >= request.max_val_x:
+        raise DaqStatusError(status.INVALID_VALUE, f"{n} points for an inverse of order {order}")
+    x = np.linspace(request.min_val_x, request.max_val_x, n)
+    y = np.polynomial.polynomial.polyval(x, list(request.forward_coeffs))
+    return {"reverse_coeffs": np.polynomial.polynomial.polyfit(y, x, order).tolist()}
+
+
+SCALE_CALLS: dict[str, DeviceHandler] = {
+    **{call: _create(call) for call in _FIELDS},
+    **{call: _get(call) for call in CALLS if call.startswith("GetScaleAttribute")},
+    **{call: _set for call in CALLS if call.startswith("SetScaleAttribute")},
+    "CalculateReversePolyCoeff": _reverse,
+}
