@@ -18,8 +18,8 @@ from tests.public_functions import ROOT, public_functions
 FUNCTIONS = public_functions()
 SLOW = {
     "model.batch.run_jobs", "model.simulate_many", "model.simulate_motion", "model.stick_slip.compare",
-    "model.stick_slip.simulate", "rig.open_backend", "rig.record_passive", "validation.compare",
-    "validation.read_curves", "vision.write_contact_sheet",
+    "model.stick_slip.simulate", "rig.learn", "rig.open_backend", "rig.record_passive",
+    "validation.compare", "validation.read_curves", "vision.write_contact_sheet",
     "model.inside.draw_sheet", "model.inside.write_animation", "model.regulation.measure", "model.regulation.regulate",
     "model.study.draw_study", "model.study.draw_thesis", "model.study.thesis_studies", "model.touch.fastest_repetition",
     "model.touch.feel", "model.touch.figure.draw", "model.touch.weigh", "validation.compare_many",
