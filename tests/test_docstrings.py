@@ -16,16 +16,6 @@ from tests.command_line import run
 from tests.public_functions import ROOT, public_functions
 
 FUNCTIONS = public_functions()
-SLOW = {
-    "model.batch.run_jobs", "model.simulate_many", "model.simulate_motion", "model.stick_slip.compare",
-    "model.stick_slip.simulate", "rig.learn", "rig.open_backend", "rig.record_passive",
-    "validation.compare", "validation.read_curves", "vision.write_contact_sheet",
-    "model.inside.draw_sheet", "model.inside.write_animation", "model.regulation.measure", "model.regulation.regulate",
-    "model.study.draw_study", "model.study.draw_thesis", "model.study.thesis_studies", "model.touch.fastest_repetition",
-    "model.touch.feel", "model.touch.figure.draw", "model.touch.weigh", "validation.compare_many",
-    "validation.validate_session", "validation.validate_sessions", "validation.write_report",
-}  # fmt: skip
-"""Examples of seconds, which the default suite leaves out; ``.ci/pages`` runs them."""
 
 
 def section(text: str, title: str) -> str | None:
@@ -61,13 +51,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return place
 
 
-def test_every_example_that_is_called_slow_exists() -> None:
-    assert FUNCTIONS.keys() >= SLOW
-
-
-@pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=[pytest.mark.slow] if name in SLOW else []) for name in FUNCTIONS]
-)
+@pytest.mark.slow  # two minutes: python -m pytest -m slow tests/test_docstrings.py
+@pytest.mark.parametrize("name", FUNCTIONS)
 def test_the_example_of_a_public_function_runs(name: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(folder)
     function: Callable[..., Any] = FUNCTIONS[name]

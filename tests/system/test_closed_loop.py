@@ -152,6 +152,7 @@ def test_repeatability_agrees_with_the_declared_scatter(closed: Closed) -> None:
         assert low < np.sqrt(np.mean(ratio**2)) < high, (body, ratio)
 
 
+@pytest.mark.slow
 def test_a_model_of_the_specimen_itself_predicts_within_noise(closed: Closed) -> None:
     """With the specimen's own parameters of trial 1 the difference is what force noise and its calibration leave."""
     session = closed.demo.session

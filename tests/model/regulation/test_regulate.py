@@ -75,6 +75,7 @@ def test_the_regulated_action_plays(done: Regulation) -> None:
     assert height.min() < 0.0 and 0.01 < height[399] < 0.02 and height[-1] == pytest.approx(0.048, abs=1e-4)
 
 
+@pytest.mark.slow
 def test_a_screw_at_its_limit_is_named(action: model.Action) -> None:
     low = action.with_values({"contact08.second.y": action["contact08.second.y"] - 5.5e-3})
     with pytest.raises(RegulationError) as caught:
@@ -138,6 +139,7 @@ def test_a_hammer_that_lies_on_its_rail_is_freed_by_lowering_the_rail(action: mo
     assert rail.source.startswith("regulated: rest rail lowered")
 
 
+@pytest.mark.slow
 def test_a_rail_too_high_for_its_travel_is_named(action: model.Action) -> None:
     with pytest.raises(RegulationError, match=r"lies on the rest rail \(contact13\.first\.y\) at its limit, -5\.00 mm"):
         regulate(action.with_values({REST_RAIL.path: action[REST_RAIL.path] + 8e-3}))

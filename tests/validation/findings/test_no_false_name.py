@@ -70,6 +70,7 @@ def test_single_changes_are_a_set_with_the_true_one_and_no_finding(planted):
     assert not any("friction" in line for line in planted.verdict_lines)
 
 
+@pytest.mark.slow
 def test_gain_level_delay_and_masses_are_known_causes(compared):
     import model
 

@@ -217,6 +217,7 @@ def test_no_serious_accessibility_fault_side_by_side_in_the_dark(opened_side):
     assert found["faults"] == []
 
 
+@pytest.mark.slow
 def test_a_printed_page_is_white_and_cuts_nothing_off(opened_side):
     opened_side.emulate_media(media="print")
     opened_side.set_viewport_size({"width": 703, "height": 900})  # A4 less its margins

@@ -92,6 +92,7 @@ def test_variant_grammar(text: str) -> None:
     assert read_variant(text) == ("a b", {"x.y": 1.0}, {"damping": 0.1})
 
 
+@pytest.mark.slow
 def test_friction_limit_in_words_and_files(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     force = tmp_path / "short.csv"
     force.write_text("time_s,force_n\n" + "".join(f"{k * 5e-4!r},{min(10.0, 200 * k * 5e-4)}\n" for k in range(241)))
