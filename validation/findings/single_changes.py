@@ -180,7 +180,7 @@ def _residual_of(
             delay = x if cause.unit == "s" else 0.0
         try:
             action = tested.action.with_values(changed) if changed else tested.action
-            rest = tested.load_of(action, gain * force.preload_n + level).rest
+            rest = tested.rest_of(action, gain * force.preload_n + level)
             driven = np.interp(force.time_s + delay, force.time_s, force.force_n)
             found = tested.simulate(
                 action,

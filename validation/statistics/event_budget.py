@@ -20,7 +20,7 @@ import pandas as pd
 
 from model.errors import ModelError
 from validation.conventions import ENCODER_BODIES, WORKERS, Array
-from validation.errors import PredictionError
+from validation.errors import PredictionError, ValidationInputError
 from validation.events.definitions import EVENTS, Event
 from validation.events.detect import find_events
 from validation.measurement.geometry import ActionGeometry
@@ -110,7 +110,7 @@ def _outcome(tested: ModelUnderTest, m: MeasuredTrial, case: Case) -> dict[str, 
         time = m.time_s[(m.time_s >= case.time_s[0]) & (m.time_s <= case.time_s[-1])]
         options = {"tolerance": case.tolerance, "output_time_s": time, "initial": load.rest}
         solution = tested.simulate(action, case.time_s, case.force_n, **options)
-    except (ModelError, PredictionError):
+    except (ModelError, PredictionError, ValidationInputError):  # no rest, or a key front that touches at rest
         return None
     rest = np.asarray(load.rest.angle_rad, dtype=float)
     change = (np.asarray(solution.angle_rad, dtype=float) - rest)[:, ENCODER_BODIES]

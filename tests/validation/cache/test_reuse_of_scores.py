@@ -6,6 +6,7 @@ import os
 import shutil
 from dataclasses import replace
 
+import numpy as np
 import pandas as pd
 import pytest
 
@@ -13,6 +14,8 @@ import model
 from tests.validation.prediction.test_trial_prediction import Counting
 from validation import compare_session
 from validation.cache import result_store
+from validation.errors import ValidationInputError
+from validation.measurement.geometry import geometry_of
 
 SIMPLE = {"rivals": (), "budget": False, "suspect": False}
 
@@ -233,6 +236,18 @@ def test_budget_and_single_changes_are_done_once(bench, predict):
     assert found.provenance["reused"]["uncertainty budget"] == "0 of 1"
     assert found.provenance["reused"]["difference draws"] == "0 of 3"
     assert found.provenance["reused"]["predictions"] == "3 of 3"
+
+
+def test_a_change_or_a_case_whose_key_front_touches_at_rest_is_left_out(bench, predict):
+    folder, action = bench
+
+    def touches(changed, rest_rad):
+        if any(changed[path] != action[path] for path in action.quantities):
+            raise ValidationInputError("gap under the key front is -0.01 mm at rest")
+        return geometry_of(changed, rest_rad)
+
+    found = compare_session(folder, action, **SIMPLE | {"budget": True, "suspect": True, "geometry": touches})
+    assert found.budget["failed"].min() > 30 and np.isfinite(found.budget["u_force"]).all()
 
 
 def test_what_cannot_be_stored_is_said_once_and_changes_no_number(bench):
