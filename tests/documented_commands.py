@@ -63,7 +63,8 @@ def run_documented(words: list[str], folder: Path, timeout_s: float = 600.0) -> 
 def rehearsal(words: list[str]) -> list[str]:
     """A command without ``--backend``: on the virtual bench."""
     at = words.index("--backend")
-    return words[:at] + words[at + 2 :]
+    instead = ["--backend", "sim://"] if words[0] == "info" else []  # without an address it names no devices
+    return words[:at] + instead + words[at + 2 :]
 
 
 def _serve(line: list[str], folder: Path) -> str:

@@ -36,7 +36,7 @@ def command(
 
     Example:  pianorig info sessions/try
     Example:  pianorig info --backend sim:// --rig pcie6363
-    Example:  pianorig info --backend ni://local --propose my_rig.toml
+    Example:  pianorig info --backend ni://local --propose found_rig.toml
     """
     if propose is not None:
         if backend is None:

@@ -66,10 +66,13 @@ def test_every_command_has_an_example_in_its_help() -> None:
 def test_all_examples_of_the_helps_run_as_they_stand(folder: Path) -> None:
     first = ["record", "demo", "annotate"]  # others use what these make
     learned = "learned/forte/profile.toml"  # what another example makes
-    calls = sorted(
-        commands_of(helps()),
-        key=lambda words: first.index(words[0]) if words[0] in first and learned not in words else len(first),
-    )
+
+    def rank(words: list[str]) -> int:
+        if words[0] == "open":  # the report that an example of validate writes
+            return len(first) + 1
+        return first.index(words[0]) if words[0] in first and learned not in words else len(first)
+
+    calls = sorted(commands_of(helps()), key=rank)
     for words in calls:
         run_documented(words, folder)
 
