@@ -7,7 +7,6 @@ killed loses no stroke, ``watch`` sees the bench alive, and neither memory nor d
 
 from __future__ import annotations
 
-import contextlib
 from collections import deque
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
@@ -16,12 +15,13 @@ from typing import Unpack
 
 import numpy as np
 
-from rig.backend import Backend, Block, Timing, check_contract, open_backend
+from rig.backend import Backend, Block, Timing
 from rig.configuration.motor_command import MotorCommand
 from rig.configuration.rig_file import Rig, RigConfig, load_rig
-from rig.errors import HardwareFault, RigInputError
+from rig.errors import RigInputError
 from rig.recording.empty_session import discard_empty
 from rig.recording.options import RecordingKeywords, RecordingOptions
+from rig.recording.own_backend import recording_backend
 from rig.recording.progress import Progress
 from rig.recording.provenance import ClockWatch, software_versions, trial_provenance
 from rig.recording.sealing import PASSIVE, Cut, seal_cut
@@ -86,23 +86,13 @@ def record_passive(
     if duration_s is not None and not 0 < duration_s < float("inf"):
         raise RigInputError(f"duration_s = {duration_s:g}, allowed above 0")
     rig = options.rig_config if isinstance(options.rig_config, Rig) else load_rig(options.rig_config)
-    existed, own = Path(out).is_dir(), isinstance(options.backend, str)
-    backend = open_backend(options.backend, rig.config) if isinstance(options.backend, str) else options.backend
-    check_contract(backend)
+    existed = Path(out).is_dir()
     session: Session | None = None
     try:
-        session = Session.create(
-            out, _session_info(Path(out).name, backend, rig, strokes, options), {"rig.toml": rig.text}
-        )
-        _Stream(session, backend, rig.config, options).run(strokes or MAX_TRIALS, duration_s or float("inf"))
-    except BaseException:
-        if own:
-            with deferred(), contextlib.suppress(HardwareFault):
-                backend.close()  # the first fault is the one to report
-        raise
-    else:
-        if own:
-            backend.close()
+        with recording_backend(options.backend, rig.config) as backend:
+            info = _session_info(Path(out).name, backend, rig, strokes, options)
+            session = Session.create(out, info, {"rig.toml": rig.text})
+            _Stream(session, backend, rig.config, options).run(strokes or MAX_TRIALS, duration_s or float("inf"))
     finally:
         if session is not None:
             discard_empty(session, existed)

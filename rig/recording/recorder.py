@@ -7,24 +7,22 @@ the caller. When not one trial was recorded, no session folder is left. A progra
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Unpack
 
-from rig.backend import Capabilities, check_contract, open_backend
+from rig.backend import Capabilities
 from rig.configuration.motor_command import motor_command
 from rig.configuration.profile import Profile, load_profile
 from rig.configuration.rig_file import Rig, load_rig
-from rig.errors import HardwareFault
 from rig.recording.empty_session import discard_empty
 from rig.recording.options import RecordingKeywords, RecordingOptions
+from rig.recording.own_backend import recording_backend
 from rig.recording.provenance import software_versions
 from rig.recording.trial_plan import Plan, plain_plan
 from rig.recording.trial_sequence import record_entries
 from rig.safety.dry_run import dry_run
-from rig.safety.interrupts import deferred
 from rig.safety.permission import require_permission
 from rig.session.annotation_file import utc_now
 from rig.session.folder import Session
@@ -102,23 +100,13 @@ def record(out: str | Path, options: RecordingOptions | None = None, **keywords:
         found = dry_run(profile, config, given.predict) if given.predict is not None else {}
         predicted = predicted or found
     existed = Path(out).is_dir()
-    own = isinstance(given.backend, str)
-    backend = open_backend(given.backend, rig.config) if isinstance(given.backend, str) else given.backend
-    check_contract(backend)
     session: Session | None = None
     try:
-        require_permission(rig, backend.capabilities, given.permission, given.predict is not None)
-        info = _session_info(Path(out).name, backend.capabilities, rig, plan, given, predicted)
-        session = Session.create(out, info, {"rig.toml": rig.text, **plan.files()})
-        record_entries(session, backend, config, plan.entries, given)
-    except BaseException:
-        if own:
-            with deferred(), contextlib.suppress(HardwareFault):
-                backend.close()  # the first fault is the one to report
-        raise
-    else:
-        if own:
-            backend.close()
+        with recording_backend(given.backend, rig.config) as backend:
+            require_permission(rig, backend.capabilities, given.permission, given.predict is not None)
+            info = _session_info(Path(out).name, backend.capabilities, rig, plan, given, predicted)
+            session = Session.create(out, info, {"rig.toml": rig.text, **plan.files()})
+            record_entries(session, backend, config, plan.entries, given)
     finally:
         if session is not None:
             discard_empty(session, existed)
