@@ -106,11 +106,10 @@ def sensor_pattern(film: FrameSource, ready: PreparedFilm, table: PoseTable) -> 
     ``ready`` may be the film less an earlier estimate of its pattern.
     """
     shape = (film.height, film.width)
-    sums = np.zeros((3, 3, *shape))  # count, sum, squares: of the least moved third, the middle and the furthest
-    masks = build_masks(ready.bodies, *shape)
     way, moved = way_px(ready, table), moved_rows(ready, table)
+    chosen: dict[int, tuple[NDArray[np.intp], NDArray[np.intp]]] = {}  # body: rows, and the third of the way of each
     apart = 0.0
-    for i, (template, mask) in enumerate(zip(ready.templates, masks, strict=True)):
+    for i in range(len(ready.templates)):
         rows = np.flatnonzero(moved[:, i])
         if rows.size < LEAST_ROWS:
             continue
@@ -118,15 +117,20 @@ def sensor_pattern(film: FrameSource, ready: PreparedFilm, table: PoseTable) -> 
         rows = rows[np.unique(np.linspace(0, rows.size - 1, MOST_ROWS).astype(int))]
         third = np.minimum(3 * np.arange(rows.size) // rows.size, 2)
         apart = max(apart, float(np.median(way[rows[third == 2], i]) - np.median(way[rows[third == 0], i])))
+        chosen[i] = rows, third
+    if apart < APART_PX:
+        return None
+    sums = np.zeros((3, 3, *shape))  # count, sum, squares: of the least moved third, the middle and the furthest
+    masks = build_masks(ready.bodies, *shape)
+    for i, (rows, third) in chosen.items():
         for row, part in zip(rows, third, strict=True):
-            found = _difference(ready, film.read(int(table.frame[row])), table.pose[row, i], template.centre_px, mask)
+            frame, centre = film.read(int(table.frame[row])), ready.templates[i].centre_px
+            found = _difference(ready, frame, table.pose[row, i], centre, masks[i])
             if found is not None:
                 difference, known = found
                 grey = difference[known]
                 for k, values in enumerate((np.ones_like(grey), grey, grey**2)):
                     sums[k, part][known] += values
-    if apart < APART_PX:
-        return None
     return _believed(sums, max(ready.reference.noise_grey, 0.3) ** 2)
 
 
