@@ -1,6 +1,7 @@
 from . import batch as batch
 from . import calibration as calibration
 from . import errors as errors
+from . import felt as felt
 from . import inside as inside
 from . import null_model as null_model
 from . import observables as observables

@@ -19,10 +19,12 @@ from pianorig.errors import CommandInputError
 
 
 def command(
-    curve: Annotated[
-        Path | None,
+    curves: Annotated[
+        list[Path] | None,
         typer.Argument(
-            help="Loading experiment: CSV with displacement_m,force_n, optionally phase (loading, unloading)."
+            metavar="CURVE...",
+            help="Loading experiment: CSV with displacement_m,force_n, optionally phase (loading, unloading). "
+            "Several, with time_s,displacement_m,force_n: laws of felt compared.",
         ),
     ] = None,
     contact: Annotated[
@@ -64,27 +66,37 @@ def command(
 
     A measured number may carry its standard uncertainty, 0.35+-0.01; with --out it must.
 
+    Several curves at several speeds and peak forces: each law of felt is fitted to them and judged by curves left out.
+
     Example:  pianorig calibrate-felt felt.csv --contact contact02 --force force.csv --figure felt.svg --out mine.toml
     """
     if figure is not None:
-        if curve is None:
+        if not curves:
             raise CommandInputError("--figure: draws a loading experiment; name its CSV file too")
         check_writable(figure, *FIGURE_ENDINGS)
     if out is not None:
         check_writable(out, ".toml")
     given = model.load_action(action)
     blows, speeds = workflows.blow_speeds(given, force or [], motion or [])
-    if curve is None and not blows and friction is None and rebound is None and pendulum is None:
+    if not curves and not blows and friction is None and rebound is None and pendulum is None:
         raise CommandInputError(
             "nothing to calibrate; name a loading experiment, or give --friction, --rebound or --pendulum"
         )
     facts: dict[str, Any] = {"action": given.name, **speeds.facts}
     lines = list(speeds.lines)
     found = []  # what each measurement gave, and the source its values get in the action's file
-    if curve is not None:
-        felt = workflows.felt(given, curve, contact, speed, blows, figure)
+    if curves and len(curves) > 1:
+        if speed is not None or blows:
+            raise CommandInputError(
+                "--speed, --force, --motion: D of one curve; several curves give D from their own speeds"
+            )
+        felt = workflows.felt_laws(given, curves, contact, figure)
+        facts["felt_laws"] = felt.facts
+        found.append((felt, f"calibrated from {len(curves)} presses, {curves[0].name} first"))
+    elif curves:
+        felt = workflows.felt(given, curves[0], contact, speed, blows, figure)
         facts["felt"] = felt.facts
-        found.append((felt, f"calibrated from {curve.name}"))
+        found.append((felt, f"calibrated from {curves[0].name}"))
     for name, texts, calibrate in (
         ("friction", friction, partial(workflows.friction, contact)),
         ("rebound", rebound, workflows.rebound),

@@ -14,6 +14,8 @@ QUIET_S = 0.3
 FELT_DEPTH_M = 5e-4
 FELT_LOSS = 0.12
 """Half of the difference between pressing and releasing, of the force between them."""
+PRESS_BETA, PRESS_ETA = (0.15,), (0.2,)
+"""Half width of the loop as a share of the force, and the reach of its memory as a share of the depth."""
 NOISE_N = 0.02
 
 
@@ -44,6 +46,24 @@ def felt_loading() -> Table:
     noise = np.random.default_rng(2).normal(0.0, NOISE_N, 2 * pressed.size)
     force = np.concatenate([middle * (1 + FELT_LOSS), (middle * (1 - FELT_LOSS))[::-1]]) + noise
     return {"displacement_m": np.concatenate([pressed, pressed[::-1]]), "force_n": force}
+
+
+def felt_presses() -> dict[str, Table]:
+    """Presses of a felt that remembers: three speeds to three depths, with the noise of the cell."""
+    action, rng = model.load_action(), np.random.default_rng(4)
+    a, b, c = (action[f"contact02.normal.{name}"] for name in "abc")
+    law = model.felt.Hysteresis(a, b, c, PRESS_BETA, PRESS_ETA)
+    out = {}
+    for depth_mm in (0.2, 0.35, 0.5):
+        for speed_mm_per_s in (2, 10, 50):
+            seconds = 2.0 * depth_mm / speed_mm_per_s
+            time_s = np.linspace(0.0, seconds, 301)
+            depth_m = 1e-3 * (depth_mm - speed_mm_per_s * np.abs(time_s - 0.5 * seconds))
+            force_n = law.response(time_s, depth_m).force_n + rng.normal(0.0, NOISE_N, time_s.size)
+            out[f"{depth_mm}mm_{speed_mm_per_s}mm_per_s"] = {
+                "time_s": time_s, "displacement_m": depth_m, "force_n": force_n
+            }  # fmt: skip
+    return out
 
 
 def lab_recording(blow: model.Solution) -> Table:

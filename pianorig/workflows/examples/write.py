@@ -16,6 +16,7 @@ EXAMPLES = {
     "recorded_force.csv": "force as a pianist's key saw it, after the thesis's Fig. 4.1: learn",
     "key.csv": "motion of the key since rest, in encoder counts: simulate --key-motion --from-rest",
     "felt.csv": "one press and release of a felt: calibrate-felt",
+    "presses": "folder: nine presses of a felt at three speeds to three depths: calibrate-felt presses/*.csv",
     "lab.csv": "a blow recorded by another program: import",
     "lab.toml": "what is what in lab.csv: import --mapping",
     "film.mraw": "film of a blow, 150 frames at 2000 frames/s, its header in film.cihx: track, attach",
@@ -95,8 +96,10 @@ def write_examples(folder: Path, working: Callable[[str], None] = lambda words: 
         "plan.toml": PLAN,
         "my_rig.toml": (RIGS / "pcie6363.toml").read_text("utf-8").replace('name = "pcie6363"', 'name = "my_rig"', 1),
     }
+    paths["presses"].mkdir()
+    texts |= {f"presses/{name}.csv": tables.table_text(press) for name, press in tables.felt_presses().items()}
     for name, text in texts.items():
-        write_text(paths[name], text)
+        write_text(folder / name, text)
     working("filming")
     films.write_blow_film(paths["film.mraw"], paths["bodies.toml"], blow)
     films.write_target_film(paths["target.mraw"])

@@ -97,3 +97,32 @@ def test_measured_numbers_go_into_the_file(tmp_path: Path, capsys: pytest.Captur
 )
 def test_bad_input_is_one_line(arguments: list[str], words: str, felt: Path, refused: Callable[..., None]) -> None:
     refused(words, "calibrate-felt", *[a.replace("{felt}", str(felt)) for a in arguments])
+
+
+def test_several_presses_choose_a_law(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    action = model.load_action()
+    law = model.felt.HuntCrossley(*(action[f"contact02.normal.{k}"] for k in "abc"), 0.7)
+    rng = np.random.default_rng(6)
+    paths = []
+    for depth in (3e-4, 5e-4, 8e-4):
+        for speed in (0.005, 0.02, 0.08):
+            time_s = np.linspace(0.0, 2.0 * depth / speed, 151)
+            depth_m = depth - speed * np.abs(time_s - time_s[75])
+            force_n = law.response(time_s, depth_m).force_n + rng.normal(0.0, 0.01, 151)
+            rows = "".join(f"{t!r},{x!r},{f!r}\n" for t, x, f in np.column_stack([time_s, depth_m, force_n]).tolist())
+            paths.append(tmp_path / f"{depth}_{speed}.csv")
+            paths[-1].write_text("time_s,displacement_m,force_n\n" + rows)
+    out, figure = tmp_path / "mine.toml", tmp_path / "laws.svg"
+    named = [str(path) for path in paths]
+    arguments = [*named, "--contact", "contact02", "--out", str(out), "--figure", str(figure), "--json"]
+    assert run("calibrate-felt", *arguments) == 0
+    facts = json.loads(capsys.readouterr().out)["felt_laws"]
+    assert facts["supported"] == ["hunt-crossley"]
+    d, u = (facts["laws"]["hunt-crossley"][k]["D"] for k in ("values", "u"))
+    assert abs(d - 0.7) < 5.0 * u and u < 0.03
+    assert model.load_action(out)["contact02.normal.D"] == pytest.approx(d)
+    assert figure.read_text().startswith("<?xml")
+    assert run("calibrate-felt", *named, "--speed", "0.1") == 2
+    assert "D of one curve" in capsys.readouterr().err
+    assert run("calibrate-felt", *named[:2]) == 2
+    assert "found 2 presses, allowed 3 or more" in capsys.readouterr().err

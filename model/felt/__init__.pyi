@@ -1,0 +1,13 @@
+from . import figure as figure
+from .compare import LawComparison as LawComparison
+from .compare import compare_laws as compare_laws
+from .fit import LawFit as LawFit
+from .fit import fit_law as fit_law
+from .laws import LAWS as LAWS
+from .laws import FeltLaw as FeltLaw
+from .laws import HuntCrossley as HuntCrossley
+from .laws import Hysteresis as Hysteresis
+from .laws import Response as Response
+from .laws import Stulov as Stulov
+from .pressing import Pressing as Pressing
+from .pressing import read_pressing as read_pressing

@@ -1,0 +1,175 @@
+"""One law's parameters from several presses of a felt, by least squares of the force.
+
+Every press counts alike: its residual is taken as a share of its peak force, so that the hardest press does not decide
+alone. Parameters are searched in coordinates that keep a law passive; standard uncertainties are the jackknife over
+presses, because what a law lacks is common to all samples of a press and the samples' scatter would understate it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import least_squares
+
+from model.errors import InputError
+from model.felt.laws import LAWS, LONGEST_REACH, FeltLaw, HuntCrossley, Hysteresis, Stulov
+from model.felt.pressing import Pressing
+
+FEWEST_PRESSES = 2
+MOST_EVALUATIONS = 400
+
+Array = NDArray[np.float64]
+
+
+class Search(NamedTuple):
+    """Coordinates of a law's search, numbers of order one in a box, and where it starts."""
+
+    starts: tuple[tuple[float, ...], ...]
+    low: tuple[float, ...]
+    high: tuple[float, ...]
+    law: Callable[[Array], FeltLaw]
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    values: Callable[[FeltLaw], tuple[float, ...]]
+
+
+@dataclass(frozen=True)
+class LawFit:
+    """A law fitted to presses.
+
+    Attributes
+    ----------
+    kind : one of ``LAWS``
+    law : with the fitted parameters
+    names, units, values, u : of the parameters; ``u`` is the jackknife over presses, NaN with fewer than three
+    misfit : (m,) root mean square residual of each press as a share of its peak force
+    """
+
+    kind: str
+    law: FeltLaw
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    values: tuple[float, ...]
+    u: tuple[float, ...]
+    misfit: Array
+
+
+def shares(law: FeltLaw, press: Pressing) -> Array:
+    """Residuals (n,) of a law on a press: modelled minus measured force, as a share of the peak force."""
+    return (law.response(press.time_s, press.depth_m).force_n - press.force_n) / press.peak_n
+
+
+def root_mean_square(residual: Array) -> float:
+    """Root mean square of residuals (n,)."""
+    return float(np.sqrt(np.mean(residual**2)))
+
+
+def _cubic(s: Array, depth: float, force: float) -> tuple[float, float, float]:
+    """Return a, b, c of non-negative stiffness: shares of the largest force, b from its bound on."""
+    a, c = s[0] * force / depth**3, s[2] * force / depth
+    return a, s[1] * force / depth**2 - float(np.sqrt(3.0 * a * c)), c
+
+
+def _search(kind: str, presses: Sequence[Pressing]) -> Search:
+    depth, force = max(p.deepest_m for p in presses), max(p.peak_n for p in presses)
+    speed = float(np.nanmedian([p.speed_m_per_s for p in presses]))
+    shape = ((1.0, 0.3, 0.1), (0.1, 1.0, 0.1), (0.1, 0.3, 1.0))
+    cubic_units = ("N/m^3", "N/m^2", "N/m")
+    if kind == "hunt-crossley":
+        return Search(
+            tuple((*s, 0.1) for s in shape), (0.0, 0.0, 0.0, 0.0), (20.0, 20.0, 20.0, 50.0),
+            lambda s: HuntCrossley(*_cubic(s, depth, force), s[3] / speed), ("a", "b", "c", "D"),
+            (*cubic_units, "s/m"), lambda law: (law.a, law.b, law.c, law.d),  # type: ignore[attr-defined]
+        )  # fmt: skip
+    if kind == "hysteresis":
+        return Search(
+            tuple((*s, 0.1, eta) for s in shape for eta in (0.1, 0.3)), (0.0, 0.0, 0.0, 0.0, 0.01),
+            (20.0, 20.0, 20.0, 1.0, LONGEST_REACH),
+            lambda s: Hysteresis(*_cubic(s, depth, force), (s[3],), (s[4],)), ("a", "b", "c", "beta", "eta"),
+            (*cubic_units, "1", "1"),
+            lambda law: (law.a, law.b, law.c, law.beta[0], law.eta[0]),  # type: ignore[attr-defined]
+        )  # fmt: skip
+    # slow presses know Q0 = F0 (1 - eps) and alpha = tau0 eps / (1 - eps) better than F0, eps and tau0 apart
+    lasts = float(np.median([p.time_s[-1] - p.time_s[0] for p in presses]))
+
+    def stulov(s: Array) -> Stulov:
+        alpha, tau = lasts * float(np.exp(s[2])), lasts * float(np.exp(s[3]))
+        epsilon = min(alpha / (alpha + tau), 1.0 - 1e-9)
+        return Stulov(float(np.exp(s[0])) * force / depth ** s[1] / (1.0 - epsilon), s[1], epsilon, tau)
+
+    def numbers(law: FeltLaw) -> tuple[float, ...]:
+        assert isinstance(law, Stulov)
+        left = 1.0 - law.epsilon
+        return law.f0 * left, law.p, law.tau_s * law.epsilon / left, law.tau_s
+
+    return Search(
+        tuple((0.0, p, alpha, tau) for p in (1.5, 3.0) for alpha, tau in ((-5.0, -9.0), (-2.5, -2.5))),
+        (-4.0, 1.0, -14.0, -14.0), (4.0, 8.0, 3.0, 3.0), stulov,
+        ("Q0", "p", "alpha", "tau0"), ("N/m^p", "1", "s", "s"), numbers,
+    )  # fmt: skip
+
+
+def _fit(search: Search, presses: Sequence[Pressing], starts: Sequence[ArrayLike]) -> Array:
+    """Coordinates (k,) of the best fit from any of the starts."""
+
+    def residual(s: Array) -> Array:
+        law = search.law(s)
+        return np.concatenate([shares(law, press) / np.sqrt(len(press.force_n)) for press in presses])
+
+    found = [
+        least_squares(residual, start, bounds=(search.low, search.high), x_scale="jac", max_nfev=MOST_EVALUATIONS)
+        for start in starts
+    ]
+    return np.asarray(min(found, key=lambda one: float(one.cost)).x, dtype=float)
+
+
+def fit_law(kind: str, presses: Sequence[Pressing]) -> tuple[LawFit, list[FeltLaw]]:
+    """Fit one law to presses, and once more without each of them.
+
+    Parameters
+    ----------
+    kind : one of ``LAWS``
+    presses : two or more
+
+    Returns
+    -------
+    tuple
+        The fit to all presses, and for each press the law fitted to the others.
+
+    Raises
+    ------
+    InputError : unknown law, or too few presses
+
+    Examples
+    --------
+    >>> import model
+    >>> names = [f"presses/0.5mm_{speed}mm_per_s.csv" for speed in (2, 10, 50)]
+    >>> presses = [model.felt.read_pressing(name) for name in names]
+    >>> fit, without_each = model.felt.fit_law("hunt-crossley", presses)
+    >>> fit.names, len(without_each)
+    (('a', 'b', 'c', 'D'), 3)
+    """
+    if kind not in LAWS:
+        raise InputError(f"felt law: found {kind!r}, allowed {', '.join(LAWS)}")
+    if len(presses) < FEWEST_PRESSES:
+        raise InputError(f"felt law {kind}: found {len(presses)} presses, allowed {FEWEST_PRESSES} or more")
+    search = _search(kind, presses)
+    best = _fit(search, presses, search.starts)
+    law = search.law(best)
+    # the others differ little from all: one start, at the best of all
+    inside = np.clip(best, np.add(search.low, 1e-6), np.subtract(search.high, 1e-6))
+    without = [
+        search.law(_fit(search, [p for p in presses if p is not one], [inside, *search.starts[:1]])) for one in presses
+    ]
+    n = len(presses)
+    values = np.array([search.values(one) for one in without])
+    spread = np.sqrt((n - 1) / n * np.sum((values - values.mean(axis=0)) ** 2, axis=0))
+    u = spread if n > 2 else np.full(len(search.names), np.nan)
+    return LawFit(
+        kind, law, search.names, search.units, search.values(law), tuple(u.tolist()),
+        np.array([root_mean_square(shares(law, press)) for press in presses]),
+    ), without  # fmt: skip

@@ -1,0 +1,233 @@
+"""Three laws of felt in reference form: force and stored energy along a given press.
+
+``HuntCrossley`` is the thesis's (eqs 2.4 and 2.5), ``Stulov`` has a memory that fades with time, ``Hysteresis`` one
+that fades with the way gone, whatever the speed. Depth is positive where the surfaces overlap; no law pulls. Each is
+passive: work done on it is never less than the rise of what it stores (docs/decisions/0148-felt-laws-with-memory.md).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from model.errors import InputError
+from model.kernels.felt_memory import fill_hysteresis, fill_stulov
+
+LAWS = ("hunt-crossley", "stulov", "hysteresis")
+LONGEST_REACH = 0.4
+"""Largest reach of a memory that is passive on every cubic whose stiffness is nowhere negative."""
+
+Array = NDArray[np.float64]
+
+
+class Response(NamedTuple):
+    """What a felt answers at each sample."""
+
+    force_n: Array
+    """(n,) pushing apart, never negative."""
+    stored_j: Array
+    """(n,) energy that can come back."""
+
+
+class FeltLaw(Protocol):
+    """A law of felt."""
+
+    def response(self, time_s: ArrayLike, depth_m: ArrayLike) -> Response:
+        """Force and stored energy at times (n,) and depths (n,), straight between samples."""
+        ...
+
+
+def _path(time_s: ArrayLike, depth_m: ArrayLike) -> tuple[Array, Array]:
+    """Times and depths as arrays that can be followed."""
+    t, x = np.asarray(time_s, dtype=float), np.asarray(depth_m, dtype=float)
+    if t.ndim != 1 or t.shape != x.shape or len(t) < 2:
+        raise InputError(
+            f"press: found {t.shape} times and {x.shape} depths, allowed two rows of one length, 2 or more"
+        )
+    if not (np.isfinite(t).all() and np.isfinite(x).all() and (np.diff(t) > 0.0).all()):
+        raise InputError("press: allowed finite depths at times that increase")
+    return t, x
+
+
+def _check(law: str, **numbers: tuple[float, float, float]) -> None:
+    """Refuse numbers (value, lowest, highest) out of range."""
+    for name, (value, low, high) in numbers.items():
+        if not (math.isfinite(value) and low <= value <= high):
+            raise InputError(f"felt law {law}: {name} found {value:g}, allowed {low:g} to {high:g}")
+
+
+def _check_cubic(law: str, a: float, b: float, c: float) -> None:
+    _check(law, a=(a, 0.0, math.inf), c=(c, 0.0, math.inf))
+    if b < 0.0 and b * b > 3.0 * a * c * (1.0 + 1e-9):
+        raise InputError(f"felt law {law}: b found {b:g}, allowed from {-math.sqrt(3.0 * a * c):g} (stiffness from 0)")
+
+
+@dataclass(frozen=True)
+class HuntCrossley:
+    """f(x) (1 + D dx/dt) with f = a x^3 + b x^2 + c x; eqs 2.4 and 2.5.
+
+    Attributes
+    ----------
+    a, b, c : N/m^3, N/m^2, N/m
+    d : damping factor D, s/m
+    """
+
+    a: float
+    b: float
+    c: float
+    d: float
+
+    def __post_init__(self) -> None:
+        """Refuse a felt that pulls, softens below zero stiffness or gives energy."""
+        _check_cubic("hunt-crossley", self.a, self.b, self.c)
+        _check("hunt-crossley", D=(self.d, 0.0, math.inf))
+
+    def response(self, time_s: ArrayLike, depth_m: ArrayLike) -> Response:
+        """Force and stored energy along a press.
+
+        Parameters
+        ----------
+        time_s, depth_m : (n,) s, increasing, and m
+
+        Returns
+        -------
+        Response
+            Force, N, and stored energy, J, (n,) each.
+
+        Raises
+        ------
+        InputError : times and depths that cannot be followed
+
+        Examples
+        --------
+        >>> import model
+        >>> felt = model.felt.HuntCrossley(a=0.0, b=0.0, c=1e4, d=0.1)
+        >>> felt.response([0.0, 0.1], [0.0, 1e-3]).force_n.round(3).tolist()
+        [0.0, 10.01]
+        """
+        t, x = _path(time_s, depth_m)
+        pressed = np.maximum(x, 0.0)
+        f = ((self.a * pressed + self.b) * pressed + self.c) * pressed
+        force = np.maximum(f, 0.0) * np.maximum(1.0 + self.d * np.gradient(x, t), 0.0)
+        stored = pressed**2 * (0.5 * self.c + pressed * (self.b / 3.0 + 0.25 * self.a * pressed))
+        return Response(force, stored)
+
+
+@dataclass(frozen=True)
+class Stulov:
+    """F0 (u - eps h) of u = x^p with a memory h that follows u: tau0 dh/dt = u - h while the felt is pressed.
+
+    Where the surfaces part, the felt's own surface lags at u = eps h and follows later: the force is zero until the
+    other surface catches up. Slow presses see Q0 (u + alpha du/dt), Q0 = F0 (1 - eps), alpha = tau0 eps / (1 - eps).
+
+    Attributes
+    ----------
+    f0 : N/m^p, of a press too fast for the memory
+    p : exponent of the depth
+    epsilon : share of the force that fades, 0 to below 1
+    tau_s : time in which it fades, s
+    """
+
+    f0: float
+    p: float
+    epsilon: float
+    tau_s: float
+
+    def __post_init__(self) -> None:
+        """Refuse a felt that would give energy or force without press."""
+        largest = 1.0 - 1e-9
+        _check("stulov", F0=(self.f0, 0.0, math.inf), p=(self.p, 0.5, 10.0), epsilon=(self.epsilon, 0.0, largest))
+        _check("stulov", tau0=(self.tau_s, 1e-12, math.inf))
+
+    def response(self, time_s: ArrayLike, depth_m: ArrayLike) -> Response:
+        """Force and stored energy along a press, from a felt at rest; exact where x^p runs straight between samples.
+
+        Parameters
+        ----------
+        time_s, depth_m : (n,) s, increasing, and m
+
+        Returns
+        -------
+        Response
+            Force, N, and stored energy, J, (n,) each.
+
+        Raises
+        ------
+        InputError : times and depths that cannot be followed
+
+        Examples
+        --------
+        >>> import model
+        >>> felt = model.felt.Stulov(f0=1e4, p=1.0, epsilon=0.5, tau_s=1e-3)
+        >>> felt.response([0.0, 1e-6, 1.0], [0.0, 1e-3, 1e-3]).force_n.round(2).tolist()
+        [0.0, 10.0, 5.0]
+        """
+        t, x = _path(time_s, depth_m)
+        out = Response(np.empty(len(t)), np.empty(len(t)))
+        fill_stulov(t, x, self.f0, self.p, self.epsilon, self.tau_s, out.force_n, out.stored_j)
+        return out
+
+
+@dataclass(frozen=True)
+class Hysteresis:
+    """f(x) (1 + sum of beta z) with dz = (dx - |dx| z) / (eta x): a loop of the same area at any speed.
+
+    Several memories side by side give minor loops of several widths. On the way in from first touch z is 1, and after
+    turning at x_m it is 2 (x / x_m)^(1/eta) - 1. A felt that parted has forgotten: it does not recover slowly.
+
+    Attributes
+    ----------
+    a, b, c : of f = a x^3 + b x^2 + c x, N/m^3, N/m^2, N/m
+    beta : half widths of the loops as shares of f, each from 0, together at most 1
+    eta : reach of each memory as a share of the depth, above 0 to 0.4
+    """
+
+    a: float
+    b: float
+    c: float
+    beta: tuple[float, ...]
+    eta: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        """Refuse a felt that pulls or gives energy."""
+        _check_cubic("hysteresis", self.a, self.b, self.c)
+        if len(self.beta) != len(self.eta) or not self.beta:
+            raise InputError(
+                f"felt law hysteresis: found {len(self.beta)} beta and {len(self.eta)} eta, allowed as many, 1 or more"
+            )
+        for beta, eta in zip(self.beta, self.eta, strict=True):
+            _check("hysteresis", beta=(beta, 0.0, 1.0), eta=(eta, 1e-3, LONGEST_REACH))
+        _check("hysteresis", **{"sum of beta": (sum(self.beta), 0.0, 1.0)})
+
+    def response(self, time_s: ArrayLike, depth_m: ArrayLike) -> Response:
+        """Force and stored energy along a press; exact for any sampling that has its turning points.
+
+        Parameters
+        ----------
+        time_s, depth_m : (n,) s, increasing, and m
+
+        Returns
+        -------
+        Response
+            Force, N, and stored energy, J, (n,) each.
+
+        Raises
+        ------
+        InputError : times and depths that cannot be followed
+
+        Examples
+        --------
+        >>> import model
+        >>> felt = model.felt.Hysteresis(a=0.0, b=0.0, c=1e4, beta=(0.2,), eta=(0.25,))
+        >>> felt.response([0.0, 1.0, 2.0], [0.0, 1e-3, 5e-4]).force_n.round(3).tolist()
+        [0.0, 12.0, 4.125]
+        """
+        _, x = _path(time_s, depth_m)
+        out = Response(np.empty(len(x)), np.empty(len(x)))
+        numbers = np.array(self.beta), np.array(self.eta)
+        fill_hysteresis(x, self.a, self.b, self.c, *numbers, out.force_n, out.stored_j)
+        return out

@@ -1,0 +1,150 @@
+"""Fits of felt laws: planted parameters found again, the right law named, and none where the presses cannot tell."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from model.errors import InputError
+from model.felt import FeltLaw, HuntCrossley, Hysteresis, Pressing, Stulov, compare_laws, fit_law, read_pressing
+from model.felt.compare import sign_flip_p
+from model.felt.pressing import as_pressing
+
+A, B, C = 4.41e10, -1.02e7, 1.57e4  # contact02 of Table A.8
+DEPTHS, SPEEDS = (3e-4, 6e-4, 9e-4), (0.002, 0.02, 0.1)
+FELTS: dict[str, FeltLaw] = {
+    "hunt-crossley": HuntCrossley(A, B, C, 0.6),
+    "stulov": Stulov(2e9, 2.5, 0.5, 2e-2),
+    "hysteresis": Hysteresis(A, B, C, (0.2,), (0.25,)),
+}
+
+
+def press(law: FeltLaw, depth: float, speed: float, rng: np.random.Generator, noise: float = 0.01) -> Pressing:
+    """One press and release of 200 samples with noise of the force."""
+    time_s = np.linspace(0.0, 2.0 * depth / speed, 201)
+    depth_m = depth - speed * np.abs(time_s - time_s[100])
+    force = law.response(time_s, depth_m).force_n + rng.normal(0.0, noise, 201)
+    return as_pressing(f"{depth:g} {speed:g}", time_s, depth_m, force)
+
+
+def presses(law: FeltLaw, seed: int = 1, noise: float = 0.01) -> list[Pressing]:
+    """Presses at three speeds to three depths."""
+    rng = np.random.default_rng(seed)
+    return [press(law, depth, speed, rng, noise) for depth in DEPTHS for speed in SPEEDS]
+
+
+@pytest.mark.parametrize("kind", FELTS)
+def test_the_law_of_the_felt_is_the_one_supported(kind: str) -> None:
+    found = compare_laws(presses(FELTS[kind]))
+    assert found.supported == (kind,)
+    best = found.fits[[fit.kind for fit in found.fits].index(kind)]
+    assert (best.misfit < 1.3 * found.noise).all()
+    others = [k for k, fit in enumerate(found.fits) if fit.kind != kind]
+    assert (found.p_value[others] <= 0.05).all()
+
+
+@pytest.mark.parametrize(
+    ("kind", "true"),
+    [
+        ("hunt-crossley", (A, B, C, 0.6)),
+        ("stulov", (1e9, 2.5, 0.02, 0.02)),
+        ("hysteresis", (A, B, C, 0.2, 0.25)),
+    ],
+)
+def test_planted_parameters_are_found_again(kind: str, true: tuple[float, ...]) -> None:
+    fit, without = fit_law(kind, presses(FELTS[kind]))
+    assert len(without) == 9
+    for value, u, planted in zip(fit.values, fit.u, true, strict=True):
+        assert abs(value - planted) < 5.0 * u + 1e-6 * abs(planted)
+        assert u < 0.05 * abs(planted)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["hunt-crossley", "hysteresis"])
+def test_jackknife_intervals_cover(kind: str) -> None:
+    inside, rounds = 0, 40
+    truth = {"hunt-crossley": (A, B, C, 0.6), "hysteresis": (A, B, C, 0.2, 0.25)}[kind]
+    for seed in range(rounds):
+        fit, _ = fit_law(kind, presses(FELTS[kind], seed, 0.05))
+        factor = float(stats.t.ppf(0.975, len(DEPTHS) * len(SPEEDS) - 1))
+        inside += sum(abs(v - w) <= factor * u for v, u, w in zip(fit.values, fit.u, truth, strict=True))
+    assert 0.85 <= inside / (rounds * len(truth)) <= 1.0
+
+
+def test_no_law_is_ruled_out_where_all_say_the_same() -> None:
+    elastic = Stulov(1e11, 3.0, 0.0, 1e-3)  # a cube without any loop: every law has it
+    rng = np.random.default_rng(1)
+    some = [press(elastic, depth, 0.02, rng, 0.02) for depth in np.linspace(3e-4, 9e-4, 7)]
+    found = compare_laws(some)
+    assert set(found.supported) == {"hunt-crossley", "stulov", "hysteresis"}
+    assert "do not tell" in found.verdict
+
+
+def test_too_few_presses_rule_nothing_out() -> None:
+    found = compare_laws(presses(FELTS["hysteresis"])[:4])
+    assert "4 presses cannot tell" in found.verdict and "at least 7" in found.verdict
+
+
+def test_sign_flips() -> None:
+    assert sign_flip_p(np.ones(6)) == pytest.approx(2.0 / 2**6)
+    assert sign_flip_p(np.array([1.0, -1.0])) == 1.0
+    rng = np.random.default_rng(2)
+    assert sign_flip_p(rng.normal(3.0, 1.0, 30)) < 1e-3
+
+
+def test_the_noise_of_a_press_is_that_of_its_force() -> None:
+    seen = [press(FELTS["hysteresis"], 9e-4, 0.02, np.random.default_rng(s), 0.05).noise_n for s in range(40)]
+    assert np.mean(seen) == pytest.approx(0.05, rel=0.05)
+
+
+def test_a_noisy_depth_is_smoothed_and_a_clean_one_kept() -> None:
+    rng = np.random.default_rng(3)
+    time_s = np.linspace(0.0, 1.0, 2001)
+    depth = 5e-4 * (1.0 - np.abs(2.0 * time_s - 1.0))
+    force = HuntCrossley(A, B, C, 0.0).response(time_s, depth).force_n
+    clean = as_pressing("clean", time_s, depth, force)
+    noisy = as_pressing("noisy", time_s, depth + rng.normal(0.0, 1e-6, 2001), force)
+    assert np.array_equal(clean.depth_m, depth)
+    assert np.std((noisy.depth_m - depth)[:900]) < 0.4e-6
+
+
+def test_a_long_press_is_thinned() -> None:
+    time_s = np.linspace(0.0, 10.0, 50_001)
+    depth = 5e-4 * (1.0 - np.abs(0.2 * time_s - 1.0))
+    assert len(as_pressing("long", time_s, depth, 1e4 * depth).time_s) <= 3000
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda t, x, f: (t[:30], x[:30], f[:30]), "found 30 samples, allowed at least 40"),
+        (lambda t, x, f: (t, np.where(t > 0.5, np.nan, x), f), "row 102: found no number"),
+        (lambda t, x, f: (t**2, x, f), "not evenly spaced"),
+        (lambda t, x, f: (t, -x, f), "never pressed"),
+        (lambda t, x, f: (t, np.sort(x), f), "found one way only"),
+    ],
+)
+def test_a_press_that_cannot_be_used(change: object, words: str, tmp_path: Path) -> None:
+    time_s = np.linspace(0.0, 1.0, 201)
+    depth = 5e-4 * (1.0 - np.abs(2.0 * time_s - 1.0))
+    columns = change(time_s, depth, 1e4 * depth)  # type: ignore[operator]
+    file = tmp_path / "press.csv"
+    rows = "\n".join(",".join(f"{v!r}" for v in row) for row in np.column_stack(columns).tolist())
+    file.write_text("time_s,displacement_m,force_n\n" + rows + "\n")
+    with pytest.raises(InputError, match=words):
+        read_pressing(file)
+
+
+def test_comparisons_that_cannot_be_made() -> None:
+    some = presses(FELTS["stulov"])
+    with pytest.raises(InputError, match="found 2 presses, allowed 3 or more"):
+        compare_laws(some[:2])
+    with pytest.raises(InputError, match="is given twice"):
+        compare_laws([some[0], some[0], some[1]])
+    with pytest.raises(InputError, match="felt law: found 'hertz'"):
+        fit_law("hertz", some)
+    with pytest.raises(InputError, match="found 1 presses"):
+        fit_law("stulov", some[:1])
