@@ -1,8 +1,8 @@
 """One press and release of a felt as measured: depth and force over time, with the noise of the force.
 
 A CSV file with the columns ``time_s``, ``displacement_m`` and ``force_n``, evenly sampled; displacement is zero at
-first touch and grows inwards. Laws need how fast the felt was pressed, so the time must be there. Where its noise asks for it
-the depth is smoothed by local parabolas, and of a long press a few thousand samples are kept.
+first touch and grows inwards. Laws need how fast the felt was pressed, so the time must be there. Where its noise asks
+for it the depth is smoothed by local parabolas, and of a long press a few thousand samples are kept.
 """
 
 from __future__ import annotations
