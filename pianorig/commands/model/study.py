@@ -14,7 +14,7 @@ from pianorig.console.output import print_json
 from pianorig.console.overrides import load_changed
 from pianorig.errors import CommandInputError
 
-THESIS, LIMIT = "thesis", "friction-limit"
+THESIS, LIMIT, STRING = "thesis", "friction-limit", "string"
 
 
 def command(
@@ -22,13 +22,13 @@ def command(
         str,
         typer.Argument(
             help="Built-in action or a TOML file; or the word thesis: its Figs 4.9-4.11, 4.16-4.19; or the word "
-            "friction-limit: threshold speeds beside set-valued friction."
+            "friction-limit: threshold speeds beside set-valued friction; or the word string: its bar beside a string."
         ),
     ],
     force: Annotated[
         Path | None,
         typer.Option(
-            "--force", help="CSV of time_s,force_n, or a sealed trial; after thesis or friction-limit: another forte."
+            "--force", help="CSV of time_s,force_n, or a sealed trial; after one of the words: another forte."
         ),
     ] = None,
     variant: Annotated[
@@ -39,7 +39,7 @@ def command(
     scale: Scale = None,
     of: Annotated[
         str | None,
-        typer.Option("--of", help=f"With thesis or friction-limit: the action to study; default {DEFAULT_ACTION}."),
+        typer.Option("--of", help=f"With one of the words: the action to study; default {DEFAULT_ACTION}."),
     ] = None,
     out: Annotated[Path | None, typer.Option("--out", help="Folder for the figure and the tables.")] = None,
     as_json: AsJson = False,
@@ -50,16 +50,18 @@ def command(
     """
     if out is not None:
         make_folder(out)
-    if action in (THESIS, LIMIT):
+    if action in (THESIS, LIMIT, STRING):
         if variant:
             raise CommandInputError(f"study {action}: has its own variants; leave out --variant or name an action")
         chosen = load_changed(of or DEFAULT_ACTION, set_, scale)
-        study = workflows.study_thesis if action == THESIS else workflows.friction_limit
+        study = {
+            THESIS: workflows.study_thesis, LIMIT: workflows.friction_limit, STRING: workflows.study_string
+        }[action]  # fmt: skip
         facts = study(chosen, force, out, quiet=as_json)
     else:
         if of is not None:
             raise CommandInputError(
-                f"--of {of}: goes with the words thesis and friction-limit only; name the action instead of {action}"
+                f"--of {of}: goes with thesis, friction-limit and string only; name the action instead of {action}"
             )
         if force is None:
             raise CommandInputError(
