@@ -24,9 +24,11 @@ from llvmlite import binding
 from numba.core import config as _config
 
 from model.kernels.once import alone
+from model.kernels.typing_memo import remember_plain_numbers
 
 numba_config: Any = _config  # set at run time by numba; its names are unknown to type checkers
 _PACKAGE = Path(__file__).resolve().parents[1]
+remember_plain_numbers()
 
 
 def kernel_sources() -> list[Path]:

@@ -19,6 +19,8 @@ from numba.core.typeconv import Conversion
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
 from numba.extending import lower_builtin, lower_cast, models, register_model
 
+from model.kernels.typing_memo import count_as_plain
+
 DOUBLE = ir.DoubleType()
 
 
@@ -28,6 +30,9 @@ class _Row(types.Type):  # type: ignore[misc]
     def __init__(self, width: int) -> None:
         self.width = width
         super().__init__(name=f"{type(self).__name__}({width})")
+
+
+count_as_plain(_Row)
 
 
 class Lanes(_Row):
