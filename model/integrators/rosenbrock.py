@@ -150,7 +150,8 @@ def integrate(span, drive, out, scene, kernels, method, limits, account):
             for i in range(n):
                 fastest = max(fastest, abs(w[V + i]))
             if slope == 0.0 and fastest * h < limits.rest:
-                quiet = constant_until(t, k_in, t_end, drive)
+                last = drive.time.shape[0] - 1
+                quiet = constant_until(t, k_in, t_end, 0, last, drive.time, drive.value, drive.held)
                 if quiet > t and at_rest(w, parent, parts, limits.rest):
                     k_out = stay(quiet, k_out, out, w, n)
                     times[0] += quiet - t

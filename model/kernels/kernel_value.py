@@ -21,7 +21,11 @@ from model.kernels.compile import kernel
 
 pointer = types.CPointer(types.float64)
 """In a signature: a C-contiguous array of float64, of which the kernel sees the address only."""
-_array = types.Array(types.float64, 1, "C")
+
+
+def _is_plain_array(kind: Any) -> bool:
+    """Whether the address of its first number says all of an array."""
+    return isinstance(kind, types.Array) and kind.dtype == types.float64 and kind.layout == "C"
 
 
 class KernelType(types.Callable):  # type: ignore[misc]
@@ -36,7 +40,7 @@ class KernelType(types.Callable):  # type: ignore[misc]
         if kws or len(args) != len(self.of.args):
             return None
         pairs = zip(args, self.of.args, strict=True)
-        wanted = [_array if of == pointer and given != pointer else of for given, of in pairs]
+        wanted = [given if of == pointer and _is_plain_array(given) else of for given, of in pairs]
         if any(context.can_convert(given, of) is None for given, of in zip(args, wanted, strict=True)):
             return None
         return call_signature(self.of.return_type, *wanted, recvr=self)
