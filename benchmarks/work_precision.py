@@ -143,7 +143,9 @@ def parse(arguments: list[str] | None) -> argparse.Namespace:
     p.add_argument("--out", type=Path, help="diagram (default docs/work_precision.svg for a full run)")
     p.add_argument("--json", type=Path, help="also write all rows and the machine as JSON")
     METHODS.update(COMPARISON)  # raced beside the methods of the package, in this process only
-    return p.parse_args(arguments)
+    args = p.parse_args(arguments)
+    args.repeats = args.repeats or (2 if args.quick else 5)
+    return args
 
 
 def first_call(action: model.Action) -> model.RestState:
@@ -211,9 +213,7 @@ def main(arguments: list[str] | None = None) -> int:
                 print(f"skipped: {name}: {reason}", flush=True)
                 continue
             entries.append(Entry(name, False, solver, (1e-5,) if args.quick else tolerances, name not in ONCE))
-        rows += race(
-            blow, entries, reference, args.repeats or (2 if args.quick else 5), lambda text: print(text, flush=True)
-        )
+        rows += race(blow, entries, reference, args.repeats, partial(print, flush=True))
     add_ratios(rows, default)
     print("\n" + table(rows) + "\n")
     for blow in blows:
