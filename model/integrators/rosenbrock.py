@@ -9,6 +9,7 @@ On failure the loop stops and says why with a status; the state is the last acce
 from math import isfinite
 
 import numpy as np
+from numba import int64
 
 from model.integrators.step_control import (
     DONE,
@@ -67,8 +68,9 @@ def stay(until, k_out, out, w, n):
     for i in range(n):
         w[V + i] = 0.0
     while k_out < out.time.shape[0] and out.time[k_out] <= until:
-        out.angle[k_out] = w[Q : Q + n]
-        out.speed[k_out] = 0.0
+        for i in range(n):
+            out.angle[k_out, i] = w[Q + i]
+            out.speed[k_out, i] = 0.0
         k_out += 1
     return k_out
 
@@ -129,7 +131,7 @@ def integrate(span, drive, out, scene, kernels, method, limits, account):
     w = np.zeros(SIZE)
     parts = np.zeros((n, n + 1))
     within = np.zeros((dense.shape[0], STAGE))
-    k_in = 0
+    k_in = int64(0)  # a plain 0 would be a type of its own, for which what takes it is compiled once more
     k_out = begin(span, out, w)
     status = TOO_MANY_STEPS
     fresh = True

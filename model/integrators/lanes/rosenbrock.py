@@ -11,6 +11,8 @@ from __future__ import annotations
 from functools import cache
 from typing import Any
 
+from numba import int64
+
 from model.integrators.lanes import slots as S
 from model.integrators.lanes.attempts import counted, fit_steps, read_inputs, read_start, rest, settle
 from model.integrators.lanes.outputs import give_out
@@ -136,7 +138,8 @@ def loop_in_lanes(width: int) -> Any:
         s = rows(number, width)
         n = members.angle.shape[1]
         n_stages = b.shape[0]
-        busy, following = fill_lanes(0, 0, width, members, space)
+        # a plain 0 would be a type of its own, for which numba compiles all that takes a seat once more
+        busy, following = fill_lanes(int64(0), int64(0), width, members, space)
         fresh = busy
         rejected = 0
         attempts = 0
