@@ -1,10 +1,10 @@
 """Random sharp forces on several scenes: is the requested error delivered, and does a run say when it is not?
 
-Part of ``python benchmarks/tolerance.py --sharp N``. Forces: random corners to 60 N, white noise to 5 N, squares that
-change sign, a force dropped within 0.2 ms, noise on a blow, random zigzag; scenes: the whole action, a lifting key, the
-motor arm; tolerances from 3e-4 to 1e-7. The error is the largest difference of any angle from Rodas5P at 1e-11, which
-shares the equations' code but not the method; where errors grow by more than 1e6 it is itself only one of the
-possible motions, and the request is missed by far whichever is right.
+Part of ``python benchmarks/tolerance.py --sharp N [--first K]``. Forces: random corners to 60 N, white noise to 5 N,
+squares that change sign, a force dropped within 0.2 ms, noise on a blow, random zigzag; scenes: the whole action, a
+lifting key, the motor arm; tolerances from 3e-4 to 1e-7. The error is the largest difference of any angle from Rodas5P
+at 1e-11, which shares the equations' code but not the method; where errors grow by more than 1e6 it is itself only one
+of the possible motions, and the request is missed by far whichever is right.
 """
 
 from __future__ import annotations
@@ -56,16 +56,21 @@ def sharp_force(random: np.random.Generator) -> tuple[str, Array, Array]:
     return kind, at, random.uniform(-3.0, 15.0, len(at))
 
 
-def sharp_forces(count: int, seed: int = 1) -> int:
-    """Print each disagreement and both rates; returns how many runs missed their request without saying so."""
+def sharp_forces(count: int, seed: int = 1, first: int = 0) -> int:
+    """Print each disagreement and both rates; returns how many runs missed their request without saying so.
+
+    ``first`` runs of the sequence are left out, so that a long table can be made in parts.
+    """
     random = np.random.default_rng(seed)
     action = model.load_action()
     seen = dict.fromkeys(LABELS, 0)
     plain_s = both_s = 0.0
-    for k in range(count):
+    for k in range(first + count):
         kind, at, newton = sharp_force(random)
         scene = SCENES[random.integers(0, len(SCENES))]
         tolerance = 10.0 ** random.uniform(-7.0, -3.5)
+        if k < first:
+            continue
         if scene == "motor-arm":
             newton = newton * MOTOR_ARM_M
         choice = model.load_scene(scene)
@@ -81,7 +86,7 @@ def sharp_forces(count: int, seed: int = 1) -> int:
         except model.IntegrationError as problem:
             print(f"  {k} {kind}, {scene}: {problem}")
             continue
-        if k >= 8:  # not while kernels are being loaded
+        if k >= first + 8:  # not while kernels are being loaded
             plain_s, both_s = plain_s + middle - start, both_s + end - middle
         turning = [i for i, body in enumerate(done.bodies) if body != "key_lift"]
         error = float(np.abs(done.angle_rad - exact.angle_rad)[:, turning].max()) / tolerance
@@ -91,8 +96,8 @@ def sharp_forces(count: int, seed: int = 1) -> int:
             assert done.error_rad is not None
             words = f"error {error:.1f} x, estimated {done.error_rad / tolerance:.1f} x the request"
             print(f"  {k} {kind}, {scene}, {tolerance:.1e}: {words}", flush=True)
-        if (k + 1) % 20 == 0 or k + 1 == count:
-            print(f"after {k + 1}: " + ", ".join(f"{LABELS[key]} {n}" for key, n in seen.items()), flush=True)
+        if (k + 1) % 20 == 0 or k + 1 == first + count:
+            print(f"runs {first} to {k}: " + ", ".join(f"{LABELS[key]} {n}" for key, n in seen.items()), flush=True)
     if plain_s:
         print(f"time with the estimate: {both_s / plain_s:.1f} x that without")
     return seen[True, False]

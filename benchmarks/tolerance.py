@@ -63,10 +63,11 @@ def main(arguments: list[str] | None = None) -> int:
     p.add_argument("--method", action="append", choices=list(METHODS), help="only this method (may be repeated)")
     p.add_argument("--blow", action="append", choices=NAMES, help="only this blow (may be repeated)")
     p.add_argument("--sharp", type=int, metavar="N", help="N random sharp forces instead of the blows")
+    p.add_argument("--first", type=int, default=0, metavar="K", help="leave out the first K of the sharp forces")
     p.add_argument("--seed", type=int, default=1, help="of the sharp forces")
     args = p.parse_args(arguments)
     if args.sharp:
-        return 1 if 50 * sharp_forces(args.sharp, args.seed) > args.sharp else 0
+        return 1 if 50 * sharp_forces(args.sharp, args.seed, args.first) > args.sharp else 0
     action = model.load_action()
     rest = model.rest_state(action)
     start = np.concatenate([rest.angle_rad, np.zeros(len(rest.angle_rad))])

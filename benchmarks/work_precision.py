@@ -3,9 +3,9 @@
 Run:  python benchmarks/work_precision.py [--quick] [--blow NAME] [--out DIAGRAM] [--json FILE]
 Error is max |difference| over the five angles (rad), every 1 ms, from a reference made by two methods that share
 neither the equations' code nor the algorithm: explicit order 8 at 1e-13 that steps to every force point, and our own
-highest-order method at 1e-12; their difference is printed. Time is the best of several runs, all methods taking
-turns; compilation is excluded and printed separately. A ratio is a method's time over that of our default method at
-no larger error, interpolated on the log-log line between its points ("-": our runs do not reach that error).
+highest-order method at 1e-12; their difference is printed. Time is processor time, the best of several runs, all
+methods taking turns; compilation is excluded and printed separately. A ratio is a method's time over that of our
+default method at no larger error, interpolated on the log-log line between its points ("-": ours do not reach it).
 Peers get the equations with all parameters compiled in as constants; missing peers are named and left out.
 Exit code 1: an error of ours exceeds twice its requested tolerance, or the references differ by more than 1e-9 rad.
 """
@@ -32,9 +32,11 @@ import numpy as np  # noqa: E402
 from methods import COMPARISON  # noqa: E402
 from peers import solvers, traced  # noqa: E402
 from peers.compiled import CompiledEquations, pack  # noqa: E402
+from peers.cvode_from_c import version  # noqa: E402
 from peers.diagram import draw  # noqa: E402
 from peers.equations import largest_deviation  # noqa: E402
 from peers.forces import BLOWS, force_table  # noqa: E402
+from peers.jacobian import CompiledJacobian  # noqa: E402
 from peers.race import Entry, Row, add_ratios, race, time_at_error  # noqa: E402
 
 import model  # noqa: E402
@@ -43,6 +45,7 @@ from model.integrators.methods import DEFAULT_METHOD, METHODS  # noqa: E402
 OUR_TOLERANCES = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9)
 PEERS: dict[str, tuple[Callable[[solvers.Task], solvers.Solver], tuple[float, ...]]] = {
     "CVODE from C": (solvers.c_cvode, (1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9)),
+    "CVODE from C, analytic J": (solvers.c_cvode_analytic, (1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9)),
     "scikit-sundae CVODE": (solvers.sundae_cvode, (1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9)),
     "CasADi CVODES": (traced.casadi_cvodes, (1e-4, 1e-5, 1e-6, 1e-7)),
     "diffrax Kvaerno5": (traced.diffrax_kvaerno5, (1e-4, 1e-6)),
@@ -54,7 +57,7 @@ PEERS: dict[str, tuple[Callable[[solvers.Task], solvers.Solver], tuple[float, ..
     "plain NumPy, LSODA": (solvers.plain_numpy, (1e-4,)),
 }
 QUICK_OURS = (1e-3, 1e-5)
-QUICK_PEERS = ("CVODE from C", "scikit-sundae CVODE", "SciPy odeint (LSODA)")
+QUICK_PEERS = ("CVODE from C", "CVODE from C, analytic J", "scikit-sundae CVODE", "SciPy odeint (LSODA)")
 ONCE = ("plain NumPy, LSODA", "diffrax Kvaerno5")  # slow: on the first blow only
 TARGETS = (1e-4, 1e-5, 1e-6, 1e-7)
 REFERENCE_TOLERANCE = (1e-13, 1e-12)
@@ -140,15 +143,23 @@ def parse(arguments: list[str] | None) -> argparse.Namespace:
     p.add_argument("--out", type=Path, help="diagram (default docs/work_precision.svg for a full run)")
     p.add_argument("--json", type=Path, help="also write all rows and the machine as JSON")
     METHODS.update(COMPARISON)  # raced beside the methods of the package, in this process only
-    return p.parse_args(arguments)
+    args = p.parse_args(arguments)
+    args.repeats = args.repeats or (2 if args.quick else 5)
+    return args
+
+
+def first_call(action: model.Action) -> model.RestState:
+    """Load or compile what a run needs; the rest state."""
+    at_rest = model.rest_state(action)
+    model.simulate(action, [0.0, 1e-3], [0.0, 0.0], initial=at_rest)
+    return at_rest
 
 
 def main(arguments: list[str] | None = None) -> int:
     args = parse(arguments)
     blows = args.blow or (["forte"] if args.quick else list(BLOWS))
     names = [] if args.only_ours else list(QUICK_PEERS if args.quick else PEERS)
-    repeats = args.repeats or (2 if args.quick else 5)
-    here = machine()
+    here = machine() | ({"cvode": version()} if names else {})
     print(", ".join(f"{k} {v}" for k, v in here.items()), flush=True)
 
     def timed(what: str, work: Callable[[], T]) -> T:
@@ -159,21 +170,15 @@ def main(arguments: list[str] | None = None) -> int:
 
     preparation: dict[str, float] = {}
     action = model.load_action()
-
-    def first_call() -> model.RestState:
-        at_rest = model.rest_state(action)
-        model.simulate(action, [0.0, 1e-3], [0.0, 0.0], initial=at_rest)
-        return at_rest
-
-    rest = timed("ours, first call", first_call)
+    rest = timed("ours, first call", partial(first_call, action))
     start = np.concatenate([rest.angle_rad, np.zeros(len(rest.angle_rad))])
-    equations = timed("peers' equations, numba", lambda: CompiledEquations(action))
+    equations = timed("peers' equations, numba", partial(CompiledEquations, action))
+    jacobian = timed("their Jacobian, numba", partial(CompiledJacobian, action))
     deviation = largest_deviation(equations.accelerations, action, rest.angle_rad)
     print(f"peers' equations differ from the plain NumPy twin by {deviation:.1e} relative", flush=True)
     if not deviation < 1e-9:
         print("the peers' equations are not the model's", file=sys.stderr)
         return 1
-
     default = f"ours {DEFAULT_METHOD}"
     sharpest = max(METHODS.values(), key=lambda m: m.order).name
     rows: list[Row] = []
@@ -181,7 +186,8 @@ def main(arguments: list[str] | None = None) -> int:
     skipped: dict[str, str] = {}
     for blow in blows:
         t, f = force_table(blow)
-        task = solvers.Task(action, equations, t, f, pack(t, f), start, np.ascontiguousarray(t[::OUTPUT_EVERY]))
+        at = np.ascontiguousarray(t[::OUTPUT_EVERY])
+        task = solvers.Task(action, equations, jacobian, t, f, pack(t, f), start, at)
         explicit, steps = equations.explicit(start, task.table, OUTPUT_EVERY, REFERENCE_TOLERANCE[0])
         reference = explicit[:, : len(rest.angle_rad)]
         other = our_solver(task, rest, sharpest)(REFERENCE_TOLERANCE[1])
@@ -192,6 +198,8 @@ def main(arguments: list[str] | None = None) -> int:
             f"{equations.seconds_per_call(explicit, task.table) * 1e6:.2f} µs",
             flush=True,
         )
+        off = jacobian.largest_deviation(equations, explicit[::23], task.table)
+        print(f"{blow}: the analytic Jacobian differs from differences by {off:.1e} of its largest entry", flush=True)
         ours = QUICK_OURS if args.quick else OUR_TOLERANCES
         entries = [Entry(f"ours {m}", True, our_solver(task, rest, m), ours) for m in METHODS]
         for name in names:
@@ -205,7 +213,7 @@ def main(arguments: list[str] | None = None) -> int:
                 print(f"skipped: {name}: {reason}", flush=True)
                 continue
             entries.append(Entry(name, False, solver, (1e-5,) if args.quick else tolerances, name not in ONCE))
-        rows += race(blow, entries, reference, repeats, lambda text: print(text, flush=True))
+        rows += race(blow, entries, reference, args.repeats, partial(print, flush=True))
     add_ratios(rows, default)
     print("\n" + table(rows) + "\n")
     for blow in blows:
@@ -218,14 +226,19 @@ def main(arguments: list[str] | None = None) -> int:
         print(f"diagram: {out}")
     if args.json is not None:
         record = {
-            "made": datetime.now(UTC).isoformat(timespec="seconds"), "machine": here, "default_method": DEFAULT_METHOD,
-            "reference_difference_rad": differences, "skipped": skipped, "preparation_s": preparation, "failed": bad,
-            "rows": [r.as_dict() for r in rows],
+            "machine": here, "reference_difference_rad": differences, "skipped": skipped,
+            "preparation_s": preparation, "failed": bad, "rows": [r.as_dict() for r in rows],
         }  # fmt: skip
-        args.json.write_text(json.dumps(_plain(record), indent=1) + "\n", encoding="utf-8")
+        write_record(args.json, record)
     for line in bad:
         print(f"WRONG  {line}", file=sys.stderr)
     return 1 if bad else 0
+
+
+def write_record(path: Path, record: dict[str, object]) -> None:
+    """Write all rows and the machine as JSON."""
+    record = {"made": datetime.now(UTC).isoformat(timespec="seconds"), "default_method": DEFAULT_METHOD, **record}
+    path.write_text(json.dumps(_plain(record), indent=1) + "\n", encoding="utf-8")
 
 
 def _plain(value: object) -> object:

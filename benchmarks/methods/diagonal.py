@@ -90,7 +90,7 @@ def integrate_diagonal(span, drive, out, scene, kernels, method, limits, account
                 before = 0.0
                 solved = False
                 for iteration in range(MOST_ITERATIONS):
-                    stage(w, p, method.a, method.c, 2, gh, step, u, 0.0, mask)
+                    stage(w, p, method.a, method.c, 2, gh, 1.0 / step, u, 0.0, mask)
                     counters[N_RHS] += 1
                     counters[N_CONTACT] += n_contacts
                     change = 0.0

@@ -1,6 +1,6 @@
-/* CVODE (BDF, dense Newton, difference-quotient Jacobian) with nothing of Python in the loop.
+/* CVODE (BDF, dense Newton, Jacobian by difference quotients or given) with nothing of Python in the loop.
 
-   Built by cvode_from_c.py as a shared library; the right-hand side is the address of a compiled function.
+   Built by cvode_from_c.py as a shared library; right-hand side and Jacobian are addresses of compiled functions.
    Written for SUNDIALS 6 and 7. Returns 0, or the failing step's number as a negative value. */
 
 #include <cvode/cvode.h>
@@ -13,6 +13,7 @@ typedef void (*rhs_t)(double t, const double *y, double *dy, const double *table
 
 struct problem {
   rhs_t rhs;
+  rhs_t jacobian; /* fills the matrix column by column; NULL: difference quotients */
   const double *table;
   long long size;
 };
@@ -23,10 +24,19 @@ static int forward(sunrealtype t, N_Vector y, N_Vector dy, void *data) {
   return 0;
 }
 
+static int linearised(sunrealtype t, N_Vector y, N_Vector dy, SUNMatrix a, void *data, N_Vector x1, N_Vector x2,
+                      N_Vector x3) {
+  struct problem *p = data;
+  p->jacobian(t, N_VGetArrayPointer(y), SUNDenseMatrix_Data(a), p->table, p->size);
+  return 0;
+}
+
+const char *version(void) { return SUNDIALS_VERSION; }
+
 /* out: (n_times, n) states; counts: steps, rejected, right-hand sides, Jacobians */
-int solve(rhs_t rhs, const double *table, long long size, int n, const double *y0, int n_times, const double *times,
-          double tolerance, double *out, long long *counts) {
-  struct problem p = {rhs, table, size};
+int solve(rhs_t rhs, rhs_t jacobian, const double *table, long long size, int n, const double *y0, int n_times,
+          const double *times, double tolerance, double *out, long long *counts) {
+  struct problem p = {rhs, jacobian, table, size};
   SUNContext context = NULL;
 #if SUNDIALS_VERSION_MAJOR >= 7
   if (SUNContext_Create(SUN_COMM_NULL, &context)) return -1;
@@ -44,6 +54,7 @@ int solve(rhs_t rhs, const double *table, long long size, int n, const double *y
       CVodeSetUserData(memory, &p) || CVodeSetLinearSolver(memory, solver, a) ||
       CVodeSetMaxNumSteps(memory, 10000000))
     goto end;
+  if (jacobian && CVodeSetJacFn(memory, linearised)) goto end;
   for (int k = 1; k < n_times; k++) {
     sunrealtype t;
     status = CVode(memory, times[k], y, &t, CV_NORMAL) < 0 ? -2 - k : 0;

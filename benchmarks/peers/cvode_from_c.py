@@ -43,20 +43,36 @@ def build() -> ctypes.CDLL:
     raise Unavailable(f"cvode.c does not build ({problem}); on Debian: apt-get install libsundials-dev")
 
 
+def version() -> str:
+    """Version of the system's SUNDIALS and the compiler that `build` uses; empty where it cannot be built."""
+    try:
+        library = build()
+    except Unavailable:
+        return ""
+    library.version.restype = ctypes.c_char_p
+    told = subprocess.run(["gcc", "-dumpfullversion"], capture_output=True, text=True, check=False).stdout.strip()
+    return f"SUNDIALS {library.version().decode()} of the system, driver by gcc {told} -O3 -march=native"
+
+
 def cvode_in_c(
-    address: int, table: Array, y0: Array, times: Array
+    address: int, table: Array, y0: Array, times: Array, jacobian: int | None = None
 ) -> Callable[[float], tuple[Array, tuple[int, int, int, int]]]:
-    """Return a function of the tolerance: states (m, n), and steps, rejected, right-hand sides, Jacobians."""
+    """Return a function of the tolerance: states (m, n), and steps, rejected, right-hand sides, Jacobians.
+
+    ``address`` is that of the right-hand side, ``jacobian`` that of the Jacobian, by default difference quotients.
+    """
     library = build()
     double = np.ctypeslib.ndpointer(float, flags="C_CONTIGUOUS")
     library.solve.argtypes = [
-        ctypes.c_void_p, double, ctypes.c_longlong, ctypes.c_int, double, ctypes.c_int, double, ctypes.c_double,
-        double, np.ctypeslib.ndpointer(np.int64, flags="C_CONTIGUOUS"),
+        ctypes.c_void_p, ctypes.c_void_p, double, ctypes.c_longlong, ctypes.c_int, double, ctypes.c_int, double,
+        ctypes.c_double, double, np.ctypeslib.ndpointer(np.int64, flags="C_CONTIGUOUS"),
     ]  # fmt: skip
 
     def run(tolerance: float) -> tuple[Array, tuple[int, int, int, int]]:
         out, counts = np.full((len(times), len(y0)), np.nan), np.zeros(4, dtype=np.int64)
-        status = library.solve(address, table, len(table), len(y0), y0, len(times), times, tolerance, out, counts)
+        status = library.solve(
+            address, jacobian, table, len(table), len(y0), y0, len(times), times, tolerance, out, counts
+        )
         if status:
             raise RuntimeError(f"CVODE from C failed with status {status}")
         return out, (int(counts[0]), int(counts[1]), int(counts[2]), int(counts[3]))

@@ -1,7 +1,8 @@
 """The peers: each factory makes a function of the tolerance that returns states and work counts.
 
 All get the same compiled equations (parameters frozen as literals), the same force table, start and output times.
-``rtol = atol = tolerance`` throughout, with each package's finite-difference Jacobian unless it makes its own.
+``rtol = atol = tolerance`` throughout, with each package's finite-difference Jacobian unless it makes its own or its
+name says otherwise.
 A factory raises ``Unavailable`` with the reason if its package is missing. Only solving is timed, not preparation.
 """
 
@@ -18,6 +19,7 @@ from scipy.integrate import BDF, LSODA, Radau, odeint, solve_ivp
 from benchmarks.peers.compiled import CompiledEquations
 from benchmarks.peers.cvode_from_c import Unavailable, cvode_in_c
 from benchmarks.peers.equations import N
+from benchmarks.peers.jacobian import CompiledJacobian
 from model import Action
 from model.verification.reference_equations import Twin
 
@@ -41,6 +43,7 @@ class Task:
 
     action: Action
     equations: CompiledEquations
+    jacobian: CompiledJacobian
     time_s: Array
     force_n: Array
     table: Array
@@ -160,6 +163,17 @@ def sundae_cvode(task: Task) -> Solver:
 def c_cvode(task: Task) -> Solver:
     """CVODE (BDF) driven from C with the address of the compiled right-hand side."""
     solve = cvode_in_c(task.equations.address, task.table, task.y0, task.output_s)
+
+    def run(tolerance: float) -> Answer:
+        y, counts = solve(tolerance)
+        return Answer(y[:, :N], *counts)
+
+    return run
+
+
+def c_cvode_analytic(task: Task) -> Solver:
+    """The same with an analytic Jacobian in compiled code."""
+    solve = cvode_in_c(task.equations.address, task.table, task.y0, task.output_s, task.jacobian.address)
 
     def run(tolerance: float) -> Answer:
         y, counts = solve(tolerance)

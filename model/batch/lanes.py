@@ -23,7 +23,8 @@ from model.scene.build import Scene
 from model.simulation.run import Plan, Simulation
 from model.simulation.side_by_side import advance_together
 
-LEAST_MEMBERS = 100  # of one structure and method: for fewer a first compilation is not worth while
+# of one structure and method. Lanes win from 2 members on; loading what is compiled takes as long as 15 to 20 members
+LEAST_MEMBERS = 16
 UNIT = 64  # most members computed by one call: the last of them wait for each other in half-empty lanes
 SUPPORTED = {"contact_forces"}  # outputs beyond angles and speeds
 

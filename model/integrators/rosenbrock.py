@@ -9,6 +9,7 @@ On failure the loop stops and says why with a status; the state is the last acce
 from math import isfinite
 
 import numpy as np
+from numba import int64
 
 from model.integrators.step_control import (
     DONE,
@@ -23,7 +24,7 @@ from model.integrators.step_control import (
     next_stop,
     shortened,
 )
-from model.kernels.compile import inlined, kernel, step_loop
+from model.kernels.compile import inlined, step_loop, uncounted
 from model.kernels.layout import N_CONTACT, N_JACOBIAN, N_REJECTED, N_RESTS, N_RHS, N_SKIPPED, N_STEPS
 from model.kernels.signatures import INTEGRATE
 from model.kernels.stepping.events import at_rest, fit_to_events
@@ -35,20 +36,28 @@ STAGE = 2 * WIDTH
 GAUSS, WEIGHT = (-0.3872983346207417, 0.0, 0.3872983346207417), (5.0 / 18.0, 4.0 / 9.0, 5.0 / 18.0)
 
 
-@kernel
-def fill_outputs(w, dense, x, n, s, row_q, row_v):
-    """State at the fraction ``x`` of the step whose stages are in ``w``."""
+@uncounted
+def fill_dense(w, dense, within):
+    """What the state inside the step whose stages are in ``w`` is made of: rows of ``within``, for `fill_outputs`."""
+    for m in range(dense.shape[0]):
+        for i in range(STAGE):
+            within[m, i] = 0.0
+        for j in range(dense.shape[1]):
+            weight = dense[m, j]
+            for i in range(STAGE):
+                within[m, i] += weight * w[U + STAGE * j + i]
+
+
+@uncounted
+def fill_outputs(w, within, x, n, row_q, row_v):
+    """State at the fraction ``x`` of the step."""
+    last = within.shape[0] - 1
     for i in range(n):
-        dq = 0.0
-        dv = 0.0
-        for m in range(dense.shape[0] - 1, -1, -1):
-            hq = 0.0
-            hv = 0.0
-            for j in range(s):
-                hq += dense[m, j] * w[U + STAGE * j + i]
-                hv += dense[m, j] * w[U + STAGE * j + WIDTH + i]
-            dq = hq + x * dq
-            dv = hv + x * dv
+        dq = within[last, i]
+        dv = within[last, WIDTH + i]
+        for m in range(last - 1, -1, -1):
+            dq = within[m, i] + x * dq
+            dv = within[m, WIDTH + i] + x * dv
         row_q[i] = (1.0 - x) * w[Q + i] + x * (w[Q1 + i] + (1.0 - x) * dq)
         row_v[i] = (1.0 - x) * w[V + i] + x * (w[V1 + i] + (1.0 - x) * dv)
 
@@ -59,8 +68,9 @@ def stay(until, k_out, out, w, n):
     for i in range(n):
         w[V + i] = 0.0
     while k_out < out.time.shape[0] and out.time[k_out] <= until:
-        out.angle[k_out] = w[Q : Q + n]
-        out.speed[k_out] = 0.0
+        for i in range(n):
+            out.angle[k_out, i] = w[Q + i]
+            out.speed[k_out, i] = 0.0
         k_out += 1
     return k_out
 
@@ -79,10 +89,10 @@ def bits_of(mask):
 def advance_to_end(w, b):
     """The state at the end of the step from its stages."""
     for i in range(STAGE):
-        x = w[Q + i]
-        for m in range(b.shape[0]):
-            x += b[m] * w[U + STAGE * m + i]
-        w[Q1 + i] = x
+        w[Q1 + i] = w[Q + i]
+    for m in range(b.shape[0]):
+        for i in range(STAGE):  # innermost, so that it becomes vector instructions
+            w[Q1 + i] += b[m] * w[U + STAGE * m + i]
 
 
 @inlined
@@ -90,14 +100,17 @@ def embedded_error(w, stage, n, limits):
     """Whether the estimate, the ``stage`` that serves as one, is finite, and its size against the tolerances."""
     last = U + STAGE * stage
     finite = True
-    error = 0.0
+    largest_q = 0.0
+    largest_v = 0.0
     for i in range(n):
-        eq = abs(w[last + i]) / limits.angle
-        ev = abs(w[last + WIDTH + i]) / limits.speed
+        eq = abs(w[last + i])
+        ev = abs(w[last + WIDTH + i])
         if not (isfinite(eq) and isfinite(ev)):
             finite = False
-        error = max(error, eq, ev)
-    return finite, error
+        largest_q = max(largest_q, eq)
+        largest_v = max(largest_v, ev)
+    error = max(largest_q / limits.angle, largest_v / limits.speed)
+    return finite and isfinite(error), error
 
 
 @step_loop(INTEGRATE)
@@ -117,7 +130,8 @@ def integrate(span, drive, out, scene, kernels, method, limits, account):
     s = b.shape[0]
     w = np.zeros(SIZE)
     parts = np.zeros((n, n + 1))
-    k_in = 0
+    within = np.zeros((dense.shape[0], STAGE))
+    k_in = int64(0)  # a plain 0 would be a type of its own, for which what takes it is compiled once more
     k_out = begin(span, out, w)
     status = TOO_MANY_STEPS
     fresh = True
@@ -138,7 +152,8 @@ def integrate(span, drive, out, scene, kernels, method, limits, account):
             for i in range(n):
                 fastest = max(fastest, abs(w[V + i]))
             if slope == 0.0 and fastest * h < limits.rest:
-                quiet = constant_until(t, k_in, t_end, drive)
+                last = drive.time.shape[0] - 1
+                quiet = constant_until(t, k_in, t_end, 0, last, drive.time, drive.value, drive.held)
                 if quiet > t and at_rest(w, parent, parts, limits.rest):
                     k_out = stay(quiet, k_out, out, w, n)
                     times[0] += quiet - t
@@ -161,11 +176,12 @@ def integrate(span, drive, out, scene, kernels, method, limits, account):
             allow(w, step)
             mask = skip(w, p)
             evaluated = n_contacts - bits_of(mask)
+            rate = 1.0 / step
             u = u0
             for m in range(s):
-                if m > 0 and not drive.held:
+                if m > 0 and not drive.held and (m == 1 or node[m] != node[m - 1]):
                     u, _, k_in = input_at(t + node[m] * step, k_in, drive)
-                exceeded = stage(w, p, a, c, m, gh, step, u, step * d[m] * slope, mask) == 1
+                exceeded = stage(w, p, a, c, m, gh, rate, u, step * d[m] * slope, mask) == 1
                 if m > 0:
                     counters[N_CONTACT] += n_contacts if exceeded else evaluated
                     counters[N_SKIPPED] += 0 if exceeded else n_contacts - evaluated
@@ -182,14 +198,17 @@ def integrate(span, drive, out, scene, kernels, method, limits, account):
             continue
         counters[N_STEPS] += 1
         t1 = stop if step == stop - t else t + step
+        audited = energies.shape[0] > 0
+        if audited or (k_out < out_t.shape[0] and out_t[k_out] <= t1):
+            fill_dense(w, dense, within)
         while k_out < out_t.shape[0] and out_t[k_out] <= t1:
             x = (out_t[k_out] - t) / step
-            fill_outputs(w, dense, x, n, s, out_q[k_out], out_v[k_out])
+            fill_outputs(w, within, x, n, out_q[k_out], out_v[k_out])
             k_out += 1
-        if energies.shape[0] > 0:
+        if audited:
             for g in range(3):
                 x = 0.5 + GAUSS[g]
-                fill_outputs(w, dense, x, n, s, w[AUDIT_Q : AUDIT_Q + n], w[AUDIT_V : AUDIT_V + n])
+                fill_outputs(w, within, x, n, w[AUDIT_Q : AUDIT_Q + n], w[AUDIT_V : AUDIT_V + n])
                 u, _, k_in = input_at(t + x * step, k_in, drive)
                 energy(w, p, u0 if drive.held else u)
                 for j in range(energies.shape[0]):

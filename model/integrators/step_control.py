@@ -23,8 +23,9 @@ def begin(span, out, w):
         w[V + i] = span.speed[i]
     k_out = 0
     while k_out < out.time.shape[0] and out.time[k_out] <= span.time:
-        out.angle[k_out] = span.angle
-        out.speed[k_out] = span.speed
+        for i in range(span.angle.shape[0]):  # rows one by one would compile a message about their shapes, for 1.5 s
+            out.angle[k_out, i] = span.angle[i]
+            out.speed[k_out, i] = span.speed[i]
         k_out += 1
     return k_out
 

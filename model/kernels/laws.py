@@ -22,9 +22,9 @@ def felt(x, rate, a, b, c, damping):
 
 
 @inlined
-def friction(s, scale, a, b1, b2):
-    """Smoothed friction coefficient (or torque) at speed ``s`` and its derivative by ``s``."""
-    z = s / scale
+def friction(s, per, a, b1, b2):
+    """Smoothed friction coefficient (or torque) at speed ``s`` and its derivative by ``s``; ``per`` is 1/threshold."""
+    z = s * per
     th = 1.0
     if abs(z) < 19.5:  # beyond, tanh is 1 to the last digit
         # one exponential: absolute accuracy is what a force needs, and libm's tanh takes twice the time
@@ -39,4 +39,4 @@ def friction(s, scale, a, b1, b2):
         d = 1.0 + b2 * z4
         value += b1 * z / d
         slope += b1 * (1.0 - 3.0 * b2 * z4) / (d * d)
-    return a * value, a * slope / scale
+    return a * value, a * slope * per

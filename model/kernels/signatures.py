@@ -1,8 +1,9 @@
 """What a step loop is given, in named groups, and the types of the kernels that a scene provides to it.
 
-With explicit types a compiled kernel is a plain value (`types.FunctionType`): one step loop serves all scenes, and is
-compiled once. Numbers come in named tuples, so that two of the same type cannot change places unseen; numba converts
-nothing inside a tuple, so each field must have exactly its type: ``float``, ``int``, C-contiguous float64 arrays.
+With explicit types a compiled kernel is a plain value (`model.kernels.kernel_value`): one step loop serves all scenes,
+and is compiled once. Numbers come in named tuples, so that two of the same type cannot change places unseen; numba
+converts nothing inside a tuple, so each field must have exactly its type: ``float``, ``int``, C-contiguous float64
+arrays.
 What the kernels do: ``model.kernels.codegen.step_kernels``.
 """
 
@@ -10,7 +11,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numba import types
-from numba.extending import typeof_impl
+
+from model.kernels.kernel_value import KernelType, pointer
 
 
 class Span(NamedTuple):
@@ -137,42 +139,28 @@ _array = types.Array(types.float64, 1, "C")
 _table = types.Array(types.float64, 2, "C")
 _integers = types.Array(types.int64, 1, "C")
 _f, _i = types.float64, types.int64
-_function = types.FunctionType
 
-LINEARISE = _i(_array, _array, _f)  # w, p, u -> number of touching contacts
+LINEARISE = _i(pointer, pointer, _f)  # w, p, u -> number of touching contacts
 ENERGY = LINEARISE  # w, p, u -> 0
-PREPARE = _i(_array, _f)  # w, gamma h -> 1, or 0 where the step is too large
-SKIP = _i(_array, _array)  # w, p -> mask of contacts that cannot touch
-STAGE = _i(_array, _array, _array, _array, _i, _f, _f, _f, _f, _i)
-# w, p, a, c, stage, gamma h, h, u, weight of du/dt, mask -> 1 where a coordinate left its allowance
+PREPARE = _i(pointer, _f)  # w, gamma h -> 1, or 0 where the step is too large
+SKIP = _i(pointer, pointer)  # w, p -> mask of contacts that cannot touch
+STAGE = _i(pointer, pointer, pointer, pointer, _i, _f, _f, _f, _f, _i)
+# w, p, a, c, stage, gamma h, 1/h, u, weight of du/dt, mask -> 1 where a coordinate left its allowance
 
 # The same for lanes: numbers of the step, u and h among them, are rows of lanes in w, parameters rows in p; what was
 # a truth value is an integer with a bit per lane.
-LANE_LINEARISE = _i(_array, _array)  # w, p -> 0
-LANE_PREPARE = _i(_array)  # w -> bits of the lanes whose step is not too large
-LANE_SKIP = _i(_array, _array)  # w, p -> mask of contacts that touch in no lane
-LANE_STAGE = _i(_array, _array, _array, _array, _i, _i)
+LANE_LINEARISE = _i(pointer, pointer)  # w, p -> 0
+LANE_PREPARE = _i(pointer)  # w -> bits of the lanes whose step is not too large
+LANE_SKIP = _i(pointer, pointer)  # w, p -> mask of contacts that touch in no lane
+LANE_STAGE = _i(pointer, pointer, pointer, pointer, _i, _i)
 # w, p, a, c, stage, mask -> bits of the lanes in which a coordinate left its allowance
 
-_STEP_KERNELS = types.NamedTuple(
-    [_function(LINEARISE), _function(PREPARE), _function(SKIP), _function(STAGE), _function(ENERGY)], StepKernels
-)
-
-
-@typeof_impl.register(StepKernels)
-def _step_kernels(value: StepKernels, context: Any) -> types.NamedTuple:
-    """Take a tuple of compiled functions for values of their signatures; numba itself converts plain arguments only."""
-    return _STEP_KERNELS
+_STEP_KERNELS = types.NamedTuple([KernelType(of) for of in (LINEARISE, PREPARE, SKIP, STAGE, ENERGY)], StepKernels)
 
 
 _LANE_KERNELS = types.NamedTuple(
-    [_function(LANE_LINEARISE), _function(LANE_PREPARE), _function(LANE_SKIP), _function(LANE_STAGE)], LaneKernels
+    [KernelType(of) for of in (LANE_LINEARISE, LANE_PREPARE, LANE_SKIP, LANE_STAGE)], LaneKernels
 )
-
-
-@typeof_impl.register(LaneKernels)
-def _lane_kernels(value: LaneKernels, context: Any) -> types.NamedTuple:
-    return _LANE_KERNELS
 
 
 _integer_table = types.Array(types.int64, 2, "C")

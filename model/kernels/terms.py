@@ -95,24 +95,24 @@ def hybrid_room(ux, uy, reach, sx, sy, ex, ey):
 
 
 @inlined
-def contact_force(x, rate, slide, nx, ny, a, b, c, damping, v_t, mu_a, mu_b1, mu_b2):
+def contact_force(x, rate, slide, nx, ny, a, b, c, damping, per_v, mu_a, mu_b1, mu_b2):
     """World force on A of a touching contact."""
     fn, _, _ = felt(x, rate, a, b, c, damping)
     ft = 0.0
     if fn > 0.0 and mu_a != 0.0:
-        mu, _ = friction(slide, v_t, mu_a, mu_b1, mu_b2)
+        mu, _ = friction(slide, per_v, mu_a, mu_b1, mu_b2)
         ft = -mu * fn
     return fn * nx - ft * ny, fn * ny + ft * nx
 
 
 @inlined
-def contact_laws(x, rate, slide, a, b, c, damping, v_t, mu_a, mu_b1, mu_b2):
+def contact_laws(x, rate, slide, a, b, c, damping, per_v, mu_a, mu_b1, mu_b2):
     """Normal force, its two derivatives, friction coefficient and its derivative."""
     fn, fn_x, fn_rate = felt(x, rate, a, b, c, damping)
     mu = 0.0
     mu_s = 0.0
     if fn > 0.0 and mu_a != 0.0:
-        mu, mu_s = friction(slide, v_t, mu_a, mu_b1, mu_b2)
+        mu, mu_s = friction(slide, per_v, mu_a, mu_b1, mu_b2)
     return fn, fn_x, fn_rate, mu, mu_s
 
 

@@ -31,6 +31,6 @@ STATIC = ENERGY + WIDTH  # 1 leaves (dM/dq) a out of K, for statics
 PIECE = STATIC + 1  # piece of the prescribed motion found last
 SIZE = STATIC + WIDTH
 # where members advance side by side in lanes, each of these places is a row of lanes, and their kernels also read:
-INPUT, INPUT_RATE, STAGE_STEP, STEP_TO_TRY, IDLE, NEEDED = range(SIZE, SIZE + 6)
-# input u; weight of du/dt; gamma h; h; 1 in a lane without a member; contacts that the member itself needs
+INPUT, INPUT_RATE, STAGE_STEP, STEP_RATE, IDLE, NEEDED = range(SIZE, SIZE + 6)
+# input u; weight of du/dt; gamma h; 1/h; 1 in a lane without a member; contacts that the member itself needs
 LANE_SIZE = SIZE + WIDTH

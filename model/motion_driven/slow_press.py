@@ -16,6 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.errors import InputError
+from model.integrators.servo import STEP_LOOP, Followed, Servo, ServoRun, Wanted, follow
+from model.kernels.codegen.load import kernels_of
+from model.kernels.signatures import Outputs
 from model.observables import hammer_height_m, key_dip_m
 from model.parameters.action import BODIES, Action
 from model.scene.build import build_scene
@@ -134,29 +137,16 @@ def slow_press(
     servo = action.with_values({"key.inertia": SERVO_INERTIA})
     run = Simulation(build_scene(servo), State(0.0, np.array(rest_rad, float), np.zeros(len(BODIES))), tolerance)
     count = math.ceil(knots[-1] / BLOCK)
-    angle, speed = np.empty((count, SAMPLES, len(BODIES))), np.empty((count, SAMPLES, len(BODIES)))
-    force = np.empty(count)
-    extra = SERVO_INERTIA - action["key.inertia"]
     middle = (np.arange(count) + 0.5) * BLOCK
     wanted_speed = np.interp(middle, knots, speeds)
     index = np.clip(np.searchsorted(knots, middle, side="right") - 1, 0, len(knots) - 2)
     wanted = ways[index] + 0.5 * (speeds[index] + wanted_speed) * (middle - knots[index])
     wanted_acceleration = np.gradient(wanted_speed, BLOCK) if count > 1 else np.zeros(count)
-    for i in range(count):
-        q, v = float(run.state.angle_rad[KEY]), float(run.state.speed_rad_per_s[KEY])
-        ahead = q + 0.5 * BLOCK * v  # where the key would be in the middle of the block
-        arm = lever * math.cos(q) - action["drive.point.y"] * math.sin(q)
-        turn = wanted_acceleration[i] + SERVO_RATE**2 * (wanted[i] - ahead) + 2.0 * SERVO_RATE * (wanted_speed[i] - v)
-        pull = -SERVO_INERTIA * turn / arm
-        start, end = i * BLOCK, (i + 1) * BLOCK
-        outputs = start + BLOCK * np.arange(1, SAMPLES + 1) / SAMPLES
-        outputs[-1] = end
-        angle[i], speed[i] = run.advance(
-            end, np.array([start, end]), np.array([pull, pull]), output_time_s=outputs
-        )  # fmt: skip
-        force[i] = pull + extra * (float(run.state.speed_rad_per_s[KEY]) - v) / BLOCK / arm
+    done = _follow(run, Wanted(wanted, wanted_speed, wanted_acceleration), lever, action["drive.point.y"])
+    extra = SERVO_INERTIA - action["key.inertia"]
+    force = done.pull + extra * done.gained / BLOCK / done.arm
     times = (np.arange(1, count * SAMPLES + 1)) * (BLOCK / SAMPLES)
-    q_all, v_all = angle.reshape(-1, len(BODIES)), speed.reshape(-1, len(BODIES))
+    q_all, v_all = done.angle.reshape(-1, len(BODIES)), done.speed.reshape(-1, len(BODIES))
     normal, _ = run.contact_forces(q_all, v_all)
     return Press(
         time_s=times,
@@ -169,3 +159,22 @@ def slow_press(
         leg=np.minimum(np.searchsorted(np.array(arrived), times, side="left"), len(stops) - 1),
         arrived=tuple(arrived),
     )
+
+
+def _follow(run: Simulation, wanted: Wanted, front_x: float, front_y: float) -> Followed:
+    """States of every block; raises what stopped the run."""
+    count, n = len(wanted.angle), len(BODIES)
+    start, end = np.arange(count) * BLOCK, np.arange(1, count + 1) * BLOCK
+    at = start[:, None] + BLOCK * np.arange(1, SAMPLES + 1) / SAMPLES
+    at[:, -1] = end
+    shape = (count, SAMPLES, n)
+    pull, gained, arm = np.zeros((3, count))
+    done = Followed(at, np.full(shape, np.nan), np.full(shape, np.nan), pull, gained, arm)
+    plan = run.plan(BLOCK, np.array([0.0, BLOCK]), np.zeros(2), output_time_s=at[0])  # the same numbers for all blocks
+    servo = Servo(SERVO_INERTIA, SERVO_RATE, BLOCK, front_x, front_y, KEY)
+    given = ServoRun(
+        STEP_LOOP, plan.scene, kernels_of(run.scene.tables), plan.method.coefficients, plan.limits, plan.account
+    )
+    reached = follow(servo, wanted, plan.span, done, given)
+    run.reached(plan._replace(out=Outputs(at.ravel(), done.angle.reshape(-1, n), done.speed.reshape(-1, n))), *reached)
+    return done

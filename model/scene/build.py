@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,7 +56,7 @@ class Scene:
                 f"{', '.join(self.bodies)}"
             )
 
-    @property
+    @cached_property
     def solved_contacts(self) -> int:
         """Number of contacts that act on an unknown coordinate; the others are evaluated for outputs only."""
         return len(solved_contacts(self.tables))

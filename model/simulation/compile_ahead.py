@@ -6,6 +6,7 @@ In: choices of scenes. Out: nothing but files in the kernel cache. Whoever needs
 
 from __future__ import annotations
 
+import importlib
 import os
 import pickle
 import subprocess
@@ -24,7 +25,9 @@ _ROOT = str(Path(__file__).resolve().parents[2])
 _BESIDE = f"import sys; sys.path.insert(0, {_ROOT!r}); from model.simulation.compile_ahead import main; main()"
 
 
-def compile_ahead(choices: Sequence[SceneChoice], *, loop: bool = False) -> subprocess.Popen[bytes] | None:
+def compile_ahead(
+    choices: Sequence[SceneChoice], *, loop: bool = False, then: str = ""
+) -> subprocess.Popen[bytes] | None:
     """Start compiling scenes in a process beside this one, where this machine has not compiled kernels yet.
 
     Halves the wait of a first run: call it before what integrates is first used.
@@ -33,6 +36,7 @@ def compile_ahead(choices: Sequence[SceneChoice], *, loop: bool = False) -> subp
     ----------
     choices : scenes that will be needed, the first needed first
     loop : the step loop before them; for a caller that begins with a scene that is not among them
+    then : ``module:function`` to call afterwards, for kernels that are compiled where they are first called
 
     Returns
     -------
@@ -64,7 +68,7 @@ def compile_ahead(choices: Sequence[SceneChoice], *, loop: bool = False) -> subp
             env={**os.environ, "PIANORIG_CACHE_DIR": str(_compile.cache_root())},
         )
         assert beside.stdin is not None
-        beside.stdin.write(pickle.dumps((cold, loop)))
+        beside.stdin.write(pickle.dumps((cold, loop, then)))
         beside.stdin.close()
     except OSError:
         return None
@@ -74,9 +78,12 @@ def compile_ahead(choices: Sequence[SceneChoice], *, loop: bool = False) -> subp
 
 def main() -> None:
     """Compile what the standard input names."""
-    choices, loop = pickle.load(sys.stdin.buffer)
+    choices, loop, then = pickle.load(sys.stdin.buffer)
     if loop:
         import model.integrators.rosenbrock  # noqa: F401  # start-up: seconds, its import compiles the loop
     action = load_action()
     for choice in choices:
         kernels_of(build_scene(choice.on(action), choice).tables)
+    if then:
+        module, _, function = then.partition(":")
+        getattr(importlib.import_module(module), function)()

@@ -21,7 +21,7 @@ from model.integrators.tableau import RosenbrockTableau
 from model.kernels import layout as L
 from model.kernels import workspace as W
 from model.kernels.codegen.load import energy_of, kernels_of
-from model.kernels.signatures import Account, InputTable, Limits, Outputs, SceneNumbers, Span
+from model.kernels.signatures import Account, InputTable, Limits, Outputs, SceneNumbers, Span, StepKernels
 from model.kernels.trajectory.contact_forces import forces_along, probe_forces_along
 from model.scene.build import Scene
 
@@ -108,6 +108,7 @@ class Simulation:
     energy: bool = False
     audit: NDArray[np.float64] = field(default_factory=lambda: np.zeros(6))
     times: NDArray[np.float64] = field(default_factory=lambda: np.zeros(1))
+    _kernels: StepKernels | None = field(default=None, init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         """Refuse a tolerance or a state that cannot be used."""
@@ -157,10 +158,11 @@ class Simulation:
         angles, speeds : (m, n)
         """
         plan = self.plan(until, input_time_s, input_value, held=held, output_time_s=output_time_s)
-        kernels = kernels_of(self.scene.tables)
-        if self.energy:
-            kernels = kernels._replace(energy=energy_of(self.scene.tables))
-        method = plan.method
+        if self._kernels is None:  # found once: a run may be advanced block by block
+            self._kernels = kernels_of(self.scene.tables)
+            if self.energy:
+                self._kernels = self._kernels._replace(energy=energy_of(self.scene.tables))
+        kernels, method = self._kernels, plan.method
         time, step, status = method.loop(
             plan.span, plan.drive, plan.out, plan.scene, kernels, method.coefficients, plan.limits, plan.account
         )

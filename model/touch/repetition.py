@@ -27,13 +27,16 @@ POINTS = 32  # of the force per blow
 SAMPLE = 2e-4  # s
 
 
-def sounded(action: Action, rate_hz: float, peak_n: float) -> NDArray[np.bool_]:
-    """Which of `BLOWS` blows bring the hammer to the string, (BLOWS,)."""
+def sounded(
+    action: Action, rate_hz: float, peak_n: float, rest_rad: NDArray[np.float64] | None = None
+) -> NDArray[np.bool_]:
+    """Which of `BLOWS` blows bring the hammer to the string, (BLOWS,); from ``rest_rad`` (5,) or the action's own."""
     end = BLOWS / rate_hz
     times = np.linspace(0.0, end, BLOWS * POINTS + 1)
     force = peak_n * np.sin(np.pi * rate_hz * times) ** 2
     output = np.arange(math.floor(end / SAMPLE) + 1) * SAMPLE
-    start = State(0.0, hand_set_rest(action), np.zeros(len(BODIES)))
+    rest = hand_set_rest(action) if rest_rad is None else rest_rad
+    start = State(0.0, rest.copy(), np.zeros(len(BODIES)))
     played = simulate(action, times, force, initial=start, output_time_s=output[output <= end], tolerance=1e-4)
     height = hammer_height_from_angle(action, played.angle_rad[:, BODIES.index("hammer")])
     blow = np.minimum((output[touches(height)] * rate_hz).astype(int), BLOWS - 1)
@@ -66,8 +69,10 @@ def fastest_repetition(action: Action, peaks_n: Sequence[float] = PEAKS) -> floa
     4.5
     """
 
+    rest = hand_set_rest(action)
+
     def follows(rate: float) -> bool:
-        return any(bool(sounded(action, rate, peak)[SETTLING:].all()) for peak in peaks_n)
+        return any(bool(sounded(action, rate, peak, rest)[SETTLING:].all()) for peak in peaks_n)
 
     good, rate = math.nan, SLOWEST
     while rate <= FASTEST and follows(rate):

@@ -34,10 +34,13 @@ def inverse_and_covariance(
         pivot = work[i, i]
         if not pivot > 1.0 / MOST:
             return False
-        work[i] /= pivot
+        for k in range(10):  # whole rows at once would compile a message about their shapes, for 1.5 s
+            work[i, k] /= pivot
         for row in range(5):
             if row != i:
-                work[row] -= work[row, i] * work[i]
+                share_of_row = work[row, i]
+                for k in range(10):
+                    work[row, k] -= share_of_row * work[i, k]
     for i in range(5):
         for j in range(5):
             if not abs(work[i, 5 + j]) < MOST:

@@ -1,13 +1,14 @@
 """What of an attempt is done lane by lane: input tables, rest, steps fitted to kinks, counts, members that are done."""
 
 from model.integrators.lanes import slots as S
-from model.integrators.lanes.lane_input import constant_until, fit_to_input, input_at, input_gain
+from model.integrators.lanes.lane_input import fit_to_input, input_at, input_gain
 from model.integrators.lanes.seats import copy_lane, fill_still, get_up
 from model.integrators.rosenbrock import WAKING_STEP
 from model.integrators.step_control import DONE, NOT_FINITE, SMALLEST_STEP, STEP_TOO_SMALL, TOO_MANY_STEPS
 from model.kernels.compile import uncounted
 from model.kernels.layout import N_CONTACT, N_JACOBIAN, N_REJECTED, N_RESTS, N_RHS, N_SKIPPED, N_STEPS
 from model.kernels.stepping.events import at_rest
+from model.kernels.stepping.inputs import constant_until
 from model.kernels.workspace import INPUT, V
 
 
@@ -53,7 +54,7 @@ def rest(bits, width, parent, members, space):
             at = S.N_WHOLE * lane
             t, end = number[S.TIME * width + lane], number[S.END * width + lane]
             first, last = whole[at + S.FIRST], whole[at + S.LAST]
-            quiet = constant_until(t, whole[at + S.POINT], end, first, last, members.time, members.value)
+            quiet = constant_until(t, whole[at + S.POINT], end, first, last, members.time, members.value, False)
             copy_lane(lane, width, n, memory, space.single)
             if quiet > t and at_rest(space.single, parent, space.parts, number[S.REST * width + lane]):
                 for i in range(n):

@@ -1,4 +1,4 @@
-"""The input tables of members side by side: value and slope, how far constant, kinks inside a step.
+"""The input tables of members side by side: value and slope, kinks inside a step.
 
 As `model.kernels.stepping.inputs`, for tables that are linear between their points and lie one after the other in one
 array: ``first`` and ``last`` are the places of a table's ends.
@@ -23,21 +23,6 @@ def input_at(t, k, first, last, time, value):
         return value[last], 0.0, k
     slope = (value[k + 1] - value[k]) / (time[k + 1] - time[k])
     return value[k] + slope * (t - time[k]), slope, k
-
-
-@uncounted
-def constant_until(t, k, t_end, first, last, time, value):
-    """Time up to which the input keeps exactly the value it has at ``t``."""
-    if t < time[first]:
-        return min(t_end, time[first])
-    if t >= time[last]:
-        return t_end
-    j = k
-    while j < last and value[j + 1] == value[k]:
-        j += 1
-    if j == last:
-        return t_end
-    return min(t_end, max(t, time[j]))
 
 
 @uncounted

@@ -11,6 +11,8 @@ from __future__ import annotations
 from functools import cache
 from typing import Any
 
+from numba import int64
+
 from model.integrators.lanes import slots as S
 from model.integrators.lanes.attempts import counted, fit_steps, read_inputs, read_start, rest, settle
 from model.integrators.lanes.outputs import give_out
@@ -30,7 +32,7 @@ from model.kernels.workspace import (
     NEEDED,
     Q1,
     STAGE_STEP,
-    STEP_TO_TRY,
+    STEP_RATE,
     WIDTH,
     Q,
     U,
@@ -69,14 +71,17 @@ def advance_to_end(w, b, n):
 def embedded_error(w, stage, n, angle, speed):
     """Whether the estimate is finite, and its size against the tolerances."""
     last = U + STAGE * stage
-    error = filled(0.0, angle)
-    finite = error == 0.0
+    largest_q = filled(0.0, angle)
+    largest_v = largest_q
+    finite = largest_q == 0.0
     for i in range(n):
-        eq = abs(w[last + i]) / angle
-        ev = abs(w[last + WIDTH + i]) / speed
+        eq = abs(w[last + i])
+        ev = abs(w[last + WIDTH + i])
         finite = finite & (eq < INFINITE) & (ev < INFINITE)
-        error = max(max(error, eq), ev)
-    return finite, error
+        largest_q = max(largest_q, eq)
+        largest_v = max(largest_v, ev)
+    error = max(largest_q / angle, largest_v / speed)
+    return finite & (error < INFINITE), error
 
 
 @inlined
@@ -133,7 +138,8 @@ def loop_in_lanes(width: int) -> Any:
         s = rows(number, width)
         n = members.angle.shape[1]
         n_stages = b.shape[0]
-        busy, following = fill_lanes(0, 0, width, members, space)
+        # a plain 0 would be a type of its own, for which numba compiles all that takes a seat once more
+        busy, following = fill_lanes(int64(0), int64(0), width, members, space)
         fresh = busy
         rejected = 0
         attempts = 0
@@ -147,7 +153,7 @@ def loop_in_lanes(width: int) -> Any:
             trying = busy & ~rested
             fit_steps(trying, width, members, space)
             step = s[S.STEP]
-            w[STEP_TO_TRY] = step
+            w[STEP_RATE] = 1.0 / step
             w[STAGE_STEP] = gamma * step
             prepared = kernels.prepare(memory)
             # contacts are left out only while every stage stays within these allowances: the answer is the same

@@ -6,27 +6,61 @@ whose coordinate is its height.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 from model.kernels import layout as L
 from model.kernels import workspace as W
 from model.kernels.codegen.structure import Structure
 
 
+def rotations(s: Structure) -> list[str]:
+    """Cosine and sine of the angle of each body from ground; those of one run at once, where vectors pay."""
+    angle = {i: f"q{i} + q{s.parent[i]}" if s.parent[i] >= 0 and s.guide(i) < 0 else f"q{i}" for i in s.turning()}
+    if not s.bundles:
+        return [f"c{i}, s{i} = cosine_sine({text})" for i, text in angle.items()]
+    out = [f"cosines, sines = cosines_sines({bundle(angle.values())})"]
+    for k, i in enumerate(angle):
+        out += [f"c{i} = number(cosines, {k})", f"s{i} = number(sines, {k})"]
+    return out
+
+
+def bundle(texts: Iterable[str]) -> str:
+    """Text of numbers of one run side by side."""
+    return f"bundled({W.WIDTH}, {', '.join(texts)})"
+
+
+def joint_friction(s: Structure, slopes: bool) -> list[str]:
+    """Friction of each joint as ``torque`` and, where asked for, its slope ``e``; of all at once, where vectors pay."""
+    out, laws = [], (L.JF_A, L.JF_B1, L.JF_B2)
+    joints = [i for i in range(s.free) if i not in s.guided]
+    for i in range(s.free):
+        if not s.bundles or i in s.guided:
+            per = "per_v" if i in s.guided else "per_omega"
+            law = ", ".join(s.body(i, k) for k in laws)
+            out.append(f"torque{i}, {f'e{i}' if slopes else '_'} = friction(v{i}, {per}, {law})")
+    if s.bundles and joints:
+        numbers = [bundle(s.body(i, k) for i in joints) for k in laws]
+        out.append(f"torques, easings = frictions({bundle(f'v{i}' for i in joints)}, per_omega, {', '.join(numbers)})")
+        for k, i in enumerate(joints):
+            out += [f"torque{i} = number(torques, {k})", *([f"e{i} = number(easings, {k})"] if slopes else [])]
+    return out
+
+
 def pose(s: Structure) -> list[str]:
     """Pivot, rotation, turning speed and centre of mass of each body."""
-    out = []
+    out = rotations(s)
     for i in s.order():
         w, px, py = s.parent[i], s.body(i, L.PIVOT_X), s.body(i, L.PIVOT_Y)
         if i in s.guided:
             out += [f"x{i} = {px}", f"y{i} = {py} + q{i}"]
             continue
         if s.guide(i) >= 0:
-            out += [f"x{i} = x{w} + {px}", f"y{i} = y{w} + {py}", f"w{i} = v{i}", f"c{i}, s{i} = cosine_sine(q{i})"]
+            out += [f"x{i} = x{w} + {px}", f"y{i} = y{w} + {py}", f"w{i} = v{i}"]
         elif w < 0:
-            out += [f"x{i} = {px}", f"y{i} = {py}", f"w{i} = v{i}", f"c{i}, s{i} = cosine_sine(q{i})"]
+            out += [f"x{i} = {px}", f"y{i} = {py}", f"w{i} = v{i}"]
         else:
             out += [f"dx{i} = c{w} * {px} - s{w} * {py}", f"dy{i} = s{w} * {px} + c{w} * {py}"]
             out += [f"x{i} = x{w} + dx{i}", f"y{i} = y{w} + dy{i}", f"w{i} = v{i} + w{w}"]
-            out += [f"c{i}, s{i} = cosine_sine(q{i} + q{w})"]
         cx, cy = s.body(i, L.COM_X), s.body(i, L.COM_Y)
         out += [f"rx{i} = c{i} * {cx} - s{i} * {cy}", f"ry{i} = s{i} * {cx} + c{i} * {cy}"]
     return out
@@ -67,14 +101,18 @@ def solve_mass(s: Structure) -> list[str]:
     return out
 
 
+def thresholds() -> list[str]:
+    """One over the threshold speeds of friction: a division each, not one for each contact and joint."""
+    return [f"per_v = 1.0 / p[{L.V_T}]", f"per_omega = 1.0 / p[{L.OMEGA_T}]"]
+
+
 def forces(s: Structure, slopes: bool) -> list[str]:
     """Generalised forces of everything but contacts; with the slopes of joint friction where asked for."""
-    out = [f"g = p[{L.GRAVITY}]"]
+    out = [f"g = p[{L.GRAVITY}]", *thresholds()]
+    out += joint_friction(s, slopes)
     for i in range(s.free):
-        law = ", ".join(s.body(i, k) for k in (L.JF_A, L.JF_B1, L.JF_B2))
-        threshold, weight = (L.V_T, "") if i in s.guided else (L.OMEGA_T, f" * rx{i}")
-        out.append(f"torque, {f'e{i}' if slopes else '_'} = friction(v{i}, p[{threshold}], {law})")
-        out.append(f"f{i} = -torque - {s.body(i, L.MASS)} * g{weight}")
+        weight = "" if i in s.guided else f" * rx{i}"
+        out.append(f"f{i} = -torque{i} - {s.body(i, L.MASS)} * g{weight}")
     for i, w in enumerate(s.parent):
         if w >= 0:
             m = s.body(i, L.MASS)

@@ -82,9 +82,10 @@ def forces_piece(s: Structure, c: int) -> tuple[Piece, list[str]]:
     pushed = [i for i in one.joints if one.solved(i)]
     here, there = _poses(lines, one.bodies)
     start = [f"f{i} = {_nothing(s)}" for i in pushed]
-    piece = _piece(s, "push", ["p", "o", *here], [*start, *lines], [f"f{i}" for i in pushed] + ["0.0"])
+    piece = _piece(s, "push", ["p", "o", "per_v", *here], [*start, *lines], [f"f{i}" for i in pushed] + ["0.0"])
     names = [f"m{k}" for k in range(len(pushed))]
-    call = f"{', '.join(names)}, _ = {piece.name}(p, {_whole(s.offset[1] + L.CONTACT_SIZE * c)}, {', '.join(there)})"
+    given = [_whole(s.offset[1] + L.CONTACT_SIZE * c), "per_v", *there]
+    call = f"{', '.join(names)}, _ = {piece.name}(p, {', '.join(given)})"
     return piece, [call, *(f"f{one.bodies[i]} += {m}" for i, m in zip(pushed, names, strict=True))]
 
 
@@ -100,12 +101,13 @@ def linearised_piece(s: Structure, c: int) -> tuple[Piece, list[str]]:
     piece = _piece(
         s,
         "linearised",
-        ["w", "p", "o", "at", *places[0], *ease[0], *here],
+        ["w", "p", "o", "at", "per_v", *places[0], *ease[0], *here],
         [*(f"f{i} = {_nothing(s)}" for i in pushed), "touching = 0", *lines],
         ["touching", *(f"f{i}" for i in pushed), *(f"{way}_0" for way in ways)],
     )
     names = [f"m{k}" for k in range(len(pushed))]
-    given = [_whole(s.offset[1] + L.CONTACT_SIZE * c), _whole(s.place[c]), *places[1], *ease[1], *there]
+    numbers = [_whole(s.offset[1] + L.CONTACT_SIZE * c), _whole(s.place[c]), "per_v"]
+    given = [*numbers, *places[1], *ease[1], *there]
     results = ["on", *names, *(f"{way}_{c}" for way in ways)]
     call = f"{', '.join(results)} = {piece.name}(w, p, {', '.join(given)})"
     adding = [f"f{one.bodies[i]} += {m}" for i, m in zip(pushed, names, strict=True)]

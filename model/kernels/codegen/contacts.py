@@ -81,9 +81,9 @@ def arms_and_rates(s: Structure | LoneContact, c: int) -> list[str]:
 
 
 def law_numbers(s: Structure | LoneContact, c: int) -> str:
-    """Arguments of a contact's laws after its depth and speeds."""
+    """Arguments of a contact's laws after its depth and speeds; ``per_v`` is one over the threshold of sliding."""
     felt = contact_numbers(s, c, L.K_A, L.K_B, L.K_C, L.DAMP)
-    return ", ".join([*felt, f"p[{L.V_T}]", *contact_numbers(s, c, L.MU_A, L.MU_B1, L.MU_B2)])
+    return ", ".join([*felt, "per_v", *contact_numbers(s, c, L.MU_A, L.MU_B1, L.MU_B2)])
 
 
 def push(s: LoneContact, c: int) -> list[str]:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from model.kernels import layout as L
 from model.kernels import workspace as W
-from model.kernels.codegen.bodies import mass, pose
+from model.kernels.codegen.bodies import mass, pose, thresholds
 from model.kernels.codegen.contacts import contact_energy, probe_energy
 from model.kernels.codegen.step_kernels import module
 from model.kernels.codegen.structure import Structure
@@ -20,6 +20,7 @@ def emit_energy(tables: L.Tables) -> str:
     out += [
         *pose(s),
         *mass(s),
+        *thresholds(),
         "energy = 0.0",
         "felt_loss = 0.0",
         "friction_loss = 0.0",
@@ -31,10 +32,10 @@ def emit_energy(tables: L.Tables) -> str:
     for i, w in enumerate(s.parent):
         law = ", ".join(s.body(i, k) for k in (L.JF_A, L.JF_B1, L.JF_B2))
         if i in s.guided:
-            out += [f"force, _ = friction(v{i}, p[{L.V_T}], {law})", f"rail_loss += force * v{i}"]
+            out += [f"force, _ = friction(v{i}, per_v, {law})", f"rail_loss += force * v{i}"]
             out.append(f"energy += 0.5 * md{i} * v{i} * v{i}")
             continue
-        out += [f"torque, _ = friction(v{i}, p[{L.OMEGA_T}], {law})", f"joints += torque * v{i}"]
+        out += [f"torque, _ = friction(v{i}, per_omega, {law})", f"joints += torque * v{i}"]
         out.append(f"energy += 0.5 * md{i} * v{i} * v{i} + {s.body(i, L.MASS)} * p[{L.GRAVITY}] * (y{i} + ry{i})")
         if w >= 0:
             out.append(f"energy += mu{i} * v{i} * v{w}")

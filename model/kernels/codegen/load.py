@@ -20,9 +20,22 @@ from typing import Any
 from model.kernels import compile as _compile
 from model.kernels.codegen.energy import emit_energy
 from model.kernels.codegen.step_kernels import emit_with_pieces
+from model.kernels.kernel_value import Kernel
 from model.kernels.layout import Tables
 from model.kernels.once import alone
-from model.kernels.signatures import LaneKernels, StepKernels
+from model.kernels.signatures import (
+    ENERGY,
+    LANE_LINEARISE,
+    LANE_PREPARE,
+    LANE_SKIP,
+    LANE_STAGE,
+    LINEARISE,
+    PREPARE,
+    SKIP,
+    STAGE,
+    LaneKernels,
+    StepKernels,
+)
 
 _loaded: dict[bytes, StepKernels] = {}
 _in_lanes: dict[tuple[bytes, int], LaneKernels] = {}
@@ -72,7 +85,7 @@ def energy_of(tables: Tables) -> Any:
     if key not in _energies:
         with _lock:
             if key not in _energies:
-                _energies[key] = _load(emit_energy(tables)).energy
+                _energies[key] = Kernel(_load(emit_energy(tables)).energy, ENERGY)
     return _energies[key]
 
 
@@ -98,7 +111,12 @@ def lane_kernels_of(tables: Tables, lanes: int) -> LaneKernels:
         with _lock:
             if key not in _in_lanes:
                 module = _load_with_pieces(tables, lanes)
-                kernels = LaneKernels(module.linearise, module.prepare, module.skip, module.stage)
+                kernels = LaneKernels(
+                    Kernel(module.linearise, LANE_LINEARISE),
+                    Kernel(module.prepare, LANE_PREPARE),
+                    Kernel(module.skip, LANE_SKIP),
+                    Kernel(module.stage, LANE_STAGE),
+                )
                 COMPILED["scenes"] += 1
                 COMPILED["compiled"] += not all(k.stats.cache_hits for k in kernels)
                 _in_lanes[key] = kernels
@@ -112,8 +130,13 @@ def kernels_of(tables: Tables) -> StepKernels:
         with _lock:
             if key not in _loaded:
                 module = _load_with_pieces(tables)
+                linearise = Kernel(module.linearise, LINEARISE)
                 kernels = StepKernels(
-                    module.linearise, module.prepare, module.skip, module.stage, energy=module.linearise
+                    linearise,
+                    Kernel(module.prepare, PREPARE),
+                    Kernel(module.skip, SKIP),
+                    Kernel(module.stage, STAGE),
+                    energy=linearise,
                 )
                 COMPILED["scenes"] += 1
                 COMPILED["compiled"] += not all(k.stats.cache_hits for k in kernels)

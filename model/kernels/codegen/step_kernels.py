@@ -21,6 +21,9 @@ _HEAD = '''"""Generated from the structure of a scene by model.kernels.codegen.s
 from numba import int64
 
 from model.kernels.compile import generated
+from model.kernels.lanes.bundle import bundled, number
+from model.kernels.lanes.maths import cosine_sine as cosines_sines
+from model.kernels.lanes.terms import friction as frictions
 from model.kernels.laws import felt, friction
 from model.kernels.motion import motion_at, piece_at
 from model.kernels.signatures import ENERGY, LINEARISE, PREPARE, SKIP, STAGE
@@ -155,7 +158,7 @@ def _stage(s: Structure, pieces: set[Piece]) -> list[str]:
         inner += probe(s, k, False)
     inner += solve_mass(s)
     out += ["    " + line for text in inner for line in text.split("\n")]
-    out += ["else:", *(f"    a{i} = w[{W.ACC + i}]" for i in n), "rate = 1.0 / step"]
+    out += ["else:", *(f"    a{i} = w[{W.ACC + i}]" for i in n)]
     out += [f"a{i} += l{i} * rate\nb{i} = v{i} + b{i} * rate" for i in n]
     for i in n:
         text = f"ft * w[{W.F_U + i}] + w[{W.M_DIAG + i}] * a{i}"
@@ -178,7 +181,7 @@ def _stage(s: Structure, pieces: set[Piece]) -> list[str]:
 
 def _per_lane(s: Structure) -> list[str]:
     """Lines that read what a scalar kernel is given as numbers."""
-    names = {"u": W.INPUT, "ft": W.INPUT_RATE, "gh": W.STAGE_STEP, "step": W.STEP_TO_TRY}
+    names = {"u": W.INPUT, "ft": W.INPUT_RATE, "gh": W.STAGE_STEP, "rate": W.STEP_RATE}
     return [f"{name} = w[{at}]" for name, at in names.items()] if s.lanes > 1 else []
 
 
@@ -207,7 +210,7 @@ def emit_with_pieces(tables: L.Tables, lanes: int = 1) -> tuple[str, list[Piece]
         ("linearise", "w, p, u", linearise),
         ("prepare", "w, gh", prepare),
         ("skip", "w, p", skip),
-        ("stage", "w, p, a, c, k, gh, step, u, ft, mask", stage),
+        ("stage", "w, p, a, c, k, gh, rate, u, ft, mask", stage),
     )
     return module(*functions, head=_HEAD + head), used
 

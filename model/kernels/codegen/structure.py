@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from model.kernels import layout as L
 from model.kernels import workspace as W
+from model.kernels.lanes.width import lanes_pay
 
 
 def solved_contacts(tables: L.Tables) -> list[int]:
@@ -38,6 +39,8 @@ class Structure:
         self.damper = [int(i) for i in tables.damper]
         self.rail = [int(c) for c in tables.rail]
         self.guided = {i for i, w in enumerate(self.parent) if w == L.GUIDED}
+        # cosines and joint friction of all bodies of a run in one vector; members in lanes fill theirs with members
+        self.bundles = lanes == 1 and lanes_pay()
 
     def order(self) -> list[int]:
         """Bodies, each after its parent."""
@@ -45,6 +48,10 @@ class Structure:
         for i, w in enumerate(self.parent):
             out += [k for k in (w, i) if k >= 0 and k not in out]
         return out
+
+    def turning(self) -> list[int]:
+        """Bodies that turn, each after its parent."""
+        return [i for i in self.order() if i not in self.guided]
 
     def guide(self, body: int) -> int:
         """The vertical guide that carries ``body``, or -1."""

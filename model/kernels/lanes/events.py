@@ -28,12 +28,15 @@ def time_to_zero(x, rate, acc, most):
 
 
 @inlined
-def fit_to_turn(step, counts, z, rate, strength, tolerance_v):
-    """Shorten ``step`` in the lanes of ``counts`` for friction whose scaled speed z runs through zero at ``rate``."""
-    turning = counts & (z * rate < 0.0)
+def fit_to_turn(step, counts, speed, change, per, strength, tolerance_v):
+    """Shorten ``step`` in the lanes of ``counts`` for friction whose ``speed`` runs through zero.
+
+    ``per`` is one over its threshold, ``change`` that of the speed (1/s), ``strength`` as there.
+    """
+    turning = counts & (speed * change < 0.0)
     if any_of(turning):
-        pace = abs(rate)
-        left = abs(z) - LAYER
+        pace = abs(change * per)
+        left = abs(speed * per) - LAYER
         outside = left > 0.01
         until = left / pace
         ends = outside & (left < step * pace) & (strength * (step - until) > tolerance_v)
@@ -45,13 +48,13 @@ def fit_to_turn(step, counts, z, rate, strength, tolerance_v):
 @uncounted
 def fit_to_events(step, w, p, n, n_contacts, tolerance_v):
     """Shorten ``step`` (s) to the first event that it cannot cross; of ``n`` coordinates and ``n_contacts``."""
-    scale = p[OMEGA_T]
+    per = 1.0 / p[OMEGA_T]
     for i in range(n):
         law = p[GLOBALS + BODY_SIZE * i + JF_A]
         rubs = law != 0.0
         if any_of(rubs):
-            step = fit_to_turn(step, rubs, w[V + i] / scale, w[ACC + i] / scale, law / w[M_DIAG + i], tolerance_v)
-    scale = p[V_T]
+            step = fit_to_turn(step, rubs, w[V + i], w[ACC + i], per, law / w[M_DIAG + i], tolerance_v)
+    per = 1.0 / p[V_T]
     for c in range(n_contacts):
         rate = w[GAP_RATE + c]
         acc = w[GAP_ACC + c]
@@ -67,5 +70,5 @@ def fit_to_events(step, w, p, n, n_contacts, tolerance_v):
         grip = w[GRIP + c]
         rubs = (slide_rate != 0.0) & (grip > 0.0)
         if any_of(rubs):
-            step = fit_to_turn(step, rubs, w[SLIDE + c] / scale, slide_rate / scale, grip, tolerance_v)
+            step = fit_to_turn(step, rubs, w[SLIDE + c], slide_rate, per, grip, tolerance_v)
     return step

@@ -31,13 +31,15 @@ def _whole(number: int, width: int) -> Any:
 
 @intrinsic
 def rows(typingctx: Any, array: Any, width: Any) -> Any:
-    """Memory of a C-contiguous float64 array (k,) as rows of ``width`` lanes (a constant)."""
-    if not isinstance(width, types.IntegerLiteral) or not isinstance(array, types.Array):
+    """Memory of a C-contiguous float64 array (k,), or of its address, as rows of ``width`` lanes (a constant)."""
+    if not isinstance(width, types.IntegerLiteral) or not isinstance(array, (types.Array, types.CPointer)):
         return None
 
     def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        view = context.make_array(sig.args[0])(context, builder, args[0])
-        return builder.bitcast(view.data, DOUBLE.as_pointer())
+        data = args[0]
+        if isinstance(sig.args[0], types.Array):
+            data = context.make_array(sig.args[0])(context, builder, data).data
+        return builder.bitcast(data, DOUBLE.as_pointer())
 
     return Rows(width.literal_value)(array, width), generate
 

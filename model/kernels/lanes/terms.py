@@ -20,9 +20,9 @@ def felt(x, rate, a, b, c, damping):
 
 
 @inlined
-def friction(s, scale, a, b1, b2):
-    """Smoothed friction coefficient (or torque) at speed ``s`` and its derivative by ``s``."""
-    z = s / scale
+def friction(s, per, a, b1, b2):
+    """Smoothed friction coefficient (or torque) at speed ``s`` and its derivative by ``s``; ``per`` is 1/threshold."""
+    z = s * per
     size = abs(z)
     value = filled(1.0, z)
     within = size < 19.5  # beyond, tanh is 1 to the last digit
@@ -37,7 +37,7 @@ def friction(s, scale, a, b1, b2):
         d = 1.0 + b2 * z4
         slope = where(humped, slope + b1 * (1.0 - 3.0 * b2 * z4) / (d * d), slope)
         value = where(humped, value + b1 * z / d, value)
-    return a * value, a * slope / scale
+    return a * value, a * slope * per
 
 
 @inlined
@@ -111,27 +111,27 @@ def hybrid_room(ux, uy, reach, sx, sy, ex, ey):
 
 
 @inlined
-def contact_laws(x, rate, slide, a, b, c, damping, v_t, mu_a, mu_b1, mu_b2):
+def contact_laws(x, rate, slide, a, b, c, damping, per_v, mu_a, mu_b1, mu_b2):
     """Normal force, its two derivatives, friction coefficient and its derivative."""
     fn, fn_x, fn_rate = felt(x, rate, a, b, c, damping)
     mu = filled(0.0, fn)
     mu_s = mu
     rubs = (fn > 0.0) & (mu_a != 0.0)
     if any_of(rubs):
-        mu, mu_s = friction(slide, v_t, mu_a, mu_b1, mu_b2)
+        mu, mu_s = friction(slide, per_v, mu_a, mu_b1, mu_b2)
         mu = where(rubs, mu, 0.0)
         mu_s = where(rubs, mu_s, 0.0)
     return fn, fn_x, fn_rate, mu, mu_s
 
 
 @inlined
-def contact_force(x, rate, slide, nx, ny, a, b, c, damping, v_t, mu_a, mu_b1, mu_b2):
+def contact_force(x, rate, slide, nx, ny, a, b, c, damping, per_v, mu_a, mu_b1, mu_b2):
     """World force on A of a touching contact."""
     fn, _, _ = felt(x, rate, a, b, c, damping)
     ft = filled(0.0, fn)
     rubs = (fn > 0.0) & (mu_a != 0.0)
     if any_of(rubs):
-        mu, _ = friction(slide, v_t, mu_a, mu_b1, mu_b2)
+        mu, _ = friction(slide, per_v, mu_a, mu_b1, mu_b2)
         ft = where(rubs, -mu * fn, 0.0)
     return fn * nx - ft * ny, fn * ny + ft * nx
 

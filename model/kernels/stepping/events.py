@@ -50,20 +50,18 @@ def time_to_zero(x, rate, acc, most):
 
 @inlined
 def fit_to_turn(step, z, rate, strength, tolerance_v):
-    """Shorten ``step`` for friction whose scaled speed z runs through zero at ``rate`` (1/s).
+    """Shorten ``step`` for friction whose scaled speed z runs through zero at ``rate`` (1/s): they have unlike signs.
 
     Outside the layer |z| < LAYER the step ends at its edge; inside, a step turns z by no more than the tolerance of a
     speed bears: ``strength`` is the acceleration that friction gives (rad/s^2).
     """
-    if z * rate < 0.0:
-        pace = abs(rate)
-        left = abs(z) - LAYER
-        if left > 0.01:
-            if left < step * pace and strength * (step - left / pace) > tolerance_v:
-                return left / pace
-        else:
-            return min(step, max(LEAST_TURN, TURN * sqrt(sqrt(tolerance_v * pace / strength))) / pace)
-    return step
+    pace = abs(rate)
+    left = abs(z) - LAYER
+    if left > 0.01:
+        if left < step * pace and strength * (step - left / pace) > tolerance_v:
+            return left / pace
+        return step
+    return min(step, max(LEAST_TURN, TURN * sqrt(sqrt(tolerance_v * pace / strength))) / pace)
 
 
 @uncounted
@@ -72,7 +70,7 @@ def fit_to_events(step, w, scene, tolerance_v):
     p = scene.parameters
     for i in range(scene.parent.shape[0]):
         law = p[GLOBALS + BODY_SIZE * i + JF_A]
-        if law != 0.0:
+        if law != 0.0 and w[V + i] * w[ACC + i] < 0.0:
             scale = p[OMEGA_T]
             step = fit_to_turn(step, w[V + i] / scale, w[ACC + i] / scale, law / w[M_DIAG + i], tolerance_v)
     for c in range(scene.n_contacts):
@@ -83,7 +81,7 @@ def fit_to_events(step, w, scene, tolerance_v):
             past = step - until
             if 0.5 * jump * past * past > KINK * tolerance_v:
                 step = until + sqrt(2.0 * KINK * tolerance_v / jump)
-        if w[SLIDE_RATE + c] != 0.0 and w[GRIP + c] > 0.0:
+        if w[SLIDE_RATE + c] * w[SLIDE + c] < 0.0 and w[GRIP + c] > 0.0:
             scale = p[V_T]
             step = fit_to_turn(step, w[SLIDE + c] / scale, w[SLIDE_RATE + c] / scale, w[GRIP + c], tolerance_v)
     return step

@@ -35,12 +35,13 @@ def input_at(t, k, drive):
 
 
 @uncounted
-def constant_until(t, k, t_end, drive):
-    """Time up to which the input keeps exactly the value it has at ``t``; ``k`` as found by `input_at`."""
-    time, value, held = drive
-    last = time.shape[0] - 1
-    if t < time[0]:
-        return min(t_end, time[0])
+def constant_until(t, k, t_end, first, last, time, value, held):
+    """Time up to which the input keeps exactly the value it has at ``t``; ``k`` as found by `input_at`.
+
+    The table is between ``first`` and ``last`` of ``time`` and ``value``, where others may stand beside it.
+    """
+    if t < time[first]:
+        return min(t_end, time[first])
     if t >= time[last]:
         return t_end
     j = k

@@ -95,7 +95,7 @@ def observe_along(q, v, u, p, tables, observed):
         for i in range(n):
             o = GLOBALS + BODY_SIZE * i
             threshold = p[V_T] if tables.parent[i] == GUIDED else p[OMEGA_T]
-            torque, _ = friction(v[k, i], threshold, p[o + JF_A], p[o + JF_B1], p[o + JF_B2])
+            torque, _ = friction(v[k, i], 1.0 / threshold, p[o + JF_A], p[o + JF_B1], p[o + JF_B2])
             braked[k, i] = torque * v[k, i]
         for d in range(tables.damper.shape[0]):
             i = tables.damper[d]

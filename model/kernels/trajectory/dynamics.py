@@ -125,7 +125,7 @@ def inertia_and_joint_forces(q, v, u, p, tables, pose, f):
     for i in range(n):
         o = GLOBALS + BODY_SIZE * i
         threshold = p[V_T] if parent[i] == GUIDED else p[OMEGA_T]
-        torque, _ = friction(v[i], threshold, p[o + JF_A], p[o + JF_B1], p[o + JF_B2])
+        torque, _ = friction(v[i], 1.0 / threshold, p[o + JF_A], p[o + JF_B1], p[o + JF_B2])
         f[i] = -torque
     for i in range(n):
         m = p[GLOBALS + BODY_SIZE * i + MASS]
@@ -210,7 +210,7 @@ def contact_state(c, v, p, tables, pose):
     fn, _, _ = felt(x, rate, p[o + K_A], p[o + K_B], p[o + K_C], p[o + DAMP])
     ft = 0.0
     if fn > 0.0 and p[o + MU_A] != 0.0:
-        mu, _ = friction(slide, p[V_T], p[o + MU_A], p[o + MU_B1], p[o + MU_B2])
+        mu, _ = friction(slide, 1.0 / p[V_T], p[o + MU_A], p[o + MU_B1], p[o + MU_B2])
         ft = -mu * fn
     return fn, ft, x, rate, slide
 
@@ -237,7 +237,7 @@ def contact_forces(v, p, tables, pose, f):
             continue
         ft = 0.0
         if p[o + MU_A] != 0.0:
-            mu, _ = friction(slide, p[V_T], p[o + MU_A], p[o + MU_B1], p[o + MU_B2])
+            mu, _ = friction(slide, 1.0 / p[V_T], p[o + MU_A], p[o + MU_B1], p[o + MU_B2])
             ft = -mu * fn
         for k in range(count):
             b = tables.chain[c, k]

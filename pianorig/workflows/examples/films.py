@@ -22,7 +22,7 @@ DARK, BRIGHT, NOISE = 40.0, 200.0, 1.5
 SUBPIXELS = 4
 
 
-def write_blow_film(path: Path, bodies: Path, blow: model.Solution) -> None:
+def write_blow_film(path: Path, bodies: Path, blow: model.Solution, frames: int = FRAMES) -> None:
     """Film the blow with the virtual camera, from its trigger on, and write the outlines of its bodies.
 
     Parameters
@@ -30,6 +30,7 @@ def write_blow_film(path: Path, bodies: Path, blow: model.Solution) -> None:
     path : ``.mraw``; the header goes beside it
     bodies : ``.toml``
     blow : of the built-in action
+    frames : how many
     """
     column = [model.BODIES.index(name) for name in ("whippen", "jack", "repetition")]
     angle = blow.angle_rad[:, column]
@@ -45,7 +46,7 @@ def write_blow_film(path: Path, bodies: Path, blow: model.Solution) -> None:
 
     whippen, jack, repetition = (float(value) for value in relative[0])
     geometry = ActionGeometry(pivot("whippen"), pivot("jack"), pivot("repetition"), (whippen, jack, repetition))
-    times = START_S + (np.arange(FRAMES) + 0.5) / CAMERA.frame_rate_hz
+    times = START_S + (np.arange(frames) + 0.5) / CAMERA.frame_rate_hz
     film_trial(path, np.asarray(times, dtype=np.float64), angles_at, geometry, CAMERA, seed=1)
     vision.save_bodies(bodies, film_bodies(geometry, CAMERA))
 

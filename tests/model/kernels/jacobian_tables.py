@@ -63,7 +63,7 @@ def inertia_and_joints(v, u, a, p, tables, pose, stiff, damp, f_u):
     for i in range(n):
         o = GLOBALS + BODY_SIZE * i
         threshold = p[V_T] if parent[i] == GUIDED else p[OMEGA_T]
-        _, slope = friction(v[i], threshold, p[o + JF_A], p[o + JF_B1], p[o + JF_B2])
+        _, slope = friction(v[i], 1.0 / threshold, p[o + JF_A], p[o + JF_B1], p[o + JF_B2])
         damp[i, i] -= slope
         m = p[o + MASS]
         rx = pose[i, POSE_CX] - pose[i, POSE_X]
@@ -149,7 +149,7 @@ def contacts(v, p, tables, pose, work, stiff, damp):
         mu = 0.0
         mu_s = 0.0
         if p[o + MU_A] != 0.0:
-            mu, mu_s = friction(slide, p[V_T], p[o + MU_A], p[o + MU_B1], p[o + MU_B2])
+            mu, mu_s = friction(slide, 1.0 / p[V_T], p[o + MU_A], p[o + MU_B1], p[o + MU_B2])
         for j in range(count):
             cj = tables.chain[c, j]
             qx = pose[cj, POSE_X]

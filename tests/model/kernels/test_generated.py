@@ -18,6 +18,7 @@ from model.kernels import compile as compiling
 from model.kernels import layout as L
 from model.kernels import workspace as W
 from model.kernels.codegen import load as scenes
+from model.kernels.kernel_value import Kernel
 from model.kernels.signatures import SKIP
 from model.kernels.trajectory import dynamics
 from model.kernels.trajectory.kinematics import place
@@ -64,7 +65,7 @@ def test_generated_kernels_equal_the_tables(action: model.Action, effects: tuple
         w[W.ALLOWANCE : W.ALLOWANCE + W.WIDTH] = 1.0
         coefficients, coupling = np.zeros(64), np.zeros(64)
         coefficients[8], coupling[8] = 1.0, -0.5
-        kernels.stage(w, p, coefficients, coupling, 1, gh, h, u, weight, 0)
+        kernels.stage(w, p, coefficients, coupling, 1, gh, 1.0 / h, u, weight, 0)
         a = Evaluation(scene, q + before[0], v + before[1], u).a
         r_q = v + before[1] - 0.5 / h * before[0]
         right = at.mass @ (a - 0.5 / h * before[1]) + gh * at.stiff @ r_q + weight * at.f_u
@@ -121,7 +122,7 @@ def test_skipped_contacts_never_touch(action: model.Action) -> None:
 def test_skipping_changes_no_bit_of_the_answer(action: model.Action, monkeypatch: pytest.MonkeyPatch) -> None:
     force = read_table("forte_force.csv")[:800]
     with_skips = model.simulate(action, force[:, 0], force[:, 1])
-    none = numba.njit(SKIP)(lambda w, p: 0)
+    none = Kernel(numba.njit(SKIP)(lambda w, p: 0), SKIP)
     whole = scenes.kernels_of(build_scene(action).tables)._replace(skip=none)
     monkeypatch.setattr(simulation, "kernels_of", lambda tables: whole)
     without = model.simulate(action, force[:, 0], force[:, 1])

@@ -5,10 +5,13 @@ The last test compiles twice: ``python -m pytest -m slow tests/model/simulation/
 
 from __future__ import annotations
 
+import io
 import os
+import pickle
 import subprocess
 import sys
 from pathlib import Path
+from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import pytest
@@ -67,3 +70,13 @@ def test_what_the_process_beside_compiled_is_loaded(tmp_path: Path) -> None:
         [sys.executable, "-c", SEEN], env=environment, cwd=tmp_path, capture_output=True, text=True, check=True
     )
     assert done.stdout.strip() == "{'scenes': 1, 'compiled': 0} True"
+
+
+def test_the_process_beside_calls_what_it_is_told_to(monkeypatch: pytest.MonkeyPatch) -> None:
+    called: list[str] = []
+    module = ModuleType("told")
+    module.__dict__["call_once"] = lambda: called.append("told")
+    monkeypatch.setitem(sys.modules, "told", module)
+    monkeypatch.setattr(sys, "stdin", SimpleNamespace(buffer=io.BytesIO(pickle.dumps(([], False, "told:call_once")))))
+    ahead.main()
+    assert called == ["told"]

@@ -61,7 +61,7 @@ def compare(scene: Scene, rounds: int) -> int:
             singles.append(w)
         together.linearise(whole.ravel(), numbers.ravel())
         step = 10.0 ** rng.uniform(-7, -4, LANES)
-        whole[W.STEP_TO_TRY], whole[W.STAGE_STEP], whole[W.INPUT_RATE] = step, 0.25 * step, 0.3 * step
+        whole[W.STEP_RATE], whole[W.STAGE_STEP], whole[W.INPUT_RATE] = 1.0 / step, 0.25 * step, 0.3 * step
         whole[W.ALLOWANCE : W.ALLOWANCE + n] = 10.0 ** rng.uniform(-9, -2, (n, LANES))
         sound = together.prepare(whole.ravel())
         mask = together.skip(whole.ravel(), numbers.ravel())
@@ -88,7 +88,8 @@ def compare(scene: Scene, rounds: int) -> int:
             union &= own
             assert needed[lane] == contacts - own.bit_count()
             w[W.U : W.U + n], w[W.U + W.WIDTH : W.U + W.WIDTH + n] = stages[:, lane], 10.0 * stages[:, lane]
-            left = alone.stage(w, p, method.a, method.c, 1, 0.25 * step[lane], step[lane], u, 0.3 * step[lane], own)
+            gh, rate, weight = 0.25 * step[lane], 1.0 / step[lane], 0.3 * step[lane]
+            left = alone.stage(w, p, method.a, method.c, 1, gh, rate, u, weight, own)
             assert left == exceeded >> lane & 1
             if sound >> lane & 1:
                 after = W.U + 2 * W.WIDTH

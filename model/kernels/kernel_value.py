@@ -1,0 +1,117 @@
+"""A compiled kernel as a plain value: an address that a step loop calls, with plain addresses of arrays as arguments.
+
+Numba's own first-class functions cost what they must not here: each is looked up twice in Python whenever a loop is
+called (a tenth of a millisecond for five), and an array travels as seven numbers, most of them on the stack. Here
+``Kernel`` keeps the address, and where a kernel's signature says ``pointer`` an array gives that of its first number.
+Kernels raise nothing, so nothing is asked after a call.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from llvmlite import ir
+from numba import types
+from numba.core import cgutils
+from numba.core.typing.templates import Signature
+from numba.core.typing.templates import signature as call_signature
+from numba.extending import NativeValue, lower_builtin, models, register_model, typeof_impl, unbox
+
+from model.kernels.compile import kernel
+
+pointer = types.CPointer(types.float64)
+"""In a signature: a C-contiguous array of float64, of which the kernel sees the address only."""
+
+
+def _is_plain_array(kind: Any) -> bool:
+    """Whether the address of its first number says all of an array."""
+    return isinstance(kind, types.Array) and kind.dtype == types.float64 and kind.layout == "C"
+
+
+class KernelType(types.Callable):  # type: ignore[misc]
+    """Type of kernels of one signature."""
+
+    def __init__(self, of: Signature) -> None:
+        self.of = of
+        super().__init__(name=f"kernel{of}")
+
+    def get_call_type(self, context: Any, args: Any, kws: Any) -> Any:
+        """Signature of a call with these arguments; numbers are converted, arrays stand for their address."""
+        if kws or len(args) != len(self.of.args):
+            return None
+        pairs = zip(args, self.of.args, strict=True)
+        wanted = [given if of == pointer and _is_plain_array(given) else of for given, of in pairs]
+        if any(context.can_convert(given, of) is None for given, of in zip(args, wanted, strict=True)):
+            return None
+        return call_signature(self.of.return_type, *wanted, recvr=self)
+
+    def get_call_signatures(self) -> Any:
+        """Signatures that a call may have."""
+        return [self.of], False
+
+    def get_impl_key(self, sig: Any) -> Any:
+        """Under which calls are lowered."""
+        return type(self)
+
+
+@register_model(KernelType)
+class _Model(models.PrimitiveModel):  # type: ignore[misc]
+    def __init__(self, manager: Any, kind: Any) -> None:
+        super().__init__(manager, kind, ir.IntType(64))
+
+
+class Kernel:
+    """A compiled kernel, its address found once.
+
+    Parameters
+    ----------
+    dispatcher : compiled function
+    of : its signature
+    """
+
+    def __init__(self, dispatcher: Any, of: Signature) -> None:
+        compiled = dispatcher.get_compile_result(of)
+        self.dispatcher = dispatcher  # keeps the machine code alive
+        self.type = KernelType(of)
+        self.address: int = compiled.library.get_pointer_to_function(compiled.fndesc.llvm_func_name)
+
+    def __call__(self, *values: Any) -> Any:
+        """Call it from Python, for tests and for what is not worth a loop."""
+        return _call(self, *values)
+
+    @property
+    def stats(self) -> Any:
+        """Whether it came from the disk cache."""
+        return self.dispatcher.stats
+
+
+@typeof_impl.register(Kernel)
+def _kernel_type(value: Kernel, context: Any) -> KernelType:
+    return value.type
+
+
+@unbox(KernelType)
+def _address(kind: KernelType, value: Any, c: Any) -> NativeValue:
+    number = c.pyapi.object_getattr_string(value, "address")
+    address = c.pyapi.long_as_ulonglong(number)
+    c.pyapi.decref(number)
+    return NativeValue(address, is_error=cgutils.is_not_null(c.builder, c.pyapi.err_occurred()))
+
+
+@lower_builtin(KernelType, KernelType, types.VarArg(types.Any))
+def _lower_call(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+    of = sig.args[0].of
+    given = []
+    for kind, of_kind, value in zip(sig.args[1:], of.args, args[1:], strict=True):
+        if of_kind == pointer and kind != pointer:
+            value = context.make_array(kind)(context, builder, value).data
+        given.append(value)
+    function = context.call_conv.get_function_type(of.return_type, of.args)
+    callee = builder.inttoptr(args[0], function.as_pointer())
+    _, result = context.call_conv.call_function(builder, callee, of.return_type, of.args, given)
+    return result
+
+
+@kernel
+def _call(function, *values):
+    return function(*values)
