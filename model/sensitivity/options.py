@@ -34,7 +34,7 @@ class SensitivityOptions:
     estimate_error : also estimate the relative error, by a second computation at other tolerances; twice the cost
     """
 
-    tolerance: float = 1e-8
+    tolerance: float = 1e-9
     relative_tolerance: float = 1e-6
     output_time_s: ArrayLike | None = None
     scene: SceneChoice | str | Path = "whole"

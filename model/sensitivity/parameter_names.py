@@ -51,9 +51,26 @@ class Parameter:
 def find_parameters(action: Action, names: Sequence[str]) -> list[Parameter]:
     """Parameters by name.
 
+    Parameters
+    ----------
+    action : parameter set
+    names : paths as ``--set`` takes them; laws, groups and patterns as ``--scale`` does, which stand for a factor
+
+    Returns
+    -------
+    list of Parameter
+        In the order of the names.
+
     Raises
     ------
     InputError : no name is given, one is unknown, or one is given twice; unknown ones are listed with near names
+
+    Examples
+    --------
+    >>> import model
+    >>> mass, friction = model.sensitivity.find_parameters(model.load_action(), ["hammer.mass", "joint_friction"])
+    >>> mass.unit, friction.value, len(friction.paths)
+    ('kg', 1.0, 5)
     """
     if isinstance(names, str):
         raise InputError(f"parameters: found the text {names!r}, allowed a list of names")

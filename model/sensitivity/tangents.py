@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from model.errors import IntegrationError
 from model.integrators.tangents.follow import STEP_TOO_SMALL, follow
-from model.integrators.tangents.nodes import Columns, Linear, Space, linearise_node
+from model.integrators.tangents.nodes import LANES, Columns, Linear, Space, linearise_node
 from model.integrators.tangents.radau import Wanted
 from model.integrators.tangents.recorded_motion import FULL, Log, Motion, Structure, find_kinks, record
 from model.kernels import layout as L
@@ -26,11 +26,26 @@ from model.simulation.statics import balance
 
 Array = NDArray[np.float64]
 
-STRIDE = 1
+# steps of the motion that one of the tangents may span: a layer in which friction turns is found by the motion's steps
+STRIDE = 8
+CACHE_LINE = 64  # bytes
 ROWS = 20_000  # steps recorded at a time
 # derivatives below these, per change of a parameter by all of its value, do not decide about steps
 LEAST_ANGLE, LEAST_SPEED = 1e-4, 1e-2  # rad, rad/s
 JOINT_LAW = {L.JF_A, L.JF_B1, L.JF_B2}
+
+
+def _filled_up(count: int) -> int:
+    """Columns for that many parameters: a multiple of the lanes; those beyond stay zero."""
+    return -(-count // LANES) * LANES
+
+
+def aligned(*shape: int) -> Array:
+    """Zeros that start at a cache line: a row of lanes across two of them takes twice the time."""
+    count = int(np.prod(shape))
+    whole = np.zeros(count + CACHE_LINE // 8)
+    start = (-whole.ctypes.data % CACHE_LINE) // 8
+    return whole[start : start + count].reshape(shape)
 
 
 def columns_of(directions: Directions) -> Columns:
@@ -67,6 +82,7 @@ def columns_of(directions: Directions) -> Columns:
         np.array(skipped, dtype=np.int64),
         np.array(own, dtype=np.int64),
         np.array(moved),
+        np.lexsort((skipped, np.array(moved) > 0.0)).astype(np.int64),
     )
 
 
@@ -108,16 +124,16 @@ class _Run:
         self.structure = Structure(
             np.array(solved_contacts(tables), dtype=np.int64), tables.contact, int(tables.offset[1]), tables.parent
         )
-        n, p = self.scene.size, len(directions.parameters)
+        n, p = self.scene.size, _filled_up(len(directions.parameters))
         twin = np.zeros(W.SIZE)
         twin[W.ALLOWANCE : W.ALLOWANCE + W.WIDTH] = 1e300
         twin[W.M_DIAG : W.M_DIAG + W.WIDTH] = 1.0
         twin[W.LU : W.LU + W.WIDTH**2 : W.WIDTH + 1] = 1.0
         self.space = Space(
-            np.zeros(W.SIZE), twin, self.scene.vector.copy(), np.zeros(W.MAX_STAGES**2),
-            np.zeros((4, n, n)), np.zeros((4, n, n)), np.zeros((4, n, n)), np.zeros((4, n, p)),
+            np.zeros(W.SIZE), twin, self.scene.vector.copy(), np.zeros(W.MAX_STAGES**2), np.zeros(n),
+            np.zeros((4, n, n)), np.zeros((4, n, n)), np.zeros((4, n, n)), aligned(4, n, p),
             np.zeros((3 * n, 3 * n)), np.zeros(3 * n, dtype=np.int64),
-            np.zeros((3 * n, p)), np.zeros((2 * n, p)), np.zeros((2 * n, p)),
+            aligned(3 * n, p), aligned(2 * n, p), aligned(2 * n, p),
         )  # fmt: skip
         self.linear = Linear(self.numbers, self.kernels, columns_of(directions), self.space)
 
@@ -150,7 +166,8 @@ def rest_slopes(run: _Run, rest: Array, u: float) -> Array:
     run.space.point[W.Q : W.Q + n] = rest
     linearise_node(0, u, run.linear)
     _, stiff, mass = balance(run.scene, rest, u)
-    return np.asarray(np.linalg.solve(stiff, -mass @ run.space.alpha[0]))
+    count = len(run.linear.columns.step)
+    return np.asarray(np.linalg.solve(stiff, -mass @ run.space.alpha[0, :, :count]))
 
 
 class Recorded:
@@ -185,18 +202,23 @@ class Recorded:
         """
         run, motion = self.run, self.motion
         n, p = self.d_rest.shape
+        filled = _filled_up(p)
         kinks = np.empty((4 * len(motion.time) + 4, 2))
         found = find_kinks(motion, self.drive, run.scene.vector, run.structure, run.kernels.linearise, kinks)
         scale = np.array([parameter.scale for parameter in self.directions.parameters])
-        floor = np.stack([LEAST_ANGLE / scale, LEAST_SPEED / scale])
-        wanted = Wanted(times, np.empty((len(times), n, p)), np.empty((len(times), n, p)), tolerance, floor, STRIDE)
-        run.space.largest[:n], run.space.largest[n:] = np.abs(self.d_rest), 0.0
-        tangent = np.stack([self.d_rest, np.zeros((n, p))])
+        floor = aligned(2, filled)
+        floor[:, :p], floor[:, p:] = [LEAST_ANGLE / scale, LEAST_SPEED / scale], 1.0
+        angle, speed = aligned(len(times), n, filled), aligned(len(times), n, filled)
+        wanted = Wanted(times, angle, speed, tolerance, floor, STRIDE)
+        run.space.largest[:] = 0.0
+        run.space.largest[:n, :p] = np.abs(self.d_rest)
+        tangent = aligned(2, n, filled)
+        tangent[0, :, :p] = self.d_rest
         status, time, steps, rejected = follow(motion, self.drive, kinks[:found].copy(), run.linear, wanted, tangent)
         if status == STEP_TOO_SMALL:
             raise IntegrationError(f"sensitivities: the step of the derivatives fell below 1e-13 s at t = {time:.6g} s")
         counted = {"n_tangent_steps": steps, "n_tangent_rejected": rejected, "n_kinks": found}
-        return wanted.angle, wanted.speed, {**self.simulation.work(), **counted}
+        return angle[:, :, :p], speed[:, :, :p], {**self.simulation.work(), **counted}
 
 
 def _states(motion: Motion, times: Array) -> tuple[Array, Array]:

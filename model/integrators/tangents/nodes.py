@@ -15,24 +15,26 @@ from model.kernels.compile import inlined, step_loop
 from model.kernels.signatures import SceneNumbers, StepKernels
 from model.kernels.workspace import DAMP, GAP, M_DIAG, M_UP, PIECE, STIFF, WIDTH, Q, U, V
 
+LANES = 8  # parameters side by side; their number is filled up to a multiple of it
 SMALL_PRESS = 0.3  # share of what a felt is pressed in that a difference may move its surface
 LEAST_SHARE = 1e-5
 
 
 class Columns(NamedTuple):
-    """Parameters (P,) as changes of the parameter vector: where, by how much for a step of a difference.
+    """Parameters (p,) as changes of the parameter vector: where, by how much for a step of a difference.
 
     ``skipped`` is a mask of contacts that the parameter leaves as they are, ``own`` the place of the one contact that
     it changes, or -1; ``moved`` is the most that it moves a surface in a step of a difference, m.
     """
 
-    first: np.ndarray  # (P + 1,) where the entries of each column begin
+    first: np.ndarray  # (p + 1,) where the entries of each column begin
     entry: np.ndarray  # index in the parameter vector
     change: np.ndarray
-    step: np.ndarray  # (P,) of the difference, in the parameter's unit
+    step: np.ndarray  # (p,) of the difference, in the parameter's unit
     skipped: np.ndarray
     own: np.ndarray
     moved: np.ndarray
+    turn: np.ndarray  # columns with the same contacts one after the other
 
 
 class Space(NamedTuple):
@@ -46,6 +48,7 @@ class Space(NamedTuple):
     changed_point: np.ndarray
     changed: np.ndarray
     zeros: np.ndarray
+    before: np.ndarray  # (n,) accelerations that a difference begins with
     mass: np.ndarray
     stiff: np.ndarray
     damp: np.ndarray
@@ -69,9 +72,26 @@ class Linear(NamedTuple):
 _f, _i = types.float64, types.int64
 _numbers, _table, _cube = (types.Array(_f, k, "C") for k in (1, 2, 3))
 _integers = types.Array(_i, 1, "C")
-COLUMNS = types.NamedTuple([_integers, _integers, _numbers, _numbers, _integers, _integers, _numbers], Columns)
+COLUMNS = types.NamedTuple(
+    [_integers, _integers, _numbers, _numbers, _integers, _integers, _numbers, _integers], Columns
+)
 SPACE = types.NamedTuple(
-    [_numbers, _numbers, _numbers, _numbers, _cube, _cube, _cube, _cube, _table, _integers, _table, _table, _table],
+    [
+        _numbers,
+        _numbers,
+        _numbers,
+        _numbers,
+        _numbers,
+        _cube,
+        _cube,
+        _cube,
+        _cube,
+        _table,
+        _integers,
+        _table,
+        _table,
+        _table,
+    ],
     Space,
 )
 LINEAR = types.NamedTuple([NUMBERS, KERNELS, COLUMNS, SPACE], Linear)
@@ -89,33 +109,47 @@ def accelerate(space, p, u, mask, stage):
 
 @inlined
 def differences(m, pushing, pressed, p, u, linear):
-    """Fill row ``m`` of alpha with derivatives of the accelerations by each parameter at a fixed state."""
+    """Fill row ``m`` of alpha with derivatives of the accelerations by each parameter at a fixed state.
+
+    Where a parameter moves surfaces, central; else forward from what others with the same contacts begin with too:
+    accelerations are linear in what a law is multiplied by, and nearly so in a millionth of a mass.
+    """
     columns, space = linear.columns, linear.space
     w, changed, alpha = space.changed_point, space.changed, space.alpha[m]
     n = alpha.shape[0]
     at = U + STAGE + WIDTH
-    for j in range(columns.step.shape[0]):
+    same = -1
+    for turn in range(columns.step.shape[0]):
+        j = columns.turn[turn]
         own = columns.own[j]
         if own >= 0 and pushing >> own & 1 == 0:
             for i in range(n):
                 alpha[i, j] = 0.0
             continue
         mask = columns.skipped[j] | ~pushing
-        share = 1.0
+        first, last = columns.first[j], columns.first[j + 1]
         if columns.moved[j] > 0.0:
             share = max(LEAST_SHARE, min(1.0, SMALL_PRESS * pressed / columns.moved[j]))
-        first, last = columns.first[j], columns.first[j + 1]
+            inverse = 0.5 / (share * columns.step[j])
+            for k in range(first, last):
+                changed[columns.entry[k]] = p[columns.entry[k]] - share * columns.change[k]
+            accelerate(space, changed, u, mask, linear.kernels.stage)
+            for i in range(n):
+                space.before[i] = w[at + i]
+            same = -1
+        else:
+            share = 1.0
+            inverse = 1.0 / columns.step[j]
+            if mask != same:
+                accelerate(space, p, u, mask, linear.kernels.stage)
+                for i in range(n):
+                    space.before[i] = w[at + i]
+                same = mask
         for k in range(first, last):
             changed[columns.entry[k]] = p[columns.entry[k]] + share * columns.change[k]
         accelerate(space, changed, u, mask, linear.kernels.stage)
         for i in range(n):
-            alpha[i, j] = w[at + i]
-        for k in range(first, last):
-            changed[columns.entry[k]] = p[columns.entry[k]] - share * columns.change[k]
-        accelerate(space, changed, u, mask, linear.kernels.stage)
-        inverse = 0.5 / (share * columns.step[j])
-        for i in range(n):
-            alpha[i, j] = (alpha[i, j] - w[at + i]) * inverse
+            alpha[i, j] = (w[at + i] - space.before[i]) * inverse
         for k in range(first, last):
             changed[columns.entry[k]] = p[columns.entry[k]]
 
