@@ -82,7 +82,7 @@ def columns_of(directions: Directions) -> Columns:
         np.array(skipped, dtype=np.int64),
         np.array(own, dtype=np.int64),
         np.array(moved),
-        np.lexsort((skipped, np.array(moved) > 0.0)).astype(np.int64),
+        np.lexsort((np.array(skipped), np.array(moved) > 0.0)).astype(np.int64),
     )
 
 
