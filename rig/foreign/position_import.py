@@ -58,7 +58,7 @@ def position_trials(
     """
     infos = tuple(channel_info(one) for one in mapping.positions)
     values = np.column_stack([_reading(table, one, mapping.overrule_units) for one in mapping.positions])
-    time_s = np.arange(len(values)) * interval_s
+    time_s = np.arange(len(values), dtype=np.float64) * interval_s
     found = [
         position_of(info.name, info.ruler, time_s, values[:, k], info.u_noise)
         for k, info in enumerate(infos)
@@ -114,8 +114,9 @@ def _reading(table: ChannelTable, one: PositionMapping, overruled: tuple[str, ..
 
 def _origin(table: ChannelTable, mapping: ImportMapping) -> float:
     """First time of the recording by its own clock, s; 0 where it has none."""
-    if mapping.time.channel in table.channels:
-        return float(table.channel(mapping.time.channel)[0]) * SECONDS[mapping.time.unit]
+    name = mapping.time.channel
+    if name is not None and name in table.channels:
+        return float(table.channel(name)[0]) * SECONDS[mapping.time.unit]
     return 0.0
 
 
@@ -152,6 +153,10 @@ def _trial(
         condition=next((one.condition for one in inside if one.condition), ""),
         channels=infos,
         channel_values=values[cut.first : cut.end],
-        provenance={"source_start_s": f"{start_s:.6f}", "source_end_s": f"{start_s + n * interval_s:.6f}"},
+        provenance={
+            "source_start_s": f"{start_s:.6f}",
+            "source_end_s": f"{start_s + n * interval_s:.6f}",
+            "mains_frequency_hz": f"{mapping.mains_frequency_hz:g}",
+        },
     )
     return PositionTrial(data, next((one.reject for one in inside if one.reject), ""), start_s)
