@@ -83,8 +83,6 @@ def measure(
     TrialError
         When a channel is missing or the trial has no usable baseline.
     """
-    if not data.has_force:
-        raise TrialError("no force was recorded; a session of positions is compared by motion")
     names = [encoder.name for encoder in data.encoders]
     missing = [name for name in ENCODER_CHANNELS if name not in names]
     if missing:
