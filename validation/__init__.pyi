@@ -1,3 +1,4 @@
+from . import dataset as dataset
 from . import errors as errors
 from .curves.file import read_curves as read_curves
 from .errors import InputError as InputError
@@ -17,6 +18,9 @@ from .pipeline.compare_sessions import compare_many as compare_many
 from .pipeline.compare_sessions import compare_sessions as compare_sessions
 from .pipeline.validate import validate_session as validate_session
 from .pipeline.validate import validate_sessions as validate_sessions
+from .positions.compare import PositionComparison as PositionComparison
+from .positions.kind import has_positions_only as has_positions_only
+from .positions.validate import validate_positions as validate_positions
 from .report.write import write_report as write_report
 from .result import ValidationResult as ValidationResult
 from .side_by_side import SideBySide as SideBySide

@@ -39,6 +39,7 @@ COMMANDS = {
     "regulate": Listed("model.regulate", "Measure and regulate an action as a technician does."),
     "calibrate-felt": Listed("model.calibrate_felt", "Calibrate felt, friction, string damping and inertia."),
     "validate": Listed("validation.validate", "Report how well models predict the measured angles."),
+    "dataset": Listed("validation.dataset", "Make the published data set, or score predictions on it."),
     "calibrate-force": Listed("bench.calibrate_force", "Calibrate the load cell: weights, shunt or zero."),
     "serve-sim": Listed("bench.serve_sim", "Serve the virtual DAQ device over TCP until Ctrl-C."),
     "selftest": Listed("bench.selftest", "Test a bench with gentle pushes before the first blow."),

@@ -8,6 +8,7 @@ line.
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
@@ -100,8 +101,39 @@ RESERVED_NAMES = (
 """Datasets every trial has, and columns of its table."""
 
 
+class RulerConfig(Table):
+    """Ruler points of a position sensor: which point of which body, readings (unit of the channel) and displacement.
+
+    ``sensor_at`` is where the sensor looks, ``calibrated_at`` the point beside the ruler; they may differ. The
+    displacement rises as the key is pressed and as the hammer goes towards the string.
+    """
+
+    body: Literal["key", "whippen", "jack", "repetition", "hammer", "damper"]
+    sensor_at: Text
+    calibrated_at: Text
+    reading: Annotated[tuple[Number, ...], Field(min_length=4, max_length=1000)]
+    displacement_m: Annotated[tuple[Number, ...], Field(min_length=4, max_length=1000)]
+    u_displacement_m: Number = Field(gt=0, le=0.01)
+    u_reading: Number = Field(default=0.0, ge=0)
+
+    @model_validator(mode="after")
+    def _points(self) -> RulerConfig:
+        if len(self.reading) != len(self.displacement_m):
+            raise ValueError(
+                f"ruler: {len(self.reading)} readings and {len(self.displacement_m)} displacements, allowed as many"
+            )
+        for i, (one, two) in enumerate(pairwise(self.displacement_m), 1):
+            if not one < two:
+                raise ValueError(
+                    f"ruler: displacement_m falls from {one:g} to {two:g} at point {i + 1}, allowed are rising points"
+                )
+        return self
+
+
 class ChannelConfig(Table):
     """A further voltage input on the clock of the force; what it measures is up to the lab.
+
+    With a ``ruler`` it is a position sensor: the value (in ``unit``) is the reading of the ruler's points.
 
     ``physical``, ``least`` and ``most`` are in ``unit``, the calibration's points ``electrical`` in V; noise likewise.
     """
@@ -120,6 +152,7 @@ class ChannelConfig(Table):
     u_noise: Number = Field(default=0.0, ge=0)
     u_gain_relative: Number = Field(default=0.0, ge=0, le=0.2)
     certificate: CertificateConfig | None = None
+    ruler: RulerConfig | None = None
 
     @model_validator(mode="after")
     def _line(self) -> ChannelConfig:

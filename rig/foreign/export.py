@@ -34,12 +34,13 @@ def columns(data: TrialData) -> list[Column]:
     """Return the columns of a trial: those of :meth:`TrialData.to_table`, with units."""
     found = [
         Column("time_s", "s", "time since the AI start trigger", data.time_s),
-        Column(
-            "force_n", "N", "force on the key, positive downwards, not corrected for offset, delay or hum", data.force_n
-        ),
-        Column("force_raw", data.force_info.electrical_unit, "electrical reading of the force channel", data.force_raw),
         Column("motor_command_v", "V", "motor command, held from each sample to the next", data.motor_command_v),
     ]
+    if data.has_force:
+        unit = data.force_info.electrical_unit
+        meaning = "force on the key, positive downwards, not corrected for offset, delay or hum"
+        found.insert(1, Column("force_n", "N", meaning, data.force_n))
+        found.insert(2, Column("force_raw", unit, "electrical reading of the force channel", data.force_raw))
     angle_rad = data.angle_rad()
     for k, encoder in enumerate(data.encoders):
         body = encoder.name
@@ -49,6 +50,12 @@ def columns(data: TrialData) -> list[Column]:
     if data.channel_values is not None:
         for k, channel in enumerate(data.channels):
             found.append(Column(channel.name, channel.unit, channel.quantity, data.channel_values[:, k]))
+    for name in data.position_names:
+        at = data.position(name)
+        meaning = f"displacement at: {at.ruler.calibrated_at}; sensor at: {at.ruler.sensor_at}"
+        found.append(Column(f"{name}_m", "m", meaning, at.displacement_m))
+        found.append(Column(f"{name}_u_m", "m", f"standard uncertainty of {name}_m", at.u_m))
+        found.append(Column(f"{name}_flag", "1", "1: below the ruler, 2: above it, 0: on it", at.flag))
     return found
 
 

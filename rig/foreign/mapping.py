@@ -16,6 +16,7 @@ from rig.configuration import toml_file
 from rig.configuration.channels import BODIES, Number, Table, Text
 from rig.errors import RigInputError
 from rig.foreign.channel_table import ChannelTable
+from rig.foreign.position_mapping import PositionMapping, StrokesMapping
 from rig.foreign.units import known
 from rig.session.info import ActionInfo, RoomInfo
 
@@ -93,6 +94,8 @@ class ImportMapping(Table):
 
     Attributes
     ----------
+    force : ForceMapping or None
+        None for a recording of ``positions`` alone, which is cut into ``strokes``.
     absent_encoders : tuple of str
         Bodies that were not measured; with those of ``encoders`` they are all three.
     segments : "trials", "join" or None
@@ -115,7 +118,9 @@ class ImportMapping(Table):
     mains_frequency_hz: Number = Field(ge=40, le=70)
     blow_start_s: Number | None = Field(default=None, ge=0)
     time: TimeMapping = TimeMapping()
-    force: ForceMapping
+    force: ForceMapping | None = None
+    positions: tuple[PositionMapping, ...] = ()
+    strokes: StrokesMapping = StrokesMapping()
     encoders: Annotated[tuple[EncoderMapping, ...], Field(max_length=3)] = ()
     absent_encoders: tuple[Literal["key", "whippen", "hammer"], ...] = ()
     segments: Literal["trials", "join"] | None = None
@@ -129,9 +134,19 @@ class ImportMapping(Table):
         names = tuple(encoder.name for encoder in self.encoders)
         if names != tuple(body for body in BODIES if body in names) or len(set(names)) != len(names):
             raise ValueError(f"encoders are named {names}, allowed once each, in this order: {BODIES}")
+        if (self.force is None) != bool(self.positions):
+            raise ValueError(
+                "allowed is [force] with encoders, or [[positions]] without a force; the mapping has "
+                + ("both" if self.positions else "neither")
+            )
+        if self.positions and (self.encoders or self.absent_encoders or self.motor):
+            raise ValueError("[[positions]]: encoders, absent_encoders and motor belong to a mapping with [force]")
+        if self.positions and len({one.name for one in self.positions}) != len(self.positions):
+            raise ValueError(f"positions are named {[one.name for one in self.positions]}, allowed once each")
         if both := [body for body in names if body in self.absent_encoders]:
             raise ValueError(f"absent_encoders names {both[0]}, which is under encoders as well")
-        if unsaid := [body for body in BODIES if body not in (*names, *self.absent_encoders)]:
+        unsaid = [body for body in BODIES if body not in (*names, *self.absent_encoders)]
+        if unsaid and self.force is not None:
             raise ValueError(
                 f"encoders: {unsaid[0]} is missing; add it, or say absent_encoders = {unsaid} where it was not measured"
             )
@@ -151,6 +166,8 @@ class ImportMapping(Table):
     @property
     def channels(self) -> list[str]:
         """Measured channels, force first."""
+        if self.force is None:
+            return [one.channel for one in self.positions]
         encoders = [encoder.channel for encoder in self.encoders]
         return [self.force.channel, *encoders, *([self.motor.channel] if self.motor else [])]
 

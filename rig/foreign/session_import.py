@@ -7,7 +7,6 @@ force, and the session notes that.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from datetime import UTC, datetime, timedelta, timezone
 from pathlib import Path
@@ -16,10 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.errors import RigInputError
-from rig.foreign.channel_table import SECONDS, ChannelTable, even_interval
+from rig.foreign.channel_table import ChannelTable
 from rig.foreign.mapping import EncoderMapping, ImportMapping, MappingFile, check_unit
+from rig.foreign.position_import import position_trials
 from rig.foreign.reading import joined, read_segments
-from rig.foreign.units import known
+from rig.foreign.sample_interval import sample_interval
 from rig.session import Session, SessionInfo
 from rig.session.annotation_file import utc_now
 from rig.session.info import FileInfo, PlanInfo
@@ -29,9 +29,6 @@ from rig.storage.atomic_write import sha256_of_bytes, sha256_of_file
 QUIET_S = 0.02
 ONSET = 0.01
 LARGEST_COUNT = 2.0**53
-RATES_HZ = (100.0, 1e6)
-"""Sample rates a blow can have been recorded at; others mean a wrong unit of time."""
-TIME_NAMES = re.compile(r"(t|time|zeit|temps|x_value)(_s)?", re.IGNORECASE)
 LARGEST_TURN_RAD = np.pi
 """No part of an action turns this far; a larger angle means a wrong unit or scale."""
 
@@ -69,23 +66,36 @@ def import_session(out: str | Path, files: Sequence[Path], mapping: MappingFile)
         raise RigInputError("no recording to import")
     config = mapping.config
     trials: list[TrialData] = []
+    rejected: dict[int, str] = {}
     notes = {}
     for file in files:
         digest = sha256_of_file(file) if file.is_file() else ""
         tables = _recordings(file, config)
         for part, table in enumerate(tables, 1):
-            trials.append(make_trial(table, config, len(trials) + 1, _started(table, file, config)))
-            if not table.started:
-                notes[f"start of trial {len(trials)}"] = "not stated by the file; its last change is taken"
-            elif datetime.fromisoformat(trials[-1].started_utc).tzinfo is None:
-                notes[f"start of trial {len(trials)}"] = "local time, its zone is not stated"
             segment = f" segment {part} of {len(tables)}" if len(tables) > 1 else ""
-            notes[f"trial {len(trials)}"] = f"{file.name}{segment} sha256 {digest}"
+            started, first = _started(table, file, config), len(trials) + 1
+            if config.positions:
+                for found in position_trials(table, config, sample_interval(table, config), first, started):
+                    trials.append(found.data)
+                    if found.reject:
+                        rejected[found.data.number] = found.reject
+            else:
+                trials.append(make_trial(table, config, first, started))
+            for trial in trials[first - 1 :]:
+                if not table.started:
+                    notes[f"start of trial {trial.number}"] = "not stated by the file; its last change is taken"
+                elif datetime.fromisoformat(trial.started_utc).tzinfo is None:
+                    notes[f"start of trial {trial.number}"] = "local time, its zone is not stated"
+                within = trial.provenance
+                span = f" from {within['source_start_s']} to {within['source_end_s']} s" if within else ""
+                notes[f"trial {trial.number}"] = f"{file.name}{segment}{span} sha256 {digest}"
     if config.segments == "join":
         notes["segments"] = "joined, one trial a file"
     if config.absent_encoders:
         notes["absent encoders"] = ", ".join(config.absent_encoders)
-    if config.blow_start_s is None:
+    if config.positions:
+        notes["force"] = "not recorded"
+    elif config.blow_start_s is None:
         notes["blow start"] = "found in the force, not recorded"
     digest = sha256_of_bytes(mapping.text.encode("utf-8"))
     info = SessionInfo(
@@ -104,6 +114,8 @@ def import_session(out: str | Path, files: Sequence[Path], mapping: MappingFile)
     session = Session.create(out, info, {"mapping.toml": mapping.text})
     for trial in trials:
         session.add_trial(trial)
+    for number, reason in rejected.items():
+        session.annotate(number, "reject", reason, author="import")
     return session
 
 
@@ -141,33 +153,13 @@ def make_trial(table: ChannelTable, mapping: ImportMapping, number: int, started
     Raises RigInputError when a channel is missing, has another unit, or has a value that is not finite or not a whole
     count.
     """
-    cell, time = mapping.force, mapping.time
+    cell = mapping.force
+    if cell is None:
+        raise RigInputError(f"{table.where}: the mapping has no [force]; a recording of positions is cut into strokes")
     check_unit(table, cell.channel, cell.unit, mapping.overrule_units)
     raw = table.channel(cell.channel)
-    time_channel = time.channel if time.channel in table.channels or not table.clocks else None
-    if time_channel is not None:
-        check_unit(table, time_channel, time.unit, mapping.overrule_units)
-    if time.sample_rate_hz is None:
-        interval_s = table.interval(
-            mapping.channels, time_channel, "time.sample_rate_hz in the mapping", unit=time.unit,
-            same_start=time.same_start,
-        )  # fmt: skip
-    else:
-        table.check_together(mapping.channels, time.same_start)
-        interval_s = 1.0 / time.sample_rate_hz
-        stated = table.stated_clock(mapping.channels)
-        if stated is not None and not stated.agrees(interval_s):
-            raise RigInputError(
-                f"{table.where}: sample interval {stated.interval_s:g} s by the file itself, the mapping says "
-                f"{interval_s:g} s"
-            )
-        _check_unmapped_times(table, raw.size, interval_s)
+    interval_s = sample_interval(table, mapping)
     rate_hz = 1.0 / interval_s
-    if not RATES_HZ[0] <= rate_hz <= RATES_HZ[1]:
-        raise RigInputError(
-            f"{table.where}: sampled at {rate_hz:g} Hz, allowed {RATES_HZ[0]:g} to {RATES_HZ[1]:g} Hz; look at the "
-            "unit of the times (time.unit in the mapping)"
-        )
     force = (raw - cell.zero) * cell.scale
     _check_pushes(force, interval_s, f"{table.where}: {cell.channel}")
     counts = np.empty((raw.size, len(mapping.encoders)), dtype=np.int64)
@@ -206,23 +198,6 @@ def make_trial(table: ChannelTable, mapping: ImportMapping, number: int, started
         force_info=ForceInfo(**info),
         blow_start_s=start_s,
     )
-
-
-def _check_unmapped_times(table: ChannelTable, size: int, interval_s: float) -> None:
-    """Refuse a rate of the mapping that contradicts an unmapped column of even times in the file."""
-    for name, values in table.channels.items():
-        unit = known(table.units.get(name, "")) or ("s" if TIME_NAMES.fullmatch(name) else "")
-        if unit not in SECONDS or values.size != size:
-            continue
-        try:
-            found = even_interval(values * SECONDS[unit], name)
-        except RigInputError:
-            continue
-        if abs(found - interval_s) * size > interval_s:
-            raise RigInputError(
-                f"{table.where}: {name} rises by {found:g} s, the mapping says {interval_s:g} s; name it as "
-                "time.channel, or correct time.sample_rate_hz"
-            )
 
 
 def _check_pushes(force_n: NDArray[np.float64], interval_s: float, what: str) -> None:

@@ -16,9 +16,13 @@ from numpy.typing import NDArray
 
 from rig.configuration.channels import BODIES, CertificateConfig, ChannelConfig, EncoderConfig, Table
 from rig.configuration.rig_file import RigConfig
+from rig.errors import RigInputError
+from rig.session.ruler_info import RulerInfo
 
 if TYPE_CHECKING:
     import pandas as pd
+
+    from rig.session.ruler import Position
 
 
 def absent_bodies(names: Iterable[str]) -> tuple[str, ...]:
@@ -122,6 +126,10 @@ class ForceInfo:
         return cls(**{**of_same_name(cls, config.force), **own})
 
 
+NO_FORCE = ForceInfo(sensor="not recorded", calibration="none", electrical=(0.0, 1.0), physical_n=(0.0, 1.0))
+"""Of a trial without a force channel."""
+
+
 @dataclass(frozen=True)
 class ChannelInfo:
     """A further analog channel: what it measures in which unit, its calibration, delay and standard uncertainties.
@@ -141,18 +149,22 @@ class ChannelInfo:
     group_delay_s: float = 0.0
     u_noise: float = 0.0
     u_gain_relative: float = 0.0
+    ruler: RulerInfo | None = None
+    """Ruler points of a position sensor, whose readings are the channel's values; None for any other channel."""
 
     @classmethod
     def of(cls, config: ChannelConfig) -> ChannelInfo:
         """Return what the rig file says of a further channel."""
-        own = {"calibration": _calibration(config.calibration, config.certificate)}
+        ruler = None if config.ruler is None else RulerInfo(**config.ruler.model_dump())
+        own = {"calibration": _calibration(config.calibration, config.certificate), "ruler": ruler}
         return cls(**{**of_same_name(cls, config), **own})
 
     @classmethod
     def from_plain(cls, plain: dict[str, Any]) -> ChannelInfo:
-        """Restore it from JSON, which has lists for pairs."""
+        """Restore it from JSON, which has lists for pairs; older files have no ruler."""
         pairs = {key: tuple(plain[key]) for key in ("electrical", "physical")}
-        return cls(**{**plain, **pairs})
+        ruler = plain.get("ruler")
+        return cls(**{**plain, **pairs, "ruler": None if ruler is None else RulerInfo.from_plain(ruler)})
 
 
 @dataclass(frozen=True)
@@ -191,7 +203,7 @@ class TrialData:
     time_s : ndarray, shape (n,)
         Sample times since the AI start trigger, s.
     force_n : ndarray, shape (n,)
-        Calibrated force, N, not corrected for offset, delay or hum.
+        Calibrated force, N, not corrected for offset, delay or hum; NaN where none was recorded.
     force_raw : ndarray, shape (n,)
         Electrical reading of the force channel, in ``force_info.electrical_unit``.
     motor_command_v : ndarray, shape (n,)
@@ -233,6 +245,27 @@ class TrialData:
     provenance: Mapping[str, str] = field(default_factory=dict)
 
     @property
+    def has_force(self) -> bool:
+        """Whether a force was recorded; without one its arrays are NaN and the file has none."""
+        return self.force_info != NO_FORCE
+
+    @property
+    def position_names(self) -> tuple[str, ...]:
+        """Channels that are position sensors."""
+        return tuple(channel.name for channel in self.channels if channel.ruler is not None)
+
+    def position(self, name: str, zero: float = 0.0) -> Position:
+        """Return the displacement of position sensor ``name``; ``zero`` is what its reading has drifted by."""
+        from rig.session.ruler import position_of  # start-up: scipy.interpolate costs 0.2 s, most trials have no ruler
+
+        for k, one in enumerate(self.channels):
+            if one.name == name and one.ruler is not None and self.channel_values is not None:
+                reading, felt_s = self.channel_values[:, k] - zero, self.time_s - one.group_delay_s
+                return position_of(name, one.ruler, felt_s, reading, one.u_noise)
+        there = self.position_names or "none"
+        raise RigInputError(f"trial {self.number}: no position sensor {name!r}; found {there}")
+
+    @property
     def absent(self) -> tuple[str, ...]:
         """Bodies whose encoder was not recorded, in the usual order."""
         return absent_bodies(encoder.name for encoder in self.encoders)
@@ -246,12 +279,8 @@ class TrialData:
         """Return the trial as a table: time, force, command, counts and angle of each encoder, further channels."""
         import pandas as pd  # start-up: pandas costs 0.4 s, reading a trial does not need it
 
-        columns: dict[str, NDArray[Any]] = {
-            "time_s": self.time_s,
-            "force_n": self.force_n,
-            "force_raw": self.force_raw,
-            "motor_command_v": self.motor_command_v,
-        }
+        columns: dict[str, NDArray[Any]] = {"time_s": self.time_s, "force_n": self.force_n}
+        columns |= {"force_raw": self.force_raw, "motor_command_v": self.motor_command_v}
         angle_rad = self.angle_rad()
         for index, encoder in enumerate(self.encoders):
             columns[f"{encoder.name}_count"] = self.encoder_count[:, index]

@@ -19,7 +19,7 @@ from rig.errors import RigInputError
 from rig.session.converter_codes import NO_CODE, force_codes
 from rig.session.hdf5_content import Content, Growing
 from rig.session.sealed_hdf5 import open_sealed, write_sealed
-from rig.session.trial_data import CameraInfo, ChannelInfo, EncoderInfo, ForceInfo, TrialData
+from rig.session.trial_data import NO_FORCE, CameraInfo, ChannelInfo, EncoderInfo, ForceInfo, TrialData
 
 SCHEMA = "piano-action-rig trial 1"
 LATER = ("device_scaling",)
@@ -126,8 +126,10 @@ def _write_root(content: Content, file: h5py.File, data: TrialData) -> None:
 def _write_daq(
     content: Content, group: h5py.Group, about: TrialData, n_samples: int, parts: Iterable[TrialData]
 ) -> None:
-    rate, info = about.sample_rate_hz, about.force_info
-    content.describe(group, sample_rate_hz=rate, n_valid=n_samples, status=about.status, reason=about.reason)
+    info = about.force_info
+    content.describe(
+        group, sample_rate_hz=about.sample_rate_hz, n_valid=n_samples, status=about.status, reason=about.reason
+    )
     time = content.growing(
         group, "time", n_samples, "<f8", "s", "time since the AI start trigger", sample_rate_hz=about.sample_rate_hz
     )
@@ -135,24 +137,7 @@ def _write_daq(
     names = np.array([encoder.name for encoder in about.encoders], dtype=h5py.string_dtype("utf-8"))
     encoder_axis = content.dataset(group, "encoder", names, long_name="body the encoder reads")
     encoder_axis.make_scale("encoder")
-    force = content.growing(
-        group,
-        "force",
-        n_samples,
-        "<f8",
-        "N",
-        "force on the key, positive downwards, calibrated, not corrected for offset, delay or hum",
-        **_attributes(info),
-    )
-    raw = content.growing(
-        group,
-        "force_raw",
-        n_samples,
-        "<f8",
-        info.electrical_unit,
-        "electrical reading of the force channel",
-        channel=info.channel,
-    )
+    forces = _force(content, group, about, n_samples)
     motor = content.growing(
         group, "motor_command", n_samples, "<f8", "V", "motor command held from each sample to the next"
     )
@@ -171,8 +156,8 @@ def _write_daq(
     codes = _force_codes(content, group, about, n_samples)
     for part in parts:
         time.add(part.time_s)
-        force.add(part.force_n)
-        raw.add(part.force_raw)
+        for column, values in zip(forces, (part.force_n, part.force_raw), strict=False):
+            column.add(values)
         motor.add(part.motor_command_v)
         count.add(part.encoder_count)
         for column in codes:
@@ -180,11 +165,25 @@ def _write_daq(
         for k, column in enumerate(further):
             assert part.channel_values is not None
             column.add(part.channel_values[:, k])
-    for column in (time, force, raw, motor, count, *further, *codes):
+    for column in (time, *forces, motor, count, *further, *codes):
         column.finish()
         if column is not time:
             column.dataset.dims[0].attach_scale(time.dataset)
     count.dataset.dims[1].attach_scale(encoder_axis)
+
+
+def _force(content: Content, group: h5py.Group, about: TrialData, n_samples: int) -> list[Growing]:
+    """Make the datasets of the force and its reading; nothing where none was recorded."""
+    if not about.has_force:
+        return []
+    info = about.force_info
+    meaning = "force on the key, positive downwards, calibrated, not corrected for offset, delay or hum"
+    force = content.growing(group, "force", n_samples, "<f8", "N", meaning, **_attributes(info))
+    meaning = "electrical reading of the force channel"
+    return [
+        force,
+        content.growing(group, "force_raw", n_samples, "<f8", info.electrical_unit, meaning, channel=info.channel),
+    ]
 
 
 def _force_codes(content: Content, group: h5py.Group, about: TrialData, n_samples: int) -> list[Growing]:
@@ -202,6 +201,9 @@ def _further_channels(content: Content, group: h5py.Group, about: TrialData, n_s
     made = []
     for channel in about.channels:
         rest = _attributes(channel)
+        ruler = rest.pop("ruler")
+        if ruler is not None:
+            rest["ruler_json"] = json.dumps(ruler)
         name, unit, quantity = (rest.pop(key) for key in ("name", "unit", "quantity"))
         made.append(content.growing(group, name, n_samples, "<f8", unit, quantity, **rest))
     return made
@@ -234,6 +236,8 @@ UNITS = {"time": "s", "force": "N", "motor_command": "V", "encoder_count": "1"}
 
 def _check_units(file: h5py.File) -> None:
     for name, expected in UNITS.items():
+        if name == "force" and name not in file["daq"]:
+            continue  # a trial of positions alone
         found = file["daq"][name].attrs.get("units")
         if found != expected:
             raise RigInputError(
@@ -245,9 +249,12 @@ def _check_units(file: h5py.File) -> None:
 def _read(file: h5py.File, sha256: str) -> TrialData:
     _check_units(file)
     daq = file["daq"]
-    force = daq["force"]
-    stated = [field for field in ForceInfo.__dataclass_fields__ if field in force.attrs or field not in LATER]
-    info = ForceInfo(**{field: _plain(force.attrs[field]) for field in stated})
+    info = NO_FORCE
+    missing = np.full(daq["time"].shape, np.nan)
+    if "force" in daq:
+        force = daq["force"]
+        stated = [field for field in ForceInfo.__dataclass_fields__ if field in force.attrs or field not in LATER]
+        info = ForceInfo(**{field: _plain(force.attrs[field]) for field in stated})
     encoders = tuple(EncoderInfo(**entry) for entry in json.loads(daq["encoder_count"].attrs["encoders_json"]))
     channels = tuple(ChannelInfo.from_plain(entry) for entry in json.loads(daq.attrs.get("channels_json", "[]")))
     camera = None
@@ -265,8 +272,8 @@ def _read(file: h5py.File, sha256: str) -> TrialData:
         plan_entry=int(file.attrs.get("plan_entry", 0)),
         sample_rate_hz=float(daq.attrs["sample_rate_hz"]),
         time_s=daq["time"][()],
-        force_n=force[()],
-        force_raw=daq["force_raw"][()],
+        force_n=daq["force"][()] if "force" in daq else missing,
+        force_raw=daq["force_raw"][()] if "force" in daq else missing,
         motor_command_v=daq["motor_command"][()],
         encoder_count=daq["encoder_count"][()],
         encoders=encoders,

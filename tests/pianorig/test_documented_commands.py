@@ -24,7 +24,8 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Where a reader stands: the examples beside a clone's sessions."""
     monkeypatch.chdir(tmp_path)
     assert run("examples", ".") == 0
-    shutil.copytree(ROOT / "sessions" / "planted_faults", tmp_path / "sessions" / "planted_faults")
+    for name in ("planted_faults", "kawai_kg3c"):
+        shutil.copytree(ROOT / "sessions" / name, tmp_path / "sessions" / name)
     return tmp_path
 
 

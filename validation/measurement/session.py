@@ -65,6 +65,8 @@ def measure_session(
             data = trial.read()
             if data.status not in USABLE_STATUS:
                 raise TrialError(f"recorded with status {data.status!r}: {data.reason or 'no reason given'}")
+            if not data.has_force:
+                raise TrialError("no force was recorded; a session of positions is compared by motion (--by-motion)")
             conditions[data.condition] = conditions.get(data.condition, 0) + 1
             if condition is not None and data.condition != condition:
                 refused[trial.number] = f"recorded under the condition {data.condition!r}, not {condition!r}"

@@ -3,13 +3,36 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 import rig
 from pianorig.console.options import AsJson
 from pianorig.console.output import print_json
+
+if TYPE_CHECKING:
+    from rig.session.ruler import Position
+
+
+def _position_facts(position: Position) -> dict[str, Any]:
+    return {
+        "largest_m": float(position.displacement_m.max()),
+        "u_mean_m": float(position.u_m.mean()),
+        "beyond_ruler_share": float((position.flag != 0).mean()),
+        "judgement": position.judgement,
+    }
+
+
+def _doubts(row: dict[str, Any]) -> str:
+    """What a reader must know of a trial, after its line."""
+    found = [row["condition"]] if row["condition"] else []
+    found += [f"rejected: {row['rejected']}"] if row["rejected"] else []
+    found += [row["status"]] if row["status"] != "complete" else []
+    for name, facts in row["positions"].items():
+        if facts["beyond_ruler_share"] > 0:
+            found.append(f"{name} {100 * facts['beyond_ruler_share']:.1f} % beyond its ruler, flagged")
+    return "".join(f"; {text}" for text in found)
 
 
 def command(
@@ -27,17 +50,21 @@ def command(
     Example:  pianorig import lab.csv --mapping lab.toml --out sessions/lab
     """
     session = rig.import_session(out, files, rig.load_mapping(mapping))
-    rows = [
+    rows: list[dict[str, Any]] = [
         {
             "trial": trial.number,
             "samples": (data := trial.read()).n_valid,
             "sample_rate_hz": data.sample_rate_hz,
-            "peak_force_n": float(data.force_n.max()),
+            "status": data.status,
+            "rejected": trial.rejected,
+            "condition": data.condition,
+            "peak_force_n": float(data.force_n.max()) if data.has_force else None,
             "blow_start_s": data.blow_start_s,
             "turned_rad": {
                 encoder.name: max(angle, key=abs)
                 for encoder, angle in zip(data.encoders, data.angle_rad().T.tolist(), strict=True)
             },
+            "positions": {name: _position_facts(data.position(name)) for name in data.position_names},
         }
         for trial in session.trials
     ]
@@ -46,8 +73,11 @@ def command(
         return
     for row in rows:
         source = session.info.notes[f"trial {row['trial']}"].partition(" sha256 ")[0]
+        peak = "no force" if row["peak_force_n"] is None else f"peak {row['peak_force_n']:.2f} N"
         print(
             f"trial {row['trial']}: {source}, {row['samples']} samples at {row['sample_rate_hz']:g} Hz, "
-            f"peak {row['peak_force_n']:.2f} N, blow from {row['blow_start_s']:.3f} s"
+            f"{peak}, blow from {row['blow_start_s']:.3f} s{_doubts(row)}"
         )
+    for name, facts in rows[0]["positions"].items():
+        print(f"{name}: {facts['judgement']}")
     print(f"session: {out}")

@@ -13,6 +13,7 @@ from pianorig.console.options import DEFAULT_ACTION, AsJson, Settings, Tolerance
 from pianorig.console.output import print_json, print_verdict
 from pianorig.console.overrides import load_model, read_settings, split_model
 from pianorig.console.progress import say
+from pianorig.errors import CommandInputError
 from validation.cache.report_cache import inputs_sha256, report_folder, store_report, stored_report
 
 
@@ -39,6 +40,14 @@ def command(
         str | None,
         typer.Option("--condition", help="Compare only this condition of the trial plan; default: each on its own."),
     ] = None,
+    identified: Annotated[
+        Path | None,
+        typer.Option(
+            "--identified",
+            help="Identified set (identified.json, or the session that holds one) for a session of positions without "
+            "force; default: the session's own.",
+        ),
+    ] = None,
     again: Annotated[
         bool,
         typer.Option(
@@ -53,10 +62,18 @@ def command(
     Every model is driven with each trial's own force. Several sessions and several models stand side by side in one
     report; they are never pooled.
 
+    In a session of positions without force the measured key moves the models, and the hammer is compared (--by-motion).
+
     Example:  pianorig validate sessions/try --action hirschkorn2004
+    Example:  pianorig validate sessions/kawai_kg3c --by-motion --out real
     Example:  pianorig validate sessions/try --action hirschkorn2004 --action hirschkorn2004-regulated --out both
     Example:  pianorig validate sessions/try --action hirschkorn2004 --action "hirschkorn2004: --set hammer.mass=0.01"
     """
+    if by_motion and len(sessions) == 1 and validation.has_positions_only(sessions[0]):
+        _by_motion_alone(sessions[0], action or [], out, identified, as_json)
+        return
+    if identified is not None:
+        raise CommandInputError(f"--identified: {sessions[0]} is not one session of positions without force")
     folder = report_folder(sessions, out)
     actions = action or [DEFAULT_ACTION]
     options = {"set": set_ or [], "tolerance": tolerance, "by_motion": by_motion, "condition": condition}
@@ -92,6 +109,23 @@ def command(
         print(f"report: {files['report.html']}")
     if refused:
         raise typer.Exit(2)
+
+
+def _by_motion_alone(
+    session: Path, actions: list[str], out: Path | None, identified: Path | None, as_json: bool
+) -> None:
+    """Compare a session of positions: the measured key moves the models, the hammer is the answer."""
+    if len(actions) > 1:
+        raise CommandInputError(f"--action: {len(actions)} models, allowed 1 for a session of positions")
+    result = validation.validate_positions(
+        session, out, action=actions[0] if actions else None, identified=identified, progress=None if as_json else say
+    )
+    names = {k: str(v) for k, v in result.files.items()}
+    if as_json:
+        print_json({"verdict": result.sentence, "files": names, "scores": result.scores.to_dict("records")})
+    else:
+        print_verdict(result.verdict_lines)
+        print(f"report: {names['report.html']}")
 
 
 def _reused(side: validation.SideBySide) -> str:

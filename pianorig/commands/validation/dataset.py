@@ -1,0 +1,79 @@
+"""``pianorig dataset``: make the published data set, score predictions on its open split."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from pianorig.console.options import AsJson
+from pianorig.console.output import print_json
+from pianorig.console.progress import say
+from pianorig.errors import CommandInputError
+
+
+class Job(StrEnum):
+    """What is done."""
+
+    make = "make"
+    score = "score"
+
+
+def command(
+    job: Annotated[Job, typer.Argument(help="make: write the data set; score: score predictions on its open split.")],
+    predictions: Annotated[
+        Path | None, typer.Argument(help="Of score: CSV with trial, time, key_angle, whippen_angle, hammer_angle.")
+    ] = None,
+    out: Annotated[Path | None, typer.Option("--out", help="Of make: folder to create.")] = None,
+    data: Annotated[Path, typer.Option("--data", help="Of score: folder of the data set.")] = Path("dataset"),
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Of make: seed of the open split.")] = 20041,
+    each: Annotated[
+        int, typer.Option("--each", help="Of make: trials of each kind of stroke and specimen, the last one to test.")
+    ] = 3,
+    sealed_truth: Annotated[
+        Path | None,
+        typer.Option("--sealed-truth", help="Of make: add a sealed split from fresh randomness, its truth kept here."),
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Make the published data set, or score predictions on it.
+
+    Example:  pianorig dataset make --out dataset --each 2
+    Example:  pianorig dataset make --out both --each 2 --sealed-truth truth/sealed.json
+    """
+    if job is Job.make:
+        _make(out, seed, each, sealed_truth, as_json)
+    else:
+        _score(predictions, data, as_json)
+
+
+def _make(out: Path | None, seed: int, each: int, sealed_truth: Path | None, as_json: bool) -> None:
+    from pianorig.workflows.dataset.make import make_dataset  # start-up: the virtual bench, which scoring needs not
+
+    if out is None:
+        raise CommandInputError("dataset make: --out is missing, the folder to create")
+    made = make_dataset(
+        out, seed=seed, each=each, sealed_truth=sealed_truth, say=(lambda text: None) if as_json else say
+    )
+    if as_json:
+        print_json({"dataset": made.folder, "trials": made.trials, "sealed_truth": made.sealed_truth})
+        return
+    print(f"data set: {made.folder} ({', '.join(f'{name} {n} trials' for name, n in made.trials.items())})")
+    if made.sealed_truth is not None:
+        print(f"truth of the sealed split: {made.sealed_truth}; keep it, it is nowhere else")
+
+
+def _score(predictions: Path | None, data: Path, as_json: bool) -> None:
+    from validation.dataset.score import score  # start-up: h5py and pandas, which making needs not at once
+
+    if predictions is None:
+        raise CommandInputError("dataset score: the table of predictions is missing")
+    found = score(data, predictions)
+    if as_json:
+        print_json({"overall_percent": found.overall, "by_channel": found.by_channel, "by_trial": found.by_trial})
+        return
+    for name, value in found.by_channel.items():
+        print(f"{name}: {value:.2f} % of its range")
+    print(f"score: {found.overall:.2f} % (less is better; {len(found.by_trial)} test trials without a planted fault)")

@@ -1,0 +1,60 @@
+"""Make `sessions/kawai_kg3c` of the recording of a real action: import, identification, everything but the text files.
+
+Run:  python sessions/make_kawai.py kawai_kg3c_e4_part1.csv.gz [--out FOLDER]
+
+The recording is gzweigle/Piano-Data, folder kawai_kg-3c_action/hammer_and_damper0, its first 36 s as a table of time and
+two readings; README.md of the session says more. Some minutes of processor time; the same numbers at every run on one
+machine.
+"""
+
+from __future__ import annotations
+
+import argparse
+import gzip
+import shutil
+import tempfile
+from pathlib import Path
+
+import rig
+from validation.positions.identify_session import identify_session
+from validation.positions.record import FILE, write_identified
+
+HOME = Path(__file__).parent / "kawai_kg3c"
+FIT_TO = "2,3,5"
+"""Slow press, medium stroke, first fast one; the slide-off and the second fast one are held out."""
+ACTION = "hirschkorn2004-regulated"
+
+
+def main() -> None:
+    """Import, identify, put the files in place."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("recording", type=Path, help="The table, .csv or .csv.gz.")
+    parser.add_argument("--mapping", type=Path, default=HOME / "mapping.toml", help="Which column is what.")
+    parser.add_argument("--out", type=Path, default=HOME, help="Session folder; its texts stay.")
+    parser.add_argument("--fit", default=FIT_TO, help="Trials to identify on.")
+    given = parser.parse_args()
+    trials = [int(number) for number in given.fit.split(",")]
+    with tempfile.TemporaryDirectory() as temporary:
+        table = Path(temporary) / given.recording.name.removesuffix(".gz")
+        opened = gzip.open if given.recording.suffix == ".gz" else open
+        with opened(given.recording, "rb") as source:
+            table.write_bytes(source.read())
+        shutil.copystat(given.recording, table)  # when it was last changed is all it says of its date
+        made = Path(temporary) / "kawai_kg3c"
+        session = rig.import_session(made, [table], rig.load_mapping(given.mapping))
+        write_identified(made / FILE, identify_session(session, trials, ACTION, say=print))
+        _excerpt(table, made / "excerpt.csv")
+        given.out.mkdir(parents=True, exist_ok=True)
+        for file in made.iterdir():
+            shutil.copy(file, given.out / file.name)
+    print(f"{given.out}: made, identified on {trials}")
+
+
+def _excerpt(table: Path, path: Path) -> None:
+    """Write the rows of the last second and a half, an example of a further recording."""
+    lines = table.read_text().splitlines(keepends=True)
+    path.write_text("".join([lines[0], *lines[-3000:]]))
+
+
+if __name__ == "__main__":
+    main()

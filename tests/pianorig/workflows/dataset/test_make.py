@@ -1,0 +1,190 @@
+"""The data set: the same for a seed, truth apart, sealed by its hash, described, loaded in two lines, scored."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import shutil
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pandas as pd
+import pytest
+
+import validation
+from pianorig.errors import CommandInputError
+from pianorig.workflows.dataset import make
+from pianorig.workflows.dataset.conditions import CONDITIONS
+from pianorig.workflows.dataset.play import FAULTS, plant_fault
+from tests.command_line import run
+from validation.dataset.files import CHANNELS
+from validation.dataset.score import SCORED, scored_trials
+from validation.errors import ValidationInputError
+
+FEW = (CONDITIONS[0], CONDITIONS[6])
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory) -> tuple[Path, Path]:
+    """A data set of two kinds of stroke, with a sealed split."""
+    place = tmp_path_factory.mktemp("made")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(make, "CONDITIONS", FEW)
+        make.make_dataset(place / "set", each=2, sealed_truth=place / "truth" / "sealed.json")
+    return place / "set", place / "truth" / "sealed.json"
+
+
+def perfect(folder: Path, factor: float = 1.0) -> pd.DataFrame:
+    """Predictions that are the measurements, times a factor."""
+    parts = []
+    for trial in scored_trials(folder):
+        values = {name: factor * trial.values[name] for name in SCORED}
+        parts.append(pd.DataFrame({"trial": int(trial.facts["trial"]), "time": trial.time_s, **values})[::5])
+    return pd.concat(parts)
+
+
+def test_a_seed_makes_the_same_bytes(made, tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr(make, "CONDITIONS", FEW)
+    make.make_dataset(tmp_path / "again", each=2)
+    for file in sorted((made[0] / "open").iterdir()):
+        assert file.read_bytes() == (tmp_path / "again" / "open" / file.name).read_bytes(), file.name
+    make.make_dataset(tmp_path / "other", each=2, seed=7)
+    first = "open/trial_0001.nc"
+    assert (tmp_path / "other" / first).read_bytes() != (made[0] / first).read_bytes()
+
+
+def test_two_lines_load_it(made) -> None:
+    table = validation.dataset.load(made[0], part="train")
+    assert {"trial", "condition", "time", *CHANNELS} == set(table.columns)
+    assert table.groupby("trial").key_angle.min().max() < -0.02  # every key is pressed
+    sets = validation.dataset.load(made[0], "sealed", kind="xarray")
+    one = sets[1]
+    assert one["force"].dims == ("time",) and one["jack_angle"].dims == ("film_time",)
+    assert one["force"].attrs["units"] == "N" and one.attrs["Conventions"] == "CF-1.11"
+    assert float(one["hammer_angle"].min()) < -0.3 or float(one["hammer_angle"].max()) > 0.3
+
+
+def test_nothing_of_the_truth_is_with_the_sealed_data(made) -> None:
+    folder, truth_file = made
+    truth = json.loads(truth_file.read_text())
+    published = b"".join(file.read_bytes() for file in folder.rglob("*") if file.is_file())
+    assert truth["salt"].encode() not in published
+    for specimen in truth["truth"]["specimens"]:
+        assert str(specimen["seed"]).encode() not in published
+    with h5py.File(folder / "sealed" / "trial_0001.nc") as file:
+        assert {"trial", "condition", "specimen", "part", "title", "Conventions"} == set(file.attrs)
+
+
+def test_sealed_specimens_are_fresh_each_time(made, tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr(make, "CONDITIONS", FEW[:1])
+    make.make_dataset(tmp_path / "again", each=2, sealed_truth=tmp_path / "t.json")
+    one, two = (json.loads(file.read_text())["truth"]["specimens"][0] for file in (made[1], tmp_path / "t.json"))
+    assert one["changed"] != two["changed"]
+
+
+def test_truth_is_checked_against_its_hash(made, tmp_path) -> None:
+    folder, truth_file = made
+    assert validation.dataset.check_truth(folder, truth_file)["specimens"][0]["name"] == "A"
+    opened = json.loads(truth_file.read_text())
+    opened["truth"]["specimens"][0]["torque_per_volt_nm"] += 1e-9
+    (tmp_path / "t.json").write_text(json.dumps(opened))
+    with pytest.raises(ValidationInputError, match="does not match the hash published with"):
+        validation.dataset.check_truth(folder, tmp_path / "t.json")
+    (tmp_path / "t.json").write_text("{}")
+    with pytest.raises(ValidationInputError, match="not a truth"):
+        validation.dataset.check_truth(folder, tmp_path / "t.json")
+
+
+def test_crate_names_every_file_with_its_hash(made) -> None:
+    folder = made[0]
+    crate = json.loads((folder / "ro-crate-metadata.json").read_text())
+    assert crate["@context"] == "https://w3id.org/ro/crate/1.3/context"
+    graph = {one["@id"]: one for one in crate["@graph"]}
+    assert len(graph) == len(crate["@graph"])
+    assert graph["ro-crate-metadata.json"]["conformsTo"] == {"@id": "https://w3id.org/ro/crate/1.3"}
+    root = graph[graph["ro-crate-metadata.json"]["about"]["@id"]]
+    assert {"name", "description", "datePublished", "license"} <= set(root) and root["@type"] == "Dataset"
+    files = {path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()}
+    assert {part["@id"] for part in root["hasPart"]} == files - {"ro-crate-metadata.json"}
+    for part in root["hasPart"]:
+        content = (folder / part["@id"]).read_bytes()
+        assert graph[part["@id"]]["sha256"] == hashlib.sha256(content).hexdigest()
+    for one in crate["@graph"]:  # every reference is resolved inside the crate or is an address
+        for value in one.values():
+            for item in value if isinstance(value, list) else [value]:
+                if isinstance(item, dict):
+                    assert item["@id"] in graph or item["@id"].startswith("https://")
+
+
+def test_card_and_datacite_say_what_it_is(made) -> None:
+    card = (made[0] / "README.md").read_text()
+    for words in (
+        "simulated",
+        "nothing here was measured",
+        "Known limits",
+        "CC BY 4.0",
+        "initialisation window",
+        "10 µs",
+    ):
+        assert words in card
+    fields = json.loads((made[0] / "datacite.json").read_text())
+    assert {"creators", "titles", "publisher", "publicationYear", "types"} <= set(fields)
+
+
+def test_scores_of_known_predictions(made, tmp_path, capsys) -> None:
+    perfect(made[0]).to_csv(tmp_path / "p.csv", index=False)
+    assert validation.dataset.score(made[0], tmp_path / "p.csv").overall < 0.3  # thinned to 1 kHz
+    none = validation.dataset.score(made[0], perfect(made[0], 0.0))
+    half = validation.dataset.score(made[0], perfect(made[0], 0.5))
+    assert half.overall == pytest.approx(0.5 * none.overall, rel=0.02) and none.overall > 10
+    assert run("dataset", "score", tmp_path / "p.csv", "--data", made[0]) == 0
+    assert "score: 0." in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda t: t.drop(columns="hammer_angle"), "no column 'hammer_angle'"),
+        (lambda t: t[t["trial"] != t["trial"].iloc[0]], "missing; every test trial must be predicted"),
+        (lambda t: t.assign(key_angle=np.nan), "row 1 of it holds a value that is not finite"),
+        (lambda t: t[t["time"] < 0.4], "times 0 to 0.3"),
+        (lambda t: t[np.arange(len(t)) % 100 != 50], "allowed 1 ms"),
+    ],
+)
+def test_predictions_that_cannot_be_scored_are_refused(made, change, said) -> None:
+    with pytest.raises(ValidationInputError, match=said):
+        validation.dataset.score(made[0], change(perfect(made[0])))
+
+
+def test_what_cannot_be_made_or_read_is_refused(made, tmp_path, capsys) -> None:
+    folder, truth_file = made
+    with pytest.raises(CommandInputError, match="exists already"):
+        make.make_dataset(folder)
+    with pytest.raises(CommandInputError, match="where it would be published"):
+        make.make_dataset(tmp_path / "new", sealed_truth=tmp_path / "new" / "truth.json")
+    with pytest.raises(CommandInputError, match="allowed 2 to 50"):
+        make.make_dataset(tmp_path / "new", each=1)
+    assert not (tmp_path / "new").exists()
+    assert run("dataset", "make") == 2 and run("dataset", "score", "--data", folder) == 2
+    capsys.readouterr()
+    with pytest.raises(ValidationInputError, match="no split 'secret'"):
+        validation.dataset.load(folder, "secret")
+    with pytest.raises(ValidationInputError, match="name a folder that pianorig dataset make wrote"):
+        validation.dataset.load(tmp_path)
+    damaged = tmp_path / "damaged"
+    shutil.copytree(folder, damaged)
+    file = damaged / "open" / "trial_0001.nc"
+    file.write_bytes(file.read_bytes()[:2000])
+    with pytest.raises(ValidationInputError, match="not a trial of a data set"):
+        validation.dataset.load(damaged)
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_every_fault_changes_something(fault) -> None:
+    time_s, film_s = np.linspace(0, 1, 50), np.linspace(0, 1, 20)
+    values = {name: np.sin(3 * (time_s if clock == "time" else film_s)) for name, (clock, _, _) in CHANNELS.items()}
+    before = {name: value.copy() for name, value in values.items()}
+    after = plant_fault(fault, time_s, film_s, values)
+    changed = [name for name in values if not np.array_equal(values[name], before[name])]
+    assert len(changed) + (not np.array_equal(after, film_s)) == 1

@@ -1,0 +1,257 @@
+"""Recordings of positions: displacement by ruler points, cut into strokes, no force; anything doubtful is refused."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from rig.configuration.channels import ChannelConfig
+from rig.errors import InputError, RigInputError
+from rig.foreign.export import columns
+from rig.foreign.mapping import load_mapping, parse_mapping
+from rig.foreign.position_strokes import cut_strokes
+from rig.foreign.session_import import import_session
+from rig.session import Session
+from rig.session.ruler import ABOVE, BELOW, position_of, ruler_curve
+from rig.session.ruler_info import RulerInfo
+from rig.session.trial_data import ChannelInfo
+from tests.command_line import run
+
+RATE = 2000.0
+RULER_M = np.linspace(0.0, 0.010, 11)
+
+
+def sensor(displacement_m):
+    """Reading of a sensor that is far from linear."""
+    return 0.05 * (np.exp(3.0 * np.asarray(displacement_m) / 0.010) - 1.0)
+
+
+def points(values) -> str:
+    return "[" + ", ".join(f"{value:.9g}" for value in values) + "]"
+
+
+def mapping(reading=None, more="", limits="") -> str:
+    text = 'schema = "piano-action-rig mapping 1"\nsimulated = true\nmains_frequency_hz = 60.0\n[time]\nchannel = "t"\n'
+    text += more
+    for name, body in (("key", "key"), ("hammer", "hammer")):
+        text += f"""
+[[positions]]
+name = "{name}"
+channel = "{name}_adc"
+offset = 0.2
+gain = 0.5
+u_noise = 1e-4
+{limits}
+[positions.ruler]
+body = "{body}"
+sensor_at = "back of the {name}"
+calibrated_at = "front of the {name}"
+reading = {points(sensor(RULER_M) if reading is None else reading)}
+displacement_m = {points(RULER_M)}
+u_displacement_m = 1e-4
+u_reading = 2e-4
+"""
+    return text
+
+
+def strokes(time_s, starts, length_s=0.4):
+    """Displacement of strokes of 8 mm."""
+    x = np.zeros_like(time_s)
+    for start in starts:
+        inside = (time_s >= start) & (time_s < start + length_s)
+        x[inside] = 0.008 * np.sin(np.pi * (time_s[inside] - start) / length_s) ** 2
+    return x
+
+
+def write(path, key_m, hammer_m, time_s, seed=0):
+    noise = 1e-5 * np.random.default_rng(seed).standard_normal((time_s.size, 2))
+    table = np.column_stack([time_s, 0.2 + 0.5 * sensor(key_m), 0.2 + 0.5 * sensor(hammer_m)])
+    table[:, 1:] += 0.5 * noise
+    np.savetxt(path, table, delimiter=",", header="t,key_adc,hammer_adc", comments="", fmt="%.9f")
+    return path
+
+
+@pytest.fixture
+def recording(tmp_path):
+    """Three strokes by a clock that begins at 36 s."""
+    time_s = 36.0 + np.arange(int(4 * RATE)) / RATE
+    x = strokes(time_s, (36.6, 37.8, 38.9))
+    return write(tmp_path / "long.csv", x, 0.9 * x, time_s), x
+
+
+def import_text(tmp_path, text, file):
+    return import_session(tmp_path / "out", [file], parse_mapping(text))
+
+
+def test_strokes_become_trials_with_true_displacement(recording, tmp_path) -> None:
+    file, x = recording
+    session = import_text(tmp_path, mapping(), file)
+    assert len(session.trials) == 3
+    for trial, start in zip(session.trials, (36.6, 37.8, 38.9), strict=True):
+        data = trial.read()
+        at = float(data.provenance["source_start_s"])
+        assert start - 0.4 < at < start
+        first = round((at - 36.0) * RATE)
+        key = data.position("key")
+        error = key.displacement_m - x[first : first + data.n_valid]
+        assert np.abs(error).max() < 2.5 * np.hypot(key.u_calibration_m, key.u_noise_m).max()
+        assert np.abs(error).max() < 1.5e-4
+        assert key.ruler.sensor_at == "back of the key" and key.ruler.calibrated_at == "front of the key"
+
+
+def test_no_force_channel_is_written_or_shown(recording, tmp_path, capsys) -> None:
+    session = import_text(tmp_path, mapping(), recording[0])
+    data = session.trial(1).read()
+    assert not data.has_force and np.isnan(data.force_n).all()
+    import h5py
+
+    with h5py.File(session.trial(1).path) as file:
+        assert "force" not in file["daq"] and "force_raw" not in file["daq"]
+        assert {"key", "hammer"} <= set(file["daq"])
+    names = [column.name for column in columns(data)]
+    assert "force_n" not in names and {"key_m", "key_u_m", "key_flag"} <= set(names)
+    assert run("info", str(session.path)) == 0
+    out = capsys.readouterr().out
+    assert "not recorded" in out and "key, hammer" in out
+
+
+def test_command_says_what_it_cut(recording, tmp_path, capsys) -> None:
+    (tmp_path / "m.toml").write_text(
+        mapping(more="[[strokes.episodes]]\nfrom_s = 37.5\nto_s = 38.5\ncondition = 'soft'\nreject = 'by hand'\n")
+    )
+    args = ["import", str(recording[0]), "--mapping", str(tmp_path / "m.toml"), "--out", str(tmp_path / "s")]
+    assert run(*args) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert "soft; rejected: by hand" in lines[1] and "no force" in lines[0]
+    assert Session.open(tmp_path / "s").trial(2).rejected == "by hand"
+
+
+def test_reading_beyond_the_ruler_is_flagged_and_held() -> None:
+    ruler = RulerInfo("key", "a", "b", tuple(sensor(RULER_M)), tuple(RULER_M), 1e-4, 1e-4)
+    top = float(sensor(RULER_M[-1]))
+    reading = np.array([-0.01, -1e-4, 0.1, top + 1e-4, top + 0.02])
+    found = position_of("key", ruler, np.arange(5.0), reading, 1e-4)
+    assert found.flag.tolist() == [BELOW, 0, 0, 0, ABOVE]
+    assert found.displacement_m[0] == 0.0 and found.displacement_m[-1] == RULER_M[-1]
+
+
+def test_a_falling_sensor_is_read_and_flagged_the_right_way() -> None:
+    reading = tuple(1.0 - sensor(RULER_M))
+    ruler = RulerInfo("key", "a", "b", reading, tuple(RULER_M), 1e-4, 1e-4)
+    found = position_of("key", ruler, np.arange(3.0), np.array([1.1, 1.0 - float(sensor(0.0042)), -0.5]), 1e-4)
+    assert found.flag.tolist() == [BELOW, 0, ABOVE]
+    assert found.displacement_m[1] == pytest.approx(0.0042, abs=5e-5)
+    assert found.displacement_m[[0, 2]] == pytest.approx([0.0, RULER_M[-1]], abs=1e-15)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_uncertainty_covers_the_ruler_read_with_its_error(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    read_m = np.sort(RULER_M + 1e-4 * random.standard_normal(RULER_M.size))
+    ruler = RulerInfo("key", "a", "b", tuple(sensor(RULER_M)), tuple(read_m), 1e-4, 1e-4)
+    true_m = np.linspace(0.0005, 0.0095, 50)
+    found = position_of("key", ruler, true_m, sensor(true_m), 1e-6)
+    assert np.mean(np.abs(found.displacement_m - true_m) < 2.0 * found.u_m) > 0.85
+    assert 4e-5 < np.median(found.u_calibration_m) < 3e-4
+
+
+def test_a_ruler_read_worse_than_stated_is_judged_and_widened() -> None:
+    random = np.random.default_rng(3)
+    read_m = RULER_M + 4e-4 * random.uniform(-1, 1, RULER_M.size)
+    ruler = RulerInfo("key", "a", "b", tuple(sensor(RULER_M)), tuple(np.sort(read_m)), 5e-5, 1e-4)
+    curve = ruler_curve(ruler)
+    assert "worse than stated" in curve.judgement and curve.u_m > 1e-4
+    good = ruler_curve(dataclasses.replace(ruler, displacement_m=tuple(RULER_M)))
+    assert "as good as stated" in good.judgement and good.u_m == 5e-5
+
+
+def test_points_that_go_back_within_their_uncertainty_are_pooled() -> None:
+    reading = sensor(RULER_M)
+    reading[4] = reading[3] - 1e-4
+    curve = ruler_curve(RulerInfo("key", "a", "b", tuple(reading), tuple(RULER_M), 1e-4, 1e-3))
+    assert curve.reading.size == RULER_M.size - 1 and np.all(np.diff(curve.reading) > 0)
+
+
+def test_ruler_points_that_are_not_monotone_are_refused(recording, tmp_path) -> None:
+    reading = sensor(RULER_M)
+    reading[5], reading[6] = reading[6], reading[5]
+    with pytest.raises(InputError, match=r"key: ruler points are not monotone: reading .* at 6.000 mm .* goes back"):
+        import_text(tmp_path, mapping(reading), recording[0])
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_saturated_sensor_is_refused(tmp_path) -> None:
+    time_s = np.arange(int(2 * RATE)) / RATE
+    x = strokes(time_s, (0.6,))
+    file = write(tmp_path / "s.csv", x, x, time_s)
+    lines = file.read_text().splitlines()
+    for k in range(1800, 1810):
+        lines[k] = ",".join([lines[k].split(",")[0], "1.0", lines[k].split(",")[2]])
+    file.write_text("\n".join(lines))
+    with pytest.raises(InputError, match=r"key_adc row 1800: sensor saturated.*limit 1"):
+        import_text(tmp_path, mapping(limits="limits = [0.0, 1.0]"), file)
+
+
+def test_a_channel_at_another_rate_is_refused(recording, tmp_path) -> None:
+    lines = recording[0].read_text().splitlines()
+    slow = [lines[0]] + [line if k % 2 else ",".join([*line.split(",")[:2], ""]) for k, line in enumerate(lines[1:])]
+    recording[0].write_text("\n".join(slow))
+    with pytest.raises(InputError, match="hammer_adc row 1"):
+        import_text(tmp_path, mapping(), recording[0])
+
+
+def test_a_stroke_that_is_cut_off_is_kept_and_named(tmp_path, capsys) -> None:
+    time_s = np.arange(int(1.0 * RATE)) / RATE
+    x = strokes(time_s, (0.7,))
+    (tmp_path / "m.toml").write_text(mapping())
+    file = write(tmp_path / "cut.csv", x, x, time_s)
+    session = import_session(tmp_path / "out", [file], load_mapping(tmp_path / "m.toml"))
+    data = session.trial(1).read()
+    assert (data.status, data.reason) == ("incomplete", "the recording ends during this stroke")
+    begun = cut_strokes(strokes(time_s, (-0.2,))[:, None], np.array([0.01]), RATE, trigger=0.1, pre_s=0.3, rest_s=0.1)
+    assert begun[0].cut_off == "the recording begins during this stroke"
+
+
+def test_nothing_played_is_refused(tmp_path) -> None:
+    time_s = np.arange(int(1.0 * RATE)) / RATE
+    file = write(tmp_path / "still.csv", 0 * time_s, 0 * time_s, time_s)
+    with pytest.raises(InputError, match=r"no stroke found.*strokes.trigger"):
+        import_text(tmp_path, mapping(), file)
+
+
+def test_force_and_positions_exclude_each_other() -> None:
+    with pytest.raises(InputError, match="the mapping has both"):
+        parse_mapping(mapping(more='[force]\nchannel = "f"\n'))
+    with pytest.raises(InputError, match="the mapping has neither"):
+        parse_mapping(mapping().split("\n[[positions]]")[0])
+
+
+def test_a_rig_files_channel_may_be_a_position_sensor() -> None:
+    ruler = {
+        "body": "hammer", "sensor_at": "shank", "calibrated_at": "shank", "reading": tuple(sensor(RULER_M)),
+        "displacement_m": tuple(RULER_M), "u_displacement_m": 1e-4,
+    }  # fmt: skip
+    config = ChannelConfig(
+        name="shank", channel="Dev1/ai3", quantity="position", unit="V", sensor="s", calibration="ruler",
+        electrical=(0.0, 1.0), physical=(0.0, 1.0), least=-5.0, most=5.0, ruler=ruler,
+    )  # fmt: skip
+    info = ChannelInfo.of(config)
+    assert info.ruler is not None and info.ruler.displacement_m == tuple(RULER_M)
+    plain = {**dataclasses.asdict(info), "electrical": [0.0, 1.0], "physical": [0.0, 1.0]}
+    assert ChannelInfo.from_plain(plain) == info
+    with pytest.raises(ValueError, match="displacement_m falls"):
+        ChannelConfig(**{**config.model_dump(), "ruler": {**ruler, "displacement_m": tuple(RULER_M[::-1])}})
+
+
+def test_a_position_that_is_not_there_is_named(recording, tmp_path) -> None:
+    data = import_text(tmp_path, mapping(), recording[0]).trial(1).read()
+    with pytest.raises(RigInputError, match="no position sensor 'jack'; found \\('key', 'hammer'\\)"):
+        data.position("jack")
+
+
+def test_drift_of_the_zero_is_taken_off_the_reading(recording, tmp_path) -> None:
+    data = import_text(tmp_path, mapping(), recording[0]).trial(1).read()
+    drifted = dataclasses.replace(data, channel_values=data.channel_values + 0.01)
+    assert np.allclose(drifted.position("key", zero=0.01).displacement_m, data.position("key").displacement_m)

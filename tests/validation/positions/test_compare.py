@@ -1,0 +1,125 @@
+"""The shipped recording of a real piano: one command, held-out strokes, a page; and a recording it has not seen."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import validation
+from rig.session import Session
+from tests.command_line import run
+from validation.errors import ValidationInputError
+from validation.positions.compare import GOAL_COVER, compare_positions
+from validation.positions.record import read_identified
+
+SHIPPED = Path(__file__).parents[3] / "sessions" / "kawai_kg3c"
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory) -> tuple[Path, dict]:
+    out = tmp_path_factory.mktemp("real")
+    assert run("validate", SHIPPED, "--by-motion", "--out", out, "--json") == 0
+    return out, json.loads((out / "results.json").read_text())
+
+
+def rows(results, **wanted):
+    return [row for row in results["scores"] if all(row[key] == value for key, value in wanted.items())]
+
+
+def test_held_out_strokes_are_predicted_better_than_by_the_null_model(written) -> None:
+    results = written[1]
+    held = rows(results, model="identified", fitted=False)
+    assert {row["trial"] for row in held} == {4, 6}
+    for row in held:
+        (null,) = rows(results, model="null", trial=row["trial"])
+        (plain,) = rows(results, model="regulated", trial=row["trial"])
+        assert row["rmse_share"] < 0.06 < null["rmse_share"]
+        assert row["rmse_share"] < 0.5 * plain["rmse_share"]
+        assert row["inside_band"] >= GOAL_COVER
+
+
+def test_what_was_fitted_and_what_was_rejected_is_said(written) -> None:
+    results = written[1]
+    assert {row["trial"] for row in rows(results, model="identified", fitted=True)} == {2, 3, 5}
+    assert "by hand" in results["refused"]["1"]
+
+
+def test_events_only_where_the_data_show_them(written) -> None:
+    events = {(row["trial"], row["source"]): row for row in written[1]["events"]}
+    assert events[2, "measured"]["let_off_m"] is not None and events[5, "measured"]["let_off_m"] is None
+    real, made = events[5, "measured"], events[5, "identified"]
+    assert abs(real["impact_s"] - made["impact_s"]) < 0.005
+    assert abs(real["check_m"] - made["check_m"]) < 0.05 * 3.77e-3
+    assert [row["condition"] for row in written[1]["repeatability"]][0] == "fast"
+
+
+def test_page_stands_alone_and_says_what_the_sensors_forbid(written) -> None:
+    page = (written[0] / "report.html").read_text()
+    assert not re.search(r'(src|href)="https?:', page) and "<script" not in page
+    for words in ("back of the key", "front of the key", "No force was measured", "2000 samples a second", "ruler"):
+        assert words in page
+    assert page.count("<figure>") == 5 and len(page) < 3_000_000
+
+
+def test_curves_are_written(written) -> None:
+    table = np.genfromtxt(written[0] / "curves" / "trial_0004.csv", delimiter=",", names=True)
+    inside = np.abs(table["identified_hammer_m"] - table["hammer_m"]) <= table["identified_half_width_m"]
+    (row,) = rows(written[1], model="identified", trial=4)
+    assert inside.mean() == pytest.approx(row["inside_band"], abs=1e-3)
+
+
+def test_a_recording_it_has_not_seen_needs_no_hand_work(tmp_path, capsys) -> None:
+    mapping = SHIPPED / "mapping.toml"
+    assert run("import", SHIPPED / "excerpt.csv", "--mapping", mapping, "--out", tmp_path / "more") == 0
+    assert run("validate", tmp_path / "more", "--identified", SHIPPED, "--out", tmp_path / "out", "--json") == 0
+    results = json.loads((tmp_path / "out" / "results.json").read_text())
+    (row,) = rows(results, model="identified")
+    assert row["rmse_share"] < 0.06 and row["inside_band"] >= GOAL_COVER
+    assert run("validate", tmp_path / "more", "--action", "hirschkorn2004", "--action", "hirschkorn2004-regulated") == 2
+    assert "2 models, allowed 1" in capsys.readouterr().err
+
+
+def test_without_an_identified_set_there_are_no_bands(tmp_path) -> None:
+    session = tmp_path / "one"
+    session.mkdir()
+    for name in ("session.toml", "trial_0006.h5"):
+        shutil.copy(SHIPPED / name, session / name)
+    result = compare_positions(Session.open(session))
+    assert set(result.scores["model"]) == {"regulated", "null"} and result.scores["inside_band"].isna().all()
+    assert "no identified set" in result.sentence
+
+
+def test_which_sessions_are_of_positions(tmp_path) -> None:
+    assert validation.has_positions_only(SHIPPED)
+    assert not validation.has_positions_only(SHIPPED.parent / "example_forte")
+    assert not validation.has_positions_only(tmp_path)
+
+
+def test_an_identified_set_is_for_positions_only(capsys) -> None:
+    session = SHIPPED.parent / "example_forte"
+    assert run("validate", session, "--identified", SHIPPED) == 2
+    assert "not one session of positions" in capsys.readouterr().err
+
+
+def test_driven_by_force_such_a_session_is_refused_in_one_line(tmp_path, capsys) -> None:
+    assert run("validate", SHIPPED, "--no-by-motion", "--out", tmp_path) == 2
+    assert "no force was recorded" in capsys.readouterr().err
+
+
+def test_a_session_without_usable_strokes_is_named(tmp_path) -> None:
+    session = tmp_path / "none"
+    session.mkdir()
+    for name in ("session.toml", "trial_0001.h5", "annotations.jsonl"):
+        shutil.copy(SHIPPED / name, session / name)
+    with pytest.raises(ValidationInputError, match="no usable stroke; trial 1: rejected: hammer moved by hand"):
+        compare_positions(Session.open(session))
+
+
+def test_the_shipped_set_belongs_to_the_shipped_trials() -> None:
+    session, record = Session.open(SHIPPED), read_identified(SHIPPED)
+    assert {int(n): seal for n, seal in record.seals.items()} == {n: session.trial(n).sha256 for n in (2, 3, 5)}

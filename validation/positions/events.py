@@ -1,0 +1,66 @@
+"""What a position sensor of the hammer shows of a stroke's events, by the same rules for a trial and a prediction.
+
+Only what such a sensor can show: let-off and drop where the stroke is so slow that the hammer falls before it meets its
+stop, the height of the check where the hammer comes to rest below the stop, its speed before the impact.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from validation.conventions import Array
+from validation.positions.band import phases
+from validation.positions.measured import Stroke
+
+EVENTS = {
+    "impact_s": "time of the hammer's highest place in the strike, s from the trial's first sample",
+    "speed_m_per_s": "speed of the hammer's calibrated point before it, from 60 to 90 % of the way, m/s",
+    "let_off_m": "height at which the hammer falls from the jack, slow strokes only, m",
+    "drop_m": "how far it falls then, m",
+    "check_m": "height at which it is held while the key is down, m",
+    "release_s": "time after the key has begun to rise at which the hammer is below half that height, s",
+}
+SLOW_M_PER_S = 0.02
+"""Speed of the calibrated point (some 0.25 m/s of the head) below which a stroke is a slow press."""
+DROP_WITHIN_S = 0.3
+SPEED_FROM, SPEED_TO = 0.6, 0.9
+
+
+def find(stroke: Stroke, hammer_m: Array) -> dict[str, float]:
+    """Events of a stroke by its key and a hammer's displacement (n,), m; NaN where it does not show one.
+
+    Of several strikes in one trial the first counts.
+    """
+    out = dict.fromkeys(EVENTS, float("nan"))
+    at, time_s = phases(stroke), stroke.time_s
+    strike = np.flatnonzero(at == 1)
+    if not strike.size:
+        return out
+    first = strike[0]
+    ends = np.flatnonzero(np.diff(at[first:]) != 0)
+    end = first + int(ends[0]) + 1 if ends.size else time_s.size
+    part = hammer_m[first:end]
+    highest = float(part.max())
+    top = first + int(np.argmax(part > highest - 0.005 * stroke.hammer.travel_m))
+    out["impact_s"] = float(time_s[top])
+    out["speed_m_per_s"] = _speed(time_s[first : top + 1], hammer_m[first : top + 1], highest)
+    if out["speed_m_per_s"] < SLOW_M_PER_S:
+        after = hammer_m[top : top + round(DROP_WITHIN_S / stroke.interval_s)]
+        out["let_off_m"], out["drop_m"] = highest, highest - float(after.min())
+    hold = np.flatnonzero(at[end:] != 2)
+    stop = end + int(hold[0]) if hold.size else time_s.size
+    if stop - end > 0.05 / stroke.interval_s:
+        out["check_m"] = float(np.median(hammer_m[end:stop]))
+        below = np.flatnonzero(hammer_m[stop:] < 0.5 * out["check_m"])
+        if below.size:
+            out["release_s"] = float(time_s[stop + below[0]] - time_s[min(stop, time_s.size - 1)])
+    return out
+
+
+def _speed(time_s: Array, hammer_m: Array, highest: float) -> float:
+    inside = np.flatnonzero(hammer_m < SPEED_FROM * highest)
+    low = int(inside[-1]) if inside.size else 0
+    high = low + int(np.argmax(hammer_m[low:] >= SPEED_TO * highest))
+    if high - low < 3:
+        return float("nan")
+    return float(np.polyfit(time_s[low : high + 1], hammer_m[low : high + 1], 1)[0])
