@@ -65,7 +65,7 @@ def make_tables(
     if options.budget:
         options.say("uncertainty of the difference: draws of all inputs")
         judgement = judge(difference_draws(predicted.trials, traces, tested, without))
-        ceiling = perfect_scores(predicted.trials, traces, tested, without)
+        ceiling = perfect_scores(predicted.trials, traces, tested, without, paired=options.paired)
     channels, spread = channel_tables(traces, u_sample, without, judgement, findings.kinds)
     card = scorecard(scored.scores, traces, ceiling, without)
     counting = counting_events(events.trial, without)

@@ -6,10 +6,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import butter, savgol_filter, sosfiltfilt
 
 from validation.findings.signals.encoder_return import encoder_return
 from validation.findings.signals.encoder_travel import Travel, encoder_travel, travel_of
-from validation.findings.signals.force_delay import force_delay, force_lag
+from validation.findings.signals.force_delay import (
+    BAND_HZ,
+    SMOOTH_S,
+    band_passed,
+    force_delay,
+    force_lag,
+    second_derivative,
+)
 from validation.findings.signals.force_drift import force_drift
 from validation.findings.signals.force_saturation import force_saturation
 from validation.findings.signals.force_sign_and_unit import force_sign_and_unit
@@ -207,3 +215,16 @@ def test_the_wrong_sign_and_unit_are_named(stage, factor, kind, words):
     assert words in found.text
     assert found.value == pytest.approx(1 / factor)
     assert force_sign_and_unit(stage.tested, m, p, until) == []
+
+
+@pytest.mark.parametrize("rate_hz", [2000.0, 5000.0, 20_000.0])
+def test_filters_of_the_delay_are_those_of_scipy(rate_hz):
+    step, rng = 1 / rate_hz, np.random.default_rng(4)
+    t = np.arange(int(0.8 * rate_hz)) * step
+    values = np.exp(-(((t - 0.4) / 0.03) ** 2)) * np.sin(300 * t) + 1e-3 * rng.standard_normal(t.size)
+    window = max(2 * round(SMOOTH_S / step / 2) + 1, 5)
+    inner = slice(t.size // 8, -t.size // 8)
+    expected = savgol_filter(values, window, 3, deriv=2, delta=step)
+    assert second_derivative(values, step)[inner] == pytest.approx(expected[inner], abs=1e-9 * np.abs(expected).max())
+    expected = sosfiltfilt(butter(2, BAND_HZ, "band", fs=rate_hz, output="sos"), values)
+    assert band_passed(values, step)[inner] == pytest.approx(expected[inner], abs=1e-3 * np.abs(expected).max())
