@@ -109,7 +109,7 @@ def test_a_key_that_is_still_held_at_the_end_is_no_slip(stage):
         time_s=m.time_s[:held],
         change_rad=np.vstack([m.change_rad[: held - 300], np.repeat(m.change_rad[held : held + 1], 300, axis=0)]),
     )
-    cut = replace(p, time_s=p.time_s[:held], angle_rad=p.angle_rad[:held], speed_rad_per_s=p.speed_rad_per_s[:held])
+    cut = replace(p, time_s=p.time_s[:held], turn_rad=p.turn_rad[:held], speed_rad_per_s=p.speed_rad_per_s[:held])
     assert encoder_return(short, cut) == []
     assert force_drift(short) == []
 
@@ -164,10 +164,8 @@ def test_a_force_that_does_not_return_is_found(stage):
 
 def shifted(p, by_s):
     """The prediction under a force that comes later: the same motion, later."""
-    angle = np.column_stack(
-        [np.interp(p.time_s - by_s, p.time_s, a) for a in np.nan_to_num(p.angle_rad, nan=p.rest_angle_rad[0]).T]
-    )
-    return replace(p, angle_rad=np.where(np.isfinite(p.angle_rad), angle, np.nan))
+    turn = np.column_stack([np.interp(p.time_s - by_s, p.time_s, a) for a in np.nan_to_num(p.turn_rad).T])
+    return replace(p, turn_rad=np.where(np.isfinite(p.turn_rad), turn, np.nan))
 
 
 @pytest.mark.parametrize("by_ms", [5.0, 2.4, -1.0])
@@ -210,7 +208,7 @@ def test_the_wrong_sign_and_unit_are_named(stage, factor, kind, words):
     p = stage.predictions(1)
     moved = np.column_stack([np.interp(p.time_s, m.force.time_s, a, right=np.nan) for a in run.angle_rad.T])
     until = stage.events.trial[1]["key_release"].value
-    (found,) = force_sign_and_unit(stage.tested, wrong, replace(p, angle_rad=moved), until)
+    (found,) = force_sign_and_unit(stage.tested, wrong, replace(p, turn_rad=moved - p.rest_angle_rad), until)
     assert found.kind == kind
     assert words in found.text
     assert found.value == pytest.approx(1 / factor)
