@@ -10,7 +10,7 @@ Source: JCGM 101; u of the parameters as in `validation.prediction.input_samplin
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -61,13 +61,16 @@ class JointDraw:
         return np.random.default_rng([*self.own, trial, USES.index(use)])
 
 
-def chosen_trials(trials: Sequence[MeasuredTrial], most: int = MOST_TRIALS) -> list[MeasuredTrial]:
-    """At most ``most`` trials, by lot, one of them filmed if any is.
+def chosen_trials(
+    trials: Sequence[MeasuredTrial], without: Collection[tuple[int, str]] = (), most: int = MOST_TRIALS
+) -> list[MeasuredTrial]:
+    """At most ``most`` trials, by lot, one of them filmed if any is; those with a channel left out come last.
 
     Each trial draws its lot from its own recorded data, and the lowest are taken: a trial that is added or rejected
     changes at most one of the others (docs/decisions/0114-validation-trials-by-lot.md).
     """
-    order = sorted(trials, key=_lot)
+    faulty = {number for number, _ in without}
+    order = sorted(trials, key=lambda m: (m.number in faulty, *_lot(m)))
     filmed = [m for m in order if m.film is not None][:1]
     chosen = filmed + [m for m in order if not any(m is f for f in filmed)][: most - len(filmed)]
     return sorted(chosen, key=lambda m: m.number)

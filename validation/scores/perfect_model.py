@@ -97,7 +97,7 @@ def perfect_scores(
 
     With ``paired`` the recorded trials are also scored against each draw, which only a comparison of models needs.
     """
-    chosen = chosen_trials(trials)
+    chosen = chosen_trials(trials, without)
     seed = session_seed(trials)
     draws = joint_draws(tested.action, seed, DRAWS, parameters=False)
     pooled: dict[tuple[str, str], list[list[float]]] = {}

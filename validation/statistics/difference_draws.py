@@ -75,7 +75,7 @@ def difference_draws(
     without : collection of (trial, channel)
         What is not pooled.
     """
-    chosen = chosen_trials(trials)
+    chosen = chosen_trials(trials, without)
     base = traces.base_s
     time = base[:: max(1, base.size // MOST_SAMPLES)]
     numbers = tuple(m.number for m in chosen)

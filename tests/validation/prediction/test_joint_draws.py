@@ -95,6 +95,8 @@ def test_at_most_five_trials_by_lot_with_a_filmed_one(trials):
     assert [m.number for m in chosen] == sorted(m.number for m in chosen)
     assert chosen_trials(many[::-1]) == chosen
     assert chosen_trials(trials) == list(trials)
+    sound = chosen_trials(many, without={(m.number, "key") for m in chosen})
+    assert not {m.number for m in sound} & {m.number for m in chosen if m.film is None}  # those with a fault come last
     of_many = [chosen_trials([replace(m, seal=f"{k} {m.seal}") for m in many]) for k in range(200)]
     share = np.bincount([m.number for some in of_many for m in some], minlength=13)[1:] / 200
     assert share[7] == 1.0  # the only filmed one
