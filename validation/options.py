@@ -39,7 +39,11 @@ def utc_now() -> datetime:
 
 @dataclass(frozen=True)
 class ComparisonOptions:
-    """Options of a comparison, as documented by `validation.compare`; the stand-ins travel as a record of their own."""
+    """Options of a comparison, as documented by `validation.compare`; the stand-ins travel as a record of their own.
+
+    ``paired`` is set where several models are compared: then each is also scored under drawn errors of force and
+    sensors, which the comparison of two models needs.
+    """
 
     tolerance: float = 1e-5
     rivals: tuple[str, ...] = RIVALS
@@ -52,6 +56,7 @@ class ComparisonOptions:
     stand_ins: StandIns = StandIns()
     now: Callable[[], datetime] = utc_now
     progress: Callable[[str], None] | None = None
+    paired: bool = False
 
     @classmethod
     def of(cls, keywords: CompareOptions) -> ComparisonOptions:

@@ -104,7 +104,7 @@ class SessionTables:
         The simultaneous test of the difference: whether it was judged or why not, rejected, p, factor, draws, trials.
     nuisance : DataFrame
         Scores of each trial under drawn errors of force and sensors: trial, channel, draw, rmse_rad,
-        before_impact_rmse_rad, iso_overall; the same draws for every model of a session.
+        before_impact_rmse_rad, iso_overall; the same draws for every model of a session. Empty for one model alone.
     """
 
     warnings: list[str]

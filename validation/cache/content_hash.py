@@ -49,7 +49,9 @@ def sha256_of(value: object) -> str:
 
 
 def _parts(value: object) -> Iterator[bytes]:
-    if isinstance(value, str):
+    if type(value) is float:  # most of what is hashed: parameters of draws by the ten thousand
+        yield f"float {value.hex()} ".encode()
+    elif isinstance(value, str):
         yield f"text {len(value)} {value}".encode()
     elif value is None or isinstance(value, bool):
         yield f"{value} ".encode()
@@ -63,6 +65,9 @@ def _parts(value: object) -> Iterator[bytes]:
             yield from _parts(item)
     elif isinstance(value, dict):
         yield f"dict {len(value)} ".encode()
+        if all(type(item) is float for item in value.values()) and all(type(name) is str for name in value):
+            yield "".join(f"text {len(name)} {name}float {x.hex()} " for name, x in value.items()).encode()
+            return
         for name, item in value.items():
             yield from _parts(name)
             yield from _parts(item)

@@ -12,7 +12,7 @@ import hashlib
 import json
 import shutil
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from threading import Lock
 from typing import Any
@@ -75,14 +75,30 @@ class ResultStore:
         make : callable
             Gives plain data: numbers, text, lists, dicts with names as keys.
         """
-        key = f"{kind}\t{result_key(kind, code_sha256('validation', 'report'), inputs)}"
-        text = self._used.get(key) or self._before.get(key)
-        if text is None:
-            text = json.dumps(make())
+        return self.values(kind, [inputs], lambda missing: [make() for _ in missing])[0]
+
+    def values(self, kind: str, inputs: Sequence[object], make: Callable[[list[int]], Sequence[Any]]) -> list[Any]:
+        """Several values of a kind; ``make`` is given the places of those that are not stored, and makes them together.
+
+        Parameters
+        ----------
+        kind : str
+        inputs : sequence
+            Of each value what `value` takes.
+        make : callable
+            Gives one value for each place asked for; not called when all are stored.
+        """
+        code = code_sha256("validation", "report")
+        keys = [f"{kind}\t{result_key(kind, code, one)}" for one in inputs]
+        found = {key: text for key in keys if (text := self._used.get(key) or self._before.get(key)) is not None}
+        missing = [i for i, key in enumerate(keys) if key not in found]
+        if missing:
+            found |= {keys[i]: json.dumps(value) for i, value in zip(missing, make(missing), strict=True)}
         with self._lock:
-            self._used[key] = text
-            self._counts[kind, key in self._before] += 1
-        return json.loads(text)
+            self._used |= found
+            for key in keys:
+                self._counts[kind, key in self._before] += 1
+        return [json.loads(found[key]) for key in keys]
 
     def table(self, step: str, trial: int, key: str) -> tuple[pd.DataFrame, dict[str, Any]] | None:
         """Table and attributes of a derived step of one trial, stored under a key; None when there are none."""

@@ -52,6 +52,12 @@ def distorted_trials(findings: Sequence[SessionFinding]) -> list[int]:
     return sorted({int(f.trial) for f in findings if f.kind in DISTORTING and np.isfinite(f.trial)})
 
 
+def are_faulty(numbers: Sequence[int]) -> str:
+    """That trials are faulty, in words."""
+    verb = "are" if numbers[1:] else "is"
+    return f"trial{'s' if numbers[1:] else ''} {', '.join(map(str, numbers))} {verb} faulty"
+
+
 def summary_line(findings: Sequence[SessionFinding]) -> str:
     """All kinds of finding with their trials in one sentence; empty when there is none."""
     kinds: dict[str, list[int]] = {}

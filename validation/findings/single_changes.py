@@ -11,16 +11,18 @@ docs/decisions/0060-validation-no-false-name.md.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 
 import numpy as np
 
 import model
 from model.errors import ModelError
-from validation.conventions import ENCODER_BODIES, WORKERS, Array
+from validation.conventions import ENCODER_BODIES, Array
 from validation.measurement.trial import MeasuredTrial
+from validation.prediction.coarse_force import coarse_force
+from validation.prediction.joint_draws import drawn_tolerance
+from validation.prediction.many_runs import Run, run_many
 from validation.prediction.model_under_test import ModelUnderTest
 
 SMALLEST_DIFFERENCE = 4e-3  # of the range, root mean square
@@ -132,21 +134,20 @@ def in_words(changes: list[SingleChange]) -> list[str]:
 
 
 def _search(tested: ModelUnderTest, m: MeasuredTrial, until_s: float) -> list[SingleChange]:
-    residual = _residual_of(tested, m, until_s)
-    start = None if residual is None else residual(None, 0.0)
-    if residual is None or start is None or math.sqrt(float(np.mean(start**2))) < SMALLEST_DIFFERENCE:
+    residuals = _residuals_of(tested, m, until_s)
+    start = None if residuals is None else residuals([(None, 0.0)])[0]
+    if residuals is None or start is None or math.sqrt(float(np.mean(start**2))) < SMALLEST_DIFFERENCE:
         return []
     u_force = (math.log1p(m.force.channel.gain_relative_u), m.force.u_level_n)
-    by_force = (residual(cause, u) for cause, u in zip(FORCE_CAUSES, u_force, strict=False))
+    by_force = residuals(list(zip(FORCE_CAUSES, u_force, strict=False)))
     if _explained_by_force(start, [moved - start for moved in by_force if moved is not None]):
         return []
     causes = known_causes(tested.action)
-    with ThreadPoolExecutor(WORKERS) as pool:
-        stepped = list(pool.map(lambda cause: residual(cause, cause.step), causes))
-        share = [0.0 if moved is None else _linear_share(moved - start, start) for moved in stepped]
-        likely = [causes[i] for i in np.argsort(share)[::-1][:SHORTLISTED]]
-        followed = list(pool.map(lambda cause: _follow(residual, cause, start), likely))
-    order = sorted(zip(likely, followed, strict=True), key=lambda pair: -pair[1][1])
+    stepped = residuals([(cause, cause.step) for cause in causes])
+    share = [0.0 if moved is None else _linear_share(moved - start, start) for moved in stepped]
+    likely = np.argsort(share)[::-1][:SHORTLISTED]
+    followed = _follow(residuals, [causes[i] for i in likely], [stepped[i] for i in likely], start)
+    order = sorted(zip((causes[i] for i in likely), followed, strict=True), key=lambda pair: -pair[1][1])
     best = order[0][1][1]
     if best < LEAST_TAKEN:
         return []
@@ -157,10 +158,12 @@ def _search(tested: ModelUnderTest, m: MeasuredTrial, until_s: float) -> list[Si
     ]
 
 
-def _residual_of(
-    tested: ModelUnderTest, m: MeasuredTrial, until_s: float
-) -> Callable[[Cause | None, float], Array | None] | None:
-    """The difference model − trial over the range of each channel, as a function of one change; None at rest."""
+Change = tuple[Cause | None, float]
+Residuals = Callable[[Sequence[Change]], list[Array | None]]
+
+
+def _residuals_of(tested: ModelUnderTest, m: MeasuredTrial, until_s: float) -> Residuals | None:
+    """The difference model − trial over the range of each channel, as a function of changes; None at rest."""
     force = m.force
     inside = (m.time_s >= force.time_s[0]) & (m.time_s <= min(force.time_s[-1], until_s))
     time, trial = m.time_s[inside], m.change_rad[inside]
@@ -168,7 +171,8 @@ def _residual_of(
         return None
     extent = np.ptp(trial, axis=0)
 
-    def residual(cause: Cause | None, x: float) -> Array | None:
+    def run_of(change: Change) -> Run | None:
+        cause, x = change
         gain, level, delay = 1.0, 0.0, 0.0
         changed: dict[str, float] = {}
         if cause is not None and cause.paths:
@@ -181,26 +185,34 @@ def _residual_of(
         try:
             action = tested.action.with_values(changed) if changed else tested.action
             rest = tested.rest_of(action, gain * force.preload_n + level)
-            driven = np.interp(force.time_s + delay, force.time_s, force.force_n)
-            found = tested.simulate(
-                action,
-                force.time_s,
-                gain * driven + level,
-                tolerance=tested.tolerance,
-                output_time_s=time,
-                initial=rest,
-            )
         except ModelError:
             return None
-        change = np.asarray(found.angle_rad, dtype=float) - np.asarray(rest.angle_rad)
-        return np.asarray((change[:, ENCODER_BODIES] - trial) / extent).ravel()
+        driven = np.interp(force.time_s + delay, force.time_s, force.force_n)
+        table = coarse_force(force.time_s, gain * driven + level)
+        return Run(action, rest, *table, time, drawn_tolerance(tested))
 
-    return residual
+    def residuals(changes: Sequence[Change]) -> list[Array | None]:
+        runs = [run_of(change) for change in changes]
+
+        def of(i: int, solution: model.Solution) -> Array:
+            run = runs[i]
+            assert run is not None
+            change = np.asarray(solution.angle_rad, dtype=float) - np.asarray(run.rest.angle_rad)
+            return np.asarray((change[:, ENCODER_BODIES] - trial) / extent).ravel()
+
+        return run_many(tested, runs, of)
+
+    return residuals
 
 
 def _linear_share(moved: Array, start: Array) -> float:
     """Share of the squared difference that the best multiple of one change takes away."""
-    return float((moved @ start) ** 2 / ((moved @ moved) * (start @ start))) if moved.any() else 0.0
+    return _dot(moved, start) ** 2 / (_dot(moved, moved) * _dot(start, start)) if moved.any() else 0.0
+
+
+def _dot(a: Array, b: Array) -> float:
+    """Inner product without BLAS, whose threads wait for each other longer than this takes."""
+    return float(np.sum(a * b))
 
 
 def _explained_by_force(start: Array, moved: list[Array]) -> bool:
@@ -214,20 +226,31 @@ def _explained_by_force(start: Array, moved: list[Array]) -> bool:
     return bool(left @ left < FORCE_LEAVES * (start @ start))
 
 
-def _follow(residual: Callable[[Cause | None, float], Array | None], cause: Cause, start: Array) -> tuple[float, float]:
-    """Change of one cause that leaves the smallest difference, and the share of its square taken away."""
-    at, here = 0.0, start
+def _follow(
+    residuals: Residuals, causes: Sequence[Cause], first: Sequence[Array | None], start: Array
+) -> list[tuple[float, float]]:
+    """Change of each cause that leaves the smallest difference, and the share of its square taken away.
+
+    All causes go round together, so that their runs are done side by side; ``first`` are their first steps.
+    """
+    at, here = [0.0] * len(causes), [start] * len(causes)
+    moved = dict(enumerate(first))
     for _ in range(ROUNDS):
-        moved = residual(cause, at + cause.step)
-        if moved is None:
+        new = {}
+        for i, there in moved.items():
+            if there is not None:
+                slope = (there - here[i]) / causes[i].step
+                step = -_dot(slope, here[i]) / _dot(slope, slope) if slope.any() else 0.0
+                new[i] = min(max(at[i] + step, -causes[i].limit), causes[i].limit)
+        found = dict(zip(new, residuals([(causes[i], x) for i, x in new.items()]), strict=True))
+        going = []
+        for i, there in found.items():
+            if there is not None and _dot(there, there) < _dot(here[i], here[i]):
+                if abs(new[i] - at[i]) >= 0.1 * causes[i].step:
+                    going.append(i)
+                at[i], here[i] = new[i], there
+        if not going:
             break
-        slope = (moved - here) / cause.step
-        step = -float(slope @ here) / float(slope @ slope) if slope.any() else 0.0
-        new = min(max(at + step, -cause.limit), cause.limit)
-        there = residual(cause, new)
-        if there is None or float(there @ there) >= float(here @ here):
-            break
-        at, here = new, there
-        if abs(step) < 0.1 * cause.step:
-            break
-    return at, 1 - float(here @ here) / float(start @ start)
+        moved = dict(zip(going, residuals([(causes[i], at[i] + causes[i].step) for i in going]), strict=True))
+    total = _dot(start, start)
+    return [(x, 1 - _dot(r, r) / total) for x, r in zip(at, here, strict=True)]

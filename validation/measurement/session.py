@@ -6,11 +6,14 @@ Rejected, damaged and incomplete trials are named and left out; the rest goes on
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+
+import numpy as np
 
 from rig.errors import RigError
 from rig.session import Session
+from validation.conventions import Array
 from validation.errors import TrialError, ValidationInputError
 from validation.measurement.geometry import ActionGeometry
 from validation.measurement.trial import MeasuredTrial, measure
@@ -55,7 +58,8 @@ def measure_session(
     ValidationInputError
         The usable trials are of several conditions and none was chosen, or the chosen one was not recorded.
     """
-    measured, refused = [], {}
+    measured: list[MeasuredTrial] = []
+    refused = {}
     conditions: dict[str, int] = {}
     for trial in session.trials:
         if trial.rejected is not None:
@@ -74,7 +78,8 @@ def measure_session(
             derived = session.read_derived("angles", trial.number)
             film = None if derived is None else derived[0]
             action_geometry = geometry(data.force_info.preload_n)
-            measured.append(measure(data, film, action_geometry, u_rest_level_m=u_rest_level_m, seal=trial.sha256))
+            one = measure(data, film, action_geometry, u_rest_level_m=u_rest_level_m, seal=trial.sha256)
+            measured.append(_sharing_times(one, measured[-1]) if measured else one)
         except (RigError, TrialError) as error:
             refused[trial.number] = str(error)
     found = ", ".join(f"{name!r} ({n} trials)" for name, n in sorted(conditions.items()))
@@ -86,6 +91,17 @@ def measure_session(
     if condition is not None and conditions and condition not in conditions:
         raise ValidationInputError(f"{session.path}: no usable trial of the condition {condition!r}; found {found}")
     return MeasuredSession(session, tuple(measured), refused)
+
+
+def _sharing_times(m: MeasuredTrial, other: MeasuredTrial) -> MeasuredTrial:
+    """The same trial with the other's arrays of times where they are equal."""
+
+    def shared(mine: Array, theirs: Array) -> Array:
+        return theirs if np.array_equal(mine, theirs) else mine
+
+    time = shared(m.time_s, other.time_s)
+    force = replace(m.force, time_s=shared(m.force.time_s, other.force.time_s))
+    return replace(m, time_s=time, force=force)
 
 
 def representative(trials: tuple[MeasuredTrial, ...] | list[MeasuredTrial]) -> MeasuredTrial:

@@ -6,7 +6,9 @@ order key, whippen, hammer whatever the order in the file; jack and repetition l
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import pandas as pd
@@ -39,7 +41,11 @@ class FilmAngles:
 
 @dataclass(frozen=True)
 class MeasuredTrial:
-    """A usable trial."""
+    """A usable trial.
+
+    ``read_motion`` makes the motion from sample times and changes of angle; it is made when asked for, since those of
+    hundreds of trials would be a third of what is kept of them.
+    """
 
     number: int
     time_s: Array
@@ -50,10 +56,15 @@ class MeasuredTrial:
     u_rad: Array
     resolution_rad: Array
     scale_relative_u: Array
-    motion: Motion
+    read_motion: Callable[[Array, Array], Motion]
     film: FilmAngles | None
     seal: str
     notes: tuple[str, ...] = ()
+
+    @property
+    def motion(self) -> Motion:
+        """Key dip and hammer height over time."""
+        return self.read_motion(self.time_s, self.change_rad)
 
 
 def measure(
@@ -108,11 +119,10 @@ def measure(
     change, u_sample, u_zero = encoder_change(angle, quiet, resolution)
     u_sample = np.hypot(u_sample, [data.encoders[i].u_change_rad for i in order])
     scale = np.array([data.encoders[i].u_turn_relative for i in order])
-    motion = motion_of(
+    read_motion = partial(
+        motion_of,
         geometry,
-        time,
-        change,
-        u_sample,
+        u_sample_rad=u_sample,
         u_zero_rad=u_zero,
         u_height_zero_m=u_rest_level_m,
         u_dip_zero_m=u_rest_level_m,
@@ -131,7 +141,7 @@ def measure(
         np.hypot(u_sample, u_zero),
         resolution,
         scale,
-        motion,
+        read_motion,
         film,
         seal,
         tuple(notes),

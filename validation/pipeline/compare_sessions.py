@@ -76,7 +76,9 @@ def compare_many(
             if len(opened) > 1 or len(models) > 1:
                 chosen.say(f"session {label}, model {action.name}")
             try:
-                results.append(compare_by(session, action, replace(chosen, condition=condition)))
+                results.append(
+                    compare_by(session, action, replace(chosen, condition=condition, paired=len(models) > 1))
+                )
             except USER_ERRORS as error:
                 failures.append(error)
                 lines.append(f"session {label} with model {action.name}: {error}")

@@ -16,7 +16,7 @@ import pandas as pd
 
 from validation.curves.signs import SIGN
 from validation.events.definitions import EVENTS
-from validation.findings.finding import SessionFinding, distorted_trials, summary_line
+from validation.findings.finding import SessionFinding, are_faulty, distorted_trials, summary_line
 from validation.result import AGREES, ERROR_SHOWN, NOT_JUDGED
 from validation.statistics.paired_difference import SHOWN
 
@@ -95,7 +95,7 @@ def outcome(
     """
     distorted = distorted_trials(findings)
     if distorted:
-        return NOT_JUDGED, f"cannot be judged, because trials {', '.join(map(str, distorted))} are faulty (below)."
+        return NOT_JUDGED, f"cannot be judged, because {are_faulty(distorted)} (below)."
     if not judgement.get("judged", False):
         return (
             NOT_JUDGED,

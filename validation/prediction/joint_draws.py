@@ -10,23 +10,28 @@ Source: JCGM 101; u of the parameters as in `validation.prediction.input_samplin
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 import model
 from model.errors import ModelError
 from validation.conventions import BODIES, ENCODER_CHANNELS, FILM_CHANNELS, Array
-from validation.errors import PredictionError
 from validation.measurement.trial import MeasuredTrial
+from validation.prediction.coarse_force import coarse_force
 from validation.prediction.input_sampling import parameter_draws
+from validation.prediction.many_runs import Run
 from validation.prediction.model_under_test import ModelUnderTest
 
 CHANNELS = (*ENCODER_CHANNELS, *FILM_CHANNELS)
 MOVED_RAD = 1e-3  # turn over which the error of an encoder that does not grow with the angle comes about
 SEED = 65
+USES = ("force", "readings")
 MOST_TRIALS = 5
+DRAWN_TOLERANCE = 3e-5
 
 
 @dataclass(frozen=True)
@@ -51,21 +56,28 @@ class JointDraw:
     z_change: tuple[float, ...]
     own: tuple[int, ...]
 
-    def rng(self, trial: int) -> np.random.Generator:
+    def rng(self, trial: int, use: Literal["force", "readings"]) -> np.random.Generator:
         """Random numbers of one trial in this draw."""
-        return np.random.default_rng([*self.own, trial])
+        return np.random.default_rng([*self.own, trial, USES.index(use)])
 
 
-def chosen_trials(trials: Sequence[MeasuredTrial], most: int = MOST_TRIALS) -> list[MeasuredTrial]:
-    """At most ``most`` trials, evenly spread over the peak force, one of them filmed if any is."""
-    order = sorted(trials, key=lambda m: (float(m.force.force_n.max()), m.number))
-    if len(order) <= most:
-        return sorted(order, key=lambda m: m.number)
-    chosen = [order[i] for i in np.unique(np.round(np.linspace(0, len(order) - 1, most)).astype(int))]
-    filmed = [m for m in order if m.film is not None]
-    if filmed and not any(m.film is not None for m in chosen):
-        chosen[len(chosen) // 2] = filmed[len(filmed) // 2]
+def chosen_trials(
+    trials: Sequence[MeasuredTrial], without: Collection[tuple[int, str]] = (), most: int = MOST_TRIALS
+) -> list[MeasuredTrial]:
+    """At most ``most`` trials, by lot, one of them filmed if any is; those with a channel left out come last.
+
+    Each trial draws its lot from its own recorded data, and the lowest are taken: a trial that is added or rejected
+    changes at most one of the others (docs/decisions/0114-validation-trials-by-lot.md).
+    """
+    faulty = {number for number, _ in without}
+    order = sorted(trials, key=lambda m: (m.number in faulty, *_lot(m)))
+    filmed = [m for m in order if m.film is not None][:1]
+    chosen = filmed + [m for m in order if not any(m is f for f in filmed)][: most - len(filmed)]
     return sorted(chosen, key=lambda m: m.number)
+
+
+def _lot(m: MeasuredTrial) -> tuple[bytes, int]:
+    return hashlib.sha256(f"lot {m.seal}".encode()).digest(), m.number
 
 
 def session_seed(trials: Sequence[MeasuredTrial]) -> int:
@@ -107,24 +119,46 @@ def drawn_action(tested: ModelUnderTest, m: MeasuredTrial, draw: JointDraw) -> D
         return None
 
 
-def drawn_readings(tested: ModelUnderTest, m: MeasuredTrial, drawn: DrawnAction, time_s: Array) -> Array | None:
-    """What the channels would have read in trial ``m`` if the draw were true, (len(time_s), 5) rad since rest.
+def drawn_actions(
+    tested: ModelUnderTest, trials: Sequence[MeasuredTrial], draws: Sequence[JointDraw]
+) -> list[list[DrawnAction | None]]:
+    """`drawn_action` of each draw for each trial; trials under the same declared preload share them."""
+    known: dict[tuple[float, float, float], list[DrawnAction | None]] = {}
+    out = []
+    for m in trials:
+        c = m.force.channel
+        key = c.preload_n, c.gain_relative_u, c.u_preload_n
+        if key not in known:
+            known[key] = [drawn_action(tested, m, draw) for draw in draws]
+        out.append(known[key])
+    return out
 
-    Columns are `CHANNELS`; those of a film are NaN where the trial has none. None when the draw cannot be run.
-    """
-    draw, f, rng = drawn.draw, m.force, drawn.draw.rng(m.number)
+
+def drawn_tolerance(tested: ModelUnderTest) -> float:
+    """Tolerance of the runs of draws, rad: draws scatter by a hundred times as much and more."""
+    return max(tested.tolerance, DRAWN_TOLERANCE)
+
+
+def drawn_run(tested: ModelUnderTest, m: MeasuredTrial, drawn: DrawnAction, time_s: Array) -> Run:
+    """The run of a draw under the force of trial ``m`` with the drawn errors; it gives out what `inside` says."""
+    draw, f, rng = drawn.draw, m.force, drawn.draw.rng(m.number, "force")
     offset = f.hum.u_offset_n if np.isfinite(f.hum.u_offset_n) else 0.0
     force = f.force_n * (1 + f.channel.gain_relative_u * draw.z_gain) + f.channel.u_preload_n * draw.z_preload
     force = force + offset * rng.standard_normal() + f.noise_n * rng.standard_normal(force.size)
     when = f.time_s + f.channel.u_group_delay_s * draw.z_delay
-    inside = (time_s >= when[0]) & (time_s <= when[-1])
-    try:
-        options = {"tolerance": tested.tolerance, "output_time_s": time_s[inside], "initial": drawn.rest}
-        solution = tested.simulate(drawn.action, when, force, **options)
-    except (ModelError, PredictionError):
-        return None
+    at = time_s[_inside(m, draw, time_s)]
+    return Run(drawn.action, drawn.rest, *coarse_force(when, force), at, drawn_tolerance(tested))
+
+
+def drawn_readings(m: MeasuredTrial, drawn: DrawnAction, time_s: Array, solution: model.Solution) -> Array:
+    """What the channels would have read in trial ``m`` if the draw were true, (len(time_s), 5) rad since rest.
+
+    ``solution`` is that of `drawn_run`. Columns are `CHANNELS`; those of a film are NaN where the trial has none.
+    """
+    draw, rng = drawn.draw, drawn.draw.rng(m.number, "readings")
     turn = np.full((time_s.size, len(BODIES)), np.nan)
-    turn[inside] = np.asarray(solution.angle_rad, dtype=float) - np.asarray(drawn.rest.angle_rad, dtype=float)
+    rest = np.asarray(drawn.rest.angle_rad, dtype=float)
+    turn[_inside(m, draw, time_s)] = np.asarray(solution.angle_rad, dtype=float) - rest
     out = np.full((time_s.size, len(CHANNELS)), np.nan)
     for i, name in enumerate(CHANNELS):
         angle = turn[:, BODIES.index(name)]
@@ -141,3 +175,9 @@ def drawn_readings(tested: ModelUnderTest, m: MeasuredTrial, drawn: DrawnAction,
         out[:, i] = angle * (1 + float(m.scale_relative_u[i]) * draw.z_scale[i]) + steady * draw.z_change[i] * moved
         out[:, i] += white * (rng.standard_normal(angle.size) + rng.standard_normal())
     return out
+
+
+def _inside(m: MeasuredTrial, draw: JointDraw, time_s: Array) -> NDArray[np.bool_]:
+    """Times at which the force of a draw is known."""
+    first, last = m.force.time_s[[0, -1]] + m.force.channel.u_group_delay_s * draw.z_delay
+    return (time_s >= first) & (time_s <= last)

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import model
+from model.force_driven import simulate as own_simulate
 from validation.cache.content_hash import code_sha256
 from validation.cache.result_store import ResultStore
 from validation.conventions import Array
@@ -79,6 +80,11 @@ class ModelUnderTest:
     def simulate(self) -> Callable[..., model.Solution]:
         """``model.simulate`` or its stand-in."""
         return self.stand_ins.predict or model.simulate
+
+    @property
+    def own_model(self) -> bool:
+        """Whether the project's own model simulates, which can do many runs side by side."""
+        return self.simulate is own_simulate
 
     @cached_property
     def action_hash(self) -> str:

@@ -8,6 +8,9 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
 from model.errors import ModelError
 from model.simulation.solution import MISSED
 from validation.conventions import ENCODER_CHANNELS, FILM_CHANNELS, Array
@@ -25,7 +28,7 @@ MOST_NAMED = 4
 class RivalCurves:
     """Changes since rest predicted by a rival, by channel: on the DAQ's sample times, and on the film's, rad."""
 
-    encoder: Mapping[str, Array]
+    encoder: Mapping[str, NDArray[np.float32]]
     film: Mapping[str, Array]
 
 
@@ -85,12 +88,15 @@ def _predict(m: MeasuredTrial, tested: ModelUnderTest) -> PredictedTrial:
             rivals[name] = _curves_of(predict_trial(m, tested, name), m)
         except (ModelError, PredictionError) as error:
             notes.append(f"{name.replace('_', ' ')} not predicted: {error}")
-    return PredictedTrial(found, rivals, tuple(notes))
+    return PredictedTrial(found if m.film is not None else found.without_speeds(), rivals, tuple(notes))
 
 
 def _curves_of(found: PredictedAngles, m: MeasuredTrial) -> RivalCurves:
-    """What is compared of a rival; the rest, two thirds of it, would be kept for every trial."""
-    encoder = {name: found.change_rad(name) for name in ENCODER_CHANNELS}
+    """What is compared of a rival; the rest, two thirds of it, would be kept for every trial.
+
+    In single precision, a thousandth of an encoder's count.
+    """
+    encoder = {name: found.change_rad(name).astype(np.float32) for name in ENCODER_CHANNELS}
     film = {} if m.film is None else {name: found.change_at(name, m.film.time_s) for name in FILM_CHANNELS}
     return RivalCurves(encoder, film)
 

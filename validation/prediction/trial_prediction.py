@@ -8,7 +8,7 @@ record.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -32,12 +32,13 @@ COLUMNS = [f"{body}_rad" for body in BODIES], [f"{body}_rad_per_s" for body in B
 class PredictedAngles:
     """Predicted angles of one trial.
 
-    ``reused`` says that no simulation was needed, ``error_rad`` how large their largest numerical error is (estimated;
-    NaN where it was not: for rivals and stand-ins).
+    ``turn_rad`` are the changes since rest, in columns that traces share: a session has hundreds. ``reused`` says that
+    no simulation was needed, ``error_rad`` how large their largest numerical error is (estimated; NaN where it was not:
+    for rivals and stand-ins).
     """
 
     time_s: Array
-    angle_rad: Array
+    turn_rad: Array
     speed_rad_per_s: Array
     rest_angle_rad: Array
     input_sha256: str
@@ -45,22 +46,34 @@ class PredictedAngles:
     counters: Mapping[str, float]
     error_rad: float = float("nan")
 
+    @property
+    def angle_rad(self) -> Array:
+        """Absolute angles, (n, 5) rad."""
+        return self.turn_rad + self.rest_angle_rad
+
     def change_rad(self, body: str) -> Array:
         """Change of one body's angle since rest on the DAQ's sample times, (n,) rad."""
-        i = BODIES.index(body)
-        return self.angle_rad[:, i] - self.rest_angle_rad[i]
+        return self.turn_rad[:, BODIES.index(body)]
+
+    def without_speeds(self) -> PredictedAngles:
+        """The same for a trial without film, which is not read between the samples."""
+        return replace(self, speed_rad_per_s=np.empty((0, len(BODIES))))
 
     def change_at(self, body: str, time_s: Array) -> Array:
         """The same at other times, by the cubic through angles and speeds; NaN outside the prediction."""
         i = BODIES.index(body)
-        known = np.isfinite(self.angle_rad[:, i])
+        known = np.isfinite(self.turn_rad[:, i])
         at = np.asarray(time_s, dtype=float)
         if known.sum() < 2:
             return np.full(at.shape, np.nan)
         curve = CubicHermiteSpline(
-            self.time_s[known], self.angle_rad[known, i], self.speed_rad_per_s[known, i], extrapolate=False
+            self.time_s[known], self.turn_rad[known, i], self.speed_rad_per_s[known, i], extrapolate=False
         )
-        return np.asarray(curve(at) - self.rest_angle_rad[i], dtype=float)
+        return np.asarray(curve(at), dtype=float)
+
+
+def _turn(angle_rad: Array, rest_rad: Array) -> Array:
+    return np.asfortranarray(angle_rad - rest_rad)
 
 
 def predict_trial(m: MeasuredTrial, tested: ModelUnderTest, variant: str = "model") -> PredictedAngles:
@@ -116,7 +129,7 @@ def predict_trial(m: MeasuredTrial, tested: ModelUnderTest, variant: str = "mode
         attributes["error_rad"] = error_rad
     failure = tested.store.write_table(step, m.number, m.seal, pd.DataFrame(columns), attributes, versioned=True)
     tested.store.count("predictions", reused=False, failure=failure)
-    return PredictedAngles(m.time_s, angle, speed, rest, key, False, counters, error_rad)
+    return PredictedAngles(m.time_s, _turn(angle, rest), speed, rest, key, False, counters, error_rad)
 
 
 def _stored(tested: ModelUnderTest, m: MeasuredTrial, step: str, key: str, rest: Array) -> PredictedAngles | None:
@@ -128,4 +141,5 @@ def _stored(tested: ModelUnderTest, m: MeasuredTrial, step: str, key: str, rest:
         return None
     angle, speed = (table[group].to_numpy(dtype=float) for group in COLUMNS)
     error_rad = float(attributes.get("error_rad", float("nan")))
-    return PredictedAngles(m.time_s, angle, speed, rest, key, True, attributes.get("counters", {}), error_rad)
+    counters = attributes.get("counters", {})
+    return PredictedAngles(m.time_s, _turn(angle, rest), speed, rest, key, True, counters, error_rad)

@@ -27,7 +27,7 @@ from validation.tables.phases import PHASES
 
 HERE = Path(__file__).parent
 ANIMATION = "animation.html"
-SCRIPTS = ("zoom.js", "curves.js", "tables.js")
+SCRIPTS = ("zoom.js", "curves.js", "pointed.js", "tables.js")
 
 
 def render_html(side: SideBySide, *, animation: bool = False) -> str:

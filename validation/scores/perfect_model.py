@@ -9,26 +9,27 @@ With 19 draws a perfect model scores worse than all of them in 5 % of sessions.
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
-from functools import partial
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from validation.conventions import CHANNEL_GROUPS, WORKERS, Array
+import model
+from validation.conventions import CHANNEL_GROUPS, Array
 from validation.measurement.trial import MeasuredTrial
 from validation.prediction.joint_draws import (
     CHANNELS,
     DrawnAction,
     JointDraw,
     chosen_trials,
-    drawn_action,
+    drawn_actions,
     drawn_readings,
+    drawn_run,
     joint_draws,
     session_seed,
 )
+from validation.prediction.many_runs import Run, run_many
 from validation.prediction.model_under_test import ModelUnderTest
 from validation.scores.curve_scores import SCORES, all_scores, pooled_score
 from validation.scores.traces import SessionTraces, scored
@@ -89,23 +90,35 @@ def perfect_scores(
     traces: SessionTraces,
     tested: ModelUnderTest,
     without: Collection[tuple[int, str]] = (),
+    *,
+    paired: bool = False,
 ) -> Ceiling:
-    """Draw the trials of a session from their predictions, and score the predictions against them."""
-    chosen = chosen_trials(trials)
+    """Draw the trials of a session from their predictions, and score the predictions against them.
+
+    With ``paired`` the recorded trials are also scored against each draw, which only a comparison of models needs.
+    """
+    chosen = chosen_trials(trials, without)
     seed = session_seed(trials)
     draws = joint_draws(tested.action, seed, DRAWS, parameters=False)
     pooled: dict[tuple[str, str], list[list[float]]] = {}
     nuisance: list[dict[str, object]] = []
-    for m in chosen:
-        curves = _curves(m, traces, without)
-        inputs = (tested.identity, seed, DRAWS, m.force, m.u_rad, m.scale_relative_u, m.film, curves)
-        found = tested.store.value("perfect model", inputs, partial(_scores, tested, m, draws, curves))
+    curves = [_curves(m, traces, without) for m in chosen]
+    every = tested.store.values(
+        "perfect model",
+        [
+            (tested.identity, seed, DRAWS, paired, m.number, m.force, m.u_rad, m.scale_relative_u, m.film, of_trial)
+            for m, of_trial in zip(chosen, curves, strict=True)
+        ],
+        lambda missing: _scores(tested, [(chosen[i], curves[i]) for i in missing], draws, paired),
+    )
+    for m, found in zip(chosen, every, strict=True):
         for i, of_draw in enumerate(found):
             for name, scores in of_draw.items():
                 for score in SCORES:
                     pooled.setdefault((name, score), [[] for _ in draws])[i].append(scores[score])
-                moved = {score: scores[f"{MOVED}{score}"] for score in PAIRED_SCORES}
-                nuisance.append({"trial": m.number, "channel": name, "draw": i, **moved})
+                if paired:
+                    moved = {score: scores[f"{MOVED}{score}"] for score in PAIRED_SCORES}
+                    nuisance.append({"trial": m.number, "channel": name, "draw": i, **moved})
     values = {
         (name, score): np.array([pooled_score(score, np.array(v)) if v else np.nan for v in of_draw])
         for (name, score), of_draw in pooled.items()
@@ -114,27 +127,38 @@ def perfect_scores(
 
 
 def _scores(
-    tested: ModelUnderTest, m: MeasuredTrial, draws: Sequence[JointDraw], curves: Sequence[_Curve]
-) -> list[dict[str, dict[str, float]]]:
-    """Scores of each draw by channel; no channel where the draw cannot be run."""
-    times = np.unique(np.concatenate([c.time_s for c in curves])) if curves else np.empty(0)
-    drawn = [drawn_action(tested, m, draw) for draw in draws]
+    tested: ModelUnderTest,
+    trials: Sequence[tuple[MeasuredTrial, Sequence[_Curve]]],
+    draws: Sequence[JointDraw],
+    paired: bool,
+) -> list[list[dict[str, dict[str, float]]]]:
+    """Scores of each trial in each draw by channel; no channel where the draw cannot be run."""
+    places: list[tuple[MeasuredTrial, DrawnAction | None, Sequence[_Curve], Array]] = []
+    runs: list[Run | None] = []
+    actions = drawn_actions(tested, [m for m, _ in trials], draws)
+    for (m, curves), of_trial in zip(trials, actions, strict=True):
+        times = np.unique(np.concatenate([c.time_s for c in curves])) if curves else np.empty(0)
+        for drawn in of_trial:
+            places.append((m, drawn, curves, times))
+            runs.append(drawn_run(tested, m, drawn, times) if drawn is not None and times.size else None)
 
-    def one(d: DrawnAction | None) -> dict[str, dict[str, float]]:
-        read = drawn_readings(tested, m, d, times) if d is not None and times.size else None
-        if read is None:
-            return {}
+    def scores(i: int, solution: model.Solution) -> dict[str, dict[str, float]]:
+        m, drawn, curves, times = places[i]
+        assert drawn is not None
+        read = drawn_readings(m, drawn, times, solution)
         out = {}
         for c in curves:
             trial = np.where(c.lost, np.nan, read[np.searchsorted(times, c.time_s), c.channel])
-            scores = all_scores(c.time_s, trial, c.predicted, c.early)
-            moved = all_scores(c.time_s, c.measured, trial, c.early)
-            values = {name: float(scores[name]) for name in SCORES}
-            out[CHANNELS[c.channel]] = values | {f"{MOVED}{name}": float(moved[name]) for name in PAIRED_SCORES}
+            reached = all_scores(c.time_s, trial, c.predicted, c.early)
+            values = {name: float(reached[name]) for name in SCORES}
+            if paired:
+                moved = all_scores(c.time_s, c.measured, trial, c.early)
+                values |= {f"{MOVED}{name}": float(moved[name]) for name in PAIRED_SCORES}
+            out[CHANNELS[c.channel]] = values
         return out
 
-    with ThreadPoolExecutor(WORKERS) as pool:
-        return list(pool.map(one, drawn))
+    found = [one or {} for one in run_many(tested, runs, scores)]
+    return [found[k : k + len(draws)] for k in range(0, len(found), len(draws))]
 
 
 def _curves(m: MeasuredTrial, traces: SessionTraces, without: Collection[tuple[int, str]]) -> list[_Curve]:

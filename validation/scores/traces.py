@@ -1,6 +1,7 @@
 """Traces of each trial as tables: measured and predicted angles, forces, speeds.
 
-Conventions: SI and rad; changes since rest; nothing is aligned; what cannot be stated is NaN.
+Conventions: SI and rad; changes since rest; nothing is aligned; what cannot be stated is NaN. Speeds and the angles of
+rivals are in single precision: they are shown and scored to three digits, and a session has hundreds of them.
 """
 
 from __future__ import annotations
@@ -57,7 +58,7 @@ def trace_table(m: MeasuredTrial, p: PredictedTrial, lifts: Sequence[KeyLift], s
     columns |= {f"{body}_predicted_rad": p.model.change_rad(body) for body in BODIES}
     for rival, q in p.rivals.items():
         columns |= {f"{body}_{INFIX[rival]}_rad": q.encoder[body] for body in ENCODER_CHANNELS}
-    columns |= {str(name): speeds[name].to_numpy() for name in speeds.columns if name != "time_s"}
+    columns |= {str(name): speeds[name].to_numpy(np.float32) for name in speeds.columns if name != "time_s"}
     return pd.DataFrame(columns, copy=False)  # the arrays of trial and prediction themselves: of 200 trials 0.3 GB
 
 

@@ -1,33 +1,34 @@
 """Paired differences of a session as found, and as they would be if the model were right, on one coarse time base.
 
 Conventions: model − trial, rad; (…, n_trials, n_samples, n_channels); channels as in `joint_draws.CHANNELS`; NaN
-where a trial is lost, marked, not filmed or wired wrong. Draws are run for at most five trials, spread evenly over the
-peak force (`joint_draws.chosen_trials`), and the difference found is that of the same trials.
+where a trial is lost, marked, not filmed or wired wrong. Draws are run for at most five trials, taken by lot
+(`joint_draws.chosen_trials`), and the difference found is that of the same trials.
 """
 
 from __future__ import annotations
 
 import base64
 from collections.abc import Collection, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from validation.conventions import CHANNEL_GROUPS, WORKERS, Array
+import model
+from validation.cache.content_hash import sha256_of
+from validation.conventions import CHANNEL_GROUPS, Array
 from validation.measurement.trial import MeasuredTrial
 from validation.prediction.joint_draws import (
     CHANNELS,
-    DrawnAction,
     JointDraw,
     chosen_trials,
-    drawn_action,
+    drawn_actions,
     drawn_readings,
+    drawn_run,
     joint_draws,
     session_seed,
 )
+from validation.prediction.many_runs import run_many
 from validation.prediction.model_under_test import ModelUnderTest
 from validation.scores.traces import SessionTraces
 from validation.statistics.common_base import on_common_base
@@ -74,7 +75,7 @@ def difference_draws(
     without : collection of (trial, channel)
         What is not pooled.
     """
-    chosen = chosen_trials(trials)
+    chosen = chosen_trials(trials, without)
     base = traces.base_s
     time = base[:: max(1, base.size // MOST_SAMPLES)]
     numbers = tuple(m.number for m in chosen)
@@ -82,12 +83,13 @@ def difference_draws(
     found = predicted - measured
 
     drawn = joint_draws(tested.action, session_seed(trials), n_draws, parameters=True)
-    actions = _Actions(tested, chosen[0], drawn)
-    readings = []
-    for m in chosen:
-        inputs = (tested.identity, drawn, m.force, m.u_rad, m.resolution_rad, m.scale_relative_u, m.film, time)
-        stored = tested.store.value("difference draws", inputs, partial(_read, tested, m, actions, time))
-        readings.append(_decoded(stored, (n_draws, time.size, len(CHANNELS))))
+    known = tested.identity, sha256_of(drawn)
+    stored = tested.store.values(
+        "difference draws",
+        [(known, m.number, m.force, m.u_rad, m.resolution_rad, m.scale_relative_u, m.film, time) for m in chosen],
+        lambda missing: _read(tested, [chosen[i] for i in missing], drawn, time),
+    )
+    readings = [_decoded(one, (n_draws, time.size, len(CHANNELS))) for one in stored]
     every = np.stack(readings, axis=1).astype(float)
     ran = np.isfinite(every).any(axis=(2, 3)).all(axis=1)
     draws = np.where(np.isfinite(found), predicted - every[ran], np.nan)
@@ -96,30 +98,25 @@ def difference_draws(
     return DifferenceDraws(time, numbers, found, draws, floor, int(n_draws - ran.sum()))
 
 
-class _Actions:
-    """Actions of the draws at rest, found when the first trial needs them and shared by the others."""
+def _read(
+    tested: ModelUnderTest, trials: Sequence[MeasuredTrial], draws: Sequence[JointDraw], time: Array
+) -> list[dict[str, str]]:
+    """Readings of each trial in every draw, (N, n_samples, 5) as text by channel; a draw that cannot be run is NaN."""
+    actions = drawn_actions(tested, trials, draws)
+    pairs = [(m, drawn) for m, of_trial in zip(trials, actions, strict=True) for drawn in of_trial]
+    runs = [None if drawn is None else drawn_run(tested, m, drawn, time) for m, drawn in pairs]
 
-    def __init__(self, tested: ModelUnderTest, m: MeasuredTrial, draws: Sequence[JointDraw]) -> None:
-        self._make = tested, m, draws
+    def reading(i: int, solution: model.Solution) -> NDArray[np.float32]:
+        m, drawn = pairs[i]
+        assert drawn is not None
+        return drawn_readings(m, drawn, time, solution).astype(np.float32)
 
-    @cached_property
-    def drawn(self) -> list[DrawnAction | None]:
-        """One for each draw; None where the action has no rest."""
-        tested, m, draws = self._make
-        with ThreadPoolExecutor(WORKERS) as pool:
-            return list(pool.map(lambda draw: drawn_action(tested, m, draw), draws))
+    nothing = np.full((time.size, len(CHANNELS)), np.nan, dtype=np.float32)
+    found = [nothing if one is None else one for one in run_many(tested, runs, reading)]
+    return [_encoded(np.stack(found[k : k + len(draws)])) for k in range(0, len(found), len(draws))]
 
 
-def _read(tested: ModelUnderTest, m: MeasuredTrial, actions: _Actions, time: Array) -> dict[str, str]:
-    """Readings of one trial in every draw, (N, n_samples, 5) as text by channel; a draw that cannot be run is NaN."""
-    nothing = np.full((time.size, len(CHANNELS)), np.nan)
-
-    def one(drawn: DrawnAction | None) -> Array:
-        found = None if drawn is None else drawn_readings(tested, m, drawn, time)
-        return nothing if found is None else found
-
-    with ThreadPoolExecutor(WORKERS) as pool:
-        every = np.stack(list(pool.map(one, actions.drawn))).astype(np.float32)
+def _encoded(every: NDArray[np.float32]) -> dict[str, str]:
     known = [name for i, name in enumerate(CHANNELS) if np.isfinite(every[..., i]).any()]
     return {n: base64.b64encode(every[..., CHANNELS.index(n)].tobytes()).decode("ascii") for n in known}
 

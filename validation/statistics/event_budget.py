@@ -12,12 +12,14 @@ Draws the model cannot use, and draws in which the event does not happen, are co
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
+import model
 from model.errors import ModelError
 from validation.conventions import ENCODER_BODIES, WORKERS, Array
 from validation.errors import PredictionError, ValidationInputError
@@ -27,6 +29,7 @@ from validation.measurement.geometry import ActionGeometry
 from validation.measurement.stroke import motion_of
 from validation.measurement.trial import MeasuredTrial
 from validation.prediction.input_sampling import Case, cases
+from validation.prediction.many_runs import Run, run_many
 from validation.prediction.model_under_test import ModelUnderTest
 
 COVERAGE = 2.0
@@ -76,14 +79,10 @@ def event_budget(tested: ModelUnderTest, m: MeasuredTrial, summary: pd.DataFrame
     """
     inputs = cases(m, tested.action, tested.tolerance)
 
-    def run_all() -> list[dict[str, float] | None]:
-        with ThreadPoolExecutor(WORKERS) as pool:
-            return list(pool.map(lambda case: _outcome(tested, m, case), inputs))
-
     outcomes = tested.store.value(
         "uncertainty budget",
         (tested.identity, inputs, m.time_s, m.change_rad, m.u_rad, m.quiet.stop),
-        run_all,
+        lambda: _outcomes(tested, m, inputs),
     )
     failed = sum(outcome is None for outcome in outcomes)
     rows = []
@@ -102,21 +101,34 @@ def event_budget(tested: ModelUnderTest, m: MeasuredTrial, summary: pd.DataFrame
     return pd.DataFrame(rows, columns=COLUMNS)
 
 
-def _outcome(tested: ModelUnderTest, m: MeasuredTrial, case: Case) -> dict[str, float] | None:
-    """Model minus trial of every event in one case; NaN where either does not happen; None when it cannot be run."""
+def _outcomes(tested: ModelUnderTest, m: MeasuredTrial, inputs: Sequence[Case]) -> list[dict[str, float] | None]:
+    """Model minus trial of every event in each case; NaN where either does not happen; None when it cannot be run."""
+    made = [_case_run(tested, m, case) for case in inputs]
+    found = run_many(tested, [None if one is None else one[0] for one in made], lambda _, solution: solution)
+
+    def outcome(one: tuple[Run, ActionGeometry] | None, solution: model.Solution | None) -> dict[str, float] | None:
+        if one is None or solution is None:
+            return None
+        run, geometry = one
+        rest = np.asarray(run.rest.angle_rad, dtype=float)
+        change = (np.asarray(solution.angle_rad, dtype=float) - rest)[:, ENCODER_BODIES]
+        predicted = _events(geometry, run.output_time_s, change, np.full(3, run.tolerance), m.quiet.stop)
+        trial = _events(geometry, m.time_s, m.change_rad, m.u_rad, m.quiet.stop)
+        return {name: predicted[name].value - trial[name].value for name in EVENTS}
+
+    with ThreadPoolExecutor(WORKERS) as pool:
+        return list(pool.map(outcome, made, found))
+
+
+def _case_run(tested: ModelUnderTest, m: MeasuredTrial, case: Case) -> tuple[Run, ActionGeometry] | None:
+    """The run of a case, and the geometry its events are found with."""
     try:
         action = tested.action.with_values(case.changed) if case.changed else tested.action
         load = tested.load_of(action, case.preload_n)
-        time = m.time_s[(m.time_s >= case.time_s[0]) & (m.time_s <= case.time_s[-1])]
-        options = {"tolerance": case.tolerance, "output_time_s": time, "initial": load.rest}
-        solution = tested.simulate(action, case.time_s, case.force_n, **options)
     except (ModelError, PredictionError, ValidationInputError):  # no rest, or a key front that touches at rest
         return None
-    rest = np.asarray(load.rest.angle_rad, dtype=float)
-    change = (np.asarray(solution.angle_rad, dtype=float) - rest)[:, ENCODER_BODIES]
-    model = _events(load.geometry, time, change, np.full(3, case.tolerance), m.quiet.stop)
-    trial = _events(load.geometry, m.time_s, m.change_rad, m.u_rad, m.quiet.stop)
-    return {name: model[name].value - trial[name].value for name in EVENTS}
+    time = m.time_s[(m.time_s >= case.time_s[0]) & (m.time_s <= case.time_s[-1])]
+    return Run(action, load.rest, case.time_s, case.force_n, time, case.tolerance), load.geometry
 
 
 def _events(geometry: ActionGeometry, time: Array, change: Array, u: Array, quiet_stop: int) -> dict[str, Event]:

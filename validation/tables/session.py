@@ -10,7 +10,7 @@ import pandas as pd
 from model.errors import ModelError
 from validation.events.key_lift import lifted_samples
 from validation.events.session import SessionEvents
-from validation.findings.finding import distorted_trials
+from validation.findings.finding import are_faulty, distorted_trials
 from validation.findings.pooling import counting_events, sound_trials
 from validation.findings.session import SessionFindings
 from validation.measurement.session import representative
@@ -65,7 +65,7 @@ def make_tables(
     if options.budget:
         options.say("uncertainty of the difference: draws of all inputs")
         judgement = judge(difference_draws(predicted.trials, traces, tested, without))
-        ceiling = perfect_scores(predicted.trials, traces, tested, without)
+        ceiling = perfect_scores(predicted.trials, traces, tested, without, paired=options.paired)
     channels, spread = channel_tables(traces, u_sample, without, judgement, findings.kinds)
     card = scorecard(scored.scores, traces, ceiling, without)
     counting = counting_events(events.trial, without)
@@ -105,7 +105,7 @@ def make_tables(
 def _in_verdict(judgement: Judgement, findings: SessionFindings) -> Judgement:
     """The judgement as the verdict takes it: faulty trials judge nothing."""
     distorted = distorted_trials(findings.faults)
-    return Judgement(why=f"trials {', '.join(map(str, distorted))} are faulty") if distorted else judgement
+    return Judgement(why=are_faulty(distorted)) if distorted else judgement
 
 
 def _warnings(predicted: PredictedSession, findings: SessionFindings) -> Iterator[str]:

@@ -42,6 +42,24 @@ def test_a_result_is_computed_once_and_given_as_it_is_read_back(tmp_path):
     assert later.summary() == {"scores": "1 of 1"}
 
 
+def test_of_several_results_those_that_are_missing_are_made_together(tmp_path):
+    asked = []
+
+    def make(places):
+        asked.append(places)
+        return [10 * i for i in places]
+
+    first = ResultStore(tmp_path)
+    assert first.values("draws", ["a", "b", "c"], make) == [0, 10, 20]
+    assert first.values("draws", ["c", "new", "a"], make) == [20, 10, 0]
+    assert asked == [[0, 1, 2], [1]]
+    assert first.save() == []
+    later = ResultStore(tmp_path)
+    assert later.values("draws", ["b", "c"], make) == [10, 20] and len(asked) == 2
+    assert later.values("draws", [], make) == []
+    assert later.summary() == {"draws": "2 of 2"}
+
+
 DIFFERENT = [
     1, 1.0, True, "1", None, (1,), ((1,),), (1, 2), ("1", "2"), ("12",), {"a": 1}, {"b": 1}, (), {},
     np.array([1]), np.array([1.0]), np.array([True]), np.array([[1.0]]), np.array([1.0], dtype=np.float32),
@@ -61,6 +79,8 @@ def test_equal_content_has_equal_hash_whatever_its_layout():
     assert sha256_of(table[:, 1]) == sha256_of(np.array([1.0, 5.0, 9.0]))
     assert sha256_of(np.asfortranarray(table)) == sha256_of(table)
     assert sha256_of(np.float64(0.1)) == sha256_of(0.1)
+    assert sha256_of({"a": np.float64(0.1), "b": 2.0}) == sha256_of({"a": 0.1, "b": 2.0})
+    assert sha256_of({"a": 0.1, "b": 2.0}) != sha256_of({"a": 0.1, "b": 2})
 
 
 @pytest.mark.parametrize("value", [object(), np.array([object()]), {1, 2}, b"bytes", lambda: 0])

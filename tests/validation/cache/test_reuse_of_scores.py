@@ -238,6 +238,26 @@ def test_budget_and_single_changes_are_done_once(bench, predict):
     assert found.provenance["reused"]["predictions"] == "3 of 3"
 
 
+def test_a_further_trial_is_the_only_one_that_is_drawn_if_any_is(bench, predict):
+    from rig.session import Session
+
+    folder, action = bench
+    first = Session.open(folder).trials[0].read()
+    options = SIMPLE | {"budget": True}
+
+    def add(number):
+        Session.open(folder).add_trial(replace(first, number=number, force_n=first.force_n * (1 + 1e-3 * number)))
+
+    add(4), add(5)
+    before = set(compare_session(folder, action, **options).judgement["trials"])
+    add(6)
+    result = compare_session(folder, action, **options)
+    after = set(result.judgement["trials"])
+    assert len(after) == 5 and after - before <= {6}
+    for kind in ("difference draws", "perfect model"):
+        assert result.provenance["reused"][kind] == f"{5 - len(after - before)} of 5"
+
+
 def test_a_change_or_a_case_whose_key_front_touches_at_rest_is_left_out(bench, predict):
     folder, action = bench
 

@@ -6,10 +6,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import butter, savgol_filter, sosfiltfilt
 
 from validation.findings.signals.encoder_return import encoder_return
 from validation.findings.signals.encoder_travel import Travel, encoder_travel, travel_of
-from validation.findings.signals.force_delay import force_delay, force_lag
+from validation.findings.signals.force_delay import (
+    BAND_HZ,
+    SMOOTH_S,
+    band_passed,
+    force_delay,
+    force_lag,
+    second_derivative,
+)
 from validation.findings.signals.force_drift import force_drift
 from validation.findings.signals.force_saturation import force_saturation
 from validation.findings.signals.force_sign_and_unit import force_sign_and_unit
@@ -101,7 +109,7 @@ def test_a_key_that_is_still_held_at_the_end_is_no_slip(stage):
         time_s=m.time_s[:held],
         change_rad=np.vstack([m.change_rad[: held - 300], np.repeat(m.change_rad[held : held + 1], 300, axis=0)]),
     )
-    cut = replace(p, time_s=p.time_s[:held], angle_rad=p.angle_rad[:held], speed_rad_per_s=p.speed_rad_per_s[:held])
+    cut = replace(p, time_s=p.time_s[:held], turn_rad=p.turn_rad[:held], speed_rad_per_s=p.speed_rad_per_s[:held])
     assert encoder_return(short, cut) == []
     assert force_drift(short) == []
 
@@ -156,10 +164,8 @@ def test_a_force_that_does_not_return_is_found(stage):
 
 def shifted(p, by_s):
     """The prediction under a force that comes later: the same motion, later."""
-    angle = np.column_stack(
-        [np.interp(p.time_s - by_s, p.time_s, a) for a in np.nan_to_num(p.angle_rad, nan=p.rest_angle_rad[0]).T]
-    )
-    return replace(p, angle_rad=np.where(np.isfinite(p.angle_rad), angle, np.nan))
+    turn = np.column_stack([np.interp(p.time_s - by_s, p.time_s, a) for a in np.nan_to_num(p.turn_rad).T])
+    return replace(p, turn_rad=np.where(np.isfinite(p.turn_rad), turn, np.nan))
 
 
 @pytest.mark.parametrize("by_ms", [5.0, 2.4, -1.0])
@@ -202,8 +208,21 @@ def test_the_wrong_sign_and_unit_are_named(stage, factor, kind, words):
     p = stage.predictions(1)
     moved = np.column_stack([np.interp(p.time_s, m.force.time_s, a, right=np.nan) for a in run.angle_rad.T])
     until = stage.events.trial[1]["key_release"].value
-    (found,) = force_sign_and_unit(stage.tested, wrong, replace(p, angle_rad=moved), until)
+    (found,) = force_sign_and_unit(stage.tested, wrong, replace(p, turn_rad=moved - p.rest_angle_rad), until)
     assert found.kind == kind
     assert words in found.text
     assert found.value == pytest.approx(1 / factor)
     assert force_sign_and_unit(stage.tested, m, p, until) == []
+
+
+@pytest.mark.parametrize("rate_hz", [2000.0, 5000.0, 20_000.0])
+def test_filters_of_the_delay_are_those_of_scipy(rate_hz):
+    step, rng = 1 / rate_hz, np.random.default_rng(4)
+    t = np.arange(int(0.8 * rate_hz)) * step
+    values = np.exp(-(((t - 0.4) / 0.03) ** 2)) * np.sin(300 * t) + 1e-3 * rng.standard_normal(t.size)
+    window = max(2 * round(SMOOTH_S / step / 2) + 1, 5)
+    inner = slice(t.size // 8, -t.size // 8)
+    expected = savgol_filter(values, window, 3, deriv=2, delta=step)
+    assert second_derivative(values, step)[inner] == pytest.approx(expected[inner], abs=1e-9 * np.abs(expected).max())
+    expected = sosfiltfilt(butter(2, BAND_HZ, "band", fs=rate_hz, output="sos"), values)
+    assert band_passed(values, step)[inner] == pytest.approx(expected[inner], abs=1e-3 * np.abs(expected).max())

@@ -142,7 +142,8 @@ def test_predicted_angles_between_samples_follow_angles_and_speeds():
     angle, speed = np.zeros((time.size, 5)), np.zeros((time.size, 5))
     angle[:, 2], speed[:, 2] = 0.3 + 0.1 * np.sin(turn), 0.1 * 2 * np.pi * 80 * np.cos(turn)
     angle[-10:] = np.nan
-    p = PredictedAngles(time, angle, speed, np.array([0.0, 0.0, 0.3, 0.0, 0.0]), "", False, {})
+    rest = np.array([0.0, 0.0, 0.3, 0.0, 0.0])
+    p = PredictedAngles(time, angle - rest, speed, rest, "", False, {})
     at = np.array([0.00513, 0.0421, 0.0995, 0.2])
     out = p.change_at("jack", at)
     np.testing.assert_allclose(out[:2], 0.1 * np.sin(2 * np.pi * 80 * at[:2]), atol=1e-7)
@@ -214,3 +215,15 @@ def test_a_trial_the_model_cannot_predict_is_named_and_the_rest_is_compared(smal
     )
     assert list(result.traces) == [2]
     assert "not predicted: simulation stopped at t = 0.4 s" in result.trials.set_index("trial").loc[1, "reason"]
+
+
+def test_traces_hold_times_and_predicted_curves_once_and_less_where_that_is_enough(compared):
+    frames = list(compared.traces.values())
+    first, second = (frame["time_s"].to_numpy() for frame in frames[:2])
+    assert np.shares_memory(first, second) == np.array_equal(first, second)
+    for frame in frames:
+        kinds = {name: frame[name].dtype for name in frame.columns}
+        single = {name for name, kind in kinds.items() if kind == np.float32}
+        assert single == {name for name in kinds if name.endswith("_rad_per_s") or "_null_" in name or "_raw_" in name}
+        held = {id(frame[name].to_numpy().base) for name in kinds if name.endswith("_predicted_rad")}
+        assert len(held) == 1  # five columns of one array, that of the prediction

@@ -313,6 +313,62 @@ def test_another_trial_is_drawn_with_its_own_numbers_and_read_under_the_pointer(
         assert float(tip[2].split(": ")[1].split("°")[0]) == pytest.approx(predicted, abs=0.02)
 
 
+PLACE = """([key, panel, share]) => {
+  const svg = document.querySelector(`#figure-${key} svg`), one = JSON.parse(svg.dataset.pointed)[panel];
+  const p = one.panels[0];
+  svg.scrollIntoView({ block: "center" });
+  const at = new DOMPoint(p.left + share * (p.right - p.left), (p.top + p.bottom) / 2);
+  const shown = at.matrixTransform(svg.getScreenCTM());
+  return [shown.x, shown.y, p.x[0] + share * (p.x[1] - p.x[0])];
+}"""
+
+
+def tip_at(page, key, panel, share):
+    """Lines under the pointer at a place of a panel, and the place."""
+    x, y, place = page.evaluate(PLACE, [key, panel, share])
+    page.mouse.move(x, y)
+    return page.locator(".tip").inner_text().split("\n"), place
+
+
+def number(line):
+    return float(line.split(": ")[1].replace("\u2212", "-").split("°")[0].split()[0])
+
+
+def test_values_of_the_film_are_read_under_the_pointer_and_follow_the_zoom(opened, compared):
+    trial = next(iter(compared.film_traces))
+    trace = compared.film_traces[trial]
+    opened.locator("#zoom-from").fill("0.4")
+    opened.locator("#zoom-to").fill("0.6")
+    opened.keyboard.press("Enter")
+    said, _ = tip_at(opened, f"film-{trial}", 0, 0.5)
+    assert float(said[0].split()[0]) == pytest.approx(0.5, abs=2e-3)  # of the stretch that is shown
+    at = (trace["time_s"] - float(said[0].split()[0])).abs().idxmin()
+    for line, kind in ((said[1], "measured"), (said[3], "predicted")):
+        assert abs(number(line)) == pytest.approx(abs(trace.loc[at, f"jack_{kind}_rad"]) * 57.29577951, abs=1e-3)
+    assert number(said[4]) == pytest.approx(number(said[3]) - number(said[1]), abs=2e-3)
+
+
+def test_values_of_control_charts_and_of_the_force_from_motion(browser, make, tmp_path):
+    from validation import compare_session, write_report
+
+    session, truth = make.session(tmp_path / "six", n_trials=6, filmed=())
+    options = {"keep_predictions": False, "rivals": (), "budget": False, "suspect": False, "by_motion": True}
+    result = compare_session(session, truth.action, **options)
+    file = write_report(result, tmp_path / "report").files["report.html"]
+    with quietly(browser, file) as page:
+        said, place = tip_at(page, "control", 0, 0.6)
+        trial = round(place)
+        assert said[0] == f"trial {trial}"
+        assert number(said[1]) == pytest.approx(result.traces[trial]["force_n"].max(), abs=1e-3)
+        assert said[1].startswith("peak force: ") and said[1].endswith(" N") and len(said) == 4
+        said, place = tip_at(page, "force-motion", 0, 0.4)
+        trace = result.motion_trace
+        at = (trace["time_s"] - float(said[0].split()[0])).abs().idxmin()
+        assert trace.loc[at, "time_s"] == pytest.approx(place, abs=5e-3)
+        assert number(said[1]) == pytest.approx(trace.loc[at, "force_n"], abs=6e-3)
+        assert number(said[2]) == pytest.approx(trace.loc[at, "predicted_force_n"], abs=6e-3)
+
+
 def test_marks_follow_trial_and_zoom(opened, compared):
     letters = "() => [...document.querySelectorAll('#figure-key-model .marks text')].map(e => e.textContent).join('')"
     assert opened.evaluate(letters) == "ABCA"  # whole window, around the impact

@@ -34,5 +34,4 @@ def test_ceiling_of_a_session_is_scored_at_the_samples_of_the_trials(compared) -
     for channel in ("key", "hammer"):
         # errors of gain, level and delay within their u, far below what a wrong friction makes
         assert 0 < errors.loc[channel, "ceiling"] < 0.1 * errors.loc[channel, "null"]
-    nuisance = compared.nuisance
-    assert set(nuisance["draw"]) == set(range(19)) and set(nuisance["trial"]) == set(compared.traces)
+    assert compared.nuisance.empty  # only a comparison of models needs it

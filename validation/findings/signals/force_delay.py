@@ -47,13 +47,7 @@ def force_lag(m: MeasuredTrial, p: PredictedAngles) -> tuple[float, float]:
 
 def _lag(force: Array, key_rad: Array, step: float) -> tuple[float, float]:
     """Lag of the best correlation and that correlation."""
-    # start-up: scipy.signal costs 0.3 to 0.6 s
-    from scipy.signal import butter, savgol_filter, sosfiltfilt
-
-    window = max(2 * round(SMOOTH_S / step / 2) + 1, 5)
-    band = butter(2, BAND_HZ, "band", fs=1 / step, output="sos")
-    a = sosfiltfilt(band, savgol_filter(key_rad, window, 3, deriv=2, delta=step))
-    f = sosfiltfilt(band, force)
+    a, f = band_passed(second_derivative(key_rad, step), step), band_passed(force, step)
     reach = round(LONGEST_S / step)
     inner = slice(2 * reach, a.size - 2 * reach)
     a0 = a[inner] - a[inner].mean()
@@ -69,6 +63,32 @@ def _lag(force: Array, key_rad: Array, step: float) -> tuple[float, float]:
         bend = c[best - 1] - 2 * c[best] + c[best + 1]
         part = 0.5 * float(c[best - 1] - c[best + 1]) / float(bend) if bend < 0 else 0.0
     return (best - c.size // 2 + part) * step, float(c[best])
+
+
+def second_derivative(values: Array, step: float) -> Array:
+    """Second derivative of the cubics fitted over `SMOOTH_S` around each sample (Savitzky and Golay 1964)."""
+    half = max(round(SMOOTH_S / step / 2), 2)
+    weights = 2.0 * np.linalg.pinv(np.vander(np.arange(-half, half + 1.0), 4, increasing=True))[2] / step**2
+    return np.convolve(_extended(values, half), weights[::-1], "valid")
+
+
+def band_passed(values: Array, step: float) -> Array:
+    """Values within `BAND_HZ`: Butterworth's second order there and back, so that nothing is delayed.
+
+    By the transform: ``scipy.signal`` takes half a second to import.
+    """
+    pad = min(round(2.0 / BAND_HZ[0] / step), values.size - 1)
+    whole = _extended(values, pad)
+    tangent = np.tan(np.pi * np.fft.rfftfreq(whole.size)[1:])
+    low, high = np.tan(np.pi * step * np.array(BAND_HZ))
+    apart = (tangent**2 - low * high) / (tangent * (high - low))
+    gain = np.concatenate([[0.0], 1.0 / (1.0 + apart**4)])
+    return np.asarray(np.fft.irfft(gain * np.fft.rfft(whole), whole.size)[pad : pad + values.size])
+
+
+def _extended(values: Array, by: int) -> Array:
+    """Values with ``by`` more at either end, turned about the first and the last."""
+    return np.pad(values, by, mode="reflect", reflect_type="odd")
 
 
 def force_delay(lags: Mapping[int, tuple[float, float]]) -> list[SessionFinding]:

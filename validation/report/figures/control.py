@@ -16,6 +16,7 @@ from validation.conventions import Array
 from validation.curves.style import BLACK, BLUE, VERMILION
 from validation.events.definitions import EVENTS
 from validation.report.figures.layout import WIDTH_IN, ReportFigure, finish
+from validation.report.figures.pointed import Pointed
 from validation.report.view import SessionView
 
 FEWEST = 6
@@ -55,7 +56,26 @@ def control_charts(view: SessionView) -> ReportFigure | None:
         f"neighbouring trials. {said}"
     )
     anchor = "Not in the thesis: did the bench change during the session?"
-    return finish(view, figure, "control", anchor, caption, said)
+    pointed = [
+        Pointed((axes,), trials.astype(float), ("trial {}", 0), _lines(title, values))
+        for axes, (title, trials, values) in zip(panels, charts, strict=True)
+    ]
+    return finish(view, figure, "control", anchor, caption, said, pointed=pointed)
+
+
+def _limits(values: Array) -> tuple[float, float]:
+    """Mean, and how far from it the limits are; NaN below `FEWEST` values."""
+    reach = MOVING_RANGE * float(np.mean(np.abs(np.diff(values)))) if values.size >= FEWEST else float("nan")
+    return float(np.mean(values)), reach
+
+
+def _lines(title: str, values: Array) -> tuple[tuple[str, str, int, Array], ...]:
+    """What is said of each trial of a chart."""
+    name, _, unit = title.rstrip(")").partition(" (")
+    unit = unit if unit == "°" else f" {unit}".rstrip()
+    mean, reach = _limits(values)
+    every = np.ones(values.size)
+    return ((name, unit, 3, values), ("mean", unit, 3, mean * every), ("limits: mean ±", unit, 3, reach * every))
 
 
 def _of_event(events: pd.DataFrame, name: str) -> tuple[Array, Array]:
@@ -66,12 +86,11 @@ def _of_event(events: pd.DataFrame, name: str) -> tuple[Array, Array]:
 
 def _chart(axes: Axes, trials: Array, values: Array) -> list[int]:
     """Draw one chart; the trials beyond its limits."""
-    mean = float(np.mean(values))
+    mean, reach = _limits(values)
     axes.set_xlim(float(np.min(trials)) - 0.5, float(np.max(trials)) + 0.5)
     axes.axhline(mean, color=BLUE, linewidth=0.9)
     beyond = np.zeros(values.size, dtype=bool)
-    if values.size >= FEWEST:
-        reach = MOVING_RANGE * float(np.mean(np.abs(np.diff(values))))
+    if np.isfinite(reach):
         beyond = np.abs(values - mean) > reach
         for limit in (mean - reach, mean + reach):
             axes.axhline(limit, color=BLUE, linewidth=0.8, dashes=(4, 2))

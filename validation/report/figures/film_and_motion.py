@@ -12,6 +12,7 @@ from validation.conventions import FILM_CHANNELS
 from validation.curves.signs import TITLE, degrees, rotation_label
 from validation.curves.style import BLACK, BLUE, band, draw, finish_axes, model_style, plot_text, shared_legend
 from validation.report.figures.layout import WIDTH_IN, ReportFigure, finish, window
+from validation.report.figures.pointed import Pointed
 from validation.report.thesis import measured_anchor
 from validation.report.view import SessionView
 
@@ -24,7 +25,7 @@ def film_rotations(view: SessionView) -> list[ReportFigure]:
         time = f["time_s"].to_numpy()
         figure = Figure(figsize=(WIDTH_IN, 4.2))
         grid = figure.subplots(2, 2, sharex=True, height_ratios=(2.4, 1))
-        notes = []
+        notes, pointed = [], []
         for j, channel in enumerate(FILM_CHANNELS):
             measured = degrees(channel, f[f"{channel}_measured_rad"])
             reach = 2 * np.degrees(f[f"{channel}_u_rad"].to_numpy())
@@ -32,6 +33,7 @@ def film_rotations(view: SessionView) -> list[ReportFigure]:
             band(top, time, measured - reach, measured + reach, "film ± 2u")
             draw(top, time, measured, "film", color=BLACK, linewidth=0.9)
             band(low, time, -reach, reach)
+            lines = [("film", "°", 3, measured), ("2u", "°", 3, reach)]
             for i, (name, result) in enumerate(zip(view.names, view.results, strict=True)):
                 if trial not in result.film_traces:
                     continue
@@ -41,20 +43,22 @@ def film_rotations(view: SessionView) -> list[ReportFigure]:
                 draw(top, own["time_s"].to_numpy(), model, plot_text(name), **style)
                 difference = model - degrees(channel, own[f"{channel}_measured_rad"])
                 draw(low, own["time_s"].to_numpy(), difference, **{**style, "linewidth": 0.9})
+                if model.size == time.size:
+                    lines += [(name, "°", 3, model), (f"{name} − film", "°", 3, difference)]
+            pointed.append(Pointed((top, low), time, ("{} s", 4), tuple(lines)))
             top.set_title(TITLE[channel], fontsize=9)
             finish_axes(top, rotation_label(channel), bottom=False)
             finish_axes(low, "model − film (°)")
             lost = int(np.isnan(measured).sum())
             median = float(np.nanmedian(reach)) / 2 if np.isfinite(reach).any() else float("nan")
             notes.append(f"{TITLE[channel]}: u = {median:.3f}° (median), {lost} of {measured.size} frames lost")
-        lines = shared_legend(figure, [grid[0, 0]])
+        legend_lines = shared_legend(figure, [grid[0, 0]])
         caption = (
             f"Rotation of jack and repetition lever relative to the whippen, tracked on the film of "
             f"trial {trial}; below: model minus film, with the film's ± 2u about zero. " + "; ".join(notes) + "."
         )
-        figures.append(
-            finish(view, figure, f"film-{trial}", measured_anchor(view.condition, "film"), caption, caption, lines)
-        )
+        anchor = measured_anchor(view.condition, "film")
+        figures.append(finish(view, figure, f"film-{trial}", anchor, caption, caption, legend_lines, pointed))
     return figures
 
 
@@ -84,4 +88,12 @@ def force_from_motion(view: SessionView, i: int) -> ReportFigure:
     )
     text = f"Measured peak {row['peak_measured_n']:.1f} N, predicted {row['peak_predicted_n']:.1f} N."
     anchor = "Not in the thesis: the model driven the other way round."
-    return finish(view, figure, "force-motion" if i == 0 else f"force-motion-{i + 1}", anchor, caption, text)
+    lines = (
+        ("measured", " N", 2, measured),
+        ("from the key's motion", " N", 2, predicted),
+        ("difference", " N", 2, predicted - measured),
+        ("95 % interval ±", " N", 2, np.where(use, reach, np.nan)),
+    )
+    pointed = [Pointed((grid[0], grid[1]), time, ("{} s", 4), lines)]
+    key = "force-motion" if i == 0 else f"force-motion-{i + 1}"
+    return finish(view, figure, key, anchor, caption, text, pointed=pointed)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import html
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties
 from matplotlib.textpath import text_to_path
 
+from validation.report.figures.pointed import Pointed, pointed_json
 from validation.report.figures.svg import TIME_PANEL, figure_svg
 from validation.report.view import SessionView
 from validation.result import ValidationResult
@@ -119,8 +122,12 @@ def finish(
     caption: str,
     description: str,
     legend_lines: int = 0,
+    pointed: Sequence[Pointed] = (),
 ) -> ReportFigure:
-    """The drawn figure as a `ReportFigure`; all panels but those around the impact show the evaluation window."""
+    """The drawn figure as a `ReportFigure`; all panels but those around the impact show the evaluation window.
+
+    ``pointed``: values under the pointer, where the curves are not among those of the page.
+    """
     window = view.first.window
     whole = (window.start_s, window.end_s)
     for axes in figure.axes:
@@ -128,4 +135,7 @@ def finish(
             axes.set_xlim(*whole)
     arrange(figure, legend_lines)
     name = f"{view.prefix}{key}"
-    return ReportFigure(name, anchor, caption, figure_svg(figure, name, caption, description, whole))
+    svg = figure_svg(figure, name, caption, description, whole)
+    if pointed:
+        svg = svg.replace("<svg", f'<svg data-pointed="{html.escape(pointed_json(figure, name, pointed))}"', 1)
+    return ReportFigure(name, anchor, caption, svg)
