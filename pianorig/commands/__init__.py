@@ -39,6 +39,7 @@ COMMANDS = {
     "regulate": Listed("model.regulate", "Measure and regulate an action as a technician does."),
     "calibrate-felt": Listed("model.calibrate_felt", "Calibrate felt, friction, string damping and inertia."),
     "validate": Listed("validation.validate", "Report how well models predict the measured angles."),
+    "identify": Listed("validation.identify", "Find parameter values from strokes; say what is not known."),
     "calibrate-force": Listed("bench.calibrate_force", "Calibrate the load cell: weights, shunt or zero."),
     "serve-sim": Listed("bench.serve_sim", "Serve the virtual DAQ device over TCP until Ctrl-C."),
     "selftest": Listed("bench.selftest", "Test a bench with gentle pushes before the first blow."),
