@@ -22,6 +22,8 @@ from model.parameters.quantity import Quantity, check_value, quantity_tables, re
 
 ACTIONS = Path(__file__).parents[1] / "actions"
 TEMPLATE = "hirschkorn2004"
+IDENTIFICATION = "identification"
+"""Table of an action file that says how its values were identified; it holds no value of the action."""
 BODIES = ("key", "whippen", "jack", "repetition", "hammer")
 CONTACTS = tuple(f"contact{i:02d}" for i in range(1, 14))
 
@@ -201,6 +203,7 @@ def load_action(name_or_path: str | Path = TEMPLATE, overrides: Mapping[str, flo
     """
     path = find_action(name_or_path)
     table = _read_toml(path)
+    table.pop(IDENTIFICATION, None)  # how the values were found: for people and for validation, not for the model
     units, structure = _template()
     where = str(path)
     quantities: dict[str, Quantity] = {}

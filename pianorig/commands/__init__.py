@@ -40,6 +40,7 @@ COMMANDS = {
     "calibrate-felt": Listed("model.calibrate_felt", "Calibrate felt, friction, string damping and inertia."),
     "validate": Listed("validation.validate", "Report how well models predict the measured angles."),
     "dataset": Listed("validation.dataset", "Make the published data set, or score predictions on it."),
+    "identify": Listed("validation.identify", "Find parameter values from strokes; say what is not known."),
     "calibrate-force": Listed("bench.calibrate_force", "Calibrate the load cell: weights, shunt or zero."),
     "serve-sim": Listed("bench.serve_sim", "Serve the virtual DAQ device over TCP until Ctrl-C."),
     "selftest": Listed("bench.selftest", "Test a bench with gentle pushes before the first blow."),

@@ -1,0 +1,140 @@
+"""``pianorig identify``: find parameter values from sessions, and say how well they are known."""
+
+from __future__ import annotations
+
+import math
+import os
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+# many small matrices: on a busy computer threads of the linear algebra wait for each other a hundred times as long
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import validation
+from pianorig.console.options import DEFAULT_ACTION, Action, AsJson, Settings
+from pianorig.console.output import print_json
+from pianorig.console.overrides import load_model, read_settings
+from pianorig.console.progress import say
+from validation.identification.target_file import check_target
+
+
+def command(
+    sessions: Annotated[
+        list[Path], typer.Argument(help="Session folders, one kind of stroke each.", metavar="SESSION")
+    ],
+    parameters: Annotated[
+        str,
+        typer.Option(
+            "--parameters",
+            help="What to identify: names as --set and --scale know them, felt:contact02, or groups (friction, "
+            "joint_friction, damping, stiffness, springs), separated by commas.",
+        ),
+    ],
+    out: Annotated[Path, typer.Option("--out", help="Action file to write.")] = Path("identified.toml"),
+    action: Action = DEFAULT_ACTION,
+    set_: Settings = None,
+    fix: Annotated[
+        str, typer.Option("--fix", help='Held at the action\'s values; names separated by commas, "*" for all others.')
+    ] = "",
+    prior: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--prior",
+            help="Standard uncertainty before the strokes, name=u; relative for laws of friction, felt and springs; "
+            "may be repeated.",
+        ),
+    ] = None,
+    hold_out: Annotated[
+        list[Path] | None, typer.Option("--hold-out", help="Session to predict only; may be repeated.")
+    ] = None,
+    hold_out_trials: Annotated[
+        str, typer.Option("--hold-out-trials", help="Numbers of trials to predict only, in every session: 2,5.")
+    ] = "",
+    starts: Annotated[int, typer.Option("--starts", min=1, help="Points the fit starts from.")] = 1,
+    condition: Annotated[
+        str | None, typer.Option("--condition", help="Use only this condition of the trial plan.")
+    ] = None,
+    profiles: Annotated[
+        bool, typer.Option("--profiles/--no-profiles", help="Make a profile of each parameter.")
+    ] = True,
+    as_json: AsJson = False,
+) -> None:
+    """Find parameter values from strokes; say what is not known.
+
+    All other parameters, and the errors of force and encoders, are fitted beside what is asked for, within their
+    uncertainties. What the strokes cannot tell is said, not guessed. The file written is an action: give it to
+    validate or simulate with --action.
+
+    Example:  pianorig identify sessions/try --parameters hammer.joint_friction --fix "*" --no-profiles --out mine.toml
+    """
+    check_target(out)
+    start = load_model(action, read_settings(set_ or []))
+    found = validation.identify(
+        sessions,
+        _names(parameters),
+        start,
+        fixed=tuple(_names(fix)),
+        priors=read_settings(prior or [], "--prior"),
+        hold_out=tuple(hold_out or ()),
+        hold_out_trials=_numbers(hold_out_trials),
+        starts=starts,
+        condition=condition,
+        profiles=None if profiles else (),
+        progress=None if as_json else say,
+    )
+    validation.write_identified(found, out)
+    if as_json:
+        print_json(_as_plain(found) | {"file": str(out)})
+        return
+    for line in found.warnings:
+        print(f"note: {line}.")
+    for e in found.estimates:
+        print(_line(e))
+    for name, scores in found.scores.items():
+        print(_scores(name, scores))
+    print(f"action: {out}")
+
+
+def _names(text: str) -> list[str]:
+    return [part.strip() for part in text.split(",") if part.strip()]
+
+
+def _numbers(text: str) -> tuple[int, ...]:
+    parts = _names(text)
+    if not all(part.isdecimal() for part in parts):
+        raise validation.ValidationInputError(f"--hold-out-trials {text!r}: allowed numbers of trials, e.g. 2,5")
+    return tuple(map(int, parts))
+
+
+def _line(e: Any) -> str:
+    unit = "" if e.unit == "1" else f" {e.unit}"
+    interval = "" if e.interval == "two-sided" else f"; the strokes alone leave it {e.interval}"
+    jack = "" if math.isnan(e.u_jackknife) else f", trials left out one by one {e.u_jackknife:.2f}"
+    return (
+        f"{e.name}: {e.value:.4g}{unit} (u {e.u:.2g}; 95 % {e.low:.4g} to {e.high:.4g}; before {e.prior:.4g}; "
+        f"of the prior u left {e.z_u:.2f}{jack}{interval}): {e.verdict}"
+    )
+
+
+def _scores(name: str, scores: dict[str, Any]) -> str:
+    parts = []
+    for what, by_channel in scores.items():
+        if by_channel is not None:
+            values = ", ".join(f"{channel} {1e3 * v:.2g}" for channel, v in by_channel.items())
+            parts.append(f"{what} {values}")
+    return f"RMSE, mrad, {name}: {'; '.join(parts)}"
+
+
+def _as_plain(found: Any) -> dict[str, Any]:
+    return {
+        "estimates": [asdict(e) for e in found.estimates],
+        "correlation": found.correlation.tolist(),
+        "undetermined": [d.words for d in found.undetermined],
+        "warnings": list(found.warnings),
+        "starts": list(found.starts),
+        "scores": dict(found.scores),
+        "provenance": dict(found.provenance),
+    }

@@ -1,0 +1,111 @@
+"""Fits of a made-up model with known truth: values, intervals, what cannot be told."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tests.validation.identification import toy
+from validation.errors import ValidationInputError
+from validation.identification.estimates import estimate_all
+from validation.identification.fit import fit, starts
+from validation.identification.identifiability import directions, warnings_of
+from validation.identification.identify import look_before
+from validation.identification.profiles import profile
+from validation.identification.result import IDENTIFIED, NOT_IDENTIFIABLE
+from validation.identification.scatter import factors, jackknife, lacking
+
+TRUTH = np.array([0.8, -0.5, 0.3])
+
+
+def silent(text: str) -> None:
+    """Nobody listens."""
+
+
+def test_truth_comes_out_within_its_uncertainty() -> None:
+    p = toy.problem(toy.made(TRUTH, 6, np.random.default_rng(1)))
+    found = fit(p)
+    width = np.sqrt(np.diag(found.covariance))
+    assert found.converged and np.all(np.abs(found.z - TRUTH) < 3 * width) and np.all(width < 0.1)
+    estimates = estimate_all(p, found, None, silent)
+    assert [e.verdict for e in estimates] == [IDENTIFIED] * 3
+    for e in estimates:
+        assert e.low < e.value < e.high
+        assert e.interval == "two-sided" and e.profiled
+
+
+@pytest.mark.parametrize("lack", [0.0, 2e-3])
+def test_intervals_hold_as_often_as_they_say(lack: float) -> None:
+    inside = total = 0
+    for seed in range(12):
+        rng = np.random.default_rng([seed, 3])
+        z = np.clip(rng.standard_normal(3), -1.5, 1.5)
+        p = toy.problem(toy.made(z, 5, rng, lacking=lack))
+        found = fit(p)
+        for e, true, q in zip(estimate_all(p, found, (), silent), z, p.unknowns.asked, strict=True):
+            inside += e.low <= q.physical(p.action, true) <= e.high
+            total += 1
+    assert inside / total >= 0.84, inside / total  # binomial: 0.95 less three standard deviations
+
+
+def test_what_the_model_lacks_is_learnt_and_widens() -> None:
+    rng = np.random.default_rng(5)
+    right = fit(toy.problem(toy.made(TRUTH, 6, rng)))
+    wrong = fit(toy.problem(toy.made(TRUTH, 6, rng, lacking=5e-3)))
+    assert lacking(wrong) > 5 * lacking(right)
+    assert np.all(np.diag(wrong.covariance) > 2 * np.diag(right.covariance))
+
+
+def test_two_parameters_that_act_as_one_are_named_and_not_identified() -> None:
+    p = toy.problem(toy.made(np.array([0.8, -0.5, 0.0]), 6, np.random.default_rng(2)), alike=True)
+    columns, before = look_before(p)
+    assert any("hammer.joint_friction.A" in line and "contact07.friction.A" in line for line in before)
+    found = fit(p, columns=columns)
+    undetermined, determined = directions(toy.ASKED, found.covariance)
+    assert len(undetermined) == 1 and set(undetermined[0].weights) == set(toy.ASKED[1:])
+    assert undetermined[0].weights["hammer.joint_friction.A"] == pytest.approx(
+        -0.6 * undetermined[0].weights["contact07.friction.A"], rel=0.1
+    )
+    assert any(set(d.weights) == {"key.joint_friction.A"} for d in determined)
+    verdicts = {e.name: e.verdict for e in estimate_all(p, found, None, silent)}
+    assert verdicts["contact07.friction.A"] == NOT_IDENTIFIABLE
+    assert verdicts["key.joint_friction.A"] == IDENTIFIED
+
+
+def test_a_parameter_that_can_be_told_is_not_named() -> None:
+    found = fit(toy.problem(toy.made(TRUTH, 6, np.random.default_rng(1))))
+    assert warnings_of(toy.ASKED, found.covariance) == []
+
+
+def test_a_parameter_without_effect_is_refused_by_name() -> None:
+    p = toy.problem(toy.made(TRUTH, 3, np.random.default_rng(1)), idle=True)
+    with pytest.raises(ValidationInputError, match=r"contact07.friction.A: has no effect in these strokes"):
+        look_before(p)
+
+
+def test_a_flat_profile_is_called_open() -> None:
+    p = toy.problem(toy.made(np.array([0.8, -0.5, 0.0]), 6, np.random.default_rng(2)), alike=True)
+    found = fit(p)
+    factor = factors(found)
+    assert profile(p, found, 2, float(factor[2])).interval.startswith("open")
+    assert profile(p, found, 0, float(factor[0])).interval == "two-sided"
+
+
+def test_jackknife_sees_the_scatter_of_trials() -> None:
+    found = fit(toy.problem(toy.made(TRUTH, 8, np.random.default_rng(4), scatter=0.2)))
+    assert np.all(jackknife(found) > 0.2 / np.sqrt(8) / 3) and np.all(jackknife(found) < 0.2 / np.sqrt(8) * 3)
+    two = fit(toy.problem(toy.made(TRUTH, 2, np.random.default_rng(4))))
+    assert np.all(np.isnan(jackknife(two)))
+
+
+def test_few_trials_need_a_larger_factor() -> None:
+    few = fit(toy.problem(toy.made(TRUTH, 3, np.random.default_rng(6), scatter=0.2)))
+    many = fit(toy.problem(toy.made(TRUTH, 12, np.random.default_rng(6), scatter=0.2)))
+    assert factors(few).max() > 2.5 > factors(many).max() > 1.95
+
+
+def test_other_starts_find_the_same_minimum() -> None:
+    p = toy.problem(toy.made(TRUTH, 5, np.random.default_rng(7)))
+    found = [fit(p, z) for z in starts(p, 3)]
+    assert np.ptp([f.objective for f in found]) < 4.0
+    assert max(np.abs(f.z - found[0].z).max() for f in found) < 0.05

@@ -1,0 +1,83 @@
+"""Names, groups and priors of what can be identified."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import pytest
+
+import model
+from validation.errors import ValidationInputError
+from validation.identification.unknowns.naming import expand, group_members
+from validation.identification.unknowns.priors import LAW_U, parameter_of, unknowns
+
+ACTION = model.load_action()
+
+
+def test_groups_and_felts_stand_for_their_members() -> None:
+    assert expand(ACTION, ["friction"]) == [f"contact{n}.friction.A" for n in ("01", "04", "07", "10")]
+    assert expand(ACTION, ["felt:contact02"]) == ["contact02", "contact02.normal.D"]
+    assert expand(ACTION, ["contact04.friction", "contact04.friction.A"]) == ["contact04.friction.A"]
+    assert len(group_members(ACTION, "joint_friction")) == 5
+    assert expand(ACTION, ["jack_spring"]) == ["jack_spring.torque"]
+
+
+@pytest.mark.parametrize(
+    ("asked", "said"),
+    [
+        ("hammer.jiont_friction.A", "did you mean hammer.joint_friction.A"),
+        ("contact02.friction", "no prior"),
+        ("felt:contact99", "no such parameter"),
+    ],
+)
+def test_what_cannot_be_identified_is_refused_by_name(asked: str, said: str) -> None:
+    with pytest.raises(ValidationInputError, match=said):
+        unknowns(ACTION, [asked])
+
+
+def test_a_law_known_to_printed_digits_gets_a_wide_prior_and_says_so() -> None:
+    p = parameter_of(ACTION, "hammer.joint_friction.A")
+    assert p is not None and p.factor and p.u == LAW_U and "printed digits" in p.basis
+    assert p.values(ACTION, 1.0)["hammer.joint_friction.A"] == pytest.approx(0.00101 * math.exp(LAW_U))
+    mass = parameter_of(ACTION, "hammer.mass")
+    assert mass is not None and not mass.factor and mass.u == ACTION.quantities["hammer.mass"].u
+
+
+def test_a_stiffness_moves_all_three_coefficients_by_one_factor() -> None:
+    p = parameter_of(ACTION, "contact02")
+    assert p is not None
+    moved = p.values(ACTION, 0.5)
+    ratios = {moved[f"contact02.normal.{k}"] / ACTION[f"contact02.normal.{k}"] for k in "abc"}
+    assert max(ratios) - min(ratios) < 1e-12 and p.physical(ACTION, 0.5) == pytest.approx(ratios.pop())
+
+
+def test_slope_is_the_derivative_of_the_values() -> None:
+    for name in ("contact02", "hammer.mass"):
+        p = parameter_of(ACTION, name)
+        assert p is not None
+        up, down = p.values(ACTION, 0.3 + 1e-5), p.values(ACTION, 0.3 - 1e-5)
+        for path, slope in p.slope(ACTION, 0.3).items():
+            assert slope == pytest.approx((up[path] - down[path]) / 2e-5, rel=1e-6)
+
+
+def test_all_that_is_uncertain_takes_part_unless_fixed() -> None:
+    wide = unknowns(ACTION, ["friction"])
+    assert {"key.joint_friction.A", "contact02", "jack_spring.torque"} <= {p.name for p in wide.beside}
+    assert "hammer.mass" in {p.name for p in wide.small}
+    assert all(p.u > 0 for p in wide.moved)
+    alone = unknowns(ACTION, ["friction"], ["*"])
+    assert not alone.beside and not alone.small and len(alone.asked) == 4
+
+
+def test_priors_given_win_and_must_be_positive() -> None:
+    given = unknowns(ACTION, ["hammer.mass"], ["*"], {"hammer.mass": 1e-4}).asked[0]
+    assert given.u == 1e-4 and "--prior" in given.basis
+    with pytest.raises(ValidationInputError, match="allowed above 0"):
+        unknowns(ACTION, ["hammer.mass"], ["*"], {"hammer.mass": 0.0})
+    with pytest.raises(ValidationInputError, match="allowed in one of the two"):
+        unknowns(ACTION, ["hammer.mass"], ["hammer.mass"])
+    certain = replace(ACTION.quantities["hammer.mass"], u=0.0)
+    known = replace(ACTION, quantities={**ACTION.quantities, "hammer.mass": certain})
+    with pytest.raises(ValidationInputError, match="has no prior"):
+        unknowns(known, ["hammer.mass"])

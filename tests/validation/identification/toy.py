@@ -1,0 +1,87 @@
+"""A made-up model with known derivatives, and trials of it with known truth, for tests of the fit."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+import model
+from validation.conventions import Array
+from validation.identification.fit import Problem
+from validation.identification.observations import ObservedTrial
+from validation.identification.unknowns.priors import Unknowns, unknowns
+
+ASKED = ("key.joint_friction.A", "hammer.joint_friction.A", "contact07.friction.A")
+M = 24
+TIME = np.linspace(0.0, 0.24, M)
+
+
+class Toy:
+    """Curves that bend a little with each of three parameters; ``alike`` makes the last two act as one."""
+
+    def __init__(self, trials: Sequence[ObservedTrial], alike: bool = False, idle: bool = False) -> None:
+        self.trials, self.alike, self.idle = trials, alike, idle
+
+    def parts(self, z: Array) -> Array:
+        """What each parameter adds, (m, 3, 3)."""
+        shapes = np.stack([np.sin(9 * TIME), np.cos(23 * TIME) - 1, np.sin(47 * TIME + 1)])
+        if self.idle:
+            shapes[2] = 0.0
+        weights = np.array([[1.0, 0.3, 0.5], [0.2, 1.0, 0.6], [0.4, 0.7, 1.2]])
+        if self.alike:
+            shapes[2], weights[:, 2] = 0.6 * shapes[1], weights[:, 1]
+        return 0.01 * np.einsum("pt,cp,p->tcp", shapes, weights, z)
+
+    def curve(self, z: Array) -> Array:
+        """Curves (m, 3)."""
+        total = self.parts(z).sum(axis=2)
+        return np.asarray(0.1 * np.sin(12 * TIME)[:, None] + total + 2.0 * total**2)
+
+    def curves(self, points: Sequence[Array]) -> list[list[Array] | None]:
+        """As in `Response`."""
+        return [[self.curve(z) for _ in self.trials] for z in points]
+
+    def jacobian(self, z: Array, which: Sequence[int]) -> list[Array]:
+        """As in `Response`, exact."""
+        ones = self.parts(np.ones(z.size))
+        total = self.parts(z).sum(axis=2)
+        slope = ones * (1.0 + 4.0 * total[:, :, None])
+        return [slope[:, :, list(which)] for _ in self.trials]
+
+    def force_columns(self, z: Array) -> list[Array]:
+        """As in `Response`: a gain, a level, a delay and one part of noise that do next to nothing."""
+        return [np.full((M, 3, 4), 1e-7) for _ in self.trials]
+
+
+def free(fixed: Sequence[str] = ("*",)) -> Unknowns:
+    """Three asked parameters, all else held."""
+    return unknowns(model.load_action(), ASKED, fixed)
+
+
+def trial(number: int, change: Array, session: int = 0) -> ObservedTrial:
+    """A trial with these curves."""
+    return ObservedTrial(
+        label=f"toy {session}, trial {number}", session=session, number=number, force_time_s=TIME, force_n=0 * TIME,
+        time_s=TIME, change_rad=change, u_white_rad=np.full(3, 1e-5), u_steady_rad=np.full(3, 1e-6),
+        u_scale=np.full(3, 1e-4), preload_n=0.0, u_preload_n=0.01, u_offset_n=1e-3, u_gain=1e-3, u_delay_s=1e-5,
+        noise_n=0.01,
+    )  # fmt: skip
+
+
+def made(
+    z: Array, n: int, rng: np.random.Generator, scatter: float = 0.05, lacking: float = 0.0
+) -> list[ObservedTrial]:
+    """Trials of a truth whose parameters scatter from trial to trial, and which has something the model lacks."""
+    toy = Toy([])
+    extra = lacking * np.cumsum(rng.standard_normal((M, 3)), axis=0) / np.sqrt(M)
+    out = []
+    for k in range(n):
+        own = z + scatter * rng.standard_normal(z.size)
+        out.append(trial(k + 1, toy.curve(own) + extra + 1e-5 * rng.standard_normal((M, 3))))
+    return out
+
+
+def problem(trials: Sequence[ObservedTrial], alike: bool = False, idle: bool = False) -> Problem:
+    """The fit of the toy to trials."""
+    return Problem(model.load_action(), free(), tuple(trials), Toy(trials, alike, idle))

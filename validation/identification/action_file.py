@@ -1,0 +1,96 @@
+"""``identified.toml``: an action file with the identified values, their u, and how they were found.
+
+A valid action file: every command takes it with ``--action``. Its table ``[identification]`` holds the asked parameters
+with intervals and correlations, what the strokes cannot tell, the scores, and the hashes of the data; the model
+does not read it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
+
+import model
+from model.files.atomic_write import whole_file
+from model.parameters.write_toml import action_text
+from validation.identification.result import IDENTIFIED, Identification
+from validation.identification.target_file import check_target
+
+
+def write_identified(found: Identification, path: str | Path) -> None:
+    """Write the action file, whole or not at all.
+
+    Parameters
+    ----------
+    found : Identification
+    path : file to write, ending in .toml
+
+    Raises
+    ------
+    ValidationInputError
+        Another ending, or a folder that is not there.
+
+    Examples
+    --------
+    >>> import validation
+    >>> found = validation.identify(["sessions/example_forte"], ["hammer.joint_friction"], fixed=("*",), profiles=())
+    >>> validation.write_identified(found, "identified.toml")
+    """
+    target = check_target(path)
+    head = [f"identified {found.provenance['created_utc']} from {len(found.provenance['trials_sha256'])} trials"]
+    head += [f"WARNING: {line}" for line in found.warnings]
+    text = action_text(_with_uncertainties(found), head) + "\n" + "\n".join(_table(found)) + "\n"
+    with whole_file(target) as part:
+        part.write_text(text, encoding="utf-8", newline="\n")
+
+
+def _with_uncertainties(found: Identification) -> model.Action:
+    """The action whose asked quantities carry their posterior u; the rest says that it was fitted beside them."""
+    quantities = dict(found.action.quantities)
+    for path in found.action.changed:
+        quantities[path] = replace(quantities[path], source="fitted beside what was identified; not a finding")
+    for e in found.estimates:
+        for path in found.provenance["paths"][e.name]:
+            q = quantities[path]
+            relative = e.u / abs(e.value) if e.value else math.inf
+            u = e.u if len(found.provenance["paths"][e.name]) == 1 else relative * abs(q.value)
+            said = "identified" if e.verdict == IDENTIFIED else f"fitted; {e.verdict}"
+            quantities[path] = replace(q, u=float(u), basis="measured", source=f"{said}; see [identification]")
+    return replace(found.action, name=f"{found.action.name}-identified", quantities=quantities, changed={})
+
+
+def _table(found: Identification) -> list[str]:
+    names = [e.name for e in found.estimates]
+    lines = ["[identification]", f"names = {_value(names)}", f"correlation = {_value(found.correlation.tolist())}"]
+    lines.append(f"warnings = {_value(list(found.warnings))}")
+    lines.append(f"undetermined = {_value([d.words for d in found.undetermined])}")
+    lines += ["", "[identification.provenance]"]
+    lines += [f"{_key(k)} = {_value(v)}" for k, v in found.provenance.items()]
+    lines += ["", "[identification.scores]"]
+    lines += [f"{_key(k)} = {_value(v)}" for k, v in found.scores.items()]
+    for e in found.estimates:
+        lines += ["", f"[identification.parameters.{_key(e.name)}]"]
+        lines += [f"{k} = {_value(v)}" for k, v in asdict(e).items() if k != "name"]
+    return lines
+
+
+def _key(name: str) -> str:
+    return '"' + name.replace("\\", "\\\\").replace('"', '\\"') + '"'
+
+
+def _value(value: Any) -> str:
+    """A TOML value; None, which TOML has not, is left out of tables."""
+    if isinstance(value, Mapping):
+        return "{ " + ", ".join(f"{_key(k)} = {_value(v)}" for k, v in value.items() if v is not None) + " }"
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(_value(v) for v in value) + "]"
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, int):
+        return str(value)
+    if isinstance(value, float):
+        return repr(value)  # inf and nan are TOML, too
+    return _key(str(value))

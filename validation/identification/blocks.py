@@ -1,0 +1,113 @@
+"""The linear model around one point: of each trial, how its curves change with everything that is not known.
+
+Conventions: rows of a trial are channel after channel, (3 m,); columns are per prior standard uncertainty. Common to
+all trials of a bench: errors of the force and of each encoder's scale and zero, as in
+`validation.prediction.joint_draws`. Common to all trials of a session: the discrepancy, what the model lacks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from validation.conventions import Array
+from validation.identification.observations import CHANNELS, ObservedTrial
+
+MOVED_RAD = 1e-3  # turn over which the error of an encoder that does not grow with the angle comes about
+FLOOR_RAD = 1e-5  # least size of a channel's response
+SMOOTH = 5  # phases over which the size of the response is taken
+INSTRUMENT = ("force gain", "force level", "force delay") + tuple(
+    f"{name} encoder {part}" for part in ("scale", "zero") for name in ("key", "whippen", "hammer")
+)
+
+
+@dataclass(frozen=True)
+class Block:
+    """One trial.
+
+    Attributes
+    ----------
+    session : index of its session
+    time_s : (m,) phases
+    moved : (3 m, p) columns of what the fit moves
+    instrument : (3 m, 9) columns of `INSTRUMENT`
+    own : (3 m, k) columns of the trial's own force: its offset, and its noise in parts
+    white : (3 m,) variance of sensor noise, rad²
+    size : (3, m) size of the response: root of the sum of squares of the columns of laws
+    """
+
+    session: int
+    time_s: Array
+    moved: Array
+    instrument: Array
+    own: Array
+    white: Array
+    size: Array
+
+
+def rows(curves: Array) -> Array:
+    """(m, 3, …) as (3 m, …), channel after channel."""
+    return np.moveaxis(curves, 1, 0).reshape(curves.shape[0] * CHANNELS, *curves.shape[2:])
+
+
+def residuals(trials: Sequence[ObservedTrial], curves: Sequence[Array]) -> list[Array]:
+    """Measured less predicted, (3 m,) of each trial."""
+    return [rows(t.change_rad - c) for t, c in zip(trials, curves, strict=True)]
+
+
+def make_blocks(
+    trials: Sequence[ObservedTrial],
+    jacobian: Sequence[Array],
+    force_columns: Sequence[Array],
+    laws: Array,
+    held: Sequence[Array] = (),
+) -> list[Block]:
+    """The linear model of every trial.
+
+    Parameters
+    ----------
+    trials : sequence of ObservedTrial
+    jacobian : (m, 3, p) of each trial
+    force_columns : (m, 3, 3 + n) of each trial, see `model_runs.Response`
+    laws : (p,) bool, which columns are laws: their size is that of the response
+    held : (m, 3, h) of each trial, columns of laws that are fixed; they count for the size, too
+    """
+    out = []
+    for k, t in enumerate(trials):
+        m = t.time_s.size
+        moved = rows(jacobian[k])
+        force = rows(force_columns[k])
+        gain, level, delay = force[:, :3].T
+        encoder = np.zeros((CHANNELS * m, 2 * CHANNELS))
+        for c in range(CHANNELS):
+            part = slice(c * m, (c + 1) * m)
+            turned = t.change_rad[:, c]
+            encoder[part, c] = turned * t.u_scale[c]
+            encoder[part, CHANNELS + c] = t.u_steady_rad[c] * (1.0 - np.exp(-np.abs(turned) / MOVED_RAD))
+        instrument = np.column_stack([gain, level * t.u_preload_n, delay, encoder])
+        out.append(
+            Block(
+                session=t.session,
+                time_s=t.time_s,
+                moved=moved,
+                instrument=instrument,
+                own=np.column_stack([level * t.u_offset_n, force[:, 3:]]),
+                white=np.repeat(t.u_white_rad**2, m),
+                size=_size(np.hstack([moved[:, laws], rows(held[k])]) if held else moved[:, laws], m),
+            )
+        )
+    return out
+
+
+def _size(columns: Array, m: int) -> Array:
+    """Size of the response by channel and phase, largest of its neighbours so that no crossing of zero shows."""
+    size = np.sqrt((columns**2).sum(axis=1)).reshape(CHANNELS, m)
+    around = np.stack([np.roll(size, shift, axis=1) for shift in range(-SMOOTH, SMOOTH + 1)])
+    for i, shift in enumerate(range(-SMOOTH, SMOOTH + 1)):  # no wrapping round the ends
+        if shift > 0:
+            around[i, :, :shift] = 0.0
+        elif shift < 0:
+            around[i, :, shift:] = 0.0
+    return np.maximum(around.max(axis=0), FLOOR_RAD)

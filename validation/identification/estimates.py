@@ -1,0 +1,94 @@
+"""From a fit to the estimate of each asked parameter: value, interval, verdict."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from validation.identification.fit import Fitted, Problem
+from validation.identification.identifiability import HALF
+from validation.identification.profiles import Profile, profile
+from validation.identification.result import (
+    AT_BOUND,
+    DOUBTFUL,
+    IDENTIFIED,
+    NOT_IDENTIFIABLE,
+    NOT_SETTLED,
+    TOO_FEW,
+    Estimate,
+)
+from validation.identification.scatter import LEAST_TRIALS, factors, forms, jackknife, lacking
+
+NEAR_BOUND = 0.02
+NORMAL = 1.96
+LACKING = 0.05
+"""Size of the discrepancy, of what all laws together could do, above which no value is called identified."""
+
+
+def estimate_all(
+    problem: Problem, fitted: Fitted, wanted: Sequence[str] | None, say: Callable[[str], None]
+) -> list[Estimate]:
+    """Estimates of all asked parameters.
+
+    Parameters
+    ----------
+    problem : Problem
+    fitted : Fitted
+    wanted : names to make a profile of; None for all asked
+    say : called with a line of text
+    """
+    factor, jack, form = factors(fitted), jackknife(fitted), forms(fitted)
+    out = []
+    for j, parameter in enumerate(problem.unknowns.asked):
+        made = None
+        if wanted is None or parameter.name in wanted:
+            say(f"profile of {parameter.name}")
+            made = profile(problem, fitted, j, float(factor[j]))
+        out.append(_estimate(problem, fitted, j, (float(factor[j]), float(jack[j]), float(form[j])), made))
+    return out
+
+
+def _estimate(
+    problem: Problem, fitted: Fitted, j: int, spread: tuple[float, float, float], made: Profile | None
+) -> Estimate:
+    """One estimate; ``spread`` is Student factor, jackknife u, and u of the discrepancy's form."""
+    parameter, action = problem.unknowns.asked[j], problem.action
+    factor, jack, form = spread
+    z, width = float(fitted.z[j]), float(np.hypot(np.sqrt(fitted.covariance[j, j]), form))
+    low, high = z - factor * width, z + factor * width
+    if made is not None:  # a profile made of few points is not taken to be narrower than the linear model
+        low, high = min(low, made.low), max(high, made.high)
+    least, most = (float(edge[j]) for edge in problem.box())
+    interval = "two-sided" if made is None else made.interval
+    value = parameter.physical(action, z)
+    verdict = IDENTIFIED
+    if not fitted.converged:
+        verdict = NOT_SETTLED
+    elif min(z - least, most - z) < NEAR_BOUND:
+        verdict = AT_BOUND
+    elif (high - low) / (2.0 * NORMAL) >= HALF or interval != "two-sided":
+        verdict = NOT_IDENTIFIABLE
+    elif lacking(fitted) > LACKING:
+        verdict = DOUBTFUL
+    elif len(problem.trials) < LEAST_TRIALS:
+        verdict = TOO_FEW
+    ends = sorted(parameter.physical(action, v) for v in (max(low, least), min(high, most)))
+    return Estimate(
+        name=parameter.name,
+        unit=parameter.unit(action),
+        prior=parameter.physical(action, 0.0),
+        prior_u=parameter.u,
+        basis=parameter.basis,
+        z=z,
+        z_u=width,
+        value=value,
+        u=abs(value) * parameter.u * width if parameter.factor else parameter.u * width,
+        low=ends[0],
+        high=ends[1],
+        profiled=made is not None,
+        interval=interval,
+        u_jackknife=jack,
+        u_form=form,
+        verdict=verdict,
+    )

@@ -1,0 +1,198 @@
+"""Identification from sessions to result: one stage after the other."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, Unpack
+
+import numpy as np
+
+import model
+from rig.session import Session
+from validation.cache.content_hash import code_sha256
+from validation.conventions import ENCODER_CHANNELS, Array
+from validation.errors import ValidationInputError
+from validation.identification.estimates import LACKING, estimate_all
+from validation.identification.fit import Columns, Fitted, Problem, fit, starts
+from validation.identification.identifiability import directions, warnings_of
+from validation.identification.model_runs import ModelRuns
+from validation.identification.noise import FLOOR, Sizes, learn
+from validation.identification.options import IdentifyKeywords, IdentifyOptions
+from validation.identification.result import AT_BOUND, Identification
+from validation.identification.scatter import lacking
+from validation.identification.scores import score
+from validation.identification.sources import Sources, collect
+from validation.identification.unknowns.priors import Unknowns, unknowns
+from validation.prediction.model_under_test import action_sha256
+
+LEAST_EFFECT_RAD = 1e-8
+SAME = 4.0  # of the objective: starts that end this close have found the same minimum
+
+
+def identify(
+    sessions: Sequence[Session | str | Path],
+    parameters: Sequence[str],
+    action: model.Action | str | Path = "hirschkorn2004",
+    **keywords: Unpack[IdentifyKeywords],
+) -> Identification:
+    """Find the parameter values that explain the measured strokes, and say how well they are known.
+
+    Parameters
+    ----------
+    sessions : sequence of Session or path
+        Sessions of one action; one kind of stroke each.
+    parameters : sequence of str
+        Names as ``--set`` and ``--scale`` know them, ``felt:contact02``, or groups: ``friction``, ``joint_friction``,
+        ``damping``, ``stiffness``, ``springs``.
+    action : model.Action, name or path
+        Values to start from; their uncertainties are the prior.
+    **keywords
+        See `validation.identification.options.IdentifyOptions`.
+
+    Returns
+    -------
+    Identification
+
+    Raises
+    ------
+    ValidationInputError
+        A parameter is unknown, has no prior or no effect, sessions cannot be used together, or the model cannot run.
+
+    Examples
+    --------
+    >>> import validation
+    >>> found = validation.identify(["sessions/example_forte"], ["hammer.joint_friction"], fixed=("*",), profiles=())
+    >>> found.estimates[0].name
+    'hammer.joint_friction.A'
+    """
+    options = IdentifyOptions(**keywords)
+    start = model.load_action(action) if isinstance(action, str | Path) else action
+    asked = unknowns(start, parameters, options.fixed, options.priors)
+    sources = collect(sessions, start, options)
+    response = ModelRuns(start, asked.moved, sources.fitted, options.tolerance)
+    problem = Problem(start, asked, sources.fitted, response, held_columns(start, asked, sources, options.tolerance))
+    columns, before = look_before(problem)
+    for line in before:
+        options.say(f"before the fit: {line}")
+    points = starts(problem, options.starts)
+    fits = [fit(problem, z, options.say, None if k else columns) for k, z in enumerate(points)]
+    best = min(fits, key=lambda f: f.objective)
+    found = action_at(start, asked, best.z)
+    estimates = estimate_all(problem, best, options.profiles, options.say)
+    covariance = best.covariance[: len(asked.asked), : len(asked.asked)]
+    names = [p.name for p in asked.asked]
+    undetermined, determined = directions(names, covariance)
+    scores = {"fitted trials": score(sources.fitted, {"before": start, "identified": found}, options.tolerance)}
+    for name, trials in sources.held.items():
+        scores[name] = score(trials, {"before": start, "identified": found}, options.tolerance)
+    width = np.sqrt(np.diag(covariance))
+    sizes = best.marginal.sizes.scatter
+    scatter = {p.name: float(sizes[j] * p.u) for j, p in enumerate(asked.asked) if problem.laws[j]}
+    bound = [f"{e.name}: {AT_BOUND}; its prior is too narrow, or the model lacks something" for e in estimates]
+    said = [line for line, e in zip(bound, estimates, strict=True) if e.verdict == AT_BOUND]
+    return Identification(
+        action=found,
+        estimates=tuple(estimates),
+        correlation=covariance / np.outer(width, width),
+        undetermined=tuple(undetermined),
+        determined=tuple(determined),
+        warnings=(*_of_fit(best, fits, sources), *said, *warnings_of(names, covariance)),
+        starts=tuple(f.objective for f in fits),
+        scatter=scatter,
+        scores=scores,
+        provenance=_provenance(start, asked, sources, best, options),
+    )
+
+
+def held_columns(start: model.Action, asked: Unknowns, sources: Sources, tolerance: float) -> tuple[Array, ...]:
+    """Columns (m, 3, h) of each trial, of laws that are fixed; none where none is."""
+    if not asked.held:
+        return ()
+    runs = ModelRuns(start, asked.held, sources.fitted, tolerance)
+    return tuple(runs.jacobian(np.zeros(len(asked.held)), range(len(asked.held))))
+
+
+def look_before(problem: Problem) -> tuple[Columns, list[str]]:
+    """Derivatives at the start, and what they say before anything is fitted.
+
+    Raises
+    ------
+    ValidationInputError
+        A parameter has no effect in these strokes, or there are fewer data than parameters.
+    """
+    data = sum(t.change_rad.size for t in problem.trials)
+    names = [p.name for p in problem.unknowns.asked]
+    if data < len(names):
+        raise ValidationInputError(f"identify: found {data} data for {len(names)} parameters; record more trials")
+    zero = np.zeros(len(problem.unknowns.moved))
+    curves = problem.response.curves([zero])[0]
+    if curves is None:
+        raise ValidationInputError(
+            f"identify: the model {problem.action.name} cannot run these strokes; use other values with --set"
+        )
+    columns = Columns(problem)
+    blocks = columns.blocks(zero)
+    effect = np.max([np.abs(b.moved).max(axis=0) for b in blocks], axis=0)
+    for name, size in zip(names, effect, strict=False):
+        if size < LEAST_EFFECT_RAD:
+            raise ValidationInputError(
+                f"--parameters {name}: has no effect in these strokes (no angle moves by {LEAST_EFFECT_RAD:g} rad); "
+                "leave it out, or record a stroke in which it acts"
+            )
+    sizes = Sizes.start(problem.laws, problem.sessions)
+    marginal = learn(blocks, [b.moved @ zero for b in blocks], sizes, 0, FLOOR)
+    n = len(names)
+    return columns, warnings_of(names, marginal.covariance[:n, :n])
+
+
+def action_at(start: model.Action, asked: Unknowns, z: Array) -> model.Action:
+    """The action with all moved parameters at z."""
+    values: dict[str, float] = {}
+    for parameter, at in zip(asked.moved, z, strict=True):
+        values |= parameter.values(start, float(at))
+    return start.with_values(values, "identify")
+
+
+def _of_fit(best: Fitted, fits: Sequence[Fitted], sources: Sources) -> list[str]:
+    said = list(sources.refused)
+    if not best.converged:
+        said.insert(0, "the fit did not settle: its last step was not small; treat the intervals as too narrow")
+    share = lacking(best)
+    if share > LACKING:
+        said.append(
+            f"the model lacks something: trials differ from it alike by {100 * share:.0f} % of what all its laws "
+            "together could do; no value is called identified"
+        )
+    apart = [f.objective - best.objective for f in fits]
+    if max(apart) > SAME:
+        other = sum(a > SAME for a in apart)
+        said.append(f"{other} of {len(fits)} starts ended in a worse minimum; more starts may find a better one")
+    if len(sources.fitted) < 5:
+        said.append(
+            f"{len(sources.fitted)} trials fitted: scatter between trials is poorly known; five or more are advised"
+        )
+    return said
+
+
+def _provenance(
+    start: model.Action, asked: Unknowns, sources: Sources, best: Fitted, options: IdentifyOptions
+) -> dict[str, Any]:
+
+    return {
+        "created_utc": options.now().strftime("%Y-%m-%dT%H:%M:%SZ"),
+        "start": start.name,
+        "start_sha256": action_sha256(start),
+        "model_sha256": code_sha256("model"),
+        "trials_sha256": dict(sources.seals),
+        "fitted_beside": [p.name for p in asked.beside],
+        "fitted_small": len(asked.small),
+        "fixed": list(options.fixed),
+        "paths": {p.name: list(p.paths) for p in asked.asked},
+        "steps": best.steps,
+        "converged": best.converged,
+        "discrepancy": {
+            f"session {s + 1}": dict(zip(ENCODER_CHANNELS, map(float, row), strict=True))
+            for s, row in enumerate(best.marginal.sizes.common)
+        },
+    }

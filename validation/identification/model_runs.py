@@ -1,0 +1,182 @@
+"""What the model says of all trials, and how it changes with what may move.
+
+Conventions: curves are changes of key, whippen and hammer since the model's own rest under the preload, (m, 3) rad;
+derivatives are per prior standard uncertainty. Derivatives here are differences of runs; `Response` is what the fit
+needs of a model, so that exact sensitivities can take their place.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+
+import model
+from model.errors import ModelError
+from model.simulation.options import ForceDrivenOptions
+from validation.conventions import ENCODER_BODIES, Array
+from validation.identification.observations import ObservedTrial
+from validation.identification.unknowns.priors import Parameter
+
+STEP = 0.015  # of a prior standard uncertainty: half a percent of a friction; after an impact larger steps bend
+SMALL_STEP = 0.1  # of what is known well
+TOLERANCE = 2e-7
+FORCE_ERRORS = ("force gain", "force level", "force delay")
+SEGMENTS = 20  # of a trial, for the slow part of its force noise
+BUMP_N = 0.01
+
+
+class Response(Protocol):
+    """What the fit asks of a model."""
+
+    def curves(self, points: Sequence[Array]) -> list[list[Array] | None]:
+        """Curves of every trial at each point z (p,); None where the model cannot run."""
+
+    def jacobian(self, z: Array, which: Sequence[int]) -> list[Array]:
+        """Derivatives (m, 3, len(which)) of every trial with respect to some of z."""
+
+    def force_columns(self, z: Array) -> list[Array]:
+        """Changes (m, 3, 3 + n) under one u of gain, a newton of level, one u of delay, and n parts of force noise."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """One member: values of the action that differ, and errors of the force."""
+
+    changed: dict[str, float] = field(default_factory=dict, hash=False)
+    gain: float = 0.0
+    level_n: float = 0.0
+    delay_s: float = 0.0
+    bump: int = -1
+
+    def felt_n(self, trial: ObservedTrial) -> Array:
+        """Force on the key in this case at the times of the trial's table; held before and after what was recorded."""
+        when, force = trial.force_time_s, trial.force_n * (1 + self.gain) + self.level_n
+        if self.delay_s:
+            force = np.interp(when, when + self.delay_s, force)
+        if self.bump >= 0:
+            knots = np.linspace(when[0], when[-1], SEGMENTS + 1)
+            force = force + np.interp(when, knots, BUMP_N * (np.arange(SEGMENTS + 1) == self.bump))
+        return force
+
+    def preload_n(self, trial: ObservedTrial) -> float:
+        """Force under which the action rests."""
+        return trial.preload_n * (1 + self.gain) + self.level_n
+
+
+class ModelRuns:
+    """The project's model as a `Response`, by differences of runs.
+
+    Parameters
+    ----------
+    action : model.Action
+        Its values are z = 0.
+    parameters : sequence of Parameter
+        What z moves.
+    trials : sequence of ObservedTrial
+    tolerance : float
+        Largest error of any angle of a run, rad.
+    """
+
+    def __init__(
+        self,
+        action: model.Action,
+        parameters: Sequence[Parameter],
+        trials: Sequence[ObservedTrial],
+        tolerance: float = TOLERANCE,
+    ) -> None:
+        self.action, self.parameters, self.trials = action, tuple(parameters), tuple(trials)
+        self.tolerance = tolerance
+        self.runs = 0
+
+    def at(self, z: Array) -> dict[str, float]:
+        """Values of the action at ``z``."""
+        out: dict[str, float] = {}
+        for parameter, value in zip(self.parameters, z, strict=True):
+            out |= parameter.values(self.action, float(value))
+        return out
+
+    def curves(self, points: Sequence[Array]) -> list[list[Array] | None]:
+        """Curves at each point; see `Response`."""
+        return self.run([Case(self.at(z)) for z in points])
+
+    def jacobian(self, z: Array, which: Sequence[int]) -> list[Array]:
+        """Derivatives with respect to z; see `Response`."""
+        points = [Case(self.at(z))]
+        steps = np.array([STEP if self.parameters[j].factor else SMALL_STEP for j in which])
+        for j, step in zip(which, steps, strict=True):
+            moved = z.copy()
+            moved[j] += step
+            points.append(Case(self.at(moved)))
+        return self._differences(self.run(points), steps, [self.parameters[j].name for j in which])
+
+    def force_columns(self, z: Array) -> list[Array]:
+        """Changes under errors of the force; see `Response`."""
+        here, level = self.at(z), 0.01
+        gain = max(t.u_gain for t in self.trials) or 1e-3
+        delay = max(t.u_delay_s for t in self.trials) or 1e-5
+        points = [Case(here), Case(here, gain=gain), Case(here, level_n=level), Case(here, delay_s=delay)]
+        # the baseline is the preload: its knot has no noise
+        points += [Case(here, bump=i) for i in range(1, SEGMENTS + 1)]
+        steps = np.array([gain, level, delay] + SEGMENTS * [BUMP_N])
+        unit = self._differences(self.run(points), steps, [*FORCE_ERRORS, *SEGMENTS * ["force noise"]])
+        scale = [np.array([t.u_gain, 1.0, t.u_delay_s] + SEGMENTS * [_slow_noise_n(t)]) for t in self.trials]
+        return [columns * by for columns, by in zip(unit, scale, strict=True)]
+
+    def _differences(self, found: list[list[Array] | None], steps: Array, names: list[str]) -> list[Array]:
+        base = found[0]
+        if base is None:
+            raise ModelError("identification: the model cannot run where the fit stands; start from other values")
+        out = [np.zeros((*b.shape, len(steps))) for b in base]
+        for j, moved in enumerate(found[1:]):
+            if moved is None:
+                raise ModelError(f"identification: the model cannot run with a small change of {names[j]}; --fix it")
+            for k, curve in enumerate(moved):
+                out[k][:, :, j] = (curve - base[k]) / steps[j]
+        return out
+
+    def run(self, cases: Sequence[Case]) -> list[list[Array] | None]:
+        """Curves of every trial in each case; None where one of them cannot run."""
+        jobs: list[model.batch.Job] = []
+        rests: list[dict[float, model.RestState] | None] = []
+        options = [ForceDrivenOptions(tolerance=self.tolerance, output_time_s=trial.time_s) for trial in self.trials]
+        for case in cases:
+            known: dict[float, model.RestState] = {}
+            try:
+                action = self.action.with_values(case.changed)
+                for trial in self.trials:
+                    preload = case.preload_n(trial)
+                    if preload not in known:
+                        known[preload] = model.rest_state(action, force_n=preload)
+            except ModelError:
+                rests.append(None)
+                continue
+            rests.append(known)
+            for trial, chosen in zip(self.trials, options, strict=True):
+                table = {trial.label: (trial.force_time_s, case.felt_n(trial))}
+                jobs += model.batch.make_jobs(action, table, {"": {}}, chosen, known[case.preload_n(trial)])
+        members = iter(model.batch.run_jobs(model.batch.lanes.choose(jobs, None)))
+        self.runs += len(jobs)
+        made = zip(cases, rests, strict=True)
+        return [None if known is None else self._curves(case, known, members) for case, known in made]
+
+    def _curves(
+        self, case: Case, known: dict[float, model.RestState], members: Iterator[model.batch.Member]
+    ) -> list[Array] | None:
+        """Curves of every trial from the next members; None where one has failed."""
+        curves = []
+        for trial in self.trials:
+            solution = next(members).solution
+            if solution is not None:
+                turn = np.asarray(solution.angle_rad)[:, :5] - known[case.preload_n(trial)].angle_rad[:5]
+                curves.append(turn[:, ENCODER_BODIES])
+        return curves if len(curves) == len(self.trials) else None
+
+
+def _slow_noise_n(trial: ObservedTrial) -> float:
+    """Standard deviation of white force noise, averaged over one of the segments, N."""
+    step = float(np.median(np.diff(trial.force_time_s)))
+    length = float(np.ptp(trial.force_time_s)) / SEGMENTS
+    return trial.noise_n * float(np.sqrt(step / length))

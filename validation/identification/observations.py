@@ -1,0 +1,141 @@
+"""What is compared: the encoder angles of each trial, thinned to phases that the trials of a session share.
+
+Conventions: phases are times relative to the moment the hammer first came 90 % of its way; they are spaced so that the
+action moves equally far between them, from just before the force acts until it ends, before the key goes up: later
+differences grow of themselves. The force is trimmed to that, starts at its declared preload, and is not changed else.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from validation.conventions import Array
+from validation.errors import ValidationInputError
+from validation.measurement.trial import MeasuredTrial
+
+PHASES = 60
+LEAD_S = 0.02  # rest kept before the force acts
+HELD = 0.15  # of the peak force: below it for good, the key is being let go
+EVEN = 0.15  # share of the phases that is spread evenly over time
+CHANNELS = 3
+
+
+@dataclass(frozen=True)
+class ObservedTrial:
+    """One trial as the fit sees it.
+
+    Attributes
+    ----------
+    label : session and number, for messages
+    session, number : which session of the fit (from 0), number of the trial in it
+    force_time_s, force_n : (k,) what drives the model; the first value is the preload
+    time_s : (m,) when angles are compared
+    change_rad : (m, 3) key, whippen, hammer since rest
+    u_white_rad, u_steady_rad, u_scale : (3,) sample to sample; not growing with the angle; relative
+    preload_n, u_preload_n, u_offset_n, u_gain, u_delay_s : of the force
+    noise_n : standard deviation of one force sample
+    """
+
+    label: str
+    session: int
+    number: int
+    force_time_s: Array
+    force_n: Array
+    time_s: Array
+    change_rad: Array
+    u_white_rad: Array
+    u_steady_rad: Array
+    u_scale: Array
+    preload_n: float
+    u_preload_n: float
+    u_offset_n: float
+    u_gain: float
+    u_delay_s: float
+    noise_n: float
+
+
+@dataclass(frozen=True)
+class _Span:
+    start_s: float
+    top_s: float
+    end_s: float
+
+
+def observe(name: str, session: int, trials: Sequence[MeasuredTrial], phases: int = PHASES) -> list[ObservedTrial]:
+    """Thin the trials of one session to common phases.
+
+    Parameters
+    ----------
+    name : of the session, for messages
+    session : its index in the fit
+    trials : of one kind of stroke
+    phases : how many times of each trial are compared
+
+    Raises
+    ------
+    ValidationInputError
+        The trials have no span in common: they are not of one kind of stroke.
+    """
+    spans = [_span(m) for m in trials]
+    before = min(s.top_s - s.start_s for s in spans)
+    after = min(s.end_s - s.top_s for s in spans)
+    if before <= 0.0 or after <= 0.0:
+        raise ValidationInputError(
+            f"{name}: in some trials the hammer does not rise while the force acts; reject them (pianorig annotate), "
+            "or give sessions of one kind of stroke each"
+        )
+    fine = np.arange(-before, after, 1e-3)
+    lead, first = trials[0], spans[0]
+    curve = _at(lead, first.top_s + fine)
+    way = np.abs(np.gradient(curve, axis=0)) / np.ptp(lead.change_rad, axis=0)
+    density = way.sum(axis=1) / way.sum() * (1.0 - EVEN) + EVEN / fine.size
+    passed = np.concatenate([[0.0], np.cumsum(density)[:-1]])
+    at = np.unique(np.interp((np.arange(phases) + 0.5) / phases, passed, fine))
+    return [_observed(name, session, m, s, at) for m, s in zip(trials, spans, strict=True)]
+
+
+def _span(m: MeasuredTrial) -> _Span:
+    hammer = np.abs(m.change_rad[:, 2])
+    top = float(m.time_s[int(np.argmax(hammer > 0.9 * hammer.max()))])
+    force = m.force.force_n - m.force.preload_n
+    acts = np.flatnonzero(force > HELD * force.max())
+    end = min(float(m.force.time_s[acts[-1]]), float(m.time_s[-1]))
+    return _Span(max(m.quiet.onset_s - 2e-3, float(m.force.time_s[0]) + LEAD_S), top, end)
+
+
+def _at(m: MeasuredTrial, time_s: Array) -> Array:
+    return np.column_stack([np.interp(time_s, m.time_s, column) for column in m.change_rad.T])
+
+
+def _observed(name: str, session: int, m: MeasuredTrial, span: _Span, phases: Array) -> ObservedTrial:
+    time = span.top_s + phases
+    f = m.force
+    inside = (f.time_s > time[0] - LEAD_S) & (f.time_s <= time[-1] + 2e-3)
+    force_s, force_n = f.time_s[inside], f.force_n[inside].copy()
+    force_n[force_s < m.quiet.onset_s - 2e-3] = (
+        f.preload_n
+    )  # the baseline's mean is the preload; its noise is not force
+    white = np.abs(np.asarray(m.resolution_rad, dtype=float)) / np.sqrt(12.0)
+    steady = np.sqrt(np.maximum(np.asarray(m.u_rad) ** 2 - 2.0 * white**2, 0.0))
+    offset = f.hum.u_offset_n if np.isfinite(f.hum.u_offset_n) else 0.0
+    return ObservedTrial(
+        label=f"{name}, trial {m.number}",
+        session=session,
+        number=m.number,
+        force_time_s=force_s,
+        force_n=force_n,
+        time_s=time,
+        change_rad=_at(m, time),
+        u_white_rad=np.hypot(white, white),
+        u_steady_rad=steady,
+        u_scale=np.asarray(m.scale_relative_u, dtype=float),
+        preload_n=f.preload_n,
+        u_preload_n=f.channel.u_preload_n,
+        u_offset_n=float(offset),
+        u_gain=f.channel.gain_relative_u,
+        u_delay_s=f.channel.u_group_delay_s,
+        noise_n=float(f.noise_n),
+    )

@@ -1,0 +1,127 @@
+"""Profile of one parameter: how the fit worsens when it is held at other values and everything else is fitted again.
+
+Conventions: the objective is twice the negative log posterior; at each held value the others go where the linear model
+says, and are corrected once by runs of the model itself. The 95 % interval is where it has risen by the square of the
+Student factor. The same without the parameter's own prior says what the strokes alone allow: open where it does not
+rise enough within `priors.BOX`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from validation.conventions import Array
+from validation.identification.blocks import residuals
+from validation.identification.fit import Fitted, Problem
+
+REACH = (-4.0, -2.5, -1.25, 1.25, 2.5, 4.0)
+
+
+@dataclass(frozen=True)
+class Profile:
+    """One profile.
+
+    Attributes
+    ----------
+    name : of the parameter
+    z : (k,) held values, in increasing order, the most probable one among them
+    rise : (k,) of the objective
+    low, high : 95 % interval of z
+    interval : ``two-sided``, ``open above``, ``open below`` or ``open``, without the parameter's own prior
+    """
+
+    name: str
+    z: Array
+    rise: Array
+    low: float
+    high: float
+    interval: str
+
+
+def profile(problem: Problem, fitted: Fitted, j: int, factor: float) -> Profile:
+    """Profile of the moved parameter ``j``; ``factor`` is the Student factor of a 95 % interval."""
+    low, high = problem.box()
+    cov = fitted.covariance
+    width = float(np.sqrt(cov[j, j]))
+    at = fitted.z[j] + width * factor / 2.0 * np.array(REACH)
+    held = [float(v) for v in np.unique(np.clip(at, low[j], high[j])) if abs(v - fitted.z[j]) > 1e-9]
+    points = [_conditional(problem, fitted, j, v) for v in held]
+    z, rise = [float(fitted.z[j])], [0.0]
+    for v, first, found in zip(held, points, problem.response.curves(points), strict=True):
+        best = _objective(problem, fitted, first, found)
+        if found is not None:
+            second = _corrected(problem, fitted, j, first, found)
+            best = min(best, _objective(problem, fitted, second, problem.response.curves([second])[0]))
+        z.append(v)
+        rise.append(best - fitted.objective)
+    order = np.argsort(z)
+    at, up = np.array(z)[order], np.array(rise)[order]
+    finite = np.isfinite(up)
+    at, up = at[finite], up[finite]
+    edges = _crossings(at, up, float(fitted.z[j]), factor**2, width)
+    alone = up - (at**2 - fitted.z[j] ** 2)
+    return Profile(
+        problem.unknowns.moved[j].name,
+        at,
+        up,
+        max(edges[0], float(low[j])),
+        min(edges[1], float(high[j])),
+        _open(at, alone, float(fitted.z[j]), factor**2),
+    )
+
+
+def _conditional(problem: Problem, fitted: Fitted, j: int, value: float) -> Array:
+    """Most probable others of the linear model where parameter j has a value."""
+    low, high = problem.box()
+    cov = fitted.covariance
+    z = fitted.z + cov[:, j] / cov[j, j] * (value - fitted.z[j])
+    z = np.clip(z, low, high)
+    z[j] = value
+    return z
+
+
+def _corrected(problem: Problem, fitted: Fitted, j: int, z: Array, curves: list[Array]) -> Array:
+    """One Gauss–Newton step of the others from runs of the model, with the columns of the fit."""
+    low, high = problem.box()
+    cov = fitted.covariance
+    linear = [r + b.moved @ z for r, b in zip(residuals(problem.trials, curves), fitted.marginal.blocks, strict=True)]
+    mean = fitted.marginal.mean(linear)[: fitted.marginal.p]
+    new = np.clip(mean + cov[:, j] / cov[j, j] * (z[j] - mean[j]), low, high)
+    new[j] = z[j]
+    return np.asarray(new)
+
+
+def _objective(problem: Problem, fitted: Fitted, z: Array, curves: list[Array] | None) -> float:
+    if curves is None:
+        return float("inf")
+    return fitted.marginal.objective(residuals(problem.trials, curves), z)
+
+
+def _crossings(z: Array, rise: Array, best: float, level: float, width: float) -> tuple[float, float]:
+    """Where the root of the rise, signed, crosses the root of the level on each side; beyond the last point, linear."""
+    root = np.sqrt(np.maximum(rise, 0.0))
+    want = float(np.sqrt(level))
+    edges = []
+    for sign in (-1.0, 1.0):
+        side = sign * (z - best) >= 0
+        x, y = sign * (z[side] - best), np.maximum.accumulate(root[side][:: int(sign)])[:: int(sign)]
+        order = np.argsort(x)
+        x, y = x[order], y[order]
+        if y[-1] > want:
+            i = int(np.argmax(y > want))
+            edge = x[i - 1] + (want - y[i - 1]) / (y[i] - y[i - 1]) * (x[i] - x[i - 1])
+        else:
+            edge = x[-1] * want / y[-1] if y[-1] > 0.0 else want * width
+        edges.append(best + sign * max(float(edge), 0.0))
+    return edges[0], edges[1]
+
+
+def _open(z: Array, alone: Array, best: float, level: float) -> str:
+    """On which sides the strokes alone do not end the interval."""
+    below = not bool(np.any(alone[z < best] > level)) if np.any(z < best) else True
+    above = not bool(np.any(alone[z > best] > level)) if np.any(z > best) else True
+    if below and above:
+        return "open"
+    return "open below" if below else "open above" if above else "two-sided"

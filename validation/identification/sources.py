@@ -1,0 +1,100 @@
+"""Trials of the sessions that are fitted, and of those that are only predicted.
+
+One kind of stroke a session (or one condition of its plan); trials without force are named and left out, as in a
+comparison; sessions of different actions are refused.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import model
+from rig.session import Session
+from validation.errors import ValidationInputError
+from validation.identification.observations import ObservedTrial, observe
+from validation.identification.options import IdentifyOptions
+from validation.measurement.session import MeasuredSession, measure_session, open_session
+from validation.measurement.trial import U_REST_LEVEL_M
+from validation.prediction.model_under_test import ModelUnderTest
+
+UNKNOWN = "unknown"
+
+
+@dataclass(frozen=True)
+class Sources:
+    """What an identification is made from.
+
+    Attributes
+    ----------
+    fitted : trials to fit
+    held : name -> trials that are only predicted
+    seals : label -> SHA-256 of every fitted trial
+    refused : lines on trials that could not be used
+    """
+
+    fitted: tuple[ObservedTrial, ...]
+    held: dict[str, tuple[ObservedTrial, ...]]
+    seals: dict[str, str]
+    refused: tuple[str, ...]
+
+
+def collect(sessions: Sequence[Session | str | Path], action: model.Action, options: IdentifyOptions) -> Sources:
+    """Read, measure and thin the trials of all sessions.
+
+    Raises
+    ------
+    ValidationInputError
+        No session, sessions of different actions, one given twice, or one without a usable trial.
+    """
+    if not sessions:
+        raise ValidationInputError("identify: no session given; name at least one session folder")
+    opened = [open_session(s) for s in [*sessions, *options.hold_out]]
+    _refuse_twice(opened)
+    _refuse_other_actions(opened)
+    tested = ModelUnderTest(action, options.tolerance)
+    found = [measure_session(s, tested.geometry_at, U_REST_LEVEL_M, options.condition) for s in opened]
+    fitted: list[ObservedTrial] = []
+    held: dict[str, tuple[ObservedTrial, ...]] = {}
+    refused: list[str] = []
+    seals: dict[str, str] = {}
+    for k, measured in enumerate(found):
+        name = measured.session.info.name or measured.session.path.name
+        refused += [f"{name}, trial {number}: {reason}" for number, reason in measured.refused.items()]
+        kept = [m for m in measured.trials if k < len(sessions) and m.number not in options.hold_out_trials]
+        out = [m for m in measured.trials if k >= len(sessions) or m.number in options.hold_out_trials]
+        if k < len(sessions) and not kept:
+            raise ValidationInputError(_none(measured, name))
+        if kept:
+            observed = observe(name, k, kept, options.phases)
+            fitted += observed
+            seals |= {t.label: m.seal for t, m in zip(observed, kept, strict=True)}
+        if out:
+            held[f"{name}, held out" if kept else name] = tuple(observe(name, 0, out, options.phases))
+    return Sources(tuple(fitted), held, seals, tuple(refused))
+
+
+def _none(measured: MeasuredSession, name: str) -> str:
+    reasons = "; ".join(f"trial {n}: {why}" for n, why in list(measured.refused.items())[:3]) or "it has no trials"
+    return f"{name}: no usable trial to fit ({reasons}); a fit needs measured force and key, whippen and hammer angles"
+
+
+def _refuse_twice(opened: Sequence[Session]) -> None:
+    places = [s.path.resolve() for s in opened]
+    for place in places:
+        if places.count(place) > 1:
+            raise ValidationInputError(
+                f"{place}: session given twice; name each session once, to fit or with --hold-out"
+            )
+
+
+def _refuse_other_actions(opened: Sequence[Session]) -> None:
+    for what in ("name", "key"):
+        known = {getattr(s.info.action, what): s.path.name for s in opened}
+        known.pop(UNKNOWN, None)
+        if len(known) > 1:
+            listed = ", ".join(f"{value!r} in {folder}" for value, folder in known.items())
+            raise ValidationInputError(
+                f"identify: sessions of different actions ({what}: {listed}); allowed one; identify each by itself"
+            )

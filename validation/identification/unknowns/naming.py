@@ -1,0 +1,102 @@
+"""Names of what can be identified: single parameters, the stiffness of a felt, and groups of them.
+
+A name is one of those of ``--set`` and ``--scale``, or ``felt:contact02``: stiffness and damping of that felt. A group
+stands for its members, each free by itself:
+
+    friction            coefficient A of every contact that has one
+    joint_friction      torque A of every joint
+    damping             D of every contact
+    stiffness           stiffness of every contact: a, b, c by one factor
+    springs             torque or stiffness of the two springs
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Sequence
+from fnmatch import fnmatchcase
+
+import model
+from validation.errors import ValidationInputError
+
+FELT = "felt:"
+STIFFNESS = ("a", "b", "c")
+GROUPS = ("friction", "joint_friction", "damping", "stiffness", "springs")
+
+
+def single_names(action: model.Action) -> dict[str, tuple[str, ...]]:
+    """Every single thing that can be free, name -> paths that move together; values of zero are left out."""
+    values = {path: q.value for path, q in action.quantities.items()}
+    names: dict[str, tuple[str, ...]] = {}
+    for path, value in values.items():
+        owner, _, last = path.rpartition(".")
+        if owner.endswith(".normal") and last in STIFFNESS:
+            name = owner.removesuffix(".normal")
+            names[name] = (*names.get(name, ()), path)
+        elif value != 0.0:
+            names[path] = (path,)
+    return names
+
+
+def group_members(action: model.Action, group: str) -> list[str]:
+    """Single names of a group; empty where it is none."""
+    names = single_names(action)
+    tails = {
+        "friction": lambda n: n.endswith(".friction.A"),
+        "joint_friction": lambda n: n.endswith(".joint_friction.A"),
+        "damping": lambda n: n.endswith(".normal.D"),
+        "stiffness": lambda n: len(names[n]) > 1,
+        "springs": lambda n: n.split(".")[0].endswith("_spring") and n.split(".")[-1] in ("torque", "stiffness"),
+    }
+    return [name for name in names if tails[group](name)] if group in tails else []
+
+
+def expand(action: model.Action, asked: Sequence[str], option: str = "--parameters") -> list[str]:
+    """Single names of what was asked for, in that order, each once.
+
+    Parameters
+    ----------
+    action : model.Action
+    asked : sequence of str
+        Names, groups or patterns.
+    option : str
+        For messages.
+
+    Raises
+    ------
+    ValidationInputError
+        Nothing has that name, or the value is zero, so that nothing says how large it might be.
+    """
+    names = single_names(action)
+    found: dict[str, None] = {}
+    for text in (part.strip() for part in asked):
+        members = group_members(action, text)
+        if text.startswith(FELT):
+            felt = text.removeprefix(FELT)
+            members = [n for n in (felt, f"{felt}.normal.D") if n in names]
+        elif text in names:
+            members = [text]
+        elif f"{text}.A" in names:  # a law by its name, as in --scale
+            members = [f"{text}.A"]
+        elif not members:
+            members = [n for n in names if fnmatchcase(n, text)] if "*" in text else []
+            members = members or [n for n in names if n.rpartition(".")[0] == text and text.endswith("_spring")]
+        if not members:
+            raise ValidationInputError(_unknown(action, text, option))
+        found |= dict.fromkeys(members)
+    if not found:
+        raise ValidationInputError(f"{option}: no parameter given; allowed names of --set, or {', '.join(GROUPS)}")
+    return list(found)
+
+
+def _unknown(action: model.Action, text: str, option: str) -> str:
+    for path in (text, f"{text}.A"):
+        if path in action.quantities:
+            return (
+                f"{option} {path}: its value is {action[path]:g}, so nothing says how large it may be (no prior); "
+                "set it to its order of magnitude with --set, or leave it out"
+            )
+    known = [*GROUPS, *single_names(action)]
+    near = difflib.get_close_matches(text.removeprefix(FELT), known, n=1)
+    hint = f"; did you mean {near[0]}" if near else ""
+    return f"{option} {text}: no such parameter, felt or group{hint}; groups: {', '.join(GROUPS)}"

@@ -1,0 +1,166 @@
+"""What is known of a parameter before the strokes are looked at, and how it is moved.
+
+Conventions: a parameter is moved in units of its prior standard uncertainty: z = 0 is the action's value, z = 1 one
+u above; laws of friction, felt and springs by a factor, exp(u z), all else by u z in SI units.
+The declared u is the prior, but for laws of friction, felt and springs whose u is only the rounding of printed digits:
+that says nothing of the piece on the bench, and `LAW_U` takes its place (docs/decisions/0125-identification-priors.md).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import model
+from model.parameters.quantity import allowed_range
+from validation.errors import ValidationInputError
+from validation.identification.unknowns.naming import expand, group_members, single_names
+
+LAW_U = 0.3
+"""Relative standard uncertainty of a law's value whose stated u is only that of printed digits."""
+BOX = 4.0
+"""A parameter is looked for within this many prior standard uncertainties."""
+LAW_GROUPS = ("friction", "joint_friction", "damping", "stiffness", "springs")
+THRESHOLDS = ("friction_threshold.v_t", "friction_threshold.omega_t")
+LARGE_RELATIVE_U = 0.25
+PRINTED = "printed digits"
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One thing that may move.
+
+    Attributes
+    ----------
+    name : as in `naming`
+    paths : parameters of the action that move together
+    u : prior standard uncertainty, relative (``factor``) or SI
+    factor : whether it is moved by a factor
+    basis : where u comes from
+    """
+
+    name: str
+    paths: tuple[str, ...]
+    u: float
+    factor: bool
+    basis: str
+
+    def values(self, action: model.Action, z: float) -> dict[str, float]:
+        """Values of its paths at ``z``."""
+        if self.factor:
+            return {path: action[path] * math.exp(self.u * z) for path in self.paths}
+        return {path: action[path] + self.u * z for path in self.paths}
+
+    def slope(self, action: model.Action, z: float) -> dict[str, float]:
+        """Derivative of the value of each path with respect to z, SI."""
+        if self.factor:
+            return {path: self.u * value for path, value in self.values(action, z).items()}
+        return dict.fromkeys(self.paths, self.u)
+
+    def physical(self, action: model.Action, z: float) -> float:
+        """Value at ``z``: the factor where several paths move together, SI of the only path otherwise."""
+        if len(self.paths) > 1:
+            return math.exp(self.u * z)
+        return self.values(action, z)[self.paths[0]]
+
+    def unit(self, action: model.Action) -> str:
+        """Unit of `physical`; ``1`` for a factor."""
+        return "1" if len(self.paths) > 1 else action.quantities[self.paths[0]].unit
+
+    def box(self, action: model.Action) -> tuple[float, float]:
+        """Smallest and largest z."""
+        low, high = -BOX, BOX
+        if not self.factor:
+            least, most, _ = allowed_range(self.paths[0])
+            low = max(low, 0.999 * (least - action[self.paths[0]]) / self.u)
+            high = min(high, 0.999 * (most - action[self.paths[0]]) / self.u)
+        return low, high
+
+
+@dataclass(frozen=True)
+class Unknowns:
+    """All that may move: what was asked for, and what is uncertain beside it.
+
+    Attributes
+    ----------
+    asked : parameters to identify
+    beside : laws that were not asked for and not fixed; fitted, not reported as identified
+    small : all other parameters with u > 0: masses, geometry; fitted likewise
+    held : laws that are fixed; they only tell how large a response is
+    """
+
+    asked: tuple[Parameter, ...]
+    beside: tuple[Parameter, ...]
+    small: tuple[Parameter, ...]
+    held: tuple[Parameter, ...] = ()
+
+    @property
+    def moved(self) -> tuple[Parameter, ...]:
+        """Those that the fit moves: all of them."""
+        return (*self.asked, *self.beside, *self.small)
+
+
+def parameter_of(action: model.Action, name: str, given: float | None = None) -> Parameter | None:
+    """A single name with its prior; None where nothing says how large it may be."""
+    paths = single_names(action)[name]
+    lead = action.quantities[paths[0]]
+    value = abs(lead.value)
+    law = len(paths) > 1 or any(name in group_members(action, group) for group in LAW_GROUPS)
+    if given is not None:
+        factor = law or name in THRESHOLDS
+        return Parameter(name, paths, given, factor, "given with --prior")
+    if lead.u <= 0.0:
+        return None
+    if law and lead.basis == PRINTED:
+        return Parameter(name, paths, LAW_U, True, f"{LAW_U:.0%} taken: stated u is that of printed digits")
+    if (law or lead.u > LARGE_RELATIVE_U * value) and value > 0.0:
+        return Parameter(name, paths, math.sqrt(math.log1p((lead.u / value) ** 2)), True, lead.basis)
+    return Parameter(name, paths, lead.u, False, lead.basis)
+
+
+def unknowns(
+    action: model.Action, asked: Sequence[str], fixed: Sequence[str] = (), priors: Mapping[str, float] | None = None
+) -> Unknowns:
+    """Sort all parameters of an action by what a fit does with them.
+
+    Parameters
+    ----------
+    action : model.Action
+    asked, fixed : names, see `naming`
+    priors : name -> standard uncertainty, relative for laws, SI otherwise
+
+    Raises
+    ------
+    ValidationInputError
+        A name is unknown, asked for and fixed, or has no prior; a prior is not above zero.
+    """
+    wanted = expand(action, asked)
+    held = expand(action, fixed, "--fix") if fixed else []
+    given = _given(action, priors or {})
+    for name in fixed:  # a group or pattern means the rest of it
+        if name.strip() in wanted:
+            raise ValidationInputError(f"--fix {name}: found it in --parameters, too; allowed in one of the two")
+    held = [name for name in held if name not in wanted]
+    found = []
+    for name in wanted:
+        one = parameter_of(action, name, given.get(name))
+        if one is None:
+            raise ValidationInputError(
+                f"--parameters {name}: its stated uncertainty is 0, so it has no prior; give one, --prior {name}=0.1"
+            )
+        found.append(one)
+    rest = [n for n in single_names(action) if n not in wanted and n not in held]
+    others = [p for p in (parameter_of(action, n, given.get(n)) for n in rest) if p is not None]
+    still = [p for p in (parameter_of(action, n) for n in held) if p is not None and p.factor]
+    beside, small = [p for p in others if p.factor], [p for p in others if not p.factor]
+    return Unknowns(tuple(found), tuple(beside), tuple(small), tuple(still))
+
+
+def _given(action: model.Action, priors: Mapping[str, float]) -> dict[str, float]:
+    out: dict[str, float] = {}
+    for text, u in priors.items():
+        if not (math.isfinite(u) and u > 0.0):
+            raise ValidationInputError(f"--prior {text}: standard uncertainty found {u:g}, allowed above 0")
+        out |= dict.fromkeys(expand(action, [text], "--prior"), float(u))
+    return out
