@@ -36,9 +36,7 @@ def counted_searches(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     """The frames in which a body is searched for, as they come."""
     frames: list[int] = []
     plain = vision.tracking.body_tracker.search_candidates
-    monkeypatch.setattr(
-        vision.tracking.body_tracker, "search_candidates", lambda *a: frames.append(a[1]) or plain(*a)
-    )
+    monkeypatch.setattr(vision.tracking.body_tracker, "search_candidates", lambda *a: frames.append(a[1]) or plain(*a))
     return frames
 
 

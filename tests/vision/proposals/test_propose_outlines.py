@@ -14,8 +14,8 @@ from vision.bodies.outlines import load_bodies, signed_distance
 from vision.errors import TrackingError
 from vision.film.mraw_writer import write_mraw
 from vision.film.source import ArrayFilm
+from vision.proposals.propose_outlines import propose_bodies
 from vision.synthetic import Scene, Sensor, SyntheticBody, background, box, speckle
-from vision.tracking.propose_outlines import propose_bodies
 from vision.tracking.track_film import track_film
 
 
