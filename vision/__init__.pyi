@@ -30,6 +30,7 @@ from .film.source import Film as Film
 from .film.source import FrameSource as FrameSource
 from .fitting.pose_covariance import cramer_rao_bound as cramer_rao_bound
 from .output.contact_sheet import write_contact_sheet as write_contact_sheet
+from .output.frames_to_draw_on import draw_frames as draw_frames
 from .output.outline_drawing import draw_bodies as draw_bodies
 from .output.outline_drawing import write_picture as write_picture
 from .output.overlay import write_overlay as write_overlay
