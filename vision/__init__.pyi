@@ -44,6 +44,7 @@ from .timing import estimate_offset as estimate_offset
 from .timing import times_of_counts as times_of_counts
 from .timing import times_of_edges as times_of_edges
 from .tracking.prepare import predict_uncertainty as predict_uncertainty
+from .tracking.retrack import preview as preview
 from .tracking.retrack import retrack_frames as retrack_frames
 from .tracking.track_film import track as track
 from .tracking.track_film import track_film as track_film

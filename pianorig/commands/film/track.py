@@ -66,6 +66,10 @@ def command(
         Path | None,
         typer.Option("--propose-bodies", help="Propose outlines (.toml, and a .png to look at) instead of tracking."),
     ] = None,
+    preview: Annotated[
+        int | None,
+        typer.Option("--preview", min=1, max=60, help="First fit N frames and draw them: OUT with .preview.png."),
+    ] = None,
     overlay: Annotated[Path | None, typer.Option("--overlay", help="Film (.avi) with the tracked outlines.")] = None,
     contact_sheet: Annotated[
         Path | None, typer.Option("--contact-sheet", help="Picture (.png) of the worst frames.")
@@ -113,6 +117,11 @@ def command(
         raise CommandInputError("--place: goes with --retrack FRAME")
     if (doubt := filmed.doubt_about_times) is not None:
         say(f"warning: {doubt}", quiet=as_json)
+    seen = None
+    if preview is not None:
+        looked_at = target.with_suffix(".preview.png")
+        seen = workflows.preview_track(filmed, looked_at, preview, method=method, n_still=n_still, camera=camera)
+        say("\n".join([*seen["lines"], f"look at {looked_at}; Ctrl-C if outlines do not fit"]), quiet=as_json)
     unfinished = target.with_name(f"{target.name}.unfinished.npz")
     if restart:
         unfinished.unlink(missing_ok=True)
@@ -133,7 +142,7 @@ def command(
     workflows.draw_track(filmed, result, overlay=overlay, contact_sheet=contact_sheet, plot=figure)
     facts = workflows.tracking_summary(result)
     if as_json:
-        print_json({"out": target, "doubt_about_times": doubt, **facts})
+        print_json({"out": target, "doubt_about_times": doubt, **({"preview": seen} if seen else {}), **facts})
         return
     again = f", {facts['rows_resumed']} from an interrupted run" if facts["rows_resumed"] else ""
     print(f"{target}: {facts['frames']} frames{again}, {facts['rows_confirmed']} confirmed backward")
