@@ -16,7 +16,9 @@ from pianorig.errors import CommandInputError
 
 
 def command(
-    film: Annotated[Path, typer.Argument(help="Film: .mraw (+ .cih/.cihx), .avi, .mp4, .tif, folder of pictures.")],
+    film: Annotated[
+        Path, typer.Argument(help="Film: .mraw (+ .cih/.cihx), .cine, .avi, .mp4, .tif, folder of pictures.")
+    ],
     bodies: Annotated[
         Path | None, typer.Option("--bodies", help="TOML file with the outlines; default: the session's.")
     ] = None,
