@@ -29,6 +29,11 @@ from .film.source import ArrayFilm as ArrayFilm
 from .film.source import Film as Film
 from .film.source import FrameSource as FrameSource
 from .fitting.pose_covariance import cramer_rao_bound as cramer_rao_bound
+from .marks.follow import follow_marks as follow_marks
+from .marks.mark import LineMark as LineMark
+from .marks.mark import PointMark as PointMark
+from .marks.mark import load_marks as load_marks
+from .marks.result import MarkResult as MarkResult
 from .output.contact_sheet import write_contact_sheet as write_contact_sheet
 from .output.frames_to_draw_on import draw_frames as draw_frames
 from .output.outline_drawing import draw_bodies as draw_bodies

@@ -68,6 +68,10 @@ def command(
         Path | None,
         typer.Option("--propose-bodies", help="Propose outlines (.toml, and a .png to look at) instead of tracking."),
     ] = None,
+    marks: Annotated[
+        Path | None,
+        typer.Option("--marks", help="Follow the points and lines of this TOML file instead of bodies."),
+    ] = None,
     preview: Annotated[
         int | None,
         typer.Option("--preview", min=1, max=60, help="First fit N frames and draw them: OUT with .preview.png."),
@@ -106,6 +110,16 @@ def command(
             print(f"{found['out']}: {names}; look at {found['picture']}, then correct and name them")
         return
     filmed = workflows.SessionFilm(film, bodies, frame_rate, allow_truncated)
+    if marks is not None:
+        with bar("following", quiet=as_json) as progress:
+            followed = workflows.follow_marks_of(filmed, marks, every=every, n_still=n_still, progress=progress)
+        write_table(target, followed.to_table())
+        summary = workflows.marks_summary(followed)
+        if as_json:
+            print_json({"out": target, "marks": summary})
+        else:
+            print("\n".join([f"{target}: {len(followed.frame)} frames", *workflows.marks_lines(summary)]))
+        return
     camera = workflows.camera_of(calibration, tilt, distortion)
     if retrack:
         places = workflows.read_places(place or [])

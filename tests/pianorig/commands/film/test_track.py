@@ -72,6 +72,22 @@ def test_three_frames_are_shown_before_the_film_is_tracked(
     assert json.loads(capsys.readouterr().out)["preview"]["lost"] == {"bar": 0}
 
 
+def test_marks_are_followed_instead_of_bodies(
+    filmed: tuple[Path, Path, np.ndarray], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    film, _, angle = filmed
+    marks, out = tmp_path / "marks.toml", tmp_path / "marks.csv"
+    marks.write_text('[[point]]\nname = "end"\nat_px = [150, 96]\nradius_px = 12\n')
+    assert run("track", film, "--marks", marks, "--out", out) == 0
+    said = capsys.readouterr().out
+    assert "marks.csv: 60 frames" in said and "end" in said and "0 frames lost; median u_x 0.0" in said
+    table = pd.read_csv(out)
+    error = table["end_y_px"] - (96.0 - (150.0 - 92.0) * np.sin(angle))
+    assert np.all(np.abs(error - error[:14].mean()) < 5.0 * table["end_u_y_px"])
+    assert run("track", film, "--marks", marks, "--out", out, "--json") == 0
+    assert json.loads(capsys.readouterr().out)["marks"]["end"]["lost"] == 0
+
+
 def test_the_rate_of_a_video_file_is_doubted(
     filmed: tuple[Path, Path, np.ndarray], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
