@@ -29,11 +29,18 @@ from .film.source import ArrayFilm as ArrayFilm
 from .film.source import Film as Film
 from .film.source import FrameSource as FrameSource
 from .fitting.pose_covariance import cramer_rao_bound as cramer_rao_bound
+from .marks.follow import follow_marks as follow_marks
+from .marks.mark import LineMark as LineMark
+from .marks.mark import PointMark as PointMark
+from .marks.mark import load_marks as load_marks
+from .marks.result import MarkResult as MarkResult
 from .output.contact_sheet import write_contact_sheet as write_contact_sheet
+from .output.frames_to_draw_on import draw_frames as draw_frames
 from .output.outline_drawing import draw_bodies as draw_bodies
 from .output.outline_drawing import write_picture as write_picture
 from .output.overlay import write_overlay as write_overlay
 from .output.plots import write_plot as write_plot
+from .proposals.propose_outlines import propose_bodies as propose_bodies
 from .results.flags import FrameFlag as FrameFlag
 from .results.track_result import TrackResult as TrackResult
 from .timing import ClockOffset as ClockOffset
@@ -42,7 +49,7 @@ from .timing import estimate_offset as estimate_offset
 from .timing import times_of_counts as times_of_counts
 from .timing import times_of_edges as times_of_edges
 from .tracking.prepare import predict_uncertainty as predict_uncertainty
-from .tracking.propose_outlines import propose_bodies as propose_bodies
+from .tracking.retrack import preview as preview
 from .tracking.retrack import retrack_frames as retrack_frames
 from .tracking.track_film import track as track
 from .tracking.track_film import track_film as track_film

@@ -32,6 +32,10 @@ from .examples.write import EXAMPLES as EXAMPLES
 from .examples.write import write_examples as write_examples
 from .film.attach import attach_film as attach_film
 from .film.attach import session_folder as session_folder
+from .film.marks import follow_marks_of as follow_marks_of
+from .film.marks import marks_lines as marks_lines
+from .film.marks import marks_summary as marks_summary
+from .film.preview import preview_track as preview_track
 from .film.propose_outlines import propose_outlines as propose_outlines
 from .film.retrack import read_places as read_places
 from .film.retrack import retrack as retrack

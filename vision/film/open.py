@@ -7,6 +7,7 @@ from pathlib import Path
 
 from vision.errors import FilmError
 from vision.film.avi_reader import AviFilm
+from vision.film.cine_reader import CineFilm
 from vision.film.mraw_reader import MrawFilm
 from vision.film.opencv_video import VideoFilm
 from vision.film.picture_stack import PICTURE_SUFFIXES, PagedPicture, PictureFolder
@@ -22,8 +23,9 @@ def open_film(path: str | os.PathLike[str], *, allow_truncated: bool = False) ->
     Parameters
     ----------
     path : path
-        ``.mraw``, ``.cih`` or ``.cihx`` (film and header lie side by side), AVI/MP4/MOV/MKV, a TIFF with one frame
-        per page, or a folder of PNG/TIFF pictures, read in the order of the numbers in their names.
+        ``.mraw``, ``.cih`` or ``.cihx`` (film and header lie side by side), a Phantom ``.cine``, AVI/MP4/MOV/MKV, a
+        TIFF with one frame per page, or a folder of PNG, TIFF, BMP or JPEG pictures, read in the order of the numbers
+        in their names.
     allow_truncated : bool
         Read a film that was cut short up to its last whole frame instead of refusing it.
 
@@ -47,11 +49,15 @@ def open_film(path: str | os.PathLike[str], *, allow_truncated: bool = False) ->
     path = Path(path)
     suffix = path.suffix.lower()
     if not path.exists():
-        raise FilmError(f"{path}: no such film; give an existing .mraw, .avi, .mp4, .tif file or a folder of pictures")
+        raise FilmError(
+            f"{path}: no such film; give an existing .mraw, .cine, .avi, .mp4, .tif file or a folder of pictures"
+        )
     if path.is_dir():
         return PictureFolder(path, allow_truncated=allow_truncated)
     if suffix in MRAW_SUFFIXES:
         return MrawFilm(path, allow_truncated=allow_truncated)
+    if suffix == ".cine":
+        return CineFilm(path, allow_truncated=allow_truncated)
     if suffix == ".avi":
         avi = AviFilm(path, allow_truncated=allow_truncated)
         if avi.readable:
@@ -61,5 +67,5 @@ def open_film(path: str | os.PathLike[str], *, allow_truncated: bool = False) ->
         return VideoFilm(path, allow_truncated=allow_truncated)
     if suffix in PICTURE_SUFFIXES:
         return PagedPicture(path, allow_truncated=allow_truncated)
-    known = ", ".join((*MRAW_SUFFIXES, *VIDEO_SUFFIXES, ".tif", ".tiff"))
+    known = ", ".join((*MRAW_SUFFIXES, ".cine", *VIDEO_SUFFIXES, ".tif", ".tiff"))
     raise FilmError(f"{path}: film format {suffix or '(no suffix)'} is not known; readable: {known}, picture folders")

@@ -1,4 +1,4 @@
-"""Films stored as pictures: a TIFF with one frame per page, or a folder with one PNG or TIFF per frame.
+"""Films stored as pictures: a TIFF with one frame per page, or a folder with one PNG, TIFF, BMP or JPEG per frame.
 
 OpenCV decodes one picture at a time, so memory does not grow with the film. A folder is read in the order of the
 numbers in the file names. These formats carry no frame rate: the caller gives the frame times. Pictures that cannot be
@@ -15,10 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.errors import FilmError
+from vision.film.compression import Compression, jpeg_steps
 from vision.film.source import Film, NewestFrame
 from vision.film.tiff_pages import chain_is_whole
 
-PICTURE_SUFFIXES = (".png", ".tif", ".tiff", ".bmp")
+JPEG_SUFFIXES = (".jpg", ".jpeg")
+PICTURE_SUFFIXES = (".png", ".tif", ".tiff", ".bmp", *JPEG_SUFFIXES)
 
 
 class PictureFolder(Film):
@@ -41,6 +43,8 @@ class PictureFolder(Film):
         first = _decode(self._files[0])
         self.height, self.width = first.shape
         self.bit_depth = 8 * first.dtype.itemsize
+        if self._files[0].suffix.lower() in JPEG_SUFFIXES:
+            self.compression = Compression(jpeg_steps(self._files[0].read_bytes()))
         self._type = first.dtype
 
     def read(self, index: int) -> NDArray[Any]:

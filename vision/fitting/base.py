@@ -50,13 +50,15 @@ class Fitter(Protocol):
     """An engine that fits one body."""
 
     template: Template
+    has_cautious_start: bool
+    """Whether ``cautious`` makes a difference to `reset`."""
 
     def fit(self, film: FrameSource, index: int, pose: NDArray[np.float64], covered: NDArray[np.uint8] | None) -> Fit:
         """Fit the body in frame ``index``, starting from ``pose``; ``covered`` marks template pixels to leave out."""
         ...
 
-    def reset(self) -> None:
-        """Forget the state carried over from the previous frame."""
+    def reset(self, cautious: bool = False) -> None:
+        """Forget the state carried over from the previous frame; ``cautious`` as for much of the body hidden."""
         ...
 
     def state(self) -> dict[str, NDArray[Any]]:

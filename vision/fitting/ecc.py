@@ -31,6 +31,8 @@ INLIER_SIGMA = 3.0
 class EccFitter:
     """Fits one body with `cv2.findTransformECCWithMask`."""
 
+    has_cautious_start = False
+
     def __init__(self, template: Template) -> None:
         if not hasattr(cv2, "findTransformECCWithMask"):
             raise VisionInputError(
@@ -49,7 +51,7 @@ class EccFitter:
         self._mask = np.zeros(shape, dtype=np.uint8)
         self._mask[rows, cols] = 255
 
-    def reset(self) -> None:
+    def reset(self, cautious: bool = False) -> None:
         """Nothing is carried over."""
 
     def state(self) -> dict[str, NDArray[Any]]:

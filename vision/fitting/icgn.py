@@ -21,8 +21,8 @@ from vision.fitting.base import FAILED, MARGIN_PX, Fit, region_of
 from vision.fitting.bspline import noise_gain
 from vision.fitting.coherence import UNKNOWN, Blocks, Ratios
 from vision.fitting.frame_spline import FrameSpline
-from vision.fitting.kernel_records import Region, RigidFit, Settings, State, Subset
-from vision.fitting.kernels import fit_rigid
+from vision.fitting.kernel_records import Places, Region, RigidFit, Settings, State, Subset
+from vision.fitting.kernels import fit_rigid, place_pixels, sample, tukey_weights
 from vision.fitting.light_gradient import MOST, NO_LIGHT, LightGradient
 from vision.fitting.normal_inverse import inverse_and_covariance
 from vision.fitting.pose_covariance import PATTERN_EXCESS, TUKEY_FACTOR, pose_covariance
@@ -48,6 +48,8 @@ SCALE_FLOOR_GREY = 0.5
 class IcgnFitter:
     """Fits one body; carries the weights of its pixels over from frame to frame."""
 
+    has_cautious_start = True
+
     def __init__(self, template: Template, frames: FrameSpline | None = None) -> None:
         self.template = template
         self._frames = frames
@@ -59,8 +61,13 @@ class IcgnFitter:
         self._uncovered = np.zeros(template.n_pixels, dtype=np.uint8)
         self.reset()
 
-    def reset(self) -> None:
-        """Forget the weights carried over from the previous frame."""
+    def reset(self, cautious: bool = False) -> None:
+        """Forget the weights carried over from the previous frame.
+
+        The next fit starts from equal weights; ``cautious``, from those that the grey values at its initial guess
+        suggest: equal ones mislead a fit where much of the body is hidden, the others one that starts further away.
+        """
+        self._cautious = cautious
         self._weight = np.ones(self.template.n_pixels, dtype=np.float32)
         self._scale = 2.0
         self._light = NO_LIGHT
@@ -133,8 +140,12 @@ class IcgnFitter:
             coefficient = self._light_gradient().divided_out(coefficient, corner, start, self._light)
         pose = np.array(start, dtype=float)
         subset = Subset(template.offset_px, template.columns, hidden, *template.centre_px, template.radius_px)
+        region = Region(coefficient, float(corner[1]), float(corner[0]))
+        if self._cautious:
+            self._weigh(region, subset, pose)
+            self._cautious = False
         state = State(pose, self._weight, self._work, self._at, self._scale)
-        found = fit_rigid(Region(coefficient, float(corner[1]), float(corner[0])), subset, self._settings, state)
+        found = fit_rigid(region, subset, self._settings, state)
         if found.iterations <= 0 or not all(map(math.isfinite, pose.tolist())):
             self.reset()
             return FAILED
@@ -144,6 +155,19 @@ class IcgnFitter:
             root = np.sqrt(self._light_gradient().variance_factor)
             fit = replace(fit, covariance=fit.covariance * root[:, None] * root)
         return fit
+
+    def _weigh(self, region: Region, subset: Subset, pose: NDArray[np.float64]) -> None:
+        """Set weights and scale by the differences from the reference at a pose, but for what they have in common."""
+        value, visible = self._work[0], self._work[1]
+        places = Places(self._work[3], self._work[4], self._at)
+        place_pixels(region, subset, pose, places, visible)
+        sample(region, places, value, visible)
+        seen = visible > 0.0
+        if seen.any():
+            difference = value - subset.columns[3]
+            difference -= np.median(difference[seen])
+            self._scale = max(1.4826 * float(np.median(np.abs(difference[seen]))), SCALE_FLOOR_GREY)
+            tukey_weights(difference, self._scale, self._weight)
 
     def _under(self, marked: NDArray[np.bool_], pose: NDArray[np.float64], y0: int, x0: int) -> int:
         """Number of the body's pixels at a pose that are marked in the region whose corner is (y0, x0)."""

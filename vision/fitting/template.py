@@ -134,7 +134,7 @@ def build_template(
         mean_grey=mean_grey,
         normal=columns.T @ columns,
         radius_px=float(np.hypot(dx, dy).max()),
-        noise_normal=_noise_normal(dx, dy, noise_grey**2 / n_averaged),
+        noise_normal=noise_normal_of(dx, dy, noise_grey**2 / n_averaged),
         n_averaged=n_averaged,
         box_px=(float(dx.min()), float(dx.max()), float(dy.min()), float(dy.max())),
         noise_grey=noise_grey,
@@ -154,7 +154,7 @@ def thinned(template: Template, max_pixels: int) -> Template:
         offset_px=np.ascontiguousarray(template.offset_px[:, best]),
         columns=np.ascontiguousarray(template.columns[:, best]),
         normal=columns.T @ columns,
-        noise_normal=_noise_normal(dx, dy, template.noise_grey**2 / template.n_averaged),
+        noise_normal=noise_normal_of(dx, dy, template.noise_grey**2 / template.n_averaged),
         radius_px=float(np.hypot(dx, dy).max()),
         box_px=(float(dx.min()), float(dx.max()), float(dy.min()), float(dy.max())),
     )
@@ -178,7 +178,7 @@ def invert_normal(normal: NDArray[np.float64]) -> NDArray[np.float64] | None:
     return inverse * both
 
 
-def _noise_normal(dx: NDArray[np.float64], dy: NDArray[np.float64], variance: float) -> NDArray[np.float64]:
+def noise_normal_of(dx: NDArray[np.float64], dy: NDArray[np.float64], variance: float) -> NDArray[np.float64]:
     """Expected normal matrix of white noise alone: its slopes look like texture, as much in x as in y."""
     noise = np.diag([np.sum(dx * dx + dy * dy), dx.size, dx.size, 0.0, 0.0])
     noise[0, 1] = noise[1, 0] = -np.sum(dy)

@@ -20,9 +20,12 @@ MARGIN_PX = 44
 SCALE_STEP_PX = 60
 """Least distance of two numbers along a side."""
 WHITE = (255, 255, 255)
+GRID = (0, 220, 255)
 
 
-def draw_bodies(picture: NDArray[Any], bodies: Sequence[Body], bit_depth: int) -> NDArray[np.uint8]:
+def draw_bodies(
+    picture: NDArray[Any], bodies: Sequence[Body], bit_depth: int, *, grid: bool = False
+) -> NDArray[np.uint8]:
     """Draw outlines and names over a picture, with film pixels along its sides.
 
     Parameters
@@ -31,6 +34,8 @@ def draw_bodies(picture: NDArray[Any], bodies: Sequence[Body], bit_depth: int) -
     bodies : sequence of Body
     bit_depth : int
         Of the picture's grey values.
+    grid : bool
+        Draw the lines of the scales over the picture.
 
     Returns
     -------
@@ -45,13 +50,13 @@ def draw_bodies(picture: NDArray[Any], bodies: Sequence[Body], bit_depth: int) -
     >>> drawn.shape[1] >= 800
     True
     """
-    grey = (np.asarray(picture, dtype=float) / 2.0 ** (bit_depth - 8)).clip(0, 255).astype(np.uint8)
+    grey = grey_picture(picture, bit_depth)
     factor = max(1, -(-MIN_WIDTH_PX // grey.shape[1]))
     large = cv2.resize(grey, None, fx=factor, fy=factor, interpolation=cv2.INTER_CUBIC)
     colour: NDArray[Any] = cv2.copyMakeBorder(
         cv2.cvtColor(large, cv2.COLOR_GRAY2BGR), MARGIN_PX, 0, MARGIN_PX, 0, cv2.BORDER_CONSTANT, value=(0, 0, 0)
     )
-    _draw_scales(colour, grey.shape, factor)
+    _draw_scales(colour, grey.shape, factor, grid)
     for i, body in enumerate(bodies):
         tint = bgr(colour_of(body.name, i))
         points = np.rint((body.polygon_px + 0.5) * factor).astype(np.int32) + MARGIN_PX
@@ -63,13 +68,20 @@ def draw_bodies(picture: NDArray[Any], bodies: Sequence[Body], bit_depth: int) -
     return np.asarray(colour, dtype=np.uint8)
 
 
+def grey_picture(picture: NDArray[Any], bit_depth: int) -> NDArray[np.uint8]:
+    """A frame in 256 grey values, pixel by pixel."""
+    return np.asarray(
+        (np.asarray(picture, dtype=float) / 2.0 ** (bit_depth - 8)).clip(0, 255).astype(np.uint8), dtype=np.uint8
+    )
+
+
 def _inmost(polygon_px: NDArray[np.float64], height: int, width: int) -> tuple[int, int]:
     """The pixel (x, y) of the picture furthest inside an outline: there a name lies on its body."""
     y, x = np.unravel_index(int(np.argmax(signed_distance(polygon_px, height, width))), (height, width))
     return int(x), int(y)
 
 
-def _draw_scales(picture: NDArray[Any], shape: tuple[int, ...], factor: int) -> None:
+def _draw_scales(picture: NDArray[Any], shape: tuple[int, ...], factor: int, grid: bool) -> None:
     """Film pixels along the upper and the left side, as outlines are written in."""
     step = next(step for step in (10, 20, 50, 100, 200, 500, 1000) if step * factor >= SCALE_STEP_PX or step == 1000)
     for along, size in enumerate((shape[1], shape[0])):
@@ -78,6 +90,11 @@ def _draw_scales(picture: NDArray[Any], shape: tuple[int, ...], factor: int) -> 
             place = (at, MARGIN_PX) if along == 0 else (MARGIN_PX, at)
             tick = (at, MARGIN_PX - 5) if along == 0 else (MARGIN_PX - 5, at)
             cv2.line(picture, place, tick, WHITE, 1)
+            if grid:
+                end = (at, picture.shape[0] - 1) if along == 0 else (picture.shape[1] - 1, at)
+                line = picture.copy()
+                cv2.line(line, place, end, GRID, 1)
+                picture[:] = cv2.addWeighted(picture, 0.6, line, 0.4, 0.0)
             _write(picture, str(value), *((at, MARGIN_PX - 14) if along == 0 else (MARGIN_PX // 2 - 2, at)), WHITE, 0.4)
     _write(picture, "px", MARGIN_PX // 2 - 2, MARGIN_PX - 14, WHITE, 0.4)
 

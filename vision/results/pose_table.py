@@ -82,6 +82,10 @@ class PoseTable:
         for name in ("pose", "covariance", "zncc", "inlier", "noise_grey", "gain", "ratio", "blocks"):
             getattr(self, name)[row, body] = np.nan
 
+    def rows(self, rows: NDArray[np.intp]) -> PoseTable:
+        """A table of some of the rows."""
+        return PoseTable(*(getattr(self, field.name)[rows] for field in fields(self)))
+
     def copy_row(self, row: int, other: PoseTable, other_row: int) -> None:
         """Take a row of another table, all bodies."""
         for name in (field.name for field in fields(self)[1:]):

@@ -129,6 +129,17 @@ class TrackResult:
         synchronisation, which belongs to the time."""
         return self.budget.total(without=("synchronisation",))
 
+    @property
+    def u_position_px(self) -> NDArray[np.float64]:
+        """Standard uncertainty of ``x_px`` and ``y_px`` as motion from the reference, noise and reference, shape
+        (n, m, 2)."""
+        variance = np.diagonal(self.covariance, axis1=2, axis2=3)[..., 1:]
+        moving = self.frame >= self.n_still
+        single = variance[moving] if moving.any() else variance
+        known = np.where(np.isfinite(single), single, 0.0).sum(axis=0)
+        common = known / np.maximum(np.isfinite(single).sum(axis=0), 1) / self.n_still
+        return np.asarray(np.sqrt(variance + common))
+
     def _repr_html_(self) -> str:
         """Frames, lost frames, range of the angle and median uncertainty of each body, for a notebook."""
         import pandas as pd  # start-up: 0.5 s, only a notebook's display needs it
@@ -153,12 +164,12 @@ class TrackResult:
     def to_table(self) -> pd.DataFrame:
         """One row per frame: time_s, frame, then per body ``<body>_rad``, ``_u_rad`` (noise and reference),
         ``_u_total_rad`` (with camera, shutter and codec), the same with ``_relative`` (of a body with a parent),
-        ``_x_px``, ``_y_px``, ``_quality`` (correlation), ``_inlier`` and ``_flag``.
+        ``_x_px``, ``_y_px``, ``_u_x_px``, ``_u_y_px``, ``_quality`` (correlation), ``_inlier`` and ``_flag``.
         """
         # start-up: pandas costs 0.5 s, a result without a table does without
         import pandas as pd
 
-        total = self.u_total_rad
+        total, u_position = self.u_total_rad, self.u_position_px
         relative_total = self.budget.total(relative=True, without=("synchronisation",))
 
         columns: dict[str, NDArray[Any]] = {"time_s": self.time_s, "frame": self.frame}
@@ -173,6 +184,7 @@ class TrackResult:
                 columns[f"{body}_relative_u_total_rad"] = relative_total[:, i]
             columns[f"{body}_x_px"] = self.x_px[:, i]
             columns[f"{body}_y_px"] = self.y_px[:, i]
+            columns[f"{body}_u_x_px"], columns[f"{body}_u_y_px"] = u_position[:, i].T
             columns[f"{body}_quality"] = self.zncc[:, i]
             columns[f"{body}_inlier"] = self.inlier[:, i]
             columns[f"{body}_flag"] = self.flag[:, i]

@@ -131,9 +131,7 @@ class BodyTracker:
     ) -> tuple[Fit, FrameFlag]:
         """Fit from the newest known placement, then from a wide search around it."""
         newest = self._pose(self.absolute.newest(), self.relative.newest(), step)
-        self.fitter.reset()
-        fit = self.fitter.fit(film, index, newest, covered)
-        flag = self._flags_of(fit, newest)
+        fit, flag = self._fit_anew(film, index, newest, covered)
         if not flag & FAILURE:
             return fit, flag | (FrameFlag.REACQUIRED if self.lost_in_a_row else FrameFlag.GOOD)
         if not search or (self.lost_in_a_row > MAX_SEARCHED_IN_A_ROW and self.lost_in_a_row % 5):
@@ -141,12 +139,22 @@ class BodyTracker:
         self.searches += 1
         best, best_flag = FAILED, first_flag
         for start in search_candidates(film, index, self.template, newest):
-            self.fitter.reset()
-            fit = self.fitter.fit(film, index, start, covered)
-            flag = self._flags_of(fit, start)
+            fit, flag = self._fit_anew(film, index, start, covered)
             if not flag & FAILURE and fit.zncc > best.zncc:
                 best, best_flag = fit, flag | FrameFlag.REACQUIRED
         return best, best_flag
+
+    def _fit_anew(
+        self, film: FrameSource, index: int, start: NDArray[np.float64], covered: NDArray[np.uint8] | None
+    ) -> tuple[Fit, FrameFlag]:
+        """Fit without the weights of the frame before: from equal ones, then in case much of the body is hidden."""
+        for cautious in (False, True)[: 1 + self.fitter.has_cautious_start]:
+            self.fitter.reset(cautious)
+            fit = self.fitter.fit(film, index, start, covered)
+            flag = self._flags_of(fit, start)
+            if not flag & FAILURE:
+                break
+        return fit, flag
 
     def _flags_of(self, fit: Fit, expected: NDArray[np.float64]) -> FrameFlag:
         if not fit.converged:

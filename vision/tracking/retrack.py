@@ -1,4 +1,4 @@
-"""Fit single frames again from poses that the user has corrected."""
+"""Fit single frames: again, from poses that the user has corrected, or some before the whole film is tracked."""
 
 from __future__ import annotations
 
@@ -20,6 +20,7 @@ from vision.tracking.assemble_result import assemble_result, zero_of_still_frame
 from vision.tracking.options import FitOptions, FitSettings
 from vision.tracking.passes import fit_alone
 from vision.tracking.prepare import frame_times, prepare
+from vision.tracking.scout import starts
 
 Places = Mapping[str, tuple[float, float, float]]
 """Where bodies are, by name: angle (rad, counter-clockwise from the zero), x and y of the region's centre (px)."""
@@ -93,3 +94,57 @@ def retrack_frames(
             poses.append(np.array([phi, x - template.centre_px[0], y - template.centre_px[1]]))
         fit_alone(ready, table, row, poses)
     return assemble_result(ready, zero, table, time_s, settings, {"retracked": list(frames)})
+
+
+def preview(
+    path_or_source: str | os.PathLike[str] | FrameSource,
+    bodies: Sequence[Body],
+    count: int = 3,
+    frame_time_s: ArrayLike | None = None,
+    **options: Unpack[FitOptions],
+) -> TrackResult:
+    """Fit a few frames, to see whether outlines and film suit each other before the whole film is tracked.
+
+    Parameters
+    ----------
+    path_or_source, bodies, frame_time_s
+        As for `track`.
+    count : int
+        Frames, spread over the film up to its last.
+    method, n_still, max_pixels, camera, u_time_s
+        As for `track`.
+
+    Returns
+    -------
+    TrackResult
+        With the rows of these frames only. A quick walk finds where the bodies are; from where it loses one, all
+        further frames are lost. Terms of the budget that need neighbouring frames (shutter, synchronisation) are not
+        meaningful.
+
+    Raises
+    ------
+    VisionInputError
+        Fewer than one frame, or as for `track`.
+
+    Examples
+    --------
+    >>> import vision
+    >>> result = vision.preview("film.mraw", vision.load_bodies("bodies.toml"), 3)
+    >>> len(result.frame), int(result.failed.sum())
+    (3, 0)
+    """
+    settings = FitSettings(**options)
+    if isinstance(path_or_source, str | os.PathLike):
+        with open_film(path_or_source) as opened:
+            return preview(opened, bodies, count, frame_time_s, **options)
+    film = path_or_source
+    time_s = frame_times(film, frame_time_s)
+    if isinstance(count, bool) or count < 1:
+        raise VisionInputError(f"{film.path}: {count} frames to preview; allowed 1..{film.n_frames - 1}")
+    ready = prepare(film, bodies, settings.n_still, settings.max_pixels, settings.method)
+    zero = zero_of_still_frames(ready)
+    chosen = np.unique(np.rint(np.linspace(0, film.n_frames - 1, count + 1)[1:]).astype(np.int64))
+    table = PoseTable.empty(chosen, len(bodies))
+    for row, (_, pose) in enumerate(starts(ready, np.arange(film.n_frames), [int(frame) + 1 for frame in chosen])):
+        fit_alone(ready, table, row, list(pose))
+    return assemble_result(ready, zero, table, time_s, settings, {"preview": chosen.tolist()})

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from vision.bodies.masks import build_masks
 from vision.film.source import Film, FrameSource, saturated_grey
+from vision.fitting.base import region_of
 from vision.fitting.bspline import noise_gain
 from vision.fitting.pose_covariance import PATTERN_EXCESS
 from vision.reference.prepared_film import PreparedFilm
@@ -27,11 +28,17 @@ from vision.results.pose_table import PoseTable
 MOVED_PX = 1.5
 LEAST_ROWS = 8
 MOST_ROWS = 120
+"""Of each body; a quarter of them is looked at first."""
 SCATTER = 1.6
 """Scatter of a pixel's differences, over what noise and the pattern in the template explain, from which they are not
 believed."""
 APART_PX, COMMON = 3.0, 0.7
 """Way between the least and the most moved third of the rows, and share of the pattern's power that both must show."""
+POWER = 0.1
+"""Least power of the pattern over that of the noise."""
+AT_FIRST = (0.5 * POWER, 0.6 * COMMON)
+"""The same at the first look, which is less sure."""
+REACH_PX = 4
 LEFT_OVER = 1.25
 """Measured on disturbed films of wood, felt and speckle: their shares are 0.5, 0.25 and 0.05."""
 BETTER = 0.85
@@ -42,7 +49,7 @@ class WithoutPattern(Film):
     """A film whose frames have a fixed pattern taken off; saturated pixels stay so. Grey values are float32."""
 
     def __init__(self, film: FrameSource, pattern: NDArray[np.float32]) -> None:
-        self._film, self._pattern = film, pattern
+        self.film, self._pattern = film, pattern
         self.path, self.n_frames, self.height, self.width = film.path, film.n_frames, film.height, film.width
         self.bit_depth, self.frame_rate_hz, self.exposure_s = film.bit_depth, film.frame_rate_hz, film.exposure_s
         self.compression = film.compression
@@ -55,7 +62,7 @@ class WithoutPattern(Film):
 
     def read_region(self, index: int, y0: int, y1: int, x0: int, x1: int) -> NDArray[Any]:
         """Rectangle of a frame."""
-        grey = self._film.read_region(index, y0, y1, x0, x1)
+        grey = self.film.read_region(index, y0, y1, x0, x1)
         return np.where(grey >= self._top, np.float32(self._top), grey - self._pattern[y0:y1, x0:x1])
 
 
@@ -105,7 +112,25 @@ def sensor_pattern(film: FrameSource, ready: PreparedFilm, table: PoseTable) -> 
 
     ``ready`` may be the film less an earlier estimate of its pattern.
     """
-    shape = (film.height, film.width)
+    noise2 = max(ready.reference.noise_grey, 0.3) ** 2
+    few = _sums(film, ready, table, MOST_ROWS // 4)
+    if few is None or _believed(few, noise2, AT_FIRST) is None:
+        return None
+    many = _sums(film, ready, table, MOST_ROWS)
+    return None if many is None else _believed(many, noise2)
+
+
+def sampled_rows(ready: PreparedFilm, table: PoseTable, most_rows: int = MOST_ROWS) -> NDArray[np.intp]:
+    """The rows, in order, in which differences from the reference are looked at."""
+    chosen = _chosen(ready, table, most_rows)
+    return np.unique(np.concatenate([rows for rows, _ in chosen.values()])) if chosen else np.zeros(0, dtype=np.intp)
+
+
+def _chosen(
+    ready: PreparedFilm, table: PoseTable, most_rows: int
+) -> dict[int, tuple[NDArray[np.intp], NDArray[np.intp]]]:
+    """Of each body the rows looked at, spread over its way, and the third of the way in which each lies; none where no
+    body has moved far enough."""
     way, moved = way_px(ready, table), moved_rows(ready, table)
     chosen: dict[int, tuple[NDArray[np.intp], NDArray[np.intp]]] = {}  # body: rows, and the third of the way of each
     apart = 0.0
@@ -114,29 +139,44 @@ def sensor_pattern(film: FrameSource, ready: PreparedFilm, table: PoseTable) -> 
         if rows.size < LEAST_ROWS:
             continue
         rows = rows[np.argsort(way[rows, i], kind="stable")]
-        rows = rows[np.unique(np.linspace(0, rows.size - 1, MOST_ROWS).astype(int))]
+        rows = rows[np.unique(np.linspace(0, rows.size - 1, most_rows).astype(int))]
         third = np.minimum(3 * np.arange(rows.size) // rows.size, 2)
         apart = max(apart, float(np.median(way[rows[third == 2], i]) - np.median(way[rows[third == 0], i])))
         chosen[i] = rows, third
-    if apart < APART_PX:
+    return chosen if apart >= APART_PX else {}
+
+
+def _sums(film: FrameSource, ready: PreparedFilm, table: PoseTable, most_rows: int) -> NDArray[np.float64] | None:
+    """Count, sum and squares of the differences, (3, 3, height, width), of the least moved third of the rows, the
+    middle and the furthest; None where bodies have not moved far enough."""
+    shape = (film.height, film.width)
+    chosen = _chosen(ready, table, most_rows)
+    if not chosen:
         return None
-    sums = np.zeros((3, 3, *shape))  # count, sum, squares: of the least moved third, the middle and the furthest
+    sums = np.zeros((3, 3, *shape))
     masks = build_masks(ready.bodies, *shape)
     for i, (rows, third) in chosen.items():
         for row, part in zip(rows, third, strict=True):
-            frame, centre = film.read(int(table.frame[row])), ready.templates[i].centre_px
-            found = _difference(ready, frame, table.pose[row, i], centre, masks[i])
+            pose = table.pose[row, i]
+            box = region_of(ready.templates[i], pose, *shape, margin_px=REACH_PX)
+            if box is None:
+                continue
+            frame = film.read_region(int(table.frame[row]), *box)
+            found = _difference(ready, frame, (box[0], box[2]), pose, ready.templates[i].centre_px, masks[i])
             if found is not None:
                 difference, known = found
                 grey = difference[known]
+                there = sums[:, part, box[0] : box[1], box[2] : box[3]]
                 for k, values in enumerate((np.ones_like(grey), grey, grey**2)):
-                    sums[k, part][known] += values
-    return _believed(sums, max(ready.reference.noise_grey, 0.3) ** 2)
+                    there[k][known] += values
+    return sums
 
 
-def _believed(sums: NDArray[np.float64], noise2: float) -> NDArray[np.float32] | None:
+def _believed(
+    sums: NDArray[np.float64], noise2: float, share: tuple[float, float] = (POWER, COMMON)
+) -> NDArray[np.float32] | None:
     """The pattern from counts, sums and squares of the differences in each third of the way; None where the first
-    and the last third do not show the same."""
+    and the last third do not show the same: ``share`` are `POWER` and `COMMON`."""
     count, total, squares = sums.sum(axis=1)
     enough = count >= LEAST_ROWS / 2
     if not enough.any():
@@ -154,7 +194,7 @@ def _believed(sums: NDArray[np.float64], noise2: float) -> NDArray[np.float32] |
     # what comes from the body (defocus, blur, another scale) is not at the same pixels when other texture lies there
     near, far = (sums[1, part][both] / sums[0, part][both] for part in (0, 2))
     common = float(np.mean(near * far))
-    if power < 0.1 * noise2 or common < COMMON * power:
+    if power < share[0] * noise2 or common < share[1] * power:
         return None
     pattern = mean * power / (power + scatter / number)
     return np.where(usable, pattern, 0.0).astype(np.float32)
@@ -163,20 +203,24 @@ def _believed(sums: NDArray[np.float64], noise2: float) -> NDArray[np.float32] |
 def _difference(
     ready: PreparedFilm,
     frame: NDArray[Any],
+    corner: tuple[int, int],
     pose: NDArray[np.float64],
     centre: tuple[float, float],
     mask: NDArray[np.bool_],
 ) -> tuple[NDArray[np.float32], NDArray[np.bool_]] | None:
-    """A frame less the reference at a pose, with the light matched, and the pixels of the body that have moved."""
+    """Part of a frame, whose first pixel is at ``corner`` (y, x), less the reference at a pose, with the light matched,
+    and the pixels of the body that have moved."""
     height, width = frame.shape
     c, s = np.cos(pose[0]), np.sin(pose[0])
     matrix = np.array([[c, -s, 0.0], [s, c, 0.0]])
-    matrix[:, 2] = np.array(centre) + pose[1:] - matrix[:, :2] @ centre
+    origin = np.array(corner[::-1], dtype=float)
+    matrix[:, 2] = np.array(centre) + pose[1:] - matrix[:, :2] @ centre - origin
     size = (width, height)
     there = cv2.warpAffine(ready.reference.picture, matrix, size, flags=cv2.INTER_CUBIC, borderMode=cv2.BORDER_REFLECT)
     inside = cv2.warpAffine(mask.astype(np.float32), matrix, size, flags=cv2.INTER_LINEAR) > 0.99
     y, x = np.nonzero(inside)
-    way = matrix[:, :2] @ np.stack([x, y]) + matrix[:, 2:] - np.stack([x, y])
+    place = np.stack([x, y]) + origin[:, None]
+    way = matrix[:, :2] @ place + matrix[:, 2:] + origin[:, None] - place
     far = np.hypot(*way) > MOVED_PX
     inside[y[~far], x[~far]] = False
     if np.count_nonzero(inside) < 100:

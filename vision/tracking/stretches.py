@@ -35,17 +35,19 @@ AGREE_SIGMA = 2.0
 AGREE_PX = 0.02
 
 
-def forward_step(tracker: FilmTracker, repeats: Repeats, table: PoseTable, row: int, step: int, n_still: int) -> None:
+def forward_step(
+    tracker: FilmTracker, repeats: Repeats, table: PoseTable, row: int, step: int, n_still: int, search: bool = True
+) -> None:
     """Fit the frame of one row, the ``step``-th tracked one, and store the fits.
 
     A frame that repeats the one before is lost, beyond the first ``n_still``: at rest it is right all the same. Among
-    those bodies are not searched for: they have not moved.
+    those bodies are not searched for: they have not moved. Nor are they where ``search`` is False.
     """
     index = int(table.frame[row])
     if index >= n_still and repeats.at(index):
         tracker.skip(step, FrameFlag.REPEATED)
     else:
-        tracker.step(index, step, search=index >= n_still)
+        tracker.step(index, step, search=search and index >= n_still)
     store(tracker, table, row)
 
 
@@ -122,5 +124,7 @@ def _tracked(
     repeats = tracker.repeats()
     for row in range(table.frame.size):
         crew.check()
-        forward_step(tracker, repeats, table, row, from_row + row, n_still)
+        forward_step(tracker, repeats, table, row, from_row + row, n_still, search=row >= SHARED_ROWS)
+        if SHARED_ROWS - COMPARED_ROWS <= row < SHARED_ROWS and table.failed[row].any():
+            break  # it cannot join the stretch before, which goes on through it
     return Stretch(first, frame.size, table, tracker)

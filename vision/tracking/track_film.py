@@ -31,20 +31,13 @@ from vision.tracking.film_tracker import FilmTracker
 from vision.tracking.options import TrackOptions, TrackSettings
 from vision.tracking.passes import Run, confirm_backward, track_forward
 from vision.tracking.prepare import frame_times, prepare
-from vision.tracking.sensor_pattern import (
-    BETTER,
-    WithoutPattern,
-    left_over,
-    residual_variance,
-    sensor_pattern,
-    suspected,
-)
+from vision.tracking.sensor_pattern import WithoutPattern, left_over
 from vision.tracking.stretches import first_rows
+from vision.tracking.without_pattern import TRACKED_AGAIN, better, pattern_by_sample, pattern_is_suspected
 from vision.tracking.workers import usable_threads
 from vision.uncertainty.budget_terms import expected_budget
 from vision.uncertainty.coherence_widening import widened
 
-PATTERN_ROUNDS = 4
 FIRST_ORDER_RADIAL = 0.006
 """Beyond this distortion pixels of one body move so differently that the weights leave some of them out."""
 
@@ -188,22 +181,24 @@ def _both_passes(
 
 def _without_pattern(ready: PreparedFilm, done: _Done, settings: TrackSettings) -> tuple[PreparedFilm, _Done, float]:
     """Track again without the sensor's fixed pattern where there is one; the better of both, and the pattern's rms."""
-    film, grey = ready.film, 0.0
-    for _ in range(PATTERN_ROUNDS if suspected(ready, done.table) else 0):
-        # from the reference of the round before, which has less of the pattern in it
-        pattern = sensor_pattern(film, ready, done.table)
-        if pattern is None:
+    grey = 0.0
+
+    def prepared(film: WithoutPattern) -> PreparedFilm:
+        return prepare(film, ready.bodies, ready.reference.n_averaged, settings.max_pixels, settings.method)
+
+    for _ in range(TRACKED_AGAIN):
+        found = pattern_by_sample(ready, done.table, prepared) if pattern_is_suspected(ready, done.table) else None
+        if found is None:
             break
-        clean = WithoutPattern(film, pattern)
-        cleaned = prepare(clean, ready.bodies, ready.reference.n_averaged, settings.max_pixels, settings.method)
+        cleaned, pattern = found
         again = _both_passes(cleaned, done.table.frame, settings, None)
-        before, after = (residual_variance(*of).mean() for of in ((ready, done.table), (cleaned, again.table)))
-        found = int(done.table.failed.sum()) - int(again.table.failed.sum())
-        if found < 0 or after > (before if found or grey else BETTER * before):
+        if not better((ready, done.table), (cleaned, again.table), is_first=not grey):
             break
-        info = {**again.info, "rows_resumed": done.info["rows_resumed"]}
-        ready, done = cleaned, replace(again, info=info)
+        no_more = int(again.table.failed.sum()) == int(done.table.failed.sum())
+        ready, done = cleaned, replace(again, info={**again.info, "rows_resumed": done.info["rows_resumed"]})
         grey = float(np.sqrt(np.mean(pattern[pattern != 0.0] ** 2)))
+        if no_more:
+            break
     if grey:
         factor = np.broadcast_to(left_over(ready, grey), (len(done.table.frame), len(ready.bodies), 3))
         done = replace(done, table=replace(done.table, covariance=widened(done.table.covariance, factor)))

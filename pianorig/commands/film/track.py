@@ -16,7 +16,9 @@ from pianorig.errors import CommandInputError
 
 
 def command(
-    film: Annotated[Path, typer.Argument(help="Film: .mraw (+ .cih/.cihx), .avi, .mp4, .tif, folder of pictures.")],
+    film: Annotated[
+        Path, typer.Argument(help="Film: .mraw (+ .cih/.cihx), .cine, .avi, .mp4, .tif, folder of pictures.")
+    ],
     bodies: Annotated[
         Path | None, typer.Option("--bodies", help="TOML file with the outlines; default: the session's.")
     ] = None,
@@ -66,6 +68,14 @@ def command(
         Path | None,
         typer.Option("--propose-bodies", help="Propose outlines (.toml, and a .png to look at) instead of tracking."),
     ] = None,
+    marks: Annotated[
+        Path | None,
+        typer.Option("--marks", help="Follow the points and lines of this TOML file instead of bodies."),
+    ] = None,
+    preview: Annotated[
+        int | None,
+        typer.Option("--preview", min=1, max=60, help="First fit N frames and draw them: OUT with .preview.png."),
+    ] = None,
     overlay: Annotated[Path | None, typer.Option("--overlay", help="Film (.avi) with the tracked outlines.")] = None,
     contact_sheet: Annotated[
         Path | None, typer.Option("--contact-sheet", help="Picture (.png) of the worst frames.")
@@ -100,6 +110,16 @@ def command(
             print(f"{found['out']}: {names}; look at {found['picture']}, then correct and name them")
         return
     filmed = workflows.SessionFilm(film, bodies, frame_rate, allow_truncated)
+    if marks is not None:
+        with bar("following", quiet=as_json) as progress:
+            followed = workflows.follow_marks_of(filmed, marks, every=every, n_still=n_still, progress=progress)
+        write_table(target, followed.to_table())
+        summary = workflows.marks_summary(followed)
+        if as_json:
+            print_json({"out": target, "marks": summary})
+        else:
+            print("\n".join([f"{target}: {len(followed.frame)} frames", *workflows.marks_lines(summary)]))
+        return
     camera = workflows.camera_of(calibration, tilt, distortion)
     if retrack:
         places = workflows.read_places(place or [])
@@ -113,6 +133,11 @@ def command(
         raise CommandInputError("--place: goes with --retrack FRAME")
     if (doubt := filmed.doubt_about_times) is not None:
         say(f"warning: {doubt}", quiet=as_json)
+    seen = None
+    if preview is not None:
+        looked_at = target.with_suffix(".preview.png")
+        seen = workflows.preview_track(filmed, looked_at, preview, method=method, n_still=n_still, camera=camera)
+        say("\n".join([*seen["lines"], f"look at {looked_at}; Ctrl-C if outlines do not fit"]), quiet=as_json)
     unfinished = target.with_name(f"{target.name}.unfinished.npz")
     if restart:
         unfinished.unlink(missing_ok=True)
@@ -133,7 +158,7 @@ def command(
     workflows.draw_track(filmed, result, overlay=overlay, contact_sheet=contact_sheet, plot=figure)
     facts = workflows.tracking_summary(result)
     if as_json:
-        print_json({"out": target, "doubt_about_times": doubt, **facts})
+        print_json({"out": target, "doubt_about_times": doubt, **({"preview": seen} if seen else {}), **facts})
         return
     again = f", {facts['rows_resumed']} from an interrupted run" if facts["rows_resumed"] else ""
     print(f"{target}: {facts['frames']} frames{again}, {facts['rows_confirmed']} confirmed backward")

@@ -35,6 +35,22 @@ def test_folder_is_read_in_the_order_of_its_numbers(tmp_path: Path) -> None:
             np.testing.assert_array_equal(film.read(i), FRAMES[i])
 
 
+@pytest.mark.parametrize("ending", [".jpg", ".JPEG"])
+def test_a_folder_of_jpeg_knows_its_compression(tmp_path: Path, ending: str) -> None:
+    smooth = cv2.GaussianBlur((FRAMES >> 4).astype(np.uint8), (0, 0), 2.0)
+    for i, frame in enumerate(smooth):
+        data = cv2.imencode(".jpg", frame, [cv2.IMWRITE_JPEG_QUALITY, 80])[1]
+        (tmp_path / f"shot_{i:03d}{ending}").write_bytes(data.tobytes())
+    with open_film(tmp_path) as film:
+        assert (film.n_frames, film.height, film.width, film.bit_depth) == (12, 18, 26, 8)
+        np.testing.assert_allclose(film.read(7).astype(float), smooth[7], atol=12.0)
+        assert film.compression is not None and film.compression.steps is not None
+        assert film.compression.steps[0, 0] == 6.0  # of T.81's table at quality 80
+    (tmp_path / f"shot_005{ending}").write_bytes(b"no picture")
+    with open_film(tmp_path) as film, pytest.raises(FilmError, match="shot_005"):
+        film.read(5)
+
+
 def test_refusals(tmp_path: Path) -> None:
     with pytest.raises(FilmError, match="holds no picture"):
         open_film(tmp_path)

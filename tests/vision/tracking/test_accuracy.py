@@ -22,6 +22,7 @@ from vision.reference.still_average import average_still_frames
 from vision.results.flags import FrameFlag
 from vision.synthetic import Scene, SyntheticBody, background, box, speckle, total_noise
 from vision.tracking.prepare import predict_uncertainty
+from vision.tracking.retrack import preview
 from vision.tracking.track_film import track_film
 
 MDEG = np.radians(1e-3)
@@ -175,9 +176,9 @@ def test_table_every_and_times(film_of: Callable[..., object]) -> None:
     )
     assert result.frame.tolist() == list(range(0, 70, 3)) and seen[-1] == (24, 24)
     table = result.to_table()
-    assert list(table.columns[:9]) == [
-        "time_s", "frame", "beam_rad", "beam_u_rad", "beam_u_total_rad", "beam_x_px", "beam_y_px", "beam_quality",
-        "beam_inlier",
+    assert list(table.columns[:11]) == [
+        "time_s", "frame", "beam_rad", "beam_u_rad", "beam_u_total_rad", "beam_x_px", "beam_y_px", "beam_u_x_px",
+        "beam_u_y_px", "beam_quality", "beam_inlier",
     ]  # fmt: skip
     for name in ("rad", "u_rad", "relative_rad", "relative_u_rad", "relative_u_total_rad", "quality", "flag"):
         assert f"finger_{name}" in table
@@ -187,6 +188,33 @@ def test_table_every_and_times(film_of: Callable[..., object]) -> None:
         result.relative("beam")
     with pytest.raises(InputError, match="'thumb'"):
         result.relative("thumb")
+
+
+@pytest.mark.parametrize("texture", ["speckle", "wood"])
+def test_positions_have_their_uncertainty(
+    bar_scene: Callable[[str], Scene], film_of: Callable[..., object], pivot: tuple[float, float], texture: str
+) -> None:
+    n, still, rng = 260, 20, np.random.default_rng(3)
+    pose = np.tile([0.0, *pivot], (n, 1))[:, None, :]
+    pose[still:, 0, 1:] += np.cumsum(rng.uniform(-0.4, 0.4, (n - still, 2)), axis=0)
+    known = film_of(bar_scene(texture), pose, seed=9)
+    result = track_film(known.film, known.bodies, n_still=still)
+    moved = np.stack([result.x_px[:, 0], result.y_px[:, 0]], axis=1)[still:]
+    error = moved - moved[0] - (pose[still:, 0, 1:] - pose[still, 0, 1:])
+    z = (error - error.mean(axis=0)) / result.u_position_px[still:, 0]
+    assert np.all(np.abs(np.mean(np.abs(z) < 1.96, axis=0) - 0.95) < 0.045)
+    if texture == "wood":  # along the grain the texture says less
+        assert np.median(result.u_position_px[:, 0, 0]) > 2.0 * np.median(result.u_position_px[:, 0, 1])
+
+
+def test_a_preview_is_what_the_whole_film_gives(film_of: Callable[..., object]) -> None:
+    known = two_body_film(film_of, 90)
+    few, whole = preview(known.film, known.bodies, 4), track_film(known.film, known.bodies)
+    assert few.frame.tolist() == [22, 44, 67, 89] and not few.failed.any()
+    apart = np.abs(few.angle_rad - whole.angle_rad[few.frame])
+    assert np.all(apart < 0.5 * whole.u_angle_rad[few.frame])
+    with pytest.raises(InputError, match="0 frames to preview"):
+        preview(known.film, known.bodies, 0)
 
 
 def test_ecc_tracks_a_film(film_of: Callable[..., object]) -> None:

@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+import vision.tracking.track_film
 from tests.vision.motion import bar_motion
 from tests.vision.tracking.test_disturbed_films import stress, tracked  # noqa: F401  (fixture)
 from vision.film.source import ArrayFilm
@@ -40,6 +41,29 @@ def test_a_fixed_pattern_is_taken_off(
     plain = track_film(known.film, known.bodies)
     assert plain.info["pattern_grey"] == 0.0
     assert np.median(result.u_angle_rad) < 2.0 * np.median(plain.u_angle_rad)
+
+
+@pytest.mark.parametrize("disturbed", ["pattern", "bar", "nothing"])
+def test_a_film_is_tracked_again_only_where_a_sample_of_rows_fits_better(
+    bar_scene: Callable[[str], Scene],
+    film_of: Callable[..., object],
+    pivot: tuple[float, float],
+    monkeypatch: pytest.MonkeyPatch,
+    disturbed: str,
+) -> None:
+    def bar(i: int, light: np.ndarray) -> None:
+        left = 45 + max(0, i - 20) // 2
+        light[:, left : left + 38] = 25.0 if disturbed == "bar" and i > 20 else light[:, left : left + 38]
+
+    known = film_of(bar_scene("speckle"), bar_motion(110, pivot, 0.35), cover=bar)
+    film = with_pattern(known.film, 2.5)[0] if disturbed == "pattern" else known.film
+    passes, plain = [], vision.tracking.track_film.track_forward
+    monkeypatch.setattr(
+        vision.tracking.track_film, "track_forward", lambda *a: passes.append(a[1].frame.size) or plain(*a)
+    )
+    result = track_film(film, known.bodies)
+    assert passes == [110] * (2 if disturbed == "pattern" else 1)
+    assert (result.info["pattern_grey"] > 0.0) == (disturbed == "pattern")
 
 
 @pytest.mark.parametrize("surface", ["wood", "fine"])

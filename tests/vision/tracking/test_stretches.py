@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+import vision.tracking.body_tracker
 import vision.tracking.stretches
 from tests.vision.motion import bar_motion
 from vision.errors import InputError
@@ -29,6 +30,14 @@ def same(a: TrackResult, b: TrackResult) -> None:
     """Equal to the bit."""
     for name in ("angle_rad", "u_angle_rad", "x_px", "zncc", "covariance", "u_common_rad", "u_total_rad", "flag"):
         np.testing.assert_array_equal(getattr(a, name), getattr(b, name))
+
+
+def counted_searches(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """The frames in which a body is searched for, as they come."""
+    frames: list[int] = []
+    plain = vision.tracking.body_tracker.search_candidates
+    monkeypatch.setattr(vision.tracking.body_tracker, "search_candidates", lambda *a: frames.append(a[1]) or plain(*a))
+    return frames
 
 
 @pytest.mark.parametrize("texture", ["speckle", "wood"])
@@ -80,12 +89,35 @@ def test_a_stretch_that_does_not_join_is_tracked_from_the_one_before(
             yield (before + [0.9, 70.0, -50.0], newest + [0.9, 70.0, -50.0]) if k == 1 else (before, newest)
 
     monkeypatch.setattr(vision.tracking.stretches, "starts", misled)
+    searches = counted_searches(monkeypatch)
     results = [track_film(known.film, known.bodies, threads=threads, confirm="none") for threads in (1, 3)]
     same(*results)
     assert not results[0].failed.any()
+    assert not searches, "a stretch that cannot join is given up at its seam"
     monkeypatch.setattr(vision.tracking.stretches, "STRETCH_ROWS", N)
     whole = track_film(known.film, known.bodies, confirm="none")
     assert np.abs((results[0].angle_rad - whole.angle_rad) / whole.u_angle_rad).max() < 0.3
+
+
+def test_a_stretch_begins_where_a_third_of_the_body_is_hidden(
+    bar_scene: Callable[[str], Scene],
+    film_of: Callable[..., object],
+    pivot: tuple[float, float],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def bar(i: int, light: np.ndarray) -> None:
+        left = 45 + max(0, i - 20) // 2
+        light[:, left : left + 38] = 25.0 if i > 20 else light[:, left : left + 38]
+
+    known = film_of(bar_scene("speckle"), bar_motion(N, pivot, 0.3), cover=bar)
+    searches, joined = counted_searches(monkeypatch), []
+    plain = vision.tracking.stretches.Stretch.joins
+    monkeypatch.setattr(
+        vision.tracking.stretches.Stretch, "joins", lambda *both: joined.append(plain(*both)) or joined[-1]
+    )
+    result = track_film(known.film, known.bodies)
+    assert not result.failed.any() and not searches
+    assert joined == [True] * 3
 
 
 def test_darkness_across_a_seam(

@@ -6,6 +6,7 @@ import json
 from collections.abc import Callable
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pandas as pd
 import pytest
@@ -52,6 +53,39 @@ def test_a_film_on_its_own(
     assert table["bar_u_total_rad"].iloc[-1] > 1.1 * table["bar_u_rad"].iloc[-1], "tilt assumed"
     assert all(path.stat().st_size > 1000 for path in (sheet, plot, overlay))
     assert sorted(p.name for p in tmp_path.iterdir()) == ["film.avi", "o.csv", "plot.png", "worst.png"]
+
+
+def test_three_frames_are_shown_before_the_film_is_tracked(
+    filmed: tuple[Path, Path, np.ndarray], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    film, outlines, angle = filmed
+    out = tmp_path / "o.csv"
+    assert run("track", film, "--bodies", outlines, "--out", out, "--preview", "3") == 0
+    said = [line for line in capsys.readouterr().err.splitlines() if line.startswith(("frame ", "look at"))]
+    assert [line.split(",")[0] for line in said[:3]] == ["frame 20", "frame 39", "frame 59"]
+    for line, true in zip(said, np.degrees(angle[[20, 39, 59]]), strict=False):
+        assert float(line.split("bar ")[1].split(" deg")[0]) == pytest.approx(true, abs=0.02)
+    assert "o.preview.png" in said[3]
+    picture = cv2.imread(str(tmp_path / "o.preview.png"))
+    assert picture.shape[1] > 3 * 350 and out.is_file()
+    assert run("track", film, "--bodies", outlines, "--out", out, "--preview", "2", "--every", "20", "--json") == 0
+    assert json.loads(capsys.readouterr().out)["preview"]["lost"] == {"bar": 0}
+
+
+def test_marks_are_followed_instead_of_bodies(
+    filmed: tuple[Path, Path, np.ndarray], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    film, _, angle = filmed
+    marks, out = tmp_path / "marks.toml", tmp_path / "marks.csv"
+    marks.write_text('[[point]]\nname = "end"\nat_px = [150, 96]\nradius_px = 12\n')
+    assert run("track", film, "--marks", marks, "--out", out) == 0
+    said = capsys.readouterr().out
+    assert "marks.csv: 60 frames" in said and "end" in said and "0 frames lost; median u_x 0.0" in said
+    table = pd.read_csv(out)
+    error = table["end_y_px"] - (96.0 - (150.0 - 92.0) * np.sin(angle))
+    assert np.all(np.abs(error - error[:14].mean()) < 5.0 * table["end_u_y_px"])
+    assert run("track", film, "--marks", marks, "--out", out, "--json") == 0
+    assert json.loads(capsys.readouterr().out)["marks"]["end"]["lost"] == 0
 
 
 def test_the_rate_of_a_video_file_is_doubted(

@@ -1,0 +1,45 @@
+"""Phantom films for the tests, packed field by field from the format's description."""
+
+from __future__ import annotations
+
+import struct
+from pathlib import Path
+
+import numpy as np
+
+SETTINGS_BYTES = 12_000
+
+
+def write_cine(path: Path, frames: np.ndarray, *, packed: bool = False, stamps: bool = True, **changed: int) -> None:
+    """A film of frames (n, height, width), uint8 or uint16; ``changed`` are fields other than usual."""
+    field = {"rate": 10_000, "shutter_ns": 40_000, "bits": 12, "first": -5, "compression": 0, "cfa": 0, "flip_v": 0,
+             "packing": 1024 if packed else 0, "missing_mark": 0} | changed  # fmt: skip
+    n, height, width = frames.shape
+    settings = bytearray(SETTINGS_BYTES)
+    settings[140:144] = (b"XX" if field["missing_mark"] else b"ST") + struct.pack("<H", SETTINGS_BYTES)
+    for at, value in ((760, field["flip_v"]), (768, field["rate"]), (772, field["shutter_ns"] // 1000), (800, 800),
+                      (808, field["cfa"]), (896, field["bits"]), (1568, field["shutter_ns"])):  # fmt: skip
+        settings[at : at + 4] = struct.pack("<I", value)
+    trigger = (1_700_000_000 << 32) + 12345
+    ticks = [trigger + round((field["first"] + i) / field["rate"] * 2**32) for i in range(n)]
+    blocks = struct.pack("<IHH", 16, 1003, 1) + bytes(8)
+    if stamps:
+        blocks += struct.pack("<IHH", 8 + 8 * n, 1002, 0) + struct.pack(f"<{n}Q", *ticks)
+    bitmap = struct.pack(
+        "<IiiHHIIiiII", 40, width, height, 1, 8 * frames.dtype.itemsize, field["packing"], 0, 0, 0, 0, 0
+    )
+    table_at = 44 + 40 + len(settings) + len(blocks)
+    images, places = b"", []
+    for frame in frames:
+        if packed:
+            pair = frame.reshape(-1, 2).astype(np.uint16)
+            pixels = np.stack([pair[:, 0] >> 4, (pair[:, 0] & 15) << 4 | pair[:, 1] >> 8, pair[:, 1] & 255], axis=1)
+            data = pixels.astype(np.uint8).tobytes()
+        else:
+            data = frame[::-1].astype(frame.dtype.newbyteorder("<")).tobytes()
+        places.append(table_at + 8 * n + len(images))
+        images += struct.pack("<I", 16) + bytes(8) + struct.pack("<I", len(data)) + data
+    counts = (field["first"], n, field["first"], n)
+    header = struct.pack("<2sHHHiIiI", b"CI", 44, field["compression"], 1, *counts)
+    header += struct.pack("<IIIQ", 44, 84, table_at, trigger)
+    path.write_bytes(header + bitmap + settings + blocks + struct.pack(f"<{n}q", *places) + images)

@@ -1,0 +1,200 @@
+"""Phantom .cine films, read lazily: grey, uncompressed 8 or 16 bit, or packed 12 bit.
+
+Format: Vision Research, The Cine File Format (2011 and later). Little-endian without padding: a file header (magic
+``CI``) with the places of a Windows bitmap header, of the camera's settings (magic ``ST`` at byte 140), and of a table
+with one 64-bit place per image; before its pixels each image has a note whose first word is its length and whose last
+is the size of the pixels. Rows of uncompressed images run from the bottom to the top, those of packed ones downwards.
+Between settings and table lie tagged blocks, among them the time of each image (kind 1002: seconds since 1970 in units
+of 2^-32). What this reader does not know (colour, compressed, 10 bit, flipped for display) is refused, not guessed.
+"""
+
+from __future__ import annotations
+
+import struct
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vision.errors import FilmError
+from vision.film.mmap_window import FileWindow
+from vision.film.mraw_reader import unpack12_region
+from vision.film.source import Film
+
+FILE_HEADER = struct.Struct("<2sHHHiIiIIIIQ")
+BITMAP_HEADER = struct.Struct("<IiiHHI")
+MARK_AT, LENGTH_AT = 140, 142
+SETTINGS = {"flip_h": (756, "i"), "flip_v": (760, "i"), "rate": (768, "I"), "shutter_us": (772, "I"), "cfa": (808, "I"),
+            "bits": (896, "I"), "shutter_ns": (1568, "I")}  # fmt: skip
+"""Place and type of what is used of the camera's settings; the last ones only newer files have."""
+IMAGE_TIMES = 1002
+PLAIN, PACKED_12 = 0, 1024
+MOST_FRAMES = 50_000_000
+
+
+class CineFilm(Film):
+    """One .cine file.
+
+    Parameters
+    ----------
+    path : Path
+    allow_truncated : bool
+        Read up to the last whole image instead of refusing a file that was cut short.
+
+    Raises
+    ------
+    FilmError
+        The file is damaged, cut short, or of a kind that is not read.
+    """
+
+    def __init__(self, path: Path, *, allow_truncated: bool = False) -> None:
+        self.path = path
+        self._file = FileWindow(path)
+        try:
+            self._read_headers(allow_truncated)
+        except struct.error:
+            self._file.close()
+            raise FilmError(f"{path}: ends within its header; copy the film again") from None
+        except FilmError:
+            self._file.close()
+            raise
+
+    def _read_headers(self, allow_truncated: bool) -> None:
+        magic, _, compression, _, _, _, first, n, at_bitmap, at_settings, at_table, trigger = self._unpack(
+            FILE_HEADER, 0
+        )
+        if magic != b"CI":
+            raise FilmError(f"{self.path}: begins with {magic!r}, a Phantom film with b'CI'; it is no .cine film")
+        _, self.width, height, _, bits, packing = self._unpack(BITMAP_HEADER, at_bitmap)
+        self.height = abs(height)
+        settings = self._settings(at_settings)
+        self._refuse_unknown(compression, bits, packing, settings)
+        if not (0 < self.width <= 65_536 and 0 < self.height <= 65_536 and 0 < n <= MOST_FRAMES):
+            raise FilmError(f"{self.path}: the header says {n} images of {self.width} x {self.height}; it is damaged")
+        self._packed = packing == PACKED_12
+        self._pixel_bytes = 1 if bits == 8 else 2
+        stated = settings["bits"]
+        self.bit_depth = 12 if self._packed else 8 if bits == 8 else stated if 8 < stated <= 16 else 16
+        self.frame_rate_hz = float(settings["rate"]) or None
+        self.exposure_s = settings["shutter_ns"] * 1e-9 or settings["shutter_us"] * 1e-6 or None
+        pixels = self.width * self.height
+        self._image_bytes = (pixels + 1) // 2 * 3 if self._packed else pixels * self._pixel_bytes
+        self._first = first
+        self._place = self._places(at_table, n, allow_truncated)
+        self.n_frames = len(self._place)
+        self._time_s = self._image_times(at_settings + settings["length"], at_table, trigger)
+
+    @property
+    def frame_time_s(self) -> NDArray[np.float64] | None:
+        """Middle of each exposure, s after the trigger: from the images' own times, else from their numbers."""
+        half = 0.5 * (self.exposure_s or 0.0)
+        if self._time_s is not None:
+            return self._time_s + half
+        if self.frame_rate_hz is None:
+            return None
+        return (self._first + np.arange(self.n_frames, dtype=float)) / self.frame_rate_hz + half
+
+    def read(self, index: int) -> NDArray[Any]:
+        """Whole frame, shape (height, width), uint8 or uint16."""
+        return self.read_region(index, 0, self.height, 0, self.width)
+
+    def read_region(self, index: int, y0: int, y1: int, x0: int, x1: int) -> NDArray[Any]:
+        """Rectangle of a frame; only the pages with its rows are touched."""
+        self._check_index(index)
+        self._check_region(y0, y1, x0, x1)
+        start = self._pixels_at(int(self._place[index]), index)
+        if self._packed:
+            low, high = y0 * self.width, y1 * self.width
+            data = self._file.view(start + low // 2 * 3, start + (high + 1) // 2 * 3)
+            return unpack12_region(data, low % 2, self.width, y1 - y0, x0, x1)
+        row_bytes = self.width * self._pixel_bytes
+        # the last row is stored first
+        data = self._file.view(start + (self.height - y1) * row_bytes, start + (self.height - y0) * row_bytes)
+        rows = data.view("<u2" if self._pixel_bytes == 2 else np.uint8).reshape(y1 - y0, self.width)
+        return rows[::-1, x0:x1]
+
+    def close(self) -> None:
+        """Close the file; frames already read stay valid."""
+        self._file.close()
+
+    def _unpack(self, layout: struct.Struct, at: int) -> tuple[Any, ...]:
+        return layout.unpack(self._file.view(at, min(at + layout.size, self._file.size)).tobytes())
+
+    def _settings(self, at: int) -> dict[str, int]:
+        mark, length = self._unpack(struct.Struct("<2sH"), at + MARK_AT)
+        if mark != b"ST":
+            raise FilmError(
+                f"{self.path}: the camera's settings lack their mark; the file is damaged or too old to read"
+            )
+        known = {"length": int(length)}
+        for name, (place, kind) in SETTINGS.items():
+            known[name] = int(self._unpack(struct.Struct("<" + kind), at + place)[0]) if place + 4 <= length else 0
+        return known
+
+    def _refuse_unknown(self, compression: int, bits: int, packing: int, settings: dict[str, int]) -> None:
+        words = None
+        if compression != 0 or settings["cfa"] != 0 or bits not in (8, 16):
+            words = f"colour or compressed (compression {compression}, colour filter {settings['cfa']}, {bits} bit)"
+        elif packing not in (PLAIN, PACKED_12):
+            words = (
+                f"packed as kind {packing}, whose grey values are not linear"
+                if packing == 256
+                else f"packed as {packing}"
+            )
+        elif settings["flip_h"] or settings["flip_v"]:
+            words = "flipped for display, and the file does not tell whether its pixels are"
+        if words is not None:
+            raise FilmError(f"{self.path}: {words}; save it as uncompressed grey .cine or as .tif pages")
+
+    def _places(self, at: int, n: int, allow_truncated: bool) -> NDArray[np.int64]:
+        """Byte at which the note of each image begins."""
+        if at + 8 * n > self._file.size:
+            raise FilmError(f"{self.path}: ends within the table of its {n} images; copy the film again")
+        table = self._file.view(at, at + 8 * n).view("<i8").astype(np.int64)
+        # a note has eight bytes at least
+        beyond = np.flatnonzero((table <= 0) | (table > self._file.size - 8 - self._image_bytes))
+        if beyond.size and not (allow_truncated and beyond[0]):
+            raise FilmError(
+                f"{self.path}: image {beyond[0]} of {n} lies beyond the end of the file ({self._file.size} bytes); "
+                "copy the film again, or read what is whole with --allow-truncated"
+            )
+        whole = table[: beyond[0]] if beyond.size else table
+        for index in (0, len(whole) - 1):
+            self._pixels_at(int(whole[index]), index)
+        return whole
+
+    def _pixels_at(self, place: int, index: int) -> int:
+        """Byte at which the pixels of an image begin, whose note is at ``place``."""
+        note = int(self._unpack(struct.Struct("<I"), place)[0])
+        if note < 8 or place + note + self._image_bytes > self._file.size:
+            raise FilmError(
+                f"{self.path}: image {index} has a note of {note} bytes, which is none; the file is damaged"
+            )
+        stored = int(self._unpack(struct.Struct("<I"), place + note - 4)[0])
+        if stored != self._image_bytes:
+            raise FilmError(
+                f"{self.path}: image {index} has {stored} bytes, but {self.width} x {self.height} pixels need "
+                f"{self._image_bytes}; the file is damaged"
+            )
+        return place + note
+
+    def _image_times(self, at: int, end: int, trigger: int) -> NDArray[np.float64] | None:
+        """Time of each image after the trigger, s; None where the file does not say."""
+        block = struct.Struct("<IHH")
+        while at + block.size <= end:
+            size, kind, _ = self._unpack(block, at)
+            if size < block.size or at + size > end:
+                return None
+            if kind == IMAGE_TIMES and size - block.size >= 8 * self.n_frames:
+                stamps = self._file.view(at + block.size, at + block.size + 8 * self.n_frames).view("<u8")
+                # whole numbers first: in seconds since 1970 a float resolves a quarter of a microsecond
+                after = stamps.astype(np.int64) - np.int64(trigger)
+                time_s = after.astype(float) / 2.0**32
+                if np.any(np.diff(time_s) <= 0.0):
+                    raise FilmError(
+                        f"{self.path}: the images' own times do not increase; give frame times of their number"
+                    )
+                return time_s
+            at += size
+        return None

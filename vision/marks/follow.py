@@ -1,0 +1,200 @@
+"""Follow marks through a film: the public entrance of this room.
+
+Each mark is predicted, fitted, accepted or searched for as a body is (`vision.tracking.body_tracker`), by the fit of
+`vision.marks.mark_fitter`. There is no pass backward. Uncertainties are widened where residuals are coherent.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from vision.angles import picture_to_ccw
+from vision.errors import TrackingError, VisionInputError
+from vision.film.open import open_film
+from vision.film.repeats import Repeats
+from vision.film.source import FrameSource
+from vision.fitting.base import region_of
+from vision.fitting.frame_spline import FrameSpline
+from vision.marks.mark import LineMark, Mark
+from vision.marks.mark_fitter import UNTURNED, MarkFitter, mark_template
+from vision.marks.result import MarkResult
+from vision.reference.still_average import average_still_frames
+from vision.reference.stillness import still_count
+from vision.results.flags import FrameFlag
+from vision.results.pose_table import PoseTable
+from vision.tracking.body_tracker import BodyTracker
+from vision.tracking.prepare import FIRST_AVERAGED, frame_times
+from vision.uncertainty.coherence_widening import variance_factor, widened
+
+
+def follow_marks(
+    path_or_source: str | os.PathLike[str] | FrameSource,
+    marks: Sequence[Mark],
+    frame_time_s: ArrayLike | None = None,
+    *,
+    every: int = 1,
+    n_still: int | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> MarkResult:
+    """Follow points and lines through a film.
+
+    Parameters
+    ----------
+    path_or_source : path or FrameSource
+    marks : sequence of PointMark or LineMark
+        Drawn on the still frames at the start of the film.
+    frame_time_s : array_like, shape (n_frames,), optional
+        Middle of each exposure, s; the film's own times when None.
+    every : int
+        Use one frame out of this many.
+    n_still : int or None
+        Still frames at the start; found from the film when None.
+    progress : callable, optional
+        Called with (frames done, frames in all).
+
+    Returns
+    -------
+    MarkResult
+        A frame in which a mark is lost is NaN with a flag.
+
+    Raises
+    ------
+    VisionInputError
+        A film, marks, times or settings that cannot be used; a mark without contrast.
+
+    Examples
+    --------
+    >>> import vision
+    >>> x, y = vision.load_bodies("bodies.toml")[0].polygon_px.mean(axis=0)
+    >>> result = vision.follow_marks("film.mraw", [vision.PointMark("spot", (x, y), 12.0)], every=10)
+    >>> result.x_px.shape, int(result.failed.sum())
+    ((15, 1), 0)
+    """
+    if isinstance(path_or_source, str | os.PathLike):
+        with open_film(path_or_source) as opened:
+            return follow_marks(opened, marks, frame_time_s, every=every, n_still=n_still, progress=progress)
+    film = path_or_source
+    if not marks:
+        raise VisionInputError(f"{film.path}: no marks given; name at least one point or line")
+    if isinstance(every, bool) or every < 1:
+        raise VisionInputError(f"every = {every!r}; needs a whole number of at least 1")
+    time_s = frame_times(film, frame_time_s)
+    trackers, n_still = _prepared(film, marks, n_still)
+    table = PoseTable.empty(np.arange(0, film.n_frames, every), len(marks))
+    _follow(film, trackers, table, n_still, progress)
+    return _result(film, marks, trackers, table, time_s, n_still)
+
+
+def _trackers(film: FrameSource, marks: Sequence[Mark], n_still: int) -> list[BodyTracker]:
+    """Marks at rest in the average of the first ``n_still`` frames."""
+    region = np.logical_or.reduce([mark.mask(film.height, film.width) for mark in marks])
+    if not region.any():
+        raise VisionInputError(f"{film.path}: no mark lies inside the {film.width} x {film.height} picture")
+    reference, frames = average_still_frames(film, region, n_still), FrameSpline(film)
+    trackers = [BodyTracker(MarkFitter(*mark_template(mark, reference), frames)) for mark in marks]
+    for tracker in trackers:
+        tracker.start()
+    return trackers
+
+
+def _prepared(film: FrameSource, marks: Sequence[Mark], n_still: int | None) -> tuple[list[BodyTracker], int]:
+    """Trackers of all marks, and the number of still frames, found where it is not given."""
+    if n_still is None:
+        region = np.logical_or.reduce([mark.mask(film.height, film.width) for mark in marks])
+        candidates = average_still_frames(film, region).n_averaged
+        trackers = _trackers(film, marks, min(FIRST_AVERAGED, candidates))
+        table = PoseTable.empty(np.arange(candidates), len(marks))
+        _follow(film, trackers, table, candidates, None)
+        u = np.sqrt(np.diagonal(table.covariance, axis1=2, axis2=3))
+        n_still = still_count(table.pose.reshape(candidates, -1), u.reshape(candidates, -1))
+    trackers = _trackers(film, marks, n_still)
+    table = PoseTable.empty(np.arange(n_still), len(marks))
+    _follow(film, trackers, table, n_still, None)
+    for mark, lost in zip(marks, table.failed.mean(axis=0), strict=True):
+        if lost > 0.5:
+            raise TrackingError(
+                f"{film.path}: mark {mark.name} is found in {round((1.0 - lost) * n_still)} of the {n_still} still "
+                "frames; look at its place on the first frame"
+            )
+    for tracker in trackers:
+        tracker.absolute.clear()
+        tracker.start()
+    return trackers, n_still
+
+
+def _follow(
+    film: FrameSource,
+    trackers: list[BodyTracker],
+    table: PoseTable,
+    n_still: int,
+    progress: Callable[[int, int], None] | None,
+) -> None:
+    """Fill the table, row by row."""
+    boxes = [region_of(t.template, np.zeros(3), film.height, film.width, 4) for t in trackers]
+    low, high = np.min([box for box in boxes if box], axis=0), np.max([box for box in boxes if box], axis=0)
+    repeats = Repeats(film, (int(low[0]), int(high[1]), int(low[2]), int(high[3])))
+    for row, index in enumerate(table.frame.tolist()):
+        repeated = index >= n_still and repeats.at(index)
+        for i, tracker in enumerate(trackers):
+            if repeated:
+                tracker.skip(row, FrameFlag.REPEATED)
+            else:
+                tracker.step(film, index, row, tracker.predict(row), None, search=index >= n_still)
+            table.store(row, i, tracker.fit, tracker.flag)
+        if progress is not None:
+            progress(row + 1, table.frame.size)
+
+
+def _result(
+    film: FrameSource,
+    marks: Sequence[Mark],
+    trackers: list[BodyTracker],
+    table: PoseTable,
+    time_s: NDArray[np.float64],
+    n_still: int,
+) -> MarkResult:
+    """Positions and offsets with their uncertainties, the common part of the reference included."""
+    covariance = widened(table.covariance, variance_factor(table.ratio, table.blocks))
+    moving = table.frame >= n_still
+    typical = np.nanmedian(covariance[moving] if moving.any() else covariance, axis=0)
+    covariance = covariance + np.nan_to_num(typical) / n_still
+    nothing = np.full(table.flag.shape, np.nan)
+    columns = {name: nothing.copy() for name in ("x", "y", "u_x", "u_y", "offset", "u_offset", "turn", "u_turn")}
+    for i, (mark, tracker) in enumerate(zip(marks, trackers, strict=True)):
+        pose, own = table.pose[:, i], covariance[:, i]
+        if own[:, 0, 0][np.isfinite(own[:, 0, 0])].min(initial=np.inf) > 2.0 * UNTURNED * (1.0 + 1.0 / n_still):
+            columns["turn"][:, i], columns["u_turn"][:, i] = picture_to_ccw(pose[:, 0]), np.sqrt(own[:, 0, 0])
+        if isinstance(mark, LineMark):
+            normal = mark.normal
+            c, s = np.cos(pose[:, 0]), np.sin(pose[:, 0])
+            turned = np.stack([c * normal[0] - s * normal[1], s * normal[0] + c * normal[1]], axis=1)
+            # where the line now crosses its normal through the middle
+            columns["offset"][:, i] = np.sum(pose[:, 1:] * turned, axis=1) / (turned @ normal)
+            columns["u_offset"][:, i] = np.sqrt(np.einsum("i,nij,j->n", normal, own[:, 1:, 1:], normal))
+        else:
+            x, y = tracker.template.centre_px
+            columns["x"][:, i], columns["y"][:, i] = x + pose[:, 1], y + pose[:, 2]
+            columns["u_x"][:, i], columns["u_y"][:, i] = np.sqrt(own[:, 1, 1]), np.sqrt(own[:, 2, 2])
+    return MarkResult(
+        marks=tuple(marks),
+        frame=table.frame,
+        time_s=time_s[table.frame],
+        x_px=columns["x"],
+        y_px=columns["y"],
+        u_x_px=columns["u_x"],
+        u_y_px=columns["u_y"],
+        offset_px=columns["offset"],
+        u_offset_px=columns["u_offset"],
+        turn_rad=columns["turn"],
+        u_turn_rad=columns["u_turn"],
+        zncc=table.zncc,
+        inlier=table.inlier,
+        flag=table.flag,
+        n_still=n_still,
+        film=str(film.path),
+        info={"pixels": {t.template.name: t.template.n_pixels for t in trackers}},
+    )

@@ -1,0 +1,150 @@
+"""Which of the followed points move as one rigid body.
+
+Method: sequential consensus (M. Fischler and R. Bolles, Random sample consensus, Commun. ACM 24, 1981) over whole
+motions. The neighbours of a point give a rigid motion through all frames; the points that keep to it are counted; the
+motion with most of them is refitted to them, they are taken out, and the search goes on in the rest. Points at rest
+come first. Two motions that take points to the same places, but for some pixels, are one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vision.proposals.point_tracks import PointTracks
+
+NEIGHBOURS = 9
+SEEDS = 160
+KEY_FRAMES = 20
+RESTS_PX = 0.8
+SAME_PX = 3.0
+"""Distance up to which two motions are one: points drift by as much along an edge or along the grain of wood."""
+KEEPS_PX = 1.8
+"""Distance from a motion, in four of five frames, up to which a point belongs to it."""
+FOLLOWED = 0.4
+"""Share of the frames in which a point must be known."""
+LEAST_POINTS = 10
+MOST_BODIES = 8
+F64 = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Motion:
+    """A rigid motion: ``turn`` (t, 2, 2) and ``shift`` (t, 2) take points of the reference to each key frame."""
+
+    turn: F64
+    shift: F64
+
+    def at(self, points: F64) -> F64:
+        """Where points (n, 2) of the reference are, (n, t, 2)."""
+        return np.einsum("tij,nj->nti", self.turn, points) + self.shift
+
+    def matrices(self) -> F64:
+        """Picture matrices, (t, 2, 3)."""
+        return np.concatenate([self.turn, self.shift[:, :, None]], axis=2)
+
+
+@dataclass(frozen=True)
+class Groups:
+    """Motions, the first of them rest; ``group`` (n,) of every point, -1 where it keeps to none; ``key``, the steps of
+    the tracks that are looked at."""
+
+    motions: list[Motion]
+    group: NDArray[np.intp]
+    key: NDArray[np.intp]
+
+
+def group_by_motion(tracks: PointTracks) -> Groups:
+    """Rest, and the rigid motions that enough points share, those of most points first."""
+    key = np.unique(np.linspace(1, tracks.frame.size - 1, KEY_FRAMES).astype(int))
+    place, first = tracks.place_px[:, key], tracks.place_px[:, 0]
+    known = np.isfinite(place[..., 0])
+    usable = known.mean(axis=1) > FOLLOWED
+    rest = Motion(np.tile(np.eye(2), (key.size, 1, 1)), np.zeros((key.size, 2)))
+    group = np.full(len(first), -1, dtype=np.intp)
+    group[usable & (_off(rest, first, place) < RESTS_PX)] = 0
+    motions, free = [rest], usable & (group < 0)
+    while len(motions) <= MOST_BODIES:
+        found = _most_shared(first, place, free)
+        if found is None:
+            break
+        keeps = free & (_off(found, first, place) < KEEPS_PX)
+        motions.append(found)
+        group[keeps] = len(motions) - 1
+        free &= ~keeps
+    return _settled(Groups(motions, group, key), first, place, usable)
+
+
+def rigid(first: F64, place: F64) -> Motion | None:
+    """Least-squares rigid motion of points (n, 2) to their places (n, t, 2), by the points known in each frame; None
+    where a frame has fewer than three."""
+    known = np.isfinite(place[..., 0])
+    weight = known / np.maximum(known.sum(axis=0), 1)
+    if known.sum(axis=0).min() < 3:
+        return None
+    there = np.where(known[..., None], place, 0.0)
+    mean0, mean1 = weight.T @ first, np.einsum("nt,nti->ti", weight, there)
+    a = first[:, None] - mean0
+    b = there - mean1
+    along = np.einsum("nt,nti,nti->t", weight, a, b)
+    across = np.einsum("nt,nt->t", weight, a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
+    size = np.maximum(np.hypot(along, across), 1e-12)
+    c, s = along / size, across / size
+    turn = np.moveaxis(np.array([[c, -s], [s, c]]), 2, 0)
+    return Motion(turn, mean1 - np.einsum("tij,tj->ti", turn, mean0))
+
+
+def _off(motion: Motion, first: F64, place: F64) -> F64:
+    """Distance of each point from a motion that four of five of its frames stay below, px; infinite where unknown."""
+    distance = np.hypot(*np.moveaxis(motion.at(first) - place, 2, 0))
+    distance = np.sort(np.where(np.isnan(distance), np.inf, distance), axis=1)  # unknown ones last
+    count = np.isfinite(distance).sum(axis=1)
+    at = np.maximum(np.ceil(0.8 * count).astype(int) - 1, 0)
+    return np.asarray(distance[np.arange(len(first)), at])
+
+
+def _most_shared(first: F64, place: F64, free: NDArray[np.bool_]) -> Motion | None:
+    """The motion that most of the free points share; None where too few share any."""
+    at = np.flatnonzero(free)
+    if at.size < LEAST_POINTS:
+        return None
+    best: tuple[int, Motion] | None = None
+    for seed in at[np.unique(np.linspace(0, at.size - 1, SEEDS).astype(int))]:
+        near = at[np.argsort(np.sum((first[at] - first[seed]) ** 2, axis=1), kind="stable")[:NEIGHBOURS]]
+        motion = rigid(first[near], place[near])
+        for _ in range(3):  # from the neighbours outwards
+            if motion is None:
+                break
+            keeps = at[_off(motion, first[at], place[at]) < KEEPS_PX]
+            if keeps.size < LEAST_POINTS // 2:
+                break
+            if best is None or keeps.size > best[0]:
+                best = keeps.size, motion
+            motion = rigid(first[keeps], place[keeps])
+    return best[1] if best is not None and best[0] >= LEAST_POINTS else None
+
+
+def _settled(groups: Groups, first: F64, place: F64, usable: NDArray[np.bool_]) -> Groups:
+    """Motions that are one joined, those of few points left out, and every point with the one it keeps to best."""
+    motions, group = groups.motions, groups.group.copy()
+    for i in range(len(motions) - 1, 0, -1):
+        same = [j for j in range(i) if apart(motions[i], motions[j], first[(group == i) | (group == j)]) < SAME_PX]
+        if same:
+            group[group == i] = same[0]
+    kept = [i for i in range(1, len(motions)) if np.count_nonzero(group == i) >= LEAST_POINTS]
+    fitted = [rigid(first[group == i], place[group == i]) for i in kept]
+    motions = [motions[0], *(motion for motion in fitted if motion is not None)]
+    off = np.stack([_off(motion, first, place) for motion in motions])
+    best = np.argmin(off, axis=0)
+    best[~usable | (off.min(axis=0) > 2.0 * KEEPS_PX)] = -1
+    return Groups(motions, np.asarray(best, dtype=np.intp), groups.key)
+
+
+def apart(one: Motion, other: Motion, points: F64) -> float:
+    """How far two motions bring most points apart in most frames, px."""
+    if len(points) == 0:
+        return 0.0
+    distance = np.hypot(*np.moveaxis(one.at(points) - other.at(points), 2, 0))
+    return float(np.quantile(np.quantile(distance, 0.9, axis=1), 0.8))
