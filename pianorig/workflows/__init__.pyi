@@ -15,6 +15,9 @@ from .bench.learning_figures import draw_recorded as draw_recorded
 from .bench.record import record as record
 from .bench.record import record_passive as record_passive
 from .bench.record import room_conditions as room_conditions
+from .bench.record_felt import felt_lines as felt_lines
+from .bench.record_felt import felt_order as felt_order
+from .bench.record_felt import press_felt as press_felt
 from .bench.resume import resume as resume
 from .bench.selftest import SelftestFinding as SelftestFinding
 from .bench.selftest import check_bench as check_bench

@@ -28,6 +28,7 @@ from rig.configuration.channels import (
     Table,
     Text,
 )
+from rig.configuration.felt_setup import FeltConfig
 from rig.storage.atomic_write import sha256_of_bytes
 
 FOLDER = Path(__file__).parents[1] / "rigs"
@@ -132,6 +133,7 @@ class RigConfig(Table):
     selftest: SelftestConfig | None = None
     recording: RecordingConfig = RecordingConfig()
     passive: PassiveConfig = PassiveConfig()
+    felt: FeltConfig | None = None
 
     @model_validator(mode="after")
     def _consistent(self) -> RigConfig:

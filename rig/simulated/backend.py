@@ -7,6 +7,8 @@ Options of the address, e.g. ``sim://?bench=PATH&seed=3&clock=real``:
 - ``fault``: faults to inject (:mod:`rig.simulated.device.fault_injection`);
 - ``effects=balance_rail,shank``: the specimen's key can lift and its shank bend (`model.parameters.effects`);
 - ``delay_ms=20``: every driver call takes so long, as over a slow network;
+- ``felt=contact02``: not the action but the specimen's felt of that contact, or a ``block`` of steel, is under the
+  motor arm, as ``pianorig record --felt`` has it;
 - ``hand=yes``: the virtual operator acts when a self-test asks for it; ``hand=plays``: a virtual pianist plays where
   the motor has no task.
 
@@ -26,6 +28,7 @@ from rig.errors import RigInputError
 from rig.simulated.bench.bench_file import read_bench
 from rig.simulated.bench.bench_time import BenchTime
 from rig.simulated.bench.clock import Clock, PacedClock, VirtualClock
+from rig.simulated.bench.felt_plant import felt_plant
 from rig.simulated.bench.plant import load_plant
 from rig.simulated.bench.plant_protocol import Plant
 from rig.simulated.bench.sensors import SensorSet, load_sensors
@@ -39,7 +42,7 @@ from rig.simulated.rpc.service import Service
 from rig.storage.atomic_write import sha256_of_file
 
 DEFAULT_BENCH = Path(__file__).parent / "bench.toml"
-OPTIONS = ("bench", "seed", "clock", "fault", "effects", "hand", "delay_ms")
+OPTIONS = ("bench", "seed", "clock", "fault", "effects", "felt", "hand", "delay_ms")
 CAMERA_CLOCK_ERROR = 4e-5
 """Relative error of the rate of a camera that runs by itself."""
 
@@ -151,7 +154,8 @@ def open_backend(url: str, config: RigConfig) -> SimulatedBackend:
     faults = parse_faults(options.get("fault", ""))
     sensors = load_sensors(bench, seed=seed)
     effects = [name for name in options.get("effects", "").split(",") if name]
-    plant = load_plant(bench, seed=seed, sample_rate_hz=config.device.sample_rate_hz, effects=effects)
+    mechanics = load_plant(bench, seed=seed, sample_rate_hz=config.device.sample_rate_hz, effects=effects)
+    plant: Plant = felt_plant(mechanics, options["felt"], config) if options.get("felt") else mechanics
     table = read_bench(bench).get("wiring", {})
     wiring = planted_wiring(table if isinstance(table, dict) else {"": table}, config.device.product, str(bench))
     device = build_device(config, plant, sensors, clock=clock, wiring=wiring)
@@ -165,6 +169,7 @@ def open_backend(url: str, config: RigConfig) -> SimulatedBackend:
             "bench": bench.name,
             "bench_sha256": sha256_of_file(bench),
             "seed": str(sensors.seed),
+            **({"felt": options["felt"]} if options.get("felt") else {}),
             **({"specimen_effects": ", ".join(effects)} if effects else {}),
         },
     )
