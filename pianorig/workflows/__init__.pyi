@@ -1,6 +1,7 @@
 from .bench.access import BenchAccess as BenchAccess
-from .bench.calibrate import CalibrationOrder as CalibrationOrder
-from .bench.calibrate import calibrate_force as calibrate_force
+from .bench.calibration.force import CalibrationOrder as CalibrationOrder
+from .bench.calibration.force import calibrate_force as calibrate_force
+from .bench.calibration.joint import calibrate_joint as calibrate_joint
 from .bench.dry_run import rehearsal_lines as rehearsal_lines
 from .bench.dry_run import rehearse as rehearse
 from .bench.export import export_session as export_session

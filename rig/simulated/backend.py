@@ -9,6 +9,7 @@ Options of the address, e.g. ``sim://?bench=PATH&seed=3&clock=real``:
 - ``delay_ms=20``: every driver call takes so long, as over a slow network;
 - ``felt=contact02``: not the action but the specimen's felt of that contact, or a ``block`` of steel, is under the
   motor arm, as ``pianorig record --felt`` has it;
+- ``swing=hammer``: the body hangs on its joint alone, is let go and swings, as ``pianorig calibrate-joint`` has it;
 - ``hand=yes``: the virtual operator acts when a self-test asks for it; ``hand=plays``: a virtual pianist plays where
   the motor has no task.
 
@@ -32,6 +33,7 @@ from rig.simulated.bench.felt_plant import felt_plant
 from rig.simulated.bench.plant import load_plant
 from rig.simulated.bench.plant_protocol import Plant
 from rig.simulated.bench.sensors import SensorSet, load_sensors
+from rig.simulated.bench.swing_plant import swing_plant
 from rig.simulated.bench.wiring import Wiring, planted_wiring, usual_wiring
 from rig.simulated.device.fault_injection import FaultPlan, parse_faults
 from rig.simulated.device.state import DeviceState
@@ -43,7 +45,7 @@ from rig.simulated.rpc.service import Service
 from rig.storage.atomic_write import sha256_of_file
 
 DEFAULT_BENCH = Path(__file__).parent / "bench.toml"
-OPTIONS = ("bench", "seed", "clock", "fault", "effects", "felt", "hand", "delay_ms")
+OPTIONS = ("bench", "seed", "clock", "fault", "effects", "felt", "swing", "hand", "delay_ms")
 CLOCK_ERRORS = (0.0, 3.5e-5, -2.2e-5)
 """Relative errors of the timebases of the rig's devices; NI specifies 50 ppm for these cards."""
 CAMERA_CLOCK_ERROR = 4e-5
@@ -169,7 +171,11 @@ def open_backend(url: str, config: RigConfig) -> SimulatedBackend:
     sensors = load_sensors(bench, seed=seed)
     effects = [name for name in options.get("effects", "").split(",") if name]
     mechanics = load_plant(bench, seed=seed, sample_rate_hz=config.device.sample_rate_hz, effects=effects)
-    plant: Plant = felt_plant(mechanics, options["felt"], config) if options.get("felt") else mechanics
+    plant: Plant = mechanics
+    if options.get("felt"):
+        plant = felt_plant(mechanics, options["felt"], config)
+    elif options.get("swing"):
+        plant = swing_plant(mechanics, options["swing"])
     table = read_bench(bench).get("wiring", {})
     wiring = planted_wiring(table if isinstance(table, dict) else {"": table}, usual_wiring(config), str(bench))
     device = build_device(config, plant, sensors, clock=clock, wiring=wiring)
