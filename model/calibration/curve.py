@@ -3,17 +3,20 @@
 First step of the calibration (thesis Section 2.2.3, Fig. 2.5): a CSV file with the columns ``displacement_m`` and
 ``force_n``, rows in the order they were measured; displacement is zero at first touch and grows inwards, force is
 positive when the felt is pressed. An optional column ``phase`` (``loading`` or ``unloading``) gives the direction;
-without it the phases meet at the largest displacement.
+without it the phases meet at the largest displacement. An error common to all points (compliance of the fixture, zero
+of the displacement, gain of the load cell) is a pair of optional columns ``common_<name>_m`` and ``common_<name>_n``:
+by how much each point would move if that error were one standard uncertainty.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from model.calibration.common_errors import PREFIX, CommonErrors, common_names
 from model.errors import InputError
 from model.files.csv_columns import read_columns
 
@@ -32,12 +35,23 @@ class LoadingCurve:
     ----------
     loading_m, loading_n : (m,) displacement, m, and force, N, while pressed
     unloading_m, unloading_n : (k,) the same while released
+    common : by name, (2, m + k) change of displacement and force of each point, loading first, if one common error were
+        one standard uncertainty
     """
 
     loading_m: Array
     loading_n: Array
     unloading_m: Array
     unloading_n: Array
+    common: CommonErrors = field(default_factory=dict)
+
+    def off_by(self, name: str) -> LoadingCurve:
+        """The curve as it would be if the common error ``name`` were one standard uncertainty."""
+        m = len(self.loading_m)
+        x, f = self.common[name]
+        return LoadingCurve(
+            self.loading_m + x[:m], self.loading_n + f[:m], self.unloading_m + x[m:], self.unloading_n + f[m:]
+        )
 
     @property
     def shared_m(self) -> tuple[float, float]:
@@ -48,13 +62,16 @@ class LoadingCurve:
         )
 
 
-def split_phases(displacement_m: ArrayLike, force_n: ArrayLike, where: str = "loading curve") -> LoadingCurve:
+def split_phases(
+    displacement_m: ArrayLike, force_n: ArrayLike, where: str = "loading curve", common: CommonErrors | None = None
+) -> LoadingCurve:
     """Split one press and release at its largest displacement.
 
     Parameters
     ----------
     displacement_m, force_n : (n,) m and N, in the order measured
     where : what to call the experiment in an error
+    common : common errors by name, (2, n) each
 
     Returns
     -------
@@ -77,13 +94,17 @@ def split_phases(displacement_m: ArrayLike, force_n: ArrayLike, where: str = "lo
     x = np.asarray(displacement_m, dtype=float)
     turn = int(np.argmax(x)) if len(x) else 0
     phase = np.where(np.arange(len(x)) <= turn, PHASES[0], PHASES[1])
-    return check_curve(x, force_n, phase, where)
+    return check_curve(x, force_n, phase, where, common)
 
 
 def check_curve(
-    displacement_m: ArrayLike, force_n: ArrayLike, phase: ArrayLike, where: str = "loading curve"
+    displacement_m: ArrayLike,
+    force_n: ArrayLike,
+    phase: ArrayLike,
+    where: str = "loading curve",
+    common: CommonErrors | None = None,
 ) -> LoadingCurve:
-    """Check points (n,) with their phase and sort them.
+    """Check points (n,) with their phase, and their common errors (2, n) by name, and sort them.
 
     Raises
     ------
@@ -96,7 +117,8 @@ def check_curve(
         if bad.any():
             row = int(np.argmax(bad))
             raise InputError(f"{where}: row {row + 1}: {name} found {column[row]}, allowed finite numbers")
-    parts = []
+    parts: list[Array] = []
+    orders = []
     for name, sense in zip(PHASES, (1.0, -1.0), strict=True):
         own = words == name
         if own.sum() < FEWEST_POINTS:
@@ -111,7 +133,10 @@ def check_curve(
         _check_direction(sense * x[own], np.flatnonzero(own), name, x, where)
         order = np.argsort(x[own], kind="stable")
         parts += [x[own][order], f[own][order]]
-    curve = LoadingCurve(*parts)
+        orders.append(np.flatnonzero(own)[order])
+    sort = np.concatenate(orders)
+    shared = {name: moved[:, sort] for name, moved in (common or {}).items()}
+    curve = LoadingCurve(parts[0], parts[1], parts[2], parts[3], shared)
     low, high = curve.shared_m
     deepest = max(curve.loading_m[-1], curve.unloading_m[-1])
     if high <= low or high - low < 0.5 * deepest:
@@ -141,7 +166,7 @@ def read_curve(path: str | Path) -> LoadingCurve:
 
     Parameters
     ----------
-    path : CSV file; without ``phase`` the experiment is split at its largest displacement
+    path : CSV file; without ``phase`` the experiment is split at its largest displacement; ``common_…`` as above
 
     Returns
     -------
@@ -159,12 +184,19 @@ def read_curve(path: str | Path) -> LoadingCurve:
     >>> print(f"pressed by {1e3 * curve.loading_m[-1]:.1f} mm")
     pressed by 0.5 mm
     """
-    table = read_columns(path, ("displacement_m", "force_n"), ("phase",))
+    table = read_columns(path, ("displacement_m", "force_n"), ("phase",), prefix=PREFIX)
     x, f = table.numbers("displacement_m"), table.numbers("force_n")
+    common = {
+        name: np.vstack([table.numbers(c) if c in table.names else np.zeros(len(x)) for c in columns])
+        for name, columns in common_names(table.names, table.where).items()
+    }
+    for name, moved in common.items():
+        if not np.isfinite(moved).all():
+            raise InputError(f"{table.where}: {PREFIX}{name}: found values that are not finite, allowed numbers")
     if "phase" not in table.names:
-        return split_phases(x, f, table.where)
+        return split_phases(x, f, table.where, common)
     phase = table.words("phase")
     for number, word in enumerate(phase, 1):
         if word not in PHASES:
             raise InputError(f"{table.where}: row {number}: phase found {word!r}, allowed {' or '.join(PHASES)}")
-    return check_curve(x, f, phase, table.where)
+    return check_curve(x, f, phase, table.where, common)

@@ -7,13 +7,16 @@ and noise of the displacement are included. A felt neither pulls nor softens bel
 f_fit' >= 0 for every depth, so that penetrations beyond the measured ones stay physical; a fit on such a bound reports
 it and has the errors of the free fit. The fit is judged: a mid-line farther from the cubic than its own uncertainty
 explains, or a loop that is not a constant share of the cubic as eq. 2.7 has it, is said, and widens the errors.
+Errors that all points share (`model.calibration.common_errors`) enter by fits of the curve with each one standard
+uncertainty off.
 Source: thesis Section 2.2.3, Figs 2.5 and 2.6.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.polynomial import chebyshev
@@ -68,6 +71,8 @@ class FeltFit:
     bound : the bound the fit lies on, in words, or None
     loading, unloading : the smoothed phases
     gain : (3, m + k) d(abc)/d(forces of loading, then unloading) of the free fit
+    free_abc : (3,) of the fit without bounds
+    off : by common error, the fit with this error one standard uncertainty off
     """
 
     abc: Array
@@ -82,6 +87,8 @@ class FeltFit:
     loading: Phase
     unloading: Phase
     gain: Array
+    free_abc: Array
+    off: Mapping[str, FeltFit] = field(default_factory=dict)
 
     @property
     def law_fits(self) -> bool:
@@ -119,7 +126,11 @@ class FeltFit:
         u = self.widened * float(np.sqrt(by_force**2 @ variance))
         # where the share depends on the depth, which depth it is read at is arbitrary
         other = 0.0 if self.loop_fits else self.loop_misfit_n / float(np.sqrt(np.mean(self.force_n(self.mid_m) ** 2)))
-        return load / fit, math.hypot(u, other)
+        shared = [other_fit._share(x_m) - load / fit for other_fit in self.off.values()]
+        return load / fit, math.hypot(u, other, *shared)
+
+    def _share(self, x_m: float) -> float:
+        return float(self.loading.force_n([x_m])[0]) / float(self.force_n([x_m])[0])
 
 
 def _cubic(x_m: ArrayLike) -> Array:
@@ -173,6 +184,18 @@ def fit_felt(curve: LoadingCurve) -> FeltFit:
     >>> fit.abc.shape, fit.misfit_n < 0.1
     ((3,), True)
     """
+    fit = _fit(curve)
+    off = {name: _fit(curve.off_by(name)) for name in curve.common}
+    covariance = fit.widened**2 * fit.covariance
+    for other in off.values():
+        # of the free fits: on a bound, an error that pushes against it would count for nothing
+        moved = other.free_abc - fit.free_abc
+        covariance = covariance + np.outer(moved, moved)
+    return replace(fit, covariance=covariance, off=off)
+
+
+def _fit(curve: LoadingCurve) -> FeltFit:
+    """The fit with the errors of the scatter alone."""
     loading = smooth_phase(curve.loading_m, curve.loading_n)
     unloading = smooth_phase(curve.unloading_m, curve.unloading_n)
     low, high = curve.shared_m
@@ -196,7 +219,7 @@ def fit_felt(curve: LoadingCurve) -> FeltFit:
     variance = np.concatenate([loading.variance, unloading.variance])
     cubic = columns @ beta
     loop = 0.5 * (loading.force_n(x) - unloading.force_n(x))
-    fit = FeltFit(
+    return FeltFit(
         abc=beta / scale,
         covariance=(gain * variance) @ gain.T,
         measured_m=(low, high),
@@ -209,8 +232,8 @@ def fit_felt(curve: LoadingCurve) -> FeltFit:
         loading=loading,
         unloading=unloading,
         gain=gain,
+        free_abc=(free @ mid) / scale,
     )
-    return replace(fit, covariance=fit.widened**2 * fit.covariance)
 
 
 def _constrain(columns: Array, mid: Array, free: Array) -> tuple[Array, str | None]:

@@ -41,7 +41,9 @@ class ColumnFile:
         return out
 
 
-def read_columns(path: str | Path, wanted: Sequence[str], optional: Sequence[str] | None = None) -> ColumnFile:
+def read_columns(
+    path: str | Path, wanted: Sequence[str], optional: Sequence[str] | None = None, prefix: str | None = None
+) -> ColumnFile:
     """Read a file that has the columns ``wanted``.
 
     Parameters
@@ -49,6 +51,7 @@ def read_columns(path: str | Path, wanted: Sequence[str], optional: Sequence[str
     path : CSV file in UTF-8
     wanted : columns that must be there
     optional : columns that may be there too; None allows any others
+    prefix : columns whose names begin with it may be there too
 
     Raises
     ------
@@ -67,7 +70,8 @@ def read_columns(path: str | Path, wanted: Sequence[str], optional: Sequence[str
     if not rows:
         raise InputError(f"{where}: is empty; allowed columns {allowed}")
     names = tuple(name.strip() for name in rows[0])
-    known = optional is None or set(names) <= {*wanted, *optional}
+    free = {name for name in names if prefix is not None and name.startswith(prefix)}
+    known = optional is None or set(names) <= {*wanted, *optional, *free}
     if not set(wanted) <= set(names) or len(set(names)) < len(names) or not known:
         raise InputError(f"{where}: columns found {','.join(names)}; allowed {allowed}")
     for i, row in enumerate(rows[1:], 1):

@@ -1,6 +1,7 @@
 from .bench.access import BenchAccess as BenchAccess
-from .bench.calibrate import CalibrationOrder as CalibrationOrder
-from .bench.calibrate import calibrate_force as calibrate_force
+from .bench.calibration.force import CalibrationOrder as CalibrationOrder
+from .bench.calibration.force import calibrate_force as calibrate_force
+from .bench.calibration.joint import calibrate_joint as calibrate_joint
 from .bench.dry_run import rehearsal_lines as rehearsal_lines
 from .bench.dry_run import rehearse as rehearse
 from .bench.export import export_session as export_session
@@ -15,6 +16,9 @@ from .bench.learning_figures import draw_recorded as draw_recorded
 from .bench.record import record as record
 from .bench.record import record_passive as record_passive
 from .bench.record import room_conditions as room_conditions
+from .bench.record_felt import felt_lines as felt_lines
+from .bench.record_felt import felt_order as felt_order
+from .bench.record_felt import press_felt as press_felt
 from .bench.resume import resume as resume
 from .bench.selftest import SelftestFinding as SelftestFinding
 from .bench.selftest import check_bench as check_bench

@@ -40,7 +40,7 @@ class CertificateConfig(Table):
 class DeviceConfig(Table):
     """The DAQ device or chassis that provides the clocks."""
 
-    product: Literal["cDAQ-9189", "PCIe-6363"]
+    product: Literal["cDAQ-9189", "PCIe-6363", "PCI-6034E"]
     name: Text
     sample_rate_hz: Number = Field(ge=100, le=50_000)
 
@@ -95,7 +95,7 @@ class ForceConfig(Table):
 
 RESERVED_NAMES = (
     *("time", "force", "force_raw", "motor_command", "encoder", "encoder_count"),
-    *("time_s", "force_n", "motor_command_v"),
+    *("time_s", "force_n", "motor_command_v", "key_opposite_rad"),
     *(f"{body}_{column}" for body in BODIES for column in ("count", "rad")),
 )
 """Datasets every trial has, and columns of its table."""
@@ -199,6 +199,21 @@ class EncoderConfig(Table):
     def pulses_per_revolution(self) -> int:
         """Pulses on A (or B) per revolution, the quantity NI-DAQmx expects."""
         return self.counts_per_revolution // 4
+
+
+class OppositeHeadConfig(Table):
+    """A second reading head on the key's scale, opposite the first: rotation is their mean, lift half their difference.
+
+    A scale whose centre rises by d reads d / ``scale_radius_m`` too much at one head and too little at the other; so
+    does one that sits off its centre. Counts per revolution and filter are the key encoder's.
+    """
+
+    counter: Text
+    a_terminal: Text
+    b_terminal: Text
+    sign: Literal[1, -1]
+    scale_radius_m: Number = Field(gt=1e-3, le=1.0)
+    u_scale_radius_m: Number = Field(default=1e-5, ge=0, le=0.01)
 
 
 class MotorConfig(Table):

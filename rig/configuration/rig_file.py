@@ -25,9 +25,12 @@ from rig.configuration.channels import (
     ForceConfig,
     MotorConfig,
     Number,
+    OppositeHeadConfig,
     Table,
     Text,
 )
+from rig.configuration.felt_setup import FeltConfig
+from rig.configuration.further_device import FurtherDevice
 from rig.storage.atomic_write import sha256_of_bytes
 
 FOLDER = Path(__file__).parents[1] / "rigs"
@@ -119,9 +122,11 @@ class RigConfig(Table):
     name: Text
     mains_frequency_hz: Number = Field(ge=40, le=70)
     device: DeviceConfig
+    devices: tuple[FurtherDevice, ...] = ()
     force: ForceConfig
     encoders: tuple[EncoderConfig, EncoderConfig, EncoderConfig]
     channels: tuple[ChannelConfig, ...] = ()
+    key_opposite: OppositeHeadConfig | None = None
     motor: MotorConfig
     arm: ArmConfig | None = None
     camera: CameraConfig | None = None
@@ -132,37 +137,89 @@ class RigConfig(Table):
     selftest: SelftestConfig | None = None
     recording: RecordingConfig = RecordingConfig()
     passive: PassiveConfig = PassiveConfig()
+    felt: FeltConfig | None = None
 
     @model_validator(mode="after")
     def _consistent(self) -> RigConfig:
         names = tuple(encoder.name for encoder in self.encoders)
         if names != BODIES:
             raise ValueError(f"encoders are named {names}, allowed {BODIES} in this order")
-        counters = [encoder.counter for encoder in self.encoders]
+        heads: list[EncoderConfig | OppositeHeadConfig] = [*self.encoders]
+        heads += [self.key_opposite] if self.key_opposite is not None else []
+        counters = [head.counter for head in heads]
         if self.camera is not None:
             counters.append(self.camera.counter)
         # on a chassis, Mod3/ctr0 and Mod4/ctr0 are the same counter
-        own = [counter.rsplit("/", 1)[-1].lower() for counter in counters]
+        own = [(self.device_of(counter), counter.rsplit("/", 1)[-1].lower()) for counter in counters]
         if len(set(own)) != len(own):
             raise ValueError(
                 f"encoders and camera use the counters {counters}, allowed one task per counter; give each its own"
             )
         self._check_channels()
+        self._check_devices()
         camera, rate = self.camera, self.device.sample_rate_hz
         if camera is not None and camera.mode == "counted" and camera.frame_rate_hz > rate / 2:
             raise ValueError(
                 f"camera.frame_rate_hz = {camera.frame_rate_hz:g} Hz, allowed at most {rate / 2:g} Hz (half of "
                 "device.sample_rate_hz) where exposures are counted"
             )
+        drive = self.drive_enable.line if self.drive_enable is not None else None
+        reach = [name for name in (self.motor.channel, drive) if name is not None and self.device_of(name) is None]
+        if self.watchdog is not None and not reach:
+            raise ValueError(
+                f"watchdog: neither motor.channel nor drive_enable.line is on {self.device.name}, whose watchdog it "
+                "is; allowed with one of them there, or no [watchdog]"
+            )
         if self.watchdog is not None and self.recording.block_s > self.watchdog.timeout_s / 2:
             raise ValueError(
                 f"recording.block_s = {self.recording.block_s:g} s, allowed at most half of watchdog.timeout_s = "
                 f"{self.watchdog.timeout_s:g} s"
             )
-        terminals = [t for encoder in self.encoders for t in (encoder.a_terminal, encoder.b_terminal)]
+        terminals = [t for head in heads for t in (head.a_terminal, head.b_terminal)]
         if len(set(terminals)) != len(terminals):
             raise ValueError(f"encoder terminals {terminals} repeat; each signal needs its own terminal")
         return self
+
+    def device_of(self, channel: str) -> FurtherDevice | None:
+        """Return the further device a channel or terminal belongs to; None for the main one's."""
+        return next((device for device in self.devices if device.owns(channel)), None)
+
+    def clock_of(self, channel: str) -> str:
+        """Return the terminal from which a channel's task takes the sample clock."""
+        further = self.device_of(channel)
+        on_wire = further is not None and further.link == "lines"
+        return str(further.clock_to) if on_wire and further is not None else f"/{self.device.name}/ai/SampleClock"
+
+    def start_of(self, channel: str) -> str | None:
+        """Return the terminal of the start trigger; None where only the clock is wired: with that it begins as well."""
+        further = self.device_of(channel)
+        return f"/{self.device.name}/ai/StartTrigger" if further is None or further.link == "RTSI" else None
+
+    def _check_devices(self) -> None:
+        names = [self.device.name.lower(), *(further.name.lower() for further in self.devices)]
+        if len(set(names)) != len(names):
+            raise ValueError(f"devices are named {names}; each needs a name of its own")
+        if any(further.link == "RTSI" for further in self.devices) and self.device.product.startswith("cDAQ"):
+            raise ValueError(f"device.product = {self.device.product}: has no RTSI; allowed link = 'lines'")
+        for channel in (self.force.channel, *(channel.channel for channel in self.channels)):
+            if (further := self.device_of(channel)) is not None:
+                raise ValueError(
+                    f"{channel}: is on {further.name}; force and further channels give the clock, allowed on "
+                    f"{self.device.name} only"
+                )
+        pulses = self.camera is not None and self.camera.mode == "pulses"
+        if self.camera is not None and pulses and (further := self.device_of(self.camera.counter)) is not None:
+            raise ValueError(
+                f"camera.counter = {self.camera.counter}: frame pulses of {further.name} run on its own timebase, some "
+                f"50 us a second beside {self.device.name}; allowed a counter there, or camera.mode = 'counted'"
+            )
+        for further in self.devices:
+            if further.clock_to is not None and not further.owns(further.clock_to):
+                raise ValueError(f"{further.name}: clock_to = {further.clock_to}, allowed a terminal of {further.name}")
+            if further.clock_from is not None and self.device_of(further.clock_from) is not None:
+                raise ValueError(
+                    f"{further.name}: clock_from = {further.clock_from}, allowed a terminal of {self.device.name}"
+                )
 
     def _check_channels(self) -> None:
         if self.channels and self.force.kind != "voltage":

@@ -32,6 +32,9 @@ def inputs_task(new_task: NewTask, config: RigConfig) -> nidaqmx.Task:
     task = force_task(new_task, config)
     for further in config.channels:
         _add_voltage(task, further.channel, further.name, _electrical_ends(further))
+    for device in config.devices:
+        if device.clock_from is not None:
+            task.export_signals.export_signal(ni.Signal.SAMPLE_CLOCK, device.clock_from)
     return task
 
 

@@ -44,6 +44,7 @@ _FAULT_OF_CODE: dict[int, tuple[type[HardwareFault], str]] = {
     -88705: (DeviceNotFound, "the device is gone; check power and cable"),
     **dict.fromkeys((-200644, -200678, -201478, -201434, -200681, -200712), (WatchdogTripped, TRIPPED)),
     -200452: (NotSupported, "the device does not have a call or setting that was needed"),
+    -89125: (NotSupported, "no RTSI cable joins the devices; connect it and register it in NI MAX, or link = 'lines'"),
     -200170: (NotSupported, "no such channel; compare the rig file with the modules in the chassis"),
     -200431: (
         NotSupported,

@@ -82,6 +82,15 @@ class NidaqmxBackend(SafeBench, BenchChecks, Backend):
             raise RigInputError(
                 f"device.product = {config.device.product!r}: device {name} is a {self._product}; correct the rig file"
             )
+        for further in config.devices:
+            other = find_device(self._channel, further.name)
+            self._description[f"device_{further.name}"] = f"{other.product}, serial number {other.serial}"
+            self._simulated = self._simulated or other.simulated
+            if other.product != further.product:
+                raise RigInputError(
+                    f"devices: product = {further.product!r}: device {further.name} is a {other.product}; correct the "
+                    "rig file"
+                )
 
     def devices(self) -> list[FoundDevice]:
         """Return every card and chassis that the driver or server has, with modules and serial numbers."""
@@ -157,6 +166,9 @@ class NidaqmxBackend(SafeBench, BenchChecks, Backend):
         for encoder in config.encoders:
             with translated("configure", encoder.counter):
                 tasks.encoder_task(self._tasks.make, config, encoder)
+        if config.key_opposite is not None:
+            with translated("configure", config.key_opposite.counter):
+                tasks.opposite_head_task(self._tasks.make, config, config.key_opposite)
         if motor:
             with translated("configure", config.motor.channel):
                 tasks.motor_task(self._tasks.make, config)

@@ -32,6 +32,9 @@ def next_block(made: TaskSet, config: RigConfig, first_sample: int, n_samples: i
     count = np.empty((n_samples, len(config.encoders)), dtype=np.int64)
     for column, encoder in enumerate(config.encoders):
         count[:, column] = _ticks(made, tasks.encoder_task_name(encoder), n_samples, timeout_s)
+    if tasks.OPPOSITE in made and config.key_opposite is not None:
+        per_tick = config.key_opposite.sign * 2 * np.pi / config.encoders[0].counts_per_revolution
+        further.append(np.asarray(_ticks(made, tasks.OPPOSITE, n_samples, timeout_s) * per_tick, dtype=np.float64))
     exposures = _ticks(made, tasks.EDGES, n_samples, timeout_s) if tasks.EDGES in made else None
     return Block(first_sample, force_n, raw, count, exposures, np.column_stack(further) if further else None)
 
@@ -51,7 +54,8 @@ def _ticks(made: TaskSet, name: str, n_samples: int, timeout_s: float) -> NDArra
 def positions(made: TaskSet, config: RigConfig) -> dict[str, tuple[int, int]]:
     """Return by input task the samples per channel the driver has handed out and acquired since its start."""
     found = {}
-    for name in (analog_inputs.MASTER, *map(tasks.encoder_task_name, config.encoders), tasks.EDGES):
+    encoders = map(tasks.encoder_task_name, config.encoders)
+    for name in (analog_inputs.MASTER, *encoders, tasks.OPPOSITE, tasks.EDGES):
         if name in made:
             with translated("read", name):
                 stream = made[name].in_stream

@@ -75,8 +75,9 @@ class SafeBench:
         """Clear all tasks and reset the device; the next trial makes everything afresh."""
         self._clear(watchdog_too=True)
         if self._config is not None:
-            with translated(phase, f"device {self._config.device.name} not reset"):
-                reset_device(self._channel, self._config.device.name)
+            for name in (self._config.device.name, *(further.name for further in self._config.devices)):
+                with translated(phase, f"device {name} not reset"):
+                    reset_device(self._channel, name)
         self._was_reset = True
 
     def safe_stop(self) -> None:

@@ -31,12 +31,21 @@ def recording_plan(config: RigConfig, timing: Timing, n_command: int) -> list[Ta
     """Return the tasks in the order in which they are made; rates are those the device gave."""
     device, rate = config.device.name, timing.sample_rate_hz
     ai_clock, ai_trigger = f"/{device}/ai/SampleClock", f"/{device}/ai/StartTrigger"
-    slaved = f"{ai_clock}, {rate:.10g} Hz"
+
+    def slaved(channel: str) -> str:
+        return f"{config.clock_of(channel)}, {rate:.10g} Hz"
+
+    def armed(channel: str) -> str:
+        start = config.start_of(channel)
+        return f"arm start: {start}" if start else "none: its clock starts with AI"
+
     force = config.force
     rows = []
     if config.watchdog is not None:
-        states = [f"{config.motor.channel} 0 V"] if config.device.product in ANALOG_REACH else []
-        states += [f"{config.drive_enable.line} low"] if config.drive_enable else []
+        analog = config.device.product in ANALOG_REACH and config.device_of(config.motor.channel) is None
+        states = [f"{config.motor.channel} 0 V"] if analog else []
+        drive = config.drive_enable
+        states += [f"{drive.line} low"] if drive and config.device_of(drive.line) is None else []
         purpose = f"after {config.watchdog.timeout_s:g} s of silence: {', '.join(states) or 'nothing'}"
         rows.append(TaskPlan("watchdog", device, purpose, "device timer", "software, kicked with every block"))
     unit = force.electrical_unit
@@ -48,7 +57,12 @@ def recording_plan(config: RigConfig, timing: Timing, n_command: int) -> list[Ta
             f"{force.physical_n[0]:g} to {force.physical_n[1]:g} N, delay {timing.force_group_delay_s * 1e3:.4g} ms",
             f"own, {rate:.10g} Hz, continuous",
             "software, starts all others",
-            (f"{ai_clock} -> counters, motor", f"{ai_trigger} -> counters, camera"),
+            (
+                f"{ai_clock} -> counters, motor",
+                f"{ai_trigger} -> counters, camera",
+                *(f"{ai_clock} -> {d.clock_from} -> wire -> {d.clock_to}" for d in config.devices if d.clock_from),
+                *(f"{ai_clock} -> RTSI -> {d.name}" for d in config.devices if d.link == "RTSI"),
+            ),
         )
     )
     for further in config.channels:
@@ -61,14 +75,18 @@ def recording_plan(config: RigConfig, timing: Timing, n_command: int) -> list[Ta
                 tasks.encoder_task_name(encoder),
                 encoder.counter,
                 f"CI angular encoder X4, {encoder.counts_per_revolution} counts/rev, sign {encoder.sign:+d}",
-                slaved,
-                f"arm start: {ai_trigger}",
+                slaved(encoder.counter),
+                armed(encoder.counter),
                 (f"{encoder.a_terminal} -> A", f"{encoder.b_terminal} -> B"),
             )
         )
+    if (head := config.key_opposite) is not None:
+        purpose = f"CI angular encoder X4, second head on the key's scale, sign {head.sign:+d}"
+        routes = (f"{head.a_terminal} -> A", f"{head.b_terminal} -> B")
+        rows.append(TaskPlan(tasks.OPPOSITE, head.counter, purpose, slaved(head.counter), armed(head.counter), routes))
     motor = config.motor
     purpose = f"AO voltage, {motor.force_per_volt_n:g} N/V, within {motor.voltage_limit_v:g} V"
-    clock = f"{slaved}, finite, {n_command} samples, last 0 V"
+    clock = f"{slaved(motor.channel)}, finite, {n_command} samples, last 0 V"
     rows.append(TaskPlan(tasks.MOTOR, motor.channel, purpose, clock, "none: its clock starts with AI"))
     if camera := config.camera:
         if timing.frame_rate_hz is not None and timing.first_pulse_s is not None:
@@ -78,8 +96,8 @@ def recording_plan(config: RigConfig, timing: Timing, n_command: int) -> list[Ta
             rows.append(TaskPlan(tasks.CAMERA, camera.counter, purpose, clock, trigger, (route,)))
         else:
             purpose, route = "CI count of the camera's exposures", f"{camera.terminal} -> counter source"
-            trigger = f"arm start: {ai_trigger}"
-            rows.append(TaskPlan(tasks.EDGES, camera.counter, purpose, slaved, trigger, (route,)))
+            clock, trigger = slaved(camera.counter), armed(camera.counter)
+            rows.append(TaskPlan(tasks.EDGES, camera.counter, purpose, clock, trigger, (route,)))
     if config.drive_enable:
         purpose, trigger = "DO, high enables the drive", "software, last to go high, low on every exit"
         rows.append(TaskPlan("drive_enable", config.drive_enable.line, purpose, "on demand", trigger))

@@ -13,14 +13,14 @@ import numpy as np
 from nidaqmx.stream_writers import AnalogSingleChannelWriter
 from numpy.typing import NDArray
 
-from rig.configuration.channels import CameraConfig, EncoderConfig
+from rig.configuration.channels import CameraConfig, EncoderConfig, OppositeHeadConfig
 from rig.configuration.rig_file import RigConfig
 from rig.daq.analog_inputs import buffer_samples
 from rig.daq.task_set import NewTask
 from rig.errors import RigInputError
 
 WRITE_TIMEOUT_S = 5.0
-MOTOR, CAMERA, EDGES = "motor", "camera", "exposures"
+MOTOR, CAMERA, EDGES, OPPOSITE = "motor", "camera", "exposures", "encoder_key_opposite"
 """Names of the tasks."""
 
 
@@ -51,23 +51,36 @@ def encoder_task(new_task: NewTask, config: RigConfig, encoder: EncoderConfig) -
         channel.ci_encoder_a_input_dig_fltr_min_pulse_width = encoder.filter_min_pulse_s
         channel.ci_encoder_b_input_dig_fltr_enable = True
         channel.ci_encoder_b_input_dig_fltr_min_pulse_width = encoder.filter_min_pulse_s
-    _latched_on_ai(task, config)
+    _latched_on_ai(task, config, encoder.counter)
     return task
 
 
-def _latched_on_ai(task: nidaqmx.Task, config: RigConfig) -> None:
-    """Give a counter the AI sample clock, and arm it on the AI start trigger."""
-    rate, device = config.device.sample_rate_hz, config.device.name
+def opposite_head_task(new_task: NewTask, config: RigConfig, head: OppositeHeadConfig) -> nidaqmx.Task:
+    """One counter on the second reading head of the key's scale, as the key's encoder."""
+    key = config.encoders[0]
+    same = {"counter": head.counter, "a_terminal": head.a_terminal, "b_terminal": head.b_terminal, "sign": head.sign}
+
+    def named(name: str) -> nidaqmx.Task:
+        return new_task(OPPOSITE)
+
+    return encoder_task(named, config, key.model_copy(update=same))
+
+
+def _latched_on_ai(task: nidaqmx.Task, config: RigConfig, counter: str) -> None:
+    """Give a counter the AI sample clock, and arm it on the AI start trigger where that reaches its device."""
+    rate = config.device.sample_rate_hz
     task.timing.cfg_samp_clk_timing(
         rate,
-        source=f"/{device}/ai/SampleClock",
+        source=config.clock_of(counter),
         active_edge=ni.Edge.RISING,
         sample_mode=ni.AcquisitionType.CONTINUOUS,
         samps_per_chan=buffer_samples(rate),
     )
+    if (start := config.start_of(counter)) is None:
+        return
     trigger = task.triggers.arm_start_trigger
     trigger.trig_type = ni.TriggerType.DIGITAL_EDGE
-    trigger.dig_edge_src = f"/{device}/ai/StartTrigger"
+    trigger.dig_edge_src = start
     trigger.dig_edge_edge = ni.Edge.RISING
 
 
@@ -90,7 +103,7 @@ def prepare_command(task: nidaqmx.Task, config: RigConfig, n_samples: int) -> No
     """Set clock and buffer for a command of ``n_samples``, finite, one sample per AI clock edge; reserves nothing."""
     task.timing.cfg_samp_clk_timing(
         config.device.sample_rate_hz,
-        source=f"/{config.device.name}/ai/SampleClock",
+        source=config.clock_of(config.motor.channel),
         active_edge=ni.Edge.RISING,
         sample_mode=ni.AcquisitionType.FINITE,
         samps_per_chan=n_samples,
@@ -136,7 +149,7 @@ def edge_task(new_task: NewTask, config: RigConfig, counter: str, terminal: str)
         count_direction=ni.CountDirection.COUNT_UP,
     )
     channel.ci_count_edges_term = terminal
-    _latched_on_ai(task, config)
+    _latched_on_ai(task, config, counter)
     return task
 
 

@@ -42,11 +42,11 @@ class Watchdog:
             config.device.name, NAME, timeout=timeout_s, grpc_options=options
         )
         try:
-            if config.device.product in ANALOG_REACH:
+            if config.device.product in ANALOG_REACH and config.device_of(config.motor.channel) is None:
                 self._task.cfg_watchdog_ao_expir_states(
                     [AOExpirationState(config.motor.channel, 0.0, WatchdogAOExpirState.VOLTAGE)]
                 )
-            if config.drive_enable is not None:
+            if config.drive_enable is not None and config.device_of(config.drive_enable.line) is None:
                 self._task.cfg_watchdog_do_expir_states([DOExpirationState(config.drive_enable.line, Level.LOW)])
         except BaseException:
             self.close()

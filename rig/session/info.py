@@ -98,6 +98,8 @@ class SessionInfo(Table):
 
     schema_name: Literal["piano-action-rig session 1"] = Field(default=SCHEMA, alias="schema")
     name: str = ""
+    kind: Literal["blows", "felt"] = "blows"
+    """Blows on a key, or presses of a felt by the arm, in which the encoder is not on the key."""
     operator: str = "unknown"
     created_utc: str = ""
     simulated: Annotated[bool, Field(strict=True)]

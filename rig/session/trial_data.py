@@ -25,6 +25,10 @@ if TYPE_CHECKING:
     from rig.session.ruler import Position
 
 
+KEY_OPPOSITE = "key_opposite_rad"
+"""Channel of a second reading head on the key's scale."""
+
+
 def absent_bodies(names: Iterable[str]) -> tuple[str, ...]:
     """Return the bodies that no encoder of ``names`` reads."""
     present = set(names)
@@ -158,6 +162,25 @@ class ChannelInfo:
         ruler = None if config.ruler is None else RulerInfo(**config.ruler.model_dump())
         own = {"calibration": _calibration(config.calibration, config.certificate), "ruler": ruler}
         return cls(**{**of_same_name(cls, config), **own})
+
+    @classmethod
+    def opposite_head(cls, config: RigConfig) -> ChannelInfo:
+        """Return what the rig file says of the second reading head on the key's scale: its angle, counter-clockwise."""
+        head, key = config.key_opposite, config.encoders[0]
+        assert head is not None
+        turn = 2.0 * np.pi * head.sign
+        return cls(
+            name=KEY_OPPOSITE,
+            quantity="angle of the key, head opposite the first",
+            unit="rad",
+            sensor=f"scale radius {head.scale_radius_m:.9g} m, u {head.u_scale_radius_m:.3g} m",
+            calibration=_calibration(f"{key.counts_per_revolution} counts per revolution", key.certificate),
+            electrical=(0.0, float(key.counts_per_revolution)),
+            physical=(0.0, turn),
+            channel=head.counter,
+            u_noise=float(np.hypot(2.0 * np.pi / key.counts_per_revolution / np.sqrt(12.0), key.u_interpolation_rad)),
+            u_gain_relative=key.u_scale_relative,
+        )
 
     @classmethod
     def from_plain(cls, plain: dict[str, Any]) -> ChannelInfo:

@@ -7,6 +7,9 @@ Options of the address, e.g. ``sim://?bench=PATH&seed=3&clock=real``:
 - ``fault``: faults to inject (:mod:`rig.simulated.device.fault_injection`);
 - ``effects=balance_rail,shank``: the specimen's key can lift and its shank bend (`model.parameters.effects`);
 - ``delay_ms=20``: every driver call takes so long, as over a slow network;
+- ``felt=contact02``: not the action but the specimen's felt of that contact, or a ``block`` of steel, is under the
+  motor arm, as ``pianorig record --felt`` has it;
+- ``swing=hammer``: the body hangs on its joint alone, is let go and swings, as ``pianorig calibrate-joint`` has it;
 - ``hand=yes``: the virtual operator acts when a self-test asks for it; ``hand=plays``: a virtual pianist plays where
   the motor has no task.
 
@@ -26,20 +29,25 @@ from rig.errors import RigInputError
 from rig.simulated.bench.bench_file import read_bench
 from rig.simulated.bench.bench_time import BenchTime
 from rig.simulated.bench.clock import Clock, PacedClock, VirtualClock
+from rig.simulated.bench.felt_plant import felt_plant
 from rig.simulated.bench.plant import load_plant
 from rig.simulated.bench.plant_protocol import Plant
 from rig.simulated.bench.sensors import SensorSet, load_sensors
-from rig.simulated.bench.wiring import WIRING_OF_PRODUCT, Wiring, planted_wiring
+from rig.simulated.bench.swing_plant import swing_plant
+from rig.simulated.bench.wiring import Wiring, planted_wiring, usual_wiring
 from rig.simulated.device.fault_injection import FaultPlan, parse_faults
 from rig.simulated.device.state import DeviceState
-from rig.simulated.product.capabilities import PRODUCTS
+from rig.simulated.product.catalogue import PRODUCTS
 from rig.simulated.product.inventory import Inventory
+from rig.simulated.product.several import SeveralDevices
 from rig.simulated.rpc.in_process_channel import InProcessChannel
 from rig.simulated.rpc.service import Service
 from rig.storage.atomic_write import sha256_of_file
 
 DEFAULT_BENCH = Path(__file__).parent / "bench.toml"
-OPTIONS = ("bench", "seed", "clock", "fault", "effects", "hand", "delay_ms")
+OPTIONS = ("bench", "seed", "clock", "fault", "effects", "felt", "swing", "hand", "delay_ms")
+CLOCK_ERRORS = (0.0, 3.5e-5, -2.2e-5)
+"""Relative errors of the timebases of the rig's devices; NI specifies 50 ppm for these cards."""
 CAMERA_CLOCK_ERROR = 4e-5
 """Relative error of the rate of a camera that runs by itself."""
 
@@ -109,12 +117,23 @@ def build_device(
     >>> build_device(rig.load_rig("virtual").config, plant, load_sensors(DEFAULT_BENCH, seed=1)).inventory.name
     'cDAQ1'
     """
-    inventory = Inventory(PRODUCTS[config.device.product], config.device.name)
-    wiring = wiring or WIRING_OF_PRODUCT[config.device.product]
+    wiring = wiring or usual_wiring(config)
+    inventory = _inventory(config, wiring.rtsi)
     device = DeviceState(inventory, BenchTime(plant, sensors, clock or VirtualClock()), wiring)
     if config.camera is not None and config.camera.mode == "counted":
         device.bench.camera_rate_hz = config.camera.frame_rate_hz * (1 + CAMERA_CLOCK_ERROR)
     return device
+
+
+def _inventory(config: RigConfig, rtsi: bool) -> Inventory:
+    """The rig's devices, each with a timebase of its own."""
+    named = [(config.device.product, config.device.name), *((one.product, one.name) for one in config.devices)]
+    devices = [
+        Inventory(PRODUCTS[product], name, CLOCK_ERRORS[k % len(CLOCK_ERRORS)])
+        for k, (product, name) in enumerate(named)
+    ]
+    on_cable = [device.name for device in devices if device.product.rtsi and rtsi]
+    return SeveralDevices(devices, on_cable) if len(devices) > 1 else devices[0]
 
 
 def open_backend(url: str, config: RigConfig) -> SimulatedBackend:
@@ -151,9 +170,14 @@ def open_backend(url: str, config: RigConfig) -> SimulatedBackend:
     faults = parse_faults(options.get("fault", ""))
     sensors = load_sensors(bench, seed=seed)
     effects = [name for name in options.get("effects", "").split(",") if name]
-    plant = load_plant(bench, seed=seed, sample_rate_hz=config.device.sample_rate_hz, effects=effects)
+    mechanics = load_plant(bench, seed=seed, sample_rate_hz=config.device.sample_rate_hz, effects=effects)
+    plant: Plant = mechanics
+    if options.get("felt"):
+        plant = felt_plant(mechanics, options["felt"], config)
+    elif options.get("swing"):
+        plant = swing_plant(mechanics, options["swing"])
     table = read_bench(bench).get("wiring", {})
-    wiring = planted_wiring(table if isinstance(table, dict) else {"": table}, config.device.product, str(bench))
+    wiring = planted_wiring(table if isinstance(table, dict) else {"": table}, usual_wiring(config), str(bench))
     device = build_device(config, plant, sensors, clock=clock, wiring=wiring)
     device.faults = FaultPlan(faults)
     device.call_delay_s = _delay_s(url, options.get("delay_ms", "0"))
@@ -165,6 +189,7 @@ def open_backend(url: str, config: RigConfig) -> SimulatedBackend:
             "bench": bench.name,
             "bench_sha256": sha256_of_file(bench),
             "seed": str(sensors.seed),
+            **({"felt": options["felt"]} if options.get("felt") else {}),
             **({"specimen_effects": ", ".join(effects)} if effects else {}),
         },
     )

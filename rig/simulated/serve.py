@@ -46,6 +46,8 @@ class ServeOptions:
     allow_network: bool = False
     """Whether others than this computer may be let in."""
     tls: Tls | None = None
+    felt: str | None = None
+    """What is under the arm in place of the key: the felt of a contact, or ``block``."""
 
     @property
     def on_network(self) -> bool:
@@ -60,7 +62,7 @@ class ServeOptions:
         """The ``sim://`` address of the bench."""
         options = {
             "clock": self.clock, "seed": self.seed, "bench": self.bench, "fault": self.fault,
-            "hand": "yes" if self.hand else None,
+            "hand": "yes" if self.hand else None, "felt": self.felt,
         }  # fmt: skip
         return "sim://?" + urlencode({key: value for key, value in options.items() if value is not None})
 

@@ -27,6 +27,9 @@ INVALID_AO_DATA = _status(-200561, "A sample to write is outside the range of th
 ONE_COUNTER_PER_TASK = _status(-200147, "A task can contain only one counter input channel.")
 NO_SUCH_TERMINAL = _status(-89120, "Source terminal to be routed could not be found on the device.")
 NO_ROUTE = _status(-89136, "The route between these terminals is not supported by the device.")
+NO_TRIGGER_LINES = _status(
+    -89125, "No registered trigger lines could be found between the devices in the route; register the RTSI cable."
+)
 ROUTE_IN_USE = _status(-89137, "The terminal carries another signal already.")
 LINE_DIRECTION_CONFLICT = _status(
     -201133, "Lines of one group of the module are inputs or outputs together, not mixed."

@@ -31,8 +31,19 @@ class MeasuredSession:
 
 
 def open_session(session: Session | str | Path) -> Session:
-    """The session itself, or the session at a path."""
-    return Session.open(session) if isinstance(session, str | Path) else session
+    """The session itself, or the session at a path.
+
+    Raises
+    ------
+    ValidationInputError
+        The arm pressed a felt in it: there is no key to compare.
+    """
+    opened = Session.open(session) if isinstance(session, str | Path) else session
+    if opened.info.kind == "felt":
+        raise ValidationInputError(
+            f"{opened.path}: presses of a felt, not blows on a key; calibrate-felt reads its derived/felt/"
+        )
+    return opened
 
 
 def measure_session(

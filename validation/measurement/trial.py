@@ -18,6 +18,7 @@ from validation.conventions import ENCODER_CHANNELS, FILM_CHANNELS, Array
 from validation.errors import TrialError
 from validation.measurement.force_correction import CorrectedForce, Quiet, correct_force, encoder_change, find_quiet
 from validation.measurement.geometry import ActionGeometry
+from validation.measurement.key_heads import two_heads
 from validation.measurement.mains_hum import TOO_SHORT
 from validation.measurement.stroke import Motion, motion_of
 
@@ -102,6 +103,9 @@ def measure(
     counts = np.asarray(data.encoder_count)[:, order]
     angle = np.asarray(data.angle_rad(), dtype=float)[:, order]
     resolution = np.array([abs(data.encoders[i].rad_per_count) for i in order])
+    heads = two_heads(data, angle[:, 0])
+    if heads is not None:
+        angle[:, 0], resolution[0] = heads.rotation_rad, heads.resolution_rad
     info = data.force_info
     time = np.asarray(data.time_s, dtype=float)
     quiet = find_quiet(time, data.force_n, counts, mains_hz=info.mains_frequency_hz, group_delay_s=info.group_delay_s)
@@ -117,8 +121,11 @@ def measure(
         mains_hz=info.mains_frequency_hz,
     )
     change, u_sample, u_zero = encoder_change(angle, quiet, resolution)
-    u_sample = np.hypot(u_sample, [data.encoders[i].u_change_rad for i in order])
+    u_change = np.array([data.encoders[i].u_change_rad for i in order])
     scale = np.array([data.encoders[i].u_turn_relative for i in order])
+    if heads is not None:
+        u_change[0], scale[0] = heads.u_change_rad, heads.u_turn_relative
+    u_sample = np.hypot(u_sample, u_change)
     read_motion = partial(
         motion_of,
         geometry,
@@ -129,6 +136,8 @@ def measure(
         u_scale_relative=scale,
     )
     film, notes = _film(film_table, data, quiet)
+    if heads is not None:
+        notes.append(heads.note(quiet))
     if force.hum.reason.startswith(TOO_SHORT):
         notes.append(f"hum not subtracted: {force.hum.reason}")
     return MeasuredTrial(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -13,6 +13,9 @@ from pianorig.console.output import print_json
 from pianorig.console.progress import bar, recording_line
 from pianorig.console.prompt import operator as operator_at_terminal
 from pianorig.errors import CommandInputError
+
+if TYPE_CHECKING:
+    from rig import FeltOrder, RoomInfo
 
 
 def command(
@@ -47,6 +50,15 @@ def command(
     duration: Annotated[
         float | None, typer.Option("--for", metavar="SECONDS", help="With --passive: end after so long.")
     ] = None,
+    felt: Annotated[
+        str | None, typer.Option("--felt", help="The arm presses the felt of this contact, or a steel `block`; no key.")
+    ] = None,
+    speed: Annotated[
+        list[float] | None, typer.Option("--speed", help="With --felt: of the press, m/s; may be repeated.")
+    ] = None,
+    peak: Annotated[
+        list[float] | None, typer.Option("--peak", help="With --felt: largest force, N; may be repeated.")
+    ] = None,
     yes: Yes = False,
     selftest: Selftests = SELFTESTS,
     as_json: AsJson = False,
@@ -54,7 +66,7 @@ def command(
     """Play a motor profile; record force, angles, frame clock.
 
     On the virtual bench by default; hardware asks for a self-test and a confirmation first, except with --passive,
-    where nothing moves.
+    where nothing moves. With --felt each press becomes a trial and a loading curve for calibrate-felt.
 
     Example:  pianorig record --profile forte --trials 5 --film 1 --out sessions/try
     """
@@ -68,6 +80,14 @@ def command(
     if duration is not None and not passive:
         raise CommandInputError("--for: goes with --passive; a profile has its own duration")
     access = workflows.BenchAccess(rig, backend, yes, operator_at_terminal(), selftest)
+    if felt is None and (speed or peak):
+        raise CommandInputError("--speed, --peak: go with --felt; a profile has its own forces")
+    if felt is not None:
+        if passive or plan is not None or resume is not None or film:
+            raise CommandInputError("--felt: presses no key; not with --passive, --plan, --resume or --film")
+        order = workflows.felt_order(felt, speed, peak, trials)
+        _press_felt(out, order, access, as_json, operator, workflows.room_conditions(temperature, humidity))
+        return
     if passive:
         if plan is not None or resume is not None or film or dry_run:
             raise CommandInputError("--passive: plays no profile; not with --plan, --resume, --film or --dry-run")
@@ -126,3 +146,21 @@ def command(
         more = f", {row['condition']}" if row.get("condition") else f", film {row['film']}" if row.get("film") else ""
         print(f"trial {row['trial']}: {row['status']}{more}")
     print(f"session: {target}{count}")
+
+
+def _press_felt(
+    out: Path | None,
+    order: FeltOrder,
+    access: workflows.BenchAccess,
+    as_json: bool,
+    operator: str,
+    room: RoomInfo | None,
+) -> None:
+    target = out or workflows.new_session_folder(f"felt_{order.contact}")
+    title = f"pressing {order.contact} on {access.backend} into {target}"
+    with workflows.interrupts_told(target), recording_line(as_json, title) as progress:
+        _, facts = workflows.press_felt(target, order, access, operator=operator, progress=progress, room=room)
+    if as_json:
+        print_json({"session": target, **facts})
+        return
+    print("\n".join([*workflows.felt_lines(order, facts), f"session: {target}"]))

@@ -29,6 +29,9 @@ def command(
     hand: Annotated[
         bool, typer.Option("--hand", help="Let the virtual operator's hand act when a self-test asks for it.")
     ] = False,
+    felt: Annotated[
+        str | None, typer.Option("--felt", help="The arm is on the felt of this contact, or on a `block`, not the key.")
+    ] = None,
     allow_network: Annotated[
         bool, typer.Option("--allow-network", help="Permit a --host that other computers can reach.")
     ] = False,
@@ -57,7 +60,7 @@ def command(
     if client_ca is not None and tls is None:
         raise CommandInputError("--tls-client-ca: needs --tls CERT KEY beside it")
     secured = simulated.Tls(*tls, client_ca) if tls is not None else None
-    options = simulated.ServeOptions(rig, host, port, clock, seed, bench, fault, hand, allow_network, secured)
+    options = simulated.ServeOptions(rig, host, port, clock, seed, bench, fault, hand, allow_network, secured, felt)
     if options.on_network and allow_network:
         who = "only holders of a certificate of the CA" if client_ca else "anybody who reaches it"
         print(f"warning: {host} is open to the network; {who} can drive this bench", file=sys.stderr, flush=True)

@@ -115,6 +115,8 @@ def felt(
         lines.append(f"  {name} = {v:.4g}  u {u:.2g}  {unit}")
     lines.append(f"  mid-line off the cubic: {fit.misfit_n:.3g} N rms of {fit.mid_n[-1]:.3g} N")
     lines += [f"  {line}" for line in _judgement(fit)]
+    if fit.off:
+        lines.append(f"  u includes what all points share: {', '.join(fit.off)}")
     if fit.bound is not None:
         lines.append(f"  the fit lies on a bound of what a felt can do: {fit.bound}; look at the figure")
     for blow, one in dampings.items():
@@ -139,6 +141,7 @@ def felt(
         "loop_fits": fit.loop_fits,
         "u_widened": fit.widened,
         "bound": fit.bound,
+        "common_errors": {name: other.free_abc - fit.free_abc for name, other in fit.off.items()},
         "D": {b: {"d": o.d, "u": o.u_d, "at_m": o.at_m, "speed_m_per_s": o.speed_m_per_s} for b, o in dampings.items()},
         "figure": figure,
     }

@@ -67,7 +67,10 @@ class TrialHead:
             frame_clock=FrameClock.of(config.camera, timing),
             condition=condition,
             plan_entry=plan_entry,
-            channels=tuple(ChannelInfo.of(channel) for channel in config.channels),
+            channels=(
+                *(ChannelInfo.of(channel) for channel in config.channels),
+                *([ChannelInfo.opposite_head(config)] if config.key_opposite is not None else []),
+            ),
         )
 
     def to_plain(self) -> dict[str, Any]:

@@ -82,7 +82,7 @@ class BenchTime:
             self.exposures = PulseTrain(self.camera_rate_hz, phase / self.camera_rate_hz, float("inf"), 0.0)
 
     def step(self, command_v: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-        """Let n edges pass; return the cell's output at each, mV/V (n,), and the counts (n, 3)."""
+        """Let n edges pass; return the cell's output at each, mV/V (n,), and the counts (n, 4)."""
         if self._force is None or self._encoders is None:
             raise RuntimeError("the bench has no trial yet")
         n = command_v.size
@@ -96,7 +96,7 @@ class BenchTime:
         cell = self._force.millivolts_per_volt(self._delay.push(felt_n + self.hung_n), time_s)
         self._last_force_n, self._last_angle_rad = block.force_n[-1:], block.angle_rad[-1:]
         self._last_lift_m = None if block.key_lift_m is None else block.key_lift_m[-1:]
-        quarter = self._encoders.quarter_counts(block.angle_rad, block.key_lift_m)
+        quarter = self._counts(block.angle_rad, block.key_lift_m)
         self._count_a_edges(quarter)
         self.edge += n
         self.clock.advance(n / self.rate_hz)
@@ -121,6 +121,7 @@ class BenchTime:
 
     def _count_a_edges(self, quarter: NDArray[np.int64]) -> None:
         # A rises where the position passes a multiple of 4 upwards, or 2 more than one downwards
+        quarter = quarter[:, :3]
         line = np.concatenate((self._quarter, quarter))
         step = np.diff(line, axis=0)
         up = line[1:] // 4 - line[:-1] // 4
@@ -130,9 +131,15 @@ class BenchTime:
         self._a_first, self._quarter = self.edge, quarter[-1:]
 
     def present(self) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-        """Return what stands at the terminals now, (1,) and (1, 3), without letting time pass."""
+        """Return what stands at the terminals now, (1,) and (1, 4), without letting time pass."""
         if self._force is None or self._encoders is None:
             self.begin(0, self.rate_hz, 0.0)
             return self.step(np.zeros(1))
         cell = self._force.millivolts_per_volt(self._last_force_n, np.array([self.now_s]))
-        return cell, self._encoders.quarter_counts(self._last_angle_rad, self._last_lift_m)
+        return cell, self._counts(self._last_angle_rad, self._last_lift_m)
+
+    def _counts(self, angle_rad: NDArray[np.float64], key_lift_m: NDArray[np.float64] | None) -> NDArray[np.int64]:
+        """Counts of key, whippen, hammer, and of a second head on the key's scale, (n, 4)."""
+        assert self._encoders is not None
+        three = self._encoders.quarter_counts(angle_rad, key_lift_m)
+        return np.column_stack((three, self._encoders.opposite_counts(angle_rad, key_lift_m)))

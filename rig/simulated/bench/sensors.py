@@ -25,6 +25,8 @@ from rig.simulated.bench.plant_protocol import ENCODED_BODIES
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Count = Annotated[int, Field(strict=True)]
 _FORCE_STREAM, _ENCODER_STREAM, _MOUNTING_STREAM = 1, 2, 7
+OPPOSITE_LINE_RAD = 2.1
+"""Phase of the line division at a second head; some angle, it is mounted as it is."""
 TAKEN_UP_RAD = 0.005
 """Turn of a body over which the shift of its pivot comes about."""
 
@@ -150,6 +152,7 @@ class EncoderSignals:
     _line_rad: NDArray[np.float64] = field(init=False)
     _rest_rad: NDArray[np.float64] | None = field(init=False, default=None)
     _first: NDArray[np.int64] | None = field(init=False, default=None)
+    _first_opposite: int | None = field(init=False, default=None)
 
     def __post_init__(self) -> None:
         rng = np.random.default_rng([self.seed, self.trial, _ENCODER_STREAM])
@@ -162,11 +165,33 @@ class EncoderSignals:
         """Error of the scales' readings beside rounding, (n, 3), for absolute angles (n, 3)."""
         if self._rest_rad is None:
             self._rest_rad = angle_rad[:1].copy()
+        shifted = self._shift_rad * np.clip(np.abs(angle_rad - self._rest_rad) / TAKEN_UP_RAD, 0.0, 1.0)
+        return self._scale_error_rad(angle_rad) + shifted
+
+    def _scale_error_rad(self, angle_rad: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Error of line division and centring, (n, 3)."""
         lines = np.array([s.lines_per_revolution for s in self.sensors])
         divided = np.array([s.interpolation_rad for s in self.sensors]) * np.sin(lines * angle_rad + self._line_rad)
         centred = np.array([s.eccentricity_rad for s in self.sensors]) * np.sin(angle_rad + self._centre_rad)
-        shifted = self._shift_rad * np.clip(np.abs(angle_rad - self._rest_rad) / TAKEN_UP_RAD, 0.0, 1.0)
-        return divided + centred + shifted
+        return divided + centred
+
+    def opposite_counts(
+        self, angle_rad: NDArray[np.float64], key_lift_m: NDArray[np.float64] | None = None
+    ) -> NDArray[np.int64]:
+        """Counts (X4) since the first edge, (n,), of a head opposite the key's: a rising scale reads less there."""
+        key, radius_m = self.sensors[0], self.sensors[0].scale_radius_m
+        lift = 0.0 if key_lift_m is None or radius_m is None else -np.asarray(key_lift_m) / radius_m
+        turned = angle_rad[:, 0] + lift
+        divided = key.interpolation_rad * np.sin(
+            key.lines_per_revolution * turned + self._line_rad[0] + OPPOSITE_LINE_RAD
+        )
+        centred = key.eccentricity_rad * np.sin(turned + self._centre_rad[0] + np.pi)
+        shifted = self.error_rad(angle_rad)[:, 0] - self._scale_error_rad(angle_rad)[:, 0]
+        per_rad = key.sign * key.counts_per_revolution / (2 * np.pi)
+        position = np.floor((turned + divided + centred - shifted) * per_rad + self._phase[0] + 0.37).astype(np.int64)
+        if self._first_opposite is None:
+            self._first_opposite = int(position[0])
+        return position - self._first_opposite
 
     def quarter_counts(
         self, angle_rad: NDArray[np.float64], key_lift_m: NDArray[np.float64] | None = None

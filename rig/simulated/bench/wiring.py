@@ -8,9 +8,10 @@ or "bridged"), ``key``, ``whippen``, ``hammer`` (A and B terminal). A bad table 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
+from rig.configuration.rig_file import RigConfig
 from rig.errors import RigInputError
 from rig.simulated.bench.plant_protocol import ENCODED_BODIES
 
@@ -27,14 +28,26 @@ class Wiring:
     motor: str
     encoders: tuple[tuple[str, str], tuple[str, str], tuple[str, str]]
     drive_enable: str | None
+    opposite: tuple[str, str] | None = None
+    """A and B terminal of a second head on the key's scale."""
     exposure: str | None = None
     """Terminal with the exposure signal of a camera that runs by itself."""
     loopback: str | None = None
     """Voltage input that is wired to the motor's output."""
     conditioner_v_per_mv_per_v: float = 5.0
+    wires: Mapping[str, str] = field(default_factory=dict)
+    """Wires between devices: the terminal at the far end, and the one whose signal it gets."""
+    rtsi: bool = True
+    """Whether the cards share a registered RTSI cable."""
 
 
 WIRING_OF_PRODUCT = {
+    "PCI-6034E": Wiring(
+        force="SC1Mod1/ai0",
+        motor="ao0",
+        encoders=(("PFI8", "PFI9"), ("PFI3", "PFI4"), ("PFI0", "PFI1")),  # only two counters: a further card has them
+        drive_enable="port0/line0",
+    ),
     "cDAQ-9189": Wiring(
         force="Mod1/ai0",
         motor="Mod2/ao0",
@@ -53,9 +66,39 @@ WIRING_OF_PRODUCT = {
 }
 
 
-def planted_wiring(table: Mapping[str, Any], product: str, where: str) -> Wiring:
-    """Return a product's usual wiring with what the ``[wiring]`` table of a bench file changes."""
-    wiring = WIRING_OF_PRODUCT[product]
+def usual_wiring(config: RigConfig) -> Wiring:
+    """Return how the products of a rig are usually wired: encoders to a counter card, the motor to a card with outputs.
+
+    A wire between devices is where the rig file says; ``[wiring]`` of a bench file plants another one, or none.
+    """
+    wiring = WIRING_OF_PRODUCT[config.device.product]
+    changed: dict[str, Any] = {}
+    for further in config.devices:
+        name = further.name
+        if further.product == "PCI-6602":
+            heads = [(f"/{name}/PFI{39 - 4 * k}", f"/{name}/PFI{37 - 4 * k}") for k in range(4)]
+            changed |= {"encoders": tuple(heads[:3]), "opposite": heads[3]}
+        elif further.product == "PCI-6733":
+            changed |= {"motor": f"/{name}/ao0", "drive_enable": f"/{name}/port0/line0"}
+        elif further.product == "PCIe-6363":
+            card = WIRING_OF_PRODUCT["PCIe-6363"]
+            changed["encoders"] = tuple((f"/{name}/{a}", f"/{name}/{b}") for a, b in card.encoders)
+            changed |= {"motor": f"/{name}/{card.motor}", "exposure": f"/{name}/{card.exposure}"}
+    wires = {
+        str(further.clock_to): own_terminal(str(further.clock_from), config.device.name)
+        for further in config.devices
+        if further.clock_to is not None
+    }
+    return replace(wiring, wires=wires, **changed)
+
+
+def own_terminal(terminal: str, device: str) -> str:
+    """Return a terminal of the main device by the name it has there: /cDAQ1Mod4/PFI5 is Mod4/PFI5."""
+    return terminal.removeprefix("/").removeprefix(device).removeprefix("/")
+
+
+def planted_wiring(table: Mapping[str, Any], wiring: Wiring, where: str) -> Wiring:
+    """Return a wiring with what the ``[wiring]`` table of a bench file changes."""
     encoders = dict(zip(ENCODED_BODIES, wiring.encoders, strict=True))
     changed: dict[str, Any] = {}
     for name, value in table.items():
@@ -63,10 +106,12 @@ def planted_wiring(table: Mapping[str, Any], product: str, where: str) -> Wiring
             encoders[name] = (value[0], value[1])
         elif name in ("force", "motor", "drive_enable") and isinstance(value, str):
             changed[name] = None if (name, value) == ("drive_enable", "bridged") else value
+        elif name in ("rtsi", "wires") and isinstance(value, bool):
+            changed[name] = value if name == "rtsi" else (wiring.wires if value else {})
         else:
             raise RigInputError(
-                f"{where}: wiring.{name} = {value!r}: allowed are force, motor, drive_enable with a name, and "
-                f"{', '.join(ENCODED_BODIES)} with [A, B]"
+                f"{where}: wiring.{name} = {value!r}: allowed are force, motor, drive_enable with a name, "
+                f"{', '.join(ENCODED_BODIES)} with [A, B], rtsi and wires with true or false"
             )
     key, whippen, hammer = (encoders[body] for body in ENCODED_BODIES)
     return replace(wiring, encoders=(key, whippen, hammer), **changed)

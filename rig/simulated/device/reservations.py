@@ -19,10 +19,12 @@ class Reservations:
     def needed(self, task: SimulatedTask) -> list[str]:
         """Return the hardware a task needs for itself; refuses a task whose required terminals are not set."""
         digital = task.type in ("DI", "DO")
+        owner = self._inventory.of(task.channels[0].physical.name) if task.channels else self._inventory
+        self._check_routes(task, owner)
         needed = [] if digital else [channel.physical.resource for channel in task.channels]
         if task.type == "DO":  # inputs may share a line, outputs may not
             needed = [self._inventory.line(line).resource for line in task.lines]
-        multiplexed = task.type == "AI" and not self._inventory.product.modules  # one converter, also on demand
+        multiplexed = task.type == "AI" and not owner.product.chassis  # one converter, also on demand
         if (task.timing.clock is not None and (digital or task.type in ("AI", "AO"))) or multiplexed:
             needed.append(f"{task.type} timing engine")
         if (
@@ -38,10 +40,20 @@ class Reservations:
                 for terminal in (daqmx.CI_ENCODER_A_INPUT_TERM, daqmx.CI_ENCODER_B_INPUT_TERM):
                     self._inventory.terminal(task.setting("Chan", channel.name, terminal, ""))
             if task.type == "CO" and (named := task.setting("Chan", channel.name, daqmx.CO_PULSE_TERM, "")):
-                relative = self._inventory.terminal(named, output=True)
+                relative = self._inventory.own_name(self._inventory.terminal(named, output=True))
                 # on the 9401 a terminal and a line of the same number are one pin
                 needed.append("pin4." + relative[-1] if relative.startswith("Mod4") else "PFI " + relative)
-        return needed
+        return needed if owner is self._inventory else [f"{owner.name}: {resource}" for resource in needed]
+
+    def _check_routes(self, task: SimulatedTask, owner: Inventory) -> None:
+        """Refuse a clock or trigger of another device that no cable carries to this one."""
+        source = task.timing.clock.source if task.timing.clock is not None else ""
+        for terminal in filter(None, (source, task.triggers.start, task.triggers.arm_start, task.triggers.reference)):
+            origin = self._inventory.of(terminal) if terminal.startswith("/") else self._inventory
+            if not self._inventory.linked(origin, owner):
+                raise DaqStatusError(
+                    status.NO_TRIGGER_LINES, f"Task: {task.name}: {terminal} of {origin.name} to {owner.name}"
+                )
 
     def directions(self, task: SimulatedTask) -> dict[str, bool]:
         """Return whether the task drives each group of lines it uses, where all lines of a group have one direction.
@@ -56,6 +68,8 @@ class Reservations:
         }
         for channel in task.channels:
             if value := task.setting("Chan", channel.name, daqmx.CO_PULSE_TERM, ""):
+                if self._inventory.of(value) is not self._inventory:
+                    continue
                 module, _, pin = self._inventory.terminal(value).partition("/PFI")
                 pins[f"{module.replace('Mod', 'pin')}.{pin}"] = True
         groups = self._inventory.product.lines_in_group

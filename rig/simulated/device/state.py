@@ -29,6 +29,8 @@ class WatchdogTimer:
 
     name: str
     timeout_s: float
+    device: str = ""
+    """Name of its device; the main one's may be left out."""
     volts: dict[str, float] = field(default_factory=dict)
     """By full name of the analog output."""
     lines: dict[str, bool | None] = field(default_factory=dict)
@@ -71,6 +73,8 @@ class DeviceState:
     """Custom scales by name in lower case."""
     exports: dict[str, str] = field(default_factory=dict)
     """Terminals that carry another terminal's signal."""
+    timebase: Inventory | None = None
+    """The device whose clock the bench's edges follow in this trial."""
     let_clients_call: Callable[[], None] = lambda: None
     """Called between stretches of time within one call, so that other clients get a turn."""
     reservations: Reservations = field(init=False)
@@ -82,6 +86,16 @@ class DeviceState:
     def edge(self) -> int:
         """Edges of the bench since the trial began."""
         return self.bench.edge
+
+    def carried(self, terminal: str) -> str:
+        """Return the terminal whose signal a terminal carries, over a wire between devices or an export."""
+        for _ in range(4):
+            on_wire = self.wiring.wires.get(terminal, terminal)
+            origin = self.exports.get(on_wire, on_wire)
+            if origin == terminal:
+                break
+            terminal = origin
+        return terminal
 
     @property
     def motor(self) -> str:

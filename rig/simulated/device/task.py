@@ -112,6 +112,8 @@ class PulseGeneration:
     passed: int = 0
     next_s: float | None = None
     """Pulses generated, and when the next one came, as pulses were written to the running output; None before."""
+    drift: float = 1.0
+    """Rate of the timebase it is made from, over that of the device that began the trial."""
     end_s: float = float("inf")
     finished: bool = False
     """The last pulse has been generated."""

@@ -13,6 +13,7 @@ import re
 from rig.simulated import daqmx, status
 from rig.simulated.device.state import DeviceState, WatchdogTimer
 from rig.simulated.device.task import SimulatedTask
+from rig.simulated.product.inventory import Inventory
 from rig.simulated.status import DaqStatusError
 
 RESET_TIMER, CLEAR_EXPIRATION = 0, 1
@@ -24,11 +25,11 @@ WITHOUT_HARDWARE = re.compile(
 """Calls that a locked device still answers: they do not reach the hardware, or reset it."""
 
 
-def refuse_bad_timer(device: DeviceState, name: str, timeout_s: float) -> None:
+def refuse_bad_timer(owner: Inventory, name: str, timeout_s: float) -> None:
     """Refuse a watchdog timer task the product does not have, or with a timeout out of range."""
-    if not device.inventory.product.watchdog_reach:
+    if not owner.product.watchdog_reach:
         raise DaqStatusError(status.WATCHDOG_NOT_SUPPORTED, f"Task: {name}")
-    if not SHORTEST_S <= timeout_s <= device.inventory.product.watchdog_longest_s:
+    if not SHORTEST_S <= timeout_s <= owner.product.watchdog_longest_s:
         raise DaqStatusError(status.WATCHDOG_TIMEOUT_OUT_OF_RANGE, f"Timeout: {timeout_s:g} s")
 
 
@@ -43,10 +44,11 @@ def set_expiration_volts(
     device: DeviceState, timer: WatchdogTimer, channel: str, volts: float, output_type: int
 ) -> None:
     """Set the expiration state of an analog output."""
-    product = device.inventory.product
+    product = device.inventory.of(timer.device).product
     if "voltage_out" not in product.watchdog_reach:
         raise DaqStatusError(status.WATCHDOG_NOT_SUPPORTED, f"Physical Channel: {channel} is analog")
     physical = device.inventory.channel(channel, "voltage_out")
+    _same_device(device, timer, channel)
     if output_type != daqmx.VOLTAGE or abs(volts) > product.ao_range_v:
         raise DaqStatusError(status.INVALID_VALUE, f"Expiration state of {channel}: {volts:g}")
     timer.volts[physical.name] = volts
@@ -56,16 +58,28 @@ def set_expiration_level(device: DeviceState, timer: WatchdogTimer, line: str, l
     """Set the expiration state of a digital line."""
     if level not in (daqmx.LOW, daqmx.HIGH, daqmx.TRISTATE, daqmx.NO_CHANGE):
         raise DaqStatusError(status.INVALID_VALUE, f"Expiration state of {line}: {level}")
+    _same_device(device, timer, line)
     # tri-stated, the line falls to low: the bench's pull-down
     timer.lines[device.inventory.channel(line, "line").name] = None if level == daqmx.NO_CHANGE else level == daqmx.HIGH
 
 
+def _same_device(device: DeviceState, timer: WatchdogTimer, name: str) -> None:
+    """A timer reaches the outputs of its own device only."""
+    if device.inventory.of(name) is not device.inventory.of(timer.device):
+        raise DaqStatusError(status.WATCHDOG_NOT_SUPPORTED, f"Physical Channel: {name} is on another device")
+
+
 def start_watchdog(device: DeviceState, task: SimulatedTask) -> None:
     """Start the timer of a task; on a chassis no other task may have reserved anything then."""
-    others = [other.name for other in device.tasks.values() if other.state != "unreserved"]
-    if others and "voltage_out" in device.inventory.product.watchdog_reach:
-        raise DaqStatusError(status.WATCHDOG_WHILE_OTHERS_RESERVED, f"Task: {task.name}, reserved: {others[0]}")
     timer = device.watchdogs[task.name]
+    owner = device.inventory.of(timer.device)
+    others = [
+        other.name
+        for other in device.tasks.values()
+        if other.state != "unreserved" and all(device.inventory.of(c.physical.name) is owner for c in other.channels)
+    ]
+    if others and "voltage_out" in owner.product.watchdog_reach:
+        raise DaqStatusError(status.WATCHDOG_WHILE_OTHERS_RESERVED, f"Task: {task.name}, reserved: {others[0]}")
     timer.running, timer.reset_at_s = True, device.bench.clock.elapsed_s
     task.state = "running"
 
@@ -90,7 +104,7 @@ def check_watchdogs(device: DeviceState) -> None:
         timer.expired = True
         device.output_v.update(timer.volts)
         device.lines.update({line: level for line, level in timer.lines.items() if level is not None})
-        if device.inventory.product.expiry_locks:
+        if device.inventory.of(timer.device).product.expiry_locks:
             _lock(device)
             continue
         for task in device.tasks.values():

@@ -55,8 +55,9 @@ def configure_clock(
         )
     if task.type == "CO":
         raise NotImplementedByDevice("sample clock of a CO task")
+    owner = device.inventory.of(task.channels[0].physical.name)
     static = any(channel.physical.kind == "static_line" for channel in task.channels)
-    if static or (task.type in ("DI", "DO") and not device.inventory.product.clocked_lines):
+    if static or (task.type in ("DI", "DO") and not owner.product.clocked_lines):
         raise DaqStatusError(status.ATTRIBUTE_NOT_SUPPORTED, f"Task: {task.name}: these lines are static")
-    rate_hz = device.inventory.coerced_rate(rate_hz, task.channels[0].physical.kind, len(task.channels))
+    rate_hz = owner.coerced_rate(rate_hz, task.channels[0].physical.kind, len(task.channels))
     task.timing = Timing(SampleClock(rate_hz, terminal, mode, samples))

@@ -9,6 +9,7 @@ from rig.simulated.device.sample_buffers import InputBuffer
 from rig.simulated.device.state import DeviceState, WatchdogTimer, commit, release
 from rig.simulated.device.task import SimulatedTask
 from rig.simulated.device.watchdog import refuse_bad_timer, start_watchdog
+from rig.simulated.product.inventory import Inventory
 from rig.simulated.status import DaqStatusError
 from rig.simulated.timing.triggers import await_trigger, go_live
 
@@ -29,11 +30,11 @@ def create_task(device: DeviceState, name: str) -> SimulatedTask:
     return device.tasks[name]
 
 
-def create_watchdog_task(device: DeviceState, name: str, timeout_s: float) -> SimulatedTask:
-    """Make a watchdog timer task."""
-    refuse_bad_timer(device, name, timeout_s)
+def create_watchdog_task(device: DeviceState, name: str, timeout_s: float, of: str = "") -> SimulatedTask:
+    """Make a watchdog timer task of the device named, by default the main one."""
+    refuse_bad_timer(device.inventory.of(of), name, timeout_s)
     task = create_task(device, name)
-    device.watchdogs[task.name] = WatchdogTimer(name, timeout_s)
+    device.watchdogs[task.name] = WatchdogTimer(name, timeout_s, of)
     return task
 
 
@@ -87,12 +88,19 @@ def stop_task(device: DeviceState, task: SimulatedTask) -> None:
         release(device, task)
 
 
-def reset_device(device: DeviceState) -> None:
-    """Clear all tasks that use the device, and put the outputs where they are after power-up."""
+def reset_device(device: DeviceState, which: Inventory | None = None) -> None:
+    """Clear all tasks that use a device, and put its outputs where they are after power-up; by default the main one."""
+    inventory = device.inventory
+    reset = inventory if which is None else which
     for name, task in list(device.tasks.items()):
-        if task.channels or name in device.watchdogs:
+        timer = device.watchdogs.get(name)
+        if (timer is not None and inventory.of(timer.device) is reset) or (
+            task.channels and inventory.of(task.channels[0].physical.name) is reset
+        ):
             clear_task(device, name)
-    device.output_v = dict.fromkeys(device.output_v, 0.0)
-    device.lines = dict.fromkeys(device.lines, False)
-    device.exports.clear()
-    device.locked = False
+    device.output_v |= {name: 0.0 for name in device.output_v if inventory.of(name) is reset}
+    device.lines |= {name: False for name in device.lines if inventory.of(name) is reset}
+    for target in [target for target in device.exports if inventory.of(target) is reset]:
+        del device.exports[target]
+    if reset.product.expiry_locks:
+        device.locked = False

@@ -76,18 +76,30 @@ class Product:
             f"{kind}/{signal}" for kind in ("ai", "ao", "di", "do") for signal in ("SampleClock", "StartTrigger")
         )
     )
+    bridge_decimates: bool = True
+    """Whether the bridge input is a 9237's: rates of 50 kHz/n, delay of its filter."""
+    bridge_delay_s: float = 0.0
+    """Delay of another bridge input."""
+    rtsi: bool = False
+    """Whether it has a connector for the RTSI cable."""
     timebases: str = r"(?!)"
     """Terminals that carry clocks of the device itself, by pattern."""
+
+    @property
+    def chassis(self) -> bool:
+        """Whether its modules have converters and timing of their own, as in a chassis."""
+        return any(name.startswith("Mod") for name, _ in self.modules)
 
 
 UNSIMULATED = (
     r"(ai|di|ao|do)/(ReferenceTrigger|PauseTrigger|SampleClockTimebase|ConvertClock|ConvertClockTimebase|HoldCompleteEvent)|"
-    r"Ctr[0-3](Source|Gate|Aux|A|B|Z|ArmStartTrigger|SampleClock)|PairedCtrInternalOutput|FrequencyOutput|"
+    r"Ctr[0-7](Source|Gate|Aux|A|B|Z|ArmStartTrigger|SampleClock)|PairedCtrInternalOutput|FrequencyOutput|"
     r"10MHzRefClock|ChangeDetectionEvent|AnalogComparisonEvent|WatchdogExpiredEvent|WatchdogExpirationTrigger|APFI[01]"
 )
 
 
-def _numbered(prefix: str, count: int, kind: Kind, resource: str) -> tuple[tuple[str, Kind, str], ...]:
+def numbered(prefix: str, count: int, kind: Kind, resource: str) -> tuple[tuple[str, Kind, str], ...]:
+    """Return channels ``prefix0`` … with resources ``resource0`` …"""
     return tuple((f"{prefix}{i}", kind, f"{resource}{i}") for i in range(count))
 
 
@@ -104,11 +116,11 @@ CDAQ_9189 = Product(
     modules=(("Mod1", "NI 9237"), ("Mod2", "NI 9263"), ("Mod3", "NI 9411"), ("Mod4", "NI 9401")),
     unsimulated=UNSIMULATED,
     channels=(
-        *_numbered("Mod1/ai", 4, "bridge", "bridge"),
-        *_numbered("Mod2/ao", 4, "voltage_out", "ao"),
-        *_numbered("Mod3/ctr", 4, "counter", "ctr"),
-        *_numbered("Mod4/ctr", 4, "counter", "ctr"),
-        *_numbered("Mod4/port0/line", 8, "line", "pin4."),
+        *numbered("Mod1/ai", 4, "bridge", "bridge"),
+        *numbered("Mod2/ao", 4, "voltage_out", "ao"),
+        *numbered("Mod3/ctr", 4, "counter", "ctr"),
+        *numbered("Mod4/ctr", 4, "counter", "ctr"),
+        *numbered("Mod4/port0/line", 8, "line", "pin4."),
     ),
     terminals=(r"Mod3/PFI[0-5]", r"Mod4/PFI[0-7]"),
     ao_range_v=10.0,
@@ -132,11 +144,11 @@ PCIE_6363 = Product(
     differential=(*range(8), *range(16, 24)),
     unsimulated=UNSIMULATED,
     channels=(
-        *_numbered("ai", 32, "voltage_in", "ai"),
-        *_numbered("ao", 4, "voltage_out", "ao"),
-        *_numbered("ctr", 4, "counter", "ctr"),
-        *_numbered("port0/line", 32, "line", "pin0."),
-        *_numbered("port1/line", 8, "static_line", "PFI PFI"),
+        *numbered("ai", 32, "voltage_in", "ai"),
+        *numbered("ao", 4, "voltage_out", "ao"),
+        *numbered("ctr", 4, "counter", "ctr"),
+        *numbered("port0/line", 32, "line", "pin0."),
+        *numbered("port1/line", 8, "static_line", "PFI PFI"),
         *((f"port2/line{i}", "static_line", f"PFI PFI{8 + i}") for i in range(8)),
     ),
     terminals=(r"PFI(1[0-5]|[0-9])", r"RTSI[0-7]"),
@@ -158,7 +170,6 @@ PCIE_6363 = Product(
     ai_aggregate_rate_hz=1e6,
     ao_rates_hz=(2.86e6, 2.0e6, 1.54e6, 1.25e6),
     timebases=r"(100|20)MHzTimebase|100kHzTimebase|Ctr[0-3]InternalOutput",
+    rtsi=True,
     watchdog_reach=("line",),  # X Series manual: digital and PFI lines, not the analog outputs
 )
-
-PRODUCTS = {product.name: product for product in (CDAQ_9189, PCIE_6363)}

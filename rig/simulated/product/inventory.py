@@ -15,6 +15,7 @@ from rig.simulated.product.capabilities import Kind, Product
 from rig.simulated.status import DaqStatusError, NotImplementedByDevice
 
 DIGITAL_RATE_HZ = 10e6
+Pin = Literal["source", "gate", "auxiliary", "out"]
 
 
 @dataclass(frozen=True)
@@ -44,9 +45,11 @@ def channel_names(text: str) -> list[str]:
 class Inventory:
     """A product under the name it has in the system, e.g. chassis ``cDAQ1`` with modules ``cDAQ1Mod1`` …"""
 
-    def __init__(self, product: Product, name: str) -> None:
+    def __init__(self, product: Product, name: str, clock_error: float = 0.0) -> None:
         self.product = product
         self.name = name
+        self.clock_error = clock_error
+        """Relative error of the device's own timebase."""
         self._channels = {
             self.full_name(relative).lower(): PhysicalChannel(self.full_name(relative), kind, resource)
             for relative, kind, resource in product.channels
@@ -55,17 +58,43 @@ class Inventory:
         """Terminals looked up so far: every read needs those of its encoder."""
 
     def full_name(self, relative: str) -> str:
-        """Name of a channel or terminal in the system: a module's name follows its chassis's, no slash."""
+        """Name of a channel or terminal in the system: a module's name follows its chassis's, no slash.
+
+        What begins with a slash is named in full already, an SCXI module by its own chassis.
+        """
+        if relative.startswith(("/", "SC")):
+            return relative.removeprefix("/")
         return self.name + relative if relative.startswith("Mod") else f"{self.name}/{relative}"
 
     def devices(self) -> dict[str, str]:
+        """Return product types by device name of all devices there are."""
+        return self.own_devices()
+
+    def own_devices(self) -> dict[str, str]:
         """Return product types by device name: the card, or the chassis and its modules."""
-        return {self.name: self.product.name, **{self.name + name: kind for name, kind in self.product.modules}}
+        modules = {self.full_name(name): kind for name, kind in self.product.modules}
+        return {self.name: self.product.name, **modules}
+
+    def of(self, name: str) -> Inventory:
+        """Return the device that a channel, terminal or device of this name belongs to."""
+        return self
+
+    def own_name(self, terminal: str) -> str:
+        """Return a terminal relative to its device."""
+        return terminal
+
+    def known_as(self, owner: Inventory, relative: str) -> str:
+        """Return the name by which a terminal of a device is known here."""
+        return relative
+
+    def linked(self, one: Inventory, other: Inventory) -> bool:
+        """Whether two devices can route clocks and triggers to each other without a wire of the lab's own."""
+        return one is other
 
     def channel(self, name: str, kind: Kind) -> PhysicalChannel:
         """Look up a physical channel and refuse a wrong device, name or kind as the driver does."""
         device = name.split("/", 1)[0]
-        if not device.lower().startswith(self.name.lower()):
+        if not self._has(device.lower()):
             raise DaqStatusError(status.INVALID_DEVICE, f"Device: {device}")
         channel = self._channels.get(name.lower())
         if channel is None:
@@ -75,6 +104,10 @@ class Inventory:
             code = status.WRONG_OUTPUT_TYPE if output else status.WRONG_MEASUREMENT_TYPE
             raise DaqStatusError(code, f"Physical Channel: {name} ({channel.kind}, not {kind})")
         return channel
+
+    def _has(self, device: str) -> bool:
+        names = [name.lower() for name in self.devices()]
+        return device.startswith(self.name.lower()) or device in names
 
     def names(self, *kinds: Kind) -> list[str]:
         """Return the full names of all channels of these kinds."""
@@ -94,7 +127,7 @@ class Inventory:
                     found.append(self.channel(name, "static_line"))
         return found
 
-    def counter_terminal(self, channel: PhysicalChannel, pin: Literal["source", "gate", "auxiliary", "out"]) -> str:
+    def counter_terminal(self, channel: PhysicalChannel, pin: Pin) -> str:
         """Return a counter's default terminal, relative to the device; "" where it has none."""
         module = channel.name.split("/", 1)[0].removeprefix(self.name)
         pins = self.product.counter_pins.get(module)
@@ -167,13 +200,15 @@ class Inventory:
             return rate_hz  # not generated: the clock comes from a terminal
         if rate_hz > most * (1 + 1e-9):
             raise DaqStatusError(status.RATE_TOO_HIGH, f"Requested {rate_hz:g}, maximum {most:g}")
-        if kind == "bridge":
+        if kind == "bridge" and product.bridge_decimates:
             return 50e3 / min(max(math.floor(50e3 / rate_hz * (1 + 1e-12)), 1), 31)
         return product.timebase_hz / math.floor(product.timebase_hz / rate_hz * (1 + 1e-12))
 
     def input_delay_s(self, kind: Kind, rate_hz: float) -> float:
-        """Delay between the signal and its sample: the 9237's decimation filter; none otherwise."""
-        return (40 + 5 / 512) / rate_hz + 4.5e-6 if kind == "bridge" else 0.0
+        """Delay between the signal and its sample: the filter of a bridge module; none otherwise."""
+        if kind != "bridge":
+            return 0.0
+        return (40 + 5 / 512) / rate_hz + 4.5e-6 if self.product.bridge_decimates else self.product.bridge_delay_s
 
     def half_range(self, settings: Mapping[str, Any]) -> float:
         """Return the range a voltage input uses, as half its span, V: the one set, else what covers its limits."""

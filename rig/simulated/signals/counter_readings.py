@@ -23,7 +23,7 @@ def pulse_reading(
     train = pulses_on(device, terminal)
     if train is None or not np.isfinite(train.next_after(bench.now_s)):
         raise DaqStatusError(status.SAMPLES_NOT_YET_AVAILABLE, f"Task: {task.name}: no edges", samples_read=0)
-    timebase, settings = device.inventory.product.counter_timebase_hz, channel.settings
+    timebase, settings = device.inventory.of(channel.physical.name).product.counter_timebase_hz, channel.settings
     if task.timing.implicit and task.buffer is not None:  # each sample is the pulse after the last one's
         first = train.passed_at(task.progress.live_since_s) + task.buffer.acquired
         number = first + np.arange(edge.size)

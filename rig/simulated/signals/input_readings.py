@@ -29,7 +29,8 @@ def analog_reading(
     edge: NDArray[np.int64],
 ) -> NDArray[np.float64]:
     """Return what an AI channel gives at each edge (n,) for the load cell's output (n,), in its task's units."""
-    product, settings = device.inventory.product, channel.settings
+    owner, settings = device.inventory.of(channel.physical.name), channel.settings
+    product = owner.product
     wired = channel.physical.name == device.inventory.full_name(device.wiring.force)
     signal = cell_mv_per_v if wired else np.zeros_like(cell_mv_per_v)
     if channel.physical.kind == "voltage_in":
@@ -37,7 +38,7 @@ def analog_reading(
         loopback = device.wiring.loopback
         if loopback is not None and channel.physical.name == device.inventory.full_name(loopback):
             volts = device.bench.motor_volts_before(edge)
-        half = device.inventory.half_range(settings)
+        half = owner.half_range(settings)
         reading = quantise(volts, half, product.ai_bits)
         scale = settings.get("scale")
         return reading if scale is None else scale.scaled(reading)
@@ -62,7 +63,9 @@ def encoder_reading(
     ]
     terminals = tuple(device.inventory.terminal(name) for name in named)
     counts = np.zeros(quarter.shape[0], dtype=np.int64)
-    for column, wired in enumerate(device.wiring.encoders):
+    for column, wired in enumerate((*device.wiring.encoders, device.wiring.opposite)):
+        if wired is None:
+            continue
         if terminals == wired:
             counts = quarter[:, column]
         elif terminals == wired[::-1]:  # A and B exchanged count backwards

@@ -19,10 +19,12 @@ from rig.simulated.status import DaqStatusError
 def pulse_train(task: SimulatedTask) -> PulseTrain:
     """Return the pulses a counter output generates from the moment it became live."""
     name, pulses = task.channels[0].name, task.pulses
-    rate_hz = task.setting("Chan", name, daqmx.CO_PULSE_FREQ, 1.0)
+    rate_hz = task.setting("Chan", name, daqmx.CO_PULSE_FREQ, 1.0) * pulses.drift
     first_s = pulses.next_s
     if first_s is None:
-        first_s = task.progress.live_since_s + task.setting("Chan", name, daqmx.CO_PULSE_FREQ_INITIAL_DELAY, 0.0)
+        first_s = task.progress.live_since_s + (
+            task.setting("Chan", name, daqmx.CO_PULSE_FREQ_INITIAL_DELAY, 0.0) / pulses.drift
+        )
     count = float("inf") if pulses.count is None else float(pulses.count)
     return PulseTrain(
         rate_hz, first_s, count, task.setting("Chan", name, daqmx.CO_PULSE_DUTY_CYC, 0.5) / rate_hz, pulses.passed
@@ -32,7 +34,8 @@ def pulse_train(task: SimulatedTask) -> PulseTrain:
 def output_terminals(device: DeviceState, task: SimulatedTask) -> set[str]:
     """Return the terminals that carry a counter output's pulses."""
     channel = task.channels[0]
-    found = {f"Ctr{channel.physical.resource.removeprefix('ctr')}InternalOutput"}
+    owner, number = device.inventory.of(channel.physical.name), channel.physical.resource.removeprefix("ctr")
+    found = {device.inventory.known_as(owner, f"Ctr{number}InternalOutput")}
     if named := task.setting("Chan", channel.name, daqmx.CO_PULSE_TERM, ""):
         found.add(device.inventory.terminal(named))
     elif default := device.inventory.counter_terminal(channel.physical, "out"):
@@ -50,7 +53,7 @@ def input_terminal(device: DeviceState, task: SimulatedTask, channel: Channel) -
 
 def counter_output_on(device: DeviceState, terminal: str) -> SimulatedTask | None:
     """Return the counter output that drives a terminal; None when none does."""
-    terminal = device.exports.get(terminal, terminal)
+    terminal = device.carried(terminal)
     for task in device.tasks.values():
         if task.type == "CO" and task.progress.live and terminal in output_terminals(device, task):
             return task

@@ -57,8 +57,16 @@ def engine_of(device: DeviceState, task: SimulatedTask) -> Engine | None:
         if not task.progress.live:
             return None
         limit = clock.samples if task.timing.finite and not task.triggers.reference else float("inf")
-        return Engine(clock.rate_hz, task.progress.live_since_s, device.bench.rate_hz, limit)
+        return Engine(clock.rate_hz * drift(device, task), task.progress.live_since_s, device.bench.rate_hz, limit)
     return _engine_behind(device, clock.source, {task.name})
+
+
+def drift(device: DeviceState, task: SimulatedTask) -> float:
+    """Return the rate of a device's own timebase over that of the device that began the trial."""
+    if device.timebase is None:
+        return 1.0
+    own = device.inventory.of(task.channels[0].physical.name)
+    return (1.0 + own.clock_error) / (1.0 + device.timebase.clock_error)
 
 
 def _engine_of_pulses(device: DeviceState, task: SimulatedTask) -> Engine | None:
@@ -75,13 +83,15 @@ def _engine_of_pulses(device: DeviceState, task: SimulatedTask) -> Engine | None
 
 def _engine_behind(device: DeviceState, terminal: str, seen: set[str]) -> Engine | None:
     """Return the engine whose ticks a terminal carries; ``seen`` names the tasks on the way, against loops."""
-    terminal = device.exports.get(terminal, terminal)
-    stem, _, signal = terminal.partition("/")
+    terminal = device.carried(terminal)
+    owner = device.inventory.of(terminal) if terminal.startswith("/") else device.inventory
+    stem, _, signal = device.inventory.own_name(terminal).partition("/")
     others = [task for task in device.tasks.values() if task.name not in seen and task.progress.live]
     if signal == "SampleClock":
         for task in others:
             timing = task.timing
-            if task.type == stem.upper() and timing.clock is not None and not timing.change_lines:
+            own = task.channels and device.inventory.of(task.channels[0].physical.name) is owner
+            if own and task.type == stem.upper() and timing.clock is not None and not timing.change_lines:
                 if timing.own_clock:
                     return engine_of(device, task)
                 return _engine_behind(device, timing.clock.source, {*seen, task.name})

@@ -13,7 +13,7 @@ from rig.simulated import daqmx
 from rig.simulated.device.state import DeviceState
 from rig.simulated.device.task import SimulatedTask
 from rig.simulated.signals.pulses import edges_now, input_terminal, pulse_train, pulses_on
-from rig.simulated.timing.engine import engine_of
+from rig.simulated.timing.engine import drift, engine_of
 
 
 def await_trigger(device: DeviceState, task: SimulatedTask) -> None:
@@ -36,14 +36,15 @@ def go_live(device: DeviceState, task: SimulatedTask) -> None:
     engine = None if task.timing.own_clock else engine_of(device, task)
     progress.first_tick = engine.passed(device.bench.edge) if engine else 0
     if task.type == "CO":
-        task.pulses.passed, task.pulses.next_s = 0, None
+        task.pulses.passed, task.pulses.next_s, task.pulses.drift = 0, None, drift(device, task)
         task.pulses.end_s = pulse_train(task).end_s
     if task.measures == daqmx.EDGES:
         progress.initial_edges = edges_now(device, input_terminal(device, task, task.channels[0]))
     if task.timing.own_clock:
-        trigger = f"{str(task.type).lower()}/StartTrigger"
+        owner = device.inventory.of(task.channels[0].physical.name)
+        trigger = device.inventory.known_as(owner, f"{str(task.type).lower()}/StartTrigger")
         for other in _waiting(device):
-            if device.exports.get(other.triggers.begin, other.triggers.begin) == trigger:
+            if device.carried(other.triggers.begin) == trigger:
                 go_live(device, other)
 
 
@@ -52,7 +53,8 @@ def _begin_trial(device: DeviceState, task: SimulatedTask) -> None:
     rate_hz = clock.rate_hz if clock is not None else bench.rate_hz
     device.trial += 1
     device.handed_out = 0
-    delay_s = device.inventory.input_delay_s(task.channels[0].physical.kind, rate_hz)
+    device.timebase = device.inventory.of(task.channels[0].physical.name)
+    delay_s = device.timebase.input_delay_s(task.channels[0].physical.kind, rate_hz)
     written = [t.output.samples for t in device.tasks.values() if t.type == "AO" and t.output.samples is not None]
     bench.begin(
         device.trial, rate_hz, delay_s,

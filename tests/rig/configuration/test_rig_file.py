@@ -10,7 +10,7 @@ from rig.errors import InputError
 
 
 def test_built_in_rig_files_load_and_declare_the_encoders_of_the_thesis() -> None:
-    assert built_in(FOLDER) == ("pcie6363", "virtual")
+    assert built_in(FOLDER) == ("chassis_and_card", "key_lift", "pcie6363", "thesis", "virtual")
     for name in built_in(FOLDER):
         config = load_rig(name).config
         assert config.device.sample_rate_hz == 5000
@@ -70,7 +70,7 @@ def test_a_bad_value_is_refused_with_its_key_and_what_is_allowed(rig, old, new, 
 
 
 def test_a_missing_rig_file_is_refused() -> None:
-    with pytest.raises(InputError, match="built in are pcie6363, virtual"):
+    with pytest.raises(InputError, match="built in are chassis_and_card, key_lift, pcie6363, thesis, virtual"):
         load_rig("nowhere.toml")
 
 

@@ -30,7 +30,7 @@ def force_bridge_two_point(device: DeviceState, task: SimulatedTask, request: An
     one_of(physical, tuple(NEWTON_IN), "Physical units")
     one_of(electrical, (daqmx.VOLTS_PER_VOLT, daqmx.MILLIVOLTS_PER_VOLT), "Electrical units")
     one_of(enum(request, "bridge_config"), BRIDGE_CONFIGURATIONS, "Bridge configuration")
-    product = device.inventory.product
+    product = device.inventory.of(request.physical_channel).product
     if enum(request, "voltage_excit_source") == INTERNAL_EXCITATION and product.bridge_excitation_v:
         one_of(request.voltage_excit_val, product.bridge_excitation_v, "Excitation voltage")
     e0, e1 = request.first_electrical_val, request.second_electrical_val
@@ -74,8 +74,9 @@ def ai_voltage(device: DeviceState, task: SimulatedTask, request: Any) -> None:
     """AI voltage within one of the device's ranges."""
     _increasing(request)
     scaling, low_v, high_v = _scaling(device, request)
-    if device.inventory.product.ai_ranges_v:
-        device.inventory.voltage_range(low_v, high_v)
+    owner = device.inventory.of(request.physical_channel)
+    if owner.product.ai_ranges_v:
+        owner.voltage_range(low_v, high_v)
     before = len(task.channels)
     add_channels(
         device, task, "AI", "voltage_in", request.physical_channel, request.name_to_assign_to_channel,
@@ -84,7 +85,7 @@ def ai_voltage(device: DeviceState, task: SimulatedTask, request: Any) -> None:
     wanted = enum(request, "terminal_config") or DEFAULT
     one_of(wanted, (DEFAULT, RSE, NRSE, DIFFERENTIAL), "Terminal configuration")
     for channel in task.channels[before:]:
-        paired = int(channel.physical.resource.removeprefix("ai")) in device.inventory.product.differential
+        paired = int(channel.physical.resource.removeprefix("ai")) in owner.product.differential
         if wanted == DIFFERENTIAL and not paired:
             raise DaqStatusError(status.INVALID_VALUE, f"{channel.physical.name} has no differential input")
         channel.settings["terminal_config"] = (DIFFERENTIAL if paired else RSE) if wanted == DEFAULT else wanted
@@ -94,7 +95,7 @@ def ao_voltage(device: DeviceState, task: SimulatedTask, request: Any) -> None:
     """AO voltage within the device's range."""
     _increasing(request)
     scaling, low_v, high_v = _scaling(device, request)
-    reach = device.inventory.product.ao_range_v
+    reach = device.inventory.of(request.physical_channel).product.ao_range_v
     if not -reach <= low_v < high_v <= reach:
         raise DaqStatusError(status.INVALID_VALUE, f"Output limits {low_v:g} to {high_v:g} V")
     add_channels(

@@ -29,7 +29,7 @@ BY_FREQUENCY, BY_TIME, BY_TICKS = 10119, 10269, 10268
 def co_pulse_frequency(device: DeviceState, task: SimulatedTask, request: Any) -> None:
     """CO pulse train by its frequency and duty cycle."""
     one_of(enum(request, "units"), (daqmx.HERTZ,), "Units")
-    timebase = device.inventory.product.counter_timebase_hz
+    timebase = device.inventory.of(request.counter).product.counter_timebase_hz
     if not (
         timebase / 2**33 <= request.freq <= timebase / 4 and 0 < request.duty_cycle < 1 and request.initial_delay >= 0
     ):
@@ -72,7 +72,7 @@ def _add_parts(
     low_s: float,
     delay_s: float,
 ) -> None:
-    timebase = device.inventory.product.counter_timebase_hz
+    timebase = device.inventory.of(request.counter).product.counter_timebase_hz
     if not max(high_s, low_s, delay_s) * timebase < 2**32:
         raise DaqStatusError(status.INVALID_VALUE, f"High {high_s:g} s, low {low_s:g} s, delay {delay_s:g} s")
     high, low = (max(round(part * timebase), 2) / timebase for part in (high_s, low_s))
@@ -90,7 +90,7 @@ def _add_output(
 ) -> None:
     if enum(request, "idle_state") != daqmx.LOW:
         raise NotImplementedByDevice("pulses from a high idle state")
-    timebase = device.inventory.product.counter_timebase_hz
+    timebase = device.inventory.of(request.counter).product.counter_timebase_hz
     if not delay_s * timebase < 2**32:
         raise DaqStatusError(status.INVALID_VALUE, f"Initial delay {delay_s:g} s")
     add_channels(
@@ -110,7 +110,7 @@ def _write(
     refuse_other_type(task, "CO")
     if high_s.size < 1 or high_s.size != low_s.size:
         raise DaqStatusError(status.WRONG_SIZE, f"{high_s.size} high and {low_s.size} low parts")
-    timebase = device.inventory.product.counter_timebase_hz
+    timebase = device.inventory.of(task.channels[0].physical.name).product.counter_timebase_hz
     high, low = np.rint(high_s * timebase), np.rint(low_s * timebase)
     parts = np.concatenate((high, low))
     if not (np.isfinite(parts).all() and parts.min() >= 2 and parts.max() < 2**32):
@@ -152,7 +152,9 @@ def _write_time(device: DeviceState, task: SimulatedTask, request: Any) -> Field
 
 def _write_ticks(device: DeviceState, task: SimulatedTask, request: Any) -> Fields | None:
     refuse_other_type(task, "CO")
-    tick_s = task.channels[0].settings.get("tick_s", 1 / device.inventory.product.counter_timebase_hz)
+    tick_s = task.channels[0].settings.get(
+        "tick_s", 1 / device.inventory.of(task.channels[0].physical.name).product.counter_timebase_hz
+    )
     high, low = _as_arrays(request, "high_ticks", "low_ticks")
     return _write(device, task, request, high * tick_s, low * tick_s)
 

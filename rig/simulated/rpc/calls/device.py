@@ -42,14 +42,14 @@ def _device_attribute(call: str) -> DeviceHandler:
 
 
 def refuse_other_device(device: DeviceState, name: str) -> None:
-    """Refuse the name of a device that is not the one served."""
-    if name.lower() != device.inventory.name.lower():
+    """Refuse the name of a device that is none of those served."""
+    if name.lower() != device.inventory.of(name).name.lower():
         raise DaqStatusError(status.INVALID_DEVICE, f"Device: {name}")
 
 
 def _reset(device: DeviceState, request: Any) -> None:
     refuse_other_device(device, request.device_name)
-    reset_device(device)
+    reset_device(device, device.inventory.of(request.device_name))
 
 
 DEVICE_CALLS: dict[str, DeviceHandler] = {

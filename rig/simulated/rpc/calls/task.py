@@ -47,6 +47,10 @@ def _wait_until_done(device: DeviceState, task: SimulatedTask, request: Any) -> 
         raise DaqStatusError(status.OPERATION_TIMED_OUT, f"Task: {task.name}")
 
 
+def _devices(device: DeviceState, task: SimulatedTask) -> list[str]:
+    return list(dict.fromkeys(device.inventory.of(channel.physical.name).name for channel in task.channels))
+
+
 def _nth(names: Callable[[DeviceState, SimulatedTask], list[str]]) -> TaskHandler:
     def get(device: DeviceState, task: SimulatedTask, request: Any) -> Fields:
         found = names(device, task)
@@ -67,5 +71,5 @@ TASK_CALLS: dict[str, TaskHandler] = {
     "WaitUntilTaskDone": _wait_until_done,
     "GetNthTaskChannel": _nth_channel,
     "GetNthTaskReadChannel": _nth_channel,
-    "GetNthTaskDevice": _nth(lambda device, task: [device.inventory.name][: len(task.channels)]),
+    "GetNthTaskDevice": _nth(lambda device, task: _devices(device, task)),
 }

@@ -40,7 +40,7 @@ def _implicit(device: DeviceState, task: SimulatedTask, request: Any) -> None:
 
 
 def _change_detection(device: DeviceState, task: SimulatedTask, request: Any) -> None:
-    if task.type != "DI" or not device.inventory.product.change_detection:
+    if task.type != "DI" or not device.inventory.of(task.channels[0].physical.name).product.change_detection:
         raise DaqStatusError(status.ATTRIBUTE_NOT_SUPPORTED, f"Task: {task.name}: change detection")
     named = [text for text in (request.rising_edge_chan, request.falling_edge_chan) if text]
     lines = [line for text in named for line in device.inventory.lines(text)]
@@ -79,7 +79,7 @@ def _reference_trigger(device: DeviceState, task: SimulatedTask, request: Any) -
     if not 2 <= request.pretrigger_samples < task.timing.clock.samples - 1:
         raise DaqStatusError(status.INVALID_VALUE, f"Pretrigger samples {request.pretrigger_samples}")
     terminal = device.inventory.terminal(request.trigger_source)
-    if terminal in device.inventory.product.internal:
+    if device.inventory.own_name(terminal) in device.inventory.of(request.trigger_source).product.internal:
         raise NotImplementedByDevice(f"reference trigger on {request.trigger_source}")
     task.triggers.reference, task.triggers.pretrigger_samples = terminal, int(request.pretrigger_samples)
 
@@ -101,7 +101,8 @@ def _export(device: DeviceState, task: SimulatedTask, request: Any) -> None:
     if signal is None or task.type not in ("AI", "AO", "DI", "DO"):
         raise NotImplementedByDevice(f"export of signal {enum(request, 'signal_id')}")
     target = device.inventory.terminal(request.output_terminal, output=True)
-    source = f"{str(task.type).lower()}/{signal}"
+    owner = device.inventory.of(task.channels[0].physical.name)
+    source = device.inventory.known_as(owner, f"{str(task.type).lower()}/{signal}")
     if device.exports.get(target, source) != source or device.reservations.is_reserved(f"PFI {target}"):
         raise DaqStatusError(status.ROUTE_IN_USE, f"Terminal: {request.output_terminal!r}")
     device.exports[target] = source

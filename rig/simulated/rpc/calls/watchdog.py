@@ -26,7 +26,7 @@ HAS_EXPIRED = property_number("Watchdog", "HAS_EXPIRED")
 def _create(device: DeviceState, request: Any) -> Fields:
     refuse_other_device(device, request.device_name)
     name, timeout_s = request.session_name, request.timeout
-    return open_session(device, request, lambda: create_watchdog_task(device, name, timeout_s))
+    return open_session(device, request, lambda: create_watchdog_task(device, name, timeout_s, request.device_name))
 
 
 def _states(request: Any, *arrays: Any) -> Any:

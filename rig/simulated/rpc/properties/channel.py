@@ -72,7 +72,7 @@ UNITS_OF = {
 def _half_range(device: DeviceState, channel: Channel) -> float | None:
     if channel.physical.kind != "voltage_in":
         return None
-    return device.inventory.half_range(channel.settings)
+    return device.inventory.of(channel.physical.name).half_range(channel.settings)
 
 
 def _range_low(device: DeviceState, task: SimulatedTask, channel: Channel) -> float | None:
@@ -94,7 +94,7 @@ def _limit(end: str) -> Property:
 
 
 def _bits(device: DeviceState, channel: Channel) -> int:
-    product = device.inventory.product
+    product = device.inventory.of(channel.physical.name).product
     return product.ai_bits if channel.physical.kind == "voltage_in" else product.bridge_bits
 
 
@@ -125,7 +125,7 @@ def _of_voltage(value: int | float) -> Property:
 
 def _coefficients(device: DeviceState, task: SimulatedTask, channel: Channel) -> list[float] | None:
     if channel.physical.kind == "bridge":
-        product = device.inventory.product
+        product = device.inventory.of(channel.physical.name).product
         return [0.0, 2e-3 * product.bridge_range_mv_per_v / 2**product.bridge_bits]  # V/V
     step = volts_per_code(device, channel)
     return None if step is None else [0.0, step]
@@ -179,8 +179,8 @@ _GETTERS: dict[str, Property] = {
     "AO_VOLTAGE_UNITS": _voltage_units,
     "AO_RESOLUTION": _of_voltage(16.0),
     "AO_RESOLUTION_UNITS": _of_voltage(BITS),
-    "AO_DAC_RNG_HIGH": lambda device, task, channel: device.inventory.product.ao_range_v,
-    "AO_DAC_RNG_LOW": lambda device, task, channel: -device.inventory.product.ao_range_v,
+    "AO_DAC_RNG_HIGH": lambda device, task, channel: device.inventory.of(channel.physical.name).product.ao_range_v,
+    "AO_DAC_RNG_LOW": lambda device, task, channel: -device.inventory.of(channel.physical.name).product.ao_range_v,
     "DI_NUM_LINES": lambda device, task, channel: len(channel.settings["lines"]),
     "DO_NUM_LINES": lambda device, task, channel: len(channel.settings["lines"]),
     "CI_MEAS_TYPE": _measurement,
@@ -215,7 +215,7 @@ def raw_sample_bits(device: DeviceState, task: SimulatedTask, channel: Channel) 
 def volts_per_code(device: DeviceState, channel: Channel) -> float | None:
     """Return the converter's step of a voltage input, V; None for other channels."""
     half = _half_range(device, channel)
-    return None if half is None else 2 * half / 2**device.inventory.product.ai_bits
+    return None if half is None else 2 * half / 2 ** device.inventory.of(channel.physical.name).product.ai_bits
 
 
 def set_limit(device: DeviceState, task: SimulatedTask, channel: Channel, attribute: int, value: float) -> None:
@@ -224,7 +224,7 @@ def set_limit(device: DeviceState, task: SimulatedTask, channel: Channel, attrib
     if limit == "range_v":
         if task.type != "AI" or channel.physical.kind != "voltage_in" or not np.isfinite(value):
             raise DaqStatusError(status.ATTRIBUTE_NOT_SUPPORTED, f"Property: 0x{attribute:04X} of {channel.name}")
-        channel.settings["range_v"] = device.inventory.voltage_range(-abs(value), abs(value))
+        channel.settings["range_v"] = device.inventory.of(channel.physical.name).voltage_range(-abs(value), abs(value))
         return
     if task.type != wanted or channel.physical.kind not in ("voltage_in", "voltage_out"):
         raise DaqStatusError(status.ATTRIBUTE_NOT_SUPPORTED, f"Property: 0x{attribute:04X} of {channel.name}")
@@ -232,8 +232,8 @@ def set_limit(device: DeviceState, task: SimulatedTask, channel: Channel, attrib
     if not np.isfinite(value):
         raise DaqStatusError(status.INVALID_VALUE, f"Channel: {channel.name}, limit {value:g}")
     if wanted == "AI":
-        device.inventory.voltage_range(limits["min_val"], limits["max_val"])
-    elif abs(value) > device.inventory.product.ao_range_v:
+        device.inventory.of(channel.physical.name).voltage_range(limits["min_val"], limits["max_val"])
+    elif abs(value) > device.inventory.of(channel.physical.name).product.ao_range_v:
         raise DaqStatusError(status.INVALID_VALUE, f"Channel: {channel.name}, limit {value:g} V")
     channel.settings.update(limits)
 

@@ -6,24 +6,37 @@ They come from the product's table; what is not in it is refused, never answered
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 from rig.simulated import status
 from rig.simulated.device.state import DeviceState
-from rig.simulated.product.capabilities import Kind
-from rig.simulated.product.inventory import DIGITAL_RATE_HZ
+from rig.simulated.product.capabilities import Kind, Product
+from rig.simulated.product.inventory import DIGITAL_RATE_HZ, Inventory
 from rig.simulated.rpc.messages import property_number
 from rig.simulated.status import DaqStatusError
 
 X_SERIES, CHASSIS, MODULE = 15858, 14658, 14659
 PCIE, TCPIP = 13612, 14828
+E_SERIES, TIO_SERIES, AO_SERIES = 14642, 14661, 14647
+PCI = 12582
+CATEGORIES = {"PCI-6034E": E_SERIES, "PCI-6602": TIO_SERIES, "PCI-6733": AO_SERIES}
 COUNTER_BITS = 32
-Property = Callable[[DeviceState, str], Any]
+
+
+@dataclass(frozen=True)
+class Named:
+    """The device that was asked, with its modules."""
+
+    inventory: Inventory
+
+
+Property = Callable[[Named, str], Any]
 
 
 def _channels(*kinds: Kind) -> Property:
-    def get(device: DeviceState, name: str) -> str:
-        names = device.inventory.names(*kinds)
+    def get(device: Named, name: str) -> str:
+        names = [one for one in device.inventory.names(*kinds) if device.inventory.of(one) is device.inventory]
         if name in dict(_modules(device)):
             names = [channel for channel in names if channel.startswith(name + "/")]
         return ", ".join(names)
@@ -31,32 +44,37 @@ def _channels(*kinds: Kind) -> Property:
     return get
 
 
-def _ports(device: DeviceState, name: str) -> str:
+def _bus(product: Product) -> int:
+    return TCPIP if product.chassis else PCI if product.name in CATEGORIES else PCIE
+
+
+def _ports(device: Named, name: str) -> str:
     lines = filter(None, _channels("line", "static_line")(device, name).split(", "))
     return ", ".join(dict.fromkeys(line.rsplit("/line", 1)[0] for line in lines))
 
 
-def _modules(device: DeviceState) -> list[tuple[str, str]]:
-    return list(device.inventory.devices().items())[1:]
+def _modules(device: Named) -> list[tuple[str, str]]:
+    return list(device.inventory.own_devices().items())[1:]
 
 
-def _category(device: DeviceState, name: str) -> int:
+def _category(device: Named, name: str) -> int:
     if name in dict(_modules(device)):
         return MODULE
-    return CHASSIS if device.inventory.product.modules else X_SERIES
+    product = device.inventory.product
+    return CHASSIS if product.chassis else CATEGORIES.get(product.name, X_SERIES)
 
 
 def _card(get: Callable[[Any], Any]) -> Property:
     """A property that only a card has for itself; on a chassis it belongs to modules and tasks."""
 
-    def find(device: DeviceState, name: str) -> Any:
+    def find(device: Named, name: str) -> Any:
         product = device.inventory.product
-        return None if product.modules else get(product)
+        return None if product.chassis else get(product)
 
     return find
 
 
-def _of_module(get: Callable[[DeviceState, str], Any]) -> Property:
+def _of_module(get: Callable[[Named, str], Any]) -> Property:
     return lambda device, name: get(device, name) if name in dict(_modules(device)) else None
 
 
@@ -65,11 +83,11 @@ def _both_signs(halves: tuple[float, ...]) -> list[float]:
 
 
 _GETTERS: dict[str, Property] = {
-    "PRODUCT_TYPE": lambda device, name: device.inventory.devices()[name],
+    "PRODUCT_TYPE": lambda device, name: device.inventory.own_devices()[name],
     "IS_SIMULATED": lambda device, name: True,  # it does not pretend to be hardware
     "SERIAL_NUM": lambda device, name: 0,  # a simulated device has no serial number
     "PRODUCT_CATEGORY": _category,
-    "BUS_TYPE": lambda device, name: TCPIP if device.inventory.product.modules else PCIE,
+    "BUS_TYPE": lambda device, name: _bus(device.inventory.product),
     "AI_PHYSICAL_CHANS": _channels("bridge", "voltage_in"),
     "AO_PHYSICAL_CHANS": _channels("voltage_out"),
     "DI_LINES": _channels("line", "static_line"),
@@ -79,7 +97,9 @@ _GETTERS: dict[str, Property] = {
     "CI_PHYSICAL_CHANS": _channels("counter"),
     "CO_PHYSICAL_CHANS": _channels("counter"),
     "CHASSIS_MODULE_DEV_NAMES": lambda device, name: (
-        ", ".join(dict(_modules(device))) if name == device.inventory.name else ""
+        ", ".join(dict(_modules(device)))
+        if name == device.inventory.name and device.inventory.product.chassis
+        else None
     ),
     "COMPACT_DAQ_CHASSIS_DEV_NAME": _of_module(lambda device, name: device.inventory.name),
     "COMPACT_DAQ_SLOT_NUM": _of_module(lambda device, name: [module for module, _ in _modules(device)].index(name) + 1),
@@ -107,11 +127,12 @@ _GETTER_OF_NUMBER = {property_number("Device", name): getter for name, getter in
 
 def device_property(device: DeviceState, name: str, attribute: int) -> Any:
     """Return a property of the card, the chassis or a module; refuses other devices and unknown properties."""
-    known = {known.lower(): known for known in device.inventory.devices()}
+    asked = Named(device.inventory.of(name))
+    known = {known.lower(): known for known in asked.inventory.own_devices()}
     if name.lower() not in known:
         raise DaqStatusError(status.INVALID_DEVICE, f"Device: {name}")
     getter = _GETTER_OF_NUMBER.get(attribute)
-    value = getter(device, known[name.lower()]) if getter else None
+    value = getter(asked, known[name.lower()]) if getter else None
     if value is None:
         raise DaqStatusError(status.ATTRIBUTE_NOT_SUPPORTED, f"Property: 0x{attribute:04X} of {name}")
     return value

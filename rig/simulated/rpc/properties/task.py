@@ -109,7 +109,8 @@ def _start_trigger_terminal(device: DeviceState, task: SimulatedTask) -> str:
     """Where the task's own start trigger can be taken from."""
     if task.type not in ("AI", "AO", "DI", "DO"):
         raise DaqStatusError(status.ATTRIBUTE_NOT_SUPPORTED, f"Task: {task.name}: start trigger terminal")
-    return _terminal(device, f"{task.type.lower()}/StartTrigger")
+    owner = device.inventory.of(task.channels[0].physical.name) if task.channels else device.inventory
+    return _terminal(device, device.inventory.known_as(owner, f"{task.type.lower()}/StartTrigger"))
 
 
 def _most_lines(device: DeviceState, task: SimulatedTask) -> int:
