@@ -1,0 +1,125 @@
+"""A page that is served while a test runs, and a way to ask it that lets every header be wrong."""
+
+from __future__ import annotations
+
+import asyncio
+import http.client
+import json
+import shutil
+import threading
+from collections.abc import Iterator
+from concurrent.futures import Future
+from contextlib import closing
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+EXAMPLE = Path(__file__).parents[3] / "sessions" / "example_forte"
+CHROMIUM = next(
+    (path for name in ("chromium", "chromium-browser", "google-chrome") if (path := shutil.which(name))), None
+)
+
+
+@dataclass
+class Answer:
+    status: int
+    headers: dict[str, str]
+    body: bytes
+
+    @property
+    def json(self) -> Any:
+        return json.loads(self.body)
+
+
+@dataclass
+class Page:
+    """A served page; ``cookie`` is sent once `take` has been called."""
+
+    address: str
+    first_address: str
+    port: int
+    cookie: str | None = field(default=None)
+
+    def ask(self, path: str, method: str = "GET", body: Any = None, **headers: str | None) -> Answer:
+        """Send a request as this page's own browser would; headers replace those, None leaves one out."""
+        sent: dict[str, str | None] = {"Host": f"127.0.0.1:{self.port}", "Cookie": self.cookie}
+        if method != "GET":
+            sent |= {"Origin": f"http://127.0.0.1:{self.port}", "Content-Type": "application/json"}
+        sent |= {name.replace("_", "-"): value for name, value in headers.items()}
+        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=60)
+        with closing(connection):
+            connection.putrequest(method, path, skip_host=True)
+            text = None if body is None else json.dumps(body).encode()
+            for name, value in sent.items():
+                if value is not None:
+                    connection.putheader(name, value)
+            if text is not None:
+                connection.putheader("Content-Length", str(len(text)))
+            connection.endheaders(text)
+            answer = connection.getresponse()
+            return Answer(answer.status, dict(answer.getheaders()), answer.read())
+
+    def take(self) -> Answer:
+        """Use the token."""
+        answer = self.ask(self.first_address.removeprefix(self.address.rstrip("/")))
+        self.cookie = answer.headers.get("Set-Cookie", "").split(";")[0] or None
+        return answer
+
+
+def serve(folder: Path, control: bool) -> Iterator[Page]:
+    server = pytest.importorskip("pianorig.page.server", reason="the page needs the extra 'bench'")
+    pytest.importorskip("bokeh", reason="the page needs the extra 'bench'")
+    ready: Future[tuple[Any, asyncio.AbstractEventLoop, asyncio.Event]] = Future()
+
+    async def run() -> None:
+        served = server.BenchServer(server.BenchOptions(folder, 0, control))
+        ended = asyncio.Event()
+        ready.set_result((served.access, asyncio.get_running_loop(), ended))
+        await ended.wait()
+        await served.close()
+
+    thread = threading.Thread(target=asyncio.run, args=(run(),))
+    thread.start()
+    access, loop, ended = ready.result(30)
+    try:
+        yield Page(access.address, access.first_address, access.port)
+    finally:
+        loop.call_soon_threadsafe(ended.set)
+        thread.join(60)
+        assert not thread.is_alive()
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A folder with the example session."""
+    root = tmp_path / "sessions"
+    shutil.copytree(EXAMPLE, root / "example_forte", ignore=shutil.ignore_patterns("derived"))
+    return root
+
+
+@pytest.fixture
+def looking(folder: Path) -> Iterator[Page]:
+    yield from serve(folder, control=False)
+
+
+@pytest.fixture
+def writing(folder: Path) -> Iterator[Page]:
+    for page in serve(folder, control=True):
+        page.take()
+        yield page
+
+
+@pytest.fixture(scope="module")  # while it lives, no other event loop runs in this thread
+def browser() -> Iterator[Any]:
+    if CHROMIUM is None:
+        pytest.skip("no Chromium found: install chromium to look at the page in a browser")
+    api = pytest.importorskip("playwright.sync_api", reason="playwright drives the browser")
+    with api.sync_playwright() as driver:
+        browser = driver.chromium.launch(
+            executable_path=CHROMIUM,
+            args=["--no-sandbox", "--disable-gpu", "--disable-quic", "--disable-background-networking"],
+        )
+        yield browser
+        browser.close()
