@@ -19,13 +19,14 @@ from tornado.web import Application
 from pianorig.errors import CommandInputError
 from pianorig.page.access import LOOPBACK, Access
 from pianorig.page.catalogue.catalogue import Catalogue
-from pianorig.page.handlers import sessions, shell
+from pianorig.page.handlers import review, sessions, shell
 from pianorig.page.handlers.reply import NotFound, Served
 from pianorig.page.jobs import Jobs
+from pianorig.page.review.film_shelf import FilmShelf
 
 LARGEST_REQUEST_BYTES = 1_000_000
 WORKERS = 4
-NAME = r"([^/]+)"
+NAME, NUMBER = r"([^/]+)", r"(\d{1,9})"
 
 
 @dataclass(frozen=True)
@@ -66,7 +67,8 @@ class BenchServer:
         self.access = Access(listening.getsockname()[1], options.control)
         self._workers = ThreadPoolExecutor(WORKERS, thread_name_prefix="bench page")
         self._jobs = Jobs()
-        served = Served(self.access, catalogue, self._workers, self._jobs)
+        self._films = FilmShelf()
+        served = Served(self.access, catalogue, self._workers, self._jobs, self._films)
         self._server = HTTPServer(application(served, scripts), max_body_size=LARGEST_REQUEST_BYTES)
         self._server.add_socket(listening)
 
@@ -75,7 +77,8 @@ class BenchServer:
         self._server.stop()
         self._jobs.close()
         await self._server.close_all_connections()
-        self._workers.shutdown(wait=False, cancel_futures=True)
+        self._workers.shutdown(cancel_futures=True)
+        self._films.close()
 
 
 def application(served: Served, scripts: Path) -> Application:
@@ -90,8 +93,12 @@ def application(served: Served, scripts: Path) -> Application:
         (f"/api/sessions/{NAME}", sessions.OneSession, it),
         (f"/api/sessions/{NAME}/annotations", sessions.Annotations, it),
         (f"/api/sessions/{NAME}/validate", sessions.Validate, it),
-        (r"/api/jobs/(\d{1,9})", sessions.Job, it),
+        (f"/api/jobs/{NUMBER}", sessions.Job, it),
         (f"/report/{NAME}/(.*)", sessions.Report, it),
+        ("/api/actions", review.Actions, it),
+        (f"/api/review/{NAME}/{NUMBER}", review.Review, it),
+        (f"/api/film/{NAME}/{NUMBER}", review.Film, it),
+        (f"/film/{NAME}/{NUMBER}/{NUMBER}-{NUMBER}", review.Frames, it),
     ]
     return Application(
         routes, default_handler_class=NotFound, default_handler_args=it, compress_response=True, log_function=_silent

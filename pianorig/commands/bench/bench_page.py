@@ -26,7 +26,8 @@ def command(
 ) -> None:
     """Show sessions in the browser until Ctrl-C.
 
-    On this computer only; nothing is fetched from the internet. With --control the address holds a token that works once.
+    On this computer only; nothing is fetched from the internet. With --control the address holds a token that works
+    once.
 
     Example:  pianorig bench sessions
     Example:  pianorig bench sessions --control

@@ -15,6 +15,7 @@ from tornado.web import HTTPError, RequestHandler
 from pianorig.page.access import Access, Refused
 from pianorig.page.catalogue.catalogue import Catalogue, UnknownName
 from pianorig.page.jobs import Jobs
+from pianorig.page.review.film_shelf import FilmShelf
 
 POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; "
@@ -41,6 +42,7 @@ class Served:
     catalogue: Catalogue
     workers: Executor
     jobs: Jobs
+    films: FilmShelf
 
 
 class Guarded(RequestHandler):

@@ -1,7 +1,8 @@
 // The frame of the page: views, address, questions to the server. Whatever comes from a file is set as text, never as markup.
+import { showReview } from "./review.js";
 import { showSessions } from "./sessions.js";
 
-const VIEWS = { sessions: ["Sessions", showSessions] };
+const VIEWS = { sessions: ["Sessions", showSessions], review: ["Review", showReview] };
 const main = document.getElementById("main"), views = document.getElementById("views"), said = document.getElementById("said");
 let about = {}, leave = null, quiet = null;
 

@@ -85,7 +85,7 @@ async function showOne(place, name, reload, ended) {
   const again = async () => { await showOne(place, name, reload, ended); await reload(); };
   const report = make("div");
   const trials = session.trials.map((trial) => make("tr", {},
-    make("th", { scope: "row", class: "number" }, String(trial.trial)),
+    make("th", { scope: "row" }, make("a", { href: link("review", { session: name, trial: trial.trial }) }, `Review trial ${trial.trial}`)),
     make("td", {}, trial.status),
     make("td", { class: "text" }, trial.rejected === null ? "counts" : `rejected: ${trial.rejected}`),
     make("td", {}, trial.film ? `${trial.film}${trial.tracked ? ", tracked" : ""}` : "–")));

@@ -14,7 +14,15 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import pandas as pd
 import pytest
+
+import vision
+from rig.session import Session
+from rig.storage.atomic_write import sha256_of_file
+from vision.film.mraw_writer import write_mraw
+from vision.results.flags import FAILURE
 
 EXAMPLE = Path(__file__).parents[3] / "sessions" / "example_forte"
 CHROMIUM = next(
@@ -97,6 +105,43 @@ def folder(tmp_path: Path) -> Path:
     root = tmp_path / "sessions"
     shutil.copytree(EXAMPLE, root / "example_forte", ignore=shutil.ignore_patterns("derived"))
     return root
+
+
+HEIGHT, WIDTH, FRAMES = 60, 120, 120
+FIRST_FRAME = 800
+"""Of the film on its trial's frame clock: some milliseconds before the blow."""
+LEFT = {"whippen": 6.0, "jack": 44.0, "repetition": 82.0}
+"""Of each body's outline, px; all are 30 px wide and 44 high."""
+
+
+def film_frames() -> np.ndarray:
+    """Frames that tell their number and which way up they are."""
+    rows, cols = np.mgrid[0:HEIGHT, 0:WIDTH]
+    return np.stack([(rows + 2 * cols + k) % 200 for k in range(FRAMES)]).astype(np.uint8)
+
+
+@pytest.fixture
+def filmed(folder: Path) -> Path:
+    """The folder, with a film of trial 1 whose outlines turn by 1 mrad a frame and are lost in frame 60."""
+    session = Session.open(folder / "example_forte")
+    write_mraw(session.path / "trial_0001.mraw", film_frames(), 2000.0, exposure_s=1e-4, start_frame=FIRST_FRAME)
+    bodies = [
+        vision.Body(name, np.array([[x, 8.0], [x + 30, 8.0], [x + 30, 52.0], [x, 52.0]])) for name, x in LEFT.items()
+    ]
+    vision.save_bodies(session.path / "bodies.toml", bodies)
+    frame = np.arange(FRAMES)
+    turn = np.where(frame == 60, np.nan, 1e-3 * frame)
+    times = session.trial(1).read().camera.frame_time_s[FIRST_FRAME : FIRST_FRAME + FRAMES]
+    columns: dict[str, Any] = {"time_s": times, "frame": frame}
+    for body in bodies:
+        columns |= {f"{body.name}_rad": turn, f"{body.name}_x_px": LEFT[body.name] + 15 + 0 * turn}
+        columns[f"{body.name}_y_px"] = 30.0 + 0 * turn
+        columns[f"{body.name}_flag"] = np.where(frame == 60, int(FAILURE), 0)
+        columns |= {f"{body.name}_u_rad": 1e-4 + 0 * turn, f"{body.name}_relative_u_rad": 1e-4 + 0 * turn}
+        columns[f"{body.name}_relative_rad"] = turn
+    seals = {name: sha256_of_file(session.path / name) for name in ("bodies.toml", "trial_0001.mraw")}
+    session.write_derived("angles", 1, pd.DataFrame(columns), {}, seals)
+    return folder
 
 
 @pytest.fixture
