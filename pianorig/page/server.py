@@ -19,7 +19,7 @@ from tornado.web import Application
 from pianorig.errors import CommandInputError
 from pianorig.page.access import LOOPBACK, Access
 from pianorig.page.catalogue.catalogue import Catalogue
-from pianorig.page.handlers import review, sessions, shell
+from pianorig.page.handlers import action, review, sessions, shell
 from pianorig.page.handlers.reply import NotFound, Served
 from pianorig.page.jobs import Jobs
 from pianorig.page.review.film_shelf import FilmShelf
@@ -95,14 +95,17 @@ def application(served: Served, scripts: Path) -> Application:
         (f"/api/sessions/{NAME}/validate", sessions.Validate, it),
         (f"/api/jobs/{NUMBER}", sessions.Job, it),
         (f"/report/{NAME}/(.*)", sessions.Report, it),
-        ("/api/actions", review.Actions, it),
+        ("/api/actions", action.Actions, it),
+        (f"/api/action/{NAME}", action.Facts, it),
+        (f"/api/action/{NAME}/blow", action.Blow, it),
+        (f"/api/action/{NAME}/touch", action.Touch, it),
+        (f"/api/action/{NAME}/step", action.Step, it),
+        (f"/api/action/{NAME}/file", action.TomlFile, it),
         (f"/api/review/{NAME}/{NUMBER}", review.Review, it),
         (f"/api/film/{NAME}/{NUMBER}", review.Film, it),
         (f"/film/{NAME}/{NUMBER}/{NUMBER}-{NUMBER}", review.Frames, it),
     ]
-    return Application(
-        routes, default_handler_class=NotFound, default_handler_args=it, compress_response=True, log_function=_silent
-    )
+    return Application(routes, default_handler_class=NotFound, default_handler_args=it, log_function=_silent)
 
 
 def _silent(handler: Any) -> None:

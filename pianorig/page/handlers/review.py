@@ -8,23 +8,16 @@ from tornado.ioloop import IOLoop
 
 import vision
 from pianorig.errors import CommandInputError
+from pianorig.page.action.changed_action import built_in_actions
 from pianorig.page.catalogue.catalogue import UnknownName
 from pianorig.page.catalogue.session_row import open_session
 from pianorig.page.handlers.reply import Reply
 from pianorig.page.review.film_view import film_view
-from pianorig.page.review.trial_view import MOST_MODELS, built_in_actions, trial_view
+from pianorig.page.review.trial_view import MOST_MODELS, trial_view
 from rig.errors import RigError
 from rig.session import Session, Trial
 
 MOST_FRAMES = 16
-
-
-class Actions(Reply):
-    """The actions that can be chosen."""
-
-    def get(self) -> None:
-        """Send their names."""
-        self.send({"actions": built_in_actions()})
 
 
 class Review(Reply):

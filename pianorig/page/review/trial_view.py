@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -199,9 +198,3 @@ def _drawing(measured: MeasuredTrial, predicted: _Predicted) -> dict[str, Any]:
         if found is not None:
             angle[:, i] = load.rest.angle_rad[i] + np.interp(times, *found, left=np.nan, right=np.nan)
     return moving_action(seen, measured_poses(scene, angle, solution.angle_rad))
-
-
-def built_in_actions() -> list[str]:
-    """Names of the actions that come with the program."""
-    folder = Path(model.__file__).parent / "actions"
-    return sorted(path.stem for path in folder.glob("*.toml"))

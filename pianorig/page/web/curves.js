@@ -110,13 +110,11 @@ export class Curves {
     }
   }
 
-  /** New values of a plot's lines, each {time, value}; a plot keeps its place. */
-  replace(k, lines) {
+  /** New {time, value} of one line of a plot. */
+  replace(k, i, line) {
     const one = this.views[k];
-    lines.forEach((line, i) => {
-      Object.assign(one.panel.lines[i], line);
-      one.sources[i].data = { x: line.time, y: line.value };
-    });
+    Object.assign(one.panel.lines[i], line);
+    one.sources[i].data = { x: line.time, y: line.value };
   }
 
   zoom(from, to) { this.range.setv({ start: Math.max(from, this.from), end: Math.min(to, this.to) }); }

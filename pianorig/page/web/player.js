@@ -2,7 +2,7 @@
 import { make } from "./bench.js";
 
 const SPEEDS = [["0.001", "1000 × slower"], ["0.004", "250 × slower"], ["0.01", "100 × slower"], ["0.05", "20 × slower"], ["0.25", "4 × slower"], ["1", "true speed"]];
-const TYPING = "input:not([type=range]), textarea, select";
+const TYPING = "input, textarea, select";
 
 /**
  * Player of the interval from–to (s). `steps` are the times of frames, or null for steps of 1 ms; `events` have time_s and title.
@@ -85,7 +85,7 @@ export class Player {
   }
 
   key(event) {
-    if (event.ctrlKey || event.altKey || event.metaKey || event.target.closest?.(TYPING)) return;
+    if (event.ctrlKey || event.altKey || event.metaKey || (event.target !== this.slider && event.target.closest?.(TYPING))) return;
     if (event.key === " " && event.target.closest?.("button, a, summary")) return;
     const many = event.shiftKey ? 10 : 1;
     const actions = {
