@@ -6,6 +6,7 @@ all. Its lines on standard error are its progress, the last one of a failure is 
 
 from __future__ import annotations
 
+import os
 import signal
 import subprocess
 import sys
@@ -14,6 +15,7 @@ from collections import deque
 from dataclasses import dataclass, field
 from typing import Any
 
+from pianorig.console.progress import PROGRESS
 from pianorig.errors import CommandInputError
 
 KEPT_LINES = 40
@@ -57,6 +59,7 @@ class Jobs:
                 stderr=subprocess.STDOUT,
                 encoding="utf-8",
                 errors="replace",
+                env={**os.environ, PROGRESS: "lines"},
                 **own_group,  # type: ignore[call-overload]  # Ctrl-C in the terminal is the page's to hand on
             )
             job = _Job(max(self._jobs, default=0) + 1, subject, words[0], process)

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from pianorig.errors import CommandInputError
 from pianorig.page.catalogue.session_row import REPORT, SessionRow, read_row
+from rig.session.folder import FILM_SUFFIXES
 
 SESSION_FILE = "session.toml"
 GIVEN_OUT = {
@@ -73,6 +74,22 @@ class Catalogue:
             raise UnknownName(f"no session {name[:120]!r} in {self.root}")
         return self.root / name
 
+    def films(self) -> list[str]:
+        """Names of the films that lie in the folder itself, beside the sessions."""
+        with os.scandir(self.root) as entries:
+            return sorted(entry.name for entry in entries if self._is_film(entry))
+
+    def film(self, name: str) -> Path:
+        """A film that lies on its own, which must be one of `films`.
+
+        Raises
+        ------
+        UnknownName : it is none of them
+        """
+        if name not in self.films():
+            raise UnknownName(f"no film {name[:120]!r} in {self.root}")
+        return self.root / name
+
     def report_file(self, name: str, path: str = REPORT) -> tuple[Path, str]:
         """A file of a session's report, and its media type; it lies in the session's folder, also behind links.
 
@@ -95,6 +112,13 @@ class Catalogue:
     def _is_session(entry: os.DirEntry[str]) -> bool:
         try:
             return entry.is_dir() and Path(entry.path, SESSION_FILE).is_file()
+        except OSError:
+            return False
+
+    @staticmethod
+    def _is_film(entry: os.DirEntry[str]) -> bool:
+        try:
+            return Path(entry.name).suffix.lower() in FILM_SUFFIXES and entry.is_file()
         except OSError:
             return False
 

@@ -27,32 +27,45 @@ def film_view(session: Session, trial: Trial) -> dict[str, Any] | None:
     ------
     vision.VisionError : the film cannot be read
     """
-    path = trial.film
-    if path is None:
+    if trial.film is None:
         return None
-    film = SessionFilm(path)
-    with vision.open_film(path, allow_truncated=True) as source:
+    return outlined_film(SessionFilm(trial.film, session.path / BODIES_NAME), session.read_derived(STEP, trial.number))
+
+
+def outlined_film(film: SessionFilm, found: tuple[pd.DataFrame, dict[str, Any]] | None) -> dict[str, Any]:
+    """Size, frame times and tracked outlines of a film.
+
+    Parameters
+    ----------
+    film : with the file of its outlines
+    found : table of tracked angles and its attributes; None before tracking
+
+    Raises
+    ------
+    vision.VisionError : the film cannot be read
+    """
+    with vision.open_film(film.path, allow_truncated=True) as source:
         note = ""
-        times: Any = source.frame_time_s
         try:
-            times, _ = film.frame_times(source)
+            times: Any = film.frame_times(source)[0]
         except (RigError, ValueError) as error:
             times, note = None, f"frames have no place on the time axis: {error}"
+        else:
+            times = source.frame_time_s if times is None else times
         view: dict[str, Any] = {
-            "name": path.name,
+            "name": film.path.name,
             "n_frames": source.n_frames,
             "height": source.height,
             "width": source.width,
             "in_order": source.in_order,
             "time_s": None if times is None else times.tolist(),
             "note": note,
-            "version": f"{path.stat().st_mtime_ns}",
+            "version": f"{film.path.stat().st_mtime_ns}",
             "lost_color": LOST,
             "bodies": [],
         }
-        found = session.read_derived(STEP, trial.number)
         if found is not None:
-            outlines, doubt = _outlines(session.path / BODIES_NAME, source, *found)
+            outlines, doubt = _outlines(film.outlines, source, *found)
             view["bodies"], view["note"] = outlines, "; ".join(filter(None, (note, doubt)))
     return view
 
@@ -68,10 +81,11 @@ def _outlines(
         masks = vision.build_masks(bodies, source.height, source.width)
     except vision.VisionError as error:
         return [], f"the tracked outlines cannot be drawn: {error}"
-    seal = attributes.get("parents_sha256", {}).get(file.name)
-    doubt = (
-        "" if seal == sha256_of_file(file) else f"{file.name} was changed since the film was tracked; track it again"
-    )
+    seals = attributes.get("parents_sha256", {})  # a table on its own has none
+    seal = seals.get(file.name)
+    doubt = ""
+    if seals and seal != sha256_of_file(file):
+        doubt = f"{file.name} has changed since the film was tracked: track again"
     views = []
     for i, (body, mask) in enumerate(zip(bodies, masks, strict=True)):
         columns = [f"{body.name}_{name}" for name in ("rad", "x_px", "y_px", "flag")]

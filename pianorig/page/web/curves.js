@@ -61,7 +61,18 @@ export class Curves {
     for (const range of self.ranges) range.change.connect(() => self.follow(range));
     self.observer = new ResizeObserver(() => requestAnimationFrame(() => self.at(self.time)));
     self.observer.observe(place);
+    await self.settled();
     return self;
+  }
+
+  /** Until the plots have found their places on the page. */
+  async settled() {
+    for (let before = "", turns = 0; turns < 120; turns++) {
+      await new Promise((next) => requestAnimationFrame(next));
+      const now = this.area().join();
+      if (now === before && this.area()[1] > 50) return;
+      before = now;
+    }
   }
 
   /** All plots show the same interval. */

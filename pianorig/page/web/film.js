@@ -20,16 +20,22 @@ export class FilmPanel {
     this.plain = new OffscreenCanvas(film.width, film.height);
     this.image = new ImageData(film.width, film.height);
     this.scale = Math.max(1, Math.min(3, Math.round(900 / film.width)));
-    this.bodies = film.bodies.map((body) => ({ ...body, turn: unpack(body.turn), x: unpack(body.x), y: unpack(body.y), row: new Map(body.frame.map((f, i) => [f, i])) }));
+    this.legend = make("span");
+    this.setBodies(film.bodies);
     this.canvas = make("canvas", { width: film.width * this.scale, height: film.height * this.scale, role: "img", "aria-label": `Film ${film.name} with tracked outlines` });
     this.label = make("span", { class: "values" });
     this.outlined = make("input", { type: "checkbox", checked: true, onchange: () => this.draw(this.shown) });
-    this.legend = make("span", {}, ...this.bodies.map((body) => make("span", { class: "body" }, make("span", { class: "swatch", style: `background:${body.color}` }), body.name)));
     this.element = make("section", { class: "film", "aria-label": "Film" },
       make("div", { class: "head" }, make("span", { class: "title" }, film.name), this.label),
       this.canvas,
-      make("div", { class: "row" }, this.bodies.length ? make("label", {}, this.outlined, "outlines") : null, this.legend),
+      make("div", { class: "row" }, make("label", {}, this.outlined, "outlines"), this.legend),
       film.note ? make("p", { class: "stale" }, film.note) : null);
+  }
+
+  /** The tracked outlines, now or after tracking again. */
+  setBodies(bodies) {
+    this.bodies = bodies.map((body) => ({ ...body, turn: unpack(body.turn), x: unpack(body.x), y: unpack(body.y), row: new Map(body.frame.map((f, i) => [f, i])) }));
+    this.legend.replaceChildren(...this.bodies.map((body) => make("span", { class: "body" }, make("span", { class: "swatch", style: `background:${body.color}` }), body.name)));
   }
 
   /** Show the frame nearest to a time. */
@@ -99,10 +105,12 @@ export class FilmPanel {
     pen.imageSmoothingEnabled = false;
     pen.drawImage(this.plain, 0, 0, this.canvas.width, this.canvas.height);
     const lost = this.outlined.checked ? this.bodies.filter((body) => this.outline(pen, body, index)) : [];
+    this.after?.(pen, index);
     if (index !== this.shown) this.drawn++;
     this.shown = index;
     this.canvas.dataset.frame = index;
     const time = this.film.time_s ? `, ${(1000 * this.film.time_s[index]).toFixed(2)} ms` : "";
+    this.told?.(index);
     this.label.textContent = `frame ${index} of ${this.film.n_frames}${time}${lost.map((body) => `, ${body.name} lost`).join("")}`;
   }
 

@@ -44,7 +44,7 @@ export async function showReview(main, values) {
   const left = make("div", { class: "left" }), right = make("div", { class: "right" });
   const picture = film.film ? new FilmPanel(name, trial, film.film) : null;
   const drawing = view.drawing ? new Drawing(view.drawing, view.drawing.measured ? "Measured and model" : "Model") : null;
-  let curves = null, written = 0;
+  let curves = null, writing = null;
   const player = new Player({
     from, to, at: Number(values.get("t")) || (view.events.find((event) => event.name === "string_impact") || { time_s: from }).time_s,
     steps: film.film?.time_s ?? null, events: view.events,
@@ -52,7 +52,7 @@ export async function showReview(main, values) {
       curves?.at(t);
       picture?.show(t);
       drawing?.at(t);
-      if (performance.now() - written > 400) { written = performance.now(); remember({ t: t.toFixed(6) }); } // browsers limit how often
+      writing ??= setTimeout(() => { writing = null; remember({ t: player.time.toFixed(6) }); }, 300); // browsers limit how often
     },
   });
   const zoomed = make("button", { type: "button", "aria-pressed": "false", onclick: () => zoom(zoomed.getAttribute("aria-pressed") !== "true") }, "Zoom to the blow");
@@ -71,7 +71,7 @@ export async function showReview(main, values) {
   main.dataset.ready = "true";
   window.benchPlayer = player; // for tests of the page
   window.benchFilm = picture;
-  return () => { player.close(); curves.close(); picture?.close(); delete main.dataset.ready; };
+  return () => { clearTimeout(writing); player.close(); curves.close(); picture?.close(); delete main.dataset.ready; };
 }
 
 function curve(packed) {

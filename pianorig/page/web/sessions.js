@@ -1,13 +1,14 @@
 // The table of sessions and the session that was chosen.
 import { address, ask, at, link, make, mayWrite, remember, say } from "./bench.js";
 import { annotationForm } from "./annotations.js";
+import { jobButton } from "./jobs.js";
 
 const COLUMNS = [
   ["name", "Session"], ["created_utc", "Recorded (UTC)"], ["action", "Action"], ["profile", "Profile"], ["operator", "Operator"],
   ["trials", "Trials"], ["status", "Status"], ["n_findings", "Findings"], ["verdict", "Verdict"],
 ];
 const NUMBERS = new Set(["trials", "n_findings"]);
-const LOOK_ONLY = "This page only looks; to write, start  pianorig bench --control";
+export const LOOK_ONLY = "This page only looks; to write, start  pianorig bench --control";
 
 export async function showSessions(main, values) {
   let rows = [], ended = false;
@@ -88,7 +89,7 @@ async function showOne(place, name, reload, ended) {
     make("th", { scope: "row" }, make("a", { href: link("review", { session: name, trial: trial.trial }) }, `Review trial ${trial.trial}`)),
     make("td", {}, trial.status),
     make("td", { class: "text" }, trial.rejected === null ? "counts" : `rejected: ${trial.rejected}`),
-    make("td", {}, trial.film ? `${trial.film}${trial.tracked ? ", tracked" : ""}` : "–")));
+    make("td", {}, trial.film ? make("a", { href: link("outlines", { film: name, trial: trial.trial }) }, `${trial.film}${trial.tracked ? ", tracked" : ", not tracked"}`) : "–")));
   const notes = session.annotations.map((note) => make("li", {},
     `${note.time_utc.replace("T", " ").replace(/(\+00:00|Z)$/, "")}, ${note.trial ? `trial ${note.trial}` : "session"}: ${note.kind}, ${note.reason} (${note.author})`));
   const see = make("button", { type: "button", class: "first", disabled: !session.report, onclick: () => showReport(report, name, see) }, "Show report");
@@ -119,41 +120,11 @@ function showReport(place, name, button) {
     make("iframe", { class: "report", title: `Report of ${name}`, src: source, sandbox: "allow-scripts allow-downloads allow-popups" }));
 }
 
-/** A button that makes the report, and its progress; a reload finds the work again. */
+/** A button that makes the report. */
 function makeReport(name, again, ended) {
-  const kept = `job ${name}`;
-  const button = make("button", { type: "button", disabled: !mayWrite(), title: mayWrite() ? null : LOOK_ONLY, onclick: begin }, "Validate");
-  const stop = make("button", { type: "button", hidden: true }, "Stop");
-  const lines = make("pre", { class: "lines", hidden: true, role: "log", "aria-label": "Progress" });
-
-  async function follow(number) {
-    button.disabled = true;
-    stop.hidden = lines.hidden = false;
-    stop.onclick = () => ask(`/api/jobs/${number}`, { method: "DELETE" }).catch((error) => say(error.message));
-    for (;;) {
-      let job;
-      try { job = await ask(`/api/jobs/${number}`); } catch (error) { sessionStorage.removeItem(kept); return; }
-      lines.textContent = job.lines.join("\n") || "starting …";
-      if (!job.running) {
-        sessionStorage.removeItem(kept);
-        button.disabled = false;
-        stop.hidden = true;
-        if (!job.failed && !ended()) { say(`report of ${name} is made`); await again(); }
-        return;
-      }
-      if (ended()) return;
-      await new Promise((done) => setTimeout(done, 500));
-    }
-  }
-
-  async function begin() {
-    try {
-      const job = await ask(`/api/sessions/${at(name)}/validate`, { method: "POST", body: {} });
-      sessionStorage.setItem(kept, job.job);
-      await follow(job.job);
-    } catch (error) { say(error.message); }
-  }
-
-  if (sessionStorage.getItem(kept)) follow(sessionStorage.getItem(kept)).then(() => { button.disabled = !mayWrite(); stop.hidden = true; });
-  return make("div", {}, button, " ", stop, lines);
+  return jobButton({
+    kept: `job validate ${name}`, title: "Validate", disabled: !mayWrite(), hint: LOOK_ONLY, ended,
+    begin: () => ask(`/api/sessions/${at(name)}/validate`, { method: "POST", body: {} }),
+    done: async () => { say(`report of ${name} is made`); await again(); },
+  });
 }

@@ -47,7 +47,7 @@ export function touchPart(fetchTouch) {
   }
 
   return {
-    element: make("section", { "aria-label": "Touch" }, make("h3", {}, "Touch"), make("div", { class: "row" }, button,
+    element: make("section", { "aria-label": "Touch" }, make("h2", {}, "Touch"), make("div", { class: "row" }, button,
       make("span", { class: "hint" }, "solid: press, dashed: release; the two presses before stay thin")), told, place),
     /** The settings have changed since the last press. */
     old() { if (shown.length && !stale) { stale = true; told.textContent += " (before the last change)"; } },
