@@ -18,6 +18,8 @@ from pathlib import Path
 HARDWARE = re.compile(r"\bni(-grpc)?://")
 OUTPUTS = {"--out", "--figure", "--animation", "--contact-sheet", "--overlay", "--propose-bodies", "--curve"}
 FILE = re.compile(r"\.(csv|toml|mraw|h5|cihx)$")
+SERVERS = {"serve-sim": "virtual", "bench": "stop with Ctrl-C"}
+"""Commands that run until Ctrl-C, and a word of what they say at first."""
 QUICK = {"annotate", "attach", "calibrate-camera", "import", "info", "open", "recover", "simulate", "track", "watch"}
 """Commands that take seconds once the kernels are compiled, as far as their files are there."""
 
@@ -49,8 +51,8 @@ def run_documented(words: list[str], folder: Path, timeout_s: float = 600.0) -> 
     line = [sys.executable, "-m", "pianorig", *words]
     if words[0] == "open":
         line.append("--no-show")
-    if words[0] == "serve-sim":
-        return _serve(line, folder)
+    if words[0] in SERVERS:
+        return _serve([*line, *(["--no-show"] if words[0] == "bench" else [])], folder, SERVERS[words[0]])
     done = subprocess.run(line, cwd=folder, capture_output=True, timeout=timeout_s, stdin=subprocess.DEVNULL)
     said = done.stdout.decode("utf-8") + done.stderr.decode("utf-8")
     if any(HARDWARE.search(word) for word in words):
@@ -67,7 +69,7 @@ def rehearsal(words: list[str]) -> list[str]:
     return words[:at] + instead + words[at + 2 :]
 
 
-def _serve(line: list[str], folder: Path) -> str:
+def _serve(line: list[str], folder: Path, word: str) -> str:
     # a test run in the background of a shell ignores Ctrl-C, and so would what it starts
     heard = {} if sys.platform == "win32" else {"preexec_fn": lambda: signal.signal(signal.SIGINT, signal.SIG_DFL)}
     server = subprocess.Popen(line, cwd=folder, stdout=subprocess.PIPE, text=True, **heard)
@@ -77,5 +79,5 @@ def _serve(line: list[str], folder: Path) -> str:
         time.sleep(1.0)  # it serves a moment after it has said so
         server.send_signal(signal.SIGINT)
         assert server.wait(60) == 0, line
-    assert "virtual" in said
+    assert word in said
     return said

@@ -125,7 +125,7 @@ def observe(scene: Scene, states: States, time_s: Array, start: float, input_tim
         center_m_per_s2=at.acceleration,
         angle_rad_per_s=at.pose[:, :, L.POSE_OMEGA],
         angle_rad_per_s2=at.turning,
-        pose=at.pose[:, :, [L.POSE_X, L.POSE_Y, L.POSE_PHI]],
+        pose=at.poses(),
         largest_normal_n=record.largest_n,
         dense_time_s=dense,
         dense_joint_n=np.concatenate(record.joint_n)[first],

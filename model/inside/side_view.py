@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from model.inside.seen_motion import SeenMotion
 from model.kernels import layout as L
 from model.scene.build import Scene
 from model.simulation.loads_and_losses import Inside
@@ -46,7 +47,7 @@ class SideView:
     sticks: dict[str, Array]
 
 
-def side_view(inside: Inside) -> SideView:
+def side_view(inside: Inside | SeenMotion) -> SideView:
     """Geometry of the bodies that take part in a motion."""
     scene = inside.scene
     bodies = (*inside.bodies, GROUND)
@@ -77,14 +78,14 @@ def side_view(inside: Inside) -> SideView:
     return SideView(surfaces, {body: _tree(np.array(points)) for body, points in marks.items()})
 
 
-def _near_rows(inside: Inside, c: int) -> NDArray[np.bool_]:
+def _near_rows(inside: Inside | SeenMotion, c: int) -> NDArray[np.bool_]:
     """Rows in which the surfaces of a contact are near each other, or else the row in which they are nearest."""
     depth = inside.penetration_m[:, c]
     near = depth > -NEAR_M
     return near if near.any() else depth == depth.max()
 
 
-def _in_frame(inside: Inside, body: str, point: Array) -> Array:
+def _in_frame(inside: Inside | SeenMotion, body: str, point: Array) -> Array:
     """World points (m, 2) in the frame of a body."""
     if body == GROUND:
         return point

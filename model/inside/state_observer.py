@@ -75,6 +75,11 @@ class ObservedStates:
             self.velocity[:, i] = pivot_v[:, i] + omega[:, i, None] * _perpendicular(arm)
             self.acceleration[:, i] = pivot_a[:, i] + _relative_acceleration(arm, omega[:, i], self.turning[:, i])
 
+    def poses(self) -> Array:
+        """Pivot x, y (m) and orientation from ground (rad) of each body, (m, n, 3)."""
+        found: Array = self.pose[:, :, [L.POSE_X, L.POSE_Y, L.POSE_PHI]]
+        return found
+
     def joint_forces(self) -> Array:
         """Force (m, n, 2) on each body in the joint that carries it, by Newton's law from the outer bodies inwards.
 

@@ -30,6 +30,7 @@ COMMANDS = {
     "export": Listed("bench.export", "Write trials as CSV, MATLAB, TDMS or Parquet."),
     "attach": Listed("film.attach", "Check a film against a trial and copy it beside the trial."),
     "annotate": Listed("bench.annotate", "Add a line to a session's annotations, or list them."),
+    "bench": Listed("bench.bench_page", "Show sessions in the browser until Ctrl-C."),
     "watch": Listed("bench.watch", "Show force and angles of the trial being recorded."),
     "track": Listed("film.track", "Track rigid bodies; give angles and their uncertainty."),
     "calibrate-camera": Listed("film.calibrate_camera", "Measure the camera's tilt, distortion and scale."),

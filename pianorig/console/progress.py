@@ -6,6 +6,7 @@ lines what it does; shorter work says nothing, so that an error is the only line
 
 from __future__ import annotations
 
+import os
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -14,6 +15,8 @@ from typing import Any
 
 from pianorig.console.live_line import LIVE
 
+PROGRESS = "PIANORIG_PROGRESS"
+"""Environment variable; at ``lines`` a bar is plain lines, one a per cent, for a program that shows them."""
 BAR = 20
 PATIENCE_S = 5.0
 UNLIMITED = 9999
@@ -51,9 +54,16 @@ def bar(label: str, quiet: bool = False) -> Iterator[Callable[[int, int], None] 
         return
     began_s: float | None = None
     told = LIVE.is_on
+    for_program, said = os.environ.get(PROGRESS) == "lines" and not LIVE.is_on, -1
 
     def update(done: int, total: int) -> None:
-        nonlocal began_s, told
+        nonlocal began_s, told, said
+        if for_program:
+            share = 100 * done // max(total, 1)
+            if share > said:
+                said = share
+                say(f"{label} {done}/{total}")
+            return
         began_s = time.monotonic() if began_s is None else began_s
         spent_s = time.monotonic() - began_s
         if not told and spent_s >= PATIENCE_S:

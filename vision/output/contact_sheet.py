@@ -87,8 +87,13 @@ def worst_rows(result: TrackResult, count: int) -> list[int]:
 
     Neighbours show the same, so rows that are not lost and close to one already chosen come last.
     """
-    lost = result.failed.sum(axis=1)
-    correlation = np.where(np.isfinite(result.zncc), result.zncc, 1.0).min(axis=1)
+    return worst_of(result.failed, result.zncc, count)
+
+
+def worst_of(failed: NDArray[np.bool_], zncc: NDArray[np.float64], count: int) -> list[int]:
+    """`worst_rows` of a table: whether each body (m) is lost in each row (n), and its correlation, both (n, m)."""
+    lost = failed.sum(axis=1)
+    correlation = np.where(np.isfinite(zncc), zncc, 1.0).min(axis=1)
     order = np.lexsort((correlation, -lost))
     apart = lost.size // (4 * count)
     taken: list[int] = []
@@ -105,18 +110,19 @@ def words_of(result: TrackResult, row: int) -> tuple[str, str]:
     """Frame and time, and what is wrong: bodies lost with their reason, else the least correlation and its remarks."""
     first = f"frame {int(result.frame[row])}, {result.time_s[row] * 1e3:.2f} ms"
     lost = [
-        f"{body} lost: {_reasons(int(result.flag[row, i]) & int(FAILURE))}"
+        f"{body} lost: {reasons(int(result.flag[row, i]) & int(FAILURE))}"
         for i, body in enumerate(result.bodies)
         if result.failed[row, i]
     ]
     if lost:
         return first, "; ".join(lost)
     worst = int(np.argmin(result.zncc[row]))
-    remarks = _reasons(int(result.flag[row, worst]))
+    remarks = reasons(int(result.flag[row, worst]))
     return first, f"{result.bodies[worst]} correlates {result.zncc[row, worst]:.3f}{', ' if remarks else ''}{remarks}"
 
 
-def _reasons(flag: int) -> str:
+def reasons(flag: int) -> str:
+    """The bits of a flag in words."""
     return ", ".join(bit.name.lower().replace("_", " ") for bit in FrameFlag if bit and flag & bit and bit.name)
 
 

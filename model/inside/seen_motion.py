@@ -1,0 +1,86 @@
+"""What can be seen of a motion: poses of the bodies, where contacts touch, how deep and how hard; no losses.
+
+A hundredth of the work of `model.inside.observe_motion`, for drawings that must be ready at once. World frame: x right,
+y up.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.inside.state_observer import Observer
+from model.kernels.trajectory import contact_forces as O
+from model.scene.build import Scene
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class SeenMotion:
+    """A motion at (m,) times, with contacts (c) and bodies (n).
+
+    Attributes
+    ----------
+    scene : elements of the run, with all their numbers
+    time_s : (m,)
+    pose : (m, n, 3) pivot x, y (m) and orientation from ground (rad)
+    point_m : (m, c, 2) where the force acts
+    penetration_m : (m, c) depth of the felt, negative where the gap is open
+    normal_n : (m, c) normal force
+    """
+
+    scene: Scene
+    time_s: Array
+    pose: Array
+    point_m: Array
+    penetration_m: Array
+    normal_n: Array
+
+    @property
+    def contacts(self) -> tuple[str, ...]:
+        """Names of the contacts."""
+        return self.scene.contacts
+
+    @property
+    def bodies(self) -> tuple[str, ...]:
+        """Names of the coordinates."""
+        return self.scene.bodies
+
+
+def see_motion(scene: Scene, time_s: Array, angle_rad: Array, speed_rad_per_s: Array, force_n: Array) -> SeenMotion:
+    """Poses and contacts at given states.
+
+    Parameters
+    ----------
+    scene : what takes part
+    time_s : (m,) s
+    angle_rad, speed_rad_per_s : (m, n) states
+    force_n : (m,) input
+
+    Returns
+    -------
+    SeenMotion
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import model
+    >>> from model.inside.seen_motion import see_motion
+    >>> action, (time_s, force_n) = model.load_action(), model.force_table("forte")
+    >>> blow = model.simulate(action, time_s, force_n)
+    >>> seen = see_motion(model.build_scene(action), time_s, blow.angle_rad, blow.speed_rad_per_s, force_n)
+    >>> seen.pose.shape
+    (3501, 5, 3)
+    """
+    found = Observer(scene).evaluate(angle_rad, speed_rad_per_s, force_n)
+    return SeenMotion(
+        scene=scene,
+        time_s=time_s,
+        pose=found.poses(),
+        point_m=found.contact[:, :, O.SEEN_X : O.SEEN_Y + 1],
+        penetration_m=found.contact[:, :, O.SEEN_DEPTH],
+        normal_n=found.contact[:, :, O.SEEN_NORMAL],
+    )

@@ -1,0 +1,91 @@
+"""A blow on the action as it is set, fast enough to follow a slider: curves, events, the moving action."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+import model
+from model.files.force_library import KNOTS
+from model.inside.seen_motion import see_motion
+from pianorig.page.moving_action import moving_action
+from pianorig.page.packing import pack
+from validation.conventions import BODIES, ENCODER_BODIES
+from validation.curves.signs import TITLE, degrees
+from validation.events.definitions import EVENTS
+from validation.events.detect import find_events
+from validation.measurement.geometry import geometry_of
+from validation.measurement.stroke import motion_of
+from vision.output.colours import colour_of
+
+RATE_HZ = 5000.0
+EVERY, DRAWN = 5, 2  # a pose and a drawn sample for so many samples
+QUIET_S = 0.02  # every built-in blow begins later than this
+TOLERANCE_RAD = 1e-5
+BLOWS = tuple(KNOTS)
+
+
+def live_blow(action: model.Action, blow: str) -> dict[str, Any]:
+    """Motion of an action under a built-in blow, for the page.
+
+    Parameters
+    ----------
+    action : as it is set
+    blow : one of `BLOWS`
+
+    Raises
+    ------
+    model.InputError : no such blow
+    model.StaticsError, model.IntegrationError : the action cannot rest or move like this
+    """
+    table_s, table_n = model.force_table(blow)
+    times = model.output_times(float(table_s[0]), float(table_s[-1]), RATE_HZ)
+    solution = model.simulate(action, table_s, table_n, output_time_s=times, tolerance=TOLERANCE_RAD)
+    force = np.interp(times, table_s, table_n)
+    rows = slice(None, None, EVERY)
+    seen = see_motion(
+        model.build_scene(action),
+        times[rows],
+        solution.angle_rad[rows],
+        solution.speed_rad_per_s[rows],
+        force[rows],
+    )
+    rest = model.rest_state(action).angle_rad
+    channels = {
+        body: {
+            "title": TITLE[body],
+            "color": colour_of(body, i),
+            "value": pack(degrees(body, solution.angle_rad[::DRAWN, i] - rest[i])),
+        }
+        for i, body in enumerate(BODIES)
+    }
+    return {
+        "time_s": pack(times[::DRAWN]),
+        "force_n": pack(force[::DRAWN]),
+        "channels": channels,
+        "drawing": moving_action(seen),
+        "events": _events(action, times, solution.angle_rad - rest, rest),
+    }
+
+
+def _events(action: model.Action, times: Any, change: Any, rest: Any) -> list[dict[str, Any]]:
+    """What happens in the blow, by the report's definitions, in the units it shows."""
+    motion = motion_of(geometry_of(action, rest), times, change[:, ENCODER_BODIES], np.full(3, TOLERANCE_RAD))
+    rows = []
+    for event in find_events(motion, int(QUIET_S * RATE_HZ)).values():
+        kind = EVENTS[event.name]
+        found = event.status != "absent" and math.isfinite(event.value)
+        rows.append(
+            {
+                "name": event.name,
+                "title": kind.title,
+                "unit": kind.display_unit,
+                "meaning": kind.definition,
+                "value": event.value * kind.display_factor if found else None,
+                "time_s": event.value if found and kind.unit == "s" else None,
+                "note": event.note,
+            }
+        )
+    return rows

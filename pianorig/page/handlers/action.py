@@ -1,0 +1,81 @@
+"""The action to try out: what can be turned, a blow, the touch, a technician's step, a file of it."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from pianorig.errors import CommandInputError
+from pianorig.page.action.changed_action import action_facts, built_in_actions, changed_action, toml_of
+from pianorig.page.action.live_blow import BLOWS, live_blow
+from pianorig.page.action.touch_and_steps import technician_step, touch
+from pianorig.page.handlers.reply import Reply
+
+
+class Actions(Reply):
+    """The actions and blows that can be chosen."""
+
+    def get(self) -> None:
+        """Send their names."""
+        self.send({"actions": built_in_actions(), "blows": list(BLOWS)})
+
+
+class Facts(Reply):
+    """What can be turned on an action."""
+
+    async def get(self, name: str) -> None:
+        """Send screws and parameters."""
+        await self.answer(action_facts, name)
+
+
+class Changed(Reply):
+    """Something about an action with changed values, ``set=path=value`` in the address."""
+
+    async def get(self, name: str) -> None:
+        """Send it."""
+        changes = self.get_query_arguments("set")
+        # taken here: what is asked for depends on the address, which another thread must not read
+        options = {key: self.get_query_argument(key, "") for key in ("blow", "target", "turn_m")}
+        await self.answer(lambda: self.made(name, changes, options))
+
+    def made(self, name: str, changes: list[str], options: dict[str, str]) -> Any:
+        """What is sent."""
+        raise NotImplementedError
+
+
+class Blow(Changed):
+    """A blow."""
+
+    def made(self, name: str, changes: list[str], options: dict[str, str]) -> Any:
+        """Its curves, events and drawing."""
+        return live_blow(changed_action(name, changes), options["blow"] or BLOWS[0])
+
+
+class Touch(Changed):
+    """The touch."""
+
+    def made(self, name: str, changes: list[str], options: dict[str, str]) -> Any:
+        """Its curve and weights."""
+        return touch(changed_action(name, changes))
+
+
+class Step(Changed):
+    """A technician's step."""
+
+    def made(self, name: str, changes: list[str], options: dict[str, str]) -> Any:
+        """What it does to the seven targets."""
+        try:
+            turn_m = float(options["turn_m"])
+        except ValueError:
+            turn_m = math.nan
+        if not math.isfinite(turn_m):
+            raise CommandInputError(f"turn_m {options['turn_m'][:40]!r}: allowed a number of metres")
+        return technician_step(changed_action(name, changes), options["target"], turn_m)
+
+
+class TomlFile(Changed):
+    """The file of it."""
+
+    def made(self, name: str, changes: list[str], options: dict[str, str]) -> Any:
+        """Its text."""
+        return {"text": toml_of(changed_action(name, changes))}

@@ -1,0 +1,111 @@
+"""Long work that the page begins: a command of ``pianorig`` in a process of its own, one at a time.
+
+A process of its own keeps the page answering, and can be stopped as Ctrl-C stops it: files are written whole or not at
+all. Its lines on standard error are its progress, the last one of a failure is the reason.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+from collections import deque
+from dataclasses import dataclass, field
+from typing import Any
+
+from pianorig.console.progress import PROGRESS
+from pianorig.errors import CommandInputError
+
+KEPT_LINES = 40
+KEPT_JOBS = 20
+PATIENCE_S = 10.0
+
+
+@dataclass
+class _Job:
+    number: int
+    subject: str
+    command: str
+    process: subprocess.Popen[str]
+    lines: deque[str] = field(default_factory=lambda: deque(maxlen=KEPT_LINES))
+    code: int | None = None
+
+
+class Jobs:
+    """Jobs of one page."""
+
+    def __init__(self) -> None:
+        self._jobs: dict[int, _Job] = {}
+        self._lock = threading.Lock()
+
+    def begin(self, subject: str, words: list[str]) -> dict[str, Any]:
+        """Run ``pianorig`` with these words about a session.
+
+        Raises
+        ------
+        CommandInputError : another job is running
+        """
+        with self._lock:
+            busy = next((job for job in self._jobs.values() if job.code is None), None)
+            if busy is not None:
+                raise CommandInputError(f"{busy.command} of {busy.subject} is running; wait, or stop it")
+            own_group = {} if sys.platform == "win32" else {"start_new_session": True}
+            process = subprocess.Popen(
+                [sys.executable, "-m", "pianorig", *words],
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.STDOUT,
+                encoding="utf-8",
+                errors="replace",
+                env={**os.environ, PROGRESS: "lines"},
+                **own_group,  # type: ignore[call-overload]  # Ctrl-C in the terminal is the page's to hand on
+            )
+            job = _Job(max(self._jobs, default=0) + 1, subject, words[0], process)
+            self._jobs[job.number] = job
+            for old in list(self._jobs)[:-KEPT_JOBS]:
+                del self._jobs[old]
+        threading.Thread(target=self._follow, args=(job,), name="bench job", daemon=True).start()
+        return self._state(job)
+
+    def _follow(self, job: _Job) -> None:
+        assert job.process.stdout is not None
+        with job.process.stdout as said:
+            for line in said:
+                if line.strip():
+                    job.lines.append(line.rstrip())
+        job.code = job.process.wait()
+
+    def state(self, number: int) -> dict[str, Any] | None:
+        """How far a job is; None where there is none of this number."""
+        job = self._jobs.get(number)
+        return None if job is None else self._state(job)
+
+    @staticmethod
+    def _state(job: _Job) -> dict[str, Any]:
+        return {
+            "job": job.number,
+            "session": job.subject,
+            "command": job.command,
+            "running": job.code is None,
+            "failed": job.code not in (None, 0),
+            "lines": list(job.lines),
+        }
+
+    def stop(self, number: int) -> None:
+        """Ask a job to end as Ctrl-C does."""
+        job = self._jobs.get(number)
+        if job is not None and job.code is None:
+            job.process.send_signal(signal.SIGTERM if sys.platform == "win32" else signal.SIGINT)
+
+    def close(self) -> None:
+        """End what is running; what does not listen is killed."""
+        for job in self._jobs.values():
+            if job.process.poll() is None:
+                self.stop(job.number)
+                try:
+                    job.process.wait(PATIENCE_S)
+                except subprocess.TimeoutExpired:
+                    job.process.kill()
+                    job.process.wait()

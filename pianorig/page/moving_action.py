@@ -1,0 +1,77 @@
+"""The action drawn from the model's own geometry, moving: shapes of the bodies, their poses, forces at the contacts.
+
+In: a motion seen, and perhaps measured angles; out: plain data for the page's drawing. Lengths in m, x right, y up.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import model
+from model.inside.seen_motion import SeenMotion
+from model.inside.side_view import GROUND, side_view
+from pianorig.page.packing import pack
+from vision.output.colours import colour_of
+
+Array = NDArray[np.float64]
+RATE_HZ = 1000.0
+MOST_ROWS = 4000
+
+
+def drawing_times(start_s: float, end_s: float) -> Array:
+    """Times of the poses, 1 kHz, further apart in records of more than four seconds."""
+    return model.output_times(start_s, end_s, min(RATE_HZ, MOST_ROWS / max(end_s - start_s, 1e-3)))
+
+
+def moving_action(seen: SeenMotion, measured: Array | None = None) -> dict[str, Any]:
+    """Shapes and poses for the page.
+
+    Parameters
+    ----------
+    seen : the model's motion (m rows)
+    measured : (m, n, 3) poses to draw beside it, NaN where a body was not measured
+
+    Returns
+    -------
+    dict
+        ``time_s`` (m,), ``bodies`` with name, colour, surfaces and sticks in the body's frame, ``pose`` (m, n, 3) of
+        the model, ``measured`` of the same shape or None, ``ground``, ``contacts``, ``point_m``, ``normal_n``.
+    """
+    view = side_view(seen)
+    bodies = [
+        {
+            "name": body,
+            "color": colour_of(body, i),
+            "surfaces": [shape.points.tolist() for shape in view.surfaces[body]],
+            "sticks": view.sticks[body].tolist(),
+        }
+        for i, body in enumerate(seen.bodies)
+    ]
+    return {
+        "time_s": pack(seen.time_s),
+        "bodies": bodies,
+        "ground": [shape.points.tolist() for shape in view.surfaces[GROUND]],
+        "pose": pack(seen.pose),
+        "measured": None if measured is None else pack(measured),
+        "contacts": list(seen.contacts),
+        "point_m": pack(seen.point_m),
+        "normal_n": pack(seen.normal_n),
+    }
+
+
+def measured_poses(scene: model.Scene, angle_rad: Array, instead_rad: Array) -> Array:
+    """Pivot x, y (m) and orientation (rad) of every body at measured angles: (m, n, 3), NaN where not measured.
+
+    Parameters
+    ----------
+    scene : of the model that gives the geometry
+    angle_rad : (m, n) absolute angles, NaN where a body was not measured
+    instead_rad : (m, n) angles of those bodies, as others may be carried by them
+    """
+    known = np.isfinite(angle_rad)
+    still = np.zeros_like(angle_rad)
+    found = model.inside.Observer(scene).evaluate(np.where(known, angle_rad, instead_rad), still, still[:, 0])
+    return np.where(known[:, :, None], found.poses(), np.nan)

@@ -1,0 +1,146 @@
+"""The server of the page: on the loopback, one process, until Ctrl-C."""
+
+from __future__ import annotations
+
+import asyncio
+import errno
+import signal
+import socket
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from tornado.httpserver import HTTPServer
+from tornado.web import Application
+
+from pianorig.errors import CommandInputError
+from pianorig.page.access import LOOPBACK, Access
+from pianorig.page.catalogue.catalogue import Catalogue
+from pianorig.page.handlers import action, outlines, review, sessions, shell
+from pianorig.page.handlers.reply import NotFound, Served
+from pianorig.page.jobs import Jobs
+from pianorig.page.review.film_shelf import FilmShelf
+
+LARGEST_REQUEST_BYTES = 1_000_000
+WORKERS = 4
+NAME, NUMBER = r"([^/]+)", r"(\d{1,9})"
+
+
+@dataclass(frozen=True)
+class BenchOptions:
+    """What the page shows and where.
+
+    Attributes
+    ----------
+    folder : of the sessions
+    port : TCP port; 0 takes a free one
+    control : give out a token with which the page may write
+    """
+
+    folder: Path
+    port: int = 0
+    control: bool = False
+
+
+class BenchServer:
+    """The page, listening; ends with `close`.
+
+    Raises
+    ------
+    CommandInputError : the folder or the port cannot be used
+    """
+
+    def __init__(self, options: BenchOptions) -> None:
+        scripts = shell.drawing_scripts()
+        catalogue = Catalogue(options.folder)
+        try:
+            listening = socket.create_server((LOOPBACK, options.port))
+        except OSError as error:
+            busy = error.errno == errno.EADDRINUSE
+            raise CommandInputError(
+                f"--port {options.port}: {'is in use' if busy else error.strerror}; choose another, or 0 for a free one"
+            ) from error
+        listening.setblocking(False)
+        self.access = Access(listening.getsockname()[1], options.control)
+        self._workers = ThreadPoolExecutor(WORKERS, thread_name_prefix="bench page")
+        self._jobs = Jobs()
+        self._films = FilmShelf()
+        served = Served(self.access, catalogue, self._workers, self._jobs, self._films)
+        self._server = HTTPServer(application(served, scripts), max_body_size=LARGEST_REQUEST_BYTES)
+        self._server.add_socket(listening)
+
+    async def close(self) -> None:
+        """Stop listening, end jobs, close what browsers keep open."""
+        self._server.stop()
+        self._jobs.close()
+        await self._server.close_all_connections()
+        self._workers.shutdown(cancel_futures=True)
+        self._films.close()
+
+
+def application(served: Served, scripts: Path) -> Application:
+    """Every address of the page and what answers there."""
+    it: dict[str, Any] = {"served": served}
+    routes: list[Any] = [
+        ("/", shell.Shell, it),
+        ("/web/(.*)", shell.OwnFiles, {**it, "path": str(shell.WEB)}),
+        (r"/drawing/(bokeh(?:-api)?\.min\.js)", shell.OwnFiles, {**it, "path": str(scripts)}),
+        ("/api/about", shell.About, it),
+        ("/api/sessions", sessions.Sessions, it),
+        (f"/api/sessions/{NAME}", sessions.OneSession, it),
+        (f"/api/sessions/{NAME}/annotations", sessions.Annotations, it),
+        (f"/api/sessions/{NAME}/validate", sessions.Validate, it),
+        (f"/api/jobs/{NUMBER}", sessions.Job, it),
+        (f"/report/{NAME}/(.*)", sessions.Report, it),
+        ("/api/actions", action.Actions, it),
+        (f"/api/action/{NAME}", action.Facts, it),
+        (f"/api/action/{NAME}/blow", action.Blow, it),
+        (f"/api/action/{NAME}/touch", action.Touch, it),
+        (f"/api/action/{NAME}/step", action.Step, it),
+        (f"/api/action/{NAME}/file", action.TomlFile, it),
+        (f"/api/review/{NAME}/{NUMBER}", review.Review, it),
+        (f"/api/film/{NAME}/{NUMBER}", review.Film, it),
+        ("/api/films", outlines.Films, it),
+        (f"/api/outlines/{NAME}/{NUMBER}", outlines.Outlines, it),
+        (f"/api/outlines/{NAME}/{NUMBER}/proposal", outlines.Proposal, it),
+        (f"/api/outlines/{NAME}/{NUMBER}/track", outlines.Track, it),
+        (f"/api/outlines/{NAME}/{NUMBER}/frame", outlines.TrackFrame, it),
+        (f"/film/{NAME}/{NUMBER}/{NUMBER}-{NUMBER}", review.Frames, it),
+    ]
+    return Application(routes, default_handler_class=NotFound, default_handler_args=it, log_function=_silent)
+
+
+def _silent(handler: Any) -> None:
+    """Requests are not told on the terminal; an error is told to the page that caused it."""
+
+
+def serve_until_interrupted(options: BenchOptions, announce: Callable[[Access], None]) -> None:
+    """Serve the page until Ctrl-C.
+
+    Parameters
+    ----------
+    options : what to show and where
+    announce : called once it listens
+
+    Raises
+    ------
+    CommandInputError : the folder or the port cannot be used
+    """
+
+    async def serve() -> None:
+        ended = asyncio.Event()
+        loop = asyncio.get_running_loop()
+        for number in (signal.SIGINT, signal.SIGTERM):
+            with suppress(NotImplementedError):  # Windows: Ctrl-C arrives as KeyboardInterrupt
+                loop.add_signal_handler(number, ended.set)
+        server = BenchServer(options)
+        try:
+            announce(server.access)
+            await ended.wait()
+        finally:
+            await server.close()
+
+    asyncio.run(serve())

@@ -1,0 +1,200 @@
+// The action to try out: screws and parameters as sliders, a blow that follows them, the touch, a technician's step, a file.
+import { address, ask, at, link, make, remember, say } from "./bench.js";
+import { Curves } from "./curves.js";
+import { Drawing } from "./drawing.js";
+import { unpack } from "./numbers.js";
+import { KEYS, Player } from "./player.js";
+import { stepTable, touchPart } from "./touch.js";
+
+const MOST_UNDONE = 200;
+
+export async function showAction(main, values) {
+  const { actions, blows } = await ask("/api/actions");
+  const name = values.get("action") || actions[0], blow = values.get("blow") || blows[0];
+  const facts = await ask(`/api/action/${at(name)}`);
+  const given = new Map(facts.parameters.map((one) => [one.path, one]));
+  const screws = new Map(facts.screws.map((one) => [one.path, one]));
+  const set = new Map(values.getAll("set").map((text) => text.split("=")).filter(([path, value]) => given.has(path) && Number.isFinite(Number(value))).map(([path, value]) => [path, Number(value)]));
+  const rows = new Map(), before = [];
+  let base = null, latest = null, curves = null, busy = false, again = false, closed = false, player = null, drawing = null;
+
+  const query = () => new URLSearchParams([["blow", blow], ...[...set].map(([path, value]) => ["set", `${path}=${value}`])]);
+  const doing = make("span", { class: "hint", role: "status" });
+  const choose = (title, options, value, key) => {
+    const select = make("select", { onchange: () => { const now = address().values; now.set(key, select.value); if (key === "action") now.delete("set"); location.hash = link("action", now); } },
+      ...options.map((text) => make("option", { value: text }, text)));
+    select.value = value;
+    return make("label", {}, title, select);
+  };
+  const undo = make("button", { type: "button", disabled: true, onclick: takeBack }, "Undo");
+  const reset = make("button", { type: "button", onclick: () => { keep(); set.clear(); for (const row of rows.values()) row.show(); changed(); } }, "Reset");
+  const save = make("button", { type: "button", onclick: saveFile }, "Save as TOML");
+  const screwPart = make("fieldset", {}, make("legend", {}, "Screws"));
+  const otherPart = make("fieldset", {}, make("legend", {}, "Other parameters"));
+  const paths = make("datalist", { id: "paths" }, ...facts.parameters.filter((one) => !screws.has(one.path)).map((one) => make("option", { value: one.path }, one.about)));
+  const wanted = make("input", { list: "paths", id: "wanted", size: 28, onchange: () => { if (addRow(wanted.value.trim())) wanted.value = ""; } });
+  const events = make("tbody");
+  const left = make("div", { class: "settings" }), right = make("div", { class: "left" });
+  const steps = make("div"), touch = touchPart(() => ask(`/api/action/${at(name)}/touch?${query()}`));
+  otherPart.append(make("div", { class: "row" }, make("label", {}, "Add", wanted), paths, make("span", { class: "hint" }, `one of ${facts.parameters.length} paths, such as hammer.mass`)));
+  left.append(screwPart, otherPart, steps);
+  main.append(make("div", { class: "row" }, choose("Action", actions, name, "action"), choose("Blow", blows, blow, "blow"), undo, reset, save, doing),
+    make("div", { class: "review action" }, left, right));
+  for (const screw of facts.screws) screwPart.append(slider(screw.path, screw));
+  for (const path of set.keys()) if (!screws.has(path)) addRow(path);
+  main.addEventListener("keydown", onKey);
+
+  /** What was set before the change that follows, for undo. */
+  function keep() {
+    before.push(new Map(set));
+    if (before.length > MOST_UNDONE) before.shift();
+    undo.disabled = false;
+  }
+
+  function takeBack() {
+    const old = before.pop();
+    if (!old) return;
+    undo.disabled = !before.length;
+    set.clear();
+    for (const [path, value] of old) set.set(path, value);
+    for (const row of rows.values()) row.show();
+    changed();
+  }
+
+  function onKey(event) {
+    if ((event.ctrlKey || event.metaKey) && event.key === "z" && event.target.type !== "text") { event.preventDefault(); takeBack(); }
+  }
+
+  function addRow(path) {
+    if (!given.has(path)) { if (path) say(`no parameter ${path}`); return false; }
+    if (!rows.has(path)) otherPart.append(slider(path, given.get(path)));
+    rows.get(path).focus();
+    return true;
+  }
+
+  /** A slider and a number of one parameter; lengths in mm. */
+  function slider(path, { low, high, name: title }) {
+    const one = given.get(path), unit = one.unit === "m" ? "mm" : one.unit, times = one.unit === "m" ? 1000 : 1;
+    const id = `set-${path}`;
+    const range = make("input", { type: "range", id, min: low, max: high, step: (high - low) / 1000 });
+    const number = make("input", { type: "number", step: "any", "aria-label": `${title || path}, ${unit}` });
+    const turned = make("span", { class: "values" });
+    let begun = false;
+    const take = (value) => {
+      if (!begun) { keep(); begun = true; }
+      if (value === one.value) set.delete(path); else set.set(path, value);
+      show();
+      changed();
+    };
+    function show() {
+      const value = set.get(path) ?? one.value;
+      range.value = value;
+      if (document.activeElement !== number) number.value = Number((times * value).toPrecision(7));
+      const away = value - one.value;
+      turned.textContent = away === 0 ? "as given" : one.unit === "m" ? `${away > 0 ? "+" : ""}${(1000 * away).toFixed(3)} mm` : one.value ? `× ${(value / one.value).toPrecision(4)}` : "changed";
+      range.setAttribute("aria-valuetext", `${number.value} ${unit}, ${turned.textContent}`);
+    }
+    range.addEventListener("input", () => take(Number(range.value)));
+    range.addEventListener("change", () => { begun = false; });
+    number.addEventListener("input", () => { if (number.value !== "" && Number.isFinite(Number(number.value))) take(Number(number.value) / times); });
+    number.addEventListener("change", () => { begun = false; show(); });
+    const target = screws.get(path)?.target;
+    const row = make("div", { class: "slider" }, make("label", { for: id, title: one.about }, title || path), range,
+      make("span", {}, number, ` ${unit} `), turned,
+      target ? make("button", { type: "button", onclick: () => stepTable(steps, `/api/action/${at(name)}/step?${query()}`, target, title) }, "What does it do?") : null);
+    rows.set(path, { show, focus: () => range.focus() });
+    show();
+    return row;
+  }
+
+  function changed() {
+    const now = address().values;
+    now.delete("set");
+    for (const [path, value] of set) now.append("set", `${path}=${value}`);
+    clearTimeout(changed.waiting); // browsers limit how often the address may change
+    changed.waiting = setTimeout(() => { if (!closed) history.replaceState(null, "", link("action", now)); }, 300);
+    save.disabled = set.size === 0;
+    touch.old();
+    play();
+  }
+
+  /** Ask for the blow as it is set now; while one is under way only the newest setting waits. */
+  async function play() {
+    if (busy) { again = true; return; }
+    busy = true;
+    const began = performance.now();
+    const patience = setTimeout(() => { doing.textContent = "computing … (a law switched on or off is compiled first)"; }, 700);
+    try {
+      latest = await ask(`/api/action/${at(name)}/blow?${query()}`);
+      if (!closed) { draw(); doing.textContent = ""; main.dataset.latency = (performance.now() - began).toFixed(1); }
+    } catch (error) { doing.textContent = error.message; } finally { clearTimeout(patience); busy = false; }
+    if (again && !closed) { again = false; play(); }
+  }
+
+  const lines = (found, k) => {
+    const time = unpack(found.time_s);
+    return k === 0 ? { time, value: unpack(found.force_n) } : { time, value: unpack(Object.values(found.channels)[k - 1].value) };
+  };
+
+  function draw() {
+    Object.values(latest.channels).forEach((_, k) => curves.replace(k + 1, 1, lines(latest, k + 1)));
+    drawing.set(latest.drawing);
+    tell();
+    player.events = latest.events.filter((event) => event.time_s !== null);
+    player.draw();
+  }
+
+  function tell() {
+    const text = (event) => (event.value === null ? event.note || "–" : `${event.value.toPrecision(5)} ${event.unit}`);
+    events.replaceChildren(...latest.events.map((event, i) => make("tr", {}, make("th", { scope: "row", title: event.meaning }, event.title),
+      make("td", { class: "number" }, text(base.events[i])), make("td", { class: "number" }, text(event)))));
+  }
+
+  async function saveFile() {
+    try {
+      const { text } = await ask(`/api/action/${at(name)}/file?${query()}`);
+      const url = URL.createObjectURL(new Blob([text], { type: "application/toml" }));
+      make("a", { href: url, download: `${name}-changed.toml` }).click();
+      setTimeout(() => URL.revokeObjectURL(url), 10000);
+    } catch (error) { say(error.message); }
+  }
+
+  doing.textContent = "computing …";
+  base = await ask(`/api/action/${at(name)}/blow?${new URLSearchParams({ blow })}`);
+  latest = set.size ? await ask(`/api/action/${at(name)}/blow?${query()}`).catch((error) => { say(error.message); return base; }) : base;
+  doing.textContent = "";
+  save.disabled = set.size === 0;
+  if (closed) return null;
+  const ink = getComputedStyle(document.documentElement).getPropertyValue("--soft").trim();
+  const panels = [{ title: "Force on the key", unit: "N", height: 80, lines: [{ label: "", ...lines(base, 0), color: ink }] },
+    ...Object.values(base.channels).map((channel, k) => ({
+      title: channel.title, unit: "°", height: 90, digits: 3,
+      lines: [{ label: "as given", ...lines(base, k + 1), color: ink, dash: "dotted", width: 1.2 }, { label: "now", ...lines(latest, k + 1), color: channel.color, width: 2 }],
+    }))];
+  const time = panels[0].lines[0].time, from = time[0], to = time[time.length - 1];
+  drawing = new Drawing(latest.drawing, "Action as it is set");
+  const place = make("div");
+  player = new Player({
+    from, to, at: Number(values.get("t")) || (base.events.find((event) => event.name === "string_impact") || {}).time_s || from, steps: null,
+    events: latest.events.filter((event) => event.time_s !== null).map((event) => ({ ...event, source: "now" })),
+    show: (t) => { curves?.at(t); drawing.at(t); },
+  });
+  right.append(player.element, drawing.element, place,
+    make("div", { class: "scroll" }, make("table", { id: "events" }, make("caption", {}, "Events of the blow"), make("thead", {}, make("tr", {},
+      ...["Event", "As given", "Now"].map((title, k) => make("th", { scope: "col", class: k ? "number" : null }, title)))), events)),
+    touch.element, make("details", {}, make("summary", {}, "Keys"), make("p", {}, `${KEYS} Ctrl-Z takes the last change back. Nothing is written; “Save as TOML” gives a file for  --action.`)));
+  curves = await Curves.show(place, panels, { from, to, pick: (t) => { player.run(false); player.go(t); } });
+  curves.zoom(from, Math.min(to, from + 0.35));
+  tell();
+  player.draw();
+  main.dataset.ready = "true";
+  return () => {
+    closed = true;
+    clearTimeout(changed.waiting);
+    main.removeEventListener("keydown", onKey);
+    player.close();
+    curves.close();
+    delete main.dataset.ready;
+    delete main.dataset.latency;
+  };
+}

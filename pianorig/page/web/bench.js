@@ -1,0 +1,76 @@
+// The frame of the page: views, address, questions to the server. Whatever comes from a file is set as text, never as markup.
+import { showAction } from "./action.js";
+import { showOutlines } from "./outlines.js";
+import { showReview } from "./review.js";
+import { showSessions } from "./sessions.js";
+
+const VIEWS = { sessions: ["Sessions", showSessions], review: ["Review", showReview], outlines: ["Outlines", showOutlines], action: ["Action", showAction] };
+const main = document.getElementById("main"), views = document.getElementById("views"), said = document.getElementById("said");
+let about = {}, leave = null, quiet = null;
+
+/** An element with attributes, properties (on…) and children; texts become text nodes. */
+export function make(name, given = {}, ...children) {
+  const element = document.createElement(name);
+  for (const [key, value] of Object.entries(given)) {
+    if (key.startsWith("on")) element.addEventListener(key.slice(2), value);
+    else if (value === true) element.setAttribute(key, "");
+    else if (value !== false && value !== null && value !== undefined) element.setAttribute(key, value);
+  }
+  element.append(...children.filter((child) => child !== null && child !== undefined));
+  return element;
+}
+
+/** What the server answers; an error is its one line. */
+export async function ask(path, { method = "GET", body } = {}) {
+  const options = { method, headers: body ? { "Content-Type": "application/json" } : {}, body: body && JSON.stringify(body) };
+  let answer;
+  try { answer = await fetch(path, options); } catch { throw new Error("the bench does not answer; is  pianorig bench  still running?"); }
+  const content = await answer.json();
+  if (!answer.ok) throw new Error(content.error);
+  return content;
+}
+
+export function say(text) {
+  said.textContent = text;
+  clearTimeout(quiet);
+  quiet = setTimeout(() => { said.textContent = ""; }, 9000);
+}
+
+export const mayWrite = () => about.may_write;
+export const at = (name) => encodeURIComponent(name);
+
+/** View and values of the address: #review?session=a&trial=1 */
+export function address() {
+  const [view, values] = location.hash.slice(1).split("?");
+  return { view: view in VIEWS ? view : "sessions", values: new URLSearchParams(values || "") };
+}
+
+export const link = (view, values) => `#${view}?${new URLSearchParams(values)}`;
+
+/** Keep values in the address without drawing anew, so that a reload comes back to the same place. */
+export function remember(values) {
+  const { view, values: old } = address();
+  for (const [key, value] of Object.entries(values)) {
+    if (value === null || value === undefined || value === "") old.delete(key); else old.set(key, value);
+  }
+  history.replaceState(null, "", link(view, old));
+}
+
+async function show() {
+  if (location.hash === "#main") { main.focus(); return; }
+  const { view, values } = address();
+  if (leave) leave();
+  leave = null;
+  views.replaceChildren(...Object.entries(VIEWS).map(([name, [title]]) =>
+    make("li", {}, make("a", { href: `#${name}`, "aria-current": name === view ? "page" : null }, title))));
+  document.title = `${VIEWS[view][0]} – piano action bench`;
+  main.replaceChildren();
+  try { leave = await VIEWS[view][1](main, values); } catch (error) { main.append(make("p", { class: "notice", role: "alert" }, error.message)); }
+}
+
+addEventListener("hashchange", show);
+try {
+  about = await ask("/api/about");
+  document.getElementById("rights").textContent = `${about.folder} · ${about.may_write ? "may write" : "looks only"}`;
+} catch (error) { say(error.message); }
+show();

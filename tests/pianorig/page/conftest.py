@@ -1,0 +1,170 @@
+"""A page that is served while a test runs, and a way to ask it that lets every header be wrong."""
+
+from __future__ import annotations
+
+import asyncio
+import http.client
+import json
+import shutil
+import threading
+from collections.abc import Iterator
+from concurrent.futures import Future
+from contextlib import closing
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import vision
+from rig.session import Session
+from rig.storage.atomic_write import sha256_of_file
+from vision.film.mraw_writer import write_mraw
+from vision.results.flags import FAILURE
+
+EXAMPLE = Path(__file__).parents[3] / "sessions" / "example_forte"
+CHROMIUM = next(
+    (path for name in ("chromium", "chromium-browser", "google-chrome") if (path := shutil.which(name))), None
+)
+
+
+@dataclass
+class Answer:
+    status: int
+    headers: dict[str, str]
+    body: bytes
+
+    @property
+    def json(self) -> Any:
+        return json.loads(self.body)
+
+
+@dataclass
+class Page:
+    """A served page; ``cookie`` is sent once `take` has been called."""
+
+    address: str
+    first_address: str
+    port: int
+    cookie: str | None = field(default=None)
+
+    def ask(self, path: str, method: str = "GET", body: Any = None, **headers: str | None) -> Answer:
+        """Send a request as this page's own browser would; headers replace those, None leaves one out."""
+        sent: dict[str, str | None] = {"Host": f"127.0.0.1:{self.port}", "Cookie": self.cookie}
+        if method != "GET":
+            sent |= {"Origin": f"http://127.0.0.1:{self.port}", "Content-Type": "application/json"}
+        sent |= {name.replace("_", "-"): value for name, value in headers.items()}
+        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=60)
+        with closing(connection):
+            connection.putrequest(method, path, skip_host=True)
+            text = None if body is None else json.dumps(body).encode()
+            for name, value in sent.items():
+                if value is not None:
+                    connection.putheader(name, value)
+            if text is not None:
+                connection.putheader("Content-Length", str(len(text)))
+            connection.endheaders(text)
+            answer = connection.getresponse()
+            return Answer(answer.status, dict(answer.getheaders()), answer.read())
+
+    def take(self) -> Answer:
+        """Use the token."""
+        answer = self.ask(self.first_address.removeprefix(self.address.rstrip("/")))
+        self.cookie = answer.headers.get("Set-Cookie", "").split(";")[0] or None
+        return answer
+
+
+def serve(folder: Path, control: bool) -> Iterator[Page]:
+    server = pytest.importorskip("pianorig.page.server", reason="the page needs the extra 'bench'")
+    pytest.importorskip("bokeh", reason="the page needs the extra 'bench'")
+    ready: Future[tuple[Any, asyncio.AbstractEventLoop, asyncio.Event]] = Future()
+
+    async def run() -> None:
+        served = server.BenchServer(server.BenchOptions(folder, 0, control))
+        ended = asyncio.Event()
+        ready.set_result((served.access, asyncio.get_running_loop(), ended))
+        await ended.wait()
+        await served.close()
+
+    thread = threading.Thread(target=asyncio.run, args=(run(),))
+    thread.start()
+    access, loop, ended = ready.result(30)
+    try:
+        yield Page(access.address, access.first_address, access.port)
+    finally:
+        loop.call_soon_threadsafe(ended.set)
+        thread.join(60)
+        assert not thread.is_alive()
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A folder with the example session."""
+    root = tmp_path / "sessions"
+    shutil.copytree(EXAMPLE, root / "example_forte", ignore=shutil.ignore_patterns("derived"))
+    return root
+
+
+HEIGHT, WIDTH, FRAMES = 60, 120, 120
+FIRST_FRAME = 800
+"""Of the film on its trial's frame clock: some milliseconds before the blow."""
+LEFT = {"whippen": 6.0, "jack": 44.0, "repetition": 82.0}
+"""Of each body's outline, px; all are 30 px wide and 44 high."""
+
+
+def film_frames() -> np.ndarray:
+    """Frames that tell their number and which way up they are."""
+    rows, cols = np.mgrid[0:HEIGHT, 0:WIDTH]
+    return np.stack([(rows + 2 * cols + k) % 200 for k in range(FRAMES)]).astype(np.uint8)
+
+
+@pytest.fixture
+def filmed(folder: Path) -> Path:
+    """The folder, with a film of trial 1 whose outlines turn by 1 mrad a frame and are lost in frame 60."""
+    session = Session.open(folder / "example_forte")
+    write_mraw(session.path / "trial_0001.mraw", film_frames(), 2000.0, exposure_s=1e-4, start_frame=FIRST_FRAME)
+    bodies = [
+        vision.Body(name, np.array([[x, 8.0], [x + 30, 8.0], [x + 30, 52.0], [x, 52.0]])) for name, x in LEFT.items()
+    ]
+    vision.save_bodies(session.path / "bodies.toml", bodies)
+    frame = np.arange(FRAMES)
+    turn = np.where(frame == 60, np.nan, 1e-3 * frame)
+    times = session.trial(1).read().camera.frame_time_s[FIRST_FRAME : FIRST_FRAME + FRAMES]
+    columns: dict[str, Any] = {"time_s": times, "frame": frame}
+    for body in bodies:
+        columns |= {f"{body.name}_rad": turn, f"{body.name}_x_px": LEFT[body.name] + 15 + 0 * turn}
+        columns[f"{body.name}_y_px"] = 30.0 + 0 * turn
+        columns[f"{body.name}_flag"] = np.where(frame == 60, int(FAILURE), 0)
+        columns |= {f"{body.name}_u_rad": 1e-4 + 0 * turn, f"{body.name}_relative_u_rad": 1e-4 + 0 * turn}
+        columns[f"{body.name}_relative_rad"] = turn
+    seals = {name: sha256_of_file(session.path / name) for name in ("bodies.toml", "trial_0001.mraw")}
+    session.write_derived("angles", 1, pd.DataFrame(columns), {}, seals)
+    return folder
+
+
+@pytest.fixture
+def looking(folder: Path) -> Iterator[Page]:
+    yield from serve(folder, control=False)
+
+
+@pytest.fixture
+def writing(folder: Path) -> Iterator[Page]:
+    for page in serve(folder, control=True):
+        page.take()
+        yield page
+
+
+@pytest.fixture(scope="module")  # while it lives, no other event loop runs in this thread
+def browser() -> Iterator[Any]:
+    if CHROMIUM is None:
+        pytest.skip("no Chromium found: install chromium to look at the page in a browser")
+    api = pytest.importorskip("playwright.sync_api", reason="playwright drives the browser")
+    with api.sync_playwright() as driver:
+        browser = driver.chromium.launch(
+            executable_path=CHROMIUM,
+            args=["--no-sandbox", "--disable-gpu", "--disable-quic", "--disable-background-networking"],
+        )
+        yield browser
+        browser.close()

@@ -1,0 +1,78 @@
+"""Who is answered: the loopback's own names, this page's own requests; who may write: the holder of the cookie."""
+
+from __future__ import annotations
+
+import pytest
+
+from pianorig.page.access import Access, Refused
+
+HERE = {"Host": "127.0.0.1:8123"}
+
+
+@pytest.mark.parametrize(
+    ("method", "path", "headers"),
+    [
+        ("GET", "/api/sessions", {"Host": "127.0.0.1:8123"}),
+        ("GET", "/api/sessions", {"Host": "LOCALHOST:8123", "Sec-Fetch-Site": "same-origin"}),
+        ("GET", "/", {**HERE, "Sec-Fetch-Site": "none", "Sec-Fetch-Mode": "navigate"}),
+        ("GET", "/", {**HERE, "Sec-Fetch-Site": "cross-site", "Sec-Fetch-Mode": "navigate"}),  # a link to the page
+        ("POST", "/api/sessions/a/annotations", {**HERE, "Origin": "http://127.0.0.1:8123"}),
+    ],
+)
+def test_the_pages_own_requests_pass(method: str, path: str, headers: dict[str, str]) -> None:
+    Access(8123).check(method, path, headers)
+
+
+@pytest.mark.parametrize(
+    ("method", "path", "headers", "words"),
+    [
+        ("GET", "/", {}, "Host"),
+        ("GET", "/", {"Host": "evil.example:8123"}, "Host"),  # DNS rebinding: another name for this address
+        ("GET", "/", {"Host": "127.0.0.1"}, "Host"),
+        ("GET", "/", {"Host": "127.0.0.1:9999"}, "Host"),
+        ("GET", "/", {"Host": "127.0.0.1.evil.example:8123"}, "Host"),
+        ("GET", "/api/sessions", {**HERE, "Origin": "http://evil.example"}, "Origin"),
+        ("GET", "/api/sessions", {**HERE, "Origin": "null"}, "Origin"),  # a boxed-in report, a file, a data: address
+        ("GET", "/api/sessions", {**HERE, "Origin": "http://127.0.0.1:9999"}, "Origin"),
+        ("GET", "/api/sessions", {**HERE, "Origin": "https://127.0.0.1:8123"}, "Origin"),
+        ("POST", "/api/sessions/a/annotations", HERE, "without an Origin"),
+        ("DELETE", "/api/jobs/1", HERE, "without an Origin"),
+        ("GET", "/api/sessions", {**HERE, "Sec-Fetch-Site": "cross-site"}, "another site"),
+        ("GET", "/api/sessions", {**HERE, "Sec-Fetch-Site": "same-site", "Sec-Fetch-Mode": "navigate"}, "another site"),
+    ],
+)
+def test_other_requests_are_refused(method: str, path: str, headers: dict[str, str], words: str) -> None:
+    with pytest.raises(Refused, match=words) as caught:
+        Access(8123).check(method, path, headers)
+    assert caught.value.status == 403
+
+
+def test_a_token_works_once_and_gives_the_cookie() -> None:
+    access = Access(8123, control=True)
+    token = access.token
+    assert token is not None and len(token) >= 40 and token in access.first_address
+    cookie = access.redeem(token)
+    assert access.may_write(cookie)
+    assert access.first_address == access.address  # it is not shown again
+    for used in (token, cookie, ""):
+        with pytest.raises(Refused, match="token"):
+            access.redeem(used)
+
+
+def test_a_guess_gives_nothing_and_leaves_the_token() -> None:
+    access = Access(8123, control=True)
+    for guess in ("", "x" * 43, str(access.token)[:-1], str(access.token) + "x", "ü"):
+        with pytest.raises(Refused, match="token"):
+            access.redeem(guess)
+    assert access.redeem(str(access.token))
+    assert Access(8123, control=True).token != Access(8123, control=True).token
+
+
+def test_without_control_nobody_writes() -> None:
+    access = Access(8123)
+    assert access.token is None
+    for cookie in (None, "", "None"):
+        assert not access.may_write(cookie)
+    with pytest.raises(Refused):
+        access.redeem("None")
+    assert not Access(8123, control=True).may_write("")

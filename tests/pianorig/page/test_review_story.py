@@ -1,0 +1,100 @@
+"""A user follows a blow from frame to frame: cursor, curves, film, outlines and drawing go together."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.pianorig.page.conftest import FRAMES, Page
+from tests.pianorig.page.stories import opened, until
+
+FRAME = "Number(document.querySelector('.film canvas').dataset.frame)"
+NOW = "window.benchPlayer.time"
+
+
+@pytest.fixture
+def tab(browser: Any, filmed: Path, looking: Page) -> Any:
+    with opened(browser, looking, f"{looking.address}#review?session=example_forte&trial=1") as tab:
+        tab.locator("main[data-ready]").wait_for()
+        yield tab
+
+
+def settled(tab: Any, frame: int) -> None:
+    until(tab, f"{FRAME} === {frame}")
+
+
+def test_frames_events_and_curves_by_keys(tab: Any) -> None:
+    tab.locator("body").press("Home")
+    tab.evaluate("window.benchPlayer.go(window.benchFilm.film.time_s[40])")
+    settled(tab, 40)
+    for key, frame in (("ArrowRight", 41), ("ArrowLeft", 40), ("Shift+ArrowRight", 50), ("Shift+ArrowLeft", 40)):
+        tab.keyboard.press(key)
+        settled(tab, frame)
+    assert "frame 40 of 120" in tab.locator(".film .values").inner_text()
+    first = tab.evaluate(NOW)
+    tab.keyboard.press("n")
+    until(tab, f"{NOW} > {first}")
+    at_event = tab.evaluate(NOW)
+    moments = tab.evaluate("window.benchPlayer.events.map(e => e.time_s)")
+    assert any(abs(at_event - moment) < 1e-9 for moment in moments)
+    tab.keyboard.press("p")
+    until(tab, f"{NOW} !== {at_event}")
+    tab.evaluate(f"window.benchPlayer.go({at_event})")
+    until(tab, f"document.querySelector('.drawing canvas').dataset.time == {at_event}")
+    # the cursor stands over the curves where the time is
+    place = """(() => { const c = document.querySelector('.cursor').getBoundingClientRect(),
+      h = document.querySelector('.curves').getBoundingClientRect(); return (c.left - h.left) / h.width; })()"""
+    tab.keyboard.press("Home")
+    until(tab, f"{place} < 0.2")
+    tab.keyboard.press("End")
+    until(tab, f"{place} > 0.9")
+
+
+def test_a_point_in_a_plot_is_a_time(tab: Any) -> None:
+    plot = tab.locator(".plot").nth(1).bounding_box()
+    tab.mouse.click(plot["x"] + 0.5 * plot["width"], plot["y"] + 0.5 * plot["height"])
+    until(tab, f"Math.abs({NOW} - 0.63) < 0.05")
+    until(tab, "Math.abs(Number(new URLSearchParams(location.hash.split('?')[1]).get('t')) - 0.63) < 0.05")
+    tab.reload()  # the time is in the address
+    tab.locator("main[data-ready]").wait_for()
+    until(tab, f"Math.abs({NOW} - 0.63) < 0.05")
+
+
+def test_a_lost_body_is_named_and_red(tab: Any) -> None:
+    tab.evaluate("window.benchPlayer.go(window.benchFilm.film.time_s[60])")
+    settled(tab, 60)
+    assert "whippen lost" in tab.locator(".film .values").inner_text()
+    red = """() => { const c = document.querySelector('.film canvas');
+      const d = c.getContext('2d').getImageData(0, 0, c.width, c.height).data;
+      let n = 0; for (let i = 0; i < d.length; i += 4) n += d[i] > 240 && d[i + 1] < 80 && d[i + 2] < 80; return n; }"""
+    assert tab.evaluate(red) > 50
+    tab.get_by_role("checkbox", name="outlines").uncheck()
+    assert tab.evaluate(red) == 0
+
+
+@pytest.mark.slow
+def test_playing_runs_through_the_film_and_stops_at_the_end(tab: Any) -> None:
+    tab.get_by_label("Speed").select_option("0.25")
+    tab.evaluate("window.benchPlayer.go(window.benchFilm.film.time_s[0])")
+    settled(tab, 0)
+    tab.locator("h1").click()
+    tab.keyboard.press("Space")
+    until(tab, f"{FRAME} > 20")
+    tab.keyboard.press("Space")
+    assert tab.get_by_role("button", name="Play").count() == 1
+    tab.evaluate("window.benchPlayer.go(window.benchPlayer.to - 1e-3); window.benchPlayer.run(true)")
+    until(tab, f"{NOW} === window.benchPlayer.to && !window.benchPlayer.running")
+    settled(tab, FRAMES - 1)
+
+
+@pytest.mark.slow
+def test_two_models_side_by_side_and_measured_beside_model(tab: Any) -> None:
+    tab.get_by_label("beside").select_option("hirschkorn2004-regulated")
+    tab.locator(".values", has_text="hirschkorn2004-regulated").first.wait_for()
+    until(tab, "document.querySelector('main').dataset.ready === 'true'")
+    height = tab.evaluate("document.querySelector('.drawing canvas').height")
+    tab.get_by_label("measured above, model below").check()
+    assert tab.evaluate("document.querySelector('.drawing canvas').height") == 2 * height
+    assert tab.evaluate("document.documentElement.scrollWidth") <= 1280

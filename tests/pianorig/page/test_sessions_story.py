@@ -1,0 +1,86 @@
+"""A user finds a session, reads its report, rejects a trial with a reason, and reloads; all in a real browser."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+from typing import Any
+
+from rig.session import Session
+from tests.pianorig.page.conftest import EXAMPLE, Page, serve
+from tests.pianorig.page.stories import opened
+
+ESCAPE = """<!DOCTYPE html><title>r</title><p id=told></p><script>
+const tell = (text) => { document.getElementById("told").textContent += text; };
+try { top.document.title; tell("parent read "); } catch { tell("parent closed "); }
+try { document.cookie = "a=b"; tell("cookie "); } catch { tell("no cookie "); }
+try { localStorage.length; tell("storage "); } catch { tell("no storage "); }
+</script>"""
+
+
+def add(folder: Path, name: str, report: str = "") -> None:
+    shutil.copytree(EXAMPLE, folder / name, ignore=shutil.ignore_patterns("derived"))
+    if report:
+        (folder / name / "report.html").write_text(report)
+
+
+def test_find_read_reject_reload(browser: Any, folder: Path) -> None:
+    add(folder, "second", ESCAPE)
+    add(folder, "<img src=x onerror=alert(1)>")
+    for page in serve(folder, control=True):
+        with opened(browser, page, page.first_address) as tab:
+            rows = tab.locator("#sessions tbody tr")
+            rows.nth(2).wait_for()
+            assert "token" not in tab.url and "may write" in tab.locator("#rights").inner_text()
+            tab.get_by_label("Search").fill("second forte")
+            assert rows.count() == 1
+            tab.reload()  # search and choice are in the address
+            rows.first.wait_for()
+            assert rows.count() == 1 and tab.get_by_label("Search").input_value() == "second forte"
+            rows.first.get_by_role("link").press("Enter")
+            tab.locator("#chosen").wait_for()
+            tab.get_by_role("button", name="Show report").click()
+            told = tab.frame_locator("iframe.report").locator("#told")
+            told.get_by_text("no storage").wait_for()
+            assert told.inner_text().strip() == "parent closed no cookie no storage"
+            tab.get_by_label("About").select_option("2")
+            tab.get_by_label("What").select_option("reject")
+            tab.get_by_label("Author").fill("ana")
+            tab.get_by_label("Text or reason").fill("cable <b>touched</b> the whippen")
+            tab.reload()  # nothing that was typed is lost
+            assert tab.get_by_label("Text or reason").input_value() == "cable <b>touched</b> the whippen"
+            assert tab.get_by_label("About").input_value() == "2"
+            tab.get_by_role("button", name="Write").press("Enter")
+            tab.locator("#trials").get_by_text("rejected: cable <b>touched</b> the whippen").wait_for()
+            rows.first.get_by_text("3, 1 rejected").wait_for()
+    assert Session.open(folder / "second").trial(2).rejected == "cable <b>touched</b> the whippen"
+
+
+def test_sorting_by_keyboard(browser: Any, folder: Path, looking: Page) -> None:
+    add(folder, "another")
+    Session.open(folder / "another").annotate(1, "reject", "x")
+    with opened(browser, looking) as tab:
+        names = tab.locator("#sessions tbody th")
+        names.nth(1).wait_for()
+        head = tab.get_by_role("button", name="Session")
+        head.focus()
+        tab.keyboard.press("Enter")
+        assert names.all_inner_texts() == ["another", "example_forte"]
+        tab.keyboard.press("Enter")
+        assert names.all_inner_texts() == ["example_forte", "another"]
+        assert tab.locator("th[aria-sort=descending]").inner_text().startswith("Session")
+        names.first.get_by_role("link").click()
+        tab.get_by_text("This page only looks").first.wait_for()
+        assert tab.get_by_role("button", name="Validate").is_disabled()
+        assert tab.get_by_role("button", name="Write").count() == 0
+
+
+def test_the_page_fits_phones_and_large_print(browser: Any, folder: Path, looking: Page) -> None:
+    with opened(browser, looking, color_scheme="dark") as tab:
+        tab.locator("#sessions tbody tr").first.wait_for()
+        for width in (1280, 640, 400):  # 640: what is left of 1280 at 200 %
+            tab.set_viewport_size({"width": width, "height": 900})
+            wide = "[...document.querySelectorAll('body *')].filter(e => e.getBoundingClientRect().right > innerWidth)"
+            assert tab.evaluate("document.documentElement.scrollWidth") <= width, tab.evaluate(
+                f"{wide}.map(e => e.tagName + e.id)"
+            )
