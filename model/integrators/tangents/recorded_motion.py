@@ -24,6 +24,7 @@ from model.integrators.step_control import (
     shortened,
 )
 from model.kernels.compile import inlined, step_loop
+from model.kernels.kernel_value import KernelType
 from model.kernels.laws import felt
 from model.kernels.layout import (
     CONTACT_SIZE,
@@ -84,7 +85,7 @@ STRUCTURE = types.NamedTuple([_integers, types.Array(_i, 2, "C"), _i, _integers]
 RECORD = types.Tuple((_f, _f, _i, _i))(
     SPAN, DRIVE, NUMBERS, STRUCTURE, KERNELS, METHOD, LIMITS, LOG
 )  # time reached, next step to try, status, rows filled
-FIND_KINKS = _i(MOTION, DRIVE, _numbers, STRUCTURE, types.FunctionType(LINEARISE), _table)
+FIND_KINKS = _i(MOTION, DRIVE, _numbers, STRUCTURE, KernelType(LINEARISE), _table)
 
 
 @inlined
@@ -182,11 +183,11 @@ def record(span, drive, scene, structure, kernels, method, limits, log):
         if ok:
             allow(w, step)
             mask = kernels.skip(w, p)
-            u = u0
+            u, rate = u0, 1.0 / step
             for m in range(s):
                 if m > 0:
                     u, _, k_in = input_at(t + node[m] * step, k_in, drive)
-                kernels.stage(w, p, a, c, m, gh, step, u, step * d[m] * slope, mask)
+                kernels.stage(w, p, a, c, m, gh, rate, u, step * d[m] * slope, mask)
             counters[N_RHS] += s - 1
             counters[N_CONTACT] += n_contacts * (s - 1)
             advance_to_end(w, b)
