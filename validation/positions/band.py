@@ -1,10 +1,9 @@
 """A 95 % band about a prediction, calibrated on strokes that were not fitted, the same way for every model.
 
-A band's half width is q · u(t): u joins what the key's calibration leaves open (an ensemble), the
-hammer's own calibration and a floor; q is a number for each phase of the stroke, the largest among the left-out strokes
-of the 95 % quantile of |error| / u there. So q holds what the model lacks and what
-other strokes would have made of its parameters, as far as left-out strokes show it. Phases
-follow from the key alone: they are known before the hammer is.
+A band's half width is q · u(t): u joins what the key's calibration leaves open (an ensemble), the hammer's own
+calibration and a floor; q is a number for each phase of the stroke, the 95 % quantile of |error| / u there over all
+left-out strokes, each of the same weight. So q holds what the model lacks and what other strokes would have made of its
+parameters, as far as left-out strokes show it. Phases follow from the key alone: they are known before the hammer is.
 """
 
 from __future__ import annotations
@@ -81,14 +80,25 @@ def spread(stroke: Stroke, predict: Predict, z: Array, prediction: Array) -> Arr
 
 
 def quantiles(strokes: Sequence[tuple[Stroke, Array, Array]]) -> dict[str, float]:
-    """Numbers q of each phase from left-out strokes: (stroke, prediction (n,), u (n,)) each."""
-    found = dict.fromkeys(PHASES, 0.0)
+    """Numbers q of each phase from left-out strokes: (stroke, prediction (n,), u (n,)) each.
+
+    The 95 % quantile of |error| / u of all left-out strokes together, every stroke of the same weight.
+    """
+    ratios: dict[str, list[Array]] = {name: [] for name in PHASES}
     for stroke, prediction, u in strokes:
         at, ratio = phases(stroke), np.abs(prediction - stroke.hammer.value_m) / u
         for i, name in enumerate(PHASES):
             if np.any(at == i):
-                found[name] = max(found[name], float(np.quantile(ratio[at == i], LEVEL)))
-    return found
+                ratios[name].append(ratio[at == i])
+    return {name: _pooled(of) if of else 0.0 for name, of in ratios.items()}
+
+
+def _pooled(ratios: Sequence[Array]) -> float:
+    values = np.concatenate(ratios)
+    weights = np.concatenate([np.full(one.size, 1.0 / one.size) for one in ratios])
+    order = np.argsort(values)
+    share = np.cumsum(weights[order]) / len(ratios)
+    return float(values[order][min(int(np.searchsorted(share, LEVEL)), values.size - 1)])
 
 
 def half_width(stroke: Stroke, u: Array, q: dict[str, float]) -> Array:

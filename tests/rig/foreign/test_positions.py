@@ -214,6 +214,14 @@ def test_a_stroke_that_is_cut_off_is_kept_and_named(tmp_path, capsys) -> None:
     assert begun[0].cut_off == "the recording begins during this stroke"
 
 
+@pytest.mark.parametrize(("apart_s", "trials"), [(0.2, 1), (0.35, 2)])
+def test_strokes_without_rest_between_them_are_one_trial(apart_s: float, trials: int) -> None:
+    time_s = np.arange(int(3 * RATE)) / RATE
+    x = strokes(time_s, (0.6, 1.0 + apart_s))[:, None]
+    cuts = cut_strokes(x, np.array([0.01]), RATE, trigger=0.01, pre_s=0.3, rest_s=0.12)
+    assert len(cuts) == trials and all(cut.trigger - cut.first >= 0.14 * RATE for cut in cuts)
+
+
 def test_nothing_played_is_refused(tmp_path) -> None:
     time_s = np.arange(int(1.0 * RATE)) / RATE
     file = write(tmp_path / "still.csv", 0 * time_s, 0 * time_s, time_s)

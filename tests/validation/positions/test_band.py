@@ -56,6 +56,15 @@ def test_band_covers_errors_of_the_size_it_was_calibrated_on(stroke) -> None:
     assert 0.93 < inside.mean() < 0.995
 
 
+def test_every_left_out_stroke_has_the_same_weight(stroke) -> None:
+    u = np.full(TIME_S.size, 1e-4)
+    long = replace(stroke, key=replace(stroke.key, value_m=np.zeros(TIME_S.size)))  # all of it rest
+    good, bad = stroke.hammer.value_m + 1e-4, stroke.hammer.value_m + 5e-4
+    alone = quantiles([(long, good, u)])
+    assert alone["rest"] == pytest.approx(1.0) and alone["hold"] == 0.0
+    assert quantiles([(long, good, u), (stroke, bad, u)])["rest"] == pytest.approx(5.0)
+
+
 def test_spread_carries_the_keys_calibration_and_no_stray_draw(stroke) -> None:
     def predict(z, of, displacement_m):
         return 3.0 * (of.key.value_m if displacement_m is None else displacement_m)
