@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -128,7 +129,9 @@ def compare_positions(
                 half = half_width(stroke, spread(stroke, predict, fitted.z, made), record.bands[label])
             predicted = Predicted(label, stroke, made, half)
             predictions.append(predicted)
-            rows.append({**_score(predicted), "fitted": label != "regulated" and seals[stroke.number] in fitted_seals})
+            fitted_to = label != "regulated" and seals[stroke.number] in fitted_seals
+            left = _left_out(record, label, predict, stroke) if fitted_to else np.nan
+            rows.append({**_score(predicted), "fitted": fitted_to, "left_out_rmse_share": left})
             phase_rows.append(_phase_row(predicted))
             event_rows += _event_rows(stroke, label, made)
     scores, events = pd.DataFrame(rows), pd.DataFrame(event_rows)
@@ -159,6 +162,15 @@ def _models(action: model.Action, record: Identified | None) -> dict[str, tuple[
 
 def _nominal() -> Fit:
     return Fit(np.zeros(len(FREE)), np.zeros((len(FREE), len(FREE))), 0.0, 0.0, 0)
+
+
+def _left_out(record: Identified | None, label: str, predict: Predict, stroke: Stroke) -> float:
+    """RMSE (rulers) of a stroke by parameters that have not seen it."""
+    z = None if record is None else record.left_out.get(label, {}).get(str(stroke.number))
+    if z is None:
+        return float("nan")
+    error = (predict(np.array(z), stroke, None) - stroke.hammer.value_m) / stroke.hammer.travel_m
+    return float(np.sqrt(np.mean(error**2)))
 
 
 def _score(one: Predicted) -> dict[str, object]:
@@ -244,7 +256,7 @@ def _verdict(name: str, scores: pd.DataFrame, record: Identified | None) -> tupl
     sentence = (
         f"On {len(out)} strokes that were not fitted the identified set is off by "
         f"{100 * out['rmse_share'].min():.1f} to {100 * out['rmse_share'].max():.1f} % of the ruler (RMS), at least "
-        f"{100 * least:.0f} % of each lies inside its 95 % band, whose median half width is at most "
+        f"{math.floor(100 * least)} % of each lies inside its 95 % band, whose median half width is at most "
         f"{100 * widest:.1f} %; " + ("every goal is met." if not missed else f"missed: {'; '.join(missed)}.")
     )
     return sentence, (*lines, sentence)

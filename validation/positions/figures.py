@@ -31,9 +31,10 @@ def stroke_figure(stroke: Stroke, predicted: Sequence[Predicted]) -> str:
         top = float(time_s[int(np.argmax(stroke.hammer.value_m))])
         rise = float(time_s[np.argmax(at == 3)]) if np.any(at == 3) else float(time_s[-1])
         end = float(time_s[-1])
+        over = float(time_s[np.flatnonzero(at == 3)[-1]]) if np.any(at == 3) else rise
         _curves(whole, stroke, predicted, float(time_s[0]), end)
         _curves(strike, stroke, predicted, max(begin - 0.02, top - 10 * AROUND_STRIKE_S[0]), top + AROUND_STRIKE_S[1])
-        _curves(release, stroke, predicted, rise - AROUND_RELEASE_S[0], min(rise + AROUND_RELEASE_S[1], end))
+        _curves(release, stroke, predicted, rise - AROUND_RELEASE_S[0], min(max(over, rise + AROUND_RELEASE_S[1]), end))
         strike.set_title("strike", fontsize=9)
         release.set_title("release", fontsize=9)
         whole.legend(loc="upper right", ncols=5, fontsize=8, frameon=False)
