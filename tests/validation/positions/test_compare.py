@@ -111,6 +111,11 @@ def test_driven_by_force_such_a_session_is_refused_in_one_line(tmp_path, capsys)
     assert "no force was recorded" in capsys.readouterr().err
 
 
+def test_a_trial_without_force_drives_no_simulation(tmp_path, capsys) -> None:
+    assert run("simulate", "--force", SHIPPED / "trial_0003.h5", "--out", tmp_path / "s.csv") == 2
+    assert "no force was recorded, positions only" in capsys.readouterr().err
+
+
 def test_a_session_without_usable_strokes_is_named(tmp_path) -> None:
     session = tmp_path / "none"
     session.mkdir()
