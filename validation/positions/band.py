@@ -9,6 +9,7 @@ parameters, as far as left-out strokes show it. Phases follow from the key alone
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +34,7 @@ AGAIN = 0.15
 """A key that rises by this share before it is up and goes down again begins a new strike."""
 
 
+@lru_cache(maxsize=64)
 def phases(stroke: Stroke) -> NDArray[np.int64]:
     """Phase of each sample (n,), an index of `PHASES`, by the key alone."""
     share = stroke.key.value_m / max(float(stroke.key.value_m.max()), 1e-9)

@@ -202,14 +202,20 @@ def _phase_row(one: Predicted) -> dict[str, object]:
 
 
 def _event_rows(stroke: Stroke, source: str, hammer_m: Array) -> list[dict[str, object]]:
-    return [{"trial": stroke.number, "condition": stroke.condition, "source": source, **find(stroke, hammer_m)}]
+    about = {"trial": stroke.number, "condition": stroke.condition, "source": source}
+    return [{**about, "strike": k, **found} for k, found in enumerate(find(stroke, hammer_m), 1)]
 
 
 def _repeatability(events: pd.DataFrame) -> pd.DataFrame:
-    """Scatter of measured events among strokes of one condition: of the player and the piano together."""
+    """Scatter of measured events among strikes of one condition, or of one trial that has several: of the player and
+    the piano together.
+    """
     rows = []
-    for condition, part in events[events["source"] == "measured"].groupby("condition", sort=False):
-        if len(part) < 2 or not condition:
+    measured = events[events["source"] == "measured"]
+    unnamed = measured["condition"] == ""
+    kinds = measured["condition"].mask(unnamed, "trial " + measured["trial"].astype(str))
+    for condition, part in measured.groupby(kinds, sort=False):
+        if len(part) < 2:
             continue
         for name in [event for event in EVENTS if event != "impact_s"]:
             values = part[name].dropna()

@@ -105,9 +105,18 @@ def test_misfit_weighs_strokes_alike_however_long(stroke) -> None:
 
 def test_events_of_a_hammer(stroke) -> None:
     hammer = np.interp(TIME_S, [0.4, 0.45, 0.46, 0.5, 0.8, 0.85], [0.0, 0.008, 0.008, 0.005, 0.005, 0.0])
-    found = find(stroke, hammer)
+    (found,) = find(stroke, hammer)
     assert found["impact_s"] == pytest.approx(0.45, abs=1.5 / RATE)
     assert found["speed_m_per_s"] == pytest.approx(0.008 / 0.05, rel=0.01)
     assert found["check_m"] == pytest.approx(0.005, abs=1e-5)
     assert np.isnan(found["let_off_m"])
     assert 0.01 < found["release_s"] < 0.05
+
+
+def test_every_repetition_has_its_events(stroke) -> None:
+    key = PRESS_M.copy()
+    again = (TIME_S > 0.84) & (TIME_S < 1.1)
+    key[again] = 0.002 + 0.007 * np.sin(np.pi * (TIME_S[again] - 0.84) / 0.26) ** 2
+    shown = with_key(stroke, key)
+    found = find(shown, 0.9 * key)
+    assert len(found) == 2 and found[0]["impact_s"] < 0.5 < 0.9 < found[1]["impact_s"]
