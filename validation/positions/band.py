@@ -20,8 +20,8 @@ from validation.positions.identify import Predict
 from validation.positions.measured import Stroke
 
 PHASES = ("rest", "strike", "hold", "release")
-FLOOR = 0.01
-"""Least standard uncertainty of a prediction, in rulers: the integration and what a ruler's tick hides."""
+FLOOR = 0.02
+"""Least standard uncertainty of a prediction, in rulers: a fifth of the hammer ruler's tick, whatever a sensor says."""
 LEVEL = 0.95
 DRAWS, SEED = 9, 19
 NORMAL = 1.4826
