@@ -16,7 +16,7 @@ from validation.report.figures.svg import STYLE, figure_svg
 
 COLOURS = {"identified": "#00508c", "regulated": "#b35900", "null": "#6b6b6b"}
 SIZE_IN = (9.2, 5.4)
-MOST_POINTS = 700
+MOST_POINTS = 450
 AROUND_STRIKE_S, AROUND_RELEASE_S = (0.1, 0.15), (0.1, 0.45)
 
 

@@ -43,6 +43,14 @@ def test_held_out_strokes_are_predicted_better_than_by_the_null_model(written) -
         assert row["inside_band"] >= GOAL_COVER
 
 
+def test_the_shipped_report_says_what_the_command_says_today(written) -> None:
+    shipped = json.loads((SHIPPED / "results.json").read_text())
+    for old, new in zip(shipped["scores"], written[1]["scores"], strict=True):
+        assert (old["trial"], old["model"], old["fitted"]) == (new["trial"], new["model"], new["fitted"])
+        assert old["rmse_share"] == pytest.approx(new["rmse_share"], rel=0.1)
+    assert shipped["sentence"].split(" of the ruler")[0][:40] == written[1]["sentence"][:40]
+
+
 def test_what_was_fitted_and_what_was_rejected_is_said(written) -> None:
     results = written[1]
     assert {row["trial"] for row in rows(results, model="identified", fitted=True)} == {2, 3, 5}
