@@ -67,7 +67,7 @@ def _curves(axes: Axes, stroke: Stroke, predicted: Sequence[Predicted], start_s:
         if one.model == "identified" and np.all(np.isfinite(one.half_m)):
             low, high = (one.hammer_m[at] + sign * one.half_m[at] for sign in (-1.0, 1.0))
             axes.fill_between(
-                time_s, low / travel, high / travel, color=colour, alpha=0.18, lw=0, label="its 95 % band"
+                time_s, low / travel, high / travel, color=colour, alpha=0.18, lw=0, label="identified, 95 % band"
             )
         width = 1.3 if one.model == "identified" else 0.8
         axes.plot(time_s, one.hammer_m[at] / travel, color=colour, lw=width, label=one.model)
