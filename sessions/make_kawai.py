@@ -35,24 +35,20 @@ def main() -> None:
     given = parser.parse_args()
     trials = [int(number) for number in given.fit.split(",")]
     with tempfile.TemporaryDirectory() as temporary:
-        table = Path(temporary) / given.recording.name.removesuffix(".gz")
-        opened = gzip.open if given.recording.suffix == ".gz" else open
-        with opened(given.recording, "rb") as source:
-            table.write_bytes(source.read())
-        shutil.copystat(given.recording, table)  # when it was last changed is all it says of its date
         made = Path(temporary) / "kawai_kg3c"
-        session = rig.import_session(made, [table], rig.load_mapping(given.mapping))
+        session = rig.import_session(made, [given.recording], rig.load_mapping(given.mapping))
         write_identified(made / FILE, identify_session(session, trials, ACTION, say=print))
-        _excerpt(table, made / "excerpt.csv")
+        _excerpt(given.recording, made / "excerpt.csv")
         given.out.mkdir(parents=True, exist_ok=True)
         for file in made.iterdir():
             shutil.copy(file, given.out / file.name)
     print(f"{given.out}: made, identified on {trials}")
 
 
-def _excerpt(table: Path, path: Path) -> None:
+def _excerpt(recording: Path, path: Path) -> None:
     """Write the rows of the last second and a half, an example of a further recording."""
-    lines = table.read_text().splitlines(keepends=True)
+    data = recording.read_bytes()
+    lines = (gzip.decompress(data) if recording.suffix == ".gz" else data).decode().splitlines(keepends=True)
     path.write_text("".join([lines[0], *lines[-3000:]]))
 
 

@@ -7,6 +7,7 @@ trial file. A saturated sensor is refused; a stroke that is not whole becomes a 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -74,9 +75,9 @@ def position_trials(
             f"{table.where}: no stroke found; no position leaves its rest by {rule.trigger:g} of its ruler "
             "(strokes.trigger in the mapping)"
         )
-    origin_s = _origin(table, mapping)
+    origin = _origin(table, mapping), Path(table.where).name.removesuffix(".gz")
     return [
-        _trial(mapping, infos, values, cut, interval_s, first_number + k, started_utc, origin_s)
+        _trial(mapping, infos, values, cut, interval_s, first_number + k, started_utc, origin)
         for k, cut in enumerate(cuts)
     ]
 
@@ -128,12 +129,13 @@ def _trial(
     interval_s: float,
     number: int,
     started_utc: str,
-    origin_s: float,
+    origin: tuple[float, str],
 ) -> PositionTrial:
     n = cut.end - cut.first
+    origin_s, file = origin
     start_s = origin_s + cut.first * interval_s
     middle = origin_s + cut.trigger * interval_s
-    inside = [one for one in mapping.strokes.episodes if one.from_s <= middle < one.to_s]
+    inside = [one for one in mapping.strokes.episodes if one.file in ("", file) and one.from_s <= middle < one.to_s]
     missing = np.full(n, np.nan)
     data = TrialData(
         number=number,

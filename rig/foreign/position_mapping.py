@@ -43,6 +43,8 @@ class EpisodeMapping(Table):
 
     from_s: Number
     to_s: Number
+    file: str = ""
+    """Name of the recording it belongs to, without ``.gz``; empty for any. Another one's seconds mean other strokes."""
     condition: str = ""
     reject: str = ""
 

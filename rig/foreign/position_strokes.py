@@ -44,7 +44,8 @@ def cut_strokes(
     trigger : float
         Departure from the level of rest that begins a stroke, as a share of the travel.
     pre_s, rest_s : float
-        Time kept before, and how long all must be back at the end, s.
+        Time kept before, and how long all must be back at the end, s. Strokes with less than ``rest_s`` and half of
+        ``pre_s`` between them are one trial: the second would have no rest to begin from.
     """
     share = displacement / travel
     level = np.median(share[: max(int(pre_s * rate_hz), 1)], axis=0)
@@ -55,7 +56,7 @@ def cut_strokes(
     runs = [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
     joined: list[list[int]] = []
     for begin, end in runs:
-        if joined and begin - joined[-1][1] < rest_s * rate_hz:
+        if joined and begin - joined[-1][1] < (rest_s + pre_s / 2) * rate_hz:
             joined[-1][1] = end
         elif end - begin >= SUSTAINED_S * rate_hz or joined and begin == joined[-1][1]:
             joined.append([begin, end])

@@ -17,7 +17,7 @@ from rig.foreign.hdf5_file import read_hdf5
 from rig.foreign.lvm_text import read_lvm
 from rig.foreign.tdms_file import read_tdms
 
-SUFFIXES = (".csv", ".txt", ".lvm", ".tdms", ".h5", ".hdf5")
+SUFFIXES = (".csv", ".csv.gz", ".txt", ".lvm", ".tdms", ".h5", ".hdf5")
 
 
 def read_segments(
@@ -28,8 +28,8 @@ def read_segments(
     Raises RigInputError when the ending is not known or the file cannot be used.
     """
     file = Path(path)
-    suffix = file.suffix.lower()
-    if suffix in (".csv", ".txt"):
+    suffix = "".join(file.suffixes[-2:]).lower() if file.suffix.lower() == ".gz" else file.suffix.lower()
+    if suffix in (".csv", ".txt", ".csv.gz", ".txt.gz"):
         return (read_csv(file, separator, decimal, thousands),)
     if suffix == ".lvm":
         return read_lvm(file)

@@ -7,6 +7,8 @@ would then not find.
 from __future__ import annotations
 
 import codecs
+import gzip
+import zlib
 from pathlib import Path
 
 from rig.errors import RigInputError
@@ -22,9 +24,15 @@ _MARKS = (
 
 
 def read_text(path: Path) -> str:
-    """Read a text file of another program; raises RigInputError when it cannot be read."""
+    """Read a text file of another program, gzipped or not; raises RigInputError when it cannot be read."""
     with refused(path, "read"):
-        return decoded(path.read_bytes(), str(path))
+        data = path.read_bytes()
+    if path.suffix.lower() == ".gz":
+        try:
+            data = gzip.decompress(data)
+        except (OSError, EOFError, zlib.error) as error:
+            raise RigInputError(f"{path}: not a whole gzip file ({error}); fetch it again") from None
+    return decoded(data, str(path))
 
 
 def decoded(data: bytes, where: str) -> str:

@@ -36,8 +36,8 @@ def read_index(folder: str | Path) -> dict[str, Any]:
     Examples
     --------
     >>> import validation
-    >>> validation.dataset.read_index("dataset")["window_s"]  # doctest: +SKIP
-    0.3
+    >>> validation.dataset.read_index("dataset")["window_s"]
+    0.2
     """
     file = Path(folder) / INDEX
     try:
@@ -95,8 +95,8 @@ def load(
     Examples
     --------
     >>> import validation
-    >>> table = validation.dataset.load("dataset", part="train")  # doctest: +SKIP
-    >>> table.columns[:4].tolist()  # doctest: +SKIP
+    >>> table = validation.dataset.load("dataset", part="train")
+    >>> table.columns[:4].tolist()
     ['trial', 'condition', 'time', 'force']
     """
     if kind == "xarray":

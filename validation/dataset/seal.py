@@ -50,7 +50,9 @@ def check_truth(folder: str | Path, truth_file: str | Path, split: str = "sealed
     Examples
     --------
     >>> import validation
-    >>> truth = validation.dataset.check_truth("dataset", "truth_sealed.json")  # doctest: +SKIP
+    >>> truth = validation.dataset.check_truth("dataset", "dataset/truth_open.json", "open")
+    >>> [specimen["name"] for specimen in truth["specimens"]]
+    ['A', 'B']
     """
     sealed = read_index(folder)["seal"].get(split)
     if sealed is None:

@@ -1,15 +1,15 @@
 """A 95 % band about a prediction, calibrated on strokes that were not fitted, the same way for every model.
 
-A band's half width is q · u(t): u joins what the key's calibration leaves open (an ensemble), the
-hammer's own calibration and a floor; q is a number for each phase of the stroke, the largest among the left-out strokes
-of the 95 % quantile of |error| / u there. So q holds what the model lacks and what
-other strokes would have made of its parameters, as far as left-out strokes show it. Phases
-follow from the key alone: they are known before the hammer is.
+A band's half width is q · u(t): u joins what the key's calibration leaves open (an ensemble), the hammer's own
+calibration and a floor; q is a number for each phase of the stroke, the 95 % quantile of |error| / u there over all
+left-out strokes, each of the same weight. So q holds what the model lacks and what other strokes would have made of its
+parameters, as far as left-out strokes show it. Phases follow from the key alone: they are known before the hammer is.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,8 +20,8 @@ from validation.positions.identify import Predict
 from validation.positions.measured import Stroke
 
 PHASES = ("rest", "strike", "hold", "release")
-FLOOR = 0.01
-"""Least standard uncertainty of a prediction, in rulers: the integration and what a ruler's tick hides."""
+FLOOR = 0.02
+"""Least standard uncertainty of a prediction, in rulers: a fifth of the hammer ruler's tick, whatever a sensor says."""
 LEVEL = 0.95
 DRAWS, SEED = 9, 19
 NORMAL = 1.4826
@@ -34,6 +34,7 @@ AGAIN = 0.15
 """A key that rises by this share before it is up and goes down again begins a new strike."""
 
 
+@lru_cache(maxsize=64)
 def phases(stroke: Stroke) -> NDArray[np.int64]:
     """Phase of each sample (n,), an index of `PHASES`, by the key alone."""
     share = stroke.key.value_m / max(float(stroke.key.value_m.max()), 1e-9)
@@ -81,14 +82,25 @@ def spread(stroke: Stroke, predict: Predict, z: Array, prediction: Array) -> Arr
 
 
 def quantiles(strokes: Sequence[tuple[Stroke, Array, Array]]) -> dict[str, float]:
-    """Numbers q of each phase from left-out strokes: (stroke, prediction (n,), u (n,)) each."""
-    found = dict.fromkeys(PHASES, 0.0)
+    """Numbers q of each phase from left-out strokes: (stroke, prediction (n,), u (n,)) each.
+
+    The 95 % quantile of |error| / u of all left-out strokes together, every stroke of the same weight.
+    """
+    ratios: dict[str, list[Array]] = {name: [] for name in PHASES}
     for stroke, prediction, u in strokes:
         at, ratio = phases(stroke), np.abs(prediction - stroke.hammer.value_m) / u
         for i, name in enumerate(PHASES):
             if np.any(at == i):
-                found[name] = max(found[name], float(np.quantile(ratio[at == i], LEVEL)))
-    return found
+                ratios[name].append(ratio[at == i])
+    return {name: _pooled(of) if of else 0.0 for name, of in ratios.items()}
+
+
+def _pooled(ratios: Sequence[Array]) -> float:
+    values = np.concatenate(ratios)
+    weights = np.concatenate([np.full(one.size, 1.0 / one.size) for one in ratios])
+    order = np.argsort(values)
+    share = np.cumsum(weights[order]) / len(ratios)
+    return float(values[order][min(int(np.searchsorted(share, LEVEL)), values.size - 1)])
 
 
 def half_width(stroke: Stroke, u: Array, q: dict[str, float]) -> Array:

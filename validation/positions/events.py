@@ -26,19 +26,22 @@ DROP_WITHIN_S = 0.3
 SPEED_FROM, SPEED_TO = 0.6, 0.9
 
 
-def find(stroke: Stroke, hammer_m: Array) -> dict[str, float]:
-    """Events of a stroke by its key and a hammer's displacement (n,), m; NaN where it does not show one.
+def find(stroke: Stroke, hammer_m: Array) -> list[dict[str, float]]:
+    """Events of every strike of a trial by its key and a hammer's displacement (n,), m; NaN where it does not show one.
 
-    Of several strikes in one trial the first counts.
+    Strikes are told by the key alone, so that a trial and its prediction have the same ones, in the same order.
     """
+    struck = phases(stroke) == 1
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], struck, [False]]).astype(np.int8)))
+    starts, ends = edges[::2], edges[1::2]
+    nexts = [*starts[1:], stroke.time_s.size]
+    return [_of_strike(stroke, hammer_m, *at) for at in zip(starts.tolist(), ends.tolist(), nexts, strict=True)]
+
+
+def _of_strike(stroke: Stroke, hammer_m: Array, first: int, end: int, before: int) -> dict[str, float]:
+    """Events of the strike of samples ``first`` to ``end``, whatever follows up to ``before``."""
     out = dict.fromkeys(EVENTS, float("nan"))
     at, time_s = phases(stroke), stroke.time_s
-    strike = np.flatnonzero(at == 1)
-    if not strike.size:
-        return out
-    first = strike[0]
-    ends = np.flatnonzero(np.diff(at[first:]) != 0)
-    end = first + int(ends[0]) + 1 if ends.size else time_s.size
     part = hammer_m[first:end]
     highest = float(part.max())
     top = first + int(np.argmax(part > highest - 0.005 * stroke.hammer.travel_m))
@@ -47,11 +50,11 @@ def find(stroke: Stroke, hammer_m: Array) -> dict[str, float]:
     if out["speed_m_per_s"] < SLOW_M_PER_S:
         after = hammer_m[top : top + round(DROP_WITHIN_S / stroke.interval_s)]
         out["let_off_m"], out["drop_m"] = highest, highest - float(after.min())
-    hold = np.flatnonzero(at[end:] != 2)
-    stop = end + int(hold[0]) if hold.size else time_s.size
+    hold = np.flatnonzero(at[end:before] != 2)
+    stop = end + int(hold[0]) if hold.size else before
     if stop - end > 0.05 / stroke.interval_s:
         out["check_m"] = float(np.median(hammer_m[end:stop]))
-        below = np.flatnonzero(hammer_m[stop:] < 0.5 * out["check_m"])
+        below = np.flatnonzero(hammer_m[stop:before] < 0.5 * out["check_m"])
         if below.size:
             out["release_s"] = float(time_s[stop + below[0]] - time_s[min(stop, time_s.size - 1)])
     return out

@@ -16,7 +16,7 @@ from validation.report.figures.svg import STYLE, figure_svg
 
 COLOURS = {"identified": "#00508c", "regulated": "#b35900", "null": "#6b6b6b"}
 SIZE_IN = (9.2, 5.4)
-MOST_POINTS = 700
+MOST_POINTS = 450
 AROUND_STRIKE_S, AROUND_RELEASE_S = (0.1, 0.15), (0.1, 0.45)
 
 
@@ -31,9 +31,10 @@ def stroke_figure(stroke: Stroke, predicted: Sequence[Predicted]) -> str:
         top = float(time_s[int(np.argmax(stroke.hammer.value_m))])
         rise = float(time_s[np.argmax(at == 3)]) if np.any(at == 3) else float(time_s[-1])
         end = float(time_s[-1])
+        over = float(time_s[np.flatnonzero(at == 3)[-1]]) if np.any(at == 3) else rise
         _curves(whole, stroke, predicted, float(time_s[0]), end)
         _curves(strike, stroke, predicted, max(begin - 0.02, top - 10 * AROUND_STRIKE_S[0]), top + AROUND_STRIKE_S[1])
-        _curves(release, stroke, predicted, rise - AROUND_RELEASE_S[0], min(rise + AROUND_RELEASE_S[1], end))
+        _curves(release, stroke, predicted, rise - AROUND_RELEASE_S[0], min(max(over, rise + AROUND_RELEASE_S[1]), end))
         strike.set_title("strike", fontsize=9)
         release.set_title("release", fontsize=9)
         whole.legend(loc="upper right", ncols=5, fontsize=8, frameon=False)
@@ -66,7 +67,7 @@ def _curves(axes: Axes, stroke: Stroke, predicted: Sequence[Predicted], start_s:
         if one.model == "identified" and np.all(np.isfinite(one.half_m)):
             low, high = (one.hammer_m[at] + sign * one.half_m[at] for sign in (-1.0, 1.0))
             axes.fill_between(
-                time_s, low / travel, high / travel, color=colour, alpha=0.18, lw=0, label="its 95 % band"
+                time_s, low / travel, high / travel, color=colour, alpha=0.18, lw=0, label="identified, 95 % band"
             )
         width = 1.3 if one.model == "identified" else 0.8
         axes.plot(time_s, one.hammer_m[at] / travel, color=colour, lw=width, label=one.model)

@@ -64,20 +64,12 @@ def identify_session(
     say("identified set: all strokes")
     best = _search(strokes, full, len(FREE), say)
     null_best = _search(strokes, null, len(SENSORS), say)
-    left: dict[str, list[tuple[Stroke, Array, Array]]] = {"regulated": [], "null": [], "identified": []}
     left_z: dict[str, dict[str, list[float]]] = {"null": {}, "identified": {}}
     for stroke in strokes:
         say(f"without trial {stroke.number}")
         others = [one for one in strokes if one is not stroke]
-        for name, predict, z in (
-            ("regulated", full, np.zeros(len(FREE))),
-            ("null", null, _search(others, null, len(SENSORS), say).z),
-            ("identified", full, _search(others, full, len(FREE), say).z),
-        ):
-            prediction = predict(z, stroke, None)
-            left[name].append((stroke, prediction, spread(stroke, predict, z, prediction)))
-            if name in left_z:
-                left_z[name][str(stroke.number)] = z.tolist()
+        left_z["null"][str(stroke.number)] = _search(others, null, len(SENSORS), say).z.tolist()
+        left_z["identified"][str(stroke.number)] = _search(others, full, len(FREE), say).z.tolist()
     return Identified(
         action=action_name,
         session=session.info.name or session.path.name,
@@ -90,10 +82,26 @@ def identify_session(
         null_z=null_best.z.tolist(),
         null_covariance=null_best.covariance.tolist(),
         misfit={"before": _cost(np.zeros(len(FREE)), strokes, full), "after": best.cost, "null": null_best.cost},
-        bands={name: quantiles(of) for name, of in left.items()},
+        bands=bands_of(strokes, action, left_z),
         left_out=left_z,
         release=explain_release(strokes, full, best.z),
     )
+
+
+def bands_of(
+    strokes: Sequence[Stroke], action: model.Action, left_out: dict[str, dict[str, list[float]]]
+) -> dict[str, dict[str, float]]:
+    """Calibrate the bands of all models on strokes predicted by parameters that have not seen them."""
+    full, null, nominal = of_model(action), of_null(action), [0.0] * len(FREE)
+    found = {}
+    for name, predict in (("regulated", full), ("null", null), ("identified", full)):
+        left: list[tuple[Stroke, Array, Array]] = []
+        for stroke in strokes:
+            z = np.array(left_out.get(name, {}).get(str(stroke.number), nominal))
+            prediction = predict(z, stroke, None)
+            left.append((stroke, prediction, spread(stroke, predict, z, prediction)))
+        found[name] = quantiles(left)
+    return found
 
 
 def _cost(z: Array, strokes: Sequence[Stroke], predict: Predict) -> float:

@@ -125,7 +125,7 @@ def measure_stroke(data: TrialData) -> Stroke:
             raise TrialError(f"{len(names)} position sensors of the {body}, allowed 1; found {data.position_names}")
         found[body] = _measure(data, names[0], body)
     origin = data.provenance
-    source = f"{origin['source_start_s']} s" if "source_start_s" in origin else ""
+    source = f"{float(origin['source_start_s']):.1f} s" if "source_start_s" in origin else ""
     return Stroke(data.number, data.condition, source, data.time_s, found["key"], found["hammer"])
 
 

@@ -15,6 +15,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
 import model
+from validation.conventions import Array
 from validation.positions.compare import PositionComparison
 from validation.positions.events import EVENTS
 from validation.positions.figures import stroke_figure
@@ -90,7 +91,8 @@ def parameters(result: PositionComparison) -> list[dict[str, Any]]:
     record = result.identified
     if record is None:
         return []
-    z, u = np.array(record.z), np.sqrt(np.diag(np.array(record.covariance)))
+    z = np.array(record.z)
+    u = np.maximum(np.sqrt(np.diag(np.array(record.covariance))), _jackknife(record.left_out.get("identified", {})))
     values = values_of(z)
     rows = []
     for one, at, spread in zip(FREE, z, u, strict=True):
@@ -108,6 +110,18 @@ def parameters(result: PositionComparison) -> list[dict[str, Any]]:
             }
         )
     return rows
+
+
+def _jackknife(left_out: dict[str, list[float]]) -> float | Array:
+    """Standard uncertainty of each parameter (p,) by leaving out one stroke at a time; 0 where none was left out.
+
+    A fit without a stroke may end in another valley: then these data do not determine the parameter.
+    """
+    if len(left_out) < 2:
+        return 0.0
+    table = np.array(list(left_out.values()))
+    n = len(table)
+    return np.asarray(np.sqrt((n - 1) / n * np.sum((table - table.mean(axis=0)) ** 2, axis=0)))
 
 
 def _release(result: PositionComparison) -> list[dict[str, Any]]:

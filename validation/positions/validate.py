@@ -49,7 +49,7 @@ def validate_positions(
     --------
     >>> import validation
     >>> result = validation.validate_positions("sessions/kawai_kg3c", "real")
-    >>> result.scores.query("model == 'identified'").rmse_share.max() < 0.1
+    >>> bool(result.scores.query("model == 'identified'").rmse_share.max() < 0.1)
     True
     """
     opened = session if isinstance(session, Session) else Session.open(session)

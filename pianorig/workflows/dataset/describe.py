@@ -16,6 +16,14 @@ LICENCE = "https://creativecommons.org/licenses/by/4.0/"
 DATE = "2026-11-22"
 VERSION = "1"
 AUTHOR = "piano-action-rig contributors"
+ABOUT = {
+    "README.md": "Data card: what, how, task, licence, known limits.",
+    "LICENSE": "The licence.",
+    "datacite.json": "DataCite fields.",
+    "croissant.json": "Croissant description of the files.",
+    "dataset.json": "Index: trials by split, window, rates, hashes of the truths.",
+    "truth_open.json": "Truth of the open split: specimens, strokes, faults.",
+}
 CARD = Path(__file__).parent / "card.md.j2"
 KEYWORDS = ["piano action", "multibody dynamics", "system identification", "benchmark"]
 
@@ -42,6 +50,7 @@ def ro_crate(files: dict[str, bytes]) -> dict[str, Any]:
             "@id": name,
             "@type": "File",
             "name": name,
+            "description": ABOUT.get(name, "One stroke: force, command, encoders and film angles, netCDF-4."),
             "encodingFormat": kinds.get(Path(name).suffix, "text/plain"),
             "contentSize": str(len(content)),
             "sha256": hashlib.sha256(content).hexdigest(),
@@ -64,6 +73,7 @@ def ro_crate(files: dict[str, bytes]) -> dict[str, Any]:
         "keywords": ", ".join(KEYWORDS),
         "license": {"@id": LICENCE},
         "creator": {"@id": "#contributors"},
+        "publisher": {"@id": "#contributors"},
         "hasPart": [{"@id": one["@id"]} for one in parts],
     }
     licence = {"@id": LICENCE, "@type": "CreativeWork", "name": "CC BY 4.0", "description": "Attribution 4.0"}

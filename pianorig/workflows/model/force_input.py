@@ -56,6 +56,8 @@ def read_driving_force(path: Path, column: str = "force_n") -> DrivingForce:
 
     data = read_trial(path)
     info = data.force_info
+    if not data.has_force:
+        raise CommandInputError(f"{path}: no force was recorded, positions only; give a trial with a force or a table")
     try:
         if not data.n_valid:
             raise TrialError("has no samples")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import gzip
 
 import numpy as np
 import pytest
@@ -212,6 +213,32 @@ def test_a_stroke_that_is_cut_off_is_kept_and_named(tmp_path, capsys) -> None:
     assert (data.status, data.reason) == ("incomplete", "the recording ends during this stroke")
     begun = cut_strokes(strokes(time_s, (-0.2,))[:, None], np.array([0.01]), RATE, trigger=0.1, pre_s=0.3, rest_s=0.1)
     assert begun[0].cut_off == "the recording begins during this stroke"
+
+
+@pytest.mark.parametrize(("apart_s", "trials"), [(0.2, 1), (0.35, 2)])
+def test_strokes_without_rest_between_them_are_one_trial(apart_s: float, trials: int) -> None:
+    time_s = np.arange(int(3 * RATE)) / RATE
+    x = strokes(time_s, (0.6, 1.0 + apart_s))[:, None]
+    cuts = cut_strokes(x, np.array([0.01]), RATE, trigger=0.01, pre_s=0.3, rest_s=0.12)
+    assert len(cuts) == trials and all(cut.trigger - cut.first >= 0.14 * RATE for cut in cuts)
+
+
+def test_a_gzipped_table_is_read_and_a_torn_one_refused(recording, tmp_path) -> None:
+    file = tmp_path / "long.csv.gz"
+    file.write_bytes(gzip.compress(recording[0].read_bytes()))
+    session = import_text(tmp_path, mapping(), file)
+    assert len(session.trials) == 3
+    file.write_bytes(file.read_bytes()[:-200])
+    with pytest.raises(InputError, match="not a whole gzip file"):
+        import_session(tmp_path / "torn", [file], parse_mapping(mapping()))
+
+
+@pytest.mark.parametrize(("name", "conditions"), [("long.csv", ["", "soft", ""]), ("other.csv", ["", "", ""])])
+def test_episodes_of_one_recording_say_nothing_of_another(recording, tmp_path, name: str, conditions) -> None:
+    file = recording[0].rename(tmp_path / name)
+    more = "[[strokes.episodes]]\nfrom_s = 37.5\nto_s = 38.5\nfile = 'long.csv'\ncondition = 'soft'\n"
+    session = import_text(tmp_path, mapping(more=more), file)
+    assert [trial.read().condition for trial in session.trials] == conditions
 
 
 def test_nothing_played_is_refused(tmp_path) -> None:

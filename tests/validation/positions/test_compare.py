@@ -43,6 +43,14 @@ def test_held_out_strokes_are_predicted_better_than_by_the_null_model(written) -
         assert row["inside_band"] >= GOAL_COVER
 
 
+def test_the_shipped_report_says_what_the_command_says_today(written) -> None:
+    shipped = json.loads((SHIPPED / "results.json").read_text())
+    for old, new in zip(shipped["scores"], written[1]["scores"], strict=True):
+        assert (old["trial"], old["model"], old["fitted"]) == (new["trial"], new["model"], new["fitted"])
+        assert old["rmse_share"] == pytest.approx(new["rmse_share"], rel=0.1)
+    assert shipped["sentence"].split(" of the ruler")[0][:40] == written[1]["sentence"][:40]
+
+
 def test_what_was_fitted_and_what_was_rejected_is_said(written) -> None:
     results = written[1]
     assert {row["trial"] for row in rows(results, model="identified", fitted=True)} == {2, 3, 5}
@@ -109,6 +117,11 @@ def test_an_identified_set_is_for_positions_only(capsys) -> None:
 def test_driven_by_force_such_a_session_is_refused_in_one_line(tmp_path, capsys) -> None:
     assert run("validate", SHIPPED, "--no-by-motion", "--out", tmp_path) == 2
     assert "no force was recorded" in capsys.readouterr().err
+
+
+def test_a_trial_without_force_drives_no_simulation(tmp_path, capsys) -> None:
+    assert run("simulate", "--force", SHIPPED / "trial_0003.h5", "--out", tmp_path / "s.csv") == 2
+    assert "no force was recorded, positions only" in capsys.readouterr().err
 
 
 def test_a_session_without_usable_strokes_is_named(tmp_path) -> None:
