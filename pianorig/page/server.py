@@ -19,7 +19,7 @@ from tornado.web import Application
 from pianorig.errors import CommandInputError
 from pianorig.page.access import LOOPBACK, Access
 from pianorig.page.catalogue.catalogue import Catalogue
-from pianorig.page.handlers import action, outlines, review, sessions, shell
+from pianorig.page.handlers import action, live, outlines, review, sessions, shell
 from pianorig.page.handlers.reply import NotFound, Served
 from pianorig.page.jobs import Jobs
 from pianorig.page.review.film_shelf import FilmShelf
@@ -103,6 +103,7 @@ def application(served: Served, scripts: Path) -> Application:
         (f"/api/action/{NAME}/file", action.TomlFile, it),
         (f"/api/review/{NAME}/{NUMBER}", review.Review, it),
         (f"/api/film/{NAME}/{NUMBER}", review.Film, it),
+        (f"/live/{NAME}", live.Live, it),
         ("/api/films", outlines.Films, it),
         (f"/api/outlines/{NAME}/{NUMBER}", outlines.Outlines, it),
         (f"/api/outlines/{NAME}/{NUMBER}/proposal", outlines.Proposal, it),
