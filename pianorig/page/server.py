@@ -95,6 +95,8 @@ def application(served: Served, scripts: Path) -> Application:
         (f"/api/sessions/{NAME}/validate", sessions.Validate, it),
         (f"/api/jobs/{NUMBER}", sessions.Job, it),
         (f"/report/{NAME}/(.*)", sessions.Report, it),
+        ("/api/comparisons", sessions.Comparisons, it),
+        (f"/report-of-several/{NAME}/(.*)", sessions.ComparisonReport, it),
         ("/api/actions", action.Actions, it),
         (f"/api/action/{NAME}", action.Facts, it),
         (f"/api/action/{NAME}/blow", action.Blow, it),

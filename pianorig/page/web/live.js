@@ -163,7 +163,7 @@ export async function showLive(main, values) {
       pen.textAlign = "left";
     });
     const rate = state.rate_hz || 1;
-    const trials = state.trials > 1 || state.trial <= state.trials ? ` of ${state.trials}` : "";
+    const trials = state.trial <= state.trials ? ` of ${state.trials}` : "";
     told.textContent = `trial ${state.trial}${trials}${state.condition ? `, ${state.condition}` : ""}, ${(now.end / rate).toFixed(1)} s${state.planned_s ? ` of ${state.planned_s.toFixed(1)} s` : ""}${ring.lost ? `, ${ring.lost} samples not seen here` : ""}`;
     canvas.dataset.samples = now.end;
     canvas.dataset.last = now.last[0];
