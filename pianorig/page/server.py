@@ -86,7 +86,7 @@ def application(served: Served, scripts: Path) -> Application:
     it: dict[str, Any] = {"served": served}
     routes: list[Any] = [
         ("/", shell.Shell, it),
-        ("/web/(.*)", shell.OwnFiles, {**it, "path": str(shell.WEB)}),
+        (r"/web/([a-z]+\.(?:js|css))", shell.OwnFiles, {**it, "path": str(shell.WEB)}),
         (r"/drawing/(bokeh(?:-api)?\.min\.js)", shell.OwnFiles, {**it, "path": str(scripts)}),
         ("/api/about", shell.About, it),
         ("/api/sessions", sessions.Sessions, it),

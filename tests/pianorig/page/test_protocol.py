@@ -147,6 +147,14 @@ def test_names_lead_nowhere_but_to_sessions(looking: Page, folder: Path) -> None
         assert looking.ask(f"/report/example_forte/{path}").status == 404, path
 
 
+def test_only_the_pages_own_files_are_given_out(looking: Page) -> None:
+    outside = ("../server.py", "..%2fserver.py", "%2e%2e/server.py", "%2fetc%2fpasswd", "", "%00")
+    for path in (*(f"/web/{name}" for name in outside), "/drawing/compiler.js", "/drawing/..%2f__init__.py"):
+        assert looking.ask(path).status in (400, 403, 404), path
+    for name in ("bench.css", "live.js"):
+        assert looking.ask(f"/web/{name}").status == 200
+
+
 def test_a_report_is_boxed_in(looking: Page, folder: Path) -> None:
     (folder / "example_forte" / "report.html").write_text("<script>fetch('/api/sessions')</script>")
     (folder / "example_forte" / "curves").mkdir()
