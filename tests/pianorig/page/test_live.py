@@ -121,7 +121,9 @@ def test_over_the_wire_for_this_page_only(folder: Path, looking: Page) -> None:
 
     async def gone() -> tuple[Any, str | None]:
         socket = await websocket_connect(HTTPRequest(address.replace("example_forte", ".."), headers={"Origin": here}))
-        return await socket.read_message(), socket.close_reason
+        message, reason = await socket.read_message(), socket.close_reason
+        socket.close()  # the client's half
+        return message, reason
 
     with recording(folder / "example_forte") as made:
         made.append(300)
