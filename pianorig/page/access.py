@@ -84,7 +84,7 @@ class Access:
         if origin is None and method not in SAFE:
             raise Refused(403, f"{method} without an Origin: only this page may send it")
         # following a link to the page is a navigation and shows it; anything else from elsewhere is not this page's
-        shown = path == "/" or path.startswith("/report/")
+        shown = path == "/" or path.startswith(("/report/", "/report-of-several/"))
         navigation = headers.get("Sec-Fetch-Mode", "") == "navigate" and method == "GET" and shown
         if headers.get("Sec-Fetch-Site", "none") not in ("same-origin", "none") and not navigation:
             raise Refused(403, "the request was begun by another site; open this page by its address")

@@ -19,7 +19,7 @@ from tornado.web import Application
 from pianorig.errors import CommandInputError
 from pianorig.page.access import LOOPBACK, Access
 from pianorig.page.catalogue.catalogue import Catalogue
-from pianorig.page.handlers import action, outlines, review, sessions, shell
+from pianorig.page.handlers import action, live, outlines, review, sessions, shell
 from pianorig.page.handlers.reply import NotFound, Served
 from pianorig.page.jobs import Jobs
 from pianorig.page.review.film_shelf import FilmShelf
@@ -86,7 +86,7 @@ def application(served: Served, scripts: Path) -> Application:
     it: dict[str, Any] = {"served": served}
     routes: list[Any] = [
         ("/", shell.Shell, it),
-        ("/web/(.*)", shell.OwnFiles, {**it, "path": str(shell.WEB)}),
+        (r"/web/([a-z]+\.(?:js|css))", shell.OwnFiles, {**it, "path": str(shell.WEB)}),
         (r"/drawing/(bokeh(?:-api)?\.min\.js)", shell.OwnFiles, {**it, "path": str(scripts)}),
         ("/api/about", shell.About, it),
         ("/api/sessions", sessions.Sessions, it),
@@ -95,6 +95,8 @@ def application(served: Served, scripts: Path) -> Application:
         (f"/api/sessions/{NAME}/validate", sessions.Validate, it),
         (f"/api/jobs/{NUMBER}", sessions.Job, it),
         (f"/report/{NAME}/(.*)", sessions.Report, it),
+        ("/api/comparisons", sessions.Comparisons, it),
+        (f"/report-of-several/{NAME}/(.*)", sessions.ComparisonReport, it),
         ("/api/actions", action.Actions, it),
         (f"/api/action/{NAME}", action.Facts, it),
         (f"/api/action/{NAME}/blow", action.Blow, it),
@@ -103,6 +105,7 @@ def application(served: Served, scripts: Path) -> Application:
         (f"/api/action/{NAME}/file", action.TomlFile, it),
         (f"/api/review/{NAME}/{NUMBER}", review.Review, it),
         (f"/api/film/{NAME}/{NUMBER}", review.Film, it),
+        (f"/live/{NAME}", live.Live, it),
         ("/api/films", outlines.Films, it),
         (f"/api/outlines/{NAME}/{NUMBER}", outlines.Outlines, it),
         (f"/api/outlines/{NAME}/{NUMBER}/proposal", outlines.Proposal, it),

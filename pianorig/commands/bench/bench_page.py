@@ -13,6 +13,9 @@ from pianorig.console.options import AsJson
 from pianorig.console.output import print_json
 from pianorig.errors import CommandInputError
 
+EXTRA = ("bokeh", "tornado")
+"""Packages of the extra ``bench``."""
+
 
 def command(
     folder: Annotated[Path, typer.Argument(help="Folder of your sessions.", metavar="SESSIONS_DIR")] = Path("sessions"),
@@ -42,12 +45,12 @@ def command(
         print(f"bench at {access.first_address} ({what}); stop with Ctrl-C", flush=True)
 
     try:
-        serve = page.serve_until_interrupted
+        page.serve_until_interrupted(page.BenchOptions(folder, port, control), announce)
     except ModuleNotFoundError as error:
+        if error.name not in EXTRA:
+            raise
         raise CommandInputError(
             f"bench: needs the package {error.name}; install it with  pip install 'piano-action-rig[bench]'"
         ) from error
-    try:
-        serve(page.BenchOptions(folder, port, control), announce)
     except KeyboardInterrupt:
         return

@@ -10,6 +10,8 @@ from pianorig.page.catalogue.session_row import REPORT, SessionRow, read_row
 from rig.session.folder import FILM_SUFFIXES
 
 SESSION_FILE = "session.toml"
+COMPARISONS = "comparisons"
+"""Folder, among the sessions, of reports of several of them."""
 GIVEN_OUT = {
     ".html": "text/html; charset=utf-8",
     ".csv": "text/csv; charset=utf-8",
@@ -97,7 +99,30 @@ class Catalogue:
         ------
         UnknownName : no such file, or not one of a report
         """
-        folder = self.folder(name).resolve()
+        return self._given_out(self.folder(name), path)
+
+    def comparisons(self) -> list[str]:
+        """Names of the reports of several sessions, newest first."""
+        folder = self.root / COMPARISONS
+        if not folder.is_dir():
+            return []
+        with os.scandir(folder) as entries:
+            return sorted((entry.name for entry in entries if Path(entry.path, REPORT).is_file()), reverse=True)
+
+    def comparison_file(self, name: str, path: str = REPORT) -> tuple[Path, str]:
+        """A file of the report of several sessions, as `report_file`.
+
+        Raises
+        ------
+        UnknownName : no such report or file
+        """
+        if name not in self.comparisons():
+            raise UnknownName(f"no comparison {name[:120]!r} in {self.root}")
+        return self._given_out(self.root / COMPARISONS / name, path)
+
+    @staticmethod
+    def _given_out(report: Path, path: str) -> tuple[Path, str]:
+        folder, name = report.resolve(), report.name
         try:
             file = (folder / path).resolve()
             inside = file.is_relative_to(folder) and file.is_file()

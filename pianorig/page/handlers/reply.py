@@ -12,6 +12,7 @@ from typing import Any
 from tornado.ioloop import IOLoop
 from tornado.web import HTTPError, RequestHandler
 
+from pianorig.console.progress import say
 from pianorig.page.access import Access, Refused
 from pianorig.page.catalogue.catalogue import Catalogue, UnknownName
 from pianorig.page.jobs import Jobs
@@ -71,6 +72,11 @@ class Guarded(RequestHandler):
         self.set_status(status)
         self.set_header("Content-Type", "application/json")
         self.finish(json.dumps({"error": reason}))
+
+    def log_exception(self, *error: Any) -> None:
+        """A defect is one line on the terminal, too; what is refused is told to the page only."""
+        if not isinstance(error[1], HTTPError):
+            say(f"bench: {self.request.path}: defect: {type(error[1]).__name__}: {error[1]}")
 
     def write_error(self, status_code: int, **more: Any) -> None:
         """A failure as one line of JSON, without a traceback."""

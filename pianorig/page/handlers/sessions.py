@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, cast, get_args
 
@@ -10,12 +11,13 @@ from tornado.ioloop import IOLoop
 
 import rig
 from pianorig.errors import CommandInputError
-from pianorig.page.catalogue.catalogue import UnknownName
+from pianorig.page.catalogue.catalogue import COMPARISONS, UnknownName
 from pianorig.page.catalogue.session_row import open_session, read_row, session_detail
 from pianorig.page.handlers.reply import Reply
 from rig.session.annotation_file import Kind
 
 LONGEST_TEXT = 2000
+MOST_COMPARED = 8
 REPORT_POLICY = (
     "sandbox allow-scripts allow-downloads allow-popups; default-src 'none'; script-src 'unsafe-inline'; "
     "style-src 'unsafe-inline'; img-src data: blob:; font-src data:; base-uri 'none'; form-action 'none'; "
@@ -93,10 +95,14 @@ def annotate(folder: Path, content: dict[str, Any]) -> None:
 class Report(Reply):
     """The report of a session and the files beside it."""
 
+    def found(self, name: str, path: str) -> tuple[Path, str]:
+        """The file and its media type."""
+        return self.served.catalogue.report_file(name, path)
+
     async def get(self, name: str, path: str) -> None:
         """Send one file, boxed in."""
         try:
-            file, kind = self.served.catalogue.report_file(name, path or "report.html")
+            file, kind = self.found(name, path or "report.html")
         except UnknownName as error:
             self.refuse(404, str(error))
             return
@@ -104,6 +110,38 @@ class Report(Reply):
         self.set_header("X-Frame-Options", "SAMEORIGIN")
         self.set_header("Content-Type", kind)
         self.finish(await IOLoop.current().run_in_executor(self.served.workers, file.read_bytes))
+
+
+class ComparisonReport(Report):
+    """The report of several sessions and the files beside it."""
+
+    def found(self, name: str, path: str) -> tuple[Path, str]:
+        """The file and its media type."""
+        return self.served.catalogue.comparison_file(name, path)
+
+
+class Comparisons(Reply):
+    """Reports of several sessions side by side."""
+
+    async def get(self) -> None:
+        """Send their names."""
+        await self.answer(lambda: {"comparisons": self.served.catalogue.comparisons()})
+
+    async def post(self) -> None:
+        """Begin one; send the number of the job."""
+        content = self.body()
+        if content is not None:
+            await self.answer(self._begin, content.get("sessions"))
+
+    def _begin(self, names: Any) -> dict[str, Any]:
+        several = isinstance(names, list) and all(isinstance(name, str) for name in names)
+        if not several or not 2 <= len(set(names)) <= MOST_COMPARED:
+            raise CommandInputError(f"sessions to compare: allowed 2 to {MOST_COMPARED} names")
+        folders = [self.served.catalogue.folder(name) for name in dict.fromkeys(names)]
+        for folder in folders:
+            rig.Session.open(folder)
+        out = self.served.catalogue.root / COMPARISONS / f"{datetime.now(UTC):%Y-%m-%dT%H%M%SZ}"
+        return self.served.jobs.begin(out.name, ["validate", *map(str, folders), "--out", str(out)])
 
 
 class Validate(Reply):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import importlib.util
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +18,7 @@ ON = '<!DOCTYPE html><meta charset="utf-8"><meta http-equiv="refresh" content="0
 
 def drawing_scripts() -> Path:
     """Folder of the JavaScript that comes with Bokeh."""
-    found = importlib.util.find_spec("bokeh")
+    found = find_spec("bokeh")
     if found is None or found.origin is None:
         raise ModuleNotFoundError("bokeh", name="bokeh")
     return Path(found.origin).parent / "server" / "static" / "js"

@@ -146,6 +146,10 @@ export async function showAction(main, values) {
 
   function tell() {
     const text = (event) => (event.value === null ? event.note || "–" : `${event.value.toPrecision(5)} ${event.unit}`);
+    if (events.childElementCount === latest.events.length) { // only what can change: rows are costly to lay out
+      latest.events.forEach((event, i) => { const cell = events.children[i].lastChild; if (cell.textContent !== text(event)) cell.textContent = text(event); });
+      return;
+    }
     events.replaceChildren(...latest.events.map((event, i) => make("tr", {}, make("th", { scope: "row", title: event.meaning }, event.title),
       make("td", { class: "number" }, text(base.events[i])), make("td", { class: "number" }, text(event)))));
   }

@@ -1,10 +1,11 @@
 // The frame of the page: views, address, questions to the server. Whatever comes from a file is set as text, never as markup.
 import { showAction } from "./action.js";
+import { showLive } from "./live.js";
 import { showOutlines } from "./outlines.js";
 import { showReview } from "./review.js";
 import { showSessions } from "./sessions.js";
 
-const VIEWS = { sessions: ["Sessions", showSessions], review: ["Review", showReview], outlines: ["Outlines", showOutlines], action: ["Action", showAction] };
+const VIEWS = { sessions: ["Sessions", showSessions], live: ["Live", showLive], review: ["Review", showReview], outlines: ["Outlines", showOutlines], action: ["Action", showAction] };
 const main = document.getElementById("main"), views = document.getElementById("views"), said = document.getElementById("said");
 let about = {}, leave = null, quiet = null;
 

@@ -14,6 +14,14 @@ export function bokeh() {
   return loading;
 }
 
+/** From the least to the largest value, and a little more. Found here: Bokeh would index every point for it. */
+function reach(lines) {
+  let low = Infinity, high = -Infinity;
+  for (const { value } of lines) for (const v of value) { if (v < low) low = v; if (v > high) high = v; }
+  if (!(low < high)) { low = Number.isFinite(low) ? low - 1 : 0; high = low + 2; }
+  return { start: low - 0.06 * (high - low), end: high + 0.06 * (high - low) };
+}
+
 const style = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 
 /**
@@ -33,7 +41,7 @@ export class Curves {
     for (const [k, panel] of panels.entries()) {
       const last = k === panels.length - 1;
       const plot = new Plotting.Figure({
-        height: panel.height + (last ? 26 : 0), sizing_mode: "stretch_width", x_range: self.ranges[k], min_border_left: LEFT, min_border_right: RIGHT,
+        height: panel.height + (last ? 26 : 0), sizing_mode: "stretch_width", x_range: self.ranges[k], y_range: new Range1d(reach(panel.lines)), min_border_left: LEFT, min_border_right: RIGHT,
         min_border_top: 4, min_border_bottom: 4, tools: "xpan,xwheel_zoom,xbox_zoom,reset", toolbar_location: null,
         background_fill_color: style("--back"), border_fill_color: style("--back"), outline_line_color: style("--line"), output_backend: "canvas",
       });
@@ -126,6 +134,9 @@ export class Curves {
     const one = this.views[k];
     Object.assign(one.panel.lines[i], line);
     one.sources[i].data = { x: line.time, y: line.value };
+    const range = one.view.model.y_range, wanted = reach(one.panel.lines), share = 0.1 * (wanted.end - wanted.start);
+    const inside = wanted.start >= range.start - 1e-12 && wanted.end <= range.end + 1e-12;
+    if (!inside || range.end - range.start > wanted.end - wanted.start + 4 * share) range.setv(wanted);
   }
 
   zoom(from, to) { this.range.setv({ start: Math.max(from, this.from), end: Math.min(to, this.to) }); }

@@ -24,7 +24,9 @@ export class Drawing {
     this.data = { ...data, time: unpack(data.time_s), pose: unpack(data.pose), measured: unpack(data.measured), point: unpack(data.point_m), normal: unpack(data.normal_n) };
     this.measuredToo.hidden = !this.data.measured;
     this.key.textContent = this.data.measured ? "Broad: measured. Thin: model. Orange: force at a contact, area in proportion." : "Orange: force at a contact, area in proportion.";
-    this.legend.replaceChildren(...data.bodies.map((body) => make("span", { class: "body" }, make("span", { class: "swatch", style: `background:${body.color}` }), body.name)));
+    const names = data.bodies.map((body) => body.name).join();
+    if (names !== this.names) this.legend.replaceChildren(...data.bodies.map((body) => make("span", { class: "body" }, make("span", { class: "swatch", style: `background:${body.color}` }), body.name)));
+    this.names = names;
     this.fit();
     if (this.time !== undefined) this.at(this.time);
   }

@@ -17,10 +17,11 @@ export async function showSessions(main, values) {
   const body = make("tbody");
   const heads = COLUMNS.map(([key, title]) => make("th", { scope: "col", class: NUMBERS.has(key) ? "number" : null, "data-key": key },
     make("button", { type: "button", onclick: () => sortBy(key) }, title)));
-  const chosen = make("section", { "aria-label": "Chosen session" });
+  const chosen = make("section", { "aria-label": "Chosen session" }), several = make("section", { "aria-label": "Comparisons" });
+  const ticked = new Set();
   main.append(
     make("div", { class: "row" }, make("label", {}, "Search", search), make("button", { type: "button", onclick: load }, "Read again"), count),
-    make("div", { class: "scroll" }, make("table", { id: "sessions" }, make("thead", {}, make("tr", {}, ...heads)), body)), chosen);
+    make("div", { class: "scroll" }, make("table", { id: "sessions" }, make("thead", {}, make("tr", {}, ...heads, make("th", { scope: "col" }, "Compare"))), body)), chosen, several);
 
   function sortBy(key) {
     const { values: now } = address();
@@ -63,7 +64,8 @@ export async function showSessions(main, values) {
       if (key === "action" && row.simulated) return make("td", { class: "text" }, `${row.action} (simulated)`);
       return make("td", { class: key === "created_utc" ? "when" : "text" }, String(row[key] || "–").replace("T", " ").replace(/(\+00:00|Z)$/, ""));
     });
-    return make("tr", { "aria-selected": String(row.name === session) }, make("th", { scope: "row" }, open), ...cells);
+    const tick = make("input", { type: "checkbox", "aria-label": `Compare ${row.name}`, checked: ticked.has(row.name), disabled: !row.trials, onchange: () => { if (tick.checked) ticked.add(row.name); else ticked.delete(row.name); } });
+    return make("tr", { "aria-selected": String(row.name === session) }, make("th", { scope: "row" }, open), ...cells, make("td", {}, tick));
   }
 
   async function load() {
@@ -73,6 +75,7 @@ export async function showSessions(main, values) {
   }
 
   await load();
+  await showComparisons(several, ticked, () => ended);
   if (values.get("session")) await showOne(chosen, values.get("session"), load, () => ended);
   return () => { ended = true; };
 }
@@ -108,6 +111,22 @@ async function showOne(place, name, reload, ended) {
     mayWrite() ? annotationForm(name, session.trials, again) : make("p", { class: "hint" }, LOOK_ONLY),
   ].filter(Boolean));
   if (address().values.get("report") === "1" && session.report) showReport(report, name, see);
+}
+
+/** Reports of several sessions: those that were made, and a new one of the ticked sessions. */
+async function showComparisons(place, ticked, ended) {
+  const { comparisons } = await ask("/api/comparisons");
+  const report = make("div");
+  const open = (name) => report.replaceChildren(make("iframe", { class: "report", title: `Comparison ${name}`, src: `/report-of-several/${at(name)}/report.html`, sandbox: "allow-scripts allow-downloads allow-popups" }));
+  place.replaceChildren(make("h2", {}, "Side by side"),
+    make("div", { class: "row" }, jobButton({
+      kept: "job compare", title: "Compare ticked sessions", disabled: !mayWrite(), hint: LOOK_ONLY, ended,
+      begin: () => {
+        if (ticked.size < 2) throw new Error("tick at least two sessions in the column Compare");
+        return ask("/api/comparisons", { method: "POST", body: { sessions: [...ticked] } });
+      },
+      done: async () => { say("compared"); await showComparisons(place, ticked, ended); },
+    }), ...comparisons.slice(0, 12).map((name) => make("button", { type: "button", onclick: () => open(name) }, name))), report);
 }
 
 function showReport(place, name, button) {

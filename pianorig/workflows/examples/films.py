@@ -33,8 +33,7 @@ def write_blow_film(path: Path, bodies: Path, blow: model.Solution, frames: int 
     frames : how many
     """
     column = [model.BODIES.index(name) for name in ("whippen", "jack", "repetition")]
-    angle = blow.angle_rad[:, column]
-    relative = angle - np.array([0.0, 1.0, 1.0]) * angle[:, :1]
+    relative = blow.angle_rad[:, column]  # jack and lever from the whippen, as the camera wants them
 
     def angles_at(time_s: NDArray[np.float64]) -> NDArray[np.float64]:
         return np.stack([np.interp(time_s, blow.time_s, relative[:, k]) for k in range(3)], axis=1)

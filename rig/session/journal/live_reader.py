@@ -23,6 +23,9 @@ from rig.session.trial_data import TrialData
 KEEP_S = 30.0
 """How much of a trial in progress is kept and shown, s: a long one must not fill the memory."""
 
+READ_BYTES = 2_000_000
+"""Most that a poll reads of a journal whose head is known: some seconds of a dozen channels."""
+
 
 class JournalFollower:
     """Reads a growing journal incrementally; ``head`` is None until it is complete.
@@ -42,7 +45,8 @@ class JournalFollower:
         try:
             with self.path.open("rb") as stream:
                 stream.seek(self._n_bytes)
-                data = stream.read()
+                # beyond the last record lie the zeros set aside for the whole trial, which are not read again and again
+                data = stream.read() if self.head is None else stream.read(READ_BYTES)
         except OSError:
             return False
         if self.head is None:

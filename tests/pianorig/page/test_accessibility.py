@@ -13,6 +13,7 @@ from tests.pianorig.page.stories import opened
 VIEWS = {
     "sessions?session=example_forte": "#trials",
     "review?session=example_forte&trial=1": "main[data-ready]",
+    "live?session=example_forte": "main[data-ready]",
     "action": "main[data-ready]",
     "outlines?film=example_forte&trial=1": "main[data-ready]",
 }
@@ -41,7 +42,7 @@ def test_the_way_by_keyboard(browser: Any, looking: Page) -> None:
         tab.locator("#sessions tbody tr").first.wait_for()
         tab.keyboard.press("Tab")
         assert tab.evaluate("document.activeElement.className") == "skip"
-        for wanted in ("Sessions", "Review", "Outlines", "Action"):
+        for wanted in ("Sessions", "Live", "Review", "Outlines", "Action"):
             tab.keyboard.press("Tab")
             assert tab.evaluate("document.activeElement.textContent") == wanted
         seen = []

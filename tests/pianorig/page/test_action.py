@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import model
+from model.parameters.quantity import check_value
 from pianorig.page.action.changed_action import action_facts, changed_action, reach, toml_of
 from pianorig.page.action.live_blow import BLOWS, live_blow
 from tests.pianorig.page.conftest import Page
@@ -55,10 +56,13 @@ def test_every_slider_stays_within_what_is_allowed() -> None:
     for name in ("hirschkorn2004", "hirschkorn2004-regulated"):
         facts = action_facts(name)
         assert [screw["target"] for screw in facts["screws"]] == [t.name for t in model.regulation.TARGETS] + [""]
+        given = model.load_action(name)
         for one in [*facts["parameters"], *facts["screws"]]:
             assert one["low"] < one["high"]
             for end in (one["low"], one["high"]):
-                model.load_action(name).with_values({one["path"]: end})
+                check_value(one["path"], end, "slider")
+        for one in [*facts["parameters"][::9], *facts["screws"]]:  # shapes that hang together are checked, too
+            given.with_values({one["path"]: one["low"]})
     values = {one["path"]: one["value"] for one in facts["parameters"]}
     assert all(screw["low"] <= values[screw["path"]] <= screw["high"] for screw in facts["screws"])
     assert reach("contact01.normal.a", 0.0, "N/m") == (0.0, 0.005)

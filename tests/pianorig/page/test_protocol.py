@@ -52,6 +52,7 @@ def test_without_control_the_page_only_looks(looking: Page, folder: Path) -> Non
         assert answer.status == 403 and "--control" in answer.json["error"]
         assert looking.ask("/api/sessions/example_forte/validate", "POST", {}).status == 403
         assert looking.ask("/api/jobs/1", "DELETE").status == 403
+        assert looking.ask("/api/comparisons", "POST", {"sessions": ["a", "b"]}).status == 403
     for path in ("/api/sessions", "/api/sessions/example_forte"):
         assert looking.ask(path).status == 200
     assert sorted((path, path.read_bytes()) for path in folder.rglob("*") if path.is_file()) == before
@@ -146,6 +147,14 @@ def test_names_lead_nowhere_but_to_sessions(looking: Page, folder: Path) -> None
         assert looking.ask(f"/report/example_forte/{path}").status == 404, path
 
 
+def test_only_the_pages_own_files_are_given_out(looking: Page) -> None:
+    outside = ("../server.py", "..%2fserver.py", "%2e%2e/server.py", "%2fetc%2fpasswd", "", "%00")
+    for path in (*(f"/web/{name}" for name in outside), "/drawing/compiler.js", "/drawing/..%2f__init__.py"):
+        assert looking.ask(path).status in (400, 403, 404), path
+    for name in ("bench.css", "live.js"):
+        assert looking.ask(f"/web/{name}").status == 200
+
+
 def test_a_report_is_boxed_in(looking: Page, folder: Path) -> None:
     (folder / "example_forte" / "report.html").write_text("<script>fetch('/api/sessions')</script>")
     (folder / "example_forte" / "curves").mkdir()
@@ -155,6 +164,24 @@ def test_a_report_is_boxed_in(looking: Page, folder: Path) -> None:
     assert answer.status == 200 and policy.startswith("sandbox ") and "allow-same-origin" not in policy
     assert "connect-src" not in policy and "default-src 'none'" in policy and "frame-ancestors 'self'" in policy
     assert looking.ask("/report/example_forte/curves/key.csv").status == 200
+
+
+def test_several_sessions_are_compared_by_their_names(writing: Page, folder: Path) -> None:
+    for names in (None, "example_forte", [], ["example_forte"], ["example_forte"] * 2, [1, 2], ["x"] * 9):
+        answer = writing.ask("/api/comparisons", "POST", {"sessions": names})
+        assert answer.status == 400 and "2 to 8" in answer.json["error"], names
+    answer = writing.ask("/api/comparisons", "POST", {"sessions": ["example_forte", "../x"]})
+    assert answer.status == 404 and "no session" in answer.json["error"]
+    assert writing.ask("/api/comparisons").json == {"comparisons": []}
+    made = folder / "comparisons" / "2026-11-22T100000Z"
+    made.mkdir(parents=True)
+    (made / "report.html").write_text("<p>two</p>")
+    assert writing.ask("/api/comparisons").json == {"comparisons": [made.name]}
+    answer = writing.ask(f"/report-of-several/{made.name}/report.html")
+    assert answer.body == b"<p>two</p>" and answer.headers["Content-Security-Policy"].startswith("sandbox ")
+    for path in (f"{made.name}/..%2f..%2fexample_forte%2frig.toml", "..%2fexample_forte/report.html", "x/report.html"):
+        assert writing.ask(f"/report-of-several/{path}").status == 404, path
+    assert [row["name"] for row in writing.ask("/api/sessions").json["sessions"]] == ["example_forte"]
 
 
 def test_a_hostile_folder_harms_nothing(looking: Page, folder: Path) -> None:

@@ -6,6 +6,8 @@ import shutil
 from pathlib import Path
 from typing import Any
 
+import pytest
+
 from rig.session import Session
 from tests.pianorig.page.conftest import EXAMPLE, Page, serve
 from tests.pianorig.page.stories import opened
@@ -62,7 +64,7 @@ def test_sorting_by_keyboard(browser: Any, folder: Path, looking: Page) -> None:
     with opened(browser, looking) as tab:
         names = tab.locator("#sessions tbody th")
         names.nth(1).wait_for()
-        head = tab.get_by_role("button", name="Session")
+        head = tab.locator("#sessions thead").get_by_role("button", name="Session")
         head.focus()
         tab.keyboard.press("Enter")
         assert names.all_inner_texts() == ["another", "example_forte"]
@@ -84,3 +86,19 @@ def test_the_page_fits_phones_and_large_print(browser: Any, folder: Path, lookin
             assert tab.evaluate("document.documentElement.scrollWidth") <= width, tab.evaluate(
                 f"{wide}.map(e => e.tagName + e.id)"
             )
+
+
+@pytest.mark.slow
+def test_two_sessions_side_by_side(browser: Any, folder: Path) -> None:
+    add(folder, "second")
+    for page in serve(folder, control=True):
+        with opened(browser, page, page.first_address) as tab:
+            tab.get_by_label("Compare second").check()
+            tab.get_by_role("button", name="Compare ticked sessions").click()
+            tab.get_by_text("tick at least two").wait_for()
+            tab.get_by_label("Compare example_forte").check()
+            tab.get_by_role("button", name="Compare ticked sessions").press("Enter")
+            made = tab.get_by_label("Comparisons").get_by_role("button", name="20")
+            made.wait_for(timeout=300_000)
+            made.press("Enter")
+            tab.frame_locator("iframe.report").get_by_text("second").first.wait_for()

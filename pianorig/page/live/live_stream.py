@@ -1,0 +1,138 @@
+"""What is new in a recording since the last look: samples of every channel, and the state of trial and plan.
+
+A sample is sent once. A page that was away for longer than `rig.session.journal.live_reader.KEEP_S` finds the samples
+from then on; the place of each block among the samples is sent with it, so that a gap is seen, not closed.
+"""
+
+from __future__ import annotations
+
+import shutil
+import struct
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pianorig.page.catalogue.session_row import LARGEST_TRIAL_BYTES, open_session, shortened
+from rig.errors import RigError
+from rig.session import TrialData
+from rig.session.journal.live_reader import JournalFollower
+from rig.session.journal.trial_head import TrialHead
+from rig.session.trial_file import read_trial
+from validation.curves.signs import SIGN, TITLE
+from vision.output.colours import colour_of
+
+MOST_FIGURES = 500
+
+
+class LiveStream:
+    """Follows one session; `poll` as often as the page is drawn.
+
+    Raises
+    ------
+    rig.errors.RigInputError, ValueError : no session there
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.session = open_session(folder)
+        self._journal: JournalFollower | None = None
+        self._sent = 0
+        self._figures: dict[int, dict[str, Any]] = {}
+        self._state: dict[str, Any] = {}
+
+    def poll(self) -> tuple[dict[str, Any] | None, bytes]:
+        """State where it has changed, else None; new samples, empty where there are none.
+
+        Samples: number of the first one (float64), then one row a sample of 32-bit numbers, in the order of the
+        state's ``channels``.
+        """
+        samples = self._samples()
+        state = self._now()
+        if state == self._state:
+            return None, samples
+        self._state = state
+        return state, samples
+
+    def _samples(self) -> bytes:
+        journals = self.session.journals
+        if not journals:
+            self._journal = None
+            return b""
+        path = list(journals.values())[-1]
+        if self._journal is None or self._journal.path != path:
+            self._journal, self._sent = JournalFollower(path), 0
+        follower = self._journal
+        if not follower.poll() or follower.head is None:
+            return b""
+        new = [block for block in follower.blocks if block.first_sample >= self._sent]
+        if not new:
+            return b""
+        part = follower.head.part(new, new[0].first_sample)
+        self._sent = new[-1].first_sample + new[-1].force_n.size
+        return struct.pack("<d", new[0].first_sample) + _rows(part, follower.first_count).tobytes()
+
+    def _now(self) -> dict[str, Any]:
+        head = None if self._journal is None else self._journal.head
+        sealed = self.session.trials
+        for trial in sealed[-MOST_FIGURES:]:
+            if trial.number not in self._figures:
+                self._figures[trial.number] = _figures(trial.number, trial.path)
+        plan = self.session.info.plan
+        free_gb = shutil.disk_usage(self.session.path).free / 1e9
+        return {
+            "recording": head is not None,
+            "trial": head.number if head is not None else (sealed[-1].number if sealed else 0),
+            "trials": plan.trials,
+            "condition": head.condition if head is not None else "",
+            "started_utc": head.started_utc if head is not None else "",
+            "rate_hz": head.sample_rate_hz if head is not None else 0.0,
+            "planned_s": head.command_v.size / head.sample_rate_hz if head is not None else 0.0,
+            "channels": [] if head is None else _channels(head),
+            "simulated": self.session.info.simulated,
+            "disk_free_gb": round(free_gb, 1 if free_gb < 20 else 0),
+            "figures": [
+                {**self._figures[trial.number], "rejected": trial.rejected is not None}
+                for trial in sealed[-MOST_FIGURES:]
+            ],
+        }
+
+
+def _channels(head: TrialHead) -> list[dict[str, Any]]:
+    """Name, unit and colour of each column of the samples."""
+    columns = [{"name": "force", "title": "Force", "unit": "N", "color": ""}]
+    for i, encoder in enumerate(head.encoders):
+        title = TITLE.get(encoder.name, encoder.name)
+        columns.append({"name": encoder.name, "title": title, "unit": "°", "color": colour_of(encoder.name, i)})
+    columns.append({"name": "motor_command", "title": "Motor command", "unit": "V", "color": ""})
+    columns += [
+        {"name": one.name, "title": shortened(one.name.replace("_", " ")), "unit": one.unit, "color": ""}
+        for one in head.channels
+    ]
+    return columns
+
+
+def _rows(part: TrialData, first_count: Any) -> np.ndarray:
+    """Force, angles turned since the trial's first sample with the thesis's signs, motor command, further channels."""
+    sign = np.array([SIGN.get(encoder.name, 1.0) for encoder in part.encoders])
+    columns = [part.force_n[:, None], np.degrees(part.angle_rad(first_count)) * sign, part.motor_command_v[:, None]]
+    if part.channel_values is not None:
+        columns.append(part.channel_values)
+    return np.ascontiguousarray(np.concatenate(columns, axis=1), dtype="<f4")
+
+
+def _figures(number: int, path: Path) -> dict[str, Any]:
+    """Key figures of a sealed trial; only its status where it cannot be read."""
+    nothing = {"status": "unreadable", "reason": "", "peak_force_n": None, "turned_deg": None}
+    row: dict[str, Any] = {"trial": number, **nothing}
+    try:
+        if path.stat().st_size > LARGEST_TRIAL_BYTES:
+            return row
+        data = read_trial(path)
+    except (RigError, OSError) as error:
+        return {**row, "reason": shortened(error)}
+    row |= {"status": data.status, "reason": shortened(data.reason)}
+    if data.n_valid:
+        row["peak_force_n"] = float(data.force_n.max())
+        if data.encoders:
+            row["turned_deg"] = float(np.abs(np.degrees(data.angle_rad()[:, -1])).max())
+    return row

@@ -1,0 +1,210 @@
+// A rolling scope of a recording, as it is made; what it draws from is bounded, so an hour looks like a minute.
+import { ask, at, link, make } from "./bench.js";
+
+const WINDOWS_S = [0.5, 1, 2, 5, 10, 30], LONGEST_S = 30, STRIP_PX = 84, LEFT_PX = 8, AGAIN_MS = 1000;
+
+/** Samples of all channels in a ring; places that were never filled are NaN. */
+class Ring {
+  constructor(channels, rate) {
+    this.columns = channels;
+    this.size = Math.ceil(LONGEST_S * rate);
+    this.values = new Float32Array(this.size * channels).fill(NaN);
+    this.end = 0;
+    this.lost = 0;
+  }
+
+  take(first, rows) {
+    const n = rows.length / this.columns;
+    if (first > this.end) { // a gap is left open
+      this.lost += first - this.end;
+      for (let k = Math.max(this.end, first - this.size); k < first; k++) this.values.fill(NaN, (k % this.size) * this.columns, (k % this.size + 1) * this.columns);
+    }
+    for (let k = 0; k < n; k++) this.values.set(rows.subarray(k * this.columns, (k + 1) * this.columns), ((first + k) % this.size) * this.columns);
+    this.end = first + n;
+  }
+
+  get(sample, column) { return sample < 0 || sample < this.end - this.size || sample >= this.end ? NaN : this.values[(sample % this.size) * this.columns + column]; }
+}
+
+export async function showLive(main, values) {
+  const { sessions } = await ask("/api/sessions");
+  const name = values.get("session") || (sessions.find((row) => row.status.includes("not sealed")) || sessions[0] || {}).name;
+  if (!name) { main.append(make("p", {}, "No session here yet. Record one in a terminal:  pianorig record")); return null; }
+  const seconds = Number(values.get("window")) || 2;
+  const canvas = make("canvas", { class: "scope", width: 1200, height: STRIP_PX, role: "img", "aria-label": `Scope of ${name}` });
+  const lamp = make("strong", { class: "lamp", role: "status" }), told = make("span", { class: "values" }), disk = make("span");
+  const pause = make("button", { type: "button", class: "first", "aria-pressed": "false", onclick: () => { paused = !paused; pause.setAttribute("aria-pressed", String(paused)); pause.textContent = paused ? "Go on" : "Pause"; frozen = ring?.end ?? 0; dirty = true; } }, "Pause");
+  const hold = make("button", { type: "button", "aria-pressed": "false", onclick: () => { held = held ? null : picture(); hold.setAttribute("aria-pressed", String(Boolean(held))); dirty = true; } }, "Hold");
+  const window_ = make("select", { onchange: () => { length = Number(window_.value); dirty = true; } }, ...WINDOWS_S.map((s) => make("option", { value: s }, `${s} s`)));
+  const select = make("select", { onchange: () => { location.hash = link("live", { session: select.value }); } }, ...sessions.map((row) => make("option", { value: row.name }, row.name)));
+  const scales = make("div", { class: "row" }), figures = make("tbody"), chart = make("canvas", { class: "chart", width: 600, height: 120, role: "img", "aria-label": "Peak force of each trial" });
+  let socket = null, state = null, ring = null, closed = false, paused = false, held = null, length = seconds, frozen = 0, dirty = true, scale = [], timer = 0;
+  window_.value = seconds;
+  select.value = name;
+  main.append(
+    make("div", { class: "row" }, make("label", {}, "Session", select), lamp, told, disk),
+    make("div", { class: "row" }, pause, hold, make("label", {}, "Window", window_), make("span", { class: "hint" }, "P pauses, H holds the picture to compare with")),
+    canvas, make("details", {}, make("summary", {}, "Scale of each channel"), scales),
+    make("h2", {}, "Trials of this session"), chart,
+    make("div", { class: "scroll" }, make("table", { id: "figures" }, make("thead", {}, make("tr", {}, ...["Trial", "Status", "Peak force, N", "Last encoder turned, °"].map((title, k) => make("th", { scope: "col", class: k > 1 ? "number" : null }, title)))), figures)));
+  const keys = (event) => {
+    if (event.ctrlKey || event.altKey || event.metaKey || event.target.closest?.("input, textarea, select")) return;
+    if (event.key === "p") pause.click(); else if (event.key === "h") hold.click();
+  };
+  document.addEventListener("keydown", keys);
+
+  function connect() {
+    socket = new WebSocket(`ws://${location.host}/live/${at(name)}`);
+    socket.binaryType = "arraybuffer";
+    socket.onmessage = ({ data }) => { if (typeof data === "string") newState(JSON.parse(data)); else newSamples(data); };
+    socket.onclose = ({ reason }) => {
+      if (closed) return;
+      lamp.textContent = reason || "the bench does not answer; asking again";
+      lamp.className = "lamp error";
+      timer = setTimeout(connect, AGAIN_MS);
+    };
+  }
+
+  function newState(now) {
+    const other = !state || !state.recording || now.trial !== state.trial || now.started_utc !== state.started_utc;
+    if (now.recording && (other || !ring)) {
+      ring = new Ring(now.channels.length, now.rate_hz);
+      scale = now.channels.map(() => null);
+      scales.replaceChildren(...now.channels.map((channel, i) => scaleOf(channel, i)));
+      canvas.height = STRIP_PX * now.channels.length;
+    }
+    state = now;
+    lamp.textContent = now.recording ? "● recording" : "○ nothing is being recorded";
+    lamp.className = `lamp ${now.recording ? "on" : ""}`;
+    disk.textContent = `${now.disk_free_gb} GB free`;
+    disk.className = now.disk_free_gb < 2 ? "problem" : "hint";
+    figures.replaceChildren(...[...now.figures].reverse().slice(0, 50).map((row) => make("tr", {}, make("th", { scope: "row" }, String(row.trial)),
+      make("td", { class: row.status === "complete" ? "" : "problem" }, `${row.status}${row.rejected ? ", rejected" : ""}${row.reason ? `: ${row.reason}` : ""}`),
+      ...[row.peak_force_n, row.turned_deg].map((x) => make("td", { class: "number" }, x === null ? "–" : x.toFixed(2))))));
+    drawChart();
+    dirty = true;
+  }
+
+  function newSamples(buffer) {
+    if (!ring) return;
+    const first = new DataView(buffer).getFloat64(0, true);
+    ring.take(first, new Float32Array(buffer, 8));
+    if (!paused) dirty = true;
+  }
+
+  /** By itself, or from–to as typed. */
+  function scaleOf(channel, i) {
+    const low = make("input", { type: "number", step: "any", "aria-label": `${channel.title}, lower end, ${channel.unit}` }), high = make("input", { type: "number", step: "any", "aria-label": `${channel.title}, upper end, ${channel.unit}` });
+    const take = () => { scale[i] = low.value !== "" && high.value !== "" && Number(low.value) < Number(high.value) ? [Number(low.value), Number(high.value)] : null; dirty = true; };
+    low.oninput = high.oninput = take;
+    return make("span", { class: "scale" }, `${channel.title}: `, low, " to ", high, ` ${channel.unit} `);
+  }
+
+  /** Least and largest value of each column of pixels, for every channel. */
+  function picture() {
+    if (!ring || !state) return null;
+    const width = canvas.width - 2 * LEFT_PX, rate = state.rate_hz || 5000, n = Math.round(length * rate), end = paused ? frozen : ring.end;
+    const low = [], high = [];
+    for (let c = 0; c < ring.columns; c++) {
+      const least = new Float32Array(width).fill(NaN), most = new Float32Array(width).fill(NaN);
+      for (let x = 0; x < width; x++) {
+        const from = end - n + Math.floor(x * n / width), to = Math.max(from + 1, end - n + Math.floor((x + 1) * n / width));
+        let a = Infinity, b = -Infinity;
+        for (let k = Math.max(from, 0, ring.end - ring.size); k < to && k < ring.end; k++) {
+          const value = ring.values[(k % ring.size) * ring.columns + c];
+          if (value < a) a = value;
+          if (value > b) b = value;
+        }
+        if (a <= b) { least[x] = a; most[x] = b; }
+      }
+      low.push(least);
+      high.push(most);
+    }
+    return { low, high, end, last: Array.from({ length: ring.columns }, (_, c) => ring.get(end - 1, c)) };
+  }
+
+  function draw() {
+    const now = picture(), pen = canvas.getContext("2d"), style = getComputedStyle(document.documentElement);
+    const ink = style.getPropertyValue("--ink"), soft = style.getPropertyValue("--soft"), line = style.getPropertyValue("--line");
+    pen.clearRect(0, 0, canvas.width, canvas.height);
+    if (!now) return;
+    pen.font = "13px system-ui, sans-serif";
+    state.channels.forEach((channel, c) => {
+      const top = c * STRIP_PX, room = STRIP_PX - 22;
+      let [from, to] = scale[c] || [Infinity, -Infinity];
+      if (!scale[c]) for (const one of [now, held].filter(Boolean)) for (let x = 0; x < one.low[c]?.length; x++) { if (one.low[c][x] < from) from = one.low[c][x]; if (one.high[c][x] > to) to = one.high[c][x]; }
+      if (!(from < to)) { const middle = Number.isFinite(from) ? from : 0; from = middle - 0.5; to = middle + 0.5; }
+      const y = (value) => top + 18 + room * (1 - (value - from) / (to - from));
+      pen.strokeStyle = line;
+      pen.strokeRect(LEFT_PX, top + 18, canvas.width - 2 * LEFT_PX, room);
+      pen.save();
+      pen.beginPath();
+      pen.rect(LEFT_PX, top + 17, canvas.width - 2 * LEFT_PX, room + 2);
+      pen.clip();
+      for (const [one, color] of [[held, soft], [now, channel.color || ink]]) {
+        if (!one || !one.low[c]) continue;
+        pen.fillStyle = color; // a bar a column, to where it meets its neighbour: quicker than a path of so many corners
+        let before = NaN, after = NaN;
+        for (let x = 0; x < one.low[c].length; x++) {
+          if (Number.isNaN(one.low[c][x])) { before = after = NaN; continue; }
+          const upper = y(one.high[c][x]), lower = y(one.low[c][x]);
+          const a = Number.isNaN(after) ? upper : Math.min(upper, after), b = Number.isNaN(before) ? lower : Math.max(lower, before);
+          pen.fillRect(LEFT_PX + x, a - 0.7, 1, b - a + 1.4);
+          before = upper;
+          after = lower;
+        }
+      }
+      pen.restore();
+      pen.fillStyle = ink;
+      pen.fillText(`${channel.title}  ${Number.isFinite(now.last[c]) ? now.last[c].toFixed(2) : "–"} ${channel.unit}`, LEFT_PX, top + 13);
+      pen.fillStyle = soft;
+      pen.textAlign = "right";
+      pen.fillText(`${from.toPrecision(3)} to ${to.toPrecision(3)} ${channel.unit}`, canvas.width - LEFT_PX, top + 13);
+      pen.textAlign = "left";
+    });
+    const rate = state.rate_hz || 1;
+    const trials = state.trial <= state.trials ? ` of ${state.trials}` : "";
+    told.textContent = `trial ${state.trial}${trials}${state.condition ? `, ${state.condition}` : ""}, ${(now.end / rate).toFixed(1)} s${state.planned_s ? ` of ${state.planned_s.toFixed(1)} s` : ""}${ring.lost ? `, ${ring.lost} samples not seen here` : ""}`;
+    canvas.dataset.samples = now.end;
+    canvas.dataset.last = now.last[0];
+    canvas.dataset.drawn = performance.timeOrigin + performance.now();
+  }
+
+  /** Peak force of each trial, with the mean and twice the spread of the complete ones. */
+  function drawChart() {
+    const rows = state.figures.filter((row) => row.peak_force_n !== null), pen = chart.getContext("2d"), style = getComputedStyle(document.documentElement);
+    pen.clearRect(0, 0, chart.width, chart.height);
+    chart.hidden = rows.length < 2;
+    if (rows.length < 2) return;
+    const good = rows.filter((row) => row.status === "complete" && !row.rejected).map((row) => row.peak_force_n);
+    const mean = good.reduce((a, b) => a + b, 0) / good.length, spread = Math.sqrt(good.reduce((a, b) => a + (b - mean) ** 2, 0) / Math.max(good.length - 1, 1));
+    const all = rows.map((row) => row.peak_force_n).concat(good.length > 2 ? [mean - 2 * spread, mean + 2 * spread] : []);
+    const low = Math.min(...all), high = Math.max(...all), y = (v) => 100 - 84 * (v - low) / (high - low || 1), x = (i) => 60 + 520 * (i + 0.5) / rows.length;
+    pen.font = "12px system-ui, sans-serif";
+    pen.fillStyle = style.getPropertyValue("--ink");
+    pen.fillText(`${high.toFixed(1)} N`, 4, 20);
+    pen.fillText(`${low.toFixed(1)} N`, 4, 104);
+    if (good.length > 2) {
+      pen.strokeStyle = style.getPropertyValue("--soft");
+      for (const [value, dash] of [[mean, []], [mean - 2 * spread, [5, 4]], [mean + 2 * spread, [5, 4]]]) { pen.setLineDash(dash); pen.beginPath(); pen.moveTo(60, y(value)); pen.lineTo(580, y(value)); pen.stroke(); }
+      pen.setLineDash([]);
+    }
+    rows.forEach((row, i) => {
+      const fine = row.status === "complete" && !row.rejected;
+      pen.beginPath();
+      if (fine) pen.arc(x(i), y(row.peak_force_n), 4, 0, 7); else pen.rect(x(i) - 4, y(row.peak_force_n) - 4, 8, 8);
+      pen.fillStyle = style.getPropertyValue(fine ? "--mark" : "--warn");
+      pen.fill();
+    });
+  }
+
+  const tick = () => {
+    if (closed) return;
+    if (dirty) { dirty = false; draw(); }
+    requestAnimationFrame(tick);
+  };
+  connect();
+  tick();
+  main.dataset.ready = "true";
+  return () => { closed = true; clearTimeout(timer); document.removeEventListener("keydown", keys); socket?.close(); delete main.dataset.ready; };
+}

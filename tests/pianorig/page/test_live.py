@@ -1,0 +1,165 @@
+"""The scope: every sample once and in order, the state of trial and plan, and a recording that knows nothing of it."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import struct
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from rig.session import Session
+from tests.pianorig.page.conftest import Page
+from tests.pianorig.page.recordings import recording
+from tests.pianorig.page.stories import opened, until
+
+stream_module = pytest.importorskip("pianorig.page.live.live_stream")
+
+
+def rows(samples: bytes, columns: int) -> tuple[int, np.ndarray]:
+    return int(struct.unpack("<d", samples[:8])[0]), np.frombuffer(samples[8:], "<f4").reshape(-1, columns)
+
+
+def test_samples_are_sent_once_in_the_order_of_the_channels(folder: Path) -> None:
+    root = folder / "example_forte"
+    stream = stream_module.LiveStream(root)
+    state, samples = stream.poll()
+    assert state is not None and not state["recording"] and samples == b"" and len(state["figures"]) == 3
+    assert stream.poll() == (None, b"")
+    with recording(root) as made:
+        made.append(700)
+        state, samples = stream.poll()
+        assert state is not None and state["recording"] and (state["trial"], state["rate_hz"]) == (4, 5000.0)
+        names = [channel["name"] for channel in state["channels"]]
+        assert names == ["force", "key", "whippen", "hammer", "motor_command"]
+        assert rows(samples, 5)[0] == 0 and len(rows(samples, 5)[1]) == 700
+        assert stream.poll() == (None, b"")
+        found = [rows(samples, 5)[1]]
+        for count in (1, 2000, 99):
+            made.append(count)
+            state, samples = stream.poll()
+            first, new = rows(samples, 5)
+            assert state is None and (first, len(new)) == (sum(map(len, found)), count)
+            found.append(new)
+        shown, data = np.concatenate(found), made.data
+    n = len(shown)
+    np.testing.assert_allclose(shown[:, 0], data.force_n[:n], atol=1e-5)
+    np.testing.assert_allclose(shown[:, 1:4], np.degrees(data.angle_rad()[:n]) * [-1, 1, -1], atol=1e-5)
+    np.testing.assert_allclose(shown[:, 4], data.motor_command_v[:n], atol=1e-6)
+
+
+def test_a_sealed_trial_brings_its_figures_and_the_next_starts_anew(folder: Path) -> None:
+    root = folder / "example_forte"
+    stream = stream_module.LiveStream(root)
+    stream.poll()
+    with recording(root) as made:
+        made.append(500)
+        stream.poll()
+        data = made.data
+    (root / "trial_0004.journal").unlink()
+    Session.open(root).add_trial(replace(data, number=4, status="fault", reason="force <above> limit", sha256=""))
+    state, samples = stream.poll()
+    assert state is not None and not state["recording"] and samples == b""
+    last = state["figures"][-1]
+    assert (last["trial"], last["status"], last["reason"]) == (4, "fault", "force <above> limit")
+    assert last["peak_force_n"] == pytest.approx(data.force_n.max())
+    Session.open(root).annotate(4, "reject", "fault")
+    state, _ = stream.poll()
+    assert state is not None and state["figures"][-1]["rejected"]
+    with recording(root, 5) as made:
+        made.append(10)
+        state, samples = stream.poll()
+        assert state is not None and state["trial"] == 5 and rows(samples, 5)[0] == 0
+
+
+def test_the_zeros_set_aside_for_a_long_trial_are_not_read(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    root = folder / "example_forte"
+    with recording(root, most_samples=2_000_000) as made:
+        stream = stream_module.LiveStream(root)
+        made.append(100)
+        stream.poll()
+        assert (root / "trial_0004.journal").stat().st_size > 50_000_000
+        asked: list[int] = []
+        real = Path.open
+
+        def open_(path: Path, *arguments: Any, **more: Any) -> Any:
+            stream = real(path, *arguments, **more)
+            if path.suffix == ".journal":
+                read = stream.read
+                stream.read = lambda size=-1: asked.append(size) or read(size)  # type: ignore[method-assign]
+            return stream
+
+        monkeypatch.setattr(Path, "open", open_)
+        for _ in range(3):
+            made.append(50)
+            assert len(rows(stream.poll()[1], 5)[1]) == 50
+        assert len(asked) == 3 and all(0 < size <= 2_000_000 for size in asked)
+
+
+def test_over_the_wire_for_this_page_only(folder: Path, looking: Page) -> None:
+    from tornado.httpclient import HTTPClientError, HTTPRequest
+    from tornado.websocket import websocket_connect
+
+    address = f"ws://127.0.0.1:{looking.port}/live/example_forte"
+    here = f"http://127.0.0.1:{looking.port}"
+
+    async def first_two() -> list[Any]:
+        socket = await websocket_connect(HTTPRequest(address, headers={"Origin": here}))
+        found = [await socket.read_message(), await socket.read_message()]
+        socket.close()
+        assert await socket.read_message() is None  # closed
+        return found
+
+    async def refused(headers: dict[str, str]) -> int:
+        with pytest.raises(HTTPClientError) as caught:
+            await websocket_connect(HTTPRequest(address, headers=headers))
+        return int(caught.value.code)
+
+    async def gone() -> tuple[Any, str | None]:
+        socket = await websocket_connect(HTTPRequest(address.replace("example_forte", ".."), headers={"Origin": here}))
+        message, reason = await socket.read_message(), socket.close_reason
+        socket.close()  # the client's half
+        return message, reason
+
+    with recording(folder / "example_forte") as made:
+        made.append(300)
+        state, samples = asyncio.run(first_two())
+        assert json.loads(state)["recording"] and len(rows(samples, 5)[1]) == 300
+        for headers in (
+            {"Origin": "http://evil.example"},
+            {"Origin": "null"},
+            {"Origin": here, "Host": "evil.example"},
+        ):
+            assert asyncio.run(refused(headers)) == 403
+        message, reason = asyncio.run(gone())
+        assert message is None and "no session" in str(reason)
+
+
+def test_a_recording_rolls_by_pauses_and_is_found_again(browser: Any, folder: Path, looking: Page) -> None:
+    root = folder / "example_forte"
+    drawn = "Number(document.querySelector('.scope').dataset.samples)"
+    with recording(root) as made, opened(browser, looking, f"{looking.address}#live") as tab:
+        tab.locator("main[data-ready]").wait_for()
+        tab.get_by_text("● recording").wait_for()
+        for _ in range(5):
+            made.append(400)
+        until(tab, f"{drawn} === 2000")
+        assert "trial 4" in tab.locator(".values").first.inner_text()
+        tab.keyboard.press("p")
+        made.append(400)
+        tab.wait_for_timeout(200)
+        assert tab.evaluate(drawn) == 2000
+        tab.keyboard.press("p")
+        until(tab, f"{drawn} === 2400")
+        assert tab.evaluate("Number(document.querySelector('.scope').dataset.last)") == pytest.approx(
+            float(made.data.force_n[2399]), abs=1e-4
+        )
+        tab.reload()
+        until(tab, f"document.querySelector('.scope') && {drawn} === 2400")
+        made.append(100)
+        until(tab, f"{drawn} === 2500")
+        assert made.writer.committed_samples == 2500
