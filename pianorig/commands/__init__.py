@@ -40,6 +40,7 @@ COMMANDS = {
     "calibrate-felt": Listed("model.calibrate_felt", "Calibrate felt, friction, string damping and inertia."),
     "validate": Listed("validation.validate", "Report how well models predict the measured angles."),
     "calibrate-force": Listed("bench.calibrate_force", "Calibrate the load cell: weights, shunt or zero."),
+    "calibrate-encoder": Listed("bench.calibrate_encoder", "Calibrate an encoder over its arc."),
     "calibrate-joint": Listed("bench.calibrate_joint", "Calibrate the friction of a joint by free swings."),
     "serve-sim": Listed("bench.serve_sim", "Serve the virtual DAQ device over TCP until Ctrl-C."),
     "selftest": Listed("bench.selftest", "Test a bench with gentle pushes before the first blow."),
