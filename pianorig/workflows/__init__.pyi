@@ -1,4 +1,5 @@
 from .bench.access import BenchAccess as BenchAccess
+from .bench.calibration.encoder import calibrate_encoder as calibrate_encoder
 from .bench.calibration.force import CalibrationOrder as CalibrationOrder
 from .bench.calibration.force import calibrate_force as calibrate_force
 from .bench.calibration.joint import calibrate_joint as calibrate_joint

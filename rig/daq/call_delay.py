@@ -59,7 +59,8 @@ def reset_interval_s(config: RigConfig) -> float:
 def calls_per_block(config: RigConfig) -> int:
     """Return the driver calls of one block: one read a task, the state of the generation, the watchdog's reset."""
     counted = config.camera is not None and config.camera.mode == "counted"
-    return 1 + len(config.encoders) + int(counted) + 1 + int(config.watchdog is not None)
+    further = int(counted) + int(config.key_opposite is not None)
+    return 1 + len(config.encoders) + further + 1 + int(config.watchdog is not None)
 
 
 def shortest_block_s(config: RigConfig, delay: CallDelay) -> float:

@@ -7,7 +7,7 @@ force are the felt's. The curves go to ``derived/felt/`` of the session.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Unpack
 
@@ -33,7 +33,7 @@ from rig.recording.trial_plan import Entry
 from rig.recording.trial_sequence import record_entries
 from rig.safety.permission import require_permission
 from rig.session.annotation_file import utc_now
-from rig.session.folder import Session
+from rig.session.folder import Session, Trial
 from rig.session.info import ActionInfo, FileInfo, PlanInfo, RoomInfo, SessionInfo
 from rig.storage.atomic_write import write_text
 from rig.storage.file_errors import refused
@@ -157,14 +157,31 @@ class _Press:
         body = [encoder.name for encoder in self.config.encoders].index(self.setup.encoder)
         checked_command(profile, self.config, 0.99 * self.config.limits.travel_rad[body], body)
 
-    def play(self, session: Session, backend: Backend, profiles: Sequence[Profile], first: int) -> None:
+    def evaluated(self, session: Session, trial: Trial) -> FeltPress:
+        """Evaluate a press and write its curve."""
+        curve = press_curve(trial.read(), self.setup)
+        folder = session.path / FOLDER
+        with refused(folder, "created"):
+            folder.mkdir(parents=True, exist_ok=True)
+        file = folder / f"trial_{trial.number:04d}.csv"
+        write_text(file, curve.table())
+        return FeltPress(trial.number, curve, file)
+
+    def play(
+        self,
+        session: Session,
+        backend: Backend,
+        profiles: Sequence[Profile],
+        first: int,
+        options: RecordingOptions | None = None,
+    ) -> None:
         """Record these presses as the trials from ``first`` on."""
         for profile in profiles:
             self.command(profile)
         entries = [Entry(first + k, f"press-{first + k}", profile) for k, profile in enumerate(profiles)]
         for entry in entries:
             write_text(session.path / f"profile_{entry.number:04d}.toml", entry.profile.text)
-        record_entries(session, backend, self.config, entries, self.options, first_number=first)
+        record_entries(session, backend, self.config, entries, options or self.options, first_number=first)
 
     def block(self, session: Session, backend: Backend) -> FeltSession:
         self.play(session, backend, [ramp(max(self.order.peaks_n))] * BLOCK_PRESSES, 1)
@@ -186,16 +203,15 @@ class _Press:
             for _ in range(order.repeats)
         ]
         backend.wait(order.rest_s)
-        self.play(session, backend, shaped, 2)
-        folder = session.path / FOLDER
-        with refused(folder, "created"):
-            folder.mkdir(parents=True, exist_ok=True)
-        presses = []
-        for trial in session.trials[1:]:
-            curve = press_curve(trial.read(), self.setup)
-            file = folder / f"trial_{trial.number:04d}.csv"
-            write_text(file, curve.table())
-            presses.append(FeltPress(trial.number, curve, file))
+        presses: list[FeltPress] = []
+
+        def evaluate(trial: Trial) -> None:
+            # at once: what ends the recording later takes no curve with it
+            presses.append(self.evaluated(session, trial))
+            if self.options.after_trial is not None:
+                self.options.after_trial(trial)
+
+        self.play(session, backend, shaped, 2, replace(self.options, after_trial=evaluate))
         return FeltSession(session, tuple(presses))
 
 

@@ -35,6 +35,8 @@ from rig.session.info import ActionInfo, FileInfo, PlanInfo, RoomInfo, SessionIn
 from rig.session.journal.trial_head import TrialHead
 from rig.session.journal.writer import JournalWriter
 
+CALM_BLOCK_S = 0.1
+"""Length of a block while nobody plays."""
 ROTATE_S = 10.0
 """A journal in which nobody has played for so long is begun afresh."""
 
@@ -175,9 +177,14 @@ class _Stream:
         self, timing: Timing, settings: StrokeSettings, detector: StrokeDetector, most: int, duration_s: float
     ) -> None:
         rate = timing.sample_rate_hz
-        size = max(int(round(self._config.recording.block_s * rate)), int(np.ceil(timing.shortest_block_s * rate)), 1)
+        shortest = max(
+            int(round(self._config.recording.block_s * rate)), int(np.ceil(timing.shortest_block_s * rate)), 1
+        )
+        calm = max(shortest, int(CALM_BLOCK_S * rate))
         read, sealed = 0, 0
         while sealed < most and read / rate < duration_s:
+            # nothing moves that a limit could stop: what nobody plays is read in few calls
+            size = shortest if detector.playing else calm
             block = self._backend.read_block(size, size / rate + LATE_S)
             read += size
             assert self._journal is not None

@@ -63,6 +63,8 @@ class EncoderInfo:
     u_eccentricity_rad: float = 0.0
     u_pivot_shift_rad: float = 0.0
     calibration: str = ""
+    arc_gain: float = 1.0
+    """True angle over reading, over the arc the body turns."""
 
     @classmethod
     def of(cls, config: EncoderConfig) -> EncoderInfo:
@@ -86,7 +88,7 @@ class EncoderInfo:
     @property
     def rad_per_count(self) -> float:
         """Signed angle of one count, rad."""
-        return self.sign * 2.0 * np.pi / self.counts_per_revolution
+        return self.sign * 2.0 * np.pi / self.counts_per_revolution * self.arc_gain
 
 
 @dataclass(frozen=True)

@@ -41,6 +41,10 @@ NOT_STARTED = _status(
 )
 PAST_THE_END = _status(-200278, "The read is past the last sample of a finite acquisition.")
 DUPLICATE_TASK = _status(-200089, "A task of that name exists already.")
+NO_SUCH_GLOBAL_CHANNEL = _status(-200882, "Global channel specified does not exist.")
+NO_SAVED_TASK = _status(-200485, "Task specified is not saved on this system.")
+NO_SUCH_TARGET = _status(-89121, "Destination terminal to be routed could not be found on the device.")
+TRIGGER_ON_DEMAND = _status(-200262, "A trigger is set, but the samples are taken on demand.")
 INVALID_TASK = _status(-200088, "Task is invalid or does not exist.")
 NO_CHANNELS = _status(-200478, "The task has no channels.")
 NO_SUCH_SCALE = _status(-200378, "Custom scale specified does not exist.")
@@ -76,6 +80,7 @@ EVENT_WHILE_RUNNING = _status(-200960, "Events are registered before the task is
 NO_ACQUIRED_EVENT = _status(-200981, "Samples acquired into the buffer are no event of this task.")
 NO_TRANSFERRED_EVENT = _status(-200980, "Samples transferred from the buffer are no event of this task.")
 NOT_WHILE_UNRESERVED = _status(-200983, "The property can be asked only while the task is reserved, committed or runs.")
+TRANSFERRED_EVENT_REGISTERED = _status(-200967, "The event is registered for this task already.")
 EVENT_REGISTERED = {
     call: _status(code, "The event is registered for this task already.")
     for call, code in (

@@ -70,6 +70,8 @@ def command(
 
     Example:  pianorig record --profile forte --trials 5 --film 1 --out sessions/try
     """
+    if dry_run and felt is not None:
+        raise CommandInputError("--felt: a press is shaped from the ramp before it; not with --dry-run")
     if dry_run and not passive:
         found = workflows.rehearse(profile, rig, backend)
         if as_json:

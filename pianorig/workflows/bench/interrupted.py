@@ -44,6 +44,7 @@ def _left(folder: Path) -> str:
     if not trials:
         return f"no trial was recorded; session at {folder}"
     last, planned = trials[-1].number, session.info.plan.trials
-    lacking = 0 if session.info.profile.name == PASSIVE else planned - states.count("complete")
+    unplanned = session.info.profile.name == PASSIVE or session.info.kind == "felt"
+    lacking = 0 if unplanned else planned - states.count("complete")
     more = f", {lacking} of {planned} trials to go: pianorig record --resume {folder}" if lacking > 0 else ""
     return f"trial {last} sealed as {states[-1]}; session at {folder}{more}"

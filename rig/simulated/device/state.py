@@ -35,6 +35,10 @@ class WatchdogTimer:
     """By full name of the analog output."""
     lines: dict[str, bool | None] = field(default_factory=dict)
     """By full name of the line; None leaves it as it is."""
+    levels: dict[str, int] = field(default_factory=dict)
+    """The expiration states of the lines as the client gave them."""
+    settings: dict[int, str | int] = field(default_factory=dict)
+    """Further properties by the driver's number, of an expiration by a trigger."""
     running: bool = False
     expired: bool = False
     reset_at_s: float = 0.0
@@ -108,13 +112,26 @@ class DeviceState:
         return line is None or self.lines.get(self.inventory.full_name(line), False)
 
 
-def commit(device: DeviceState, task: SimulatedTask) -> None:
-    """Reserve the task's resources; refuses what another task has reserved."""
+def verify(device: DeviceState, task: SimulatedTask) -> None:
+    """Refuse settings that cannot be together, and those that the virtual device cannot act on."""
     if not task.channels:
         raise DaqStatusError(status.NO_CHANNELS, f"Task: {task.name}")
+    if task.unsimulated.keys() & {"start trigger", "reference trigger"} and task.timing.clock is None:
+        raise DaqStatusError(status.TRIGGER_ON_DEMAND, f"Task: {task.name}")
+    for (category, _, number), value in task.properties.items():
+        if category == "ExportedSignal" and isinstance(value, str) and value:
+            try:
+                device.inventory.terminal(value, output=True)
+            except DaqStatusError:
+                raise DaqStatusError(status.NO_SUCH_TARGET, f"Property: 0x{number:04X}: {value!r}") from None
     if task.unsimulated:
         settings = ", ".join(f"{name} = {value}" for name, value in task.unsimulated.items())
         raise DaqStatusError(status.ATTRIBUTE_NOT_SUPPORTED, f"Task: {task.name}: not simulated: {settings}")
+
+
+def commit(device: DeviceState, task: SimulatedTask) -> None:
+    """Reserve the task's resources; refuses what another task has reserved."""
+    verify(device, task)
     device.reservations.reserve(task)
     if task.state == "unreserved":
         task.state = "committed"

@@ -60,6 +60,7 @@ def set_expiration_level(device: DeviceState, timer: WatchdogTimer, line: str, l
         raise DaqStatusError(status.INVALID_VALUE, f"Expiration state of {line}: {level}")
     _same_device(device, timer, line)
     # tri-stated, the line falls to low: the bench's pull-down
+    timer.levels[device.inventory.channel(line, "line").name] = level
     timer.lines[device.inventory.channel(line, "line").name] = None if level == daqmx.NO_CHANGE else level == daqmx.HIGH
 
 
@@ -80,6 +81,8 @@ def start_watchdog(device: DeviceState, task: SimulatedTask) -> None:
     ]
     if others and "voltage_out" in owner.product.watchdog_reach:
         raise DaqStatusError(status.WATCHDOG_WHILE_OTHERS_RESERVED, f"Task: {task.name}, reserved: {others[0]}")
+    if any(isinstance(value, str) and value for value in timer.settings.values()):
+        raise DaqStatusError(status.ATTRIBUTE_NOT_SUPPORTED, f"Task: {task.name}: not simulated: expiration trigger")
     timer.running, timer.reset_at_s = True, device.bench.clock.elapsed_s
     task.state = "running"
 

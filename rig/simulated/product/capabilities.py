@@ -80,6 +80,8 @@ class Product:
     """Whether the bridge input is a 9237's: rates of 50 kHz/n, delay of its filter."""
     bridge_delay_s: float = 0.0
     """Delay of another bridge input."""
+    apfi: bool = False
+    """Whether it has the analog terminals APFI0 and APFI1."""
     rtsi: bool = False
     """Whether it has a connector for the RTSI cable."""
     timebases: str = r"(?!)"
@@ -171,5 +173,6 @@ PCIE_6363 = Product(
     ao_rates_hz=(2.86e6, 2.0e6, 1.54e6, 1.25e6),
     timebases=r"(100|20)MHzTimebase|100kHzTimebase|Ctr[0-3]InternalOutput",
     rtsi=True,
+    apfi=True,
     watchdog_reach=("line",),  # X Series manual: digital and PFI lines, not the analog outputs
 )

@@ -45,7 +45,9 @@ class EventStreams:
         if task.state == "running":
             raise DaqStatusError(status.EVENT_WHILE_RUNNING, f"Task: {task.name}")
         if self._like(call, request):
-            raise DaqStatusError(status.EVENT_REGISTERED[call], f"Task: {task.name}")
+            output = call == "RegisterEveryNSamplesEvent" and task.type in ("AO", "DO")
+            code = status.TRANSFERRED_EVENT_REGISTERED if output else status.EVENT_REGISTERED[call]
+            raise DaqStatusError(code, f"Task: {task.name}")
         self._registered.append(EventStream(self, call, request, task, is_due))
         return self._registered[-1]
 

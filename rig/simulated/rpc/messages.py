@@ -60,7 +60,7 @@ def attribute_fields(call: str, value: Any) -> dict[str, Any]:
 
 def property_number(category: str, name: str) -> int:
     """Return the driver's number of a property, e.g. of ``SAMP_CLK_RATE`` in category ``Timing``."""
-    prefix = {"Chan": "CHANNEL", "Trig": "TRIGGER"}.get(category, category.upper())
+    prefix = {"Chan": "CHANNEL", "Trig": "TRIGGER", "ExportedSignal": "EXPORTSIGNAL"}.get(category, category.upper())
     return int(getattr(nidaqmx_pb2, f"{prefix}_ATTRIBUTE_{name}"))
 
 

@@ -19,9 +19,11 @@ from rig.simulated.device.state import DeviceState
 from rig.simulated.device.task import SimulatedTask
 from rig.simulated.device.watchdog import check_watchdogs, refuse_locked
 from rig.simulated.driver.tasks import find_task
+from rig.simulated.rpc.calls.calibration import CALIBRATION_CALLS
 from rig.simulated.rpc.calls.channels import CHANNEL_CALLS
 from rig.simulated.rpc.calls.data import DATA_CALLS
 from rig.simulated.rpc.calls.device import DEVICE_CALLS
+from rig.simulated.rpc.calls.physical_channels import PHYSICAL_CHANNEL_CALLS
 from rig.simulated.rpc.calls.scales import SCALE_CALLS
 from rig.simulated.rpc.calls.task import TASK_CALLS, refuse_failed
 from rig.simulated.rpc.calls.timing import TIMING_CALLS
@@ -34,7 +36,7 @@ from rig.simulated.rpc.properties import task as task_properties
 from rig.simulated.status import NotImplementedByDevice, SessionRefused
 from rig.simulated.timing.wait import go_on, let_pass, question_asked
 
-_ATTRIBUTE_CALL = re.compile(r"(Get|Set|Reset)(Task|Timing|Read|Write|Buffer|Chan|Trig)Attribute(\w*)")
+_ATTRIBUTE_CALL = re.compile(r"(Get|Set|Reset)(Task|Timing|Read|Write|Buffer|Chan|Trig|ExportedSignal)Attribute(\w*)")
 _QUESTION = re.compile(r"IsTaskDone|Get(Read|Write)Attribute\w+|Get(Chan|Task)Attribute(Bool|UInt32)")
 """Calls that ask how far a task is."""
 TRACE_LENGTH = 100_000
@@ -153,5 +155,11 @@ def _refusal_of(call: str) -> int:
     return status.ATTRIBUTE_NOT_SUPPORTED
 
 
-_DEVICE_CALLS: dict[str, DeviceHandler] = {**DEVICE_CALLS, **SCALE_CALLS, **WATCHDOG_CALLS}
+_DEVICE_CALLS: dict[str, DeviceHandler] = {
+    **DEVICE_CALLS,
+    **SCALE_CALLS,
+    **WATCHDOG_CALLS,
+    **CALIBRATION_CALLS,
+    **PHYSICAL_CHANNEL_CALLS,
+}
 _TASK_CALLS: dict[str, TaskHandler] = {**TASK_CALLS, **CHANNEL_CALLS, **TIMING_CALLS, **DATA_CALLS, **WAVEFORM_CALLS}

@@ -133,6 +133,17 @@ def test_force_and_depth_have_their_limits(tmp_path: Path) -> None:
     assert [trial.status for trial in rig.Session.open(tmp_path / "b").trials] == ["fault"]
 
 
+def test_what_ends_a_recording_takes_no_curve_with_it(tmp_path: Path) -> None:
+    def stop(trial: rig.Trial) -> None:
+        if trial.number == 2:
+            raise KeyboardInterrupt
+
+    order = rig.FeltOrder("contact02", (0.01, 0.02), (15.0,), rest_s=0.0)
+    with pytest.raises(KeyboardInterrupt):
+        rig.record_felt(tmp_path / "s", order, backend="sim://?felt=contact02", after_trial=stop)
+    assert [file.name for file in (tmp_path / "s" / "derived" / "felt").iterdir()] == ["trial_0002.csv"]
+
+
 def test_an_arm_that_is_not_on_the_felt_is_stopped_or_refused(tmp_path: Path) -> None:
     """The action is under the arm, not a felt: the key gives way beyond what a felt may."""
     with pytest.raises(rig.RigError, match=r"encoder|felt"):

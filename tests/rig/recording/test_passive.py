@@ -171,7 +171,24 @@ def test_a_second_program_sees_it_alive_between_strokes_and_within(tmp_path) -> 
             seen.append((at.time_s, view.trial, view.sealed))
 
     record_passive(tmp_path / "s", backend=Player(), strokes=2, progress=progress)
-    assert len(seen) > 0.9 * 6.3 * 50 and {trial for _, trial, _ in seen} == {1, 2}
+    assert {trial for _, trial, _ in seen} == {1, 2}
+    gaps = np.diff([time_s for time_s, _, _ in seen])
+    assert gaps.max() < 0.1 + 1e-9  # ten times a second while nobody plays,
+    assert np.isclose(gaps, 0.02).sum() > 20  # with every block of a stroke
+
+
+def test_few_calls_are_made_while_nobody_plays(tmp_path) -> None:
+    sizes: list[tuple[int, int]] = []
+
+    class Counted(Player):
+        def read_block(self, n_samples: int, timeout_s: float) -> Block:
+            sizes.append((self.next, n_samples))
+            return super().read_block(n_samples, timeout_s)
+
+    record_passive(tmp_path / "s", backend=Counted(), strokes=1)
+    quiet = [n for first, n in sizes if first + n < 1.9 * RATE]
+    playing = [n for first, n in sizes if 2.15 * RATE < first < 2.3 * RATE]
+    assert set(quiet) == {int(0.1 * RATE)} and set(playing) == {int(0.02 * RATE)}
 
 
 def test_on_the_virtual_device_nothing_drives_the_motor(tmp_path, assert_safe) -> None:

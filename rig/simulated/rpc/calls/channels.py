@@ -17,6 +17,8 @@ from rig.simulated.signals.input_readings import NEWTON_IN
 from rig.simulated.status import DaqStatusError, one_of
 
 INTERNAL_EXCITATION = 10200
+RTD, VOLTAGE_WITH_EXCITATION = 10301, 10323
+VOLTS_OF_SENSOR = 10.0
 CHAN_FOR_ALL_LINES = 1
 DEFAULT, RSE, NRSE, DIFFERENTIAL = -1, 10083, 10078, 10106
 BRIDGE_CONFIGURATIONS = (10182, 10187, 10270)
@@ -91,6 +93,20 @@ def ai_voltage(device: DeviceState, task: SimulatedTask, request: Any) -> None:
         channel.settings["terminal_config"] = (DIFFERENTIAL if paired else RSE) if wanted == DEFAULT else wanted
 
 
+def ai_sensor(kind: int, what: str) -> TaskHandler:
+    """A voltage input with a sensor that the virtual bench does not have: the channel is made, its task is refused."""
+
+    def create(device: DeviceState, task: SimulatedTask, request: Any) -> None:
+        _increasing(request)
+        add_channels(
+            device, task, "AI", "voltage_in", request.physical_channel, request.name_to_assign_to_channel,
+            min_val=-VOLTS_OF_SENSOR, max_val=VOLTS_OF_SENSOR, type=kind,
+        )  # fmt: skip
+        task.unsimulated["measurement"] = what
+
+    return create
+
+
 def ao_voltage(device: DeviceState, task: SimulatedTask, request: Any) -> None:
     """AO voltage within the device's range."""
     _increasing(request)
@@ -117,6 +133,8 @@ def digital_lines(type_: Literal["DI", "DO"]) -> TaskHandler:
 CHANNEL_CALLS: dict[str, TaskHandler] = {
     "CreateAIForceBridgeTwoPointLinChan": force_bridge_two_point,
     "CreateAIVoltageChan": ai_voltage,
+    "CreateAIVoltageChanWithExcit": ai_sensor(VOLTAGE_WITH_EXCITATION, "voltage with excitation"),
+    "CreateAIRTDChan": ai_sensor(RTD, "resistance thermometer"),
     "CreateAOVoltageChan": ao_voltage,
     "CreateDOChan": digital_lines("DO"),
     "CreateDIChan": digital_lines("DI"),

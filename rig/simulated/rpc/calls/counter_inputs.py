@@ -6,6 +6,7 @@ the product has none the client must set the terminal.
 
 from __future__ import annotations
 
+import re
 from typing import Any, Literal
 
 from rig.simulated import daqmx, status
@@ -21,6 +22,8 @@ COUNT_UP, COUNT_DOWN = 10128, 10124
 LOW_FREQUENCY, HIGH_FREQUENCY, LARGE_RANGE, DYNAMIC = 10105, 10157, 10205, 16065
 LINEAR_ENCODER = 10361
 Z_PHASES = (10040, 10041, 10042, 10043)
+TWO_PULSES = 10313
+SEMI_PERIOD, TWO_EDGES = 10289, 10267
 TWO_COUNTERS = (HIGH_FREQUENCY, LARGE_RANGE)
 
 
@@ -33,7 +36,7 @@ def _index(request: Any) -> dict[str, Any]:
 
 def _decoding(request: Any) -> int:
     decoding = enum(request, "decoding_type")
-    one_of(decoding, (daqmx.X1, daqmx.X2, daqmx.X4), "Decoding type")
+    one_of(decoding, (daqmx.X1, daqmx.X2, daqmx.X4, TWO_PULSES), "Decoding type")
     return decoding
 
 
@@ -66,6 +69,8 @@ def ci_linear_encoder(device: DeviceState, task: SimulatedTask, request: Any) ->
 
 
 def _set_encoder_terminals(device: DeviceState, task: SimulatedTask) -> None:
+    if task.channels[-1].settings["decoding_type"] == TWO_PULSES:
+        task.unsimulated["decoding"] = "two pulses"
     _set_terminal(device, task, daqmx.CI_ENCODER_A_INPUT_TERM, "source")
     _set_terminal(device, task, daqmx.CI_ENCODER_B_INPUT_TERM, "auxiliary")
     _set_terminal(device, task, daqmx.CI_ENCODER_Z_INPUT_TERM, "gate")
@@ -108,10 +113,16 @@ def _of_pulses(measures: str, *units: int) -> TaskHandler:
             if edge in names:
                 one_of(enum(request, edge), (daqmx.RISING, daqmx.FALLING), "Edge")
                 settings["edge"] = enum(request, edge)
+        if "source_terminal" in names and request.source_terminal not in ("", "OnboardClock"):
+            terminal = device.inventory.terminal(request.source_terminal)
+            settings["timebase_src"] = "/" + device.inventory.full_name(terminal)
+            if not re.fullmatch(r"\d+[Mk]HzTimebase", device.inventory.own_name(terminal)):
+                task.unsimulated["counter timebase"] = request.source_terminal
         pin: Literal["source", "gate"] = "gate"
         if "meas_method" in names:
             method = enum(request, "meas_method")
             one_of(method, (LOW_FREQUENCY, *TWO_COUNTERS, DYNAMIC), "Measurement method")
+            settings |= {"method": method, "meas_time": request.meas_time, "divisor": int(request.divisor)}
             if method in TWO_COUNTERS:
                 settings["two_counters"], pin = True, "source"
         add_channels(
@@ -129,6 +140,26 @@ def _of_pulses(measures: str, *units: int) -> TaskHandler:
     return create
 
 
+def _unsimulated_measurement(kind: int, what: str) -> TaskHandler:
+    """A measurement that the product has and the virtual bench does not: the channel is made, its task is refused."""
+
+    def create(device: DeviceState, task: SimulatedTask, request: Any) -> None:
+        one_of(enum(request, "units"), (daqmx.SECONDS, daqmx.TICKS), "Units")
+        if not 0 < request.min_val < request.max_val:
+            raise DaqStatusError(status.MIN_NOT_LESS_THAN_MAX, f"Limits {request.min_val:g} to {request.max_val:g}")
+        settings: dict[str, Any] = {"units": enum(request, "units"), "type": kind}
+        settings |= {"min_val": request.min_val, "max_val": request.max_val}
+        if kind == TWO_EDGES:
+            for edge in ("first_edge", "second_edge"):
+                one_of(enum(request, edge), (daqmx.RISING, daqmx.FALLING), "Edge")
+                settings[edge] = enum(request, edge)
+        name = request.name_to_assign_to_channel
+        add_channels(device, task, "CI", "counter", request.counter, name, **settings)
+        task.unsimulated["measurement"] = what
+
+    return create
+
+
 COUNTER_INPUT_CALLS: dict[str, TaskHandler] = {
     "CreateCIAngEncoderChan": ci_angular_encoder,
     "CreateCILinEncoderChan": ci_linear_encoder,
@@ -136,6 +167,8 @@ COUNTER_INPUT_CALLS: dict[str, TaskHandler] = {
     "CreateCIFreqChan": _of_pulses(daqmx.FREQUENCY, daqmx.HERTZ, daqmx.TICKS),
     "CreateCIPeriodChan": _of_pulses(daqmx.PERIOD, daqmx.SECONDS, daqmx.TICKS),
     "CreateCIPulseWidthChan": _of_pulses(daqmx.WIDTH, daqmx.SECONDS, daqmx.TICKS),
+    "CreateCISemiPeriodChan": _unsimulated_measurement(SEMI_PERIOD, "semi-period"),
+    "CreateCITwoEdgeSepChan": _unsimulated_measurement(TWO_EDGES, "two-edge separation"),
     "CreateCIPulseChanFreq": _of_pulses(daqmx.PULSE_FREQUENCY, daqmx.HERTZ),
     "CreateCIPulseChanTime": _of_pulses(daqmx.PULSE_TIME, daqmx.SECONDS),
     "CreateCIPulseChanTicks": _of_pulses(daqmx.PULSE_TICKS, daqmx.TICKS),

@@ -88,15 +88,17 @@ def _add_output(
     duty: float,
     delay_s: float,
 ) -> None:
-    if enum(request, "idle_state") != daqmx.LOW:
-        raise NotImplementedByDevice("pulses from a high idle state")
+    idle = enum(request, "idle_state")
+    one_of(idle, (daqmx.LOW, daqmx.HIGH), "Idle state")
     timebase = device.inventory.of(request.counter).product.counter_timebase_hz
     if not delay_s * timebase < 2**32:
         raise DaqStatusError(status.INVALID_VALUE, f"Initial delay {delay_s:g} s")
     add_channels(
         device, task, "CO", "counter", request.counter, request.name_to_assign_to_channel,
-        output_type=output_type, idle_state=daqmx.LOW,
+        output_type=output_type, idle_state=idle,
     )  # fmt: skip
+    if idle == daqmx.HIGH:
+        task.unsimulated["idle state"] = "high"
     name = task.channels[-1].name
     task.properties["Chan", name, daqmx.CO_PULSE_FREQ] = rate_hz
     task.properties["Chan", name, daqmx.CO_PULSE_DUTY_CYC] = duty

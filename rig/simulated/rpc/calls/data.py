@@ -150,6 +150,19 @@ def _write_analog(device: DeviceState, task: SimulatedTask, request: Any) -> Fie
     return {"samps_per_chan_written": values.shape[0]}
 
 
+def _write_raw(device: DeviceState, task: SimulatedTask, request: Any) -> Fields:
+    """Take codes of 16-bit converters, in the order of the channels, scan by scan."""
+    refuse_other_type(task, "AO")
+    codes = np.frombuffer(request.write_array, dtype="<i2")
+    n, columns = int(request.num_samps), len(task.channels)
+    if n < 1 or n * columns > codes.size:
+        raise DaqStatusError(status.WRONG_SIZE, f"{codes.size} codes for {columns} channels and {n} samples")
+    reach = np.array([device.inventory.of(c.physical.name).product.ao_range_v for c in task.channels])
+    volts = codes[: n * columns].reshape(n, columns) * (reach / 2**15)
+    writing.write_volts(device, task, volts, request.auto_start, request.timeout)
+    return {"samps_per_chan_written": n}
+
+
 def _table(request: Any, values: NDArray[Any], columns: int) -> NDArray[Any]:
     n = _wanted(request)
     if n < 1 or n * columns != values.size:
@@ -251,6 +264,7 @@ DATA_CALLS: dict[str, TaskHandler] = {
     "ReadDigitalLines": _read("DI", lines_by_channel, as_bytes=True),
     "WriteAnalogF64": _write_analog,
     "WriteAnalogScalarF64": _write_analog_scalar,
+    "WriteRaw": _write_raw,
     "WriteDigitalLines": _write_lines,
     **dict.fromkeys(("WriteDigitalU32", "WriteDigitalU16", "WriteDigitalU8"), _write_words),
     "WriteDigitalScalarU32": _write_word,

@@ -57,7 +57,7 @@ DEVICE_CALLS: dict[str, DeviceHandler] = {
         device, request, lambda: create_task(device, request.session_name)
     ),
     "GetErrorString": lambda device, request: {
-        "error_string": status.TEXTS.get(request.error_code, "Unknown status code.")
+        "error_string": status.TEXTS.get(request.error_code, "Error code could not be found.")
     },
     "GetSystemInfoAttributeUInt32": _system_number,
     "GetSystemInfoAttributeString": _system_text,

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 from rig.simulated import status
-from rig.simulated.device.state import DeviceState, commit, release
+from rig.simulated.device.state import DeviceState, commit, release, verify
 from rig.simulated.device.task import SimulatedTask
 from rig.simulated.driver.tasks import clear_task, start_task, stop_task
 from rig.simulated.rpc.handlers import Fields, TaskHandler
@@ -29,7 +29,9 @@ def _control(device: DeviceState, task: SimulatedTask, request: Any) -> None:
     elif action == UNRESERVE:
         release(device, task)
         task.output.samples = None  # the buffer goes with the reservation
-    elif action != VERIFY:
+    elif action == VERIFY:
+        verify(device, task)
+    else:
         raise DaqStatusError(status.INVALID_VALUE, f"Task action {action}")
 
 

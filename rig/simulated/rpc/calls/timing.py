@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Callable
 from typing import Any
 
 from rig.simulated import daqmx, status
@@ -9,11 +11,24 @@ from rig.simulated.device.state import DeviceState
 from rig.simulated.device.task import SampleClock, SimulatedTask, Timing
 from rig.simulated.driver.configuration import configure_clock
 from rig.simulated.rpc.handlers import TaskHandler
-from rig.simulated.rpc.messages import enum
+from rig.simulated.rpc.messages import enum, property_number
 from rig.simulated.status import DaqStatusError, NotImplementedByDevice
 
+SHAPES = {"analog edge": "ANLG_EDGE", "analog window": "ANLG_WIN"}
+FIELDS: dict[str, dict[str, Callable[[Any], Any]]] = {
+    "analog edge": {"SLOPE": lambda r: enum(r, "trigger_slope"), "LVL": lambda r: float(r.trigger_level)},
+    "analog window": {
+        "WHEN": lambda r: enum(r, "trigger_when"),
+        "TOP": lambda r: float(r.window_top),
+        "BTM": lambda r: float(r.window_bottom),
+    },
+}
+"""Settings of an analog trigger in a request, by the end of their names."""
 UNKNOWN_RATE_HZ = 1000.0
 """Taken for a clock of unknown rate, so that its task gets the buffer of 10 kS that the driver gives it."""
+DIG_EDGE_REF_TRIG_SRC = property_number("Trig", "DIG_EDGE_REF_TRIG_SRC")
+PRETRIGGER_SAMPLES = property_number("Trig", "REF_TRIG_PRETRIG_SAMPLES")
+DIG_EDGE_REF_TRIG_EDGE = property_number("Trig", "DIG_EDGE_REF_TRIG_EDGE")
 SIGNALS = {12487: "SampleClock", 12491: "StartTrigger"}
 
 
@@ -56,14 +71,40 @@ def _start_trigger(device: DeviceState, task: SimulatedTask, request: Any) -> No
     task.triggers.start = device.inventory.terminal(request.trigger_source)
 
 
+def _keep_pretrigger(task: SimulatedTask, request: Any) -> None:
+    task.triggers.pretrigger_samples = int(request.pretrigger_samples)
+    task.properties["Trig", "", PRETRIGGER_SAMPLES] = task.triggers.pretrigger_samples
+
+
+def trigger_source(device: DeviceState, task: SimulatedTask, name: str) -> str:
+    """Check the source of an analog trigger: an analog terminal of the card, or an input by its channel's name."""
+    owner = device.inventory.of(task.channels[0].physical.name)
+    relative = name.removeprefix(f"/{owner.name}/")
+    if re.fullmatch(r"APFI[01]", relative) and owner.product.apfi:
+        return f"/{owner.name}/{relative}"
+    if any(name in (channel.name, channel.physical.name) for channel in task.channels):
+        return name
+    return device.inventory.channel(name, "voltage_in").name
+
+
 def _unsimulated(which: str, kind: str) -> TaskHandler:
     """A trigger that the virtual bench does not have: taken like a setting, refused when the task is committed."""
+    short = "REF" if which == "reference trigger" else "START"
 
     def configure(device: DeviceState, task: SimulatedTask, request: Any) -> None:
         task.refuse_while_running()
         if which == "reference trigger" and task.type != "AI":
             raise DaqStatusError(status.ATTRIBUTE_NOT_SUPPORTED, f"Task: {task.name}: reference trigger")
         task.unsimulated[which] = kind
+        if kind not in SHAPES:
+            return
+        shape = SHAPES[kind]
+        source = trigger_source(device, task, request.trigger_source)
+        settings = {"SRC": source, **{what: get(request) for what, get in FIELDS[kind].items()}}
+        for what, value in settings.items():
+            task.properties["Trig", "", property_number("Trig", f"{shape}_{short}_TRIG_{what}")] = value
+        if short == "REF":
+            _keep_pretrigger(task, request)
 
     return configure
 
@@ -78,10 +119,21 @@ def _reference_trigger(device: DeviceState, task: SimulatedTask, request: Any) -
         raise DaqStatusError(status.ATTRIBUTE_NOT_SUPPORTED, f"Task: {task.name}: reference trigger")
     if not 2 <= request.pretrigger_samples < task.timing.clock.samples - 1:
         raise DaqStatusError(status.INVALID_VALUE, f"Pretrigger samples {request.pretrigger_samples}")
+    apfi = re.fullmatch(r"(/\w+/)?(APFI[01])", request.trigger_source)
+    if apfi and device.inventory.of(request.trigger_source).product.apfi:
+        # an analog terminal as a digital one: by the level of its comparator, which is not simulated
+        owner = device.inventory.of(task.channels[0].physical.name)
+        task.unsimulated["reference trigger"] = f"digital edge on {apfi[2]}"
+        task.triggers.reference = ""
+        _keep_pretrigger(task, request)
+        task.properties["Trig", "", DIG_EDGE_REF_TRIG_SRC] = f"/{owner.name}/{apfi[2]}"
+        task.properties["Trig", "", DIG_EDGE_REF_TRIG_EDGE] = enum(request, "trigger_edge")
+        return
     terminal = device.inventory.terminal(request.trigger_source)
     if device.inventory.own_name(terminal) in device.inventory.of(request.trigger_source).product.internal:
         raise NotImplementedByDevice(f"reference trigger on {request.trigger_source}")
-    task.triggers.reference, task.triggers.pretrigger_samples = terminal, int(request.pretrigger_samples)
+    task.triggers.reference = terminal
+    _keep_pretrigger(task, request)
 
 
 def _no_reference_trigger(device: DeviceState, task: SimulatedTask, request: Any) -> None:

@@ -6,13 +6,11 @@ What is not in these tables is refused, never answered with an invented value.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any
 
 from rig.simulated import daqmx, status
 from rig.simulated.device.state import DeviceState
 from rig.simulated.device.task import SimulatedTask
-from rig.simulated.driver.configuration import configure_clock
 from rig.simulated.rpc.messages import property_number
 from rig.simulated.rpc.properties import stored
 from rig.simulated.rpc.properties.channel import (
@@ -25,13 +23,18 @@ from rig.simulated.rpc.properties.channel import (
     set_scale,
 )
 from rig.simulated.rpc.properties.checks import CI_INPUT_TERMS, DO_NOT_OVERWRITE, READ_OVERWRITE, check_value
+from rig.simulated.rpc.properties.clock import NUMBERS, get_clock, put_clock, reset_clock
 from rig.simulated.status import DaqStatusError
 from rig.simulated.timing.wait import await_something
 
 Key = tuple[str, int]
 """Category and the driver's number of a property."""
-IMPLICIT, CHANGE_DETECTION, SAMPLE_CLOCK, ON_DEMAND = 10451, 12504, 10388, 10390
-"""Sample timing types."""
+ANALOG_EDGE, ANALOG_WINDOW, DIGITAL_PATTERN = 10099, 10103, 10398
+TRIGGER_KINDS = {"analog edge": ANALOG_EDGE, "analog window": ANALOG_WINDOW, "digital pattern": DIGITAL_PATTERN}
+TRIGGER_TYPES = {
+    property_number("Trig", "START_TRIG_TYPE"): "start trigger",
+    property_number("Trig", "REF_TRIG_TYPE"): "reference trigger",
+}
 READ_DEFAULT_SAMPLES = 0x31E8
 """A property of newer drivers without a name in the service: samples a read takes when a client gives no number."""
 CI_FILTERS = tuple(
@@ -56,30 +59,7 @@ SETTABLE: dict[str, frozenset[int]] = {
 _TEXTS = frozenset({*CI_INPUT_TERMS, daqmx.CO_PULSE_TERM, daqmx.DIG_EDGE_ARM_START_TRIG_SRC})
 _NUMBERS = frozenset({*LIMITS, *(number for number in CI_FILTERS if number not in CI_FILTERS[::2])})
 _SWITCHES = frozenset({*CI_FILTERS[::2], daqmx.AI_BRIDGE_SHUNT_CAL_ENABLE, daqmx.START_TRIG_RETRIGGERABLE})
-_CLOCK_FIELDS = {
-    property_number("Timing", name): field
-    for name, field in (
-        ("SAMP_CLK_RATE", "rate_hz"),
-        ("SAMP_CLK_SRC", "source"),
-        ("SAMP_QUANT_SAMP_MODE", "mode"),
-        ("SAMP_QUANT_SAMP_PER_CHAN", "samples"),
-    )
-}
 Getter = Callable[[DeviceState, SimulatedTask], Any]
-
-
-def _clock(field: str) -> Getter:
-    def get(device: DeviceState, task: SimulatedTask) -> Any:
-        clock = task.timing.clock
-        if clock is None or (task.timing.implicit and field in ("rate_hz", "source")):
-            raise DaqStatusError(status.ATTRIBUTE_NOT_SUPPORTED, f"Task: {task.name} has no sample clock")
-        return getattr(clock, field)
-
-    return get
-
-
-def _clock_source(device: DeviceState, task: SimulatedTask) -> str:
-    return _terminal(device, _clock("source")(device, task))
 
 
 def _input_buffer(field: str) -> Getter:
@@ -124,12 +104,6 @@ def _space_available(device: DeviceState, task: SimulatedTask) -> int:
     return max(size - max(output.written - output.generated, 0), 0)
 
 
-def _timing_type(device: DeviceState, task: SimulatedTask) -> int:
-    if task.type == "CO" or task.timing.implicit:
-        return IMPLICIT
-    return CHANGE_DETECTION if task.timing.change_lines else SAMPLE_CLOCK if task.timing.clock else ON_DEMAND
-
-
 def _raw_width(device: DeviceState, task: SimulatedTask) -> int:
     """Bytes of one raw sample of all channels."""
     sizes = [raw_sample_bits(device, task, channel) for channel in task.channels]
@@ -141,6 +115,10 @@ def _raw_width(device: DeviceState, task: SimulatedTask) -> int:
 
 def _channel_names(device: DeviceState, task: SimulatedTask) -> str:
     return ", ".join(channel.name for channel in task.channels)
+
+
+def _devices(device: DeviceState, task: SimulatedTask) -> list[str]:
+    return list(dict.fromkeys(device.inventory.of(channel.physical.name).name for channel in task.channels))
 
 
 def _number_of_channels(device: DeviceState, task: SimulatedTask) -> int:
@@ -156,14 +134,10 @@ _GETTERS: dict[tuple[str, str], Getter] = {
     ("Task", "CHANNELS"): _channel_names,
     ("Task", "NUM_CHANS"): _number_of_channels,
     ("Task", "COMPLETE"): lambda device, task: task.done,
-    ("Task", "NUM_DEVICES"): lambda device, task: 1 if task.channels else 0,
-    ("Task", "DEVICES"): lambda device, task: device.inventory.name,
-    ("Timing", "SAMP_TIMING_TYPE"): _timing_type,
-    ("Timing", "SAMP_CLK_RATE"): _clock("rate_hz"),
-    ("Timing", "SAMP_CLK_SRC"): _clock_source,
-    ("Timing", "SAMP_QUANT_SAMP_MODE"): _clock("mode"),
-    ("Timing", "SAMP_QUANT_SAMP_PER_CHAN"): _clock("samples"),
-    ("Trig", "START_TRIG_TYPE"): lambda device, task: daqmx.DIGITAL_EDGE if task.triggers.start else daqmx.NO_TRIGGER,
+    ("Task", "NUM_DEVICES"): lambda device, task: len(_devices(device, task)),
+    ("Task", "DEVICES"): lambda device, task: ", ".join(_devices(device, task)),
+    ("Trig", "START_TRIG_TYPE"): lambda device, task: _trigger_type(task, "start trigger", task.triggers.start),
+    ("Trig", "REF_TRIG_TYPE"): lambda device, task: _trigger_type(task, "reference trigger", task.triggers.reference),
     ("Trig", "DIG_EDGE_START_TRIG_SRC"): lambda device, task: _terminal(device, task.triggers.start),
     ("Trig", "START_TRIG_RETRIGGERABLE"): lambda device, task: task.retriggerable,
     ("Trig", "START_TRIG_TERM"): _start_trigger_terminal,
@@ -191,6 +165,27 @@ _GETTER_OF_NUMBER: dict[Key, Getter] = {
 }
 
 
+def _trigger_type(task: SimulatedTask, which: str, terminal: str) -> int:
+    kind = task.unsimulated.get(which, "")
+    simulated = daqmx.DIGITAL_EDGE if terminal or kind.startswith("digital edge") else daqmx.NO_TRIGGER
+    return TRIGGER_KINDS.get(kind, simulated)
+
+
+def _put_trigger_type(task: SimulatedTask, which: str, value: Any) -> None:
+    """Take a kind of trigger that the virtual bench does not have, or take all triggers away."""
+    task.refuse_while_running()
+    kinds = {number: kind for kind, number in TRIGGER_KINDS.items()}
+    if value == daqmx.NO_TRIGGER:
+        task.unsimulated.pop(which, None)
+        task.triggers.start, task.triggers.reference = (
+            ("", task.triggers.reference) if which == "start trigger" else (task.triggers.start, "")
+        )
+    elif value in kinds and (which == "start trigger" or task.type == "AI"):
+        task.unsimulated[which] = kinds[value]
+    else:
+        raise DaqStatusError(status.ATTRIBUTE_NOT_SUPPORTED, f"Task: {task.name}: {which} of type {value}")
+
+
 def _unsupported(task: SimulatedTask, key: Key) -> DaqStatusError:
     return DaqStatusError(status.ATTRIBUTE_NOT_SUPPORTED, f"Property: 0x{key[1]:04X} ({key[0]}) of {task.name}")
 
@@ -200,6 +195,8 @@ def get(device: DeviceState, task: SimulatedTask, channel: str, key: Key) -> Any
     if key in _GETTER_OF_NUMBER:
         return _GETTER_OF_NUMBER[key](device, task)
     category, number = key
+    if category == "Timing" and number in NUMBERS:
+        return get_clock(device, task, number)
     if category == "Chan":
         found = find_channels(task, channel)[0]
         channel = found.name
@@ -221,9 +218,15 @@ def put(device: DeviceState, task: SimulatedTask, channel: str, key: Key, value:
             set_scale(device, found, value)
         return
     kind = str if number in _TEXTS else float if number in _NUMBERS else bool if number in _SWITCHES else int
-    if category == "Timing" and number in _CLOCK_FIELDS:
-        _change_clock(device, task, number, value)
+    if category == "Timing" and number in NUMBERS:
+        put_clock(device, task, number, value)
         return
+    if category == "Trig" and number in TRIGGER_TYPES:
+        _put_trigger_type(task, TRIGGER_TYPES[number], value)
+        return
+    ends = {daqmx.BUF_INPUT_BUF_SIZE: "I", daqmx.BUF_OUTPUT_BUF_SIZE: "O"}
+    if category == "Buffer" and task.type is not None and task.type[1] != ends.get(number, task.type[1]):
+        raise _unsupported(task, key)
     own = stored.accepts(key, value)
     if not own and (number not in SETTABLE.get(category, frozenset()) or type(value) is not kind):
         raise _unsupported(task, key)
@@ -261,22 +264,17 @@ def _store(task: SimulatedTask, key: Key, names: list[str], value: Any) -> None:
         stored.note_unsimulated(task, key, name, value)
 
 
-def _change_clock(device: DeviceState, task: SimulatedTask, number: int, value: Any) -> None:
-    """Set one of rate, mode, samples and source of a sample clock that is configured."""
-    clock, name = task.timing.clock, _CLOCK_FIELDS[number]
-    if clock is None or task.timing.implicit or type(value) is not type(getattr(clock, name)):
-        raise DaqStatusError(status.ATTRIBUTE_NOT_SUPPORTED, f"Task: {task.name} has no sample clock with {name}")
-    changed = replace(clock, **{name: value})
-    if changed.mode not in (daqmx.FINITE, daqmx.CONTINUOUS):
-        raise DaqStatusError(status.INVALID_VALUE, f"Sample mode {changed.mode}")
-    configure_clock(device, task, changed.rate_hz, changed.source, changed.mode, changed.samples)
-
-
 def reset(device: DeviceState, task: SimulatedTask, channel: str, key: Key) -> None:
     """Put a property back to its default."""
     category, number = key
     if category == "Chan" and SCALES.get(number) == task.type:
         put(device, task, channel, key, "")
+        return
+    if category == "Timing" and number in NUMBERS:
+        reset_clock(device, task, number)
+        return
+    if category == "Trig" and number in TRIGGER_TYPES:
+        _put_trigger_type(task, TRIGGER_TYPES[number], daqmx.NO_TRIGGER)
         return
     if number not in SETTABLE.get(category, frozenset()) and key not in stored.STORED:
         raise _unsupported(task, key)

@@ -42,6 +42,7 @@ def test_from_the_block_to_a_calibrated_felt(tmp_path: Path, capsys: Any) -> Non
         (["--speed", "0.1"], "--speed, --peak: go with --felt"),
         (["--felt", "contact02", "--speed", "3"], "speed 3 m/s, allowed 0.0001 to 0.2 m/s"),
         (["--felt", "contact02", "--trials", "0"], "0 repeats"),
+        (["--felt", "contact02", "--dry-run"], "not with --dry-run"),
     ],
 )
 def test_what_cannot_be_pressed_is_refused(tmp_path: Path, capsys: Any, arguments: list[str], said: str) -> None:

@@ -1,0 +1,151 @@
+"""NI's example programs of nidaqmx-python, each run as it stands against the virtual device, as a table.
+
+``python benchmarks/ni_examples.py CHECKOUT [--out TABLE.md] [--only NAME]`` takes a checkout of ni/nidaqmx-python by
+path; nothing of it is part of this project. A program runs in a process of its own; its tasks are given the virtual
+device's channel where it names none, Enter is pressed after a second, Ctrl-C after some. The device is a card with the
+rig file's name, so that examples for other devices end with the driver's refusal.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import re
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections import Counter
+from dataclasses import dataclass
+from pathlib import Path
+
+PORT = "PIANORIG_EXAMPLES_PORT"
+INTERRUPT_S, PATIENCE_S = 14.0, 30.0
+"""Later than the ten seconds after which a read of the client gives up."""
+RAN, OTHER_DEVICE, NO_SIGNAL, LACKS, REFUSED = "ran", "another device", "no signal", "lacks a package", "refused"
+MEANING = {
+    RAN: "to its end, or until Enter or Ctrl-C",
+    OTHER_DEVICE: "names a device that a PCIe-6363 is not",
+    NO_SIGNAL: "waits for a signal or trigger that nothing is wired to, and times out as hardware does (-200284)",
+    LACKS: "imports what is not installed",
+    REFUSED: "needs what the virtual device does not have",
+}
+RUNNER = """
+import builtins, os, runpy, sys, time
+import grpc, nidaqmx, nidaqmx.system, nidaqmx.task
+channel = grpc.insecure_channel("127.0.0.1:" + os.environ["PIANORIG_EXAMPLES_PORT"])
+made = nidaqmx.Task.__init__
+def init(self, new_task_name="", *, grpc_options=None):
+    made(self, new_task_name, grpc_options=grpc_options or nidaqmx.GrpcSessionOptions(channel, new_task_name))
+nidaqmx.Task.__init__ = init
+remote = nidaqmx.system.System.remote
+options = nidaqmx.GrpcSessionOptions(channel, "")
+nidaqmx.system.System.local = staticmethod(lambda: remote(options))
+def enter(prompt=""):
+    time.sleep(1.0)
+    return ""
+builtins.input = enter
+sys.argv = sys.argv[1:]
+runpy.run_path(sys.argv[0], run_name="__main__")
+"""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """One program: its path in the checkout, what came of it, and the line that says why."""
+
+    program: str
+    result: str
+    why: str = ""
+
+
+def run(examples: Path, only: str = "", rig_name: str = "pcie6363") -> list[Outcome]:
+    """Run the programs below a folder one after the other, each against a device of its own."""
+    programs = sorted(path for path in examples.rglob("*.py") if only in path.name)
+    return [_run_one(examples, program, rig_name) for program in programs]
+
+
+def _run_one(examples: Path, program: Path, rig_name: str) -> Outcome:
+    from rig.configuration.rig_file import load_rig  # start-up: not needed for --help
+    from rig.simulated.backend import open_backend
+    from rig.simulated.rpc.tcp_server import serve
+
+    backend = open_backend("sim://?clock=real", load_rig(rig_name).config)
+    server, port = serve(backend.service)
+    name = program.relative_to(examples).as_posix()
+    try:
+        with tempfile.TemporaryDirectory() as folder:
+            found = {**os.environ, PORT: str(port), "MPLBACKEND": "Agg", "PYTHONUNBUFFERED": "1"}
+            process = subprocess.Popen(
+                [sys.executable, "-c", RUNNER, str(program)],
+                cwd=folder, env=found, text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+            )  # fmt: skip
+            return _outcome(name, *_wait(process))
+    finally:
+        server.stop(None).wait()
+        backend.close()
+
+
+def _wait(process: subprocess.Popen[str]) -> tuple[int, str, bool]:
+    """Return exit code and output, and whether it had to be interrupted."""
+    interrupted = False
+    end = time.monotonic() + PATIENCE_S
+    try:
+        said, _ = process.communicate(timeout=INTERRUPT_S)
+    except subprocess.TimeoutExpired:
+        interrupted = True
+        process.send_signal(signal.SIGINT)
+        try:
+            said, _ = process.communicate(timeout=max(end - time.monotonic(), 1.0))
+        except subprocess.TimeoutExpired:
+            process.kill()
+            said, _ = process.communicate()
+    return process.returncode, said, interrupted
+
+
+def _outcome(name: str, code: int, said: str, interrupted: bool) -> Outcome:
+    lines = [line.strip() for line in said.splitlines() if line.strip()]
+    last = lines[-1] if lines else ""
+    if code == 0:
+        return Outcome(name, RAN)
+    if interrupted and "KeyboardInterrupt" in said:
+        return Outcome(name, NO_SIGNAL, "still waiting when Ctrl-C came")
+    error = next((line for line in reversed(lines) if re.match(r"[\w.]+(Error|Exception)\b", line)), last)
+    status = re.findall(r"(?:Status Code: |NI-DAQmx )(-\d+)", said)
+    why = f"{status[-1]}: {error}" if status else error
+    if "ModuleNotFoundError" in error or "ImportError" in error:
+        return Outcome(name, LACKS, why)
+    if status and status[-1] == "-200220":
+        return Outcome(name, OTHER_DEVICE, why)
+    if status and status[-1] in ("-200284", "-200474"):
+        return Outcome(name, NO_SIGNAL, why)
+    return Outcome(name, REFUSED, why)
+
+
+def table(outcomes: list[Outcome]) -> str:
+    """Return the counts and the programs as Markdown."""
+    counts = Counter(outcome.result for outcome in outcomes)
+    lines = ["| NI's example programs | | |", "|---|---:|---|"]
+    lines += [f"| {result} | {counts[result]} | {meaning} |" for result, meaning in MEANING.items()]
+    lines += ["", "| program | result | why |", "|---|---|---|"]
+    lines += [f"| `{o.program}` | {o.result} | {o.why.replace('|', '/')[:160]} |" for o in outcomes]
+    return "\n".join(lines) + "\n"
+
+
+def main() -> None:
+    """Run the programs and print the table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("checkout", type=Path, help="folder with NI's examples")
+    parser.add_argument("--out", type=Path, help="write the table here, too")
+    parser.add_argument("--only", default="", help="part of a program's name")
+    parser.add_argument("--rig", default="pcie6363")
+    given = parser.parse_args()
+    text = table(run((given.checkout / "examples").resolve(), given.only, given.rig))
+    if given.out is not None:
+        given.out.write_text(text, encoding="utf-8")
+    print(text)
+
+
+if __name__ == "__main__":
+    main()
