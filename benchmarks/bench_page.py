@@ -33,9 +33,9 @@ from playwright.sync_api import sync_playwright
 
 from rig.backend import Block
 from rig.session import Session
+from rig.session.channel_info import ChannelInfo
 from rig.session.journal.trial_head import TrialHead
 from rig.session.journal.writer import JournalWriter
-from rig.session.trial_data import ChannelInfo
 from vision.film.mraw_writer import write_mraw
 
 EXAMPLE = Path(__file__).parents[1] / "sessions" / "example_forte"

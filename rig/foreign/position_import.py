@@ -17,9 +17,10 @@ from rig.foreign.channel_table import SECONDS, ChannelTable
 from rig.foreign.mapping import ImportMapping, check_unit
 from rig.foreign.position_mapping import PositionMapping
 from rig.foreign.position_strokes import Cut, cut_strokes
+from rig.session.channel_info import NO_FORCE, ChannelInfo
 from rig.session.ruler import position_of
 from rig.session.ruler_info import RulerInfo
-from rig.session.trial_data import NO_FORCE, ChannelInfo, TrialData
+from rig.session.trial_data import TrialData
 
 Array = NDArray[np.float64]
 

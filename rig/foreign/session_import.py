@@ -22,8 +22,9 @@ from rig.foreign.reading import joined, read_segments
 from rig.foreign.sample_interval import sample_interval
 from rig.session import Session, SessionInfo
 from rig.session.annotation_file import utc_now
+from rig.session.channel_info import EncoderInfo, ForceInfo, of_same_name
 from rig.session.info import FileInfo, PlanInfo
-from rig.session.trial_data import EncoderInfo, ForceInfo, TrialData, of_same_name
+from rig.session.trial_data import TrialData
 from rig.storage.atomic_write import sha256_of_bytes, sha256_of_file
 
 QUIET_S = 0.02

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.session.trial_data import ForceInfo
+from rig.session.channel_info import ForceInfo
 
 NO_CODE = -(2**31)
 """In place of a code that is not whole."""

@@ -16,10 +16,11 @@ import h5py
 import numpy as np
 
 from rig.errors import RigInputError
+from rig.session.channel_info import NO_FORCE, ChannelInfo, EncoderInfo, ForceInfo
 from rig.session.converter_codes import NO_CODE, force_codes
 from rig.session.hdf5_content import Content, Growing
 from rig.session.sealed_hdf5 import open_sealed, write_sealed
-from rig.session.trial_data import NO_FORCE, CameraInfo, ChannelInfo, EncoderInfo, ForceInfo, TrialData
+from rig.session.trial_data import CameraInfo, TrialData
 
 SCHEMA = "piano-action-rig trial 1"
 LATER = ("device_scaling",)

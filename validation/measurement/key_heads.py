@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rig.session import TrialData
-from rig.session.trial_data import KEY_OPPOSITE
+from rig.session.channel_info import KEY_OPPOSITE
 from validation.conventions import Array
 from validation.measurement.force_correction import Quiet
 

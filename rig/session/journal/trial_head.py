@@ -18,8 +18,9 @@ from rig.configuration.motor_command import MotorCommand
 from rig.configuration.rig_file import RigConfig
 from rig.errors import HardwareFault
 from rig.session.annotation_file import utc_now
+from rig.session.channel_info import ChannelInfo, EncoderInfo, ForceInfo
 from rig.session.frame_clock import FrameClock
-from rig.session.trial_data import CameraInfo, ChannelInfo, EncoderInfo, ForceInfo, TrialData
+from rig.session.trial_data import CameraInfo, TrialData
 
 
 @dataclass(frozen=True, eq=False)

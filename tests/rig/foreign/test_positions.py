@@ -15,9 +15,9 @@ from rig.foreign.mapping import load_mapping, parse_mapping
 from rig.foreign.position_strokes import cut_strokes
 from rig.foreign.session_import import import_session
 from rig.session import Session
+from rig.session.channel_info import ChannelInfo
 from rig.session.ruler import ABOVE, BELOW, position_of, ruler_curve
 from rig.session.ruler_info import RulerInfo
-from rig.session.trial_data import ChannelInfo
 from tests.command_line import run
 
 RATE = 2000.0

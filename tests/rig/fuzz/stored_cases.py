@@ -19,10 +19,10 @@ from rig.configuration.motor_command import MotorCommand
 from rig.configuration.rig_file import load_rig
 from rig.foreign.reading import read_channels
 from rig.session import Session
+from rig.session.channel_info import ChannelInfo
 from rig.session.journal.format import BLOCK, COMMAND, HEAD, block_payload, encode
 from rig.session.journal.format import parse as parse_journal
 from rig.session.journal.trial_head import TrialHead
-from rig.session.trial_data import ChannelInfo
 from tests.rig.foreign import tdms_bytes
 from tests.rig.fuzz.damage import Case, same_values
 
