@@ -120,7 +120,7 @@ def lifts(by_trial: Mapping[int, Sequence[KeyLift]], release_s: Mapping[int, flo
     """The largest lift of each trial that has one; after the release the model's timing tells large ones only."""
     out = []
     for number, every in by_trial.items():
-        found = [x for x in every if x.lift_m > LIFT_LATE_M or not x.start_s > release_s[number]]
+        found = [x for x in every if x.lift_m > LIFT_LATE_M or not x.largest_at_s > release_s[number]]
         if not found:
             continue
         worst = max(found, key=lambda x: x.gap_m)

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from validation.events.key_lift import KeyLift
 from validation.findings.between_trials.changed_condition import changed_condition
 from validation.findings.between_trials.duplicates import duplicates
 from validation.findings.between_trials.mixed_strokes import mixed_strokes, two_kinds
@@ -16,6 +17,7 @@ from validation.findings.between_trials.residuals import residuals_of
 from validation.findings.camera_clock import camera_clock
 from validation.findings.film_wiring import film_wiring
 from validation.findings.regulation import check_difference_m, let_off_way_m, regulation
+from validation.findings.session_checks import lifts
 
 
 def scaled_force(m, by):
@@ -170,3 +172,12 @@ def test_regulation_is_named_from_its_limit_when_all_trials_agree():
     (found,) = regulation(none, dict.fromkeys(none, -3e-3))
     assert found.kind == "check height"
     assert "or its friction" in found.text
+
+
+@pytest.mark.parametrize(
+    "largest_at_s, lift_m, named",
+    [(0.320, 0.12e-3, False), (0.320, 0.25e-3, True), (0.304, 0.12e-3, True)],
+)
+def test_a_lift_that_is_largest_after_the_release_is_a_late_one_wherever_its_edge_is(largest_at_s, lift_m, named):
+    lift = KeyLift(0.3035, 0.33, largest_at_s, 5 * lift_m, lift_m, 0.0, "")
+    assert bool(lifts({2: [lift]}, {2: 0.305})) == named

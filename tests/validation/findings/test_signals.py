@@ -215,6 +215,25 @@ def test_the_wrong_sign_and_unit_are_named(stage, factor, kind, words):
     assert force_sign_and_unit(stage.tested, m, p, until) == []
 
 
+def test_a_reversed_force_is_named_where_the_model_misses_the_stroke_and_no_scale_is_blamed(stage):
+    m, p = stage.trials[0], stage.predictions(1)
+    late = np.vstack([np.zeros((400, 3)), m.change_rad[:-400]])  # 80 ms: the model misses this stroke by far
+    wrong = with_change(with_force(m, 2 * m.force.preload_n - m.force.force_n), late)
+    load = stage.tested.load(m.force.preload_n)
+    options = {"tolerance": 1e-5, "output_time_s": m.force.time_s, "initial": load.rest}
+    run = stage.tested.simulate(stage.tested.action, m.force.time_s, wrong.force.force_n, **options)
+    turn = np.asarray(run.angle_rad) - np.asarray(load.rest.angle_rad)
+    columns = [np.interp(p.time_s, m.force.time_s, a, right=np.nan) for a in turn.T]
+    moved = replace(p, turn_rad=np.column_stack(columns))
+    until = stage.events.trial[1]["key_release"].value + 0.08
+    (found,) = force_sign_and_unit(stage.tested, wrong, moved, until)
+    assert (found.kind, found.value) == ("force sign", -1.0)
+    # under its own force this stroke is late and nothing else
+    assert force_sign_and_unit(stage.tested, with_change(m, late), p, until) == []
+    travel = travel_of(wrong, moved, stage.events.model[1], stage.geometry(m))
+    assert np.isnan(travel.lever) and encoder_travel(dict.fromkeys(range(1, 7), travel)) == []
+
+
 @pytest.mark.parametrize("rate_hz", [2000.0, 5000.0, 20_000.0])
 def test_filters_of_the_delay_are_those_of_scipy(rate_hz):
     step, rng = 1 / rate_hz, np.random.default_rng(4)

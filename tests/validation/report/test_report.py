@@ -7,6 +7,7 @@ import hashlib
 import io
 import json
 import re
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -20,6 +21,9 @@ from validation.report.figures.measured import all_figures
 from validation.report.files import write_files
 from validation.report.render import cannot_claim, render_html
 from validation.report.tables import scores as present
+from validation.report.tables.budget import budget_table
+from validation.report.tables.forest import forest
+from validation.report.tables.models import event_table
 from validation.report.view import SessionView
 from validation.side_by_side import alone
 
@@ -242,7 +246,6 @@ def test_values_are_rounded_to_their_uncertainty(value, u, text):
 
 
 def test_overlays_show_bands_and_the_lifts_that_are_left_out(compared):
-    from dataclasses import replace
 
     lift = {"trial": 1, "channel": "key", "start_s": 0.30, "end_s": 0.31}
     marked = pd.DataFrame([lift]).reindex(columns=compared.marked.columns)
@@ -276,3 +279,17 @@ def test_an_animation_beside_the_page_is_linked_and_otherwise_said_how_to_make(c
     (tmp_path / "animation.html").write_text("<p>moves</p>")
     page = write_report(compared, tmp_path).files["report.html"].read_text(encoding="utf-8")
     assert '<a href="animation.html">Animation of the action</a>' in page and "--animation REPORT" not in page
+
+
+def test_every_table_gives_a_difference_of_an_event_the_same_uncertainty(compared):
+    shown = {row[0]: row[5] for row in event_table(SessionView((compared,))).rows}
+    budget = {row[0]: row[1] for row in budget_table(compared).rows}
+    both = [event for event in shown if event in budget]
+    assert len(both) > 8
+    for event in both:
+        assert shown[event] == budget[event], event
+    for row in forest(alone(compared)):
+        assert row.difference == shown[row.quantity]
+    without = replace(compared, budget=compared.budget.iloc[:0])
+    (note, *_) = event_table(SessionView((without,))).notes
+    assert "no budget was made" in note

@@ -224,6 +224,9 @@ def test_a_printed_page_is_white_and_cuts_nothing_off(opened_side):
     assert opened_side.evaluate("getComputedStyle(document.body).backgroundColor") == "rgb(255, 255, 255)"
     assert opened_side.evaluate("document.documentElement.scrollWidth") <= 703
     assert not opened_side.locator("form.zoom").first.is_visible()
+    larger = """() => { const size = (e) => parseFloat(getComputedStyle(e).fontSize), text = size(document.body);
+      return [...document.querySelectorAll('p.files, .files a, .anchor')].filter((e) => size(e) > text).length; }"""
+    assert opened_side.evaluate(larger) == 0  # small print stays small
 
 
 @pytest.mark.parametrize("n_trials", [1, 2])

@@ -27,6 +27,7 @@ from validation.prediction.trial_prediction import PredictedAngles
 STOPS_MAY = 0.05
 SCALE_ONLY = 0.2
 MOVES_RAD = 2e-3
+PRESSED = 0.25  # of the key's dip, in the prediction
 AGREE = 0.25  # of the deviation, largest scatter between trials
 ON_FELT_S = 0.01
 SHARP_M_PER_S = 0.15  # beyond what gravity turns round within SHARP_S
@@ -61,8 +62,9 @@ def travel_of(m: MeasuredTrial, p: PredictedAngles, model: Mapping[str, Event], 
     on_felt = step * int((dip > geometry.key_touch_dip_m).sum())
     if on_felt > 0:
         out[:2] = size[:2] / wanted[:2]
-    # small motions depend on felts and play
-    moves = min(size[0], wanted[0]) > MOVES_RAD and min(size[1], wanted[1]) > MOVES_RAD
+    # small motions depend on felts and play, and a key that is lifted instead of pressed tells nothing of levers
+    pressed = float(dip.max()) > PRESSED * geometry.key_touch_dip_m
+    moves = pressed and min(size[0], wanted[0]) > MOVES_RAD and min(size[1], wanted[1]) > MOVES_RAD
     lever = float(size[1] * wanted[0] / (wanted[1] * size[0])) if moves else float("nan")
     if model["string_impact"].status == "found" and wanted[2] > 0 and size[2] > 0:
         ratio = float(size[2] / wanted[2])

@@ -2,8 +2,10 @@
 
 Conventions: errors are root mean squares of model − trial over the trial's own motion, of key, whippen and hammer
 each, until the release. A trial is looked at only when the model misses at least 30 % of the motion of a body; a
-factor is named when it leaves at most 40 % of each body's error. A force too large shows only as far as stops allow,
-and a smaller error of the gain looks like friction: both may stay silent.
+factor is named when it leaves at most 40 % of each body's error. Soft strokes are not predicted that well: where the
+key goes its way and the model's hardly moves, or lifts, under the force as recorded, a reversed sign or a factor of
+four and more is also named when key and whippen then travel as far as in the trial. A force too large shows only as
+far as stops allow, and a smaller error of the gain looks like friction: both may stay silent.
 """
 
 from __future__ import annotations
@@ -24,6 +26,9 @@ MISSED = 0.3  # of the motion
 LEAVES = 0.4  # of the error
 STILL_MISSES = 0.7  # of the motion: more is no explanation
 LARGEST_N = 500.0  # beyond any stroke
+HARDLY = 0.25  # of the trial's turn of the key, the way the trial goes
+GROSS = 4.0  # smallest factor that a key which hardly moves is told by: friction cannot do that
+TRAVEL = 0.2  # largest difference of travels that are alike
 # what the recorded force would have to be multiplied by, and the mistake that makes it so
 FACTORS = {
     -1.0: "its sign is reversed",
@@ -56,7 +61,7 @@ def force_sign_and_unit(
     found = tested.store.value(
         "force sign and unit",
         (tested.identity, m.number, force.time_s, force.force_n, force.preload_n, m.time_s, m.change_rad, until_s),
-        lambda: [asdict(f) for f in _search(tested, m, errors, known, size)],
+        lambda: [asdict(f) for f in _search(tested, m, expected[known], known)],
     )
     return [SessionFinding(**f) for f in found]
 
@@ -65,10 +70,19 @@ def _errors(expected: Array, trial: Array, size: Array) -> Array:
     return np.asarray(np.sqrt(np.mean((expected - trial) ** 2, axis=0)) / size)
 
 
+def _furthest(change: Array) -> Array:
+    """Change of each body where it is furthest from rest, with its sign."""
+    return np.asarray(np.take_along_axis(change, np.abs(change).argmax(axis=0)[None], axis=0)[0])
+
+
 def _search(
-    tested: ModelUnderTest, m: MeasuredTrial, errors: Array, inside: NDArray[np.bool_], size: Array
+    tested: ModelUnderTest, m: MeasuredTrial, expected: Array, inside: NDArray[np.bool_]
 ) -> list[SessionFinding]:
-    force = m.force
+    force, trial = m.force, m.change_rad[inside]
+    size = np.sqrt(np.mean(trial**2, axis=0))
+    errors = _errors(expected, trial, size)
+    far = _furthest(trial)
+    still = bool((expected[:, 0] * np.sign(far[0])).max() < HARDLY * abs(far[0]))
     rest = tested.load(force.preload_n).rest
     left: dict[float, float] = {}
     for factor in FACTORS:
@@ -88,8 +102,12 @@ def _search(
         except ModelError:
             continue
         change = np.asarray(run.angle_rad, dtype=float) - np.asarray(rest.angle_rad, dtype=float)
-        by_body = _errors(change[:, ENCODER_BODIES], m.change_rad[inside], size)
-        if np.all(by_body < np.minimum(LEAVES * errors, STILL_MISSES)):
+        change = change[:, ENCODER_BODIES]
+        by_body = _errors(change, trial, size)
+        explains = bool(np.all(by_body < np.minimum(LEAVES * errors, STILL_MISSES)))
+        if still and (factor < 0 or factor >= GROSS):
+            explains |= bool(np.all(np.abs(_furthest(change) / far - 1)[:2] < TRAVEL) and np.all(by_body < errors))
+        if explains:
             left[factor] = float(np.sqrt(np.mean(by_body**2)))
     order = sorted(left, key=lambda factor: left[factor])
     if not order:

@@ -80,8 +80,9 @@ def force_from_motion(view: SessionView, i: int) -> ReportFigure:
     draw(grid[1], time, predicted - measured, color=BLUE, linewidth=0.9)
     finish_axes(grid[1], "difference (N)")
     grid[0].legend(fontsize=8)
+    name = "the model" if len(view.results) == 1 else view.names[i]
     caption = (
-        f"Force at the key front that {view.names[i]} needs for the measured motion of the key, "
+        f"Force at the key front that {name} needs for the measured motion of the key, "
         f"trial {int(row['trial'])}. "
         f"RMSE {row['rmse_n']:.2f} N, {100 * row['rmse_over_peak']:.1f} % of the peak; "
         f"{100 * row['left_out_share']:.1f} % of the window left out (key may lift)."

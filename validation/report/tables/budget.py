@@ -81,7 +81,8 @@ def area_table(result: ValidationResult) -> PageTable:
         )
     head = ["event", "area", "floor (mean)", "floor (95 %)", "against the floor"]
     notes = [
-        "Area between the distribution functions of predictions and trials; floor: what a perfect model would show "
-        "with as few trials, by chance."
+        "Area between the distribution functions of predictions and trials; floor: what a model without any error, of "
+        "force and parameters neither, would show with as few trials, by chance. “Above” shows no error of the model: "
+        "the budget decides that."
     ]
     return PageTable("area", "Area metric of the events", head, rows, notes, "event_summary")

@@ -112,23 +112,29 @@ def event_table(view: SessionView) -> PageTable:
     for called in view.names:
         head += [f"{called}: found", f"{called}: mean", f"{called} − trial ± u"]
     models = [r.event_summary.set_index("event") for r in view.results]
+    budgets = [dict(zip(r.budget["event"], r.budget["u_val"], strict=True)) for r in view.results]
     rows = []
     for name, e in models[0].iterrows():
         kind = EVENTS[str(name)]
         k = kind.display_factor
         row = [kind.label, f"{e['found_trial']} of {n}"]
         row.append(with_u(k * e["trial_mean"], k * e["trial_s"]))
-        for r, summary in zip(view.results, models, strict=True):
+        for r, summary, budget in zip(view.results, models, budgets, strict=True):
             m = summary.loc[name]
             presence = "both" if m["agree"] and m["found_trial"] else "neither" if m["agree"] else "differs"
             doubt = f", {m['ambiguous']} ambiguous" if m["ambiguous"] else ""
             row.append(f"{m['found_model']} of {len(r.traces)}: {presence}{doubt}")
-            row += [number(k * m["model_mean"], 5), with_u(k * m["difference"], k * m["u_difference"])]
+            row += [
+                number(k * m["model_mean"], 5),
+                with_u(k * m["difference"], k * budget.get(name, m["u_difference"])),
+            ]
         rows.append(row)
+    whole = "that of the budget below: force, parameters, numerics, encoder, levels of rest and scatter over trials"
+    part = "of the trials alone (encoder, levels of rest, scatter over trials), because no budget was made"
     notes = [
         "Whether an event happens comes before when: “both” found in as many trials as predictions, “neither” in none, "
-        "“differs” otherwise. Differences are paired by trial; u is a standard uncertainty (encoder, levels of rest, "
-        "scatter over trials)."
+        "“differs” otherwise. Differences are paired by trial; u is a standard uncertainty, "
+        f"{whole if all(budgets) else part}."
     ]
     if _moved(view):
         notes.append(
