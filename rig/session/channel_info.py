@@ -1,7 +1,7 @@
 """What is needed to interpret the channels of a trial: encoders, the force, further channels.
 
-Calibrations, delays and standard uncertainties as they were when the trial was recorded. In: the rig file's tables. Out:
-frozen records that travel in the trial's file.
+Calibrations, delays and standard uncertainties as they were when the trial was recorded. In: tables of the rig file.
+Out: frozen records that travel in the file of the trial.
 """
 
 from __future__ import annotations
