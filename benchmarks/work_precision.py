@@ -1,6 +1,6 @@
 """Work-precision comparison: our integrators and their peers on the same equations and force tables.
 
-Run:  python benchmarks/work_precision.py [--quick] [--blow NAME] [--out DIAGRAM] [--json FILE]
+Run:  python benchmarks/work_precision.py [--quick] [--blow NAME] [--peer NAME] [--out DIAGRAM] [--json FILE]
 Error is max |difference| over the five angles (rad), every 1 ms, from a reference made by two methods that share
 neither the equations' code nor the algorithm: explicit order 8 at 1e-13 that steps to every force point, and our own
 highest-order method at 1e-12; their difference is printed. Time is processor time, the best of several runs, all
@@ -139,6 +139,7 @@ def parse(arguments: list[str] | None) -> argparse.Namespace:
     p.add_argument("--quick", action="store_true", help="one blow, few tolerances, quick peers; draws only with --out")
     p.add_argument("--blow", action="append", choices=BLOWS, help="only this blow (may be repeated)")
     p.add_argument("--only-ours", action="store_true", help="no peers")
+    p.add_argument("--peer", action="append", choices=PEERS, help="only this peer (may be repeated)")
     p.add_argument("--repeats", type=int, default=None, help="rounds of runs (default 5, quick 2)")
     p.add_argument("--out", type=Path, help="diagram (default docs/work_precision.svg for a full run)")
     p.add_argument("--json", type=Path, help="also write all rows and the machine as JSON")
@@ -158,7 +159,7 @@ def first_call(action: model.Action) -> model.RestState:
 def main(arguments: list[str] | None = None) -> int:
     args = parse(arguments)
     blows = args.blow or (["forte"] if args.quick else list(BLOWS))
-    names = [] if args.only_ours else list(QUICK_PEERS if args.quick else PEERS)
+    names = [] if args.only_ours else args.peer or list(QUICK_PEERS if args.quick else PEERS)
     here = machine() | ({"cvode": version()} if names else {})
     print(", ".join(f"{k} {v}" for k, v in here.items()), flush=True)
 
@@ -220,7 +221,9 @@ def main(arguments: list[str] | None = None) -> int:
         print(summary(rows, blow, default) + "\n")
     print("not in the times, s: " + "; ".join(f"{k} {v:.2f}" for k, v in preparation.items() if v > 0.05))
     bad = check(rows, differences)
-    out = args.out or (None if args.quick or args.blow or args.only_ours else ROOT / "docs" / "work_precision.svg")
+    out = args.out or (
+        None if args.quick or args.blow or args.peer or args.only_ours else ROOT / "docs" / "work_precision.svg"
+    )
     if out is not None:
         draw(rows, blows, default, out)
         print(f"diagram: {out}")

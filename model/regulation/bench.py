@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.errors import InputError, RegulationError, StaticsError
-from model.parameters.action import Action
+from model.parameters.action import BACK_CHECK, BUTTON, DROP_SCREW, Action
 from model.regulation.contact_gap import contact_gap
 from model.regulation.measures import TARGETS, RegulationTarget, at_rest, in_blow, in_press
 from model.regulation.screws import REST_RAIL, SCREWS, limits
@@ -21,6 +21,9 @@ from model.simulation.hand_set_rest import hand_set_rest
 
 TOLERANCE = 20e-6  # m, within which a target counts as met
 CONVERGED = {"rest": 0.1e-6, "press": 4e-6, "blow": 4e-6}  # m, error at which a screw is left as it is
+TOO_FAR = 50e-3  # m, error taken for a screw that presses on the action at rest
+# button, drop screw, back check: their contacts, open at rest, and the turn that takes them away
+AT_REST_CLEAR = {"let_off": (BUTTON, 1.0), "drop": (DROP_SCREW, 1.0), "check": (BACK_CHECK, -1.0)}
 MEASURED_IN = {t.name: t.measured_in for t in TARGETS}
 SCREW = {s.target: s for s in SCREWS}
 RAIL = "rest_rail"  # key of the rest rail among the turns
@@ -89,6 +92,10 @@ class Bench:
         self.evaluations[kind] += 1
         try:
             rest = hand_set_rest(action)
+            contact, way = AT_REST_CLEAR[name]
+            if contact_gap(action, contact, rest).penetration_m > 0.0:
+                # what it holds at rest it neither lets off nor catches; the error of one turned much too far
+                return -math.copysign(TOO_FAR, way * SCREW[name].usual_effect)
             if kind == "press":
                 found, _, _ = in_press(action, rest, at_rest(action, rest)["dip"])
             else:

@@ -13,9 +13,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 from model.errors import RegulationError as RegulationError
-from model.parameters.action import BACK_CHECK, BUTTON, DROP_SCREW, Action
+from model.parameters.action import Action
 from model.parameters.write_toml import write_action as write_action  # public here too: model.regulation.write_action
-from model.regulation.bench import RAIL, SCREW, TOLERANCE, Bench
+from model.regulation.bench import AT_REST_CLEAR, RAIL, SCREW, TOLERANCE, Bench
 from model.regulation.measures import TARGETS, RegulationTarget, TargetValues, measure, other_lengths, targets_at
 from model.regulation.rest_screws import WIDER, set_rest
 from model.regulation.screws import REST_RAIL, SCREWS
@@ -24,7 +24,6 @@ from model.regulation.turn_screw import turn_screw
 ROUNDS = 6
 CLEARANCE = 0.5e-3  # m, of button, drop screw and back check at rest
 CLEARING_TURN = 1e-3  # m
-CLEARED = {BUTTON: "let_off", DROP_SCREW: "drop", BACK_CHECK: "check"}
 IN_MOTION = ("let_off", "drop", "check")
 BESIDE = tuple(
     {name: sign * 0.45 * TOLERANCE} for name in ("jack", "hammer_height", "repetition", "dip") for sign in (1.0, -1.0)
@@ -82,9 +81,9 @@ class Regulation:
 
 def _clear(bench: Bench, report: Callable[[str], None]) -> None:
     """Turn away what is close at rest: button and drop screw up, back check back."""
-    for contact, name in CLEARED.items():
+    for name, (contact, way) in AT_REST_CLEAR.items():
         low, high = bench.limits(name)
-        away = -CLEARING_TURN if name == "check" else CLEARING_TURN
+        away = way * CLEARING_TURN
         while (room := bench.room(contact)) < CLEARANCE:
             new = min(high, max(low, bench.turn_m[name] + away))
             if new == bench.turn_m[name]:

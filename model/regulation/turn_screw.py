@@ -11,6 +11,7 @@ MOST_TURNS = 16  # of a screw in a round
 LARGEST_TURN = 1e-3  # m in one step
 SMALL_TURN = 10e-6  # m, below which the slope of a step is not used again
 NOT_MEASURABLE = {"let_off": -2e-3, "check": 5e-3}  # error (m) assumed then: jack stuck, hammer free
+FINER = 8  # steps from the best of these to each of its neighbours
 SEARCH = {"rest": 16, "press": 8, "blow": 32}  # places over the travel where the secant fails
 
 
@@ -25,13 +26,16 @@ def turn_screw(bench: Bench, name: str, report: Callable[[str], None], beyond_m:
         return errors[turn]
 
     _secant(bench, name, bench.turn_m[name], error_at)
-    best = _best(errors)
-    if not abs(errors[best]) <= TOLERANCE:
-        for start in _sign_changes(bench, name, errors, error_at):
+    for places in (_over_the_travel, _beside_the_best):
+        if abs(errors[_best(errors)]) <= TOLERANCE:
+            break
+        for place in places(bench, name, errors):
+            error_at(place)
+        for start in _sign_changes(errors):
             _secant(bench, name, start, error_at)
-            best = _best(errors)
-            if abs(errors[best]) <= TOLERANCE:
+            if abs(errors[_best(errors)]) <= TOLERANCE:
                 break
+    best = _best(errors)
     bench.turn_m[name] = best
     return errors[best]
 
@@ -40,18 +44,26 @@ def _best(errors: dict[float, float]) -> float:
     return min(errors, key=lambda x: abs(errors[x]) if math.isfinite(errors[x]) else math.inf)
 
 
-def _sign_changes(
-    bench: Bench, name: str, errors: dict[float, float], error_at: Callable[[float], float]
-) -> list[float]:
-    """Turns to start again from: beside each change of sign, or where there is none the measurable place nearest."""
+def _over_the_travel(bench: Bench, name: str, errors: dict[float, float]) -> list[float]:
     low, high = bench.limits(name)
     count = SEARCH[MEASURED_IN[name]]
-    for k in range(count + 1):
-        error_at(low + (high - low) * k / count)
+    return [low + (high - low) * k / count for k in range(count + 1)]
+
+
+def _beside_the_best(bench: Bench, name: str, errors: dict[float, float]) -> list[float]:
+    """Between the best turn and its neighbours: a target may come nearer and go away again within a step."""
+    turns, best = sorted(errors), _best(errors)
+    at = turns.index(best)
+    low, high = turns[max(0, at - 1)], turns[min(len(turns) - 1, at + 1)]
+    return [end + (best - end) * k / FINER for end in (low, high) for k in range(1, FINER)]
+
+
+def _sign_changes(errors: dict[float, float]) -> list[float]:
+    """Turns to start again from: beside each change of sign, the one nearest to the target first."""
     turns = sorted(turn for turn, error in errors.items() if math.isfinite(error))
     changes = [b if abs(errors[b]) < abs(errors[a]) else a
                for a, b in zip(turns, turns[1:], strict=False) if errors[a] * errors[b] <= 0.0]  # fmt: skip
-    return sorted(changes, key=lambda turn: abs(errors[turn])) or turns[:0]
+    return sorted(changes, key=lambda turn: abs(errors[turn]))
 
 
 def _secant(bench: Bench, name: str, turn: float, error_at: Callable[[float], float]) -> None:

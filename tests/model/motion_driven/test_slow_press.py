@@ -8,7 +8,9 @@ import pytest
 import model
 from model.motion_driven import slow_press as press_module
 from model.motion_driven.slow_press import Press, key_angle_at_dip, slow_press
+from model.scene.build import build_scene
 from model.simulation.hand_set_rest import hand_set_rest
+from model.simulation.run import Simulation, State
 from model.verification.energy import energy_terms
 
 
@@ -75,3 +77,32 @@ def test_hammer_let_down_finds_the_jack_where_the_plain_search_slips(action: mod
     rest = hand_set_rest(raised)
     height = float(model.observables.hammer_height_m(raised, rest))
     assert height == pytest.approx(0.048 - 10.5 * 0.37e-3, abs=4e-4)  # 10.5 mm a millimetre
+
+
+def test_the_compiled_servo_is_the_one_advanced_block_by_block(action: model.Action) -> None:
+    rest = hand_set_rest(action)
+    pressed = slow_press(action, rest, [1e-3], speed_m_per_s=0.02, hold_s=0.02)
+    servo = action.with_values({"key.inertia": press_module.SERVO_INERTIA})
+    start = State(0.0, rest.copy(), np.zeros(5))
+    run = Simulation(build_scene(servo), start, 1e-5)
+    block, samples = press_module.BLOCK, press_module.SAMPLES
+    x, y = action["drive.point.x"], action["drive.point.y"]
+    extra = press_module.SERVO_INERTIA - action["key.inertia"]
+    angles = []
+    for i, force in enumerate(pressed.force_n[::samples]):
+        q, v = float(run.state.angle_rad[0]), float(run.state.speed_rad_per_s[0])
+        arm = x * np.cos(q) - y * np.sin(q)
+        gained = float(pressed.speed_rad_per_s[samples * (i + 1) - 1, 0]) - v
+        pull = force - extra * gained / block / arm  # what the servo must have pulled
+        at = i * block + block * np.arange(1, samples + 1) / samples
+        at[-1] = (i + 1) * block
+        states, _ = run.advance(at[-1], np.array([i * block, at[-1]]), np.array([pull, pull]), output_time_s=at)
+        angles.append(states)
+    np.testing.assert_allclose(np.concatenate(angles), pressed.angle_rad, rtol=0.0, atol=1e-9)
+
+
+def test_a_press_that_cannot_go_on_says_when(action: model.Action, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("model.simulation.run.STEPS_AT_LEAST", 3)
+    monkeypatch.setattr("model.simulation.run.STEPS_PER_SECOND", 0)
+    with pytest.raises(model.IntegrationError, match=r"stopped at t = 0\.0\d+ s.*too many steps"):
+        slow_press(action, hand_set_rest(action), [4e-3])
