@@ -7,7 +7,7 @@ changes nothing is refused by name.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -126,7 +126,15 @@ class _Changed(Action):
 
 def shifted(action: Action, parameter: Parameter, by: float) -> Action:
     """An action whose parameter is changed ``by`` something small."""
-    changes = {path: action[path] + by * weight for path, weight in parameter.paths.items()}
+    return changed_by(action, (parameter,), (by,))
+
+
+def changed_by(action: Action, parameters: Sequence[Parameter], by: Iterable[float]) -> Action:
+    """An action whose parameters are changed, each ``by`` so much; not checked against what is allowed."""
+    changes: dict[str, float] = {}
+    for parameter, change in zip(parameters, by, strict=True):
+        for path, weight in parameter.paths.items():
+            changes[path] = changes.get(path, action[path]) + float(change) * weight
     out = _Changed(
         action.name, action.description, action.quantities, action.structure, action.origin, {}, action.effects
     )
