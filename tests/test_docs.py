@@ -24,7 +24,8 @@ PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", ROOT / "SECURITY.md"] + [
     page for page in sorted(DOCS.rglob("*.md")) if not {"_build", "generated"} & set(page.parts)
 ]
 PAGES_WITH_CODE = {
-    "first_blow", "own_film", "regulate_and_feel", "cluster", "regulate", "odd_trial", "inner_forces", "which_parameters",
+    "first_blow", "own_film", "regulate_and_feel", "cluster", "regulate", "odd_trial", "inner_forces",
+    "which_parameters",
 }  # fmt: skip
 LINK = re.compile(r"\]\((?!https?:|#|mailto:)([^)#\s]+)")
 SHELL = re.compile(r"^ *```sh\n(.*?)^ *```", re.MULTILINE | re.DOTALL)

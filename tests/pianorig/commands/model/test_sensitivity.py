@@ -88,3 +88,16 @@ def test_a_cluster_that_is_not_there(monkeypatch: pytest.MonkeyPatch, capsys: py
     words = ["--parameters", "hammer.mass", "--morris", "2", "--cluster"]
     assert run("sensitivity", FORTE, *words, "tcp://127.0.0.1:1") == 2
     assert "--cluster tcp://127.0.0.1:1: no scheduler answers" in capsys.readouterr().err
+
+
+@pytest.mark.slow  # starts a scheduler and two processes
+def test_a_cluster_gives_the_numbers_of_this_computer(capsys: pytest.CaptureFixture[str]) -> None:
+    distributed = pytest.importorskip("distributed", reason="the extra 'cluster' is not installed")
+    study = ["sensitivity", FORTE, "--parameters", "hammer.mass,key.mass", "--morris", "2", "--json"]
+    assert run(*study) == 0
+    here = json.loads(capsys.readouterr().out)
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=50
+    ) as cluster:
+        assert run(*study, "--cluster", cluster.scheduler_address) == 0
+    assert json.loads(capsys.readouterr().out)["morris"] == here["morris"]
