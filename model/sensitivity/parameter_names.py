@@ -174,6 +174,37 @@ def directions(action: Action, choice: SceneChoice, parameters: Sequence[Paramet
     return Directions(tuple(parameters), scene, slope)
 
 
+def effective_paths(action: Action, choice: SceneChoice | None = None) -> list[str]:
+    """Paths of all parameters of an action that have a derivative in a scene.
+
+    Parameters
+    ----------
+    action : parameter set
+    choice : the scene; by default the whole action without effects
+
+    Returns
+    -------
+    list of str
+        In the order of the action's file; effects' parameters last.
+
+    Examples
+    --------
+    >>> import model
+    >>> paths = model.sensitivity.effective_paths(model.load_action(), model.load_scene("key"))
+    >>> "key.mass" in paths, "hammer.mass" in paths
+    (True, False)
+    """
+    choice = SceneChoice() if choice is None else choice
+    out = []
+    for path in (*action.quantities, *action.effects):
+        try:
+            directions(action, choice, find_parameters(action, [path]))
+        except InputError:
+            continue
+        out.append(path)
+    return out
+
+
 def _alike(scene: Scene, other: Scene) -> bool:
     return all(np.array_equal(a, b) for a, b in zip(scene.tables, other.tables, strict=True))
 

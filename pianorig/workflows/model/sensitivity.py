@@ -148,7 +148,7 @@ def _trial_of(blow: Path, trial: int | None) -> Path:
 
 
 def _local(action: model.Action, driving: DrivingForce, names: list[str] | None, quiet: bool) -> LocalTable:
-    wanted = [path for path, q in action.quantities.items() if q.value != 0.0] if names is None else names
+    wanted = model.sensitivity.effective_paths(action) if names is None else names
     options = model.SensitivityOptions(rest_input=driving.preload_n, allow_idle=names is None)
     with working(f"differentiating a blow by {len(wanted)} parameters", quiet):
         found = model.sensitivities(action, (driving.time_s, driving.force_n), wanted, options=options)
