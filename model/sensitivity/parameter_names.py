@@ -7,7 +7,7 @@ changes nothing is refused by name.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -126,7 +126,15 @@ class _Changed(Action):
 
 def shifted(action: Action, parameter: Parameter, by: float) -> Action:
     """An action whose parameter is changed ``by`` something small."""
-    changes = {path: action[path] + by * weight for path, weight in parameter.paths.items()}
+    return changed_by(action, (parameter,), (by,))
+
+
+def changed_by(action: Action, parameters: Sequence[Parameter], by: Iterable[float]) -> Action:
+    """An action whose parameters are changed, each ``by`` so much; not checked against what is allowed."""
+    changes: dict[str, float] = {}
+    for parameter, change in zip(parameters, by, strict=True):
+        for path, weight in parameter.paths.items():
+            changes[path] = changes.get(path, action[path]) + float(change) * weight
     out = _Changed(
         action.name, action.description, action.quantities, action.structure, action.origin, {}, action.effects
     )
@@ -164,6 +172,37 @@ def directions(action: Action, choice: SceneChoice, parameters: Sequence[Paramet
             "does not exist; give it a value or leave it out"
         )
     return Directions(tuple(parameters), scene, slope)
+
+
+def effective_paths(action: Action, choice: SceneChoice | None = None) -> list[str]:
+    """Paths of all parameters of an action that have a derivative in a scene.
+
+    Parameters
+    ----------
+    action : parameter set
+    choice : the scene; by default the whole action without effects
+
+    Returns
+    -------
+    list of str
+        In the order of the action's file; effects' parameters last.
+
+    Examples
+    --------
+    >>> import model
+    >>> paths = model.sensitivity.effective_paths(model.load_action(), model.load_scene("key"))
+    >>> "key.mass" in paths, "hammer.mass" in paths
+    (True, False)
+    """
+    choice = SceneChoice() if choice is None else choice
+    out = []
+    for path in (*action.quantities, *action.effects):
+        try:
+            directions(action, choice, find_parameters(action, [path]))
+        except InputError:
+            continue
+        out.append(path)
+    return out
 
 
 def _alike(scene: Scene, other: Scene) -> bool:

@@ -26,8 +26,9 @@ from model.simulation.statics import balance
 
 Array = NDArray[np.float64]
 
-# steps of the motion that one of the tangents may span: a layer in which friction turns is found by the motion's steps
-STRIDE = 8
+# Steps of the motion that one of the tangents may span: a layer in which friction turns is found by the motion's steps,
+# of which a looser motion has fewer. Found with benchmarks/sensitivities.py.
+STRIDE, STRIDE_AT, STRIDE_EXPONENT = 8, 1e-9, 0.2
 CACHE_LINE = 64  # bytes
 ROWS = 20_000  # steps recorded at a time
 # derivatives below these, per change of a parameter by all of its value, do not decide about steps
@@ -193,6 +194,9 @@ class Recorded:
         self.run.kernels.linearise(w, self.run.scene.vector, u)
         return w[W.ACC : W.ACC + n]
 
+    def _stride(self) -> int:
+        return max(1, round(STRIDE * (STRIDE_AT / self.simulation.tolerance) ** STRIDE_EXPONENT))
+
     def follow(self, times: Array, tolerance: float) -> tuple[Array, Array, dict[str, int | float]]:
         """Derivatives of angles and speeds (m, n, P) at increasing times (m,), and what was counted.
 
@@ -209,7 +213,7 @@ class Recorded:
         floor = aligned(2, filled)
         floor[:, :p], floor[:, p:] = [LEAST_ANGLE / scale, LEAST_SPEED / scale], 1.0
         angle, speed = aligned(len(times), n, filled), aligned(len(times), n, filled)
-        wanted = Wanted(times, angle, speed, tolerance, floor, STRIDE)
+        wanted = Wanted(times, angle, speed, tolerance, floor, self._stride())
         run.space.largest[:] = 0.0
         run.space.largest[:n, :p] = np.abs(self.d_rest)
         tangent = aligned(2, n, filled)

@@ -37,6 +37,7 @@ COMMANDS = {
     "simulate": Listed("model.simulate", "Predict motion under a force, or the force of a motion."),
     "touch": Listed("model.touch", "Compare how actions feel, from slow press to repetition."),
     "study": Listed("model.study", "Ask what if: variants of an action under one blow."),
+    "sensitivity": Listed("model.sensitivity", "Rank parameters by what they do to a blow."),
     "regulate": Listed("model.regulate", "Measure and regulate an action as a technician does."),
     "calibrate-felt": Listed("model.calibrate_felt", "Calibrate felt, friction, string damping and inertia."),
     "validate": Listed("validation.validate", "Report how well models predict the measured angles."),

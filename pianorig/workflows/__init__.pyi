@@ -67,6 +67,8 @@ from .model.inside_view import lift_attributes as lift_attributes
 from .model.inside_view import print_inside as print_inside
 from .model.requested_error import missed_request as missed_request
 from .model.requested_error import print_error as print_error
+from .model.sensitivity import SensitivityOrder as SensitivityOrder
+from .model.sensitivity import study_sensitivity as study_sensitivity
 from .model.simulate_motion import drive_by_motion as drive_by_motion
 from .model.simulate_motion import motion_facts as motion_facts
 from .model.simulate_motion import print_motion as print_motion

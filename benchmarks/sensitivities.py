@@ -1,0 +1,158 @@
+"""Error against time of derivatives of a blow: integrated beside it, or by differences of runs, steps frozen or not.
+
+Run: python benchmarks/sensitivities.py
+Errors are those of the angles' derivatives over a forte of 0.7 s, of each angle's largest derivative, the worst of all
+angles and parameters, against Richardson's limit of central differences of runs at 1e-11 rad. Times are processor time
+in runs of `simulate` at its default tolerance; those of 60 columns are measured, differences of 60 columns are taken as
+so many runs. With frozen steps (the sequence of the unchanged run, nothing rejected) eight members go through a core's
+lanes together; that such a study of 60 columns takes 22 runs is an estimate.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+import model
+from model.kernels.codegen.load import kernels_of
+from model.sensitivity import find_parameters
+from model.sensitivity.parameter_names import directions
+from model.sensitivity.tangents import Recorded
+from model.simulation.statics import solve_rest
+
+Array = NDArray[np.float64]
+
+# with a step of converged differences, in the parameter's unit
+STEPS = {
+    "hammer.mass": 1e-6, "key.inertia": 1e-7, "contact02": 1e-4, "contact01.friction.A": 1e-5, "friction": 3e-5,
+    "hammer.joint_friction.A": 1e-6, "contact12.normal.D": 1e-5, "contact07.second.x": 2e-7, "hammer.pivot.x": 1e-7,
+}  # fmt: skip
+SETTINGS = ((1e-9, 1e-6), (1e-8, 1e-5), (1e-7, 1e-4), (1e-6, 1e-3))
+SHARES = (1e-6, 1e-5, 1e-4, 1e-3)  # of the step of a difference, of the parameter's value
+
+
+def sixty(action: model.Action) -> list[str]:
+    """Felts, frictions, dampings, masses, inertias, springs, geometry, all at work in a forte."""
+    names = [f"contact{i:02d}" for i in range(1, 14)]
+    names += [f"contact{i:02d}.friction.A" for i in (1, 2, 4, 7, 9, 10)]
+    names += [f"contact{i:02d}.normal.D" for i in range(1, 13)]
+    names += [f"{body}.{k}" for body in model.BODIES for k in ("mass", "inertia", "joint_friction.A")]
+    names += ["jack_spring.torque", "repetition_spring.stiffness", "hammer.pivot.x", "hammer.pivot.y", "key.pivot.y"]
+    names += ["contact07.second.x", "contact01.first.y", "contact02.second.y", "contact12.first.radius"]
+    names += ["contact04.second.y", "contact08.first.y", "contact11.first.y", "gravity.g", "friction_threshold.v_t"]
+    assert all(find_parameters(action, names))
+    return names
+
+
+def seconds(work: Callable[[], object], times: int = 2) -> float:
+    """Least processor time of some repetitions, after one that warms up."""
+    work()
+    spent = []
+    for _ in range(times):
+        began = time.process_time()
+        work()
+        spent.append(time.process_time() - began)
+    return min(spent)
+
+
+class Frozen:
+    """Runs of changed actions with the steps of the unchanged one."""
+
+    def __init__(self, action: model.Action, blow: tuple[Array, Array], tolerance: float) -> None:
+        self.blow, self.tolerance = blow, tolerance
+        slopes = directions(action, model.SceneChoice(), find_parameters(action, ["hammer.mass"]))
+        simulation = self._at_rest(slopes.scene)
+        end = float(blow[0][-1])
+        self.steps = Recorded(slopes, simulation, simulation.plan(end, *blow), 0.0).motion.time
+        self.ends = np.append(self.steps[1:, 0], end)
+
+    def _at_rest(self, scene: model.Scene) -> model.Simulation:
+        state = model.State(float(self.blow[0][0]), solve_rest(scene), np.zeros(scene.size))
+        return model.Simulation(scene, state, self.tolerance, "rodas5p")
+
+    def angles(self, action: model.Action) -> Array:
+        """Angles at the ends of the steps."""
+        simulation = self._at_rest(model.build_scene(action))
+        plan = simulation.plan(float(self.ends[-1]), *self.blow)
+        free = plan.limits._replace(angle=np.inf, speed=np.inf, rest=0.0, longest_step=np.inf, most_steps=3)
+        kernels, out = kernels_of(simulation.scene.tables), np.empty((len(self.ends), simulation.scene.size))
+        for row, (start, step), end in zip(out, self.steps, self.ends, strict=True):
+            span = plan.span._replace(time=float(start), end=float(end), step=float(step))
+            plan.method.loop(
+                span, plan.drive, plan.out, plan.scene, kernels, plan.method.coefficients, free, plan.account
+            )
+            row[:] = span.angle
+        return out
+
+
+def main() -> None:
+    """Print the table."""
+    action, blow = model.load_action(), model.force_table("forte")
+
+    def changed(name: str, change: float) -> model.Action:
+        (parameter,) = find_parameters(action, [name])
+        return action.with_values({path: action[path] + change * w for path, w in parameter.paths.items()})
+
+    def angles(name: str, change: float, tolerance: float) -> Array:
+        return model.simulate(changed(name, change), *blow, tolerance=tolerance, method="rodas5p").angle_rad
+
+    def central(name: str, step: float, tolerance: float) -> Array:
+        return (angles(name, step, tolerance) - angles(name, -step, tolerance)) / (2.0 * step)
+
+    truth = {name: (4.0 * central(name, 0.5 * h, 1e-11) - central(name, h, 1e-11)) / 3.0 for name, h in STEPS.items()}
+
+    def error(found: Array, name: str) -> float:
+        return float(np.max(np.max(np.abs(found - truth[name]), axis=0) / np.max(np.abs(truth[name]), axis=0)))
+
+    run = seconds(lambda: model.simulate(action, *blow), 5)
+    names = sixty(action)
+    print(f"a run at 1e-5 rad: {1e3 * run:.1f} ms")
+    print(f"{'60 columns':<52} {'runs':>6} {'own runs':>9} {'worst error':>12}  per parameter")
+    for tolerance, relative in SETTINGS:
+        options = model.SensitivityOptions(
+            tolerance=tolerance, relative_tolerance=relative, events=False, allow_idle=True
+        )
+        found = model.sensitivities(action, blow, [*STEPS], options=options)
+        errors = [error(found.d_angles[:, :, j], name) for j, name in enumerate(STEPS)]
+        spent = seconds(lambda o=options: model.sensitivities(action, blow, names, options=o))  # type: ignore[misc]
+        own = seconds(lambda t=tolerance: model.simulate(action, *blow, tolerance=t, method="rodas5p"))  # type: ignore[misc]
+        words = f"tangents, tolerance {tolerance:g} rad, relative {relative:g}"
+        print(
+            f"{words:<52} {spent / run:>6.1f} {spent / own:>9.1f} {max(errors):>12.1e}  "
+            + " ".join(f"{e:.0e}" for e in errors)
+        )
+    for tolerance in (1e-9, 1e-7, 1e-5):
+        own = seconds(lambda t=tolerance: model.simulate(action, *blow, tolerance=t, method="rodas5p"))  # type: ignore[misc]
+        errors = []
+        for name in STEPS:
+            (parameter,) = find_parameters(action, [name])
+            errors.append(min(error(central(name, s * parameter.scale, tolerance), name) for s in SHARES))
+        words = f"central differences of runs at {tolerance:g}, best of four steps"
+        print(
+            f"{words:<52} {120 * own / run:>6.1f} {120.0:>9.1f} {max(errors):>12.1e}  "
+            + " ".join(f"{e:.0e}" for e in errors)
+        )
+    for tolerance in (1e-8, 1e-6):
+        frozen = Frozen(action, blow, tolerance)
+        unchanged = frozen.angles(action)
+        at = np.clip(np.searchsorted(blow[0], frozen.ends), 0, len(blow[0]) - 1)
+        on_table = np.abs(blow[0][at] - frozen.ends) < 1e-12  # where the truth is known
+        errors = []
+        for name in STEPS:
+            (parameter,) = find_parameters(action, [name])
+            found = []
+            for share in SHARES[:2]:
+                step = share * parameter.scale
+                slope = (frozen.angles(changed(name, step)) - unchanged)[on_table] / step
+                known = truth[name][at[on_table]]
+                found.append(float(np.max(np.max(np.abs(slope - known), 0) / np.max(np.abs(truth[name]), 0))))
+            errors.append(min(found))
+        words = f"forward differences, frozen steps of {tolerance:g}, best of two steps"
+        print(f"{words:<52} {'':>6} {22.0:>9.1f} {max(errors):>12.1e}  " + " ".join(f"{e:.0e}" for e in errors))
+
+
+if __name__ == "__main__":
+    main()

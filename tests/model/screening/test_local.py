@@ -1,0 +1,64 @@
+"""The local table: its arithmetic on a blow, its order, its figures."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import model
+from model.screening import draw_local, draw_morris, draw_sobol, local_table, morris, sobol, spreads
+from model.screening.local import lines
+
+NAMES = ("friction", "hammer.mass", "contact02")
+
+
+@pytest.fixture(scope="module")
+def found(action: model.Action) -> model.Sensitivities:
+    return model.sensitivities(action, model.force_table("forte"), NAMES)
+
+
+def test_percent_per_percent(found: model.Sensitivities) -> None:
+    table = local_table(found)
+    i, q = table.parameters.index("hammer.mass"), table.quantities.index("strike_m_per_s")
+    j = NAMES.index("hammer.mass")
+    slope = found.d_events["strike_m_per_s"][j]
+    assert table.percent[i, q] == pytest.approx(slope * found.values[j] / found.events["strike_m_per_s"])
+    assert table.change[i, q] == pytest.approx(0.01 * slope * found.values[j])
+    assert table.per_u[i, q] == pytest.approx(slope * found.uncertainties[j])
+    assert np.isnan(table.per_u[table.parameters.index("friction"), q])  # a factor has no declared uncertainty
+    late = table.quantities.index("strike_s")
+    assert table.values[late] == pytest.approx(found.events["strike_s"] - found.events["onset_s"])
+
+
+def test_a_curve_changes_as_a_second_run_does(action: model.Action, found: model.Sensitivities) -> None:
+    table = local_table(found)
+    q = table.quantities.index("hammer curve")
+    step = 1e-4
+    ends = [
+        model.simulate(model.scaled(action, {"friction": 1.0 + s * step}), *model.force_table("forte"), tolerance=1e-9)
+        for s in (1.0, -1.0)
+    ]
+    turns = [end.angle_rad[:, 4] - end.angle_rad[0, 4] for end in ends]
+    change = np.sqrt(np.mean((turns[0] - turns[1]) ** 2)) / (2.0 * step) / np.sqrt(np.mean(turns[0] ** 2))
+    assert table.percent[table.parameters.index("friction"), q] == pytest.approx(change, rel=1e-2)
+
+
+def test_ranked_by_the_largest_effect_and_printed(found: model.Sensitivities) -> None:
+    table = local_table(found)
+    largest = np.max(np.abs(table.percent), axis=1)
+    assert np.all(np.diff(largest) <= 0.0) and {*table.parameters} == {*NAMES}
+    text = lines(table, {"strike_m_per_s": "speed", "not there": "x"}, 2)
+    assert len(text) == 3 and text[0].split() == ["parameter", "speed"]
+    assert len(table.rows()) == len(table.parameters) * len(table.quantities)
+
+
+def test_figures_are_written(action: model.Action, found: model.Sensitivities, tmp_path: Path) -> None:
+    drawn = spreads(action, ["hammer.mass", "key.mass"])
+    draw_local(local_table(found), tmp_path / "local.svg")
+    draw_morris(morris(drawn, lambda x: x[:, :1], ("strike_m_per_s",), 3), tmp_path / "morris.png")
+    draw_sobol(sobol(drawn, lambda x: x[:, :1], ("y_m",), 8), tmp_path / "sobol.pdf")
+    assert all((tmp_path / name).stat().st_size > 5000 for name in ("local.svg", "morris.png", "sobol.pdf"))
+    with pytest.raises(model.InputError, match=r"ending found '\.txt'"):
+        draw_local(local_table(found), tmp_path / "local.txt")

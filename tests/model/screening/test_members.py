@@ -1,0 +1,107 @@
+"""Variants in units: their marks against the events of single blows, units kept and reused, an interrupt."""
+
+from __future__ import annotations
+
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import model
+from model.screening import MARKS, Spread, Variants, spreads
+from model.screening import members as computing
+from model.screening.members import Interrupted, Study
+
+
+@pytest.fixture(scope="module")
+def drawn(action: model.Action) -> list[Spread]:
+    names = ["hammer.mass", "contact02", "hammer.pivot.x"]
+    return spreads(action, names, {"hammer.mass": 2e-4, "contact02": 0.1})
+
+
+@pytest.fixture(scope="module")
+def variants(action: model.Action, drawn: list[Spread]) -> Variants:
+    return Variants(action, *model.force_table("forte"), tuple(s.parameter for s in drawn))
+
+
+@pytest.fixture(scope="module")
+def values(drawn: list[Spread]) -> np.ndarray:
+    random = np.random.default_rng(4)
+    return np.column_stack([s.at(random.random(5)) for s in drawn])
+
+
+@pytest.fixture(scope="module")
+def marks(variants: Variants, values: np.ndarray) -> np.ndarray:
+    return Study(workers=1).run(variants, values)
+
+
+def test_marks_are_the_events_of_each_variant(action: model.Action, values: np.ndarray, marks: np.ndarray) -> None:
+    accuracy = {"s": 2e-6, "m": 3e-6, "m_per_s": 1e-3}
+    for row, (mass, felt, pivot) in zip(marks[:2], values[:2], strict=True):
+        variant = model.scaled(action.with_values({"hammer.mass": mass, "hammer.pivot.x": pivot}), {"contact02": felt})
+        options = model.SensitivityOptions(tolerance=1e-7)
+        events = model.sensitivities(variant, model.force_table("forte"), ["key.mass"], options=options).events
+        for name, mark in zip(MARKS, row, strict=True):
+            unit = "m_per_s" if name.endswith("_per_s") else name.rpartition("_")[2]
+            assert mark == pytest.approx(events[name], abs=accuracy[unit] if name != "drop_s" else 1e-4), name
+
+
+def test_units_are_kept_and_not_computed_again(
+    variants: Variants, values: np.ndarray, marks: np.ndarray, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(computing, "UNIT", 2)
+    told: list[tuple[int, int]] = []
+    study = Study(workers=1, store=tmp_path / "kept", progress=lambda done, total: told.append((done, total)))
+    np.testing.assert_array_equal(study.run(variants, values), marks)
+    assert told[-1] == (5, 5) and len(list((tmp_path / "kept").glob("*.npz"))) == 3
+    computed: list[int] = []
+    true = Variants.marks
+    monkeypatch.setattr(Variants, "marks", lambda self, rows: computed.append(len(rows)) or true(self, rows))
+    np.testing.assert_array_equal(study.run(variants, values), marks)
+    assert computed == []
+    damaged, altered, _ = sorted((tmp_path / "kept").glob("*.npz"))
+    damaged.write_bytes(damaged.read_bytes()[:50])
+    with np.load(altered) as file:
+        np.savez(altered, marks=file["marks"] + 1e-9, sha256=file["sha256"])
+    np.testing.assert_array_equal(study.run(variants, values), marks)
+    assert len(computed) == 2  # neither half a file nor altered numbers are used
+
+
+def test_an_interrupt_keeps_what_is_finished(
+    variants: Variants, values: np.ndarray, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(computing, "UNIT", 1)
+    seen = 0
+
+    def tell(done: int, total: int) -> None:
+        nonlocal seen
+        seen += 1
+        if seen == 2:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(Variants, "marks", lambda self, rows: np.zeros((len(rows), len(MARKS))))
+    with pytest.raises(Interrupted, match="of 5 members are done") as stopped:
+        Study(workers=1, store=tmp_path, progress=tell).run(variants, values)
+    assert 2 <= stopped.value.done <= 5
+    assert len(list(tmp_path.glob("*.npz"))) >= 2
+
+
+def test_a_variant_that_cannot_rest_is_a_row_of_nan(action: model.Action) -> None:
+    (pivot,) = spreads(action, ["hammer.pivot.y"], {"hammer.pivot.y": 0.1})
+    broken = Variants(action, *model.force_table("forte"), (pivot.parameter,))
+    marks = broken.marks(np.array([[action["hammer.pivot.y"]], [action["hammer.pivot.y"] - 0.5]]))
+    assert np.all(np.isfinite(marks[0])) and np.isnan(marks[1, MARKS.index("strike_m_per_s")])
+
+
+def test_another_executor_gives_the_same_numbers(variants: Variants, values: np.ndarray, marks: np.ndarray) -> None:
+    with ProcessPoolExecutor(1) as pool:
+        np.testing.assert_array_equal(Study(executor=pool).run(variants, values), marks)
+
+
+def test_what_cannot_be_used(variants: Variants, values: np.ndarray, tmp_path: Path) -> None:
+    with pytest.raises(model.InputError, match="workers: found 0"):
+        Study(workers=0).run(variants, values)
+    (tmp_path / "file").write_text("")
+    with pytest.raises(model.InputError, match="cannot be made"):
+        Study(workers=1, store=tmp_path / "file" / "inside").run(variants, values)
