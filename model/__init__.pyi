@@ -5,6 +5,7 @@ from . import inside as inside
 from . import null_model as null_model
 from . import observables as observables
 from . import regulation as regulation
+from . import sensitivity as sensitivity
 from . import stick_slip as stick_slip
 from . import study as study
 from . import touch as touch
@@ -42,6 +43,9 @@ from .scene.selection import SCENES as SCENES
 from .scene.selection import SceneChoice as SceneChoice
 from .scene.selection import load_scene as load_scene
 from .scene.selection import scene_of as scene_of
+from .sensitivity.differentiate import sensitivities as sensitivities
+from .sensitivity.options import SensitivityOptions as SensitivityOptions
+from .sensitivity.result import Sensitivities as Sensitivities
 from .simulation.compile_ahead import compile_ahead as compile_ahead
 from .simulation.hand_set_rest import hand_set_rest as hand_set_rest
 from .simulation.run import Simulation as Simulation

@@ -42,6 +42,23 @@ def _names(action: Action) -> dict[str, list[str]]:
     return names
 
 
+def named_paths(action: Action, name: str, where: str) -> list[str]:
+    """Paths of the values that a path, pattern, law or group stands for.
+
+    Raises
+    ------
+    InputError : nothing has that name; the message begins with ``where`` and lists near names
+    """
+    names = _names(action)
+    # a pattern means single parameters; a law or group is named in full
+    paths = names.get(name) or [path for path in action.quantities if fnmatchcase(path, name)]
+    if not paths:
+        near = difflib.get_close_matches(name, names, n=3)
+        hint = f"; did you mean {' or '.join(near)}" if near else ""
+        raise InputError(f"{where} {name}: no such parameter, law or group{hint}; groups: {', '.join(GROUPS)}")
+    return paths
+
+
 def scaled(action: Action, factors: Mapping[str, float]) -> Action:
     """A copy of ``action`` with parameters multiplied, in the order given.
 
@@ -65,15 +82,9 @@ def scaled(action: Action, factors: Mapping[str, float]) -> Action:
     >>> light["hammer.mass"] / model.load_action("hirschkorn2004")["hammer.mass"]
     0.5
     """
-    names = _names(action)
     for name, factor in factors.items():
         if not math.isfinite(factor):
             raise InputError(f"--scale {name}: factor found {factor}, allowed a finite number")
-        # a pattern means single parameters; a law or group is named in full
-        paths = names.get(name) or [path for path in action.quantities if fnmatchcase(path, name)]
-        if not paths:
-            near = difflib.get_close_matches(name, [*GROUPS, *names], n=1)
-            hint = f"; did you mean {near[0]}" if near else ""
-            raise InputError(f"--scale {name}: no such parameter, law or group{hint}; groups: {', '.join(GROUPS)}")
+        paths = named_paths(action, name, "--scale")
         action = action.with_values({path: factor * action[path] for path in paths}, f"--scale {name}={factor:g}")
     return action

@@ -8,8 +8,7 @@ import numpy as np
 
 from validation.identification.fit import Fitted, Problem
 from validation.identification.identifiability import HALF
-from validation.identification.profiles import Profile, profile
-from validation.identification.result import (
+from validation.identification.outcome.result import (
     AT_BOUND,
     DOUBTFUL,
     IDENTIFIED,
@@ -18,6 +17,7 @@ from validation.identification.result import (
     TOO_FEW,
     Estimate,
 )
+from validation.identification.profiles import Profile, profile
 from validation.identification.scatter import LEAST_TRIALS, factors, forms, jackknife, lacking
 
 NEAR_BOUND = 0.02

@@ -1,0 +1,6 @@
+"""Tangents of a motion: its derivatives with respect to parameters, integrated beside it.
+
+In: named tuples of a run (`model.kernels.signatures`) and parameters as changes of its numbers; out: derivatives of
+angles and speeds. `recorded_motion` integrates and keeps the motion, `nodes` linearises along it, `radau` is one step,
+`follow` the loop. Decision: docs/decisions/0121-model-sensitivities.md.
+"""

@@ -1,0 +1,140 @@
+"""Tangents carried along a recorded motion, with their own error control over every parameter.
+
+Steps land on the kinks of the forces, where the Jacobian jumps; the tangents themselves are continuous there, because
+the forces are.
+"""
+
+import numpy as np
+from numba import types
+
+from model.integrators.tangents.nodes import LINEAR, linearise_node
+from model.integrators.tangents.radau import NODES, WANTED, at_fraction, estimated_error, solve_step
+from model.integrators.tangents.recorded_motion import DRIVE, MOTION, state_at
+from model.kernels.compile import inlined, step_loop
+from model.kernels.stepping.inputs import input_at
+
+DONE, STEP_TOO_SMALL = 0, 1
+SAFETY, GROW, SHRINK, SMALLEST_STEP = 0.8, 6.0, 0.1, 1e-10
+FIRST_STEP = 1e-5  # s
+
+_f, _i = types.float64, types.int64
+_table, _cube = types.Array(_f, 2, "C"), types.Array(_f, 3, "C")
+FOLLOW = types.Tuple((_i, _f, _i, _i))(  # status, time reached, steps, rejected ones
+    MOTION, DRIVE, _table, LINEAR, WANTED, _cube
+)
+
+
+@inlined
+def fill_rest(out, until, wanted, tangent):
+    """Fill the outputs wanted up to ``until`` with the tangent as it is; returns how many are filled."""
+    while out < wanted.time.shape[0] and wanted.time[out] <= until:
+        wanted.angle[out] = tangent[0]
+        wanted.speed[out] = tangent[1]
+        out += 1
+    return out
+
+
+@inlined
+def node_at(t, m, place, motion, drive, linear):
+    """Linearise at ``t`` into row ``m``; ``place`` is where the step and the input were found last."""
+    k = state_at(t, place[0], motion, linear.space.point)
+    u, _, k_in = input_at(t, place[1], drive)
+    linearise_node(m, u, linear)
+    return k, k_in
+
+
+@inlined
+def before(t, k, motion, stride):
+    """The time that a step from ``t`` may not pass: the end of the ``stride``-th step of the motion from there."""
+    last = motion.time.shape[0] - 1
+    while k > 0 and t < motion.time[k, 0]:
+        k -= 1
+    while k < last and t >= motion.time[k + 1, 0]:
+        k += 1
+    k = min(last, k + stride - 1)
+    return motion.time[k, 0] + motion.time[k, 1]
+
+
+@inlined
+def fitted(h, left):
+    """A step of ``h`` that leaves no sliver of what is ``left``."""
+    if h < 0.5 * left:
+        return h
+    return 0.5 * left if h < 0.99 * left else left
+
+
+@inlined
+def accept(tangent, reached, largest):
+    """Take over the tangents that were reached, and note how large they have been."""
+    n = tangent.shape[1]
+    for half in range(2):
+        for i in range(n):
+            for k in range(tangent.shape[2]):
+                x = reached[half, i, k]
+                tangent[half, i, k] = x
+                largest[n * half + i, k] = max(largest[n * half + i, k], abs(x))
+
+
+@inlined
+def end_is_start(space):
+    """The last node of a step is the start of the next."""
+    space.mass[0] = space.mass[3]
+    space.stiff[0] = space.stiff[3]
+    space.damp[0] = space.damp[3]
+    space.alpha[0] = space.alpha[3]
+
+
+@step_loop(FOLLOW)
+def follow(motion, drive, kinks, linear, wanted, tangent):
+    """Carry ``tangent`` (2, n, P) along the whole motion; fill the outputs wanted."""
+    space = linear.space
+    t = motion.time[0, 0]
+    end = motion.time[-1, 0] + motion.time[-1, 1]
+    reached = np.zeros(tangent.shape)
+    steps, rejected, kink = 0, 0, 0
+    place = (0, 0)
+    h = FIRST_STEP
+    fresh = True
+    out = fill_rest(0, t, wanted, tangent)
+    while t < end:
+        while kink < kinks.shape[0] and kinks[kink, 1] <= t:
+            kink += 1
+        at_kink = kinks[kink, 0] if kink < kinks.shape[0] else 2.0 * end + 1.0
+        if at_kink <= t:  # two kinks within a picosecond
+            t = kinks[kink, 1]
+            fresh = True
+            continue
+        if fresh:
+            place = node_at(t, 0, place, motion, drive, linear)
+            fresh = False
+        stop = min(end, at_kink, before(t, place[0], motion, wanted.stride))
+        step = fitted(h, stop - t)
+        after = stop if step == stop - t else t + step
+        for m in range(3):
+            place = node_at(after if m == 2 else t + NODES[m] * step, m + 1, place, motion, drive, linear)
+        error = 1e300
+        if solve_step(step, tangent, space):
+            error = estimated_error(step, tangent, wanted, space)
+        factor = max(SHRINK, min(GROW, SAFETY * max(error, 1e-12) ** -0.25))
+        # a kink that is not known leaves an error in proportion to the step across it
+        if error > 1.0 and (step > SMALLEST_STEP or error > 1e200):
+            rejected += 1
+            h = step * factor
+            if h < 1e-3 * SMALLEST_STEP:
+                return STEP_TOO_SMALL, t, steps, rejected
+            continue
+        steps += 1
+        while out < wanted.time.shape[0] and wanted.time[out] <= after:
+            at_fraction((wanted.time[out] - t) / step, step, tangent, space, wanted.angle[out], wanted.speed[out])
+            out += 1
+        at_fraction(1.0, step, tangent, space, reached[0], reached[1])
+        accept(tangent, reached, space.largest)
+        h = max(step * factor, h if factor >= 1.0 else 0.0)
+        t = after
+        if after == at_kink:
+            t = kinks[kink, 1]
+            fresh = True
+        else:
+            end_is_start(space)
+    fill_rest(out, 2.0 * abs(end) + 1.0, wanted, tangent)
+    return DONE, t, steps, rejected

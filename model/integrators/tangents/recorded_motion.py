@@ -1,0 +1,277 @@
+"""The motion of a scene with everything that its tangents need: the state at any time, and where the forces have kinks.
+
+`record` is the step loop of ``model.integrators.rosenbrock`` without rest and energies; it keeps each step's dense
+output and notes which contacts push. `state_at` reads it. `find_kinks` finds, to a picosecond, when a contact begins or
+ceases to push, or passes from the arc of a surface to its tangent: there the Jacobian jumps.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import types
+
+from model.integrators.rosenbrock import STAGE, advance_to_end, embedded_error
+from model.integrators.step_control import (
+    DONE,
+    NOT_FINITE,
+    SMALLEST_STEP,
+    STEP_TOO_SMALL,
+    TOO_MANY_STEPS,
+    after_step,
+    allow,
+    ending_at,
+    next_stop,
+    shortened,
+)
+from model.kernels.compile import inlined, step_loop
+from model.kernels.laws import felt
+from model.kernels.layout import (
+    CONTACT_SIZE,
+    DAMP,
+    HYBRID,
+    K_A,
+    K_B,
+    K_C,
+    N_CONTACT,
+    N_JACOBIAN,
+    N_REJECTED,
+    N_RHS,
+    N_STEPS,
+    POSE_SIZE,
+)
+from model.kernels.signatures import INTEGRATE, LINEARISE
+from model.kernels.stepping.events import fit_to_events
+from model.kernels.stepping.inputs import fit_to_input, input_at
+from model.kernels.trajectory.kinematics import gap_geometry, place
+from model.kernels.workspace import GAP, GAP_RATE, Q1, SIZE, V1, WIDTH, Q, U, V
+
+FULL = 9  # status: the rows are used up; go on with more of them
+NARROW = 1e-12  # s, between the two sides of a kink
+
+
+class Motion(NamedTuple):
+    """Steps of a run, (k, ...): start and length, dense output, bits of contacts that push, or push on a tangent."""
+
+    time: np.ndarray  # (k, 2)
+    state: np.ndarray  # (k, 4 + 2 dense, n): q0, v0, q1, v1, then angle and speed parts of each row of the dense output
+    pushing: np.ndarray  # (k,)
+    flat: np.ndarray  # (k,)
+
+
+class Log(NamedTuple):
+    """What `record` fills: steps, and counters of work (see `model.kernels.layout.COUNTERS`)."""
+
+    motion: Motion
+    counters: np.ndarray
+
+
+class Structure(NamedTuple):
+    """What of a scene's tables is read here: solved contacts by place, their rows, where numbers start, parents."""
+
+    solved: np.ndarray  # (c,) index of the contact at each place
+    contact: np.ndarray  # (C, 4)
+    start: int  # of the contacts' numbers in the parameter vector
+    parent: np.ndarray  # (N,) of all coordinates
+
+
+_f, _i = types.float64, types.int64
+_integers, _table = types.Array(_i, 1, "C"), types.Array(_f, 2, "C")
+_numbers = types.Array(_f, 1, "C")
+SPAN, DRIVE, _, NUMBERS, KERNELS, METHOD, LIMITS, _ = INTEGRATE.args
+MOTION = types.NamedTuple([_table, types.Array(_f, 3, "C"), _integers, _integers], Motion)
+LOG = types.NamedTuple([MOTION, _integers], Log)
+STRUCTURE = types.NamedTuple([_integers, types.Array(_i, 2, "C"), _i, _integers], Structure)
+RECORD = types.Tuple((_f, _f, _i, _i))(
+    SPAN, DRIVE, NUMBERS, STRUCTURE, KERNELS, METHOD, LIMITS, LOG
+)  # time reached, next step to try, status, rows filled
+FIND_KINKS = _i(MOTION, DRIVE, _numbers, STRUCTURE, types.FunctionType(LINEARISE), _table)
+
+
+@inlined
+def regime(w, p, structure, pose):
+    """Bits of the contacts that push, and of those of them that touch a hybrid surface beside its arc."""
+    solved, contact, start, parent = structure
+    pushing = 0
+    flat = 0
+    placed = False
+    for k in range(solved.shape[0]):
+        x = -w[GAP + k]
+        if x <= 0.0:
+            continue
+        c = solved[k]
+        o = start + CONTACT_SIZE * c
+        force, _, _ = felt(x, -w[GAP_RATE + k], p[o + K_A], p[o + K_B], p[o + K_C], p[o + DAMP])
+        if not force > 0.0:
+            continue
+        pushing |= 1 << k
+        if contact[c, 2] == HYBRID:
+            if not placed:
+                place(w[Q : Q + parent.shape[0]], w[V : V + parent.shape[0]], p, parent, pose)
+                placed = True
+            _, _, _, _, _, _, _, distance = gap_geometry(pose, p, o, contact[c, 0], contact[c, 1], contact[c, 2])
+            if distance == 0.0:
+                flat |= 1 << k
+    return pushing, flat
+
+
+@inlined
+def keep_step(w, dense, row):
+    """Copy the ends of a step and what its dense output is made of."""
+    for i in range(row.shape[1]):
+        row[0, i] = w[Q + i]
+        row[1, i] = w[V + i]
+        row[2, i] = w[Q1 + i]
+        row[3, i] = w[V1 + i]
+        for m in range(dense.shape[0]):
+            hq = 0.0
+            hv = 0.0
+            for j in range(dense.shape[1]):
+                hq += dense[m, j] * w[U + STAGE * j + i]
+                hv += dense[m, j] * w[U + STAGE * j + WIDTH + i]
+            row[4 + 2 * m, i] = hq
+            row[5 + 2 * m, i] = hv
+
+
+@step_loop(RECORD)
+def record(span, drive, scene, structure, kernels, method, limits, log):
+    """Advance the state of ``span`` in place, one row of the log a step.
+
+    Returns the time reached, the next step to try, a status, how many rows were filled.
+    """
+    t, t_end, h, q, v = span
+    p, parent, n_contacts = scene
+    a, c, b, node, d, dense, gamma, exponent = method
+    motion, counters = log
+    n = q.shape[0]
+    s = b.shape[0]
+    w = np.zeros(SIZE)
+    pose = np.zeros((structure.parent.shape[0], POSE_SIZE))
+    for i in range(n):
+        w[Q + i] = q[i]
+        w[V + i] = v[i]
+    k_in = 0
+    rows = 0
+    status = TOO_MANY_STEPS
+    fresh = True
+    rejected = False
+    u0 = 0.0
+    slope = 0.0
+    pushing = 0
+    flat = 0
+    for _ in range(limits.most_steps):
+        if t >= t_end:
+            break
+        if rows == motion.time.shape[0]:
+            status = FULL
+            break
+        if fresh:
+            u0, slope, k_in = input_at(t, k_in, drive)
+            kernels.linearise(w, p, u0)
+            counters[N_RHS] += 1
+            counters[N_JACOBIAN] += 1
+            counters[N_CONTACT] += n_contacts
+            pushing, flat = regime(w, p, structure, pose)
+            fresh = False
+        h = min(h, limits.longest_step)
+        stop = next_stop(t, t_end, k_in, drive)
+        fitted = fit_to_events(h, w, scene, limits.speed)
+        step = fit_to_input(t, ending_at(stop, t, fitted), u0, k_in, drive, w, n, limits)
+        gh = gamma * step
+        error = 0.0
+        ok = kernels.prepare(w, gh) == 1
+        if ok:
+            allow(w, step)
+            mask = kernels.skip(w, p)
+            u = u0
+            for m in range(s):
+                if m > 0:
+                    u, _, k_in = input_at(t + node[m] * step, k_in, drive)
+                kernels.stage(w, p, a, c, m, gh, step, u, step * d[m] * slope, mask)
+            counters[N_RHS] += s - 1
+            counters[N_CONTACT] += n_contacts * (s - 1)
+            advance_to_end(w, b)
+            ok, error = embedded_error(w, s - 1, n, limits)
+        if not ok or error > 1.0:
+            counters[N_REJECTED] += 1
+            rejected = True
+            h = shortened(step, error, exponent) if ok else 0.2 * step
+            if h < SMALLEST_STEP:
+                status = STEP_TOO_SMALL if ok else NOT_FINITE
+                break
+            continue
+        counters[N_STEPS] += 1
+        motion.time[rows, 0] = t
+        motion.time[rows, 1] = step
+        motion.pushing[rows] = pushing
+        motion.flat[rows] = flat
+        keep_step(w, dense, motion.state[rows])
+        rows += 1
+        t = stop if step == stop - t else t + step
+        h = after_step(step, error, exponent, rejected, fitted, h)
+        rejected = False
+        for i in range(STAGE):
+            w[Q + i] = w[Q1 + i]
+        fresh = True
+    if t >= t_end:
+        status = DONE
+    for i in range(n):
+        q[i] = w[Q + i]
+        v[i] = w[V + i]
+    return t, h, status, rows
+
+
+@inlined
+def state_at(t, k, motion, w):
+    """Put the state at ``t`` into ``w``; ``k`` is a start for the search of the step. Returns the step."""
+    last = motion.time.shape[0] - 1
+    while k < last and t >= motion.time[k + 1, 0]:
+        k += 1
+    while k > 0 and t < motion.time[k, 0]:
+        k -= 1
+    x = (t - motion.time[k, 0]) / motion.time[k, 1]
+    row = motion.state[k]
+    for i in range(row.shape[1]):
+        dq = 0.0
+        dv = 0.0
+        for m in range(row.shape[0] - 2, 3, -2):
+            dq = row[m, i] + x * dq
+            dv = row[m + 1, i] + x * dv
+        w[Q + i] = (1.0 - x) * row[0, i] + x * (row[2, i] + (1.0 - x) * dq)
+        w[V + i] = (1.0 - x) * row[1, i] + x * (row[3, i] + (1.0 - x) * dv)
+    return k
+
+
+@step_loop(FIND_KINKS)
+def find_kinks(motion, drive, p, structure, linearise, kinks):
+    """Fill ``kinks`` (m, 2) with the last time before and the first after each kink; returns how many."""
+    w = np.zeros(SIZE)
+    pose = np.zeros((structure.parent.shape[0], POSE_SIZE))
+    found = 0
+    k_in = 0
+    for k in range(motion.time.shape[0] - 1):
+        pushing, flat = motion.pushing[k], motion.flat[k]
+        left = motion.time[k, 0]
+        end = motion.time[k + 1, 0]
+        while (pushing != motion.pushing[k + 1] or flat != motion.flat[k + 1]) and found < kinks.shape[0]:
+            right = end
+            while right - left > max(NARROW, 8e-16 * abs(right)):
+                middle = 0.5 * (left + right)
+                state_at(middle, k, motion, w)
+                u, _, k_in = input_at(middle, k_in, drive)
+                linearise(w, p, u)
+                now, beside = regime(w, p, structure, pose)
+                if now == pushing and beside == flat:
+                    left = middle
+                else:
+                    right = middle
+            kinks[found, 0] = left
+            kinks[found, 1] = right
+            found += 1
+            if not right < end:
+                break
+            state_at(right, k, motion, w)
+            u, _, k_in = input_at(right, k_in, drive)
+            linearise(w, p, u)
+            pushing, flat = regime(w, p, structure, pose)
+            left = right
+    return found

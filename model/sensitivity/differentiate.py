@@ -1,0 +1,175 @@
+"""Derivatives of a blow with respect to parameters of the action: the function `model.sensitivities`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from model.errors import InputError
+from model.files.force_table import check_force_table
+from model.force_driven import check_output_times
+from model.kernels.trajectory.contact_forces import forces_along
+from model.parameters.action import Action, load_action
+from model.scene.build import Scene
+from model.sensitivity.events import Events
+from model.sensitivity.observed import force_slopes
+from model.sensitivity.options import SensitivityOptions
+from model.sensitivity.parameter_names import Directions, directions, find_parameters
+from model.sensitivity.result import Sensitivities
+from model.sensitivity.tangents import Recorded
+from model.simulation.run import Simulation, State
+from model.simulation.statics import RestState, rest_state
+
+Array = NDArray[np.float64]
+Blow = tuple[ArrayLike, ArrayLike]
+
+JUST_TOUCHES_M = 1e-8  # what a felt is pressed in, or misses by, that a difference would step over
+COMPANION = 0.1  # tolerances of the computation that an error is estimated with, of the requested ones
+
+
+def sensitivities(
+    action: Action | str,
+    blow: Blow,
+    parameters: Sequence[str],
+    *,
+    options: SensitivityOptions | None = None,
+) -> Sensitivities:
+    """Differentiate a blow with respect to parameters: angles, speeds, events, contact forces, the rest state included.
+
+    Parameters
+    ----------
+    action : parameter set, or its name or file
+    blow : times (k,), s, and forces (k,), N, as `model.simulate` takes them; the motor's torque with a motor arm
+    parameters : names (P,): paths as ``--set`` takes them, or laws, groups and patterns as ``--scale`` does
+        (``friction``, ``contact02`` or ``felt:contact02``, ``*.mass``), which stand for a factor of 1
+    options : tolerances, times, scene and what else to give
+
+    Returns
+    -------
+    Sensitivities
+        The blow and its derivatives (T, n, P), per SI unit of each parameter.
+
+    Raises
+    ------
+    InputError : a name is unknown, has no effect in the scene or does nothing in this blow; a table that cannot be used
+    StaticsError, IntegrationError : the action has no rest state, or the blow cannot be simulated
+
+    Notes
+    -----
+    The derivatives are those of the exact motion: they are integrated beside it with their own error control and land
+    on the kinks of the contacts; no step of a difference has to be chosen (docs/decisions/0121-model-sensitivities.md).
+    Where a contact only just touches at rest they hold on one side alone; such contacts are named in ``at_kink``.
+
+    Examples
+    --------
+    >>> import model
+    >>> blow = model.force_table("forte")
+    >>> found = model.sensitivities("hirschkorn2004", blow, ["hammer.mass", "friction"])
+    >>> found.d_angles.shape
+    (3501, 5, 2)
+    >>> print(f"{0.01 * found.d_events['strike_m_per_s'][1]:.3f} m/s for 1 % more friction")
+    -0.007 m/s for 1 % more friction
+    """
+    options = SensitivityOptions() if options is None else options
+    chosen = load_action(action) if isinstance(action, str) else action
+    found = _differentiate(chosen, blow, parameters, options)
+    if options.estimate_error:
+        finer = replace(
+            options,
+            tolerance=COMPANION * options.tolerance,
+            relative_tolerance=COMPANION * options.relative_tolerance,
+            contact_forces=False,
+            events=False,
+        )
+        other = _differentiate(chosen, blow, parameters, finer)
+        found = replace(found, estimated_error=_largest_difference(found.d_angles, other.d_angles))
+    return found
+
+
+def _differentiate(action: Action, blow: Blow, parameters: Sequence[str], options: SensitivityOptions) -> Sensitivities:
+    times, forces = check_force_table(*blow)
+    outputs = check_output_times(options.output_time_s, times)
+    choice = options.choice
+    action = choice.on(action)
+    slopes = directions(action, choice, find_parameters(action, parameters))
+    scene = slopes.scene
+    start = rest_state(action, options.rest_input, scene)
+    state = State(float(times[0]), start.angle_rad.copy(), np.zeros(scene.size))
+    simulation = Simulation(scene, state, options.tolerance, options.method)
+    end = float(outputs[-1]) if len(outputs) else float(times[-1])
+    recorded = Recorded(slopes, simulation, simulation.plan(end, times, forces), options.rest_input)
+    events = Events(action, recorded, (float(times[0]), end))
+    at_events = events.find().times() if options.events else np.empty(0)
+    wanted = np.unique(np.concatenate([outputs, at_events]))
+    d_angle, d_speed, counters = recorded.follow(wanted, options.relative_tolerance)
+    idle = tuple(
+        p.name for j, p in enumerate(slopes.parameters) if not (np.any(d_angle[:, :, j]) or np.any(d_speed[:, :, j]))
+    )
+    if idle and not options.allow_idle:
+        raise InputError(
+            f"parameter {', '.join(idle)}: does nothing in this blow (its element stays out of touch or still); "
+            "leave it out or choose another blow"
+        )
+    row = np.searchsorted(wanted, outputs)
+    angle, speed = recorded.states(outputs)
+    out = Sensitivities(
+        parameters=tuple(p.name for p in slopes.parameters),
+        values=np.array([p.value for p in slopes.parameters]),
+        units=tuple(p.unit for p in slopes.parameters),
+        uncertainties=np.array([_uncertainty(action, p.name) for p in slopes.parameters]),
+        time_s=outputs,
+        angle_names=scene.bodies,
+        angles_rad=angle,
+        speeds=speed,
+        d_angles=d_angle[row],
+        d_speeds=d_speed[row],
+        rest_rad=recorded.rest,
+        d_rest=recorded.d_rest,
+        idle=idle,
+        at_kink=_at_kink(start),
+        counters=counters,
+        tolerance=options.tolerance,
+        relative_tolerance=options.relative_tolerance,
+    )
+    if options.events:
+        values, d_values = events.differentiate(wanted, (d_angle, d_speed))
+        out = replace(out, events=values, d_events=d_values, absent_events=events.found.absent)
+    return _with_contact_forces(out, slopes) if options.contact_forces else out
+
+
+def _uncertainty(action: Action, name: str) -> float:
+    quantity = action.quantities.get(name) or action.effects.get(name)
+    return quantity.u if quantity is not None else float("nan")
+
+
+def _at_kink(start: RestState) -> tuple[str, ...]:
+    near = np.abs(start.penetration_m) < JUST_TOUCHES_M
+    return tuple(name for name, it_is in zip(start.contacts, near, strict=True) if it_is)
+
+
+def _largest_difference(d_angles: Array, others: Array) -> float:
+    """Largest difference of a derivative of an angle from another computation's, of its largest value."""
+    size = np.max(np.abs(others), axis=0, initial=0.0)
+    apart = np.max(np.abs(d_angles - others), axis=0, initial=0.0)
+    return float(np.max(np.divide(apart, size, out=np.zeros_like(apart), where=size > 0.0), initial=0.0))
+
+
+def _normal_forces(scene: Scene, angle: Array, speed: Array, vector: Array) -> Array:
+    normal = np.zeros((len(angle), len(scene.contacts)))
+    forces_along(np.ascontiguousarray(angle), np.ascontiguousarray(speed), vector, scene.tables, normal, normal.copy())
+    return normal
+
+
+def _with_contact_forces(out: Sensitivities, slopes: Directions) -> Sensitivities:
+    scene = slopes.scene
+    state = out.angles_rad, out.speeds
+    d_normal = force_slopes(slopes, lambda q, v, p: _normal_forces(scene, q, v, p), state, (out.d_angles, out.d_speeds))
+    return replace(
+        out,
+        contact_names=scene.contacts,
+        contact_forces=_normal_forces(scene, *state, scene.vector),
+        d_contact_forces=d_normal,
+    )

@@ -1,0 +1,177 @@
+"""Parameters by name, as ``--set`` and ``--scale`` know them, and what each changes of a scene's numbers.
+
+A path (``hammer.mass``) stands for its value in SI units; a law, group or pattern (``friction``, ``contact02``) for a
+factor on all its values, which is 1. What a parameter changes is found by building the scene twice; a parameter that
+changes nothing is refused by name.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.errors import InputError
+from model.kernels import layout as L
+from model.parameters.action import Action
+from model.parameters.scaling import named_paths
+from model.scene.build import Scene, build_scene
+from model.scene.selection import SceneChoice
+
+Array = NDArray[np.float64]
+
+FELT = "felt:"  # felt:contact02 is contact02, the stiffness of that felt
+LENGTH_STEP = 1e-8  # m or rad, of a difference: felt is pressed in by 1e-6 m and more
+SHARE_STEP = 1e-6  # of any other value
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """What a name stands for.
+
+    Attributes
+    ----------
+    name : as it was given
+    value, unit : SI; a factor's value is 1 and its unit "1"
+    paths : path -> change of its value per unit of the parameter
+    step : of a difference, in the parameter's unit
+    scale : a size of the parameter that counts, in its unit: its value, or its uncertainty where that is zero
+    """
+
+    name: str
+    value: float
+    unit: str
+    paths: dict[str, float]
+    step: float
+    scale: float
+
+
+def find_parameters(action: Action, names: Sequence[str]) -> list[Parameter]:
+    """Parameters by name.
+
+    Parameters
+    ----------
+    action : parameter set
+    names : paths as ``--set`` takes them; laws, groups and patterns as ``--scale`` does, which stand for a factor
+
+    Returns
+    -------
+    list of Parameter
+        In the order of the names.
+
+    Raises
+    ------
+    InputError : no name is given, one is unknown, or one is given twice; unknown ones are listed with near names
+
+    Examples
+    --------
+    >>> import model
+    >>> mass, friction = model.sensitivity.find_parameters(model.load_action(), ["hammer.mass", "joint_friction"])
+    >>> mass.unit, friction.value, len(friction.paths)
+    ('kg', 1.0, 5)
+    """
+    if isinstance(names, str):
+        raise InputError(f"parameters: found the text {names!r}, allowed a list of names")
+    if not names:
+        raise InputError("parameters: found none, allowed one or more names")
+    twice = [name for i, name in enumerate(names) if name in names[:i]]
+    if twice:
+        raise InputError(f"parameters: {', '.join(dict.fromkeys(twice))} found twice, allowed each once")
+    return [_parameter(action, name) for name in names]
+
+
+def _parameter(action: Action, name: str) -> Parameter:
+    quantities = {**action.quantities, **action.effects}
+    if name in quantities:
+        quantity = quantities[name]
+        step = _step(quantity.unit, quantity.value, quantity.u)
+        return Parameter(
+            name, quantity.value, quantity.unit, {name: 1.0}, step, abs(quantity.value) or quantity.u or step
+        )
+    paths = named_paths(action, name.removeprefix(FELT), "parameter")
+    steps = [
+        _step(quantities[path].unit, quantities[path].value, quantities[path].u) / abs(quantities[path].value)
+        for path in paths
+        if quantities[path].value
+    ]
+    if not steps:
+        raise InputError(f"parameter {name}: all its values are 0, a factor on them changes nothing; name a path")
+    return Parameter(name, 1.0, "1", {path: quantities[path].value for path in paths}, min(steps), 1.0)
+
+
+def _step(unit: str, value: float, u: float) -> float:
+    if unit in ("m", "rad"):
+        return LENGTH_STEP
+    return SHARE_STEP * (abs(value) or u or 1.0)
+
+
+@dataclass(frozen=True)
+class Directions:
+    """How parameters change a scene: ``slope`` (P, k) of its parameter vector per unit of each, one row a parameter."""
+
+    parameters: tuple[Parameter, ...]
+    scene: Scene
+    slope: Array
+
+
+class _Changed(Action):
+    """An action with other values, unchecked: a difference may step over the edge of what is allowed."""
+
+    def __getitem__(self, path: str) -> float:
+        shifted: dict[str, float] = self.__dict__["shifted"]
+        return shifted[path] if path in shifted else super().__getitem__(path)
+
+
+def shifted(action: Action, parameter: Parameter, by: float) -> Action:
+    """An action whose parameter is changed ``by`` something small."""
+    changes = {path: action[path] + by * weight for path, weight in parameter.paths.items()}
+    out = _Changed(
+        action.name, action.description, action.quantities, action.structure, action.origin, {}, action.effects
+    )
+    object.__setattr__(out, "shifted", changes)
+    return out
+
+
+def directions(action: Action, choice: SceneChoice, parameters: Sequence[Parameter]) -> Directions:
+    """Slopes of a scene's numbers by central differences; those numbers are smooth functions of the parameters.
+
+    Raises
+    ------
+    InputError : a parameter has no effect in this scene, or only switches something on that is off
+    """
+    choice.check(action)
+    scene = build_scene(action, choice)
+    slope = np.zeros((len(parameters), len(scene.vector)))
+    idle, switching = [], []
+    for row, parameter in zip(slope, parameters, strict=True):
+        ends = [build_scene(shifted(action, parameter, s * parameter.step), choice) for s in (1.0, -1.0)]
+        if any(not _alike(scene, end) for end in ends):
+            switching.append(parameter.name)
+            continue
+        row[:] = (ends[0].vector - ends[1].vector) / (2.0 * parameter.step)
+        row[_bounds(scene)] = 0.0
+        if not np.any(row):
+            idle.append(parameter.name)
+    if idle:
+        raise InputError(
+            f"parameter {', '.join(idle)}: no effect in this scene; leave it out or choose a scene with its element"
+        )
+    if switching:
+        raise InputError(
+            f"parameter {', '.join(switching)}: its element is switched off (all its values are 0), where a derivative "
+            "does not exist; give it a value or leave it out"
+        )
+    return Directions(tuple(parameters), scene, slope)
+
+
+def _alike(scene: Scene, other: Scene) -> bool:
+    return all(np.array_equal(a, b) for a, b in zip(scene.tables, other.tables, strict=True))
+
+
+def _bounds(scene: Scene) -> NDArray[np.int64]:
+    """Places of numbers that are bounds on gaps: they decide what is skipped, never a force."""
+    start, end = int(scene.tables.offset[1]), int(scene.tables.offset[2])
+    rows = np.arange(start, end, L.CONTACT_SIZE)[:, None] + np.arange(L.REACH, L.CONTACT_SIZE)
+    return rows.ravel()

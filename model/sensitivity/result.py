@@ -1,0 +1,71 @@
+"""What a computation of sensitivities returns: a blow and its derivatives with respect to parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Sensitivities:
+    """A blow and its derivatives; the last axis of every derivative is the parameters', (P,).
+
+    Attributes
+    ----------
+    parameters : (P,) names as they were given
+    values : (P,) SI units; 1 for a factor on a law or group
+    units : (P,) of the values, "1" for a factor
+    uncertainties : (P,) declared standard uncertainty, same unit; NaN for a factor
+    time_s : (T,)
+    angle_names : (n,) coordinates: bodies, then what effects add
+    angles_rad, speeds : (T, n) rad and rad/s (a lift in m and m/s)
+    d_angles, d_speeds : (T, n, P) per SI unit of the parameter
+    rest_rad : (n,) where the blow starts
+    d_rest : (n, P) derivatives of the rest state, with which ``d_angles`` begins
+    contact_names : (c,)
+    contact_forces, d_contact_forces : (T, c) and (T, c, P) normal forces, N; None where they were not asked for
+    events : name -> value, s, m or m/s as the name ends; NaN where it does not happen
+    d_events : name -> (P,)
+    absent_events : name -> why an event has no value
+    idle : parameters whose elements do nothing in this blow; their derivatives are zero
+    at_kink : contacts that only just touch or only just do not, at rest: derivatives hold on that side alone
+    counters : steps and rejections of the motion and of its derivatives, kinks, right-hand sides
+    tolerance, relative_tolerance : as asked for
+    estimated_error : largest relative error of a derivative of an angle, of its largest value; NaN where not estimated
+    """
+
+    parameters: tuple[str, ...]
+    values: Array
+    units: tuple[str, ...]
+    uncertainties: Array
+    time_s: Array
+    angle_names: tuple[str, ...]
+    angles_rad: Array
+    speeds: Array
+    d_angles: Array
+    d_speeds: Array
+    rest_rad: Array
+    d_rest: Array
+    contact_names: tuple[str, ...] = ()
+    contact_forces: Array | None = None
+    d_contact_forces: Array | None = None
+    events: Mapping[str, float] = field(default_factory=dict)
+    d_events: Mapping[str, Array] = field(default_factory=dict)
+    absent_events: Mapping[str, str] = field(default_factory=dict)
+    idle: tuple[str, ...] = ()
+    at_kink: tuple[str, ...] = ()
+    counters: Mapping[str, int | float] = field(default_factory=dict)
+    tolerance: float = 0.0
+    relative_tolerance: float = 0.0
+    estimated_error: float = float("nan")
+
+    def __repr__(self) -> str:
+        """Parameters, rows and times, without the arrays."""
+        names = ", ".join(self.parameters[:3]) + (", …" if len(self.parameters) > 3 else "")
+        times = f"{self.time_s[0]:g} to {self.time_s[-1]:g} s" if len(self.time_s) else "no times"
+        return f"<Sensitivities to {len(self.parameters)} parameters ({names}): {len(self.time_s)} rows, {times}>"

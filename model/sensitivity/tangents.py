@@ -1,0 +1,235 @@
+"""Derivatives of a motion with respect to parameters: motion, rest state and tangents put together.
+
+In: `Directions` (how parameters change a scene's numbers) and an input table; out: `Recorded`, which
+gives states and their derivatives at any times.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.errors import IntegrationError
+from model.integrators.tangents.follow import STEP_TOO_SMALL, follow
+from model.integrators.tangents.nodes import LANES, Columns, Linear, Space, linearise_node
+from model.integrators.tangents.radau import Wanted
+from model.integrators.tangents.recorded_motion import FULL, Log, Motion, Structure, find_kinks, record
+from model.kernels import layout as L
+from model.kernels import workspace as W
+from model.kernels.codegen.load import kernels_of
+from model.kernels.codegen.structure import solved_contacts
+from model.kernels.signatures import SceneNumbers, StepKernels
+from model.scene.build import Scene
+from model.sensitivity.parameter_names import Directions
+from model.simulation.run import Plan, Simulation
+from model.simulation.statics import balance
+
+Array = NDArray[np.float64]
+
+# steps of the motion that one of the tangents may span: a layer in which friction turns is found by the motion's steps
+STRIDE = 8
+CACHE_LINE = 64  # bytes
+ROWS = 20_000  # steps recorded at a time
+# derivatives below these, per change of a parameter by all of its value, do not decide about steps
+LEAST_ANGLE, LEAST_SPEED = 1e-4, 1e-2  # rad, rad/s
+JOINT_LAW = {L.JF_A, L.JF_B1, L.JF_B2}
+
+
+def _filled_up(count: int) -> int:
+    """Columns for that many parameters: a multiple of the lanes; those beyond stay zero."""
+    return -(-count // LANES) * LANES
+
+
+def aligned(*shape: int) -> Array:
+    """Zeros that start at a cache line: a row of lanes across two of them takes twice the time."""
+    count = int(np.prod(shape))
+    whole = np.zeros(count + CACHE_LINE // 8)
+    start = (-whole.ctypes.data % CACHE_LINE) // 8
+    return whole[start : start + count].reshape(shape)
+
+
+def columns_of(directions: Directions) -> Columns:
+    """Parameters as the kernels read them: changes of numbers, and which contacts they leave as they are."""
+    scene = directions.scene
+    structure = solved_contacts(scene.tables)
+    all_contacts = (1 << len(structure)) - 1
+    places = {c: k for k, c in enumerate(structure)}
+    first, entries, changes, skipped, own, moved = [0], [], [], [], [], []
+    lengths = _lengths(scene)
+    for parameter, row in zip(directions.parameters, directions.slope, strict=True):
+        at = np.flatnonzero(row)
+        entries += [int(i) for i in at]
+        change = parameter.step * row[at]
+        changes += [float(x) for x in change]
+        first.append(len(entries))
+        moved.append(float(np.sum(np.abs(change[lengths[at]]))))
+        contacts = {_contact_of(scene, int(i)) for i in at}
+        mask, alone = 0, -1
+        if all(_only_a_law(scene, int(i)) for i in at):
+            mask = all_contacts  # a torque of its own: what contacts add to both sides of a difference cancels
+        elif None not in contacts:
+            touched = sum(1 << places[c] for c in contacts if c in places)
+            mask = all_contacts & ~touched
+            if len(contacts) == 1:
+                alone = places.get(next(iter(c for c in contacts if c is not None)), -1)
+        skipped.append(mask)
+        own.append(alone)
+    return Columns(
+        np.array(first, dtype=np.int64),
+        np.array(entries, dtype=np.int64),
+        np.array(changes),
+        np.array([p.step for p in directions.parameters]),
+        np.array(skipped, dtype=np.int64),
+        np.array(own, dtype=np.int64),
+        np.array(moved),
+        np.lexsort((np.array(skipped), np.array(moved) > 0.0)).astype(np.int64),
+    )
+
+
+def _contact_of(scene: Scene, entry: int) -> int | None:
+    start, end = int(scene.tables.offset[1]), int(scene.tables.offset[2])
+    return (entry - start) // L.CONTACT_SIZE if start <= entry < end else None
+
+
+def _only_a_law(scene: Scene, entry: int) -> bool:
+    """Whether a number is one of a joint's friction, a spring or gravity: torques that no contact knows of."""
+    bodies = L.GLOBALS + L.BODY_SIZE * len(scene.bodies)
+    if entry in (L.GRAVITY, L.OMEGA_T):
+        return True
+    if L.GLOBALS <= entry < bodies:
+        return (entry - L.GLOBALS) % L.BODY_SIZE in JOINT_LAW
+    return int(scene.tables.offset[0]) <= entry < int(scene.tables.offset[1])
+
+
+def _lengths(scene: Scene) -> NDArray[np.bool_]:
+    """Which numbers of a scene move surfaces: positions, radii and directions."""
+    out = np.zeros(len(scene.vector), dtype=bool)
+    for b in range(len(scene.bodies)):
+        o = L.GLOBALS + L.BODY_SIZE * b
+        out[o + L.PIVOT_X : o + L.PIVOT_Y + 1] = True
+    start, end = int(scene.tables.offset[1]), int(scene.tables.offset[2])
+    for o in range(start, end, L.CONTACT_SIZE):
+        out[o : o + L.K_A] = True
+    return out
+
+
+class _Run:
+    """The kernels, numbers and memory that motion and tangents of one scene share."""
+
+    def __init__(self, directions: Directions) -> None:
+        self.scene = directions.scene
+        tables = self.scene.tables
+        self.kernels: StepKernels = kernels_of(tables)
+        self.numbers = SceneNumbers(self.scene.vector, tables.parent[: self.scene.size], self.scene.solved_contacts)
+        self.structure = Structure(
+            np.array(solved_contacts(tables), dtype=np.int64), tables.contact, int(tables.offset[1]), tables.parent
+        )
+        n, p = self.scene.size, _filled_up(len(directions.parameters))
+        twin = np.zeros(W.SIZE)
+        twin[W.ALLOWANCE : W.ALLOWANCE + W.WIDTH] = 1e300
+        twin[W.M_DIAG : W.M_DIAG + W.WIDTH] = 1.0
+        twin[W.LU : W.LU + W.WIDTH**2 : W.WIDTH + 1] = 1.0
+        self.space = Space(
+            np.zeros(W.SIZE), twin, self.scene.vector.copy(), np.zeros(W.MAX_STAGES**2), np.zeros(n),
+            np.zeros((4, n, n)), np.zeros((4, n, n)), np.zeros((4, n, n)), aligned(4, n, p),
+            np.zeros((3 * n, 3 * n)), np.zeros(3 * n, dtype=np.int64),
+            aligned(3 * n, p), aligned(2 * n, p), aligned(2 * n, p),
+        )  # fmt: skip
+        self.linear = Linear(self.numbers, self.kernels, columns_of(directions), self.space)
+
+
+def _motion(run: _Run, simulation: Simulation, plan: Plan) -> Motion:
+    """Record the whole run."""
+    parts: list[Motion] = []
+    n, depth = run.scene.size, 4 + 2 * len(plan.method.dense)
+    span, limits = plan.span, plan.limits._replace(rest=0.0)
+    while True:
+        part = Motion(
+            np.zeros((ROWS, 2)), np.zeros((ROWS, depth, n)), np.zeros(ROWS, np.int64), np.zeros(ROWS, np.int64)
+        )
+        time, step, status, rows = record(
+            span, plan.drive, run.numbers, run.structure, run.kernels, plan.method.coefficients, limits,
+            Log(part, plan.account.counters),
+        )  # fmt: skip
+        parts.append(Motion(*(array[:rows] for array in part)))
+        if status != FULL:
+            simulation.reached(plan, time, step, status)
+            break
+        span = span._replace(time=time, step=step)
+    return Motion(*(np.ascontiguousarray(np.concatenate(arrays)) for arrays in zip(*parts, strict=True)))
+
+
+def rest_slopes(run: _Run, rest: Array, u: float) -> Array:
+    """Derivatives (n, P) of the angles at rest: K d = -M alpha, the balance differentiated."""
+    n = run.scene.size
+    run.space.point[:] = 0.0
+    run.space.point[W.Q : W.Q + n] = rest
+    linearise_node(0, u, run.linear)
+    _, stiff, mass = balance(run.scene, rest, u)
+    count = len(run.linear.columns.step)
+    return np.asarray(np.linalg.solve(stiff, -mass @ run.space.alpha[0, :, :count]))
+
+
+class Recorded:
+    """A motion from rest that was integrated and recorded, with what its derivatives need."""
+
+    def __init__(self, directions: Directions, simulation: Simulation, plan: Plan, rest_input: float) -> None:
+        self.directions, self.simulation, self.drive = directions, simulation, plan.drive
+        self.run = _Run(directions)
+        self.rest = plan.span.angle.copy()
+        self.d_rest = rest_slopes(self.run, self.rest, rest_input)
+        self.motion = _motion(self.run, simulation, plan)
+
+    def states(self, times: Array) -> tuple[Array, Array]:
+        """Angles and speeds (m, n) at times (m,)."""
+        return _states(self.motion, times)
+
+    def acceleration(self, time: float) -> Array:
+        """Accelerations (n,) at a time."""
+        n, w = self.run.scene.size, np.zeros(W.SIZE)
+        angle, speed = self.states(np.array([time]))
+        w[W.Q : W.Q + n], w[W.V : W.V + n] = angle[0], speed[0]
+        u = float(np.interp(time, self.drive.time, self.drive.value))
+        self.run.kernels.linearise(w, self.run.scene.vector, u)
+        return w[W.ACC : W.ACC + n]
+
+    def follow(self, times: Array, tolerance: float) -> tuple[Array, Array, dict[str, int | float]]:
+        """Derivatives of angles and speeds (m, n, P) at increasing times (m,), and what was counted.
+
+        Raises
+        ------
+        IntegrationError : the derivatives could not be carried on
+        """
+        run, motion = self.run, self.motion
+        n, p = self.d_rest.shape
+        filled = _filled_up(p)
+        kinks = np.empty((4 * len(motion.time) + 4, 2))
+        found = find_kinks(motion, self.drive, run.scene.vector, run.structure, run.kernels.linearise, kinks)
+        scale = np.array([parameter.scale for parameter in self.directions.parameters])
+        floor = aligned(2, filled)
+        floor[:, :p], floor[:, p:] = [LEAST_ANGLE / scale, LEAST_SPEED / scale], 1.0
+        angle, speed = aligned(len(times), n, filled), aligned(len(times), n, filled)
+        wanted = Wanted(times, angle, speed, tolerance, floor, STRIDE)
+        run.space.largest[:] = 0.0
+        run.space.largest[:n, :p] = np.abs(self.d_rest)
+        tangent = aligned(2, n, filled)
+        tangent[0, :, :p] = self.d_rest
+        status, time, steps, rejected = follow(motion, self.drive, kinks[:found].copy(), run.linear, wanted, tangent)
+        if status == STEP_TOO_SMALL:
+            raise IntegrationError(f"sensitivities: the step of the derivatives fell below 1e-13 s at t = {time:.6g} s")
+        counted = {"n_tangent_steps": steps, "n_tangent_rejected": rejected, "n_kinks": found}
+        return angle[:, :, :p], speed[:, :, :p], {**self.simulation.work(), **counted}
+
+
+def _states(motion: Motion, times: Array) -> tuple[Array, Array]:
+    """Angles and speeds (m, n) at times within a recorded motion."""
+    row = np.clip(np.searchsorted(motion.time[:, 0], times, side="right") - 1, 0, len(motion.time) - 1)
+    x = ((times - motion.time[row, 0]) / motion.time[row, 1])[:, None]
+    steps = motion.state[row]
+    out = []
+    for half in range(2):
+        bend = np.zeros_like(x)
+        for m in range(steps.shape[1] - 2, 3, -2):
+            bend = steps[:, m + half] + x * bend
+        out.append((1.0 - x) * steps[:, half] + x * (steps[:, 2 + half] + (1.0 - x) * bend))
+    return out[0], out[1]
