@@ -27,6 +27,10 @@ from validation.identification.unknowns.priors import Unknowns, unknowns
 from validation.prediction.model_under_test import action_sha256
 
 LEAST_EFFECT_RAD = 1e-8
+PROVISIONAL = (
+    "intervals are provisional: how often they hold the truth has been tried in one virtual experiment only, where "
+    "three of eleven did not (docs/explanation/identification.md)"
+)
 SAME = 6.0  # of twice the log likelihood: starts that end this close have found the same minimum
 
 
@@ -155,13 +159,13 @@ def action_at(start: model.Action, asked: Unknowns, z: Array) -> model.Action:
 
 
 def _of_fit(best: Fitted, fits: Sequence[Fitted], sources: Sources) -> list[str]:
-    said = list(sources.refused)
+    said = [PROVISIONAL, *sources.refused]
     if not best.converged:
         said.insert(0, "the fit did not settle: its last step was not small; treat the intervals as too narrow")
     share = lacking(best)
     if share > LACKING:
         said.append(
-            f"the model lacks something: trials differ from it alike by {100 * share:.0f} % of what all its laws "
+            f"the model lacks something: trials differ from it alike by {100 * share:.1g} % of what all its laws "
             "together could do; no value is called identified"
         )
     apart = [f.badness - best.badness for f in fits]
