@@ -2,7 +2,7 @@
 
     python benchmarks/identification_coverage.py [--sessions 10] [--cells nothing,lacking] [--kinds forte,piano]
                                                  [--trials 5] [--asked friction,joint_friction,felt:contact02]
-                                                 [--seed 1] [--results FILE] [--minutes M]
+                                                 [--spread 0.5] [--seed 1] [--results FILE] [--minutes M]
 
 Cells: ``nothing``: the specimen is the model; its laws and geometry, the errors of force and encoders are drawn from
 their priors, its frictions scatter from trial to trial. ``lacking``: the same laws on the bench with motor arm, balance
@@ -35,10 +35,10 @@ from rig.session import EncoderInfo, ForceInfo, TrialData
 from rig.simulated.bench.plant import ActionPlant, load_plant
 from validation.errors import ValidationError
 from validation.identification.estimates import estimate_all
+from validation.identification.exact_runs import ExactRuns
 from validation.identification.fit import Problem, fit
-from validation.identification.model_runs import ModelRuns
 from validation.identification.observations import ObservedTrial, observe
-from validation.identification.result import IDENTIFIED
+from validation.identification.outcome.result import IDENTIFIED
 from validation.identification.scatter import lacking
 from validation.identification.unknowns.priors import Unknowns, unknowns
 from validation.measurement.trial import measure
@@ -51,9 +51,11 @@ EFFECTS = ("balance_rail", "shank")
 WILDEST = 2.5
 
 
-def drawn_truth(start: model.Action, free: Unknowns, rng: np.random.Generator) -> tuple[dict[str, float], model.Action]:
+def drawn_truth(
+    start: model.Action, free: Unknowns, spread: float, rng: np.random.Generator
+) -> tuple[dict[str, float], model.Action]:
     """True z of every parameter, and the specimen."""
-    z = {p.name: float(np.clip(rng.standard_normal(), -WILDEST, WILDEST)) for p in free.moved}
+    z = {p.name: spread * float(np.clip(rng.standard_normal(), -WILDEST, WILDEST)) for p in free.moved}
     values: dict[str, float] = {}
     for p in free.moved:
         values |= p.values(start, z[p.name])
@@ -134,13 +136,14 @@ def experiment(cell: str, k: int, options: argparse.Namespace) -> dict[str, Any]
         "cell": cell,
         "session": k,
         "seed": options.seed,
+        "spread": options.spread,
         "kinds": options.kinds,
         "n": options.trials,
     }
     rng = np.random.default_rng([options.seed, k, len(cell)])
     start = model.load_action()
     free = unknowns(start, asked)
-    truth, specimen = drawn_truth(start, free, rng)
+    truth, specimen = drawn_truth(start, free, options.spread, rng)
     sensors, seed, began = Sensors(rng), int(rng.integers(1, 10**6)), time.process_time()
     profiled = str(rng.choice([p.name for p in free.asked]))
     tested = ModelUnderTest(start, 1e-6)
@@ -153,7 +156,7 @@ def experiment(cell: str, k: int, options: argparse.Namespace) -> dict[str, Any]
                 data = played(specimen, kind, options.trials, sensors, rng)
             measured = [measure(d, None, tested.geometry_at(d.force_info.preload_n)) for d in data]
             trials += observe(kind, i, measured)
-        problem = Problem(start, free, tuple(trials), ModelRuns(start, free.moved, trials))
+        problem = Problem(start, free, tuple(trials), ExactRuns(start, free.moved, trials))
         fitted = fit(problem)
         found = estimate_all(problem, fitted, [profiled], lambda text: None)
     except (ModelError, RigError, ValidationError) as error:
@@ -210,6 +213,7 @@ def main() -> int:
     parser.add_argument("--kinds", default="forte,piano")
     parser.add_argument("--trials", type=int, default=5)
     parser.add_argument("--asked", default="friction,joint_friction,felt:contact02")
+    parser.add_argument("--spread", type=float, default=0.5, help="of the truth, in prior standard uncertainties")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--results", type=Path, help="file of outcomes, a JSON line per experiment")
     parser.add_argument("--minutes", type=float, default=float("inf"), help="start none after this time")
@@ -218,7 +222,7 @@ def main() -> int:
     kept: list[dict[str, Any]] = []
     if options.results is not None and options.results.exists():
         kept = [json.loads(line) for line in options.results.read_text(encoding="utf-8").splitlines()]
-    same = {"seed": options.seed, "kinds": options.kinds, "n": options.trials}
+    same = {"seed": options.seed, "spread": options.spread, "kinds": options.kinds, "n": options.trials}
     kept = [r for r in kept if all(r[name] == value for name, value in same.items())]
     done = {(r["cell"], r["session"]) for r in kept}
     for k, cell in product(range(options.sessions), options.cells.split(",")):

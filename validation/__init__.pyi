@@ -9,9 +9,10 @@ from .errors import ValidationInputError as ValidationInputError
 from .events.definitions import EVENTS as EVENTS
 from .events.definitions import Event as Event
 from .events.detect import find_events as find_events
-from .identification.action_file import write_identified as write_identified
 from .identification.identify import identify as identify
-from .identification.result import Identification as Identification
+from .identification.outcome.action_file import write_identified as write_identified
+from .identification.outcome.result import Identification as Identification
+from .identification.residuals import residual_problem as residual_problem
 from .measurement.force_correction import correct_force as correct_force
 from .measurement.force_correction import find_quiet as find_quiet
 from .options import CompareOptions as CompareOptions

@@ -8,8 +8,7 @@ import numpy as np
 
 from validation.identification.fit import Fitted, Problem
 from validation.identification.identifiability import HALF
-from validation.identification.profiles import Profile, profile
-from validation.identification.result import (
+from validation.identification.outcome.result import (
     AT_BOUND,
     DOUBTFUL,
     IDENTIFIED,
@@ -18,11 +17,12 @@ from validation.identification.result import (
     TOO_FEW,
     Estimate,
 )
+from validation.identification.profiles import Profile, profile
 from validation.identification.scatter import LEAST_TRIALS, factors, forms, jackknife, lacking
 
 NEAR_BOUND = 0.02
 NORMAL = 1.96
-LACKING = 0.05
+LACKING = 0.01
 """Size of the discrepancy, of what all laws together could do, above which no value is called identified."""
 
 
@@ -65,14 +65,14 @@ def _estimate(
     verdict = IDENTIFIED
     if not fitted.converged:
         verdict = NOT_SETTLED
+    elif len(problem.trials) < LEAST_TRIALS:
+        verdict = TOO_FEW
     elif min(z - least, most - z) < NEAR_BOUND:
         verdict = AT_BOUND
     elif (high - low) / (2.0 * NORMAL) >= HALF or interval != "two-sided":
         verdict = NOT_IDENTIFIABLE
     elif lacking(fitted) > LACKING:
         verdict = DOUBTFUL
-    elif len(problem.trials) < LEAST_TRIALS:
-        verdict = TOO_FEW
     ends = sorted(parameter.physical(action, v) for v in (max(low, least), min(high, most)))
     return Estimate(
         name=parameter.name,

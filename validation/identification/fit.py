@@ -23,10 +23,11 @@ from validation.identification.noise import FLOOR, Marginal, Sizes, likeliest
 from validation.identification.observations import ObservedTrial
 from validation.identification.unknowns.priors import Unknowns
 
-MOST_STEPS = 16
+MOST_STEPS = 30
 FIRST_FLOOR = 0.1  # of the discrepancy in the first step; then what the last step showed the linear model to be worth
 SHARES = (1.0, 0.5, 0.25, 0.1)
-CLOSE = 0.1  # of a posterior standard uncertainty: a step below it is the last
+CLOSE = 0.2  # of a posterior standard uncertainty: a step below it is the last
+NEAR = 2.0
 AFAR = 0.2  # how far z may move before columns of small parameters are found again
 ROUNDS, LAST_ROUNDS = 6, 40
 START_SEED = 125
@@ -89,6 +90,11 @@ class Fitted:
     objective: float
     steps: int
     converged: bool
+
+    @property
+    def badness(self) -> float:
+        """Twice the negative log marginal likelihood, sizes included, so that fits of the same trials compare."""
+        return -2.0 * self.marginal.log_likelihood(self.linear)
 
     @property
     def covariance(self) -> Array:
@@ -164,11 +170,13 @@ def fit(
         raise ValidationInputError("identify: the model cannot run at the start; use other values with --set")
     columns = Columns(problem) if columns is None else columns
     sizes, steps, converged, floor = Sizes.start(problem.laws, problem.sessions), 0, False, FIRST_FLOOR
-    asked = len(problem.unknowns.asked)
+    asked, largest = len(problem.unknowns.asked), np.inf
     while steps < MOST_STEPS and not converged:
         blocks = columns.blocks(z)
         linear = linear_residuals(problem, blocks, curves, z)
-        marginal = likeliest(blocks, linear, sizes, ROUNDS, floor)
+        # near the minimum sizes are kept, so that there is one function to minimise
+        near = floor <= NEAR * FLOOR and largest < NEAR
+        marginal = Marginal(blocks, sizes) if near else likeliest(blocks, linear, sizes, ROUNDS, floor)
         sizes = marginal.sizes
         step = np.clip(marginal.mean(linear)[: marginal.p], low, high) - z
         here = residuals(problem.trials, curves)
@@ -187,7 +195,7 @@ def fit(
             share = 0.0
         width = np.sqrt(np.diag(marginal.covariance)[: marginal.p])
         largest = float(np.max((np.abs(step) / width)[:asked]))
-        converged = largest < CLOSE and floor <= 2.0 * FLOOR
+        converged = largest < CLOSE and floor <= NEAR * FLOOR
         if say is not None:
             say(f"step {steps}: largest change {largest:.2g} u, taken {share:g} of it; linear to {bent:.2g}")
         if share == 0.0 and bent <= floor:

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from validation.conventions import Array
-from validation.identification.result import Combination
+from validation.identification.outcome.result import Combination
 
 HALF = 0.5
 NAMED = 0.25  # of the largest weight: smaller ones are left out of the name

@@ -14,12 +14,12 @@ from validation.cache.content_hash import code_sha256
 from validation.conventions import ENCODER_CHANNELS, Array
 from validation.errors import ValidationInputError
 from validation.identification.estimates import LACKING, estimate_all
+from validation.identification.exact_runs import ExactRuns
 from validation.identification.fit import Columns, Fitted, Problem, fit, starts
 from validation.identification.identifiability import directions, warnings_of
-from validation.identification.model_runs import ModelRuns
 from validation.identification.noise import FLOOR, Sizes, learn
 from validation.identification.options import IdentifyKeywords, IdentifyOptions
-from validation.identification.result import AT_BOUND, Identification
+from validation.identification.outcome.result import AT_BOUND, Identification
 from validation.identification.scatter import lacking
 from validation.identification.scores import score
 from validation.identification.sources import Sources, collect
@@ -27,7 +27,11 @@ from validation.identification.unknowns.priors import Unknowns, unknowns
 from validation.prediction.model_under_test import action_sha256
 
 LEAST_EFFECT_RAD = 1e-8
-SAME = 4.0  # of the objective: starts that end this close have found the same minimum
+PROVISIONAL = (
+    "intervals are provisional: how often they hold the truth has been tried in one virtual experiment only, where "
+    "three of eleven did not (docs/explanation/identification.md)"
+)
+SAME = 6.0  # of twice the log likelihood: starts that end this close have found the same minimum
 
 
 def identify(
@@ -70,14 +74,14 @@ def identify(
     start = model.load_action(action) if isinstance(action, str | Path) else action
     asked = unknowns(start, parameters, options.fixed, options.priors)
     sources = collect(sessions, start, options)
-    response = ModelRuns(start, asked.moved, sources.fitted, options.tolerance)
+    response = ExactRuns(start, asked.moved, sources.fitted, options.tolerance)
     problem = Problem(start, asked, sources.fitted, response, held_columns(start, asked, sources, options.tolerance))
     columns, before = look_before(problem)
     for line in before:
         options.say(f"before the fit: {line}")
     points = starts(problem, options.starts)
     fits = [fit(problem, z, options.say, None if k else columns) for k, z in enumerate(points)]
-    best = min(fits, key=lambda f: f.objective)
+    best = min(fits, key=lambda f: f.badness)
     found = action_at(start, asked, best.z)
     estimates = estimate_all(problem, best, options.profiles, options.say)
     covariance = best.covariance[: len(asked.asked), : len(asked.asked)]
@@ -98,7 +102,7 @@ def identify(
         undetermined=tuple(undetermined),
         determined=tuple(determined),
         warnings=(*_of_fit(best, fits, sources), *said, *warnings_of(names, covariance)),
-        starts=tuple(f.objective for f in fits),
+        starts=tuple(f.badness for f in fits),
         scatter=scatter,
         scores=scores,
         provenance=_provenance(start, asked, sources, best, options),
@@ -109,7 +113,7 @@ def held_columns(start: model.Action, asked: Unknowns, sources: Sources, toleran
     """Columns (m, 3, h) of each trial, of laws that are fixed; none where none is."""
     if not asked.held:
         return ()
-    runs = ModelRuns(start, asked.held, sources.fitted, tolerance)
+    runs = ExactRuns(start, asked.held, sources.fitted, tolerance)
     return tuple(runs.jacobian(np.zeros(len(asked.held)), range(len(asked.held))))
 
 
@@ -155,16 +159,16 @@ def action_at(start: model.Action, asked: Unknowns, z: Array) -> model.Action:
 
 
 def _of_fit(best: Fitted, fits: Sequence[Fitted], sources: Sources) -> list[str]:
-    said = list(sources.refused)
+    said = [PROVISIONAL, *sources.refused]
     if not best.converged:
         said.insert(0, "the fit did not settle: its last step was not small; treat the intervals as too narrow")
     share = lacking(best)
     if share > LACKING:
         said.append(
-            f"the model lacks something: trials differ from it alike by {100 * share:.0f} % of what all its laws "
+            f"the model lacks something: trials differ from it alike by {100 * share:.1g} % of what all its laws "
             "together could do; no value is called identified"
         )
-    apart = [f.objective - best.objective for f in fits]
+    apart = [f.badness - best.badness for f in fits]
     if max(apart) > SAME:
         other = sum(a > SAME for a in apart)
         said.append(f"{other} of {len(fits)} starts ended in a worse minimum; more starts may find a better one")

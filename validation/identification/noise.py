@@ -27,7 +27,7 @@ LEAST = 1e-6
 USUAL, BELIEVED = 0.07, 1.0  # scatter of a law from trial to trial (2 % of 30 %), believed as much as one trial
 FORMS_S = (3e-3, 1e-2, 3e-2, 0.1)
 """Correlation times tried for what the model lacks; the likeliest is taken."""
-FLOOR = 2e-3  # of the response: no model is taken to be closer, and no linear model of it is
+FLOOR = 5e-3  # of the response: no model is taken to be closer, and no linear model of it is
 CHANGE = 10.0  # of a size squared in one round, at most
 
 

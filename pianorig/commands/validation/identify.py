@@ -18,7 +18,7 @@ from pianorig.console.options import DEFAULT_ACTION, Action, AsJson, Settings
 from pianorig.console.output import print_json
 from pianorig.console.overrides import load_model, read_settings
 from pianorig.console.progress import say
-from validation.identification.target_file import check_target
+from validation.identification.outcome.target_file import check_target
 
 
 def command(

@@ -11,8 +11,8 @@ from validation.identification.estimates import estimate_all
 from validation.identification.fit import fit, starts
 from validation.identification.identifiability import directions, warnings_of
 from validation.identification.identify import look_before
+from validation.identification.outcome.result import IDENTIFIED, NOT_IDENTIFIABLE
 from validation.identification.profiles import profile
-from validation.identification.result import IDENTIFIED, NOT_IDENTIFIABLE
 from validation.identification.scatter import factors, jackknife, lacking
 
 TRUTH = np.array([0.8, -0.5, 0.3])

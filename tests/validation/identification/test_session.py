@@ -10,11 +10,11 @@ import pytest
 
 import model
 from validation.errors import ValidationInputError
-from validation.identification.action_file import write_identified
 from validation.identification.identify import identify
 from validation.identification.model_runs import Case, ModelRuns
 from validation.identification.options import IdentifyOptions
-from validation.identification.result import TOO_FEW
+from validation.identification.outcome.action_file import write_identified
+from validation.identification.outcome.result import TOO_FEW
 from validation.identification.sources import collect
 from validation.identification.unknowns.priors import unknowns
 

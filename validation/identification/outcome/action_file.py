@@ -16,8 +16,8 @@ from typing import Any
 import model
 from model.files.atomic_write import whole_file
 from model.parameters.write_toml import action_text
-from validation.identification.result import IDENTIFIED, Identification
-from validation.identification.target_file import check_target
+from validation.identification.outcome.result import IDENTIFIED, Identification
+from validation.identification.outcome.target_file import check_target
 
 
 def write_identified(found: Identification, path: str | Path) -> None:

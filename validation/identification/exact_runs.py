@@ -1,0 +1,83 @@
+"""The project's model as a `Response`, with exact derivatives integrated beside each stroke (`model.sensitivities`).
+
+Curves and force columns are those of `model_runs`; a derivative costs about as much as a third of a run, and has
+no step to choose. A parameter that does nothing in the scene has a column of zeros.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+
+import model
+from model.errors import InputError, ModelError
+from model.sensitivity.parameter_names import directions
+from validation.conventions import ENCODER_BODIES, WORKERS, Array
+from validation.identification.model_runs import Case, ModelRuns
+from validation.identification.observations import ObservedTrial
+from validation.identification.unknowns.priors import Parameter
+
+MOTION, TANGENT = 1e-7, 1e-4
+
+
+class ExactRuns(ModelRuns):
+    """Exact derivatives; see `ModelRuns` for the parameters."""
+
+    def __init__(
+        self,
+        action: model.Action,
+        parameters: Sequence[Parameter],
+        trials: Sequence[ObservedTrial],
+        tolerance: float | None = None,
+    ) -> None:
+        super().__init__(action, parameters, trials, *(() if tolerance is None else (tolerance,)))
+        self.acting = [j for j, p in enumerate(self.parameters) if _acts(action, p)]
+
+    def jacobian(self, z: Array, which: Sequence[int]) -> list[Array]:
+        """Derivatives with respect to z; see `Response`."""
+        asked = [j for j in which if j in self.acting]
+        here = self.action.with_values(self.at(z))
+        units = np.array([self._per_u(here, j, float(z[j])) for j in asked])
+        place = [list(which).index(j) for j in asked]
+
+        def one(trial: ObservedTrial) -> Array:
+            out = np.zeros((trial.time_s.size, len(ENCODER_BODIES), len(which)))
+            if asked:
+                options = model.SensitivityOptions(
+                    tolerance=MOTION,
+                    relative_tolerance=TANGENT,
+                    output_time_s=trial.time_s,
+                    rest_input=Case().preload_n(trial),
+                    events=False,
+                    allow_idle=True,
+                )
+                blow = trial.force_time_s, trial.force_n
+                found = model.sensitivities(here, blow, [self.parameters[j].name for j in asked], options=options)
+                turn = found.d_angles - found.d_rest[None]
+                out[:, :, place] = turn[:, ENCODER_BODIES] * units
+            return out
+
+        try:
+            with ThreadPoolExecutor(WORKERS) as pool:
+                return list(pool.map(one, self.trials))
+        except ModelError:  # one-sided differences of runs go on where a tangent cannot
+            return super().jacobian(z, which)
+
+    def _per_u(self, here: model.Action, j: int, z: float) -> float:
+        """Change of the value that `model.sensitivities` knows, per prior standard uncertainty."""
+        parameter = self.parameters[j]
+        if len(parameter.paths) > 1:  # a factor on the values that the action has now
+            return parameter.u
+        return parameter.slope(self.action, z)[parameter.paths[0]]
+
+
+def _acts(action: model.Action, parameter: Parameter) -> bool:
+    """Whether a parameter changes any number of the scene."""
+    try:
+        found = model.sensitivity.find_parameters(action, [parameter.name])
+        directions(action, model.load_scene("whole"), found)
+    except InputError:
+        return False
+    return True
