@@ -34,6 +34,7 @@ COHERENT = 2.0
 """Median coherence of the residuals from which a body is looked at."""
 AGREES = 0.9
 """Median share of the pixels in agreement, over that of the quarter of the rows with most, below which it is."""
+LEAST_NOISE = 0.3
 LEAST_PX, LEAST_U = 0.5, 6.0
 """A tile has moved by more than this, and by more than this many standard uncertainties."""
 EXPLAINED = 0.5
@@ -175,12 +176,14 @@ class _Tile:
         self._nothing = np.zeros(n, dtype=np.uint8)
         self.contrast = float(np.var(self._columns[3]))
         inverse = np.linalg.pinv(self._design @ self._design.T, rcond=1e-12)
-        self.u_px = template.noise_grey * float(np.sqrt(max(inverse[0, 0], inverse[1, 1])))
+        # a film without noise, or with saturated still frames, is rounded to whole grey values all the same
+        self._noise = max(template.noise_grey, LEAST_NOISE)
+        self.u_px = self._noise * float(np.sqrt(max(inverse[0, 0], inverse[1, 1])))
 
     def fitted(self, region: Region, pose: F64, start: F64) -> tuple[F64, float, bool]:
         """Shift (x, y) and turn in the template's axes where the tile fits, the shift's standard uncertainty, NaN where
         nowhere, and whether it fits clearly better there than where the body's pose has it."""
-        noise2, place, found = self._template.noise_grey**2, start.copy(), None
+        noise2, place, found = self._noise**2, start.copy(), None
         at_rest = self._fit(region, pose, np.zeros(3))
         for _ in range(ITERATIONS):
             found = self._fit(region, pose, place)

@@ -28,14 +28,15 @@ def quiet(film: ArrayFilm, bodies: list[Body]) -> TrackResult:
 
 
 @pytest.mark.parametrize("texture", ["speckle", "wood"])
-def test_an_outline_over_two_bodies(texture: str) -> None:
+@pytest.mark.parametrize("noise", [2.0, 0.0])
+def test_an_outline_over_two_bodies(texture: str, noise: float) -> None:
     """A beam and an arm hinged to its end, turning by 0.1 and 0.25 rad, under one outline."""
     extent = (-10.0, -24.0, 90.0, 24.0)
     make = [speckle(extent, k) if texture == "speckle" else wood_grain(extent, k, direction_rad=0.2) for k in (1, 2)]
     bodies = [SyntheticBody(name, box(0.0, -18.0, 80.0, 18.0), made) for name, made in zip("ab", make, strict=True)]
     scene = Scene(bodies, background(150, 230, 3))
     s = smooth_step((np.arange(N) - 16) / 60)
-    sensor, frames = Sensor(2.0, 8, 5), []
+    sensor, frames = Sensor(noise, 8, 5), []
     for i in range(N):
         end = np.array([30 + 80 * np.cos(0.1 * s[i]), 75 - 80 * np.sin(0.1 * s[i])])
         frames.append(sensor.expose(scene.light(np.array([[[0.1 * s[i], 30.0, 75.0], [0.25 * s[i], *end]]]))))
