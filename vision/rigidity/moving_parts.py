@@ -84,7 +84,9 @@ def _asks_for_it(table: PoseTable, i: int) -> bool:
     if np.count_nonzero(good) < 8:
         return False
     inlier = table.inlier[good, i]
-    ratio = np.nanquantile(table.ratio[good, i, -1].max(axis=1), 0.5)
+    coherence = table.ratio[good, i, -1].max(axis=1)
+    coherence = coherence[np.isfinite(coherence)]
+    ratio = float(np.median(coherence)) if coherence.size else 0.0  # the other engine does not tell
     return bool(ratio > COHERENT or np.median(inlier) < AGREES * np.quantile(inlier, 0.75) or inlier.max() < AGREES)
 
 
