@@ -23,9 +23,9 @@ from vision.fitting.coherence import UNKNOWN, Blocks, Ratios
 from vision.fitting.frame_spline import FrameSpline
 from vision.fitting.kernel_records import Places, Region, RigidFit, Settings, State, Subset
 from vision.fitting.kernels import fit_rigid, place_pixels, sample, tukey_weights
-from vision.fitting.light_gradient import MOST, NO_LIGHT, LightGradient
 from vision.fitting.normal_inverse import inverse_and_covariance
 from vision.fitting.pose_covariance import PATTERN_EXCESS, TUKEY_FACTOR, pose_covariance
+from vision.fitting.slow_changes import UNCHANGED, Changes, SlowChanges, added
 from vision.fitting.template import Template
 
 TOLERANCE_PX = 0.002
@@ -36,9 +36,9 @@ STOP_U = 0.1
 of 0.002 px is a small part of that, and asking for it loses frames."""
 MAX_ITERATIONS = 80
 """Most fits take two; where noise in the template holds a body of weak texture back, the steps shrink slowly."""
-LIGHT_SUSPECTED = 2.5
-"""Ratio of `vision.fitting.coherence` over the largest blocks from which the light across the body is looked at."""
-LIGHT_ROUNDS = 3
+CHANGE_SUSPECTED = 2.0
+"""Ratio of `vision.fitting.coherence` over the largest blocks from which light and scale are looked at."""
+CHANGE_ROUNDS = 5
 QUIET = 0.7
 """The residuals of a body may be quieter than the still frames by this factor, since darker parts of a picture are."""
 SCALE_FLOOR_GREY = 0.5
@@ -53,7 +53,8 @@ class IcgnFitter:
     def __init__(self, template: Template, frames: FrameSpline | None = None) -> None:
         self.template = template
         self._frames = frames
-        self._gradient: LightGradient | None = None
+        self._slow: SlowChanges | None = None
+        self._followed = False
         self._settings = Settings(noise_gain(), SCALE_FLOOR_GREY, TOLERANCE_PX, STOP_U, MAX_ITERATIONS)
         self._blocks = Blocks(template.offset_px)
         self._work = np.zeros((5, template.n_pixels), dtype=np.float32)
@@ -70,16 +71,16 @@ class IcgnFitter:
         self._cautious = cautious
         self._weight = np.ones(self.template.n_pixels, dtype=np.float32)
         self._scale = 2.0
-        self._light = NO_LIGHT
+        self._changes: Changes = UNCHANGED
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """Weights, noise and light of the newest frame."""
-        return {"weight": self._weight, "scale": np.array(self._scale), "light": np.array(self._light)}
+        """Weights, noise, light and scale of the newest frame."""
+        return {"weight": self._weight, "scale": np.array(self._scale), "changes": np.array(self._changes)}
 
     def restore(self, arrays: dict[str, NDArray[Any]]) -> None:
         """Continue from the weights and noise of another frame."""
         self._weight, self._scale = np.array(arrays["weight"], dtype=np.float32), float(arrays["scale"])
-        self._light = (float(arrays["light"][0]), float(arrays["light"][1]))
+        self._changes = tuple(arrays["changes"].tolist())
 
     def fit(self, film: FrameSource, index: int, pose: NDArray[np.float64], covered: NDArray[np.uint8] | None) -> Fit:
         """Fit the body in frame ``index``, starting from ``pose``."""
@@ -108,24 +109,33 @@ class IcgnFitter:
                 coefficient = np.where(saturated, np.float32(np.nan), coefficient)
         hidden = self._uncovered if covered is None else covered
         result = self._solve(coefficient, (y0, x0), start, hidden)
-        for _ in range(LIGHT_ROUNDS):
-            if not result.converged or not np.any(result.coherence.ratio[-1] > LIGHT_SUSPECTED):
+        self._followed = False
+        for _ in range(CHANGE_ROUNDS):
+            if not result.converged or not self._changed(result):
                 break
-            more = self._light_gradient().measure(
-                self._weight * self._work[1], self._work[2], result.gain, result.noise_grey**2
-            )
-            there = (self._light[0] + more[0], self._light[1] + more[1])
-            if more == NO_LIGHT or max(map(abs, there)) > MOST:
-                break
-            self._light = there
             result = self._solve(coefficient, (y0, x0), result.pose, hidden)
         return result
 
-    def _light_gradient(self) -> LightGradient:
+    def _changed(self, fit: Fit) -> bool:
+        """Whether light and scale, as the residuals of a fit show them, ask for another."""
+        weight, residual, more = self._weight * self._work[1], self._work[2], UNCHANGED
+        if self._changes != UNCHANGED and not self._followed:
+            # what is in use is a parameter like others, which no threshold holds back
+            self._followed = True
+            more = self._slow_changes().followed(weight, residual, fit.gain, self._changes)
+        elif np.any(fit.coherence.ratio[-1] > CHANGE_SUSPECTED):
+            more = self._slow_changes().measure(weight, residual, fit.gain, max(fit.noise_grey, SCALE_FLOOR_GREY) ** 2)
+        both = added(self._changes, more)
+        if more == UNCHANGED or both is None:
+            return False
+        self._changes = both
+        return True
+
+    def _slow_changes(self) -> SlowChanges:
         """Made when it is first asked for."""
-        if self._gradient is None:
-            self._gradient = LightGradient(self.template)
-        return self._gradient
+        if self._slow is None:
+            self._slow = SlowChanges(self.template)
+        return self._slow
 
     def _solve(
         self,
@@ -134,12 +144,13 @@ class IcgnFitter:
         start: NDArray[np.float64],
         hidden: NDArray[np.uint8],
     ) -> Fit:
-        """Fit under the light known so far."""
-        template, lit = self.template, self._light != NO_LIGHT
-        if lit:
-            coefficient = self._light_gradient().divided_out(coefficient, corner, start, self._light)
+        """Fit under the light and at the scale known so far."""
+        template, changed, offset_px = self.template, self._changes != UNCHANGED, self.template.offset_px
+        if changed:
+            coefficient = self._slow_changes().divided_out(coefficient, corner, start, self._changes)
+            offset_px = self._slow_changes().offset_px(self._changes)
         pose = np.array(start, dtype=float)
-        subset = Subset(template.offset_px, template.columns, hidden, *template.centre_px, template.radius_px)
+        subset = Subset(offset_px, template.columns, hidden, *template.centre_px, template.radius_px)
         region = Region(coefficient, float(corner[1]), float(corner[0]))
         if self._cautious:
             self._weigh(region, subset, pose)
@@ -151,8 +162,8 @@ class IcgnFitter:
             return FAILED
         self._scale = found.sums.scale
         fit = self._assess(found, pose)
-        if lit:
-            root = np.sqrt(self._light_gradient().variance_factor)
+        if changed:
+            root = np.sqrt(self._slow_changes().variance_factor(self._changes))
             fit = replace(fit, covariance=fit.covariance * root[:, None] * root)
         return fit
 

@@ -56,11 +56,15 @@ class BodyTracker:
     usual_gain: float = 1.0
     searches: int = 0
     least_zncc: float = field(init=False)
+    common_contrast: float = field(init=False)
 
     def __post_init__(self) -> None:
         template = self.fitter.template
         texture = max(float(np.var(template.columns[3])) - template.noise_grey**2 / template.n_averaged, 0.0)
         expected = math.sqrt(texture / (texture + template.noise_grey**2)) if texture > 0.0 else 0.0
+        # what noise left in the reference takes off the contrast in common with frames that are not part of it
+        self.common_contrast = texture / max(float(np.var(template.columns[3])), 1e-9)
+        expected *= math.sqrt(self.common_contrast)
         self.least_zncc = max(min(MIN_ZNCC, EXPECTED_SHARE * expected), CHANCE / math.sqrt(template.n_pixels))
 
     @property
@@ -165,7 +169,7 @@ class BodyTracker:
         usual = noise_only or fit.zncc >= USUAL_SHARE * self.usual_zncc
         if not (fit.zncc >= self.least_zncc and usual):
             flag |= FrameFlag.LOW_CORRELATION
-        if not MIN_GAIN <= fit.gain / self.usual_gain <= 1.0 / MIN_GAIN:
+        if not MIN_GAIN * self.common_contrast <= fit.gain / self.usual_gain <= 1.0 / MIN_GAIN / self.common_contrast:
             flag |= FrameFlag.ODD_GAIN
         if not fit.inlier >= MIN_INLIER:
             flag |= FrameFlag.FEW_INLIERS

@@ -11,7 +11,7 @@ from __future__ import annotations
 import os
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any, Unpack
 
 import numpy as np
@@ -25,6 +25,7 @@ from vision.reference.prepared_film import PreparedFilm
 from vision.results.flags import FrameFlag
 from vision.results.pose_table import PoseTable
 from vision.results.track_result import TrackResult
+from vision.rigidity.moving_parts import moving_parts
 from vision.tracking.assemble_result import Zero, assemble_result, zero_of_rows, zero_of_still_frames
 from vision.tracking.checkpoint import Checkpoint, job_hash
 from vision.tracking.film_tracker import FilmTracker
@@ -143,7 +144,21 @@ def _track(
             VisionWarning,
             stacklevel=3,
         )
-    info = {**done.info, "rows_repeated": int(repeated.sum()), "pattern_grey": pattern_grey}
+    apart = moving_parts(ready, table)
+    for name, parts in apart.items():
+        warnings.warn(
+            f"{film.path}: body {name}: {100.0 * parts.share:.0f} % of its outline moves by up to {parts.most_px:.1f} "
+            f"px against the pose found, most at x {parts.at_px[0]:.0f}, y {parts.at_px[1]:.0f}; the outline lies over "
+            "two bodies or one with a joint (draw one outline for each), or a reflection holds the fit",
+            VisionWarning,
+            stacklevel=3,
+        )
+    info = {
+        **done.info,
+        "rows_repeated": int(repeated.sum()),
+        "pattern_grey": pattern_grey,
+        "moving_parts": {name: asdict(parts) for name, parts in apart.items()},
+    }
     result = assemble_result(ready, done.zero, table, time_s, settings, info)
     if checkpoint is not None:
         checkpoint.clear()

@@ -1,4 +1,4 @@
-"""Light that changes across a body is measured and divided out; where it does not, nothing is."""
+"""Light and scale that change across a body are measured and taken out; where they do not, nothing is."""
 
 from __future__ import annotations
 
@@ -7,11 +7,12 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy import ndimage
 
 from tests.vision.motion import bar_motion, smooth_step
 from vision.film.source import ArrayFilm
 from vision.fitting.icgn import IcgnFitter
-from vision.fitting.light_gradient import NO_LIGHT, LightGradient
+from vision.fitting.slow_changes import UNCHANGED, SlowChanges
 from vision.fitting.template import build_template
 from vision.synthetic import Scene
 from vision.tracking.track_film import track_film
@@ -36,16 +37,16 @@ def test_measured_light(
     frame = np.clip(np.rint(still * factor + 2.0 * rng.standard_normal(still.shape)), 0, 255).astype(np.uint8)
     fitter = IcgnFitter(template)
     fit = fitter.fit(ArrayFilm(frame[None]), 0, np.array([0.002, 0.2, -0.1]), None)
-    found = fitter.state()["light"]
+    found = fitter.state()["changes"]
     assert fit.converged and abs(fit.gain - 1.0) < 0.02
     if light == (0.0, 0.0):
-        assert tuple(found) == NO_LIGHT
+        assert tuple(found) == UNCHANGED
     else:
-        np.testing.assert_allclose(found, light, atol=0.01)
+        np.testing.assert_allclose(found, [*light, 0.0, 0.0, 0.0, 0.0], atol=0.01)
         assert fit.noise_grey < 2.3
     u = np.sqrt(np.diag(fit.covariance))
     assert np.all(np.abs(fit.pose) < 4.0 * u + [2e-5, 2e-3, 2e-3])
-    assert np.all(LightGradient(template).variance_factor < 1.2)
+    assert np.all(SlowChanges(template).variance_factor((0.1,) * 6) < 1.25)
 
 
 @pytest.mark.parametrize("texture", ["speckle", "wood"])
@@ -70,3 +71,31 @@ def test_light_that_grows_on_one_side(
 def _plain(film_of: Callable[..., object], scene: Callable[[str], Scene], pose: np.ndarray, texture: str) -> tuple:
     known = film_of(scene(texture), pose)
     return known.film, known.bodies
+
+
+@pytest.mark.parametrize("changes", [(0.0, 0.0, 0.004), (0.05, 0.0, 0.0, -0.1, 0.06, 0.08)])
+def test_scale_and_bent_light(
+    bar_scene: Callable[[str], Scene], pivot: tuple[float, float], changes: tuple[float, ...]
+) -> None:
+    """A body that has grown about its middle, and light whose factor is bent, as bands of flicker make it."""
+    changes = (*changes, 0.0, 0.0, 0.0)[:6]
+    still = bar_scene("speckle").light(np.array([[[0.0, *pivot]]]))
+    rng = np.random.default_rng(2)
+    template = build_template("bar", still, bar_mask(still.shape), 10, noise_grey=1.0)
+    y, x = np.mgrid[0 : still.shape[0], 0 : still.shape[1]].astype(float)
+    (cx, cy), radius = template.centre_px, template.radius_px
+    grown = 1.0 + changes[2]
+    drawn = ndimage.map_coordinates(still, [cy + (y - cy) / grown, cx + (x - cx) / grown], order=3, mode="nearest")
+    u, v = (x - cx) / radius, (y - cy) / radius
+    drawn *= 1.0 + changes[0] * u + changes[1] * v + changes[3] * u * u + changes[4] * u * v + changes[5] * v * v
+    frame = np.clip(np.rint(drawn + rng.standard_normal(still.shape)), 0, 255).astype(np.uint8)
+    fitter = IcgnFitter(template)
+    fit = fitter.fit(ArrayFilm(frame[None]), 0, np.array([0.001, 0.1, -0.1]), None)
+    found = fitter.state()["changes"]
+    if changes[2]:
+        np.testing.assert_allclose(found, changes, atol=0.0008)
+    else:
+        np.testing.assert_allclose(found, changes, atol=0.02)
+    u_pose = np.sqrt(np.diag(fit.covariance))
+    assert fit.converged and np.all(np.abs(fit.pose) < 5.0 * u_pose + [3e-5, 3e-3, 3e-3])
+    assert fit.noise_grey < 1.3

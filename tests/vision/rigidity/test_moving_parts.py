@@ -1,0 +1,75 @@
+"""An outline over two bodies is named; hidden, disturbed and clean bodies are not."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from tests.vision.motion import bar_motion, smooth_step
+from tests.vision.tracking.test_disturbed_films import stress  # noqa: F401  (fixture)
+from vision.bodies.outlines import Body
+from vision.errors import VisionWarning
+from vision.film.source import ArrayFilm
+from vision.results.track_result import TrackResult
+from vision.synthetic import Scene, Sensor, SyntheticBody, background, box, speckle, wood_grain
+from vision.tracking.track_film import track_film
+
+N = 90
+
+
+def quiet(film: ArrayFilm, bodies: list[Body]) -> TrackResult:
+    """Tracked without warnings."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", VisionWarning)
+        return track_film(film, bodies)
+
+
+@pytest.mark.parametrize("texture", ["speckle", "wood"])
+@pytest.mark.parametrize("noise", [2.0, 0.0])
+def test_an_outline_over_two_bodies(texture: str, noise: float) -> None:
+    """A beam and an arm hinged to its end, turning by 0.1 and 0.25 rad, under one outline."""
+    extent = (-10.0, -24.0, 90.0, 24.0)
+    make = [speckle(extent, k) if texture == "speckle" else wood_grain(extent, k, direction_rad=0.2) for k in (1, 2)]
+    bodies = [SyntheticBody(name, box(0.0, -18.0, 80.0, 18.0), made) for name, made in zip("ab", make, strict=True)]
+    scene = Scene(bodies, background(150, 230, 3))
+    s = smooth_step((np.arange(N) - 16) / 60)
+    sensor, frames = Sensor(noise, 8, 5), []
+    for i in range(N):
+        end = np.array([30 + 80 * np.cos(0.1 * s[i]), 75 - 80 * np.sin(0.1 * s[i])])
+        frames.append(sensor.expose(scene.light(np.array([[[0.1 * s[i], 30.0, 75.0], [0.25 * s[i], *end]]]))))
+    film = ArrayFilm(np.stack(frames), 2000.0)
+    with pytest.warns(VisionWarning, match="the outline lies over two"):
+        result = track_film(film, [Body("both", np.array([[30.0, 57.0], [190.0, 57.0], [190.0, 93.0], [30.0, 93.0]]))])
+    parts = result.info["moving_parts"]["both"]
+    assert parts["share"] > 0.4 and 3.0 < parts["most_px"] < 10.0
+    apart = quiet(
+        film, [Body("a", bodies[0].outline(0.0, 30.0, 75.0)), Body("b", bodies[1].outline(0.0, 110.0, 75.0), "a")]
+    )
+    assert apart.info["moving_parts"] == {}
+
+
+@pytest.mark.parametrize("texture", ["speckle", "wood"])
+@pytest.mark.parametrize("hidden", [0.0, 1.0])
+def test_a_rigid_body_is_not_named(
+    bar_scene: Callable[[str], Scene],
+    film_of: Callable[..., object],
+    pivot: tuple[float, float],
+    texture: str,
+    hidden: float,
+) -> None:
+    def bar(i: int, light: np.ndarray) -> None:
+        left = 45 + max(0, i - 20) // 2
+        light[:, left : left + 38] = 25.0 if hidden and i > 20 else light[:, left : left + 38]
+
+    known = film_of(bar_scene(texture), bar_motion(N, pivot, 0.3), cover=bar)
+    assert quiet(known.film, known.bodies).info["moving_parts"] == {}
+
+
+@pytest.mark.parametrize("kind", ["scale_change", "row_flicker", "neighbour", "dust", "defocus", "jpeg"])
+@pytest.mark.parametrize("surface", ["speckle", "wood", "fine"])
+def test_disturbed_films_of_a_rigid_body(stress: object, kind: str, surface: str) -> None:  # noqa: F811
+    film = stress.stress_film(kind, surface, 401)
+    assert quiet(ArrayFilm(film.frames, 2000.0), [Body("bar", film.outline_px)]).info["moving_parts"] == {}

@@ -1,0 +1,230 @@
+"""Parts of an outline that move against the rest of it: an outline over two bodies, or a body with a joint or a crack.
+
+The weights of a fit leave out what does not agree with the body, so that an outline over two bodies is tracked by one
+of them, and nothing in a single frame tells why the rest does not agree: it may be hidden. Method: the outline is cut
+into tiles; in frames spread over the motion each tile is shifted from where the body's pose has it to where it fits the
+frame best, from its shift in the frame before. A hidden tile fits nowhere; one that fits elsewhere, in many frames, by
+more than its uncertainty and clearly better, moves. A common change of scale is allowed for. Only bodies whose
+residuals are coherent, or of which much does not agree, are looked at. A gentle bend, which shears the tiles as much as
+it shifts them, is not named; the coherence of its residuals is in its uncertainty.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vision.fitting.base import region_of
+from vision.fitting.frame_spline import FrameSpline
+from vision.fitting.kernel_records import Places, Region, Subset
+from vision.fitting.kernels import place_pixels, sample
+from vision.fitting.template import Template
+from vision.reference.prepared_film import PreparedFilm
+from vision.results.pose_table import PoseTable
+
+TILE_PX = 24
+LEAST_PIXELS = 150
+ROWS = 24
+ITERATIONS = 6
+MOST_STEP_PX, MOST_TURN_RAD = 4.0, 0.15
+"""Further from its last place a tile is not looked for."""
+COHERENT = 2.0
+"""Median coherence of the residuals from which a body is looked at."""
+AGREES = 0.9
+"""Median share of the pixels in agreement, over that of the quarter of the rows with most, below which it is."""
+LEAST_NOISE = 0.3
+LEAST_PX, LEAST_U = 0.5, 6.0
+"""A tile has moved by more than this, and by more than this many standard uncertainties."""
+EXPLAINED = 0.5
+"""Share of the residuals beyond noise that a tile's shift may leave."""
+OFTEN = 0.25
+"""Share of the rows in which it has."""
+LEAST_TILES, COMMON, ALONE = 3, 0.4, 0.15
+"""Tiles that must have moved, share of them that must share a motion, and share of a tile's way it may be off that."""
+SHARE = 0.1
+"""Share of the tiles that must have moved."""
+F64 = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class MovingParts:
+    """What moves against the rest of a body's outline.
+
+    Attributes
+    ----------
+    share : float
+        Of the tiles that can be judged.
+    most_px : float
+        Largest shift.
+    at_px : (float, float)
+        Middle of the tile with the largest shift (x, y), in the reference.
+    """
+
+    share: float
+    most_px: float
+    at_px: tuple[float, float]
+
+
+def moving_parts(ready: PreparedFilm, table: PoseTable) -> dict[str, MovingParts]:
+    """Bodies of which parts move against the rest, by name."""
+    found = {}
+    for i, template in enumerate(ready.templates):
+        if not _asks_for_it(table, i):
+            continue
+        parts = _parts_of(ready, template, *_spread(table, i, template.radius_px))
+        if parts is not None:
+            found[template.name] = parts
+    return found
+
+
+def _asks_for_it(table: PoseTable, i: int) -> bool:
+    good = ~table.failed[:, i]
+    if np.count_nonzero(good) < 8:
+        return False
+    inlier = table.inlier[good, i]
+    coherence = table.ratio[good, i, -1].max(axis=1)
+    coherence = coherence[np.isfinite(coherence)]
+    ratio = float(np.median(coherence)) if coherence.size else 0.0  # the other engine does not tell
+    return bool(ratio > COHERENT or np.median(inlier) < AGREES * np.quantile(inlier, 0.75) or inlier.max() < AGREES)
+
+
+def _spread(table: PoseTable, i: int, radius_px: float) -> tuple[NDArray[np.int64], F64]:
+    """Frames and poses, in order, evenly spread over the way of a body."""
+    rows = np.flatnonzero(~table.failed[:, i])
+    pose = table.pose[rows, i]
+    step = np.hypot(*np.diff(pose[:, 1:], axis=0).T) + 0.5 * radius_px * np.abs(np.diff(pose[:, 0]))
+    way = np.concatenate([[0.0], np.cumsum(step + 1e-6)])
+    chosen = np.unique(np.searchsorted(way, np.linspace(0.0, way[-1], ROWS)).clip(0, rows.size - 1))
+    return table.frame[rows[chosen]], pose[chosen]
+
+
+def _parts_of(ready: PreparedFilm, template: Template, frame: NDArray[np.int64], pose: F64) -> MovingParts | None:
+    """What moves in the outline of one body."""
+    tiles = _tiles(template)
+    if len(tiles) < 4:
+        return None
+    frames, film = FrameSpline(ready.film), ready.film
+    place = np.zeros((len(frame), len(tiles), 3))
+    u = np.full((len(frame), len(tiles)), np.nan)
+    better = np.zeros(u.shape, dtype=bool)
+    for row, index in enumerate(frame.tolist()):
+        box = region_of(template, pose[row], film.height, film.width, 24)
+        if box is None:
+            continue
+        part = frames.part(index, box)
+        region = Region(part.coefficient, float(part.box[2]), float(part.box[0]))
+        for k, tile in enumerate(tiles):
+            start = place[row - 1, k] if row else np.zeros(3)
+            place[row, k], u[row, k], better[row, k] = tile.fitted(region, pose[row], start)
+    middle, shift = np.array([tile.middle for tile in tiles]), place[..., :2]
+    far = np.hypot(*middle.T)
+    for row in range(len(frame)):
+        known = np.isfinite(u[row]) & (far > far.max() / 3.0)
+        if known.any():
+            shift[row] -= np.median(np.sum(shift[row, known] * middle[known], axis=1) / far[known] ** 2) * middle
+    size = np.where(np.isfinite(u), np.hypot(*np.moveaxis(shift, 2, 0)), 0.0)
+    moved = better & (size > np.maximum(LEAST_PX, LEAST_U * np.nan_to_num(u, nan=np.inf)))
+    known = np.isfinite(u).sum(axis=0)
+    judged = known >= len(frame) / 4
+    often = judged & (moved.sum(axis=0) >= np.maximum(OFTEN * known, 3))
+    moved &= often
+    enough = np.count_nonzero(often) >= max(LEAST_TILES, SHARE * np.count_nonzero(judged))
+    if not (enough and _together(place, moved, middle)):
+        return None
+    largest = np.where(moved, size, 0.0)
+    worst = int(np.argmax(largest.max(axis=0)))
+    x, y = middle[worst] + template.centre_px
+    return MovingParts(float(often.sum() / judged.sum()), float(largest.max()), (float(x), float(y)))
+
+
+def _together(place: F64, moved: NDArray[np.bool_], middle: F64) -> bool:
+    """Whether tiles that moved did so together, in most frames, as a body does and a reflection does not.
+
+    The body's pose may be that of one part or a compromise of two, so that there may be two motions against it.
+    """
+    judged, together = 0, 0
+    for row in range(len(place)):
+        at = np.flatnonzero(moved[row])
+        if at.size < LEAST_TILES:
+            continue
+        most = 0
+        for seed in at:
+            x, y = (middle[at] - middle[seed]).T
+            turn = place[row, seed, 2]
+            told = place[row, seed, :2] + turn * np.column_stack([-y, x])
+            off = np.hypot(*(place[row, at, :2] - told).T)
+            most = max(most, int(np.count_nonzero(off < LEAST_PX + ALONE * np.hypot(*place[row, at, :2].T))))
+        judged += 1
+        together += most >= max(LEAST_TILES, COMMON * at.size)
+    return judged > 0 and together >= 0.5 * judged
+
+
+class _Tile:
+    """Pixels of one square of a template."""
+
+    def __init__(self, template: Template, pixels: NDArray[np.intp]) -> None:
+        self._template, n = template, pixels.size
+        self._offset = np.ascontiguousarray(template.offset_px[:, pixels])
+        self._columns = np.ascontiguousarray(template.columns[:, pixels])
+        self.middle = self._offset.mean(axis=1).astype(float)
+        # shift along x and y, turn about its own middle, gain, offset, and light that falls on one side of the tile
+        self._inside = (self._offset - self._offset.mean(axis=1, keepdims=True)).astype(float)
+        (x, y), (slope_x, slope_y) = self._inside, self._columns[1:3]
+        turn = slope_y * x - slope_x * y
+        self._design = np.vstack([self._columns[1:3], turn, self._columns[3], np.ones(n), self._inside]).astype(float)
+        self._work, self._at = np.zeros((4, n), dtype=np.float32), np.zeros(n, dtype=np.int32)
+        self._nothing = np.zeros(n, dtype=np.uint8)
+        self.contrast = float(np.var(self._columns[3]))
+        inverse = np.linalg.pinv(self._design @ self._design.T, rcond=1e-12)
+        # a film without noise, or with saturated still frames, is rounded to whole grey values all the same
+        self._noise = max(template.noise_grey, LEAST_NOISE)
+        self.u_px = self._noise * float(np.sqrt(max(inverse[0, 0], inverse[1, 1])))
+
+    def fitted(self, region: Region, pose: F64, start: F64) -> tuple[F64, float, bool]:
+        """Shift (x, y) and turn in the template's axes where the tile fits, the shift's standard uncertainty, NaN where
+        nowhere, and whether it fits clearly better there than where the body's pose has it."""
+        noise2, place, found = self._noise**2, start.copy(), None
+        at_rest = self._fit(region, pose, np.zeros(3))
+        for _ in range(ITERATIONS):
+            found = self._fit(region, pose, place)
+            if found is None:
+                return start, np.nan, False
+            # the frame at this place shows the template moved by the step: go against it
+            place = place - found[0]
+            if not (np.hypot(*(place - start)[:2]) < MOST_STEP_PX and abs(place[2] - start[2]) < MOST_TURN_RAD):
+                return start, np.nan, False
+            if np.hypot(*found[0][:2]) < 0.02:
+                break
+        if found is None or found[1] > 2.5 * noise2 + 0.03 * self.contrast:
+            return start, np.nan, False
+        before = self.contrast if at_rest is None else max(at_rest[1] - noise2, 0.0)
+        u = self.u_px * float(np.sqrt(max(found[1] / noise2, 1.0)))
+        return place, u, found[1] - noise2 < EXPLAINED * before
+
+    def _fit(self, region: Region, pose: F64, place: F64) -> tuple[F64, float] | None:
+        """Step from a place towards a better one, and mean square of what is left; None where the tile fits nowhere."""
+        value, visible = self._work[0], self._work[1]
+        c, s = np.cos(place[2]), np.sin(place[2])
+        turned = np.array([[c, -s], [s, c]]) @ self._inside
+        offset = (turned + (self.middle + place[:2])[:, None]).astype(np.float32)
+        subset = Subset(offset, self._columns, self._nothing, *self._template.centre_px, self._template.radius_px)
+        places = Places(self._work[2], self._work[3], self._at)
+        place_pixels(region, subset, pose, places, visible)
+        sample(region, places, value, visible)
+        if visible.sum() < 0.8 * visible.size:
+            return None
+        q = np.linalg.lstsq((self._design * visible).T, value * visible, rcond=None)[0]
+        if not 0.4 < q[3] < 2.5:
+            return None
+        left = float(np.mean((value - q @ self._design)[visible > 0.0] ** 2))
+        return q[:3] / q[3], left
+
+
+def _tiles(template: Template) -> list[_Tile]:
+    """Squares of the outline with enough pixels and texture to find their place."""
+    x, y = np.floor((template.offset_px - template.offset_px.min(axis=1, keepdims=True)) / TILE_PX).astype(int)
+    number = y * 4096 + x
+    tiles = [_Tile(template, np.flatnonzero(number == k)) for k in np.unique(number)]
+    return [tile for tile in tiles if tile._nothing.size >= LEAST_PIXELS and LEAST_U * tile.u_px < 2.0]
