@@ -126,7 +126,7 @@ def _recover_trial(session: Session, number: int, file: Path, *, keep: bool) -> 
     if (sealed := _sealed(session, number)) is not None:
         return _already_sealed(session, sealed, file, journal, keep=keep)
     if journal.head is None or not journal.n_samples:
-        if journal.left_over:
+        if journal.left_over and not journal.only_begun:
             return Recovered(number, "unreadable", 0, f"{file.name} begins with damage and was left as it is")
         if not keep:
             file.unlink()

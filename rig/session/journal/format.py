@@ -52,7 +52,8 @@ class Journal:
     ``head`` is None when not even that is complete; ``n_samples`` were found before the first damage, ``blocks`` holds
     them unless the file was only scanned; ``ending`` is (status, reason) when the recorder wrote its closing record;
     ``left_over`` counts bytes after the last complete record that are not zero, e.g. of a torn record, and
-    ``records_behind`` is True when later records follow the damage; ``n_bytes`` and ``n_records`` are what was read.
+    ``records_behind`` is True when later records follow the damage; ``n_bytes`` and ``n_records`` are what was read;
+    ``only_begun`` is True when the recorder was stopped before its first block was whole: no sample can be behind.
     """
 
     head: TrialHead | None
@@ -63,6 +64,7 @@ class Journal:
     records_behind: bool
     n_bytes: int
     n_records: int
+    only_begun: bool = False
 
 
 def bytes_per_sample(head: TrialHead) -> int:
@@ -138,7 +140,16 @@ def _read(stream: BinaryIO, *, keep: bool) -> Journal:
         at, count = at + OVERHEAD + len(record.payload), count + 1
     stream.seek(at)
     left_over, behind = _remains(stream)
-    return Journal(head, samples, tuple(blocks), ending, left_over, behind, at, count)
+    stream.seek(at)
+    only_begun = not samples and not behind and _begins_a_record(stream.read(OVERHEAD), count)
+    return Journal(head, samples, tuple(blocks), ending, left_over, behind, at, count, only_begun)
+
+
+def _begins_a_record(data: bytes, sequence: int) -> bool:
+    """Whether the first bytes of what follows are those of record ``sequence``, as far as they were written."""
+    written = data.rstrip(b"\0")
+    kind = (HEAD, COMMAND, BLOCK)[min(sequence, 2)]
+    return _FIXED.pack(MAGIC, kind, sequence, 0, 0, 0)[: len(written)].startswith(written[: len(MAGIC) + 8])
 
 
 def _remains(stream: BinaryIO) -> tuple[int, bool]:

@@ -98,6 +98,23 @@ def test_a_journal_without_samples_goes_and_one_that_begins_with_damage_stays(cu
     assert list(session.journals) == [2] and session.trials == ()
 
 
+def test_a_journal_cut_off_before_its_first_block_was_whole_goes(cut_off) -> None:
+    folder, session = cut_off
+    for number in (1, 2):
+        session.trial_path(number).unlink()
+    session.journal_path(2).unlink()
+    path = session.journal_path(1)
+    whole = path.read_bytes()
+    first_block = whole.index(b"PAJ1\3")
+    for length in (1, 3, 4, 7, 20, 31, 100, first_block - 1, first_block + 4, first_block + 40):
+        path.write_bytes(whole[:length] + bytes(300))  # space set aside for what was to come is zero
+        assert [entry.status for entry in recover_session(folder)] == ["empty"], length
+        assert not path.exists()
+    path.write_bytes(b"PAK1" + whole[4:900])  # not what the recorder writes
+    assert [entry.status for entry in recover_session(folder)] == ["unreadable"]
+    assert path.exists()
+
+
 def test_a_session_that_is_being_recorded_is_left_alone(tmp_path, make_backend, rig, step_profile) -> None:
     backend = make_backend(rig.config)
     refused = []
