@@ -198,9 +198,10 @@ def fit(
         converged = largest < CLOSE and floor <= NEAR * FLOOR
         if say is not None:
             say(f"step {steps}: largest change {largest:.2g} u, taken {share:g} of it; linear to {bent:.2g}")
-        if share == 0.0 and bent <= floor:
+        if share == 0.0 and floor <= FLOOR and bent <= FLOOR:
             break
-        floor = max(FLOOR, bent if share < 1.0 else 0.5 * bent)
+        worth = min(bent, floor) if share == 0.0 else bent  # a step that was not taken says nothing against the floor
+        floor = max(FLOOR, worth if 0.0 < share < 1.0 else 0.5 * worth)
     try:
         blocks = Columns(problem).blocks(z)
     except ModelError as error:

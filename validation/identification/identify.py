@@ -165,7 +165,7 @@ def _of_fit(best: Fitted, fits: Sequence[Fitted], sources: Sources) -> list[str]
     share = lacking(best)
     if share > LACKING:
         said.append(
-            f"the model lacks something: trials differ from it alike by {100 * share:.1g} % of what all its laws "
+            f"the model lacks something: trials differ from it alike by {100 * share:.0f} % of what all its laws "
             "together could do; no value is called identified"
         )
     apart = [f.badness - best.badness for f in fits]

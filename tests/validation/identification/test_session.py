@@ -10,6 +10,7 @@ import pytest
 
 import model
 from validation.errors import ValidationInputError
+from validation.identification.exact_runs import ExactRuns
 from validation.identification.identify import identify
 from validation.identification.model_runs import Case, ModelRuns
 from validation.identification.options import IdentifyOptions
@@ -67,6 +68,16 @@ def test_differences_agree_with_central_ones() -> None:
         assert up is not None and down is not None
         central = (up[0] - down[0]) / 4e-3
         assert np.abs(jacobian[:, :, j] - central).max() < 0.05 * np.abs(central).max()
+
+
+@pytest.mark.parametrize("specimen", [{}, SPECIMEN])
+def test_derivatives_are_those_of_differences_whatever_the_tangent_does(specimen: dict[str, float]) -> None:
+    start = model.load_action("hirschkorn2004", specimen)
+    free = unknowns(start, ["hammer.joint_friction"], ["*"])
+    trials = collect([EXAMPLE], start, IdentifyOptions(phases=20)).fitted[:1]
+    (exact,) = ExactRuns(start, free.moved, trials).jacobian(np.zeros(1), [0])
+    (difference,) = ModelRuns(start, free.moved, trials, 1e-8).jacobian(np.zeros(1), [0])
+    assert np.abs(exact - difference).max() < 0.1 * np.abs(difference).max()
 
 
 def test_sessions_that_cannot_be_used_together_are_refused() -> None:
