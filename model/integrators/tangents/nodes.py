@@ -13,11 +13,12 @@ from model.integrators.rosenbrock import STAGE
 from model.integrators.tangents.recorded_motion import KERNELS, NUMBERS
 from model.kernels.compile import inlined, step_loop
 from model.kernels.signatures import SceneNumbers, StepKernels
-from model.kernels.workspace import DAMP, GAP, M_DIAG, M_UP, PIECE, STIFF, WIDTH, Q, U, V
+from model.kernels.workspace import DAMP, GAP, GAP_RATE, M_DIAG, M_UP, PIECE, STIFF, WIDTH, Q, U, V
 
 LANES = 8  # parameters side by side; their number is filled up to a multiple of it
 SMALL_PRESS = 0.3  # share of what a felt is pressed in that a difference may move its surface
 LEAST_SHARE = 1e-5
+VERGE, STILL = 1e-9, 1e-6  # m, m/s
 
 
 class Columns(NamedTuple):
@@ -178,7 +179,9 @@ def linearise_node(m, u, linear):
     for k in range(n_contacts):
         if w[GAP + k] < 0.0:
             pushing |= 1 << k
-            pressed = min(pressed, -w[GAP + k])
+            # felt that rests on the verge of touching has no derivative there; it shall not make all others noisy
+            if w[GAP + k] < -VERGE or abs(w[GAP_RATE + k]) > STILL:
+                pressed = min(pressed, -w[GAP + k])
     for i in range(WIDTH):
         twin[Q + i] = w[Q + i]
         twin[V + i] = w[V + i]

@@ -204,3 +204,11 @@ def test_a_scene_with_effects(action: model.Action, forte: Blow) -> None:
         for h in (5e-3, -5e-3)
     ]  # fmt: skip
     assert relative_error(found.d_angles[:, :, 0], (ends[0] - ends[1]) / 1e-2) < 1e-5
+
+
+def test_a_contact_on_the_verge_at_rest_does_not_make_steps_small() -> None:
+    regulated = model.load_action("hirschkorn2004-regulated")
+    options = model.SensitivityOptions(events=False, allow_idle=True)
+    names = ["contact07.second.x", "hammer.pivot.x", "friction"]
+    found = model.sensitivities(regulated, cut(model.force_table("forte"), 0.1), names, options=options)
+    assert found.counters["n_tangent_steps"] + found.counters["n_tangent_rejected"] < 10_000
