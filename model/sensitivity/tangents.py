@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.errors import IntegrationError
-from model.integrators.tangents.follow import STEP_TOO_SMALL, follow
+from model.integrators.tangents.follow import STEP_TOO_SMALL, TOO_MANY_STEPS, follow
 from model.integrators.tangents.nodes import LANES, Columns, Linear, Space, linearise_node
 from model.integrators.tangents.radau import Wanted
 from model.integrators.tangents.recorded_motion import FULL, Log, Motion, Structure, find_kinks, record
@@ -221,6 +221,11 @@ class Recorded:
         status, time, steps, rejected = follow(motion, self.drive, kinks[:found].copy(), run.linear, wanted, tangent)
         if status == STEP_TOO_SMALL:
             raise IntegrationError(f"sensitivities: the step of the derivatives fell below 1e-13 s at t = {time:.6g} s")
+        if status == TOO_MANY_STEPS:
+            raise IntegrationError(
+                f"sensitivities: the derivatives took {steps + rejected} attempts up to t = {time:.6g} s of "
+                f"{times[-1]:g} s; ask for fewer parameters, a larger tolerance or a shorter blow"
+            )
         counted = {"n_tangent_steps": steps, "n_tangent_rejected": rejected, "n_kinks": found}
         return angle[:, :, :p], speed[:, :, :p], {**self.simulation.work(), **counted}
 

@@ -13,7 +13,8 @@ from model.integrators.tangents.recorded_motion import DRIVE, MOTION, state_at
 from model.kernels.compile import inlined, step_loop
 from model.kernels.stepping.inputs import input_at
 
-DONE, STEP_TOO_SMALL = 0, 1
+DONE, STEP_TOO_SMALL, TOO_MANY_STEPS = 0, 1, 2
+MOST_STEPS = 50  # attempts for each step of the motion; a blow of the printed action takes about one
 SAFETY, GROW, SHRINK, SMALLEST_STEP = 0.8, 6.0, 0.1, 1e-10
 FIRST_STEP = 1e-5  # s
 
@@ -124,6 +125,8 @@ def follow(motion, drive, kinks, linear, wanted, tangent):
                 return STEP_TOO_SMALL, t, steps, rejected
             continue
         steps += 1
+        if steps + rejected > MOST_STEPS * motion.time.shape[0] + 1000:
+            return TOO_MANY_STEPS, t, steps, rejected
         while out < wanted.time.shape[0] and wanted.time[out] <= after:
             at_fraction((wanted.time[out] - t) / step, step, tangent, space, wanted.angle[out], wanted.speed[out])
             out += 1

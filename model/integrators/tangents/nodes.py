@@ -119,7 +119,7 @@ def differences(m, pushing, pressed, p, u, linear):
     w, changed, alpha = space.changed_point, space.changed, space.alpha[m]
     n = alpha.shape[0]
     at = U + STAGE + WIDTH
-    same = -1
+    begun, same = False, 0
     for turn in range(columns.step.shape[0]):
         j = columns.turn[turn]
         own = columns.own[j]
@@ -137,15 +137,15 @@ def differences(m, pushing, pressed, p, u, linear):
             accelerate(space, changed, u, mask, linear.kernels.stage)
             for i in range(n):
                 space.before[i] = w[at + i]
-            same = -1
+            begun = False
         else:
             share = 1.0
             inverse = 1.0 / columns.step[j]
-            if mask != same:
+            if not begun or mask != same:
                 accelerate(space, p, u, mask, linear.kernels.stage)
                 for i in range(n):
                     space.before[i] = w[at + i]
-                same = mask
+                begun, same = True, mask
         for k in range(first, last):
             changed[columns.entry[k]] = p[columns.entry[k]] + share * columns.change[k]
         accelerate(space, changed, u, mask, linear.kernels.stage)
