@@ -31,7 +31,7 @@ def command(
     author: Annotated[str, typer.Option("--author", help="Who writes this.")] = "unknown",
     as_json: AsJson = False,
 ) -> None:
-    """Check a film against a trial and copy it beside the trial.
+    """Check a film against a trial; copy it beside the trial.
 
     Frame count, rate, trigger frame and hash must fit; the original stays where it is.
 

@@ -57,7 +57,9 @@ def command(
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Rank parameters by what they do to a blow: locally, by Morris's screening, by Sobol' indices.
+    """Rank parameters by what they do to a blow.
+
+    Locally, by Morris's screening, by Sobol' indices.
 
     Example:  pianorig sensitivity force.csv --parameters friction,hammer.mass,contact02 --out sensitivity
     """

@@ -62,7 +62,7 @@ def command(
     ] = True,
     as_json: AsJson = False,
 ) -> None:
-    """Find parameter values from strokes; say what is not known.
+    """Find parameter values from strokes; say what is unknown.
 
     All other parameters, and the errors of force and encoders, are fitted beside what is asked for, within their
     uncertainties. What the strokes cannot tell is said, not guessed. The file written is an action: give it to
