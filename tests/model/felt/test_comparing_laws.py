@@ -74,6 +74,7 @@ def test_jackknife_intervals_cover(kind: str) -> None:
     assert 0.85 <= inside / (rounds * len(truth)) <= 1.0
 
 
+@pytest.mark.slow
 def test_no_law_is_ruled_out_where_all_say_the_same() -> None:
     elastic = Stulov(1e11, 3.0, 0.0, 1e-3)  # a cube without any loop: every law has it
     rng = np.random.default_rng(1)

@@ -14,6 +14,7 @@ from model.stick_slip import compare, simulate
 ACTION = model.load_action()
 
 
+@pytest.mark.slow
 def test_joint_friction_holds_then_slides_as_coulomb_says() -> None:
     """A stiff joint alone stops an action whose every other friction is off."""
     free = {f"{b}.joint_friction.A": 0.0 for b in model.BODIES} | {

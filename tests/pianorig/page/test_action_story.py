@@ -5,6 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import pytest
+
 import model
 from tests.pianorig.page.conftest import Page
 from tests.pianorig.page.stories import opened, until
@@ -19,6 +21,7 @@ def speed(tab: Any) -> list[float]:
     return [float(cell.split()[0]) for cell in row.locator("td").all_inner_texts()]
 
 
+@pytest.mark.slow
 def test_turn_undo_reload_save(browser: Any, looking: Page, tmp_path: Path) -> None:
     with opened(browser, looking, f"{looking.address}#action", accept_downloads=True) as tab:
         tab.locator("main[data-ready]").wait_for()

@@ -52,6 +52,7 @@ def test_frames_events_and_curves_by_keys(tab: Any) -> None:
     until(tab, f"{place} > 0.9")
 
 
+@pytest.mark.slow
 def test_a_point_in_a_plot_is_a_time(tab: Any) -> None:
     plot = tab.locator(".plot").nth(1).bounding_box()
     tab.mouse.click(plot["x"] + 0.5 * plot["width"], plot["y"] + 0.5 * plot["height"])

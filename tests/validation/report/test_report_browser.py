@@ -351,6 +351,7 @@ def test_values_of_the_film_are_read_under_the_pointer_and_follow_the_zoom(opene
     assert number(said[4]) == pytest.approx(number(said[3]) - number(said[1]), abs=2e-3)
 
 
+@pytest.mark.slow
 def test_values_of_control_charts_and_of_the_force_from_motion(browser, make, tmp_path):
     from validation import compare_session, write_report
 
