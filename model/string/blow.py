@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -92,6 +93,7 @@ class Strike:
         return float(np.polyfit(np.log2(omega[keep]), level, 1)[0])
 
 
+@lru_cache(maxsize=64)  # asked again at every halving of the step
 def _give_of_the_rest(string: String, modes: int) -> float:
     """How far the modes that are left out give way to a steady force, m/N."""
     high = np.arange(modes + 1.0, 20.0 * MOST_MODES)
