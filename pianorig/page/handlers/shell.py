@@ -12,7 +12,10 @@ from pianorig.page.access import Refused
 from pianorig.page.handlers.reply import Guarded, Reply, Served
 
 WEB = Path(__file__).parents[1] / "web"
-ON = '<!DOCTYPE html><meta charset="utf-8"><meta http-equiv="refresh" content="0; url=/"><title>bench</title>'
+ON = (
+    '<!DOCTYPE html><meta charset="utf-8"><meta http-equiv="refresh" content="0; url=/"><link rel="icon" href="data:,">'
+    "<title>bench</title>"
+)
 """Sent in answer to a token: the page is then asked for by this page, so that the strict cookie comes with it."""
 
 

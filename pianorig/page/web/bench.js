@@ -70,6 +70,7 @@ async function show() {
 }
 
 addEventListener("hashchange", show);
+matchMedia("(prefers-color-scheme: dark)").addEventListener("change", show); // what is drawn has its colours from the style
 try {
   about = await ask("/api/about");
   document.getElementById("rights").textContent = `${about.folder} · ${about.may_write ? "may write" : "looks only"}`;

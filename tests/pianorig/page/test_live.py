@@ -107,9 +107,9 @@ def test_over_the_wire_for_this_page_only(folder: Path, looking: Page) -> None:
     address = f"ws://127.0.0.1:{looking.port}/live/example_forte"
     here = f"http://127.0.0.1:{looking.port}"
 
-    async def first_two() -> list[Any]:
+    async def first_three() -> list[Any]:
         socket = await websocket_connect(HTTPRequest(address, headers={"Origin": here}))
-        found = [await socket.read_message(), await socket.read_message()]
+        found = [await socket.read_message() for _ in range(3)]
         socket.close()
         assert await socket.read_message() is None  # closed
         return found
@@ -127,8 +127,9 @@ def test_over_the_wire_for_this_page_only(folder: Path, looking: Page) -> None:
 
     with recording(folder / "example_forte") as made:
         made.append(300)
-        state, samples = asyncio.run(first_two())
+        state, samples, lamps = asyncio.run(first_three())
         assert json.loads(state)["recording"] and len(rows(samples, 5)[1]) == 300
+        assert json.loads(lamps)["lamps"]["watchdog_s"] == 0.5
         for headers in (
             {"Origin": "http://evil.example"},
             {"Origin": "null"},
