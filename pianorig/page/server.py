@@ -106,6 +106,7 @@ def application(served: Served, scripts: Path) -> Application:
         ("/api/actions", action.Actions, it),
         (f"/api/action/{NAME}", action.Facts, it),
         (f"/api/action/{NAME}/blow", action.Blow, it),
+        (f"/api/action/{NAME}/curves", action.Curves, it),
         (f"/api/action/{NAME}/touch", action.Touch, it),
         (f"/api/action/{NAME}/step", action.Step, it),
         (f"/api/action/{NAME}/file", action.TomlFile, it),

@@ -7,7 +7,7 @@ from typing import Any
 
 from pianorig.errors import CommandInputError
 from pianorig.page.action.changed_action import action_facts, built_in_actions, changed_action, toml_of
-from pianorig.page.action.live_blow import BLOWS, live_blow
+from pianorig.page.action.live_blow import BLOWS, blow_curves, live_blow
 from pianorig.page.action.touch_and_steps import technician_step, touch
 from pianorig.page.handlers.reply import Reply
 
@@ -48,7 +48,15 @@ class Blow(Changed):
 
     def made(self, name: str, changes: list[str], options: dict[str, str]) -> Any:
         """Its curves, events and drawing."""
-        return live_blow(changed_action(name, changes), options["blow"] or BLOWS[0])
+        return live_blow(name, changes, options["blow"] or BLOWS[0])
+
+
+class Curves(Changed):
+    """The curves of a blow alone, which follow a slider."""
+
+    def made(self, name: str, changes: list[str], options: dict[str, str]) -> Any:
+        """Its curves."""
+        return blow_curves(name, changes, options["blow"] or BLOWS[0])
 
 
 class Touch(Changed):

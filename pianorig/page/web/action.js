@@ -6,7 +6,7 @@ import { unpack } from "./numbers.js";
 import { KEYS, Player } from "./player.js";
 import { stepTable, touchPart } from "./touch.js";
 
-const MOST_UNDONE = 200;
+const MOST_UNDONE = 200, QUIET_MS = 80, LONGEST_MS = 400;
 
 export async function showAction(main, values) {
   const { actions, blows } = await ask("/api/actions");
@@ -16,7 +16,7 @@ export async function showAction(main, values) {
   const screws = new Map(facts.screws.map((one) => [one.path, one]));
   const set = new Map(values.getAll("set").map((text) => text.split("=")).filter(([path, value]) => given.has(path) && Number.isFinite(Number(value))).map(([path, value]) => [path, Number(value)]));
   const rows = new Map(), before = [];
-  let base = null, latest = null, curves = null, busy = false, again = false, closed = false, player = null, drawing = null;
+  let base = null, latest = null, curves = null, busy = false, again = false, whole = 0, resting = false, later = 0, closed = false, player = null, drawing = null;
 
   const query = () => new URLSearchParams([["blow", blow], ...[...set].map(([path, value]) => ["set", `${path}=${value}`])]);
   const doing = make("span", { class: "hint", role: "status" });
@@ -125,10 +125,33 @@ export async function showAction(main, values) {
     const began = performance.now();
     const patience = setTimeout(() => { doing.textContent = "computing … (a law switched on or off is compiled first)"; }, 700);
     try {
-      latest = await ask(`/api/action/${at(name)}/blow?${query()}`);
-      if (!closed) { draw(); doing.textContent = ""; main.dataset.latency = (performance.now() - began).toFixed(1); }
+      // the curves first; events, drawing and forces follow when the slider rests, and now and then
+      const { values } = await ask(`/api/action/${at(name)}/curves?${query()}`);
+      if (!closed) {
+        values.forEach((value, k) => curves.replace(k + 1, 1, { value: unpack(value) }));
+        if (doing.textContent) doing.textContent = "";
+        main.dataset.latency = (performance.now() - began).toFixed(1);
+      }
+      if (!closed) restSoon();
     } catch (error) { doing.textContent = error.message; } finally { clearTimeout(patience); busy = false; }
     if (again && !closed) { again = false; play(); }
+  }
+
+  function restSoon() {
+    clearTimeout(later);
+    later = setTimeout(rest, performance.now() - whole > LONGEST_MS ? 0 : QUIET_MS);
+  }
+
+  /** Events, drawing and forces of what is set now. */
+  async function rest() {
+    if (closed) return;
+    if (resting) { restSoon(); return; }
+    resting = true;
+    const asked = query().toString();
+    try {
+      latest = await ask(`/api/action/${at(name)}/blow?${asked}`);
+      if (!closed) { draw(); main.dataset.drawn = asked; }
+    } catch (error) { doing.textContent = error.message; } finally { resting = false; whole = performance.now(); }
   }
 
   const lines = (found, k) => {
@@ -137,7 +160,6 @@ export async function showAction(main, values) {
   };
 
   function draw() {
-    Object.values(latest.channels).forEach((_, k) => curves.replace(k + 1, 1, lines(latest, k + 1)));
     drawing.set(latest.drawing);
     tell();
     player.events = latest.events.filter((event) => event.time_s !== null);
@@ -173,7 +195,7 @@ export async function showAction(main, values) {
   const panels = [{ title: "Force on the key", unit: "N", height: 80, lines: [{ label: "", ...lines(base, 0), color: ink }] },
     ...Object.values(base.channels).map((channel, k) => ({
       title: channel.title, unit: "°", height: 90, digits: 3,
-      lines: [{ label: "as given", ...lines(base, k + 1), color: ink, dash: "dotted", width: 1.2 }, { label: "now", ...lines(latest, k + 1), color: channel.color, width: 2 }],
+      lines: [{ label: "as given", ...lines(base, k + 1), color: ink, dash: "dotted", width: 1.2 }, { label: "now", ...lines(latest, k + 1), color: channel.color, width: 2, live: true }],
     }))];
   const time = panels[0].lines[0].time, from = time[0], to = time[time.length - 1];
   drawing = new Drawing(latest.drawing, "Action as it is set");
@@ -195,6 +217,7 @@ export async function showAction(main, values) {
   return () => {
     closed = true;
     clearTimeout(changed.waiting);
+    clearTimeout(later);
     main.removeEventListener("keydown", onKey);
     player.close();
     curves.close();

@@ -29,6 +29,7 @@ export function planPanel(session, began) {
     const name = make("input", { name: "session", size: 20, placeholder: "by date and profile", value: keep.session || "" });
     const operator = make("input", { name: "operator", size: 12, value: keep.operator || localStorage.getItem("author") || "" });
     const action = make("input", { name: "action", size: 14, value: keep.action || "" });
+    if (profiles.includes("forte")) what.value = "profile forte";
     if (keep.what && [...what.options].some((one) => one.value === keep.what)) what.value = keep.what;
     fields = { what, trials, session: name, operator, action };
     const count = make("label", {}, "Trials", trials);
