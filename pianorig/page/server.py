@@ -122,6 +122,8 @@ def application(served: Served, scripts: Path) -> Application:
         (f"/api/outlines/{NAME}/{NUMBER}/proposal", outlines.Proposal, it),
         (f"/api/outlines/{NAME}/{NUMBER}/track", outlines.Track, it),
         (f"/api/outlines/{NAME}/{NUMBER}/frame", outlines.TrackFrame, it),
+        (f"/api/outlines/{NAME}/{NUMBER}/marks", outlines.Marks, it),
+        (f"/api/outlines/{NAME}/{NUMBER}/follow", outlines.Follow, it),
         (f"/film/{NAME}/{NUMBER}/{NUMBER}-{NUMBER}", review.Frames, it),
     ]
     return Application(routes, default_handler_class=NotFound, default_handler_args=it, log_function=_silent)

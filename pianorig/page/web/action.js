@@ -167,7 +167,7 @@ export async function showAction(main, values) {
   }
 
   function tell() {
-    const text = (event) => (event.value === null ? event.note || "–" : `${event.value.toPrecision(5)} ${event.unit}`);
+    const text = (event) => (event.value === null ? event.note || "–" : `${Number.isInteger(event.value) ? event.value : event.value.toPrecision(5)} ${event.unit}`);
     if (events.childElementCount === latest.events.length) { // only what can change: rows are costly to lay out
       latest.events.forEach((event, i) => { const cell = events.children[i].lastChild; if (cell.textContent !== text(event)) cell.textContent = text(event); });
       return;

@@ -60,7 +60,8 @@ def test_events_are_moments_of_trial_and_model_in_order(view: dict[str, Any]) ->
 
 
 def test_the_drawing_moves_as_the_curves_do(view: dict[str, Any]) -> None:
-    drawing = view["drawing"]
+    drawing = view["drawings"][0]
+    assert len(view["drawings"]) == len(view["models"])
     times, pose, measured = (numbers(drawing[name]) for name in ("time_s", "pose", "measured"))
     names = [body["name"] for body in drawing["bodies"]]
     assert names == ["key", "whippen", "jack", "repetition", "hammer"] and pose.shape == (times.size, 5, 3)
@@ -156,7 +157,7 @@ def test_a_trial_that_cannot_be_compared_is_shown_as_recorded(folder: Path, look
     found = looking.ask("/api/review/example_forte/7").json
     assert any("shown as recorded" in note and "whippen" in note for note in found["notes"])
     assert any("stop <pressed>" in note for note in found["notes"])
-    assert list(found["channels"]) == ["key"] and found["models"] == [] and found["drawing"] is None
+    assert list(found["channels"]) == ["key"] and found["models"] == [] and found["drawings"] == []
     np.testing.assert_allclose(numbers(found["force"]["value"]), data.force_n, atol=1e-5)
 
 
