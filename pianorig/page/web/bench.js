@@ -6,7 +6,8 @@ import { showReview } from "./review.js";
 import { showSessions } from "./sessions.js";
 
 const VIEWS = { sessions: ["Sessions", showSessions], live: ["Live", showLive], review: ["Review", showReview], outlines: ["Outlines", showOutlines], action: ["Action", showAction] };
-const main = document.getElementById("main"), views = document.getElementById("views"), said = document.getElementById("said");
+let main = document.getElementById("main"), turn = 0;
+const views = document.getElementById("views"), said = document.getElementById("said");
 let about = {}, leave = null, quiet = null;
 
 /** An element with attributes, properties (on…) and children; texts become text nodes. */
@@ -57,16 +58,21 @@ export function remember(values) {
   history.replaceState(null, "", link(view, old));
 }
 
+/** Each view has a main element of its own: one that is left while it still reads cannot write into the next. */
 async function show() {
   if (location.hash === "#main") { main.focus(); return; }
-  const { view, values } = address();
-  if (leave) leave();
+  const { view, values } = address(), mine = ++turn, place = main.cloneNode(false);
+  leave?.();
   leave = null;
   views.replaceChildren(...Object.entries(VIEWS).map(([name, [title]]) =>
     make("li", {}, make("a", { href: `#${name}`, "aria-current": name === view ? "page" : null }, title))));
   document.title = `${VIEWS[view][0]} – piano action bench`;
-  main.replaceChildren();
-  try { leave = await VIEWS[view][1](main, values); } catch (error) { main.append(make("p", { class: "notice", role: "alert" }, error.message)); }
+  for (const key of Object.keys(place.dataset)) delete place.dataset[key];
+  main.replaceWith(place);
+  main = place;
+  let done = null;
+  try { done = await VIEWS[view][1](place, values); } catch (error) { place.append(make("p", { class: "notice", role: "alert" }, error.message)); }
+  if (mine === turn) leave = done; else done?.();
 }
 
 addEventListener("hashchange", show);
