@@ -65,7 +65,7 @@ class LimitWatch:
         limit = np.where(force_n < 0, -limits.force_min_n, limits.force_max_n)
         self._note("force", "", force_n, limit, "N", first_sample)
         rate = np.abs(np.diff(force[max(old - 1, 0) :])) * self._rate
-        self._note("force rate", "", rate, limits.force_rate_n_per_s, "N/s", first_sample)
+        self._note("force rate", "", rate, limits.force_rate_n_per_s, "N/s", first_sample + int(old == 0))
         speed = np.abs(angle[self._step :] - angle[: -self._step]) * (self._rate / self._step)
         for body, name in enumerate(BODIES):
             self._note("travel", name, angle[old:, body], limits.travel_rad[body], "rad", first_sample)

@@ -90,7 +90,7 @@ def test_a_plan_pauses_where_asked_or_where_nobody_is_seen_and_goes_on_when_told
     state = operator.heard(phase="paused")
     assert state["why"] == (UNSEEN if silent else ASKED) and state["trial"] == 2
     operator.do("seen")  # being there again is not enough: somebody must want it
-    thread.join(0.3)
+    thread.join(0.15)
     assert thread.is_alive() and operator.again == []
     operator.do("resume")
     thread.join(10)
@@ -130,7 +130,7 @@ def test_only_the_answer_to_this_question_counts(operator: Operator) -> None:
     operator.do("answer", question=number, text="virtual")
     second = operator.heard(phase="asking", question="again?")["question_number"]
     operator.do("answer", question=number, text="late")
-    thread.join(0.3)
+    thread.join(0.15)
     assert thread.is_alive()
     operator.do("answer", question=second, text="yes")
     thread.join(10)

@@ -175,6 +175,7 @@ def point_and_line(user: User, folder: Path, truth: list[vision.Body]) -> None:
     tab.get_by_text("point1 x ").wait_for()
 
 
+@pytest.mark.slow
 def test_points_are_added_moved_deleted_and_taken_back(browser: Any, filmed: Path, looking: Page) -> None:
     with opened(browser, looking, f"{looking.address}#outlines?film=example_forte&trial=1") as tab:
         tab.locator("main[data-ready]").wait_for()

@@ -50,6 +50,16 @@ def test_frames_events_and_curves_by_keys(tab: Any) -> None:
     until(tab, f"{place} < 0.2")
     tab.keyboard.press("End")
     until(tab, f"{place} > 0.9")
+    # a lost body is named and red
+    tab.evaluate("window.benchPlayer.go(window.benchFilm.film.time_s[60])")
+    settled(tab, 60)
+    assert "whippen lost" in tab.locator(".film .values").inner_text()
+    red = """() => { const c = document.querySelector('.film canvas');
+      const d = c.getContext('2d').getImageData(0, 0, c.width, c.height).data;
+      let n = 0; for (let i = 0; i < d.length; i += 4) n += d[i] > 240 && d[i + 1] < 80 && d[i + 2] < 80; return n; }"""
+    assert tab.evaluate(red) > 50
+    tab.get_by_role("checkbox", name="outlines").uncheck()
+    assert tab.evaluate(red) == 0
 
 
 @pytest.mark.slow
@@ -61,18 +71,6 @@ def test_a_point_in_a_plot_is_a_time(tab: Any) -> None:
     tab.reload()  # the time is in the address
     tab.locator("main[data-ready]").wait_for()
     until(tab, f"Math.abs({NOW} - 0.63) < 0.05")
-
-
-def test_a_lost_body_is_named_and_red(tab: Any) -> None:
-    tab.evaluate("window.benchPlayer.go(window.benchFilm.film.time_s[60])")
-    settled(tab, 60)
-    assert "whippen lost" in tab.locator(".film .values").inner_text()
-    red = """() => { const c = document.querySelector('.film canvas');
-      const d = c.getContext('2d').getImageData(0, 0, c.width, c.height).data;
-      let n = 0; for (let i = 0; i < d.length; i += 4) n += d[i] > 240 && d[i + 1] < 80 && d[i + 2] < 80; return n; }"""
-    assert tab.evaluate(red) > 50
-    tab.get_by_role("checkbox", name="outlines").uncheck()
-    assert tab.evaluate(red) == 0
 
 
 @pytest.mark.slow
