@@ -25,6 +25,8 @@ from pianorig.page.handlers import action, live, outlines, plan, review, session
 from pianorig.page.handlers.reply import NotFound, Served
 from pianorig.page.jobs import Jobs
 from pianorig.page.review.film_shelf import FilmShelf
+from pianorig.player.animation import SCRIPTS
+from pianorig.player.animation import WEB as PLAYER
 
 LARGEST_REQUEST_BYTES = 1_000_000
 WORKERS = 4
@@ -92,6 +94,7 @@ def application(served: Served, scripts: Path) -> Application:
     it: dict[str, Any] = {"served": served}
     routes: list[Any] = [
         ("/", shell.Shell, it),
+        (rf"/web/((?:{'|'.join(SCRIPTS)})\.js|player\.css)", shell.OwnFiles, {**it, "path": str(PLAYER)}),
         (r"/web/([a-z]+\.(?:js|css))", shell.OwnFiles, {**it, "path": str(shell.WEB)}),
         (r"/drawing/(bokeh(?:-api)?\.min\.js)", shell.OwnFiles, {**it, "path": str(scripts)}),
         ("/api/about", shell.About, it),
@@ -107,10 +110,12 @@ def application(served: Served, scripts: Path) -> Application:
         (f"/api/action/{NAME}", action.Facts, it),
         (f"/api/action/{NAME}/blow", action.Blow, it),
         (f"/api/action/{NAME}/curves", action.Curves, it),
+        (f"/api/action/{NAME}/animation", action.BlowAnimation, it),
         (f"/api/action/{NAME}/touch", action.Touch, it),
         (f"/api/action/{NAME}/step", action.Step, it),
         (f"/api/action/{NAME}/file", action.TomlFile, it),
         (f"/api/review/{NAME}/{NUMBER}", review.Review, it),
+        (f"/api/review/{NAME}/{NUMBER}/animation", review.TrialAnimation, it),
         (f"/api/film/{NAME}/{NUMBER}", review.Film, it),
         (f"/live/{NAME}", live.Live, it),
         ("/api/plan", plan.Plan, it),

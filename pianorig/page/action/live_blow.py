@@ -15,8 +15,8 @@ import model
 from model.files.force_library import KNOTS
 from model.inside.seen_motion import see_motion
 from pianorig.page.action.changed_action import changed_action
-from pianorig.page.moving_action import moving_action
-from pianorig.page.packing import pack
+from pianorig.player.moving_action import moving_action
+from pianorig.player.packing import pack
 from validation.conventions import BODIES, ENCODER_BODIES
 from validation.curves.signs import TITLE, degrees
 from validation.events.definitions import EVENTS

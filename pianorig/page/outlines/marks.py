@@ -11,7 +11,7 @@ import pandas as pd
 import vision
 from pianorig.errors import CommandInputError
 from pianorig.page.outlines.film_subject import FilmSubject
-from pianorig.page.packing import pack
+from pianorig.player.packing import pack
 from rig.configuration.toml_file import dump_toml
 from rig.storage.atomic_write import write_text
 from vision.results.flags import FAILURE

@@ -16,8 +16,8 @@ import numpy as np
 import model
 from model.errors import ModelError
 from model.inside.seen_motion import see_motion
-from pianorig.page.moving_action import drawing_times, measured_poses, moving_action
-from pianorig.page.packing import pack
+from pianorig.player.moving_action import drawing_times, measured_poses, moving_action
+from pianorig.player.packing import pack
 from pianorig.workflows.film.session_film import STEP
 from rig.errors import RigError
 from rig.session import Session, TrialData

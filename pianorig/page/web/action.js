@@ -1,5 +1,5 @@
 // The action to try out: screws and parameters as sliders, a blow that follows them, the touch, a technician's step, a file.
-import { address, ask, at, link, make, remember, say } from "./bench.js";
+import { address, ask, at, download, link, make, remember, say } from "./bench.js";
 import { Curves } from "./curves.js";
 import { Drawing } from "./drawing.js";
 import { unpack } from "./numbers.js";
@@ -29,6 +29,9 @@ export async function showAction(main, values) {
   const undo = make("button", { type: "button", disabled: true, onclick: takeBack }, "Undo");
   const reset = make("button", { type: "button", onclick: () => { keep(); set.clear(); for (const row of rows.values()) row.show(); changed(); } }, "Reset");
   const save = make("button", { type: "button", onclick: saveFile }, "Save as TOML");
+  const moving = make("button", { type: "button", onclick: async () => {
+    try { download((await ask(`/api/action/${at(name)}/animation?${query()}`)).text, `${name}-${blow}.html`, "text/html"); } catch (error) { say(error.message); }
+  } }, "Save animation");
   const screwPart = make("fieldset", {}, make("legend", {}, "Screws"));
   const otherPart = make("fieldset", {}, make("legend", {}, "Other parameters"));
   const paths = make("datalist", { id: "paths" }, ...facts.parameters.filter((one) => !screws.has(one.path)).map((one) => make("option", { value: one.path }, one.about)));
@@ -38,7 +41,7 @@ export async function showAction(main, values) {
   const steps = make("div"), touch = touchPart(() => ask(`/api/action/${at(name)}/touch?${query()}`));
   otherPart.append(make("div", { class: "row" }, make("label", {}, "Add", wanted), paths, make("span", { class: "hint" }, `one of ${facts.parameters.length} paths, such as hammer.mass`)));
   left.append(screwPart, otherPart, steps);
-  main.append(make("div", { class: "row" }, choose("Action", actions, name, "action"), choose("Blow", blows, blow, "blow"), undo, reset, save, doing),
+  main.append(make("div", { class: "row" }, choose("Action", actions, name, "action"), choose("Blow", blows, blow, "blow"), undo, reset, save, moving, doing),
     make("div", { class: "review action" }, left, right));
   for (const screw of facts.screws) screwPart.append(slider(screw.path, screw));
   for (const path of set.keys()) if (!screws.has(path)) addRow(path);
@@ -179,9 +182,7 @@ export async function showAction(main, values) {
   async function saveFile() {
     try {
       const { text } = await ask(`/api/action/${at(name)}/file?${query()}`);
-      const url = URL.createObjectURL(new Blob([text], { type: "application/toml" }));
-      make("a", { href: url, download: `${name}-changed.toml` }).click();
-      setTimeout(() => URL.revokeObjectURL(url), 10000);
+      download(text, `${name}-changed.toml`, "application/toml");
     } catch (error) { say(error.message); }
   }
 

@@ -1,26 +1,17 @@
 // The frame of the page: views, address, questions to the server. Whatever comes from a file is set as text, never as markup.
 import { showAction } from "./action.js";
+import { make } from "./elements.js";
 import { showLive } from "./live.js";
 import { showOutlines } from "./outlines.js";
 import { showReview } from "./review.js";
 import { showSessions } from "./sessions.js";
 
+export { make };
+
 const VIEWS = { sessions: ["Sessions", showSessions], live: ["Live", showLive], review: ["Review", showReview], outlines: ["Outlines", showOutlines], action: ["Action", showAction] };
 let main = document.getElementById("main"), turn = 0;
 const views = document.getElementById("views"), said = document.getElementById("said");
 let about = {}, leave = null, quiet = null;
-
-/** An element with attributes, properties (on…) and children; texts become text nodes. */
-export function make(name, given = {}, ...children) {
-  const element = document.createElement(name);
-  for (const [key, value] of Object.entries(given)) {
-    if (key.startsWith("on")) element.addEventListener(key.slice(2), value);
-    else if (value === true) element.setAttribute(key, "");
-    else if (value !== false && value !== null && value !== undefined) element.setAttribute(key, value);
-  }
-  element.append(...children.filter((child) => child !== null && child !== undefined));
-  return element;
-}
 
 /** What the server answers; an error is its one line. */
 export async function ask(path, { method = "GET", body } = {}) {
@@ -48,6 +39,13 @@ export function address() {
 }
 
 export const link = (view, values) => `#${view}?${new URLSearchParams(values)}`;
+
+/** Give the user a text as a file; nothing is written by the server. */
+export function download(text, name, type) {
+  const url = URL.createObjectURL(new Blob([text], { type }));
+  make("a", { href: url, download: name }).click();
+  setTimeout(() => URL.revokeObjectURL(url), 10000);
+}
 
 /** Keep values in the address without drawing anew, so that a reload comes back to the same place. */
 export function remember(values) {

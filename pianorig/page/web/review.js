@@ -1,5 +1,5 @@
 // One trial under one time cursor: curves, residuals, film, the moving action.
-import { address, ask, at, link, make, remember, say } from "./bench.js";
+import { address, ask, at, download, link, make, remember, say } from "./bench.js";
 import { Curves } from "./curves.js";
 import { Drawing } from "./drawing.js";
 import { FilmPanel } from "./film.js";
@@ -92,7 +92,11 @@ export async function showReview(main, values) {
     const moments = view.events.map((event) => event.time_s);
     if (is && moments.length) curves.zoom(Math.min(...moments) - 0.01, Math.min(...moments) + 0.25); else curves.whole();
   };
-  player.element.firstChild.append(zoomed);
+  const keep = make("button", { type: "button", disabled: !view.drawings.length, onclick: async () => {
+    const models = new URLSearchParams([first, second].filter(Boolean).map((model) => ["model", model]));
+    try { download((await ask(`/api/review/${at(name)}/${trial}/animation?${models}`)).text, `${name}-trial-${trial}.html`, "text/html"); } catch (error) { say(error.message); }
+  } }, "Save animation");
+  player.element.firstChild.append(zoomed, keep);
   const right = make("div", { class: "right" }, ...(beside ? [] : pictures));
   main.append(player.element, beside ? make("div", { class: "pair" }, ...pictures) : "", make("div", { class: beside ? "review wide" : "review" }, left, right.childElementCount ? right : ""),
     make("details", {}, make("summary", {}, "Keys and signs"), make("p", {}, KEYS),

@@ -86,6 +86,8 @@ def test_the_page_asks_and_gets(looking: Page) -> None:
     assert plain.status == heavy.status == 200
     peaks = [numbers(answer.json["channels"]["hammer"]["value"]) for answer in (plain, heavy)]
     assert np.abs(peaks[0] - peaks[1]).max() > 0.1
+    moving = looking.ask("/api/action/hirschkorn2004/animation?blow=piano&set=hammer.mass=0.012").json["text"]
+    assert "<title>hirschkorn2004, hammer.mass=0.012</title>" in moving and '"start_s"' in moving
     text = looking.ask("/api/action/hirschkorn2004/file?set=hammer.mass=0.012").json["text"]
     assert "hammer.mass = 0.012 kg" in text
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import json
 from pathlib import Path
 from typing import Any
 
@@ -165,3 +166,17 @@ def test_a_trial_that_cannot_be_compared_is_shown_as_recorded(folder: Path, look
 def test_only_built_in_models_are_read(looking: Page, name: str) -> None:
     answer = looking.ask(f"{TRIAL}?model={name}&model=x")
     assert answer.status == 400 and "hirschkorn2004" in answer.json["error"]
+
+
+def test_the_animation_to_keep_shows_measured_beside_model(filmed: Path, looking: Page) -> None:
+    text = looking.ask("/api/review/example_forte/1/animation?model=hirschkorn2004").json["text"]
+    data = json.loads(text.split('id="data">')[1].split("</script>")[0])
+    view = looking.ask("/api/review/example_forte/1?model=hirschkorn2004").json
+    assert data["drawings"][0]["drawing"] == view["drawings"][0]
+    hammer = next(curve for curve in data["curves"] if curve["title"].startswith("hammer"))
+    assert hammer["value"] == view["channels"]["hammer"]["measured"]["value"]
+    assert hammer["beside"] == view["channels"]["hammer"]["models"][0]
+    onset = next(event for event in view["events"] if event["name"] == "onset")
+    assert onset["time_s"] - 0.05 < data["start_s"] < onset["time_s"] and data["events"] == view["events"]
+    assert looking.ask("/api/review/example_forte/9/animation").status == 400
+    assert looking.ask("/api/review/example_forte/1/animation?model=../x").status == 400

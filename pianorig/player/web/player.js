@@ -1,5 +1,5 @@
 // One time cursor: a slider, play at a chosen speed, steps from frame to frame, jumps to events; all of it by keys too.
-import { make } from "./bench.js";
+import { make } from "./elements.js";
 
 const SPEEDS = [["0.001", "1000 × slower"], ["0.004", "250 × slower"], ["0.01", "100 × slower"], ["0.05", "20 × slower"], ["0.25", "4 × slower"], ["1", "true speed"]];
 const TYPING = "input, textarea, select";
@@ -21,7 +21,7 @@ export class Player {
     this.slower = make("input", { type: "number", min: "0.1", max: "100000", step: "any", value: 1 / this.speed.value, "aria-label": "How many times slower", onchange: () => this.slow(Number(this.slower.value)) });
     this.speed.addEventListener("change", () => { if (this.speed.value) this.slower.value = 1 / this.speed.value; });
     this.now = make("output", { class: "now" });
-    const moments = make("select", { "aria-label": "Go to event", onchange: () => { if (moments.value) { this.run(false); this.go(Number(moments.value)); moments.value = ""; } } },
+    const moments = make("select", { "aria-label": "Go to event", hidden: !events.length, onchange: () => { if (moments.value) { this.run(false); this.go(Number(moments.value)); moments.value = ""; } } },
       make("option", { value: "" }, "Go to event …"),
       ...events.map((event) => make("option", { value: event.time_s, title: event.meaning }, `${event.title} (${event.source}) ${(1000 * event.time_s).toFixed(2)} ms`)));
     const step = (name, title, sign) => make("button", { type: "button", "aria-label": title, title, onclick: () => this.step(sign) }, name);
