@@ -10,6 +10,7 @@ from tornado.web import StaticFileHandler
 
 from pianorig.page.access import Refused
 from pianorig.page.handlers.reply import Guarded, Reply, Served
+from vision.output.colours import BODY_COLOURS, OTHERS
 
 WEB = Path(__file__).parents[1] / "web"
 ON = (
@@ -73,5 +74,7 @@ class About(Reply):
             "folder": str(self.served.catalogue.root),
             "may_write": self.may_write,
             "control": self.served.access.control,
+            "colours": BODY_COLOURS,
+            "other_colours": OTHERS,
         }
         self.send(about)

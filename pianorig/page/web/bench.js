@@ -1,6 +1,7 @@
 // The frame of the page: views, address, questions to the server. Whatever comes from a file is set as text, never as markup.
 import { showAction } from "./action.js";
 import { make } from "./elements.js";
+import { helpOf } from "./help.js";
 import { showLive } from "./live.js";
 import { showOutlines } from "./outlines.js";
 import { showReview } from "./review.js";
@@ -28,6 +29,9 @@ export function say(text) {
   clearTimeout(quiet);
   quiet = setTimeout(() => { said.textContent = ""; }, 9000);
 }
+
+/** The colour of a body, everywhere the same. */
+export const colourOf = (name, i) => about.colours?.[name] || about.other_colours?.[i % about.other_colours.length] || "#767676";
 
 export const mayWrite = () => about.may_write;
 export const at = (name) => encodeURIComponent(name);
@@ -73,6 +77,10 @@ async function show() {
   if (mine === turn) leave = done; else done?.();
 }
 
+const helped = document.getElementById("helped");
+function help() { helped.replaceChildren(...helpOf(address().view), make("form", { method: "dialog" }, make("button", { class: "first" }, "Close"))); helped.showModal(); }
+document.getElementById("help").addEventListener("click", help);
+document.addEventListener("keydown", (event) => { if (event.key === "?" && !helped.open && !event.target.closest?.("input, textarea, select")) { event.preventDefault(); help(); } });
 addEventListener("hashchange", show);
 matchMedia("(prefers-color-scheme: dark)").addEventListener("change", show); // what is drawn has its colours from the style
 try {

@@ -56,6 +56,8 @@ export async function showLive(main, values) {
     if (event.key === "p") pause.click(); else if (event.key === "h") hold.click();
   };
   document.addEventListener("keydown", keys);
+  const resized = () => { dirty = true; };
+  addEventListener("resize", resized);
 
   function connect() {
     socket = new WebSocket(`ws://${location.host}/live/${at(name)}`);
@@ -76,7 +78,6 @@ export async function showLive(main, values) {
       ring = new Ring(now.channels.length, now.rate_hz);
       scale = now.channels.map(() => null);
       scales.replaceChildren(...now.channels.map((channel, i) => scaleOf(channel, i)));
-      canvas.height = STRIP_PX * now.channels.length;
     }
     state = now;
     lamp.textContent = now.recording ? "● recording" : "○ nothing is being recorded";
@@ -134,22 +135,24 @@ export async function showLive(main, values) {
   }
 
   function draw() {
+    const ratio = Math.min(devicePixelRatio, 2), wide = Math.max(300, Math.round(canvas.clientWidth * ratio)), strip = Math.round(STRIP_PX * ratio);
+    if (ring && (canvas.width !== wide || canvas.height !== strip * ring.columns)) { canvas.width = wide; canvas.height = strip * ring.columns; held = null; hold.setAttribute("aria-pressed", "false"); }
     const now = picture(), pen = canvas.getContext("2d"), style = getComputedStyle(document.documentElement);
     const ink = style.getPropertyValue("--ink"), soft = style.getPropertyValue("--soft"), line = style.getPropertyValue("--line");
     pen.clearRect(0, 0, canvas.width, canvas.height);
     if (!now) return;
-    pen.font = "13px system-ui, sans-serif";
+    pen.font = `${13 * ratio}px system-ui, sans-serif`;
     state.channels.forEach((channel, c) => {
-      const top = c * STRIP_PX, room = STRIP_PX - 22;
+      const top = c * strip, head = 18 * ratio, room = strip - 22 * ratio;
       let [from, to] = scale[c] || [Infinity, -Infinity];
       if (!scale[c]) for (const one of [now, held].filter(Boolean)) for (let x = 0; x < one.low[c]?.length; x++) { if (one.low[c][x] < from) from = one.low[c][x]; if (one.high[c][x] > to) to = one.high[c][x]; }
       if (!(from < to)) { const middle = Number.isFinite(from) ? from : 0; from = middle - 0.5; to = middle + 0.5; }
-      const y = (value) => top + 18 + room * (1 - (value - from) / (to - from));
+      const y = (value) => top + head + room * (1 - (value - from) / (to - from));
       pen.strokeStyle = line;
-      pen.strokeRect(LEFT_PX, top + 18, canvas.width - 2 * LEFT_PX, room);
+      pen.strokeRect(LEFT_PX, top + head, canvas.width - 2 * LEFT_PX, room);
       pen.save();
       pen.beginPath();
-      pen.rect(LEFT_PX, top + 17, canvas.width - 2 * LEFT_PX, room + 2);
+      pen.rect(LEFT_PX, top + head - 1, canvas.width - 2 * LEFT_PX, room + 2);
       pen.clip();
       for (const [one, color] of [[held, soft], [now, channel.color || ink]]) {
         if (!one || !one.low[c]) continue;
@@ -166,10 +169,10 @@ export async function showLive(main, values) {
       }
       pen.restore();
       pen.fillStyle = ink;
-      pen.fillText(`${channel.title}  ${Number.isFinite(now.last[c]) ? now.last[c].toFixed(2) : "–"} ${channel.unit}`, LEFT_PX, top + 13);
+      pen.fillText(`${channel.title}  ${Number.isFinite(now.last[c]) ? now.last[c].toFixed(2) : "–"} ${channel.unit}`, LEFT_PX, top + 13 * ratio);
       pen.fillStyle = soft;
       pen.textAlign = "right";
-      pen.fillText(`${from.toPrecision(3)} to ${to.toPrecision(3)} ${channel.unit}`, canvas.width - LEFT_PX, top + 13);
+      pen.fillText(`${from.toPrecision(3)} to ${to.toPrecision(3)} ${channel.unit}`, canvas.width - LEFT_PX, top + 13 * ratio);
       pen.textAlign = "left";
     });
     const rate = state.rate_hz || 1;
@@ -191,5 +194,5 @@ export async function showLive(main, values) {
   connect();
   tick();
   main.dataset.ready = "true";
-  return () => { closed = true; plan.close(); clearInterval(looking); clearTimeout(timer); document.removeEventListener("keydown", keys); socket?.close(); delete main.dataset.ready; };
+  return () => { closed = true; plan.close(); clearInterval(looking); clearTimeout(timer); document.removeEventListener("keydown", keys); removeEventListener("resize", resized); socket?.close(); delete main.dataset.ready; };
 }

@@ -63,10 +63,18 @@ export function marksPart({ panel, known, base, kept, ended, reload, rate, edito
   }
 
   function keys(event) {
-    if (document.activeElement !== canvas || chosen < 0 || event.ctrlKey || event.altKey || event.metaKey) return;
-    const by = event.shiftKey ? 0.1 : 1, steps = { ArrowLeft: [-by, 0], ArrowRight: [by, 0], ArrowUp: [0, -by], ArrowDown: [0, by] };
+    if (document.activeElement !== canvas || chosen < 0 || event.altKey || event.metaKey || event.key === "z") return;
+    const by = event.shiftKey ? 0.1 : event.ctrlKey ? 10 : 1, steps = { ArrowLeft: [-by, 0], ArrowRight: [by, 0], ArrowUp: [0, -by], ArrowDown: [0, by] };
     const mark = marks[chosen];
     if (event.key === "Escape") { chosen = -1; list(); panel.draw(panel.shown); return; }
+    if (event.key === "Enter" && mark.points.length < WANTED[mark.kind]) {
+      event.preventDefault();
+      event.stopImmediatePropagation();
+      keep();
+      mark.points.push([Math.round(panel.film.width / 2) + 40 * mark.points.length, Math.round(panel.film.height / 2)]);
+      changed();
+      return;
+    }
     if (!(event.key in steps) || !mark.points.length) return;
     event.preventDefault();
     event.stopImmediatePropagation();
@@ -145,7 +153,7 @@ export function marksPart({ panel, known, base, kept, ended, reload, rate, edito
       make("div", { class: "row" }, make("button", { type: "button", onclick: () => add("point") }, "New point"), make("button", { type: "button", onclick: () => add("line") }, "New line"), undo,
         make("button", { type: "button", disabled: !mayWrite(), title: mayWrite() ? null : LOOK_ONLY, onclick: save }, "Save marks")),
       known.problem ? make("p", { class: "notice" }, known.problem) : "", rows, follow, told,
-      make("p", { class: "hint" }, `A point: click its middle; its disc should hold the whole spot. A line: click two places on it; it is followed across itself. While one is chosen, clicks and arrow keys are its own; Escape gives them back to the outlines. In ${known.file}.`)),
+      make("p", { class: "hint" }, `A point: click its middle; its disc should hold the whole spot. A line: click two places on it; it is followed across itself. While one is chosen, clicks, arrow keys and Enter (sets it without a pointer) are its own; Escape gives them back to the outlines. In ${known.file}.`)),
     /** What following has found, read again. */
     set(now) { found = unpacked(now.found); panel.draw(panel.shown); },
     /** An outline was chosen, so no mark is. */

@@ -59,9 +59,9 @@ export async function showOutlines(main, values) {
       make("div", {}, make("div", { class: "row" }, proposeButton, make("button", { type: "button", onclick: () => editor.add() }, "New body"), make("button", { type: "button", onclick: () => editor.undo() }, "Undo"), saveButton),
         rows, make("fieldset", {}, make("legend", {}, "Track"), trial === 0 ? make("p", {}, make("label", { for: "rate" }, "True frame rate, frames/s"), " ", rate) : "", track),
         marks.element, make("fieldset", {}, make("legend", {}, "Worst frames"), worst, make("div", { class: "row" }, again, still),
-          make("p", { class: "hint" }, "Drag a tracked outline to where the body is, [ and ] turn it; then track this frame again.")))),
+          make("p", { class: "hint" }, "Drag a tracked outline to where the body is, [ and ] turn it; then track this frame again. By keys, on the picture: B chooses a body, the arrows move it.")))),
     make("details", { open: !known.outlines.length }, make("summary", {}, "How to draw"),
-      make("p", {}, "Outlines lie on the still frames at the start. Click corner after corner; a click on the first corner closes the outline, after that a click adds a point in the nearest edge; drag a point to move it, arrow keys move the chosen one by a pixel (with Shift a tenth), Delete takes it away, Ctrl-Z takes the last change back. A body in front has the larger layer; its parent is the body it turns on."),
+      make("p", {}, "Outlines lie on the still frames at the start. Click corner after corner; a click on the first corner closes the outline, after that a click adds a point in the nearest edge; drag a point to move it, arrow keys move the chosen one by a pixel (with Shift a tenth, with Ctrl ten), Delete takes it away, Ctrl-Z takes the last change back. Without a pointer: Enter on the picture sets a corner, the arrows move it. A body in front has the larger layer; its parent is the body it turns on."),
       make("p", {}, `Outlines are in ${known.file}, angles in ${known.table || "the table that tracking writes"} beside the film${trial ? ", and in the session" : ""}.`)));
   panel.told = (index) => {
     slider.value = index;
