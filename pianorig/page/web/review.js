@@ -49,10 +49,10 @@ export async function showReview(main, values) {
   const doing = make("p", { class: "hint", role: "status" }, "reading …");
   main.append(make("div", { class: "row" },
     choose("review-session", "Session", names, name, "session", { trial: "", t: "" }), choose("review-trial", "Trial", trials(session), trial, "trial", {}),
-    choose("review-session2", "beside", [["", "no other trial"], ...names], otherName, "session2", { trial2: "" }),
+    choose("review-session2", "beside trial of", [["", "no other trial"], ...names], otherName, "session2", { trial2: "" }),
     otherSession ? choose("review-trial2", "Trial", trials(otherSession), otherTrial, "trial2", {}) : null,
     choose("review-model", "Model", actions.map((action) => [action, action]), first, "model", {}),
-    choose("review-model2", "beside", [["", "–"], ...actions.filter((action) => action !== first).map((action) => [action, action])], second, "model2", {})), doing);
+    choose("review-model2", "beside model", [["", "–"], ...actions.filter((action) => action !== first).map((action) => [action, action])], second, "model2", {})), doing);
   if (!numbers.includes(trial)) throw new Error(`${name}: no trial ${trial}; there are ${numbers.join(", ")}`);
   if (otherSession && !numbersOf(otherSession).includes(otherTrial)) throw new Error(`${otherName}: no trial ${otherTrial}`);
 

@@ -90,10 +90,43 @@ def test_playing_runs_through_the_film_and_stops_at_the_end(tab: Any) -> None:
 
 @pytest.mark.slow
 def test_two_models_side_by_side_and_measured_beside_model(tab: Any) -> None:
-    tab.get_by_label("beside").select_option("hirschkorn2004-regulated")
+    tab.get_by_label("beside model").select_option("hirschkorn2004-regulated")
     tab.locator(".values", has_text="hirschkorn2004-regulated").first.wait_for()
     until(tab, "document.querySelector('main').dataset.ready === 'true'")
     height = tab.evaluate("document.querySelector('.drawing canvas').height")
     tab.get_by_label("measured above, model below").check()
     assert tab.evaluate("document.querySelector('.drawing canvas').height") == 2 * height
     assert tab.evaluate("document.documentElement.scrollWidth") <= 1280
+
+
+@pytest.mark.slow
+def test_two_trials_side_by_side_and_an_animation_to_keep(tab: Any, browser: Any, tmp_path: Path) -> None:
+    tab.get_by_label("beside trial of").select_option("example_forte")
+    tab.locator(".pair").wait_for()
+    until(tab, "document.querySelector('main').dataset.ready === 'true'")
+    assert tab.locator(".pair .drawing canvas").count() == 2
+    titles = tab.locator(".pair h2").all_inner_texts()
+    assert titles == ["example_forte, trial 1", "example_forte, trial 2"]
+    tab.keyboard.press("n")
+    now = tab.evaluate(NOW)
+    times = "[...document.querySelectorAll('.pair .drawing canvas')].map(c => Number(c.dataset.time))"
+    until(tab, f"Math.abs({times}[0] - {now}) < 1e-9")
+    first, second = tab.evaluate(times)
+    assert 0 < abs(first - second) < 0.05  # moved, so that a common event falls together
+    tab.get_by_label("How many times slower").fill("33")
+    tab.keyboard.press("Tab")
+    assert tab.evaluate("window.benchPlayer.rate()") == pytest.approx(1 / 33)
+    with tab.expect_download() as download:
+        tab.get_by_role("button", name="Save animation").click()
+    download.value.save_as(tmp_path / "kept.html")
+    other = browser.new_page()
+    asked: list[str] = []
+    other.on("request", lambda request: asked.append(request.url))
+    other.goto((tmp_path / "kept.html").as_uri())
+    other.locator("main[data-ready]").wait_for()
+    assert other.evaluate("window.benchPlayer.running") and len(asked) == 1
+    assert "Measured and" in other.locator(".drawing").first.inner_text()
+    began = other.evaluate("JSON.parse(document.getElementById('data').textContent).start_s")
+    assert 0.3 < began < now
+    until(other, f"window.benchPlayer.time > {began}")
+    other.close()
