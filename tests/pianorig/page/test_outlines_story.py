@@ -208,4 +208,4 @@ def test_points_are_added_moved_deleted_and_taken_back(browser: Any, filmed: Pat
         for _ in range(6):
             tab.get_by_role("button", name="Undo", exact=True).click()
         assert tab.evaluate("window.benchEditor.bodies.length") == 3
-        assert tab.get_by_role("button", name="Save").is_disabled()  # looking only
+        assert tab.get_by_role("button", name="Save", exact=True).is_disabled()  # looking only
