@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import stat
 from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
@@ -72,13 +74,16 @@ def read_row(folder: Path) -> SessionRow:
 
 
 def open_session(folder: Path) -> Session:
-    """The session, unless its text files are too large to be what they say.
+    """The session, unless its text files are too large to be what they say, or something in it is no plain file.
+
+    A pipe or a device in place of a trial, a film or a table would hold whoever reads it for ever.
 
     Raises
     ------
     rig.errors.RigInputError : the session cannot be read
-    ValueError : a file is too large
+    ValueError : a file is too large, or is none
     """
+    refuse_odd_files(folder)
     for name, largest in LARGEST_BYTES.items():
         path = folder / name
         if path.exists() and not path.is_file():
@@ -86,6 +91,44 @@ def open_session(folder: Path) -> Session:
         if path.is_file() and path.stat().st_size > largest:
             raise ValueError(f"{name} has {path.stat().st_size / 1e6:.0f} MB, allowed {largest / 1e6:.0f}")
     return Session.open(folder, require_trials=False)
+
+
+def refuse_odd_files(folder: Path) -> None:
+    """Refuse a session's folder that holds a pipe, a socket or a device.
+
+    Raises
+    ------
+    ValueError : naming it
+    """
+    for place in (folder, *(path for path in (folder / "derived").glob("*") if path.is_dir())):
+        with os.scandir(place) as entries:
+            odd = next((entry.name for entry in entries if not _is_plain(entry)), None)
+        if odd is not None:
+            raise ValueError(f"{odd} is no file")
+
+
+def _is_plain(entry: os.DirEntry[str]) -> bool:
+    """A file or folder, also behind a link; a link that leads nowhere is harmless."""
+    try:
+        mode = entry.stat().st_mode
+    except OSError:
+        return True
+    return stat.S_ISREG(mode) or stat.S_ISDIR(mode)
+
+
+def readable_trial(session: Session, number: int) -> Trial:
+    """A trial that is not too large to be read.
+
+    Raises
+    ------
+    rig.errors.RigInputError : no such trial
+    ValueError : it is too large
+    """
+    trial = session.trial(number)
+    size = trial.path.stat().st_size if trial.path.is_file() else 0
+    if size > LARGEST_TRIAL_BYTES:
+        raise ValueError(f"trial {number} has {size / 1e6:.0f} MB, allowed {LARGEST_TRIAL_BYTES / 1e6:.0f}")
+    return trial
 
 
 def trial_status(trial: Trial) -> str:

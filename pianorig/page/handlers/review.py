@@ -10,7 +10,7 @@ import vision
 from pianorig.errors import CommandInputError
 from pianorig.page.action.changed_action import built_in_actions
 from pianorig.page.catalogue.catalogue import UnknownName
-from pianorig.page.catalogue.session_row import open_session
+from pianorig.page.catalogue.session_row import open_session, readable_trial, refuse_odd_files
 from pianorig.page.handlers.reply import Reply
 from pianorig.page.review.film_view import film_view
 from pianorig.page.review.trial_view import MOST_MODELS, trial_view
@@ -35,6 +35,7 @@ class Review(Reply):
         if wrong is not None or len(models) > MOST_MODELS:
             raise CommandInputError(f"model {wrong!r}: allowed at most {MOST_MODELS} of {', '.join(known)}")
         session = open_session(self.served.catalogue.folder(name))
+        readable_trial(session, number)
         return trial_view(session, number, models or known[:1])
 
 
@@ -68,7 +69,7 @@ class Film(Reply):
 
     def _trial(self, name: str, number: int) -> tuple[Session, Trial]:
         session = open_session(self.served.catalogue.folder(name))
-        return session, session.trial(number)
+        return session, readable_trial(session, number)
 
 
 class Frames(Film):
@@ -83,7 +84,7 @@ class Frames(Film):
             grey = await IOLoop.current().run_in_executor(
                 self.served.workers, self._frames, name, int(number), int(first), int(count)
             )
-        except (vision.VisionError, RigError, OSError, UnknownName) as error:
+        except (vision.VisionError, RigError, OSError, ValueError) as error:
             self.refuse(404, " ".join(str(error).split()))
             return
         self.set_header("Content-Type", "application/octet-stream")
@@ -94,6 +95,7 @@ class Frames(Film):
         if number == 0:
             return self.served.films.frames(self.served.catalogue.film(name), first, count)
         folder = self.served.catalogue.folder(name)
+        refuse_odd_files(folder)
         film = Trial(folder / f"trial_{number:04d}.h5", number, None).film
         if film is None:
             raise UnknownName(f"{name}: trial {number} has no film")

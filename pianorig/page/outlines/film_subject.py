@@ -9,7 +9,7 @@ from typing import Any
 import pandas as pd
 
 from pianorig.page.catalogue.catalogue import Catalogue, UnknownName
-from pianorig.page.catalogue.session_row import open_session
+from pianorig.page.catalogue.session_row import open_session, readable_trial
 from pianorig.page.review.film_view import outlined_film
 from pianorig.workflows.film.session_film import BODIES_NAME, STEP, SessionFilm
 from rig.session import Session, Trial
@@ -73,7 +73,7 @@ def subject_of(catalogue: Catalogue, owner: str, number: int) -> FilmSubject:
         path = catalogue.film(owner)
         return FilmSubject(path, path.with_suffix(".bodies.toml"), None)
     session = open_session(catalogue.folder(owner))
-    trial = session.trial(number)
+    trial = readable_trial(session, number)
     if trial.film is None:
         raise UnknownName(f"{owner}: trial {number} has no film")
     return FilmSubject(trial.film, session.path / BODIES_NAME, (session, trial))

@@ -6,6 +6,7 @@ import json
 import os
 import socket
 from pathlib import Path
+from urllib.parse import quote
 
 import pytest
 
@@ -209,6 +210,7 @@ def test_a_hostile_folder_harms_nothing(looking: Page, folder: Path) -> None:
     if hasattr(os, "mkfifo"):
         os.mkfifo(session("pipe") / "annotations.jsonl")
         os.mkfifo(session("pipe 2") / "trial_0001.h5")
+        os.mkfifo(session("pipe 4") / "trial_0001.mraw")
         (folder / "pipe 3").mkdir()
         os.mkfifo(folder / "pipe 3" / "session.toml")
     (folder / "loop").symlink_to(folder / "loop")
@@ -223,8 +225,15 @@ def test_a_hostile_folder_harms_nothing(looking: Page, folder: Path) -> None:
         assert "results.json" in rows[name]["problem"] and rows[name]["status"] == "no trials", name
     assert "loop" not in rows and "pipe 3" not in rows
     for name in rows:
-        answer = looking.ask("/api/sessions/" + name.replace(" ", "%20").replace("<", "%3C").replace(">", "%3E"))
+        quoted = quote(name)
+        answer = looking.ask(f"/api/sessions/{quoted}")
         assert answer.status == 200, (name, answer.body[:200])
+        for path in (f"review/{quoted}/1", f"film/{quoted}/1", f"outlines/{quoted}/1", f"review/{quoted}/1/animation"):
+            answer = looking.ask(f"/api/{path}")
+            good = name == "example_forte" and "outlines" not in path
+            assert answer.status in ((200,) if good else (200, 400, 404)), (path, answer.body[:200])
+            assert answer.status == 200 or "\n" not in answer.json["error"]
+        assert looking.ask(f"/film/{quoted}/1/0-1").status == 404, name
 
 
 def test_the_row_tells_what_the_report_says_and_whether_it_is_still_so(writing: Page, folder: Path) -> None:
