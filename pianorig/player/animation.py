@@ -65,7 +65,7 @@ def animation_html(animation: Animation) -> str:
     return (
         f'<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8"><title>{title}</title>\n'
         f'<meta name="viewport" content="width=device-width, initial-scale=1"><style>{styles}</style></head>\n'
-        f'<body><h1>{title}</h1><main></main>\n<script type="application/json" id="data">{text}</script>\n'
+        f'<body><main><h1>{title}</h1></main>\n<script type="application/json" id="data">{text}</script>\n'
         f'<script type="module">\n{player_script()}</script></body></html>\n'
     )
 

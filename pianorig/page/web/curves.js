@@ -73,7 +73,10 @@ export class Curves {
     }
     self.listen();
     for (const range of self.ranges) range.change.connect(() => self.follow(range));
-    self.observer = new ResizeObserver(() => requestAnimationFrame(() => { self.at(self.time); self.views.forEach((one) => self.paint(one)); }));
+    self.observer = new ResizeObserver(() => requestAnimationFrame(() => {
+      self.at(self.time);
+      for (const wait of [0, 120, 500]) setTimeout(() => self.views.forEach((one) => self.paint(one)), wait); // Bokeh finds new places some time later
+    }));
     self.observer.observe(place);
     await self.settled();
     self.views.forEach((one) => self.paint(one));

@@ -70,7 +70,7 @@ export async function showReview(main, values) {
   const shown = [one, other].filter(Boolean).map((each, k) => ({
     title: `${each.session}, trial ${each.trial}`, shift: k ? shift : 0,
     film: each.film ? new FilmPanel(each.session, each.trial, each.film) : null,
-    drawings: each.view.drawings.map((drawing, i) => new Drawing(drawing, `${drawing.measured ? "Measured and model" : "Model"}${view.models.length > 1 && !k ? ` ${view.models[i]}` : ""}`)),
+    drawings: each.view.drawings.map((drawing, i) => new Drawing(drawing, `${drawing.measured ? "Measured and model" : "Model"}${view.models.length > 1 && !k ? ` ${view.models[i]}` : ""}${other ? `, ${each.session} ${each.trial}` : ""}`)),
   }));
   const beside = shown.length > 1 || shown[0].drawings.length > 1;
   const columns = shown.length > 1 ? shown.map((each) => [make("h2", {}, each.title), each.film?.element, ...each.drawings.map((drawing) => drawing.element)])

@@ -13,6 +13,7 @@ from tests.pianorig.page.stories import opened
 VIEWS = {
     "sessions?session=example_forte": "#trials",
     "review?session=example_forte&trial=1": "main[data-ready]",
+    "review?session=example_forte&trial=1&session2=example_forte&trial2=3": "main[data-ready]",
     "live?session=example_forte": "main[data-ready]",
     "action": "main[data-ready]",
     "outlines?film=example_forte&trial=1": "main[data-ready]",
@@ -35,6 +36,43 @@ def test_axe_core_finds_nothing(browser: Any, filmed: Path, writing: Page, view:
         found = tab.evaluate("axe.run()")
     worst = {one["id"]: [node["html"][:160] for node in one["nodes"]] for one in found["violations"]}
     assert worst == {} and len(found["passes"]) > 20
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("view", VIEWS)
+def test_every_view_fits_at_200_percent_and_on_a_phone(browser: Any, filmed: Path, writing: Page, view: str) -> None:
+    name, _, value = str(writing.cookie).partition("=")
+    with opened(browser, writing) as tab:
+        tab.context.add_cookies([{"name": name, "value": value, "url": writing.address}])
+        tab.goto(f"{writing.address}#{view}")
+        tab.reload()
+        tab.locator(VIEWS[view]).first.wait_for()
+        for width in (1280, 640, 400):  # 640: what is left of 1280 at 200 %
+            tab.set_viewport_size({"width": width, "height": 900})
+            tab.wait_for_timeout(300)
+            wide = (
+                "[...document.querySelectorAll('main *')].filter(e => e.getBoundingClientRect().right > innerWidth + 1)"
+            )
+            found = tab.evaluate(f"{wide}.filter(e => !e.closest('.scroll')).map(e => e.tagName + '.' + e.className)")
+            assert tab.evaluate("document.documentElement.scrollWidth") <= width, (width, found[:5])
+
+
+@pytest.mark.slow
+def test_an_exported_animation_for_a_screen_reader(browser: Any, looking: Page, tmp_path: Path) -> None:
+    axe = pytest.importorskip("axe_playwright_python", reason="axe-playwright-python carries axe-core")
+    script = next(Path(axe.__file__).parent.rglob("axe.min.js")).read_text(encoding="utf-8")
+    kept = tmp_path / "kept.html"
+    kept.write_text(looking.ask("/api/action/hirschkorn2004/animation?blow=forte").json["text"], encoding="utf-8")
+    for scheme in ("light", "dark"):
+        tab = browser.new_page(color_scheme=scheme)
+        tab.goto(kept.as_uri())
+        tab.locator("main[data-ready]").wait_for()
+        tab.evaluate("window.benchPlayer.run(false)")
+        tab.evaluate(script)
+        found = tab.evaluate("axe.run()")
+        tab.close()
+        worst = {one["id"]: [node["html"][:160] for node in one["nodes"]] for one in found["violations"]}
+        assert worst == {} and len(found["passes"]) > 10
 
 
 def test_the_way_by_keyboard(browser: Any, looking: Page) -> None:
