@@ -40,6 +40,12 @@ class Jobs:
         self._jobs: dict[int, _Job] = {}
         self._lock = threading.Lock()
 
+    @property
+    def running(self) -> str:
+        """Command and subject of the job that is running; empty where none is."""
+        busy = next((job for job in self._jobs.values() if job.code is None), None)
+        return "" if busy is None else f"{busy.command} of {busy.subject}"
+
     def begin(self, subject: str, words: list[str]) -> dict[str, Any]:
         """Run ``pianorig`` with these words about a session.
 

@@ -58,7 +58,7 @@ class Track(Outlines):
         words = ["track", str(subject.path), "--bodies", str(subject.bodies), "--allow-truncated", *_rate(rate_hz)]
         if not subject.bodies.is_file():
             raise CommandInputError(f"{subject.bodies.name}: no outlines yet; save them first")
-        return self.served.jobs.begin(owner, words)
+        return self.begin(owner, words)
 
 
 class TrackFrame(Outlines):
@@ -97,7 +97,7 @@ class Follow(Outlines):
         words += ["--allow-truncated", *_rate(rate_hz)]
         if not subject.marks.is_file():
             raise CommandInputError(f"{subject.marks.name}: no points or lines yet; save them first")
-        return self.served.jobs.begin(owner, words)
+        return self.begin(owner, words)
 
 
 def _rate(rate_hz: Any) -> list[str]:

@@ -42,6 +42,8 @@ class Plan(Reply):
         plan = self.served.plan
         if plan.running:
             raise CommandInputError("a plan is being played; abort it, or wait for its end")
+        if busy := self.served.jobs.running:
+            raise CommandInputError(f"{busy} is running and could slow the recording; wait, or stop it")
         return {"state": plan.start(read_order(content, self.served.catalogue, plan.bench))}
 
 

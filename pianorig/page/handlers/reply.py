@@ -13,6 +13,7 @@ from tornado.ioloop import IOLoop
 from tornado.web import HTTPError, RequestHandler
 
 from pianorig.console.progress import say
+from pianorig.errors import CommandInputError
 from pianorig.page.access import Access, Refused
 from pianorig.page.catalogue.catalogue import Catalogue, UnknownName
 from pianorig.page.control.plan_control import PlanControl
@@ -96,6 +97,17 @@ class Reply(Guarded):
         """Whether this browser was given the permission to write."""
         access = self.served.access
         return access.may_write(self.get_cookie(access.cookie_name))
+
+    def begin(self, subject: str, words: list[str]) -> dict[str, Any]:
+        """Begin a job about a session or film; not beside a plan, whose recording it would slow.
+
+        Raises
+        ------
+        CommandInputError : a plan is being played, or another job is running
+        """
+        if self.served.plan.running:
+            raise CommandInputError("a plan is being played; long work beside it could cost a trial: wait for its end")
+        return self.served.jobs.begin(subject, words)
 
     async def answer(self, work: Callable[..., Any], *arguments: Any) -> None:
         """Do some work in a thread and send what it returns; an error that a user can cause is one line."""

@@ -141,7 +141,7 @@ class Comparisons(Reply):
         for folder in folders:
             rig.Session.open(folder)
         out = self.served.catalogue.root / COMPARISONS / f"{datetime.now(UTC):%Y-%m-%dT%H%M%SZ}"
-        return self.served.jobs.begin(out.name, ["validate", *map(str, folders), "--out", str(out)])
+        return self.begin(out.name, ["validate", *map(str, folders), "--out", str(out)])
 
 
 class Validate(Reply):
@@ -156,7 +156,7 @@ class Validate(Reply):
     def _begin(self, name: str) -> dict[str, Any]:
         folder = self.served.catalogue.folder(name)
         rig.Session.open(folder)  # what cannot be compared is refused before a process is started
-        return self.served.jobs.begin(name, ["validate", str(folder)])
+        return self.begin(name, ["validate", str(folder)])
 
 
 class Job(Reply):

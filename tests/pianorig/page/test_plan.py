@@ -141,6 +141,23 @@ async def left(socket: Any) -> None:
         pass
 
 
+def test_long_work_and_a_plan_are_not_done_at_once(
+    writing: Page, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from pianorig.page.control.plan_control import PlanControl
+    from pianorig.page.jobs import Jobs
+
+    with monkeypatch.context() as busy:
+        busy.setattr(PlanControl, "running", True)
+        for path in ("sessions/example_forte/validate", "plan"):
+            answer = writing.ask(f"/api/{path}", "POST", ORDER)
+            assert answer.status == 400 and "a plan is being played" in answer.json["error"], path
+    monkeypatch.setattr(Jobs, "running", "track of film.avi")
+    answer = writing.ask("/api/plan", "POST", ORDER)
+    assert answer.status == 400 and "track of film.avi is running" in answer.json["error"]
+    assert not (folder / "mine").exists()
+
+
 class Watch:
     """The page's websocket: answers that it is there, for as long as it is open."""
 
