@@ -72,6 +72,7 @@ export async function showReview(main, values) {
     film: each.film ? new FilmPanel(each.session, each.trial, each.film) : null,
     drawings: each.view.drawings.map((drawing, i) => new Drawing(drawing, `${drawing.measured ? "Measured and model" : "Model"}${view.models.length > 1 && !k ? ` ${view.models[i]}` : ""}${other ? `, ${each.session} ${each.trial}` : ""}`)),
   }));
+  if (shown.some((each) => each.drawings.length)) Drawing.together(shown.flatMap((each) => each.drawings));
   const beside = shown.length > 1 || shown[0].drawings.length > 1;
   const columns = shown.length > 1 ? shown.map((each) => [make("h2", {}, each.title), each.film?.element, ...each.drawings.map((drawing) => drawing.element)])
     : beside ? [[shown[0].film?.element, shown[0].drawings[0].element], [shown[0].drawings[1].element]] : [[shown[0].film?.element, shown[0].drawings[0]?.element]];

@@ -7,6 +7,7 @@ import { Strip } from "./strip.js";
 
 const data = JSON.parse(document.getElementById("data").textContent), main = document.querySelector("main");
 const drawings = data.drawings.map(({ title, drawing }) => new Drawing(drawing, title, { forces: true }));
+Drawing.together(drawings);
 const opened = (curve) => ({ ...curve, time: unpack(curve.time_s), value: unpack(curve.value) });
 const curves = data.curves.map((curve) => ({ ...opened(curve), beside: curve.beside ? opened(curve.beside) : null }));
 const [from, to] = data.span_s, wanted = /t=(-?[0-9.]+)/.exec(location.hash);

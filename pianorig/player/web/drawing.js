@@ -34,11 +34,17 @@ export class Drawing {
     if (this.time !== undefined) this.at(this.time);
   }
 
+  /** Drawings that are looked at together have one scale of force. */
+  static together(drawings) {
+    const largest = Math.max(...drawings.map((drawing) => drawing.largest()));
+    for (const drawing of drawings) { drawing.common = largest; drawing.setBars(); }
+  }
+
+  largest() { return this.data.normal.reduce((most, force) => Math.max(most, force), 0); }
+
   /** Every bar ends at the largest force of all contacts. */
   setBars() {
-    const { labels, contacts, normal } = this.data;
-    let largest = 0;
-    for (const force of normal) if (force > largest) largest = force;
+    const { labels, contacts } = this.data, largest = Math.max(this.largest(), this.common || 0);
     const key = `${(labels || contacts).join()} ${largest}`;
     if (key === this.barsOf) return;
     this.barsOf = key;

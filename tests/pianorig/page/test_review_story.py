@@ -95,6 +95,8 @@ def test_two_models_side_by_side_and_measured_beside_model(tab: Any) -> None:
     until(tab, "document.querySelector('main').dataset.ready === 'true'")
     assert tab.locator(".pair .drawing").count() == 2
     height = tab.evaluate("document.querySelector('.drawing canvas').height")
+    scale = tab.locator(".forces caption")
+    assert scale.nth(0).text_content() == scale.nth(1).text_content()  # forces of both on one scale
     tab.get_by_label("measured above, model below").first.check()
     assert tab.evaluate("document.querySelector('.drawing canvas').height") == 2 * height
     assert tab.evaluate("document.documentElement.scrollWidth") <= 1280
