@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import shutil
+from datetime import date
 from pathlib import Path
 
 import h5py
@@ -143,6 +144,16 @@ def test_crate_names_every_file_with_its_hash(made) -> None:
     for part in root["hasPart"]:
         content = (folder / part["@id"]).read_bytes()
         assert graph[part["@id"]]["sha256"] == hashlib.sha256(content).hexdigest()
+    # what the specification says MUST be, where its validator is not installed (test_crate.py runs that)
+    assert set(crate) == {"@context", "@graph"}
+    assert graph["ro-crate-metadata.json"]["@type"] == "CreativeWork" and root["@id"] == "./"
+    assert date.fromisoformat(root["datePublished"]) and root["license"]["@id"].startswith("https://")
+    assert all(one.get("@type") and one.get("@id") for one in crate["@graph"])
+    assert all(
+        graph[name]["@type"] == "File" and not name.startswith(("/", "./", "../"))
+        for name in files - {"ro-crate-metadata.json"}
+    )
+    assert not any(set(item) != {"@id"} for one in crate["@graph"] for item in one.values() if isinstance(item, dict))
     for one in crate["@graph"]:  # every reference is resolved inside the crate or is an address
         for value in one.values():
             for item in value if isinstance(value, list) else [value]:
