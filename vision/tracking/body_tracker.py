@@ -21,6 +21,8 @@ from vision.results.flags import FAILURE, FrameFlag
 from vision.tracking.pose_prediction import Placement, PlacementHistory, from_parent, in_parent
 from vision.tracking.wide_search import search_candidates
 
+GOOD = FrameFlag.GOOD
+"""Compared by identity before its bits: arithmetic of flags costs more than all other tests of a good frame."""
 MIN_ZNCC = 0.6
 """Least correlation on a film without noise; with noise, `EXPECTED_SHARE` of what it leaves of a perfect match."""
 EXPECTED_SHARE = 0.75
@@ -104,10 +106,10 @@ class BodyTracker:
         """Fit the body in frame ``index``, the ``step``-th tracked one, from its `predict` pose, and remember it."""
         fit = self.fitter.fit(film, index, expected, covered)
         flag = self._flags_of(fit, expected)
-        if flag & FAILURE:
+        if flag is not GOOD and flag & FAILURE:
             fit, flag = self._retry(film, index, step, covered, flag, search)
         self.fit, self.flag = fit, flag
-        if flag & FAILURE:
+        if flag is not GOOD and flag & FAILURE:
             self.lost_in_a_row += 1
             self.fitter.reset()
             return fit
@@ -163,7 +165,7 @@ class BodyTracker:
     def _flags_of(self, fit: Fit, expected: NDArray[np.float64]) -> FrameFlag:
         if not fit.converged:
             return FrameFlag.NOT_CONVERGED
-        flag = FrameFlag.GOOD
+        flag = GOOD
         # residuals that are the still frames' noise need no better correlation, however low that noise makes it
         noise_only = fit.noise_grey <= NOISE_ONLY * self.template.noise_grey * max(fit.gain, 1.0)
         usual = noise_only or fit.zncc >= USUAL_SHARE * self.usual_zncc
@@ -177,7 +179,7 @@ class BodyTracker:
         if not (abs(turn - turn0) <= MAX_JUMP_RAD and math.hypot(x - x0, y - y0) <= MAX_JUMP_PX):
             flag |= FrameFlag.JUMP
         # one number that is not finite makes the sum so
-        if not (math.isfinite(fit.covariance.sum()) and fit.covariance[0, 0] > 0.0):
+        if not (math.isfinite(sum(map(sum, fit.covariance.tolist()))) and fit.covariance[0, 0] > 0.0):
             flag |= FrameFlag.NO_COVARIANCE
         return flag
 
