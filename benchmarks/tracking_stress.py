@@ -33,7 +33,7 @@ Job = tuple[str, str, int]
 
 @dataclass(frozen=True)
 class Row:
-    """Errors and stated uncertainties (mdeg) of the rows found; silent, flagged, lost and all rows; flagged or lost, and
+    """Errors and u (mdeg) of the rows found; silent, flagged, lost and all rows; flagged or lost and
     all rows, where the bound permits tracking."""
 
     error: list[float]
