@@ -19,7 +19,7 @@ from vision.fitting.base import FAILED, Fit, Fitter
 from vision.fitting.template import Template
 from vision.results.flags import FAILURE, FrameFlag
 from vision.tracking.pose_prediction import Placement, PlacementHistory, from_parent, in_parent
-from vision.tracking.wide_search import search_candidates
+from vision.tracking.wide_search import far_candidates, search_candidates
 
 GOOD = FrameFlag.GOOD
 """Compared by identity before its bits: arithmetic of flags costs more than all other tests of a good frame."""
@@ -39,13 +39,18 @@ MIN_GAIN = 0.6
 """Flicker changes the light by some per cent; where the contrast collapses another surface hides the body."""
 COVERED_SHARE = 0.1
 """Share of visible pixels that do not agree; noise alone makes 0.003."""
+FAR_EVERY = 3
+"""Of the lost frames in a row that are searched, the whole picture is in one out of this many, the first included."""
+FAR_SHARE = 0.95
+"""Least correlation, as a share of the usual one, of a body found far from where it was: others may look like it."""
 MAX_SEARCHED_IN_A_ROW = 60
 """Lost frames in a row after which the wide search runs on every fifth frame only."""
 
 
 @dataclass
 class BodyTracker:
-    """State of one body while a film is tracked: ``absolute`` in the picture, ``relative`` in its parent's axes."""
+    """State of one body while a film is tracked: ``absolute`` in the picture, ``relative`` in its parent's axes;
+    ``looks_far``: whether it is looked for in the whole picture once it is lost."""
 
     fitter: Fitter
     parent: BodyTracker | None = None
@@ -57,6 +62,7 @@ class BodyTracker:
     usual_zncc: float = 0.0
     usual_gain: float = 1.0
     searches: int = 0
+    looks_far: bool = True
     least_zncc: float = field(init=False)
     common_contrast: float = field(init=False)
 
@@ -144,9 +150,17 @@ class BodyTracker:
             return FAILED, first_flag
         self.searches += 1
         best, best_flag = FAILED, first_flag
-        for start in search_candidates(film, index, self.template, newest):
+        near = search_candidates(film, index, self.template, newest)
+        for start in near:
             fit, flag = self._fit_anew(film, index, start, covered)
             if not flag & FAILURE and fit.zncc > best.zncc:
+                best, best_flag = fit, flag | FrameFlag.REACQUIRED
+        if best is not FAILED or not self.looks_far or self.lost_in_a_row % FAR_EVERY:
+            return best, best_flag
+        for start in far_candidates(film, index, self.template, float(newest[0])):
+            # what hides it where it was says nothing of it here
+            fit, flag = self._fit_anew(film, index, start, None)
+            if not flag & FAILURE and fit.zncc > max(best.zncc, FAR_SHARE * self.usual_zncc):
                 best, best_flag = fit, flag | FrameFlag.REACQUIRED
         return best, best_flag
 
