@@ -199,14 +199,18 @@ NUMBER = {kind: number for number, kind in enumerate(sorted(KINDS))}
 for _kind in FURTHER:
     NUMBER[_kind.__name__] = len(KINDS)
     KINDS[_kind.__name__] = _kind
+COLOURED = ("correlated_noise", "jpeg", "mpeg4", "row_noise", "quantisation")
+"""Kinds whose noise is not white; in `LOOKED_AT` frames what it does to the angle is computed."""
+LOOKED_AT = range(STILL + 6, N, 3)
 SUBFRAMES = 7
 """Pictures that make one of a body smeared by its motion."""
 
 
 @dataclass(frozen=True)
 class StressFilm:
-    """Frames (n, height, width) uint8, true angle (n,), rad, the mean over the exposure; outline (k, 2), px; Cramer-Rao
-    bound of the angle in a clean frame of the same noise, rad."""
+    """Frames (n, height, width) uint8, true angle (n,), rad, the mean over the exposure; outline (k, 2), px; the least
+    error of the angle that the film's noise permits, rad: Cramer-Rao bound of white noise, or what least squares with a
+    known template make of noise that is not white."""
 
     frames: NDArray[np.uint8]
     angle_rad: F64
@@ -214,8 +218,8 @@ class StressFilm:
     bound_rad: float
 
 
-def bound_of(body: Plate, pose: F64, noise_grey: float) -> float:
-    """Smallest standard deviation of the angle for white noise, gain, offset and position unknown too."""
+def _design(body: Plate, pose: F64) -> tuple[F64, NDArray[np.bool_]]:
+    """Slopes (5, n) of the grey value by angle, x, y, gain and offset over the inner pixels of the body, and those."""
     step = np.array([1e-3, 0.1, 0.1])
     flat = np.full((HEIGHT, WIDTH), 60.0)
     slopes = [
@@ -225,8 +229,20 @@ def bound_of(body: Plate, pose: F64, noise_grey: float) -> float:
     y, x = np.mgrid[0:HEIGHT, 0:WIDTH] - pose[[2, 1], None, None]
     c, s = np.cos(pose[0]), -np.sin(pose[0])
     inside = (abs(c * x + s * y) < HALF_X - 5.0) & (abs(c * y - s * x) < HALF_Y - 5.0)
-    design = np.stack([*(slope[inside] for slope in slopes), body.over(flat, pose)[inside], np.ones(inside.sum())])
+    grey = body.over(flat, pose)[inside]
+    return np.stack([*(slope[inside] for slope in slopes), grey, np.ones(grey.size)]), inside
+
+
+def bound_of(body: Plate, pose: F64, noise_grey: float) -> float:
+    """Smallest standard deviation of the angle for white noise, gain, offset and position unknown too."""
+    design, _ = _design(body, pose)
     return float(noise_grey * np.sqrt(np.linalg.inv(design @ design.T)[0, 0]))
+
+
+def error_of(body: Plate, pose: F64, off: F64) -> float:
+    """Error of the angle by least squares, the template known, of a frame that is ``off`` (height, width) the light."""
+    design, inside = _design(body, pose)
+    return float(np.linalg.solve(design @ design.T, design @ off[inside])[0])
 
 
 def _exposed(shot: Shot, body: Plate, behind: F64, i: int) -> F64:
@@ -255,8 +271,11 @@ def stress_film(kind: str, surface: str, seed: int) -> StressFilm:
     behind = wall.over(np.full((HEIGHT, WIDTH), 60.0), np.array([0.0, WIDTH / 2, HEIGHT / 2])) * 0.6
     KINDS[kind](shot)
     frames = np.empty((N, HEIGHT, WIDTH), dtype=np.uint8)
+    light = {}
     for i in range(N):
         picture = shot.light(i, _exposed(shot, body, behind, i)) * shot.gain[i]
+        if kind in COLOURED and i in LOOKED_AT:
+            light[i] = picture
         picture = shot.noise(picture) if shot.noise else picture + rng.normal(0.0, shot.read_noise, picture.shape)
         frames[i] = np.clip(np.rint(shot.grey(i, picture)), 0, 255)
     c, sn = np.cos(shot.pose[0, 0]), np.sin(shot.pose[0, 0])
@@ -265,4 +284,8 @@ def stress_film(kind: str, surface: str, seed: int) -> StressFilm:
     if shot.noise:  # from the frames: what differs between two still ones
         noise = float(np.median(np.abs(frames[2].astype(float) - frames[1]))) / 0.6745 / np.sqrt(2.0)
     bound = bound_of(body, shot.pose[0], max(noise, 2.0))
-    return StressFilm(shot.finished(frames), _mean_angle(shot), outline, bound)
+    frames = shot.finished(frames)
+    if light:
+        errors = [error_of(body, shot.pose[i], frames[i] - there) for i, there in light.items()]
+        bound = max(bound, float(np.sqrt(np.mean(np.square(errors)))))
+    return StressFilm(frames, _mean_angle(shot), outline, bound)

@@ -6,7 +6,7 @@
 Prints per kind of disturbance and texture, over all seeds: RMS error and median stated uncertainty of the angle (mdeg),
 the share of rows whose 95 % interval covers the truth, silent rows (no flag and an error above five stated
 uncertainties), rows with a flag, lost rows, rows in all; and flagged and lost rows of films that ``permit`` tracking,
-whose bound (Cramer-Rao, a clean frame of the same noise) is at most a quarter of 0.05 degrees. The films come from
+whose bound (least error that the film's noise permits) is at most a quarter of 0.05 degrees. The films come from
 `stress_films`, which shares no code with `vision`. Only moving rows count; the zero is that of the still frames. With
 ``--keep`` each film's rows are kept, and a run goes on where another stopped.
 """
