@@ -20,6 +20,7 @@ from rig.backend import Timing
 from rig.configuration.rig_file import RigConfig
 from rig.daq import tasks
 from rig.daq.faults import translated
+from rig.daq.remembered_calls import RememberedCalls
 from rig.daq.safe_outputs import SafeOutputs
 from rig.daq.safing import attempt, worst
 from rig.daq.task_set import TaskSet
@@ -37,7 +38,7 @@ class SafeBench:
     """
 
     def __init__(self, channel: grpc.Channel | None) -> None:
-        self._channel = channel
+        self._channel = None if channel is None else RememberedCalls(channel)
         self._config: RigConfig | None = None
         self._tasks = TaskSet(self._new_task)
         self._outputs = SafeOutputs(self._new_task)
