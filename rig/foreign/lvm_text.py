@@ -249,7 +249,10 @@ def _table(
     if all(np.array_equal(time, times[0]) for time in times):
         columns[TIME], units[TIME] = times[0].copy(), unit
     stamped = [clock.stamp_s for clock in clocks.values() if clock.stamp_s]
-    started = (datetime(1904, 1, 1) + timedelta(seconds=stamped[0])).isoformat() if stamped else ""
+    try:
+        started = (datetime(1904, 1, 1) + timedelta(seconds=stamped[0])).isoformat() if stamped else ""
+    except OverflowError:
+        raise RigInputError(f"{where}: Date and Time are {stamped[0]:g} s after 1904, no date of a calendar") from None
     return ChannelTable(where, columns, units, clocks, started=started)
 
 
