@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import threading
 import time
 
 import pytest
-from nidaqmx.constants import AcquisitionType, LineGrouping, TriggerType
+from nidaqmx.constants import AcquisitionType, LineGrouping, Signal, TriggerType
 from nidaqmx.errors import DaqError
 
 
@@ -98,3 +99,23 @@ def test_rate_mode_and_length_of_a_clock_can_be_changed_and_are_coerced(card) ->
     assert task.timing.samp_clk_rate == pytest.approx(100e6 / 3333, rel=1e-12)
     task.timing.samp_quant_samp_mode = AcquisitionType.CONTINUOUS
     assert task.timing.samp_quant_samp_mode == AcquisitionType.CONTINUOUS
+
+
+@pytest.mark.parametrize("signal", [Signal.SAMPLE_CLOCK, Signal.SAMPLE_COMPLETE])
+def test_a_signal_event_registered_before_its_clock_comes_with_every_sample(card, refused, signal) -> None:
+    task, seen, ended = card.task(), [], threading.Event()
+    task.ai_channels.add_ai_voltage_chan("Dev1/ai0")
+
+    def count(_: object, kind: int, data: object) -> int:
+        seen.append(kind)
+        if len(seen) == 20:
+            ended.set()
+        return 0
+
+    task.register_signal_event(signal, count)
+    with refused(-200949):
+        task.register_signal_event(signal, count)
+    task.timing.cfg_samp_clk_timing(1000.0, samps_per_chan=20)
+    task.start()
+    task.read(20)
+    assert ended.wait(20) and seen == [signal.value] * 20
