@@ -25,7 +25,7 @@ from typing import Any
 
 PORT = "PIANORIG_EXAMPLES_PORT"
 SIGNAL_HZ, FED = 1000.0, ("PFI0", "PFI8", "PFI9")
-INTERRUPT_S, PATIENCE_S = 14.0, 30.0
+INTERRUPT_S, PATIENCE_S = 14.0, 75.0
 """Later than the ten seconds after which a read of the client gives up."""
 RAN, OTHER_DEVICE, NO_SIGNAL, LACKS, REFUSED = "ran", "another device", "no signal", "lacks a package", "refused"
 MEANING = {
