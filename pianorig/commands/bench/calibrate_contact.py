@@ -27,9 +27,9 @@ def command(
     backend: Backend = "sim://",
     as_json: AsJson = False,
 ) -> None:
-    """Calibrate the kinetic friction of a contact.
+    """Calibrate the friction of a contact.
 
-    A drum of one of the contact's materials sits on the axis of a swinging body; a pad of the other rests on it.
+    The kinetic one: a drum of one of its materials sits on the axis of a swinging body, a pad of the other rests on it.
 
     Example:  pianorig calibrate-contact --contact contact04 --load 0.1 --radius 0.012 --out my_pair.toml
     """
