@@ -275,6 +275,8 @@ def _stamp(date: str, time: str, where: str) -> float:
         day = (datetime.strptime(date, "%Y/%m/%d") - datetime(1904, 1, 1)).days if date else 0
         parts = [number(part.replace(",", ".")) for part in time.split(":")] if time else [0.0, 0.0, 0.0]
         hour, minute, second = parts
+        if not (0 <= hour < 24 and 0 <= minute < 60 and 0 <= second <= 60):  # nor what is not a number
+            raise ValueError
     except ValueError:
         raise RigInputError(f"{where}: Date {date!r}, Time {time!r}, allowed YYYY/MM/DD and HH:MM:SS.XXX") from None
     return ((day * 24 + hour) * 60 + minute) * 60 + second if date and time else 0.0
