@@ -34,3 +34,13 @@ SIZE = STATIC + WIDTH
 INPUT, INPUT_RATE, STAGE_STEP, STEP_RATE, IDLE, NEEDED = range(SIZE, SIZE + 6)
 # input u; weight of du/dt; gamma h; 1/h; 1 in a lane without a member; contacts that the member itself needs
 LANE_SIZE = SIZE + WIDTH
+# where contacts remember (`layout.Tables.memory`), their states lie beyond all of these, in rows of their own:
+MOST_MEMORIES, LINKS = 40, 4  # three for each of thirteen contacts; joints of a contact (`layout.MAX_CHAIN`)
+Z, Z1, Z_RATE, Z_FADE, Z_EASE, Z_INPUT, Z_WEIGHT, AUDIT_Z = (LANE_SIZE + MOST_MEMORIES * k for k in range(8))
+# state, at the end of the step, its rate (1/s), d rate / d state, 1 / (1/(gamma h) - that), d rate / d input,
+# error of a speed that one unit of it is worth, state at which energies are asked for
+Z_U = LANE_SIZE + MOST_MEMORIES * 8  # (MAX_STAGES, MOST_MEMORIES) stages
+Z_PUSH = Z_U + MAX_STAGES * MOST_MEMORIES  # (MOST_MEMORIES, LINKS) change of each joint's force by the state
+Z_TURN = Z_PUSH + LINKS * MOST_MEMORIES  # (MOST_MEMORIES, LINKS) d rate / d angle of each joint
+Z_SPEED = Z_TURN + LINKS * MOST_MEMORIES  # (MOST_MEMORIES, LINKS) d rate / d speed of each joint
+WITH_MEMORY = Z_SPEED + LINKS * MOST_MEMORIES
