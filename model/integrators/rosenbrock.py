@@ -35,6 +35,7 @@ from model.kernels.workspace import (
     AUDIT_V,
     AUDIT_Z,
     MOST_MEMORIES,
+    NOW,
     POWER_IN,
     Q1,
     SIZE,
@@ -192,6 +193,8 @@ def integrate(span, drive, out, scene, kernels, method, limits, account):
             break
         if fresh:
             u0, slope, k_in = input_at(t, k_in, drive)
+            if n_z > 0:
+                w[NOW] = t
             linearise(w, p, u0)
             counters[N_RHS] += 1
             counters[N_JACOBIAN] += 1

@@ -61,7 +61,7 @@ def share_left(
     """Share of the slow loading force ``slow_n`` (m, c) with which each contact presses, memories (m, z)."""
     out = np.ones_like(slow_n)
     contacts = tables.memory[:, 0]
-    numbers = vector[tables.offset[6] :].reshape(-1, L.MEMORY_SIZE)
+    numbers = vector[tables.offset[6] : tables.offset[7]].reshape(-1, L.MEMORY_SIZE)
     for contact in np.unique(contacts):
         mine = np.flatnonzero(contacts == contact)
         share = numbers[mine, L.SHARE]

@@ -25,7 +25,7 @@ from pathlib import Path
 from typing import Any
 
 from model.errors import InputError
-from model.parameters.action import BODIES, CONTACTS, LAW, Action
+from model.parameters.action import BODIES, CONTACTS, LAW, STRING, Action
 from model.parameters.effects import EFFECTS, effect_defaults, effect_of
 from model.parameters.felt_laws import check_law, law_defaults, law_of
 from model.parameters.quantity import check_value
@@ -64,6 +64,8 @@ class SceneChoice:
             raise InputError("scene: bodies: found no key, allowed scenes with the key, on which the force acts")
         if "shank" in self.effects and "hammer" not in self.bodies:
             raise InputError("scene: effects: shank needs the hammer; add hammer or leave out shank")
+        if "string" in self.effects and ("hammer" not in self.bodies or STRING in self.without):
+            raise InputError(f"scene: effects: string needs the hammer and {STRING}; add them or leave out string")
 
     @property
     def input_column(self) -> str:
@@ -99,6 +101,7 @@ SCENES = {
     "lifting-key": SceneChoice(effects=("balance_rail",)),
     "flexible-shank": SceneChoice(effects=("shank",)),
     "motor-arm": SceneChoice(effects=("motor_arm",)),
+    "string": SceneChoice(effects=("string",)),
     "lifting-key-flexible-shank": SceneChoice(effects=("balance_rail", "shank")),
 }
 

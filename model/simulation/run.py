@@ -27,6 +27,7 @@ from model.scene.build import Scene
 from model.scene.felt_memory import share_left
 from model.simulation.state import State as State
 from model.simulation.state import with_memory
+from model.simulation.string_motion import string_force, swung_on
 
 # Local error allowed per step for a requested largest error of an angle over the whole run: found with
 # benchmarks/tolerance.py so that the error stays near or below the request on blows from piano to 60 N
@@ -94,7 +95,7 @@ class Simulation:
     max_steps: int | None = None
     counters: NDArray[np.int64] = field(default_factory=lambda: np.zeros(len(L.COUNTERS), dtype=np.int64))
     energy: bool = False
-    audit: NDArray[np.float64] = field(default_factory=lambda: np.zeros(6))
+    audit: NDArray[np.float64] = field(default_factory=lambda: np.zeros(7))
     times: NDArray[np.float64] = field(default_factory=lambda: np.zeros(1))
     remembered: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 0)))
     """(m, z) what felt remembered at the output times of the last `advance`; none for most scenes."""
@@ -245,7 +246,8 @@ class Simulation:
         """Kinetic, potential and elastic energy of the present state, J; zero of heights at the ground's origin."""
         self.scene.check_whole(self.state.angle_rad, "energy")
         w = np.zeros(W.WITH_MEMORY)
-        w[W.AUDIT_Z : W.AUDIT_Z + len(self.state.memory)] = self.state.memory
+        memory = swung_on(self.scene, np.array([self.state.time_s]), self.state.memory[None])[0]
+        w[W.AUDIT_Z : W.AUDIT_Z + len(memory)] = memory
         w[W.AUDIT_Q : W.AUDIT_Q + self.scene.size] = self.state.angle_rad
         w[W.AUDIT_V : W.AUDIT_V + self.scene.size] = self.state.speed_rad_per_s
         energy_of(self.scene.tables)(w, self.scene.vector, 0.0)
@@ -265,12 +267,15 @@ class Simulation:
         normal = np.zeros((len(angle_rad), len(self.scene.contacts)))
         tangential = np.zeros_like(normal)
         forces_along(angle_rad, speed_rad_per_s, self.scene.vector, self.scene.tables, normal, tangential)
-        if len(self.scene.tables.memory):
+        if self.scene.remembers:
             rows = self.remembered if memory is None else memory
             if len(rows) != len(angle_rad):
                 raise InputError(f"contact forces: found {len(rows)} rows of memories, allowed {len(angle_rad)}")
             share = share_left(self.scene.tables, self.scene.vector, normal, rows)
             normal, tangential = normal * share, tangential * share
+            if len(self.scene.tables.string):
+                contact = int(self.scene.tables.string[0])
+                normal[:, contact] = string_force(self.scene, angle_rad, speed_rad_per_s, rows)
         return normal, tangential
 
     def probe_forces(self, angle_rad: NDArray[np.float64], speed_rad_per_s: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -16,6 +16,7 @@ from model.kernels.codegen.load import kernels_of
 from model.kernels.codegen.structure import solved_contacts
 from model.scene.build import Scene
 from model.scene.felt_memory import rested
+from model.scene.string_terms import at_rest
 
 LARGEST_ANGLE, LARGEST_SPEED = 1e3, 1e6  # rad, rad/s
 
@@ -64,9 +65,11 @@ def with_memory(scene: Scene, state: State) -> State:
     ------
     InputError : memories of another scene
     """
-    count, found = len(scene.tables.memory), np.shape(state.memory)
+    string = at_rest(scene.vector[scene.tables.offset[7] :], state.time_s) if len(scene.tables.string) else np.empty(0)
+    count, found = len(scene.tables.memory) + len(string), np.shape(state.memory)
     if count and found == (0,):
-        return replace(state, memory=_rested(scene, state))
+        felt = _rested(scene, state) if len(scene.tables.memory) else np.empty(0)
+        return replace(state, memory=np.concatenate([felt, string]))
     if found != (count,) or not np.all(np.isfinite(state.memory)):
         raise InputError(f"state: found memories {state.memory}, allowed {count} finite numbers, or none")
     return state

@@ -92,7 +92,7 @@ def memory_linearised(s: LoneContact, c: int) -> list[str]:
     stiffness = contact_numbers(s, c, L.K_C)[0] + (" / (1.0 - share0)" if laws[0] == L.STULOV else "")
     # hysteresis starts anew at the next touch
     away = [f"w[{W.Z} + z0 + {m}] = 1.0" for m, law_of in enumerate(laws) if law_of == L.HYSTERESIS]
-    lines = contact_linearised(s, c, FeltLines(law, _coupled(s, c), away, stiffness))
+    lines = contact_linearised(s, c, FeltLines(law, _coupled(s, c), away, stiffness, []))
     return [*memory_numbers(laws), *_forgotten(s, c), *lines]
 
 

@@ -123,6 +123,7 @@ def contact_forces(s: LoneContact, c: int) -> list[str]:
 class FeltLines(NamedTuple):
     """Lines of a felt law: its force and slopes, derivatives where it presses, what happens where it is left alone.
 
+    ``start`` are lines once the depth is known, before it decides.
     ``stiffness`` is the text of the force per depth that a first touch brings at once.
     """
 
@@ -130,12 +131,13 @@ class FeltLines(NamedTuple):
     derivatives: list[str]
     away: list[str]
     stiffness: str
+    start: list[str]
 
 
 def _without_memory(s: LoneContact, c: int) -> FeltLines:
     law = [f"fn, fnx, fnr, mu, mus = contact_laws(x, rate, slide, {law_numbers(s, c)})"]
     stiffness, damping = contact_numbers(s, c, L.K_C, L.DAMP)
-    return FeltLines(law, derivatives(s, c), [], f"{stiffness} * (1.0 + {damping} * abs(w[{s.at(c, W.GAP_RATE)}]))")
+    return FeltLines(law, derivatives(s, c), [], f"{stiffness} * (1.0 + {damping} * abs(w[{s.at(c, W.GAP_RATE)}]))", [])
 
 
 def contact_linearised(s: LoneContact, c: int, felt: FeltLines | None = None) -> list[str]:
@@ -159,7 +161,7 @@ def contact_linearised(s: LoneContact, c: int, felt: FeltLines | None = None) ->
     rate = " + ".join(f"turns{k}_{c} * v{b}" for k, (b, _) in enumerate(chain))
     away += [f"w[{s.at(c, W.ROOM)}] = room", f"w[{s.at(c, W.GAP)}] = room", f"w[{s.at(c, W.GAP_RATE)}] = {rate}"]
     return [
-        *(f"slides{k}_{c} = 0.0" for k in range(len(chain))), *centres(s, c), *surface(s, c, False),
+        *(f"slides{k}_{c} = 0.0" for k in range(len(chain))), *centres(s, c), *surface(s, c, False), *felt.start,
         "if x > 0.0:", *indent([*arms_and_rates(s, c), *law, "if fn > 0.0:", *indent(felt.derivatives)]),
         "else:", *indent([*away, *felt.away]),
         f"w[{s.at(c, W.KICK)}] = {felt.stiffness} * " + easiest(s, c, "turns", f"_{c}"),

@@ -11,6 +11,7 @@ from model.kernels.codegen.bodies import mass, pose, thresholds
 from model.kernels.codegen.contact_memory import memory_energy
 from model.kernels.codegen.contacts import contact_energy, probe_energy
 from model.kernels.codegen.step_kernels import HEAD, module
+from model.kernels.codegen.string_contact import NAMES, string_energy_lines
 from model.kernels.codegen.structure import Structure
 
 MEMORY_HEAD = """from model.kernels.memory_laws import (
@@ -58,6 +59,9 @@ def emit_energy(tables: L.Tables) -> str:
             out.append(f"given -= u * v{s.guide(i)}")
         out.append(f"given -= u * {arm} * v{i}" if kind == L.FORCE_DOWN else f"given += u * v{i}")
     for c in range(len(s.contact)):
+        if c in s.string:
+            out += string_energy_lines(s, c)
+            continue
         out += memory_energy(s, c) if s.memories(c) else contact_energy(s, c)
     for k in range(len(s.probe)):
         out += probe_energy(s, k)
@@ -68,6 +72,10 @@ def emit_energy(tables: L.Tables) -> str:
         names[W.POWER_SHANK] = " + ".join(
             f"p[{s.offset[5] + L.DAMPER_SIZE * k}] * v{i} * v{i}" for k, i in enumerate(s.damper)
         )
+    if s.string:
+        names[W.POWER_STRING] = "string_loss"
     out += [f"w[{at}] = {name}" for at, name in names.items()]
     lines = [*out, f"w[{W.POWER_JOINTS}] = joints", "return 0"]
-    return module(("energy", "w, p, u", lines), head=HEAD + (MEMORY_HEAD if s.memory else ""))
+    return module(
+        ("energy", "w, p, u", lines), head=HEAD + (MEMORY_HEAD if s.memory else "") + (NAMES if s.string else "")
+    )

@@ -22,6 +22,13 @@ from model.kernels.codegen.contact_memory import (
     stages_of_memories,
 )
 from model.kernels.codegen.contacts import probe
+from model.kernels.codegen.string_contact import (
+    NAMES,
+    string_known_sides,
+    string_prepared,
+    string_stages,
+    string_summed,
+)
 from model.kernels.codegen.structure import Structure
 
 HEAD = '''"""Generated from the structure of a scene by model.kernels.codegen.step_kernels; do not edit."""
@@ -106,7 +113,7 @@ def _prepare(s: Structure) -> list[str]:
         elif s.parent[i] == j or s.parent[j] == i:
             text += f" + inverse * w[{W.M_UP + (i if s.parent[i] == j else j)}]"
         out.append(f"m{i}_{j} = {text}")
-    out += factors(s)
+    out += [*factors(s), *string_prepared(s)]
     out += [f"small{i} = 1e-6 * abs(m{i}_{i})" for i in range(s.free)]
     for k in range(s.free):
         if s.lanes == 1:
@@ -155,7 +162,7 @@ def _stage(s: Structure, pieces: set[Piece]) -> list[str]:
         out += [f"    x = w[o + {i}]", f"    sq{i} += aj * x", f"    b{i} += cj * x"]
     for i in n:
         out += [f"    x = w[o + {W.WIDTH + i}]", f"    sv{i} += aj * x", f"    l{i} += cj * x"]
-    out += summed
+    out += [*summed, *string_summed(s)]
     ways = [f"abs(sq{i}) > w[{W.ALLOWANCE + i}]" for i in n]
     out += _prescribed(s, False)
     ways += [f"abs(q{i} - w[{W.Q + i}]) > w[{W.ALLOWANCE + i}]" for i in range(s.free, s.n)]
@@ -177,6 +184,7 @@ def _stage(s: Structure, pieces: set[Piece]) -> list[str]:
     out += ["    " + line for text in inner for line in text.split("\n")]
     out += ["else:", *(f"    a{i} = w[{W.ACC + i}]" for i in n)]
     out += [f"    fade{m} = w[{W.Z_RATE + m}]" for m in range(len(s.memory))]
+    out += [f"    fstring = w[{W.S_FORCE}]" for _ in s.string]
     out += [f"a{i} += l{i} * rate\nb{i} = v{i} + b{i} * rate" for i in n]
     for i in n:
         text = f"ft * w[{W.F_U + i}] + w[{W.M_DIAG + i}] * a{i}"
@@ -185,7 +193,7 @@ def _stage(s: Structure, pieces: set[Piece]) -> list[str]:
                 text += f" + w[{W.M_UP + (i if s.parent[i] == j else j)}] * a{j}"
         stiff = " + ".join(f"{s.stiffness(i, j)} * b{j}" for j in n if (i, j) in s.square())
         out.append(f"g{i} = {text} + gh * ({stiff})")
-    out += known_sides(s)
+    out += [*known_sides(s), *string_known_sides(s)]
     pattern = _filled(s)
     for i in n:
         out += [f"g{i} -= w[{W.LU + W.WIDTH * i + j}] * g{j}" for j in range(i) if (i, j) in pattern]
@@ -197,6 +205,7 @@ def _stage(s: Structure, pieces: set[Piece]) -> list[str]:
         out += [f"w[o + {i}] = gh * (b{i} + g{i})", f"w[o + {W.WIDTH + i}] = g{i}"]
     if s.memory:
         out += stages_of_memories(s)
+    out += string_stages(s)
     return [*out, "return exceeded"]
 
 
@@ -235,6 +244,8 @@ def emit_with_pieces(tables: L.Tables, lanes: int = 1) -> tuple[str, list[Piece]
     )
     if s.memory:
         head = "from model.kernels.memory_laws import stulov_open\n" + head
+    if s.string:
+        head = NAMES + head
     return module(*functions, head=HEAD + head), used
 
 

@@ -38,6 +38,7 @@ class Structure:
         self.place = {c: k for k, c in enumerate(solved_contacts(tables))}
         self.damper = [int(i) for i in tables.damper]
         self.rail = [int(c) for c in tables.rail]
+        self.string = [int(c) for c in tables.string]
         self.memory = [(int(c), int(law)) for c, law in tables.memory]
         self.guided = {i for i, w in enumerate(self.parent) if w == L.GUIDED}
         # cosines and joint friction of all bodies of a run in one vector; members in lanes fill theirs with members
@@ -127,6 +128,7 @@ class LoneContact:
         self.guided = {here[i] for i in s.guided if i in here}
         self._solved = [i < s.free for i in self.bodies]
         self.joints = [i for i, _ in self.chain[0]]
+        self.string = c in s.string
         self.remembers = [s.memory[m][1] for m in s.memories(c)]  # law of each of its memories
 
     def solved(self, body: int) -> bool:
