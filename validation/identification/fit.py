@@ -185,7 +185,7 @@ def fit(
             largest = _largest(marginal, here, z, (low, high), asked)
             converged = largest < (CLOSE if learnings < MOST_LEARNINGS else STALLED)
         sizes = marginal.sizes
-        if converged or steps == MOST_STEPS or learnings == MOST_LEARNINGS:
+        if converged or steps == MOST_STEPS or learnings >= MOST_LEARNINGS:
             break
         steps += 1
         attempt = _attempt(problem, marginal, here, z, damping)
@@ -194,9 +194,12 @@ def fit(
             said = f"step {steps}: largest change {largest:.2g} u, damped by {damping:g}; linear to {worth:.2g}"
             say(said if taken else f"step {steps}: no step from here lowers the objective")
         if near and largest < NEAR and attempt.gain < LEAST_GAIN:
-            marginal = _learnt(blocks, linear, sizes, near, FLOOR)
+            marginal, learnings = _learnt(blocks, linear, sizes, near, FLOOR), learnings + 1
             converged = _largest(marginal, here, z, (low, high), asked) < STALLED
-            break
+            if converged or learnings >= MOST_LEARNINGS:
+                break
+            sizes = marginal.sizes
+            continue
         if attempt.curves is not None:
             z, curves = z + attempt.step, attempt.curves
         elif near:
