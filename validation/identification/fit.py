@@ -118,16 +118,16 @@ class Columns:
         self._last: tuple[Array, list[Block]] | None = None
         self._force: tuple[Array, list[Array]] | None = None
 
-    def blocks(self, z: Array) -> list[Block]:
-        """The linear model at z.
+    def blocks(self, z: Array, near: bool = True) -> list[Block]:
+        """The linear model at z, ``near`` the minimum or on the way to it.
 
-        All that moves is found afresh: old columns turn the last steps aside. Those of force noise are kept while z
-        moves little: they only say how large it is.
+        All that moves is found afresh: old columns turn the last steps aside. Those of force noise are kept on the way
+        and while z moves little: they only say how large it is.
         """
         if self._last is None or not np.array_equal(self._last[0], z):
             problem = self.problem
             jacobian = problem.response.jacobian(z, range(z.size))
-            if self._force is None or np.max(np.abs(z - self._force[0]), initial=0.0) > AFAR:
+            if self._force is None or (near and np.max(np.abs(z - self._force[0]), initial=0.0) > AFAR):
                 self._force = z.copy(), problem.response.force_columns(z)
             laws = problem.laws[: z.size]
             self._last = z.copy(), make_blocks(problem.trials, jacobian, self._force[1], laws, problem.held)
@@ -171,12 +171,12 @@ def fit(
     asked, largest, damping, learnings = len(problem.unknowns.asked), np.inf, 0.0, 0
     while True:
         try:
-            blocks = columns.blocks(z)
+            near = floor <= NEAR * FLOOR
+            blocks = columns.blocks(z, near)
         except ModelError as error:
             raise ValidationInputError(f"identify: {error}") from None
         linear = linear_residuals(problem, blocks, curves, z)
         here = residuals(problem.trials, curves)
-        near = floor <= NEAR * FLOOR
         # near the minimum sizes are kept until the values have settled, so that there is one function to minimise
         marginal = Marginal(blocks, sizes) if near and largest < NEAR else _learnt(blocks, linear, sizes, near, floor)
         largest = _largest(marginal, here, z, (low, high), asked)
