@@ -19,6 +19,7 @@ from validation.identification.fit import Columns, Fitted, Problem, fit, starts
 from validation.identification.identifiability import directions, warnings_of
 from validation.identification.noise import FLOOR, Sizes, learn
 from validation.identification.options import IdentifyKeywords, IdentifyOptions
+from validation.identification.outcome.joint import joint_posterior
 from validation.identification.outcome.result import AT_BOUND, Identification
 from validation.identification.scatter import lacking
 from validation.identification.scores import score
@@ -106,6 +107,7 @@ def identify(
         scatter=scatter,
         scores=scores,
         provenance=_provenance(start, asked, sources, best, options),
+        posterior=joint_posterior(problem, best, estimates, sources.seals),
     )
 
 

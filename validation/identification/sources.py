@@ -6,7 +6,7 @@ comparison; sessions of different actions are refused.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,6 +18,7 @@ from validation.identification.options import IdentifyOptions
 from validation.measurement.session import MeasuredSession, measure_session, open_session
 from validation.measurement.trial import U_REST_LEVEL_M
 from validation.prediction.model_under_test import ModelUnderTest
+from validation.prediction.posterior import posterior_of
 
 UNKNOWN = "unknown"
 
@@ -46,7 +47,8 @@ def collect(sessions: Sequence[Session | str | Path], action: model.Action, opti
     Raises
     ------
     ValidationInputError
-        No session, sessions of different actions, one given twice, or one without a usable trial.
+        No session, sessions of different actions, one given twice, one without a usable trial, or a trial that the
+        action's values were fitted to before.
     """
     if not sessions:
         raise ValidationInputError("identify: no session given; name at least one session folder")
@@ -72,6 +74,7 @@ def collect(sessions: Sequence[Session | str | Path], action: model.Action, opti
             seals |= {t.label: m.seal for t, m in zip(observed, kept, strict=True)}
         if out:
             held[f"{name}, held out" if kept else name] = tuple(observe(name, 0, out, options.phases))
+    _refuse_used_before(action, seals)
     return Sources(tuple(fitted), held, seals, tuple(refused))
 
 
@@ -87,6 +90,18 @@ def _refuse_twice(opened: Sequence[Session]) -> None:
             raise ValidationInputError(
                 f"{place}: session given twice; name each session once, to fit or with --hold-out"
             )
+
+
+def _refuse_used_before(action: model.Action, seals: Mapping[str, str]) -> None:
+    """Data count once: values that were fitted to a trial cannot be the prior of another fit to it."""
+    before = posterior_of(action)
+    used = [label for label, seal in seals.items() if before is not None and seal in before.trials.values()]
+    if used:
+        raise ValidationInputError(
+            f"{action.origin}: its values were fitted to {used[0]} already"
+            f"{f' and to {len(used) - 1} more of these trials' if used[1:] else ''}, which would count twice; start "
+            "from the action they were identified from, or give other trials"
+        )
 
 
 def _refuse_other_actions(opened: Sequence[Session]) -> None:

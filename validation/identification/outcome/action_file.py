@@ -1,8 +1,8 @@
 """``identified.toml``: an action file with the identified values, their u, and how they were found.
 
 A valid action file: every command takes it with ``--action``. Its table ``[identification]`` holds the asked parameters
-with intervals and correlations, what the strokes cannot tell, the scores, and the hashes of the data; the model
-does not read it.
+with intervals and correlations, what the strokes cannot tell, the scores, the hashes of the data, and the joint
+uncertainty that a comparison draws from (`validation.prediction.posterior`); the model does not read it.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from model.files.atomic_write import whole_file
 from model.parameters.write_toml import action_text
 from validation.identification.outcome.result import IDENTIFIED, Identification
 from validation.identification.outcome.target_file import check_target
+from validation.prediction.posterior import TABLE
 
 
 def write_identified(found: Identification, path: str | Path) -> None:
@@ -71,6 +72,8 @@ def _table(found: Identification) -> list[str]:
     lines += [f"{_key(k)} = {_value(v)}" for k, v in found.provenance.items()]
     lines += ["", "[identification.scores]"]
     lines += [f"{_key(k)} = {_value(v)}" for k, v in found.scores.items()]
+    lines += ["", f"[identification.{TABLE}]"]
+    lines += [f"{k} = {_value(v)}" for k, v in found.posterior.table().items()]
     for e in found.estimates:
         lines += ["", f"[identification.parameters.{_key(e.name)}]"]
         lines += [f"{k} = {_value(v)}" for k, v in asdict(e).items() if k != "name"]

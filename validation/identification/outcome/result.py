@@ -12,6 +12,7 @@ from typing import Any
 
 import model
 from validation.conventions import Array
+from validation.prediction.posterior import Posterior
 
 IDENTIFIED = "identified"
 DOUBTFUL = "not identified: the model lacks more than the parameter does"
@@ -93,6 +94,7 @@ class Identification:
     scatter : name -> standard deviation from trial to trial, relative
     scores : name of a set of trials -> scores of printed and identified values and of the null model
     provenance : what it was made from
+    posterior : joint uncertainty of everything the fit moved
     """
 
     action: model.Action
@@ -105,3 +107,4 @@ class Identification:
     scatter: Mapping[str, float]
     scores: Mapping[str, Any]
     provenance: Mapping[str, Any]
+    posterior: Posterior
