@@ -19,8 +19,11 @@ from validation.identification.fit import Columns, Fitted, Problem, fit, starts
 from validation.identification.identifiability import directions, warnings_of
 from validation.identification.noise import FLOOR, Sizes, learn
 from validation.identification.options import IdentifyKeywords, IdentifyOptions
+from validation.identification.outcome.details import Details
+from validation.identification.outcome.held_out import score_events
 from validation.identification.outcome.joint import joint_posterior
 from validation.identification.outcome.result import AT_BOUND, Identification
+from validation.identification.profiles import Profile
 from validation.identification.scatter import lacking
 from validation.identification.scores import score
 from validation.identification.sources import Sources, collect
@@ -28,6 +31,7 @@ from validation.identification.unknowns.priors import Unknowns, unknowns
 from validation.prediction.model_under_test import action_sha256
 
 LEAST_EFFECT_RAD = 1e-8
+EVENT_TOLERANCE = 1e-5
 PROVISIONAL = (
     "intervals are provisional: how often they hold the truth has been tried in one virtual experiment only, where "
     "three of eleven did not (docs/explanation/identification.md)"
@@ -84,13 +88,18 @@ def identify(
     fits = [fit(problem, z, options.say, None if k else columns) for k, z in enumerate(points)]
     best = min(fits, key=lambda f: f.badness)
     found = action_at(start, asked, best.z)
-    estimates = estimate_all(problem, best, options.profiles, options.say)
+    profiles: list[Profile] = []
+    estimates = estimate_all(problem, best, options.profiles, options.say, profiles.append)
     covariance = best.covariance[: len(asked.asked), : len(asked.asked)]
     names = [p.name for p in asked.asked]
     undetermined, determined = directions(names, covariance)
     scores = {"fitted trials": score(sources.fitted, {"before": start, "identified": found}, options.tolerance)}
     for name, trials in sources.held.items():
         scores[name] = score(trials, {"before": start, "identified": found}, options.tolerance)
+    events = {
+        name: score_events(trials, {"before": start, "identified": found}, EVENT_TOLERANCE)
+        for name, trials in sources.measured_held.items()
+    }
     width = np.sqrt(np.diag(covariance))
     sizes = best.marginal.sizes.scatter
     scatter = {p.name: float(sizes[j] * p.u) for j, p in enumerate(asked.asked) if problem.laws[j]}
@@ -106,8 +115,10 @@ def identify(
         starts=tuple(f.badness for f in fits),
         scatter=scatter,
         scores=scores,
+        events=events,
         provenance=_provenance(start, asked, sources, best, options),
         posterior=joint_posterior(problem, best, estimates, sources.seals),
+        details=Details(problem, best, tuple(profiles), sources),
     )
 
 

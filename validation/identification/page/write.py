@@ -1,0 +1,51 @@
+"""Writing an identification: the action file and its page, both or neither."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from validation.identification.further.shrink import Prospect
+from validation.identification.outcome.action_file import identified_text
+from validation.identification.outcome.result import Identification
+from validation.identification.outcome.target_file import check_target
+from validation.identification.page.render import render_identification
+from validation.report.files import write_files
+
+
+def write_reading(
+    found: Identification, path: str | Path, ranked: Sequence[Prospect] = (), refused: Sequence[str] = ()
+) -> dict[str, Path]:
+    """Write the action file and, under the same name with the ending ``.html``, its page.
+
+    Parameters
+    ----------
+    found : Identification
+    path : action file to write, ending in .toml
+    ranked, refused : what could be recorded next, see `validation.identification.further.shrink.prospects`
+
+    Returns
+    -------
+    dict
+        ``action`` and ``page`` -> path.
+
+    Raises
+    ------
+    ValidationInputError
+        Another ending, a folder that is not there or cannot be written; nothing is left half-written.
+
+    Examples
+    --------
+    >>> import validation
+    >>> found = validation.identify(["sessions/example_forte"], ["hammer.joint_friction"], fixed=("*",), profiles=())
+    >>> validation.write_reading(found, "identified.toml")["page"].name
+    'identified.html'
+    """
+    target = check_target(path)
+    page = target.with_suffix(".html")
+    texts: dict[str, str | bytes] = {
+        target.name: identified_text(found),
+        page.name: render_identification(found, ranked, refused),
+    }
+    write_files(target.parent, texts)
+    return {"action": target, "page": page}
