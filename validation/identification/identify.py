@@ -82,7 +82,8 @@ def identify(
     response = ExactRuns(start, asked.moved, sources.fitted, options.tolerance)
     problem = Problem(start, asked, sources.fitted, response, held_columns(start, asked, sources, options.tolerance))
     columns, before = look_before(problem)
-    for line in before:
+    stuck = bounds_not_run(problem)
+    for line in [*stuck, *before]:
         options.say(f"before the fit: {line}")
     points = starts(problem, options.starts)
     fits = [fit(problem, z, options.say, None if k else columns) for k, z in enumerate(points)]
@@ -111,7 +112,7 @@ def identify(
         correlation=covariance / np.outer(width, width),
         undetermined=tuple(undetermined),
         determined=tuple(determined),
-        warnings=(*_of_fit(best, fits, sources), *said, *warnings_of(names, covariance)),
+        warnings=(*_of_fit(best, fits, sources), *stuck, *said, *warnings_of(names, covariance)),
         starts=tuple(f.badness for f in fits),
         scatter=scatter,
         scores=scores,
@@ -161,6 +162,20 @@ def look_before(problem: Problem) -> tuple[Columns, list[str]]:
     marginal = learn(blocks, [b.moved @ zero for b in blocks], sizes, 0, FLOOR)
     n = len(names)
     return columns, warnings_of(names, marginal.covariance[:n, :n])
+
+
+def bounds_not_run(problem: Problem) -> list[str]:
+    """A line for each end of an asked parameter's range at which the model cannot run these strokes."""
+    asked, (low, high) = problem.unknowns.asked, problem.box()
+    ends = [(j, side, edge[j]) for j in range(len(asked)) for side, edge in (("lower", low), ("upper", high))]
+    points = [at * np.eye(low.size)[j] for j, _, at in ends]
+    return [
+        f"{asked[j].name}: the model cannot run at the {side} end of its range "
+        f"({asked[j].physical(problem.action, at):.3g} {asked[j].unit(problem.action)}); what its interval says beyond "
+        "the last value that ran is extrapolated"
+        for (j, side, at), curves in zip(ends, problem.response.curves(points), strict=True)
+        if curves is None
+    ]
 
 
 def action_at(start: model.Action, asked: Unknowns, z: Array) -> model.Action:

@@ -17,8 +17,8 @@ from validation.errors import ValidationInputError
 from validation.identification.fit import fit
 from validation.identification.observations import ObservedTrial
 from validation.identification.options import IdentifyOptions
+from validation.identification.page.write import write_petab
 from validation.identification.petab.read import is_petab, read_petab
-from validation.identification.petab.write import write_petab
 from validation.identification.sources import collect
 
 TRUTH = np.array([0.8, -0.5, 0.3])

@@ -82,7 +82,7 @@ def test_the_page_says_in_plain_sentences_what_is_known_and_what_is_not(found, t
     assert "http://" not in page and "https://" not in page and "<script" not in page
     assert "no value is called identified" in page and PROVISIONAL in html.unescape(page)
     assert "Predicted, not fitted, example_forte, held out: hammer speed at impact off by" in page
-    assert page.index("no value is called") < page.index("Before and after the strokes") < page.index("Provenance")
+    assert page.index("no value is called") < page.index("Before and after the strokes") < page.index("h-provenance")
     assert all(
         f'id="{part}"' in page for part in ("forest", "correlations", "profiles", "residuals", "held-out", "next")
     )

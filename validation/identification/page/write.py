@@ -1,4 +1,4 @@
-"""Writing an identification: the action file and its page, both or neither."""
+"""Writing an identification: the action file and its page, both or neither; its tables in the manner of PEtab."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ from validation.identification.outcome.action_file import identified_text
 from validation.identification.outcome.result import Identification
 from validation.identification.outcome.target_file import check_target
 from validation.identification.page.render import render_identification
-from validation.report.files import write_files
+from validation.identification.petab.write import petab_texts
+from validation.report.files import check_folder, write_files
 
 
 def write_reading(
@@ -49,3 +50,34 @@ def write_reading(
     }
     write_files(target.parent, texts)
     return {"action": target, "page": page}
+
+
+def write_petab(found: Identification, folder: str | Path) -> dict[str, Path]:
+    """Write the data and parameters of an identification as tables in the manner of PEtab 1.
+
+    Parameters
+    ----------
+    found : Identification
+    folder : path
+        Made if it is not there.
+
+    Returns
+    -------
+    dict
+        Name -> path.
+
+    Raises
+    ------
+    ValidationInputError
+        The folder cannot be written; nothing is left half-written.
+
+    Examples
+    --------
+    >>> import validation
+    >>> found = validation.identify(["sessions/example_forte"], ["hammer.joint_friction"], fixed=("*",), profiles=())
+    >>> sorted(validation.write_petab(found, "tables"))[:2]
+    ['README.txt', 'conditions.tsv']
+    """
+    target = Path(folder)
+    check_folder(target)
+    return write_files(target, petab_texts(found.details.problem, found.details.fitted))

@@ -1,18 +1,16 @@
-"""Writing the tables of an identification."""
+"""The tables of an identification, as texts."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
 import model
 from validation.conventions import ENCODER_CHANNELS, Array
-from validation.identification.fit import Fitted
+from validation.identification.fit import Fitted, Problem
 from validation.identification.observations import CHANNELS, ObservedTrial
-from validation.identification.outcome.result import Identification
 from validation.identification.petab.columns import (
     CONDITION,
     CONDITIONS,
@@ -30,7 +28,6 @@ from validation.identification.petab.columns import (
     petab_id,
 )
 from validation.identification.unknowns.priors import Parameter, Unknowns
-from validation.report.files import check_folder, write_files
 
 README = """Tables in the manner of PEtab 1, written by pianorig identify.
 
@@ -49,46 +46,24 @@ values, but standard uncertainties many times too small. Those of pianorig ident
 """
 
 
-def write_petab(found: Identification, folder: str | Path) -> dict[str, Path]:
-    """Write the data and parameters of an identification as tables in the manner of PEtab 1.
+def petab_texts(problem: Problem, fitted: Fitted) -> dict[str, str | bytes]:
+    """Every file of the folder, name -> text.
 
     Parameters
     ----------
-    found : Identification
-    folder : path
-        Made if it is not there.
-
-    Returns
-    -------
-    dict
-        Name -> path.
-
-    Raises
-    ------
-    ValidationInputError
-        The folder cannot be written; nothing is left half-written.
-
-    Examples
-    --------
-    >>> import validation
-    >>> found = validation.identify(["sessions/example_forte"], ["hammer.joint_friction"], fixed=("*",), profiles=())
-    >>> sorted(validation.write_petab(found, "tables"))[:2]
-    ['README.txt', 'conditions.tsv']
+    problem, fitted : the identification
     """
-    target = Path(folder)
-    check_folder(target)
-    problem = found.details.problem
     tables = {
         PARAMETERS: parameter_table(problem.action, problem.unknowns),
         OBSERVABLES: observable_table(),
-        **trial_tables(problem.trials, found.details.fitted),
+        **trial_tables(problem.trials, fitted),
     }
     texts: dict[str, str | bytes] = {
         name: table.to_csv(sep="\t", index=False, lineterminator="\n") for name, table in tables.items()
     }
     texts[PROBLEM] = _problem_yaml()
     texts["README.txt"] = README
-    return write_files(target, texts)
+    return texts
 
 
 def parameter_table(action: model.Action, unknowns: Unknowns) -> pd.DataFrame:
