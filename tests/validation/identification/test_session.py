@@ -18,7 +18,7 @@ from validation.identification.model_runs import Case, ModelRuns
 from validation.identification.options import IdentifyOptions
 from validation.identification.outcome.action_file import write_identified
 from validation.identification.outcome.result import TOO_FEW
-from validation.identification.page.render import render_identification
+from validation.identification.page.sentences import plain_sentences
 from validation.identification.page.write import write_reading
 from validation.identification.sources import collect
 from validation.identification.unknowns.priors import unknowns
@@ -62,9 +62,14 @@ def test_the_file_is_an_action_with_uncertainty_and_provenance(found, tmp_path: 
         write_identified(found, tmp_path / "identified.json")
 
 
-def test_the_file_holds_the_joint_uncertainty_and_the_prediction(found, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
-    write_reading(found, tmp_path / "identified.toml")
-    action = model.load_action(tmp_path / "identified.toml")
+@pytest.fixture(scope="module")
+def written(found, tmp_path_factory) -> dict[str, Path]:  # type: ignore[no-untyped-def]
+    """Its action file and page."""
+    return write_reading(found, tmp_path_factory.mktemp("written") / "identified.toml")
+
+
+def test_the_file_holds_the_joint_uncertainty_and_the_prediction(found, written) -> None:  # type: ignore[no-untyped-def]
+    action = model.load_action(written["action"])
     joint = posterior_of(action)
     assert joint is not None and joint.names == ("hammer.joint_friction.A",)
     assert joint.covariance[0, 0] == pytest.approx(found.estimates[0].z_u ** 2, rel=1e-4)
@@ -76,9 +81,8 @@ def test_the_file_holds_the_joint_uncertainty_and_the_prediction(found, tmp_path
         identify([EXAMPLE], ["hammer.joint_friction"], action, fixed=("*",))
 
 
-def test_the_page_says_in_plain_sentences_what_is_known_and_what_is_not(found, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
-    files = write_reading(found, tmp_path / "identified.toml")
-    page = files["page"].read_text("utf-8")
+def test_the_page_says_in_plain_sentences_what_is_known_and_what_is_not(found, written) -> None:  # type: ignore[no-untyped-def]
+    page = written["page"].read_text("utf-8")
     assert "http://" not in page and "https://" not in page and "<script" not in page
     assert "no value is called identified" in page and PROVISIONAL in html.unescape(page)
     assert "Predicted, not fitted, example_forte, held out: hammer speed at impact off by" in page
@@ -86,11 +90,11 @@ def test_the_page_says_in_plain_sentences_what_is_known_and_what_is_not(found, t
     assert all(
         f'id="{part}"' in page for part in ("forest", "correlations", "profiles", "residuals", "held-out", "next")
     )
-    alone = replace(found, events={})
-    assert "Nothing was held out" in render_identification(alone)
+    assert "Nothing was held out" in " ".join(plain_sentences(replace(found, events={})))
 
 
-def test_nothing_is_left_half_written(found, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+def test_nothing_is_left_half_written(found, tmp_path: Path, monkeypatch) -> None:  # type: ignore[no-untyped-def]
+    monkeypatch.setattr("validation.identification.page.write.render_identification", lambda *given: "a page")
     (tmp_path / "identified.html").mkdir()
     with pytest.raises(ValidationInputError, match="cannot be written"):
         write_reading(found, tmp_path / "identified.toml")
