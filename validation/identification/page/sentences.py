@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 
 from validation.identification.further.shrink import Prospect
+from validation.identification.outcome.compatible import explain_fit, in_words
 from validation.identification.outcome.held_out import CEILING, NULL, event_words
 from validation.identification.outcome.result import IDENTIFIED, Identification
 from validation.report.tables.formatting import number
@@ -21,13 +22,14 @@ def plain_sentences(found: Identification, ranked: Sequence[Prospect] = ()) -> l
     found : Identification
     ranked : what could be recorded next; empty where it was not asked for
     """
-    said = [_what_was_found(found)]
+    problem, fitted = found.details.problem, found.details.fitted
+    said = [_what_was_found(found), in_words(explain_fit(problem, fitted), problem)]
     said += [
         f"These strokes cannot tell the size of {d.words}: {100 * d.left:.0f} % of its prior u is left."
         for d in found.undetermined
     ][:3]
     said += _held_out(found)
-    said.append(_next(ranked))
+    said.append(_next(ranked, fitted.converged))
     return said
 
 
@@ -72,15 +74,16 @@ def _curve(scores: Mapping[str, Mapping[str, float] | None]) -> str:
     return f" Hammer curve off by (RMS) {', '.join(parts)}." if parts else ""
 
 
-def _next(ranked: Sequence[Prospect]) -> str:
+def _next(ranked: Sequence[Prospect], settled: bool) -> str:
     if not ranked:
         return "What to record next was not asked for; --plan plan.toml ranks the strokes on the shelf."
     best = ranked[0]
+    doubt = "" if settled else "; but the fit it is predicted from did not settle"
     most = min(best.shrink, key=lambda name: best.shrink[name])
     what = f"{best.trials} trials of {best.name}" if best.trials else best.name
     return (
         f"Next: {what} would shrink u to {100 * best.mean:.0f} % on average, that of {most} to "
-        f"{100 * best.shrink[most]:.0f} % (predicted)."
+        f"{100 * best.shrink[most]:.0f} % (predicted{doubt})."
     )
 
 
