@@ -9,7 +9,7 @@ import pytest
 
 from tests.validation.identification import toy
 from validation.identification.fit import fit
-from validation.identification.outcome.compatible import Explanation, explain, explain_fit, in_words, log_odds
+from validation.identification.page.compatible import Explanation, explain, explain_fit, in_words, log_odds
 
 
 def of(truth: tuple[float, float, float], alike: bool = False, lacking: float = 0.0) -> tuple[Explanation, str]:

@@ -6,9 +6,9 @@ import math
 from collections.abc import Mapping, Sequence
 
 from validation.identification.further.shrink import Prospect
-from validation.identification.outcome.compatible import explain_fit, in_words
 from validation.identification.outcome.held_out import CEILING, NULL, event_words
 from validation.identification.outcome.result import IDENTIFIED, Identification
+from validation.identification.page.compatible import explain_fit, in_words
 from validation.report.tables.formatting import number
 
 SPEED = "hammer_speed"
