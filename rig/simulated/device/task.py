@@ -130,6 +130,8 @@ class Progress:
     """What the running task compares its first channel with."""
     crossings: int = 0
     """Crossings it has seen."""
+    completed: int = 0
+    """Runs that came to their own end, by all samples or an error, and were stopped since."""
     triggered: bool = False
     """The analog start trigger has come."""
 
@@ -281,6 +283,15 @@ class SimulatedTask:
         """Whether written samples may be generated again."""
         mode = self.setting("Write", "", daqmx.WRITE_REGEN_MODE, daqmx.ALLOW_REGENERATION)
         return bool(mode != daqmx.DO_NOT_ALLOW_REGENERATION)
+
+    @property
+    def ended(self) -> bool:
+        """Whether the task runs and has come to its end by itself: all samples, all pulses, or an error."""
+        if self.state != "running" or self.retriggerable:
+            return False
+        if self.type == "CO":
+            return self.pulses.finished
+        return bool(self.progress.error) or (self.timing.clock is not None and self.samples_remaining <= 0)
 
     @property
     def done(self) -> bool:

@@ -112,6 +112,7 @@ def stop_task(device: DeviceState, task: SimulatedTask) -> None:
     """Stop a task; an output keeps the value it has."""
     if task.state != "running":
         return
+    task.progress.completed += int(task.ended)
     task.progress.live = False
     close_log(task)
     if task.name in device.watchdogs:
