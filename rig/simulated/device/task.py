@@ -130,6 +130,8 @@ class Progress:
     """What the running task compares its first channel with."""
     crossings: int = 0
     """Crossings it has seen."""
+    runs: int = 0
+    """How often it was started."""
     completed: int = 0
     """Runs that came to their own end, by all samples or an error, and were stopped since."""
     triggered: bool = False

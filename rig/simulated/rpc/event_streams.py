@@ -74,7 +74,7 @@ class EventStream:
         self._streams, self._call, self._request, self._task = streams, call, request, task
         self._is_due = is_due
         self._cancelled = threading.Event()
-        self._sent, self._started = 0, False
+        self._sent, self._started, self._run = 0, False, task.progress.runs
 
     def is_of(self, call: str, task_name: str) -> bool:
         """Whether this is the live stream of an event of a task."""
@@ -101,9 +101,9 @@ class EventStream:
             if device.tasks.get(self._task.name) is not self._task:
                 return None, True
             running = self._task.state == "running"
-            if self._started and not running:  # stopped; it may be started anew
-                self._sent, self._started = self._sent if done_event else 0, False
-            self._started = self._started or running
+            if self._run != self._task.progress.runs:  # started anew, perhaps between two looks
+                self._run, self._sent = self._task.progress.runs, self._sent if done_event else 0
+            self._started = running
             due = (self._started or done_event) and self._is_due(self._sent)
             if self._started and not due and self._may_run_ahead(self._sent):
                 if device.bench.clock.paced:
