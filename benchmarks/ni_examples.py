@@ -36,7 +36,8 @@ MEANING = {
     REFUSED: "needs what the virtual device does not have",
 }
 RUNNER = """
-import builtins, os, runpy, sys, time
+import builtins, os, runpy, signal, sys, time
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background jobs ignore Ctrl-C
 import grpc, nidaqmx, nidaqmx.system, nidaqmx.task
 channel = grpc.insecure_channel("127.0.0.1:" + os.environ["PIANORIG_EXAMPLES_PORT"])
 made = nidaqmx.Task.__init__

@@ -27,6 +27,7 @@ from rig.session.journal.writer import JournalWriter
 from rig.simulated.backend import SimulatedBackend
 from rig.simulated.bench.clock import PacedClock, VirtualClock
 
+IN_ONE_SESSION = 100
 LEAST_TRIAL_S = 0.95
 """A forte blow of this plant takes a little longer, to its end at rest."""
 
@@ -61,20 +62,20 @@ def long_recording(hours: float) -> None:
     def after(trial: Trial) -> None:
         samples.append(check_whole(trial, backend.plant.edge))  # type: ignore[attr-defined]
         memory.append(resident_mb())
-        trial.path.unlink()  # an hour is a gigabyte
 
     profile = load_profile("forte")
     trials = max(int(np.ceil(hours * 3600 / LEAST_TRIAL_S)), 1)
-    with tempfile.TemporaryDirectory() as folder:
-        wall, cpu = time.perf_counter(), time.process_time()
-        try:
-            record_session(
-                Path(folder) / "s", profile=profile, rig_config=eight(), backend=backend, trials=trials,
-                after_trial=after,
-            )  # fmt: skip
-        finally:
-            backend.close()
-        wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
+    wall, cpu = time.perf_counter(), time.process_time()
+    try:
+        for first in range(0, trials, IN_ONE_SESSION):  # each is deleted afterwards: an hour is a gigabyte
+            with tempfile.TemporaryDirectory() as folder:
+                record_session(
+                    Path(folder) / "s", profile=profile, rig_config=eight(), backend=backend,
+                    trials=min(trials - first, IN_ONE_SESSION), after_trial=after,
+                )  # fmt: skip
+    finally:
+        backend.close()
+    wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
     bench_s = sum(samples) / 5000.0
     passed = np.cumsum(samples) / 5000.0
     later = np.array(memory)[passed >= min(60.0, bench_s / 2)]

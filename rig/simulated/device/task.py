@@ -13,8 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.simulated import daqmx, status
-from rig.simulated.device.comparator import AnalogShape, Comparator
+from rig.simulated.device.comparator import Comparator
 from rig.simulated.device.sample_buffers import InputBuffer, OutputBuffer
+from rig.simulated.device.task_triggers import Triggers
 from rig.simulated.device.tdms_log import LogSettings, TdmsLog
 from rig.simulated.product.inventory import PhysicalChannel
 from rig.simulated.status import DaqStatusError
@@ -64,47 +65,6 @@ class Timing:
 
 
 @dataclass(eq=False)
-class Triggers:
-    """Terminals of the triggers, relative to the device; "" for none."""
-
-    start: str = ""
-    arm_start: str = ""
-    reference: str = ""
-    pretrigger_samples: int = 0
-    """Samples to keep from before the reference trigger."""
-    analog_kinds: dict[str, str] = field(default_factory=dict)
-    """What a client has set of analog triggers: kind of shape by start trigger or reference trigger."""
-    analog_start: AnalogShape | None = None
-    analog_reference: AnalogShape | None = None
-    pause: str = ""
-    pause_high: bool = True
-    """Sampling pauses while this terminal is high, or low."""
-
-    def forget(self, which: str) -> None:
-        """Take the start trigger or reference trigger away, of whatever kind."""
-        self.analog_kinds.pop(which, None)
-        if which == "start trigger":
-            self.start = ""
-        else:
-            self.reference = ""
-
-    @property
-    def begin(self) -> str:
-        """Terminal of the trigger with which sampling begins: start trigger, or arm start trigger of a counter."""
-        return self.start or self.arm_start
-
-    @property
-    def awaited(self) -> bool:
-        """Whether sampling begins with a trigger."""
-        return bool(self.begin or self.analog_start)
-
-    @property
-    def referenced(self) -> bool:
-        """Whether samples from before a trigger are kept."""
-        return bool(self.reference or self.analog_reference)
-
-
-@dataclass(eq=False)
 class Progress:
     """Where a task is since its start; edges and ticks are counted as the driver's counters would."""
 
@@ -130,6 +90,10 @@ class Progress:
     """What the running task compares its first channel with."""
     crossings: int = 0
     """Crossings it has seen."""
+    runs: int = 0
+    """How often it was started."""
+    completed: int = 0
+    """Runs that came to their own end, by all samples or an error, and were stopped since."""
     triggered: bool = False
     """The analog start trigger has come."""
 
@@ -281,6 +245,15 @@ class SimulatedTask:
         """Whether written samples may be generated again."""
         mode = self.setting("Write", "", daqmx.WRITE_REGEN_MODE, daqmx.ALLOW_REGENERATION)
         return bool(mode != daqmx.DO_NOT_ALLOW_REGENERATION)
+
+    @property
+    def ended(self) -> bool:
+        """Whether the task runs and has come to its end by itself: all samples, all pulses, or an error."""
+        if self.state != "running" or self.retriggerable:
+            return False
+        if self.type == "CO":
+            return self.pulses.finished
+        return bool(self.progress.error) or (self.timing.clock is not None and self.samples_remaining <= 0)
 
     @property
     def done(self) -> bool:

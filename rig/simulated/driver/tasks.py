@@ -69,8 +69,15 @@ def start_task(device: DeviceState, task: SimulatedTask) -> None:
     if output.samples is not None:
         output.size = max(int(task.setting("Buffer", "", daqmx.BUF_OUTPUT_BUF_SIZE, 0)), output.written)
     task.state, output.generated, task.pulses.finished = "running", 0, False
+    progress = task.progress
     task.progress = replace(
-        task.progress, error=0, samples_before_trigger=0, reference_edges=None, reference_end=None, comparator=None
+        progress,
+        runs=progress.runs + 1,
+        error=0,
+        samples_before_trigger=0,
+        reference_edges=None,
+        reference_end=None,
+        comparator=None,
     )
     if task.type in ("AI", "CI", "DI"):
         columns = len(task.lines) if task.type == "DI" else len(task.channels)
@@ -112,6 +119,7 @@ def stop_task(device: DeviceState, task: SimulatedTask) -> None:
     """Stop a task; an output keeps the value it has."""
     if task.state != "running":
         return
+    task.progress.completed += int(task.ended)
     task.progress.live = False
     close_log(task)
     if task.name in device.watchdogs:

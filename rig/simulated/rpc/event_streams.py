@@ -74,7 +74,7 @@ class EventStream:
         self._streams, self._call, self._request, self._task = streams, call, request, task
         self._is_due = is_due
         self._cancelled = threading.Event()
-        self._sent, self._started = 0, False
+        self._sent, self._started, self._run = 0, False, task.progress.runs
 
     def is_of(self, call: str, task_name: str) -> bool:
         """Whether this is the live stream of an event of a task."""
@@ -88,7 +88,9 @@ class EventStream:
     @property
     def waits(self) -> bool:
         """Whether nothing can be due now: the task has not been started; known without touching the device."""
-        return not self._started and self._task.state != "running" and not self._cancelled.is_set()
+        if self._started or self._task.state == "running" or self._cancelled.is_set():
+            return False
+        return self._call != "RegisterDoneEvent" or not self._is_due(self._sent)
 
     def poll(self) -> tuple[Any | None, bool]:
         """Return the response that is due, or None, and whether the stream has ended with it."""
@@ -99,10 +101,10 @@ class EventStream:
             if device.tasks.get(self._task.name) is not self._task:
                 return None, True
             running = self._task.state == "running"
-            if self._started and not running and not done_event:
-                self._sent, self._started = 0, False  # stopped; it may be started anew
-            self._started = self._started or running
-            due = self._is_due(self._sent) if self._started else False
+            if self._run != self._task.progress.runs:  # started anew, perhaps between two looks
+                self._run, self._sent = self._task.progress.runs, self._sent if done_event else 0
+            self._started = running
+            due = (self._started or done_event) and self._is_due(self._sent)
             if self._started and not due and self._may_run_ahead(self._sent):
                 if device.bench.clock.paced:
                     go_on(device)
@@ -113,7 +115,7 @@ class EventStream:
         if not due:
             return None, False
         self._sent += 1
-        return self._answer(), done_event
+        return self._answer(), False
 
     def __iter__(self) -> Iterator[Any]:
         try:
@@ -166,7 +168,8 @@ def _every_n(task: SimulatedTask, request: Any) -> Callable[[int], bool]:
 
 
 def _done(task: SimulatedTask, request: Any) -> Callable[[int], bool]:
-    return lambda sent: bool(task.progress.error) or task.done
+    before = task.progress.completed
+    return lambda sent: task.progress.completed + int(task.ended) > before + sent
 
 
 def _signal(task: SimulatedTask, request: Any) -> Callable[[int], bool]:

@@ -33,12 +33,14 @@ def test_a_session_recorded_over_tcp_is_the_one_recorded_in_process(serve, permi
     assert far.info.simulated and "gRPC Device Server" in far.info.backend["name"]
     for there, here in zip(far.trials, near.trials, strict=True):
         a, b = there.read(), here.read()
+        n = min(a.n_valid, b.n_valid)
+        assert abs(a.n_valid - b.n_valid) <= 250  # blocks are longer on a busy machine, and end it later
         for name in ("time_s", "motor_command_v"):
-            np.testing.assert_array_equal(getattr(a, name), getattr(b, name))
+            np.testing.assert_array_equal(getattr(a, name)[:n], getattr(b, name)[:n])
         # the plant is integrated from block to block, which are longer over TCP while nothing is commanded
         for name, within in (("force_n", 0.005), ("force_raw", 1e-4), ("encoder_count", 2)):
-            np.testing.assert_allclose(getattr(a, name), getattr(b, name), rtol=0, atol=within)
-        assert np.count_nonzero(a.force_n != b.force_n) < 0.1 * a.n_valid
+            np.testing.assert_allclose(getattr(a, name)[:n], getattr(b, name)[:n], rtol=0, atol=within)
+        assert np.count_nonzero(a.force_n[:n] != b.force_n[:n]) < 0.1 * n
     assert program.end() == 0
 
 

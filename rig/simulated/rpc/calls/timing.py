@@ -68,7 +68,9 @@ def _change_detection(device: DeviceState, task: SimulatedTask, request: Any) ->
 def _start_trigger(device: DeviceState, task: SimulatedTask, request: Any) -> None:
     if task.type == "CI":
         raise DaqStatusError(status.ATTRIBUTE_NOT_SUPPORTED, f"Task: {task.name}: counters are armed, not started")
-    task.triggers.start = device.inventory.terminal(request.trigger_source)
+    terminal = device.inventory.terminal(request.trigger_source)
+    forget_trigger(task, "start trigger")
+    task.triggers.start = terminal
 
 
 def _keep_pretrigger(task: SimulatedTask, request: Any) -> None:
@@ -96,11 +98,13 @@ def _unsimulated(which: str, kind: str) -> TaskHandler:
         if which == "reference trigger" and task.type != "AI":
             raise DaqStatusError(status.ATTRIBUTE_NOT_SUPPORTED, f"Task: {task.name}: reference trigger")
         if kind not in SHAPES:
+            forget_trigger(task, which)
             task.unsimulated[which] = kind
             return
-        task.triggers.analog_kinds[which] = kind
         shape = SHAPES[kind]
         source = trigger_source(device, task, request.trigger_source)
+        forget_trigger(task, which)
+        task.triggers.analog_kinds[which] = kind
         settings = {"SRC": source, **{what: get(request) for what, get in FIELDS[kind].items()}}
         for what, value in settings.items():
             task.properties["Trig", "", property_number("Trig", f"{shape}_{short}_TRIG_{what}")] = value
@@ -125,6 +129,7 @@ def _reference_trigger(device: DeviceState, task: SimulatedTask, request: Any) -
         raise DaqStatusError(status.ATTRIBUTE_NOT_SUPPORTED, f"Task: {task.name}: reference trigger")
     if not 2 <= request.pretrigger_samples < task.timing.clock.samples - 1:
         raise DaqStatusError(status.INVALID_VALUE, f"Pretrigger samples {request.pretrigger_samples}")
+    forget_trigger(task, "reference trigger")
     apfi = re.fullmatch(r"(/\w+/)?(APFI[01])", request.trigger_source)
     if apfi and device.inventory.of(request.trigger_source).product.apfi:
         # an analog terminal as a digital one: by the level of its comparator, which is not simulated

@@ -75,7 +75,7 @@ _STORED: dict[tuple[str, str], Stored] = {
     ("Chan", "AI_RTD_R0"): Stored(100.0, harmless=True),
     ("Chan", "AO_USE_ONLY_ON_BRD_MEM"): Stored(False, harmless=True),
     ("Chan", "DI_TRISTATE"): Stored(True, harmless=True),
-    ("Chan", "DO_TRISTATE"): Stored(False),
+    ("Chan", "DO_TRISTATE"): Stored(False, harmless=True),
     ("Chan", "CI_CTR_TIMEBASE_SRC"): Stored("", harmless=True),
     ("Chan", "CI_CTR_TIMEBASE_DIG_FLTR_TIMEBASE_SRC"): Stored("100MHzTimebase", harmless=True),
 }

@@ -33,7 +33,7 @@ def blow(time_s: NDArray[np.float64]) -> NDArray[np.float64]:
     )
 
 
-@pytest.fixture(scope="module", params=["wood", "speckle"])
+@pytest.fixture(scope="module", params=["wood", pytest.param("speckle", marks=pytest.mark.slow)])
 def filmed(
     request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
 ) -> Iterator[tuple[Path, FilmTruth]]:

@@ -119,3 +119,42 @@ def test_a_signal_event_registered_before_its_clock_comes_with_every_sample(card
     task.start()
     task.read(20)
     assert ended.wait(20) and seen == [signal.value] * 20
+
+
+def test_a_line_in_tristate_is_not_driven_and_is_pulled_low(card) -> None:
+    out, back = card.task(), card.task()
+    out.do_channels.add_do_chan("Dev1/port0/line0")
+    out.do_channels.add_do_chan("Dev1/port0/line1")
+    back.di_channels.add_di_chan("Dev1/port0/line0:1", line_grouping=LineGrouping.CHAN_PER_LINE)
+    out.do_channels["Dev1/port0/line0"].do_tristate = True
+    assert out.do_channels["Dev1/port0/line0"].do_tristate
+    out.write([True, True], auto_start=True)
+    assert not card.device.lines["Dev1/port0/line0"] and card.device.lines["Dev1/port0/line1"]
+    assert not card.device.drive_enabled()  # which is on line 0
+    out.stop()
+    out.do_channels["Dev1/port0/line0"].do_tristate = False
+    out.write([True, True], auto_start=True)
+    assert card.device.drive_enabled()
+
+
+def test_the_done_event_comes_with_every_acquisition_and_not_when_one_is_stopped(card) -> None:
+    task, done, seen = card.task(), threading.Semaphore(0), []
+    task.ai_channels.add_ai_voltage_chan("Dev1/ai0")
+    task.timing.cfg_samp_clk_timing(1000.0, samps_per_chan=50)
+
+    def ended(_: object, code: int, data: object) -> int:
+        seen.append(code)
+        done.release()
+        return 0
+
+    task.register_done_event(ended)
+    for _ in range(3):
+        task.start()
+        task.wait_until_done()
+        task.stop()
+        assert done.acquire(timeout=20)
+    task.timing.cfg_samp_clk_timing(1000.0, sample_mode=AcquisitionType.CONTINUOUS)
+    task.start()
+    task.read(10)
+    task.stop()
+    assert not done.acquire(timeout=0.05) and seen == [0, 0, 0]

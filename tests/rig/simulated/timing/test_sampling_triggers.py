@@ -156,3 +156,19 @@ def test_what_cannot_pause_is_refused_by_name(card: Any) -> None:
     with pytest.raises(DaqError, match="pause trigger") as refused:
         counted.start()
     assert refused.value.error_code == -200452
+
+
+def test_the_trigger_configured_last_is_the_one_that_counts(card: Any) -> None:
+    task = inputs(card, 10)
+    start = task.triggers.start_trigger
+    start.cfg_anlg_edge_start_trig("Dev1/ai1", ni.Slope.RISING, 0.3)
+    start.cfg_dig_edge_start_trig("/Dev1/PFI12")
+    assert start.trig_type == ni.TriggerType.DIGITAL_EDGE
+    task.start()
+    saw(card).start()
+    with pytest.raises(DaqReadError, match="-200284"):  # the level has come, an edge has not
+        task.read(10, timeout=0.8)
+    task.stop()
+    start.cfg_anlg_edge_start_trig("Dev1/ai1", ni.Slope.RISING, 0.3)
+    assert start.trig_type == ni.TriggerType.ANALOG_EDGE
+    assert len(task.read(10, timeout=2.0)) == 10
