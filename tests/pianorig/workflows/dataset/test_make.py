@@ -172,6 +172,11 @@ def test_card_and_datacite_say_what_it_is(made) -> None:
         "10 µs",
     ):
         assert words in card
+    croissant = json.loads((made[0] / "croissant.json").read_text())
+    assert croissant["conformsTo"] == "http://mlcommons.org/croissant/1.0"
+    for one in croissant["distribution"]:
+        assert one["sha256"] == hashlib.sha256((made[0] / one["contentUrl"]).read_bytes()).hexdigest()
+    assert {".nc", ".tif"} <= {Path(one["contentUrl"]).suffix for one in croissant["distribution"]}
     fields = json.loads((made[0] / "datacite.json").read_text())
     assert {"creators", "titles", "publisher", "publicationYear", "types"} <= set(fields)
 
