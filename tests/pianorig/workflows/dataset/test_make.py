@@ -53,6 +53,7 @@ def test_a_seed_makes_the_same_bytes(made, tmp_path, monkeypatch) -> None:
     for file in sorted((made[0] / "open").glob("*.nc")):
         assert file.read_bytes() == (tmp_path / "again" / "open" / file.name).read_bytes(), file.name
     monkeypatch.setattr(make, "CONDITIONS", FEW[:1])
+    monkeypatch.setattr(make, "SPECIMENS", ("A",))
     make.make_dataset(tmp_path / "other", each=2, seed=7, films=False)
     first = "open/trial_0001.nc"
     assert (tmp_path / "other" / first).read_bytes() != (made[0] / first).read_bytes()
@@ -111,7 +112,7 @@ def test_nothing_of_the_truth_is_with_the_sealed_data(made) -> None:
 
 
 def test_sealed_specimens_are_fresh_each_time(made, tmp_path, monkeypatch) -> None:
-    monkeypatch.setattr(make, "CONDITIONS", FEW[:1])
+    monkeypatch.setattr(make, "CONDITIONS", ())  # drawn, not played
     make.make_dataset(tmp_path / "again", each=2, sealed_truth=tmp_path / "t.json", films=False)
     one, two = (json.loads(file.read_text())["truth"]["specimens"][0] for file in (made[1], tmp_path / "t.json"))
     assert one["changed"] != two["changed"]
