@@ -1,9 +1,10 @@
 """Displacement from a position sensor that is not linear: a monotone curve through points read on a ruler.
 
 In: readings of a sensor and the calibration's points (`RulerInfo`). Out: the displacement of the calibrated point, m,
-with its uncertainty and a flag for every sample (`Position`). The curve is a monotone cubic (PCHIP) through the points;
-readings that go back by no more than their own uncertainty are pooled with their neighbours first. It is judged by
-leaving out each inner point in turn: what the others say of it tells how well the ruler was read.
+with its uncertainty and a flag for every sample (`Position`). The curve is smooth and monotone and passes near the
+points (`rig.session.smooth_curve`); readings that go back by no more than their own uncertainty are pooled with their
+neighbours first. It is judged by leaving out each inner point in turn: what the others say of it tells how well the
+ruler was read.
 """
 
 from __future__ import annotations
@@ -13,20 +14,21 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import PchipInterpolator
 
 from rig.errors import RigInputError
 from rig.session.ruler_info import RulerInfo
+from rig.session.smooth_curve import SmoothCurve, fit_smooth
 
 Array = NDArray[np.float64]
 
 BELOW, ABOVE = 1, 2
 """Flags: the reading lies below the first point of the ruler, or above the last, by more than its noise."""
 DRAWS, SEED = 64, 1
+CHOICE = 0.4
+"""What choosing the smoothness by the points themselves leaves open, of a point's uncertainty: so that six kinds of
+sensors are covered as stated (a test)."""
 CLIP_NOISE = 3.0
 """A reading is beyond the ruler's end if it is so many standard deviations of its noise past it."""
-LEFT_OUT_GAIN = 1.5
-"""Variance of (point − mean of its two neighbours) over that of a point, for errors of the points that are white."""
 JUDGED_BAD = 2.0
 """The ruler was read worse than stated when the points scatter by more than this many times their uncertainty."""
 
@@ -37,17 +39,29 @@ class RulerCurve:
 
     Attributes
     ----------
-    reading, displacement_m : (p,) points after pooling, readings rising
-    u_m : (p,) standard uncertainty of a point: as stated, or as the points scatter where that is more
-    scatter_m : what the points scatter by about a smooth curve, m
+    curve : displacement (m) over reading, near the points after pooling
+    u_m : standard uncertainty of a point, m: as stated, or as the points scatter where that is more
     stated_m : standard uncertainty stated for a reading of the ruler, m
     """
 
-    reading: Array
-    displacement_m: Array
+    curve: SmoothCurve
     u_m: float
-    scatter_m: float
     stated_m: float
+
+    @property
+    def reading(self) -> Array:
+        """Readings of the points (p,), rising."""
+        return self.curve.places
+
+    @property
+    def displacement_m(self) -> Array:
+        """Displacements (p,), m, on the curve."""
+        return self.curve.height
+
+    @property
+    def scatter_m(self) -> float:
+        """What the points scatter by about a smooth curve, m."""
+        return self.curve.scatter
 
     @property
     def judgement(self) -> str:
@@ -59,29 +73,26 @@ class RulerCurve:
 
     def at(self, reading: Array) -> Array:
         """Displacement (m) at readings, held at the ends."""
-        held = np.clip(reading, self.reading[0], self.reading[-1])
-        return np.asarray(PchipInterpolator(self.reading, self.displacement_m)(held))
+        return self.curve.value(reading)
 
     def slope(self, reading: Array) -> Array:
         """Displacement per reading, m, at readings inside the ruler; 0 beyond it."""
         inside = (reading >= self.reading[0]) & (reading <= self.reading[-1])
-        slope = PchipInterpolator(self.reading, self.displacement_m).derivative()
-        return np.where(inside, np.abs(slope(np.clip(reading, self.reading[0], self.reading[-1]))), 0.0)
+        return np.where(inside, np.abs(self.curve.slope(reading)), 0.0)
+
+    def drawn(self, random: np.random.Generator, reading: Array) -> Array:
+        """Displacements (m) at readings by another calibration that the ruler's uncertainty allows."""
+        return self.curve.moved(self.u_m * random.standard_normal(self.reading.size), reading)
 
     def draws(self, reading: Array, n: int = DRAWS) -> Array:
         """Displacements (n, m) by calibrations that the ruler's uncertainty allows, seeded."""
         random = np.random.default_rng(SEED)
-        held = np.clip(reading, self.reading[0], self.reading[-1])
-        rows = []
-        for _ in range(n):
-            moved = self.displacement_m + self.u_m * random.standard_normal(self.displacement_m.size)
-            rows.append(PchipInterpolator(self.reading, moved)(held))
-        return np.array(rows)
+        return np.array([self.drawn(random, reading) for _ in range(n)])
 
     def u_at(self, reading: Array) -> Array:
         """Standard uncertainty (m) of the calibration at readings: common to all samples there, not noise."""
         grid = np.linspace(0.0, 1.0, 257) ** 2 * (self.reading[-1] - self.reading[0]) + self.reading[0]
-        return np.interp(reading, grid, self.draws(grid).std(axis=0))
+        return np.interp(reading, grid, np.hypot(self.draws(grid).std(axis=0), CHOICE * self.u_m))
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,12 +173,8 @@ def ruler_curve(ruler: RulerInfo, where: str = "ruler") -> RulerCurve:
         raise RigInputError(f"{where}: {reading.size} ruler points with different readings, allowed from 4")
     if sense < 0:
         reading, displacement = -reading[::-1], displacement[::-1]
-    errors = [
-        float(PchipInterpolator(np.delete(reading, i), np.delete(displacement, i))(reading[i]) - displacement[i])
-        for i in range(1, reading.size - 1)
-    ]
-    scatter = float(np.sqrt(np.mean(np.square(errors)) / LEFT_OUT_GAIN))
-    return RulerCurve(reading, displacement, max(scatter, ruler.u_displacement_m), scatter, ruler.u_displacement_m)
+    curve = fit_smooth(reading, displacement)
+    return RulerCurve(curve, max(curve.scatter, ruler.u_displacement_m), ruler.u_displacement_m)
 
 
 def _pooled(reading: Array, displacement: Array) -> tuple[Array, Array]:

@@ -18,8 +18,8 @@ from validation.positions.parameters import FREE, NAMES, SENSORS
 from validation.positions.phases import RELEASE, phases
 from validation.positions.record import Identified, sensors_of
 
-START = {"stop_felt": -2.5, "hammer_shape": 1.0, "key_shape": 0.5, "check": -0.2, "spring": -0.5}
-"""Where a fit begins, in standard deviations of the priors: a soft stop and a weak spring, as the curves suggest."""
+START = {"stop_felt": -2.5, "key_felt": -1.0, "hammer_shape": 1.0, "key_shape": 0.5, "check": -0.2, "spring": -0.5}
+"""Where a fit begins, in standard deviations of the priors: soft felts and a weak spring, as the curves suggest."""
 DRAWS, SEED, SPREAD = 40, 5, 0.6
 """A second fit begins at the best of so many seeded draws from the priors, narrowed by the last, and nominal."""
 GROUPS = {
@@ -27,6 +27,7 @@ GROUPS = {
     "hammer's mass": ("hammer_mass",),
     "back check": ("check", "check_friction"),
     "friction and damping": ("hammer_friction", "knuckle_friction", "rest_damping", "knuckle_damping"),
+    "felt between key and whippen": ("key_felt",),
     "jack, let-off, stop": ("let_off", "jack_pad", "capstan", "string", "stop_felt", "stop_damping"),
     "sensors": tuple(one.name for one in SENSORS),
 }

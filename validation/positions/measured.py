@@ -53,9 +53,9 @@ class Measured:
         """Displacement by another calibration that the ruler's uncertainty allows, m, zero at rest."""
         curve = ruler_curve(self.position.ruler)
         order = np.argsort(curve.displacement_m)
-        away = (curve.u_m * random.standard_normal(order.size))[order]
-        away -= away[0]
-        return np.asarray(self.value_m + np.interp(self.value_m, curve.displacement_m[order], away))
+        at = curve.displacement_m[order]
+        away = (curve.drawn(random, curve.reading) - curve.displacement_m)[order]
+        return np.asarray(self.value_m + np.interp(self.value_m, at, away - away[0]))
 
 
 @dataclass(frozen=True, eq=False)

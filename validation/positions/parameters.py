@@ -59,6 +59,12 @@ ACTION = (
     Free("string", "regulation: height of the stop", ("contact12.second.y",), 3e-3, adds=True),
     Free("stop_felt", "stiffness of the stop", tuple(f"contact12.normal.{x}" for x in "abc"), 1.0),
     Free("stop_damping", "damping of the stop", ("contact12.normal.D",), 1.0),
+    Free(
+        "key_felt",
+        "stiffness between key and whippen (felt on the capstan)",
+        tuple(f"contact01.normal.{x}" for x in "abc"),
+        1.0,
+    ),
     Free("spring", "repetition spring: stiffness", ("repetition_spring.stiffness",), 0.5),
     Free("spring_torque", "repetition spring: torque, N m", ("repetition_spring.torque",), 0.015, adds=True),
     Free("hammer_mass", "hammer: mass and inertia", ("hammer.mass", "hammer.inertia"), 0.2),

@@ -53,6 +53,7 @@ def test_a_seed_makes_the_same_bytes(made, tmp_path, monkeypatch) -> None:
     for file in sorted((made[0] / "open").glob("*.nc")):
         assert file.read_bytes() == (tmp_path / "again" / "open" / file.name).read_bytes(), file.name
     monkeypatch.setattr(make, "CONDITIONS", FEW[:1])
+    monkeypatch.setattr(make, "SPECIMENS", ("A",))
     make.make_dataset(tmp_path / "other", each=2, seed=7, films=False)
     first = "open/trial_0001.nc"
     assert (tmp_path / "other" / first).read_bytes() != (made[0] / first).read_bytes()
@@ -111,7 +112,7 @@ def test_nothing_of_the_truth_is_with_the_sealed_data(made) -> None:
 
 
 def test_sealed_specimens_are_fresh_each_time(made, tmp_path, monkeypatch) -> None:
-    monkeypatch.setattr(make, "CONDITIONS", FEW[:1])
+    monkeypatch.setattr(make, "CONDITIONS", ())  # drawn, not played
     make.make_dataset(tmp_path / "again", each=2, sealed_truth=tmp_path / "t.json", films=False)
     one, two = (json.loads(file.read_text())["truth"]["specimens"][0] for file in (made[1], tmp_path / "t.json"))
     assert one["changed"] != two["changed"]
@@ -172,6 +173,11 @@ def test_card_and_datacite_say_what_it_is(made) -> None:
         "10 µs",
     ):
         assert words in card
+    croissant = json.loads((made[0] / "croissant.json").read_text())
+    assert croissant["conformsTo"] == "http://mlcommons.org/croissant/1.0"
+    for one in croissant["distribution"]:
+        assert one["sha256"] == hashlib.sha256((made[0] / one["contentUrl"]).read_bytes()).hexdigest()
+    assert {".nc", ".tif"} <= {Path(one["contentUrl"]).suffix for one in croissant["distribution"]}
     fields = json.loads((made[0] / "datacite.json").read_text())
     assert {"creators", "titles", "publisher", "publicationYear", "types"} <= set(fields)
 

@@ -1,0 +1,74 @@
+"""Strokes of the kinds that are kept aside, simulated and seen by the sensors: cut, counted, measured, predicted."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import rig
+from benchmarks.planted_positions import (
+    KEPT_ASIDE,
+    OFF,
+    SHIPPED,
+    Truth,
+    compare,
+    identified_specimen,
+    write_recording,
+)
+from validation.positions.events import find
+from validation.positions.measured import Stroke, measure_positions
+from validation.positions.phases import RELEASE, STRIKE, phases
+
+
+@pytest.fixture(scope="module")
+def seen(tmp_path_factory) -> dict[str, tuple[Truth, Stroke]]:
+    """One stroke, eight repetitions, a slide-off, in one recording through sensors with drift, hum and noise."""
+    folder = tmp_path_factory.mktemp("planted")
+    truths = write_recording(folder / "r.csv", identified_specimen(seed=3), KEPT_ASIDE)
+    session = rig.import_session(folder / "s", [folder / "r.csv"], rig.load_mapping(SHIPPED / "mapping.toml"))
+    measured = measure_positions(session)
+    assert not measured.refused and len(measured.strokes) == len(truths)
+    return {truth.kind: (truth, stroke) for truth, stroke in zip(truths, measured.strokes, strict=True)}
+
+
+def test_each_is_one_trial_and_each_note_a_strike(seen) -> None:
+    strikes = {kind: len(find(stroke, stroke.hammer.value_m)) for kind, (_, stroke) in seen.items()}
+    assert strikes == {"fast": 1, "repetitions": 8, "slide-off": 1}
+
+
+def test_a_hammer_that_strikes_again_comes_back_only_part_way(seen) -> None:
+    _, stroke = seen["repetitions"]
+    found = find(stroke, stroke.hammer.value_m)
+    tops, backs = (np.array([one[name] for one in found]) for name in ("top_m", "back_m"))
+    assert np.all(tops > 0.95 * stroke.hammer.travel_m)  # each note reaches the stop
+    assert np.all(backs[:3] > 0.2 * stroke.hammer.travel_m) and np.isnan(backs[-1])
+    assert np.all(backs[:-1] < 0.8 * tops[:-1])
+    key = stroke.key.value_m / stroke.key.value_m.max()
+    assert key[phases(stroke) == RELEASE].min() < 0.2 and np.all(np.diff([one["impact_s"] for one in found]) > 0.1)
+
+
+def test_a_key_let_go_early_is_released_at_once_and_its_strike_has_an_impact(seen) -> None:
+    truth, stroke = seen["slide-off"]
+    (found,) = find(stroke, stroke.hammer.value_m)
+    assert found["top_m"] > 0.95 * stroke.hammer.travel_m and np.isnan(found["check_m"])
+    at = phases(stroke)
+    struck = np.flatnonzero(at == STRIKE)
+    assert np.ptp(stroke.time_s[struck[struck < np.argmax(at == RELEASE)]]) < 0.12
+    assert truth.hammer_m.max() == pytest.approx(found["top_m"], abs=1e-4)
+
+
+def test_the_speed_before_the_impact_is_seen_without_bias(seen) -> None:
+    ratio = [find(s, s.hammer.value_m)[0]["speed_m_per_s"] / truth.speed() for truth, s in seen.values()]
+    assert np.all(np.abs(np.array(ratio) - 1.0) < 0.15)  # the rulers: two readings off by an eighth of a tick each
+    assert np.ptp(ratio) < 0.06  # and the same in every stroke
+
+
+@pytest.mark.slow  # python -m pytest -m slow tests/validation/positions
+def test_the_shipped_band_holds_strokes_of_another_day(tmp_path) -> None:
+    _, found = compare(identified_specimen(OFF, seed=5), KEPT_ASIDE, tmp_path)
+    scores = found.scores.set_index(["trial", "model"])
+    for trial in (1, 2, 3):
+        assert scores.loc[(trial, "identified"), "inside_band"] > 0.9
+        for name in ("rmse_share", "interval_score_share"):
+            assert scores.loc[(trial, "identified"), name] < scores.loc[(trial, "null"), name]
+        assert scores.loc[(trial, "identified"), "rmse_share"] < scores.loc[(trial, "regulated"), "rmse_share"]
