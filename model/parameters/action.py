@@ -56,6 +56,7 @@ class Action:
     origin : file the set was read from
     changed : path -> value of each parameter set after reading
     effects : path -> `Quantity` of the effects a scene may add (`model.parameters.effects`) or felt with memory
+    identification : table of the file that says how its values were identified, as read; the model does not use it
     """
 
     name: str
@@ -65,6 +66,7 @@ class Action:
     origin: str
     changed: Mapping[str, float] = field(default_factory=dict)
     effects: Mapping[str, Quantity] = field(default_factory=added_defaults)
+    identification: Mapping[str, Any] = field(default_factory=dict, repr=False, compare=False)
 
     def __getitem__(self, path: str) -> float:
         """Value of a parameter path, SI units."""
@@ -227,7 +229,7 @@ def load_action(name_or_path: str | Path = TEMPLATE, overrides: Mapping[str, flo
     """
     path = find_action(name_or_path)
     table = _read_toml(path)
-    table.pop(IDENTIFICATION, None)  # how the values were found: for people and for validation, not for the model
+    found = table.pop(IDENTIFICATION, {})  # how the values were found: for people and for validation
     units, structure = _template()
     where = str(path)
     quantities: dict[str, Quantity] = {}
@@ -261,5 +263,6 @@ def load_action(name_or_path: str | Path = TEMPLATE, overrides: Mapping[str, flo
         structure=found_structure,
         origin=where,
         effects=effects,
+        identification=found if isinstance(found, dict) else {},
     )
     return action.with_values(overrides) if overrides else action

@@ -124,7 +124,7 @@ def string_force(scene: Scene, angle_rad: Array, speed_rad_per_s: Array, rows: A
 
 
 def lost_meanwhile(scene: Scene, time_s: tuple[float, float], memory: tuple[Array, Array]) -> float:
-    """Energy (J) that a string lost between two states, (z,) each, while it swung freely; 0 for a scene with the bar."""
+    """Energy (J) that a string lost, free, between two states (z,); 0 for a scene with the bar."""
     if not len(scene.tables.string):
         return 0.0
     first, last = (_lost_so_far(scene, t, row) for t, row in zip(time_s, memory, strict=True))
