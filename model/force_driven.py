@@ -168,7 +168,9 @@ class ForceDrivenRun:
         solution = self.solution(under_way, angles, speeds)
         if energy:
             given, *lost = map(float, under_way.audit)
-            lost[-1] += lost_meanwhile(self.scene, state, under_way.state)
+            lost[-1] += lost_meanwhile(
+                self.scene, (state.time_s, under_way.state.time_s), (state.memory, under_way.state.memory)
+            )
             audit = EnergyAudit(given, under_way.stored_energy() - stored, *lost)
             solution = replace(solution, energy=audit)
         if "inside" in self.outputs:

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.errors import InputError
-from model.kernels.layout import STRING_STATES
 from model.kernels.workspace import MOST_MODES
 from model.parameters.action import STRING as CONTACT
 from model.parameters.action import Action
@@ -50,10 +49,3 @@ def string_numbers(action: Action) -> list[float]:
     gain, stiffness = string.shape(n) ** 2 / string.modal_mass_kg, string.omega(n) ** 2
     give = float(np.sum(string.shape(rest) ** 2 / (string.modal_mass_kg * string.omega(rest) ** 2)))
     return [float(len(n)), give, *gain.tolist(), *stiffness.tolist(), *(2.0 * string.decay(n)).tolist()]
-
-
-def at_rest(numbers: Array, time_s: float) -> Array:
-    """States of a string that was at rest at ``time_s``."""
-    out = np.zeros(STRING_STATES + 2 * round(float(numbers[0])))
-    out[0] = time_s
-    return out

@@ -16,7 +16,7 @@ from model.kernels.codegen.load import kernels_of
 from model.kernels.codegen.structure import solved_contacts
 from model.scene.build import Scene
 from model.scene.felt_memory import rested
-from model.scene.string_terms import at_rest
+from model.simulation.string_motion import straight
 
 LARGEST_ANGLE, LARGEST_SPEED = 1e3, 1e6  # rad, rad/s
 
@@ -65,7 +65,7 @@ def with_memory(scene: Scene, state: State) -> State:
     ------
     InputError : memories of another scene
     """
-    string = at_rest(scene.vector[scene.tables.offset[7] :], state.time_s) if len(scene.tables.string) else np.empty(0)
+    string = straight(scene)
     count, found = len(scene.tables.memory) + len(string), np.shape(state.memory)
     if count and found == (0,):
         felt = _rested(scene, state) if len(scene.tables.memory) else np.empty(0)

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,9 +16,6 @@ from model.kernels import layout as L
 from model.kernels.string_modes import AWAKE
 from model.kernels.trajectory.contact_forces import depths_along
 from model.scene.build import Scene
-
-if TYPE_CHECKING:
-    from model.simulation.state import State
 
 Array = NDArray[np.float64]
 
@@ -74,6 +70,15 @@ def _numbers(scene: Scene) -> tuple[int, Array, float]:
     return len(scene.tables.memory), p[L.STRING_HEAD :].reshape(3, count), float(p[L.STRING_GIVE])
 
 
+def straight(scene: Scene) -> Array:
+    """States of the scene's string when it is straight and still; whether a hammer is near the first step finds out."""
+    if not len(scene.tables.string):
+        return np.empty(0)
+    out = np.zeros(L.STRING_STATES + 2 * _numbers(scene)[1].shape[1])
+    out[L.SINCE] = AWAKE
+    return out
+
+
 def swung_on(scene: Scene, time_s: Array, rows: Array) -> Array:
     """Rows (m, z) of memories with the modes of a free string as they are at ``time_s`` (m,)."""
     if not len(scene.tables.string):
@@ -118,19 +123,20 @@ def string_force(scene: Scene, angle_rad: Array, speed_rad_per_s: Array, rows: A
     return np.asarray(slow * np.maximum(0.0, 1.0 + d * rate))
 
 
-def lost_meanwhile(scene: Scene, first: State, last: State) -> float:
-    """Energy (J) that a string lost between two states while it swung freely; 0 for a scene with the bar."""
+def lost_meanwhile(scene: Scene, time_s: tuple[float, float], memory: tuple[Array, Array]) -> float:
+    """Energy (J) that a string lost, free, between two states (z,); 0 for a scene with the bar."""
     if not len(scene.tables.string):
         return 0.0
-    return _lost_so_far(scene, last) - _lost_so_far(scene, first)
+    first, last = (_lost_so_far(scene, t, row) for t, row in zip(time_s, memory, strict=True))
+    return last - first
 
 
-def _lost_so_far(scene: Scene, state: State) -> float:
+def _lost_so_far(scene: Scene, time_s: float, memory: Array) -> float:
     at, (gain, stiffness, _), _ = _numbers(scene)
-    if not len(state.memory):
+    if not len(memory):
         return 0.0
-    rows = np.stack([state.memory, swung_on(scene, np.array([state.time_s]), state.memory[None])[0]])
+    rows = np.stack([memory, swung_on(scene, np.array([time_s]), memory[None])[0]])
     first, count = at + L.STRING_STATES, len(gain)
     y, u = rows[:, first : first + count], rows[:, first + count : first + 2 * count]
     then, now = np.sum((u**2 + stiffness * y**2) / (2.0 * gain), axis=1)
-    return float(state.memory[at + L.RELEASED] + then - now)
+    return float(memory[at + L.RELEASED] + then - now)

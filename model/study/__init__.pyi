@@ -1,6 +1,9 @@
 from . import figure as figure
 from .blow_measures import BlowMeasures as BlowMeasures
 from .blow_measures import measure_blow as measure_blow
+from .felt_and_string import Effect as Effect
+from .felt_and_string import felt_law_effects as felt_law_effects
+from .felt_and_string import string_effects as string_effects
 from .figure import draw_study as draw_study
 from .figure import draw_thesis as draw_thesis
 from .thesis import Observation as Observation

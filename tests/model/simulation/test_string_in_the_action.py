@@ -109,7 +109,7 @@ def test_energy_balances_and_a_ringing_string_is_met_again(action: model.Action)
     start, stored = run.state.copy(), run.stored_energy()
     run.advance(0.5, *FORTE)
     given, *lost = run.audit
-    lost[-1] += lost_meanwhile(run.scene, start, run.state)
+    lost[-1] += lost_meanwhile(run.scene, (start.time_s, run.state.time_s), (start.memory, run.state.memory))
     assert abs(given - (run.stored_energy() - stored) - sum(lost)) < 1e-6 * given
     assert lost[-1] > 0.05 * given and run.state.memory[1] > 1e-6  # lost before the hammer came near
     assert len(run.state.memory) == 2 + 2 * count

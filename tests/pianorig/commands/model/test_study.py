@@ -64,7 +64,10 @@ def test_scale_on_simulate(tmp_path: Path) -> None:
     [
         (["thesis", "--variant", "a: --set hammer.mass=0.01"], "study thesis: has its own variants"),
         (["hirschkorn2004"], "--force: missing"),
-        (["hirschkorn2004", "--of", "x", "--force", FORTE], "goes with thesis, friction-limit and string only"),
+        (
+            ["hirschkorn2004", "--of", "x", "--force", FORTE],
+            "goes with thesis, friction-limit, string and felt-law only",
+        ),
         (["hirschkorn2004", "--force", FORTE, "--variant", "dry"], "--variant 'dry': has no name"),
         (["hirschkorn2004", "--force", FORTE, "--variant", "a: --st x=1"], "--variant a: found '--st'"),
         (["hirschkorn2004", "--force", FORTE, "--variant", "a: --set hammer.mas=1"], "did you mean hammer.mass"),

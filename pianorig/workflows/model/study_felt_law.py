@@ -1,0 +1,75 @@
+"""``pianorig study felt-law``: a blow and the touch under each law of felt, and the lines that print such effects."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import model
+from model.study import Effect, felt_law_effects
+from pianorig.console.column_file import write_rows
+from pianorig.console.output import nan_as_null, print_files
+from pianorig.console.progress import working
+from pianorig.workflows.model.force_input import read_driving_force
+
+WORDS = {
+    "free_flight_ms": "free ms",
+    "strike_m_per_s": "strike m/s",
+    "contact_ms": "contact ms",
+    "rebound": "rebound",
+    "check_mm": "check mm",
+    "down_n": "down N",
+    "let_off_n": "let-off N",
+}
+
+
+def study_felt_law(action: model.Action, force: Path | None, out: Path | None, quiet: bool) -> dict[str, Any]:
+    """Simulate, print and write the comparison; force table of a CSV file, by default the built-in forte."""
+    times, forces = blow_of(force)
+    with working("simulating the blow and a slow press under each law", quiet):
+        effects = felt_law_effects(action, times, forces)
+    rows = effect_rows(effects)
+    files: list[Path] = []
+    if out is not None:
+        files = [out / "felt_law.csv"]
+        write_rows(files[0], rows)
+    if not quiet:
+        print(f"{action.name}: the law of felt changed, slow loading curves and everything else as they are;")
+        print("+- standard uncertainty from the declared numbers of the law")
+        print("\n".join(effect_lines(effects)))
+        print_files(files)
+    return {"action": action.name, "effects": [nan_as_null(row) for row in rows], "files": files}
+
+
+def blow_of(force: Path | None) -> tuple[Any, Any]:
+    """Times and forces of a CSV file or a sealed trial; by default the built-in forte."""
+    if force is None:
+        return model.force_table("forte")
+    driving = read_driving_force(force)
+    return driving.time_s, driving.force_n
+
+
+def effect_rows(effects: Sequence[Effect]) -> list[dict[str, Any]]:
+    """One plain row for each effect, values beside their uncertainties."""
+    return [
+        {"of": e.of, "law": e.law, "held": e.held}
+        | {key: number for name in e.value for key, number in ((name, e.value[name]), (f"u_{name}", e.u[name]))}
+        for e in effects
+    ]
+
+
+def effect_lines(effects: Sequence[Effect]) -> list[str]:
+    """A table of effects; a dash for what did not happen."""
+    names = [name for name in WORDS if name in effects[0].value]
+    lines = [f"{'felt':<11}{'law':<14}" + "".join(f"{WORDS[name]:>16}" for name in names) + "  held"]
+    for e in effects:
+        cells = "".join(f"{_cell(e.value[name], e.u[name]):>16}" for name in names)
+        lines.append(f"{e.of:<11}{e.law:<14}{cells}  {'yes' if e.held else 'no'}")
+    return lines
+
+
+def _cell(value: float, u: float) -> str:
+    if value != value:
+        return "-"
+    return f"{value:.3g}" if not u > 1e-6 * abs(value) else f"{value:.3g}+-{u:.1g}"

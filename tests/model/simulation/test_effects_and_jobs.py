@@ -1,0 +1,116 @@
+"""Every effect and law with every job of the model: it works, or is refused in one line.
+
+Compiles some ten structures: ``python -m pytest -m slow tests/model/simulation/test_effects_and_jobs.py``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+import model
+from model.motion_driven.simulate import simulate_motion
+from model.parameters.action import CONTACTS
+from model.simulation.statics import solve_rest
+
+FORTE = model.force_table("forte")
+ACTION = model.load_action("hirschkorn2004-regulated")
+SOME = ("contact02", "contact04", "contact12")
+CASES: dict[str, tuple[model.Action, model.SceneChoice]] = {
+    "stulov": (ACTION.with_laws(dict.fromkeys(SOME, "stulov")), model.SceneChoice()),
+    "hysteresis": (ACTION.with_laws(dict.fromkeys(SOME, "hysteresis")), model.SceneChoice()),
+    "hysteresis everywhere": (ACTION.with_laws(dict.fromkeys(CONTACTS, "hysteresis")), model.SceneChoice()),
+    "string": (ACTION, model.SceneChoice(effects=("string",))),
+    "string, rail, shank, laws": (
+        ACTION.with_laws({"contact02": "stulov", "contact04": "hysteresis"}),
+        model.SceneChoice(effects=("balance_rail", "shank", "string")),
+    ),
+    "motor arm and string": (ACTION, model.SceneChoice(effects=("motor_arm", "string"))),
+}
+
+
+def _blow(choice: model.SceneChoice) -> tuple[np.ndarray, np.ndarray]:
+    return FORTE[0], FORTE[1] * (0.1 if "motor_arm" in choice.effects else 1.0)
+
+
+def _simulate(action: model.Action, choice: model.SceneChoice) -> None:
+    found = model.simulate(action, *_blow(choice), scene=choice, contact_forces=True, energy=True, tolerance=1e-8)
+    assert found.energy is not None and found.contact_normal_n is not None
+    assert abs(found.energy.residual) < 1e-5 * found.energy.work_in
+    assert np.all(np.isfinite(found.angle_rad)) and np.all(found.contact_normal_n >= 0.0)
+
+
+def _estimate(action: model.Action, choice: model.SceneChoice) -> None:
+    found = model.simulate(action, *_blow(choice), scene=choice, tolerance=1e-6, estimate_error=True)
+    assert found.error_rad is not None
+    assert found.error_rad < 1e-5 or found.misses_tolerance
+
+
+def _batch(action: model.Action, choice: model.SceneChoice) -> None:
+    sets = {f"{k}": {"hammer.mass": (1.0 + 0.001 * k) * action["hammer.mass"]} for k in range(17)}
+    members = model.simulate_many(action, {"forte": _blow(choice)}, sets, scene=choice, lanes=True)
+    alone = model.simulate(action.with_values(sets["3"]), *_blow(choice), scene=choice)
+    assert members[3].solution is not None and np.array_equal(members[3].solution.angle_rad, alone.angle_rad)
+
+
+def _blocks(action: model.Action, choice: model.SceneChoice) -> None:
+    """As the virtual bench goes on: block by block, held."""
+    scene = model.build_scene(choice.on(action), choice)
+    run = model.Simulation(scene, model.State(0.0, solve_rest(scene), np.zeros(scene.size)), 1e-6)
+    times, values = _blow(choice)
+    for k in range(100, 130):
+        run.advance(1e-3 * (k - 99), np.array([0.0]), values[5 * k : 5 * k + 1], held=True)
+    assert np.all(np.isfinite(run.state.angle_rad)) and len(run.state.memory) > 0
+
+
+def _inside(action: model.Action, choice: model.SceneChoice) -> None:
+    model.simulate(action, *_blow(choice), scene=choice, inside=True)
+
+
+def _sensitivities(action: model.Action, choice: model.SceneChoice) -> None:
+    options = model.SensitivityOptions(scene=choice)
+    model.sensitivities(action, _blow(choice), ["hammer.mass"], options=options)
+
+
+def _motion(action: model.Action, choice: model.SceneChoice) -> None:
+    if "motor_arm" in choice.effects or "balance_rail" in choice.effects:
+        raise model.InputError("not with a prescribed key")
+    plain = model.simulate(ACTION, *FORTE)
+    simulate_motion(action, plain.time_s, plain.angle_rad[:, 0], scene=choice)
+
+
+def _of_the_action(job: Callable[[model.Action], object]) -> Callable[[model.Action, model.SceneChoice], None]:
+    def run(action: model.Action, choice: model.SceneChoice) -> None:
+        assert job(action) is not None
+
+    return run
+
+
+JOBS: dict[str, Callable[[model.Action, model.SceneChoice], None]] = {
+    "simulate with audit": _simulate,
+    "estimated error": _estimate,
+    "batch": _batch,
+    "block by block": _blocks,
+    "inside view": _inside,
+    "sensitivities": _sensitivities,
+    "motion of the key": _motion,
+    "touch": _of_the_action(model.touch.weigh),
+    "hammer speed": _of_the_action(lambda a: model.touch.hammer_speeds(a, [5.0])),
+    "null model": _of_the_action(lambda a: model.null_model.simulate(a, *FORTE)),
+}
+REFUSES = {"inside view", "sensitivities", "motion of the key"}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("job", JOBS)
+@pytest.mark.parametrize("case", CASES)
+def test_works_or_says_why_not(case: str, job: str) -> None:
+    action, choice = CASES[case]
+    if job not in REFUSES:
+        JOBS[job](action, choice)
+        return
+    with pytest.raises(model.InputError) as caught:
+        JOBS[job](action, choice)
+    assert "\n" not in str(caught.value)
