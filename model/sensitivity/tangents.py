@@ -64,6 +64,7 @@ class _Run:
         self.space = Space(
             np.zeros(W.SIZE),
             np.zeros((nodes, n, n)), np.zeros((nodes, n, n)), np.zeros((nodes, n, n)), aligned(nodes, n, p),
+            aligned(len(self.scene.bodies) - n, p),
             aligned(count, _filled_up(count)), np.zeros((count, count)), np.zeros(count, dtype=np.int64),
             aligned(count, p), aligned(2 * n, p), aligned(2 * n, p),
         )  # fmt: skip
@@ -96,17 +97,36 @@ def rest_slopes(run: _Run, rest: Array, u: float) -> Array:
     n, count = run.scene.size, len(run.directions.parameters)
     run.space.point[:] = 0.0
     run.space.point[W.Q : W.Q + n] = rest
+    run.space.point[W.STATIC] = 1.0
     linearise_node(0, u, run.linear)
+    run.space.point[W.STATIC] = 0.0
     _, stiff, _ = balance(run.scene, rest, u)
     return np.asarray(np.linalg.solve(stiff, -run.space.load[0, :, :count]))
 
 
-class Recorded:
-    """A motion from rest that was integrated and recorded, with what its derivatives need."""
+def key_rest_slopes(directions: Directions, rest: Array) -> Array:
+    """Derivatives (P,) of the key's angle at rest without a force, in a scene whose key is free."""
+    return np.asarray(rest_slopes(_Run(directions), rest, 0.0)[directions.scene.bodies.index("key")])
 
-    def __init__(self, directions: Directions, simulation: Simulation, plan: Plan, rest_input: float) -> None:
+
+class Recorded:
+    """A motion from rest that was integrated and recorded, with what its derivatives need.
+
+    ``carried`` (P,) are derivatives of a prescribed key's angle, the same at all times.
+    """
+
+    def __init__(
+        self,
+        directions: Directions,
+        simulation: Simulation,
+        plan: Plan,
+        rest_input: float,
+        carried: Array | None = None,
+    ) -> None:
         self.directions, self.simulation, self.drive = directions, simulation, plan.drive
         self.run = _Run(directions)
+        if carried is not None:
+            self.run.space.carried[0, : len(carried)] = carried
         self.rest = plan.span.angle.copy()
         self.d_rest = rest_slopes(self.run, self.rest, rest_input)
         self.motion = _motion(self.run, simulation, plan)

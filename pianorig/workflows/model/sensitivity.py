@@ -181,7 +181,8 @@ def _computed(
     """Carry out a study, its members on the executor or on threads, with a bar; say how to go on after Ctrl-C."""
     executor, order, out, quiet = where
     with bar(label, quiet) as progress:
-        members = Study(executor, order.workers, progress, None if out is None else out / "members")
+        told = None if quiet else lambda found: say(found.line() + "; after Ctrl-C the same command goes on")
+        members = Study(executor, order.workers, progress, None if out is None else out / "members", told)
         return study(lambda values: members.run(variants, values))
 
 
