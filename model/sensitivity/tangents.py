@@ -15,6 +15,7 @@ from model.integrators.tangents.loads import load_space
 from model.integrators.tangents.nodes import LANES, Linear, Space, linearise_node
 from model.integrators.tangents.radau import STAGES, Wanted
 from model.integrators.tangents.recorded_motion import FULL, Log, Motion, Structure, find_kinks, record
+from model.kernels import layout as L
 from model.kernels import workspace as W
 from model.kernels.codegen.load import kernels_of
 from model.kernels.codegen.structure import solved_contacts
@@ -76,6 +77,8 @@ def _motion(run: _Run, simulation: Simulation, plan: Plan) -> Motion:
     parts: list[Motion] = []
     n, depth = run.scene.size, 4 + 2 * len(plan.method.dense)
     span, limits = plan.span, plan.limits._replace(rest=0.0)
+    counters, most = plan.account.counters, limits.most_steps
+    before = counters[L.N_STEPS] + counters[L.N_REJECTED]
     while True:
         part = Motion(
             np.zeros((ROWS, 2)), np.zeros((ROWS, depth, n)), np.zeros(ROWS, np.int64), np.zeros(ROWS, np.int64)
@@ -89,6 +92,8 @@ def _motion(run: _Run, simulation: Simulation, plan: Plan) -> Motion:
             simulation.reached(plan, time, step, status)
             break
         span = span._replace(time=time, step=step)
+        used = counters[L.N_STEPS] + counters[L.N_REJECTED] - before
+        limits = limits._replace(most_steps=max(0, most - int(used)))  # of the whole run, not of each part
     return Motion(*(np.ascontiguousarray(np.concatenate(arrays)) for arrays in zip(*parts, strict=True)))
 
 

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import model
-from model.sensitivity import EVENTS
+from model.sensitivity import EVENTS, find_parameters
+from model.sensitivity.parameter_names import directions
 from tests.model.sensitivity.richardson import Blow, changed, relative_error, richardson
 
 # geometry, felt, friction, mass, spring, damping, gravity; of each contact that a forte touches early, and of none
@@ -229,3 +230,28 @@ def test_a_contact_on_the_verge_at_rest_does_not_make_steps_small() -> None:
     names = ["contact07.second.x", "hammer.pivot.x", "friction"]
     found = model.sensitivities(regulated, cut(model.force_table("forte"), 0.1), names, options=options)
     assert found.counters["n_tangent_steps"] + found.counters["n_tangent_rejected"] < 10_000
+
+
+def test_a_motion_of_too_many_steps_ends(action: model.Action, forte: Blow, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("model.simulation.run.STEPS_AT_LEAST", 500)
+    monkeypatch.setattr("model.simulation.run.STEPS_PER_SECOND", 0)
+    monkeypatch.setattr("model.sensitivity.tangents.ROWS", 100)  # the limit is of all parts of the record together
+    with pytest.raises(model.IntegrationError, match="too many steps"):
+        model.sensitivities(action, forte, ["hammer.mass"])
+
+
+def test_columns_do_not_depend_on_which_parameters_share_a_build(action: model.Action) -> None:
+    blow = cut(model.force_table("forte"), 0.03)
+    names = ["contact01", "contact02.friction.B1", "contact01.first.x", "key.mass", "hammer.mass", "key.pivot.x"]
+    names += ["contact07.second.x", "whippen.pivot.y", "friction"]
+    options = model.SensitivityOptions(allow_idle=True)
+    choice = model.SceneChoice()
+    together = directions(action, choice, find_parameters(action, names)).slope
+    alone = [directions(action, choice, find_parameters(action, [name])).slope[0] for name in names]
+    np.testing.assert_array_equal(together, alone)
+    shank = model.load_scene("flexible-shank")  # there a mass of the hammer changes two bodies
+    together = directions(action, shank, find_parameters(action, names)).slope
+    alone = [directions(action, shank, find_parameters(action, [name])).slope[0] for name in names]
+    np.testing.assert_array_equal(together, alone)
+    assert np.sum(together[names.index("hammer.mass")] != 0.0) > 1
+    assert model.sensitivities(action, blow, names, options=options).d_angles.shape[2] == len(names)
