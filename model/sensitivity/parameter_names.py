@@ -128,11 +128,12 @@ class _Changed(Action):
 
 
 def _values(action: Action) -> dict[str, float]:
-    """All values by path; those of an action that is changed already as they are now."""
-    now = action.__dict__.get("shifted")
-    if now is not None:
-        return dict(now)
-    return {path: quantity.value for path, quantity in (*action.quantities.items(), *action.effects.items())}
+    """All values by path, to be changed; read from the action once, which is asked hundreds of times."""
+    kept: dict[str, float] | None = action.__dict__.get("shifted") or action.__dict__.get("values_by_path")
+    if kept is None:
+        quantities = (*action.quantities.items(), *action.effects.items())
+        kept = action.__dict__["values_by_path"] = {path: quantity.value for path, quantity in quantities}
+    return dict(kept)
 
 
 def shifted(action: Action, parameter: Parameter, by: float) -> Action:

@@ -30,6 +30,7 @@ Array = NDArray[np.float64]
 # Steps of the motion that one of the tangents may span: a layer in which friction turns is found by the motion's steps,
 # of which a looser motion has fewer. Found with benchmarks/sensitivities.py.
 STRIDE, STRIDE_AT, STRIDE_EXPONENT = 8, 2e-9, 0.2
+INPUT_KINKS, WEAK_KINK = 50, 0.01  # of the input that steps end at; of the strongest
 CACHE_LINE = 64  # bytes
 ROWS = 20_000  # steps recorded at a time
 # derivatives below these, per change of a parameter by all of its value, do not decide about steps
@@ -94,6 +95,8 @@ def _motion(run: _Run, simulation: Simulation, plan: Plan) -> Motion:
         span = span._replace(time=time, step=step)
         used = counters[L.N_STEPS] + counters[L.N_REJECTED] - before
         limits = limits._replace(most_steps=max(0, most - int(used)))  # of the whole run, not of each part
+    if len(parts) == 1:
+        return parts[0]
     return Motion(*(np.ascontiguousarray(np.concatenate(arrays)) for arrays in zip(*parts, strict=True)))
 
 
@@ -107,6 +110,19 @@ def rest_slopes(run: _Run, rest: Array, u: float) -> Array:
     run.space.point[W.STATIC] = 0.0
     _, stiff, _ = balance(run.scene, rest, u)
     return np.asarray(np.linalg.solve(stiff, -run.space.load[0, :, :count]))
+
+
+def input_kinks(time: Array, value: Array) -> Array:
+    """Strongest kinks of an input table (m, 2): a step that goes on over one may see nothing of it at its nodes.
+
+    Not all: between the samples of a measured force they are all alike, and error control is enough.
+    """
+    slope = np.diff(value) / np.diff(time)
+    bend = np.abs(np.diff(slope))
+    least = max(WEAK_KINK * np.max(bend, initial=0.0), 1e-9 * np.max(np.abs(slope), initial=0.0))  # above rounding
+    strongest = np.argsort(-bend, kind="stable")[:INPUT_KINKS]
+    at = time[1:-1][strongest[bend[strongest] > least]]
+    return np.repeat(at, 2).reshape(-1, 2)
 
 
 def key_rest_slopes(directions: Directions, rest: Array) -> Array:
@@ -168,12 +184,14 @@ class Recorded:
         floor = aligned(2, filled)
         floor[:, :p], floor[:, p:] = [LEAST_ANGLE / scale, LEAST_SPEED / scale], 1.0
         angle, speed = aligned(len(times), n, filled), aligned(len(times), n, filled)
+        landing = np.concatenate([kinks[:found], input_kinks(self.drive.time, self.drive.value)])
+        landing = np.ascontiguousarray(landing[np.argsort(landing[:, 0], kind="stable")])
         wanted = Wanted(times, angle, speed, tolerance, floor, self._stride())
         run.space.largest[:] = 0.0
         run.space.largest[:n, :p] = np.abs(self.d_rest)
         tangent = aligned(2, n, filled)
         tangent[0, :, :p] = self.d_rest
-        status, time, steps, rejected = follow(motion, self.drive, kinks[:found].copy(), run.linear, wanted, tangent)
+        status, time, steps, rejected = follow(motion, self.drive, landing, run.linear, wanted, tangent)
         if status == STEP_TOO_SMALL:
             raise IntegrationError(f"sensitivities: the step of the derivatives fell below 1e-13 s at t = {time:.6g} s")
         if status == TOO_MANY_STEPS:

@@ -202,7 +202,7 @@ def _computed(
 ) -> Any:
     """Carry out a study, its members on the executor or on threads, with a bar; say how to go on after Ctrl-C."""
     executor, order, out, quiet = where
-    with bar(study.label, quiet) as progress:
+    with bar(study.label, quiet, "blows") as progress:
         told = None if quiet else lambda found: say(found.line() + "; after Ctrl-C the same command goes on")
         members = Study(executor, order.workers, progress, None if out is None else out / "members", told)
         return study.compute(lambda values: members.run(variants, values))

@@ -8,6 +8,7 @@ import pytest
 import model
 from model.sensitivity import EVENTS, find_parameters
 from model.sensitivity.parameter_names import directions
+from model.sensitivity.tangents import input_kinks
 from tests.model.sensitivity.richardson import Blow, changed, relative_error, richardson
 
 # geometry, felt, friction, mass, spring, damping, gravity; of each contact that a forte touches early, and of none
@@ -255,3 +256,23 @@ def test_columns_do_not_depend_on_which_parameters_share_a_build(action: model.A
     np.testing.assert_array_equal(together, alone)
     assert np.sum(together[names.index("hammer.mass")] != 0.0) > 1
     assert model.sensitivities(action, blow, names, options=options).d_angles.shape[2] == len(names)
+
+
+def test_a_kink_of_the_force_in_a_quiet_phase_is_not_stepped_over(action: model.Action) -> None:
+    time = np.linspace(0.0, 0.4, 2001)
+    force = np.interp(time, [0.0, 0.02, 0.06, 0.3, 0.32], [0.0, 0.5, 4.0, 4.0, 0.0])
+    exact = model.SensitivityOptions(tolerance=1e-10, relative_tolerance=1e-7, events=False)
+    usual = model.SensitivityOptions(events=False)
+    truth, found = (
+        model.sensitivities(action, (time, force), ["key.inertia", "contact01"], options=o) for o in (exact, usual)
+    )
+    for j in range(2):
+        assert relative_error(found.d_angles[:, :, j], truth.d_angles[:, :, j]) < 1e-5
+
+
+def test_the_strongest_kinks_of_an_input() -> None:
+    time = np.linspace(0.0, 1.0, 101)
+    plain = np.interp(time, [0.0, 0.2, 0.5, 1.0], [0.0, 1.0, 1.0, 0.0])
+    np.testing.assert_allclose(input_kinks(time, plain)[np.argsort(input_kinks(time, plain)[:, 0])][:, 0], [0.2, 0.5])
+    assert input_kinks(time, np.random.default_rng(0).normal(size=101)).shape == (50, 2)
+    assert input_kinks(time[:2], plain[:2]).shape == (0, 2) and input_kinks(time, time).shape == (0, 2)
