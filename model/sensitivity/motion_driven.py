@@ -75,6 +75,7 @@ def motion_sensitivities(
     action = choice.on(load_action(action) if isinstance(action, str) else action)
     named = find_parameters(action, parameters)
     free = build_scene(action, choice)
+    free.refuse_memory("sensitivities under a motion of the key")
     at_rest = solve_rest(free)
     times, angles = (np.asarray(column, dtype=float) for column in motion)
     fit = fit_key_motion(times, angles + (at_rest[free.bodies.index("key")] if from_rest else 0.0))
