@@ -47,6 +47,7 @@ from .scene.selection import SceneChoice as SceneChoice
 from .scene.selection import load_scene as load_scene
 from .scene.selection import scene_of as scene_of
 from .sensitivity.differentiate import sensitivities as sensitivities
+from .sensitivity.motion_driven import motion_sensitivities as motion_sensitivities
 from .sensitivity.options import SensitivityOptions as SensitivityOptions
 from .sensitivity.result import Sensitivities as Sensitivities
 from .simulation.compile_ahead import compile_ahead as compile_ahead

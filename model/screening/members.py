@@ -8,6 +8,7 @@ hash of all they depend on, and are not computed again.
 from __future__ import annotations
 
 import hashlib
+import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass, replace
@@ -28,6 +29,7 @@ from model.parameters.action import Action
 from model.scene.build import build_scene
 from model.scene.selection import SceneChoice
 from model.screening.blow_marks import MARKS, blow_marks
+from model.screening.estimate import Estimate
 from model.sensitivity.parameter_names import Parameter, changed_by
 from model.simulation.statics import solve_rest
 
@@ -36,6 +38,7 @@ Array = NDArray[np.float64]
 RATE_HZ = 5000.0  # of the samples that marks are read from
 UNIT = 64  # members of a unit: as many as lanes advance together (`model.batch.lanes`)
 AHEAD = 4  # units submitted per worker
+MANY = 8  # units from which on a study is estimated before it goes on
 
 
 @dataclass(frozen=True)
@@ -134,6 +137,8 @@ class Study:
     workers: int | None = None
     progress: Callable[[int, int], None] | None = None
     store: Path | None = None
+    announce: Callable[[Estimate], None] | None = None  # of a study with many units, after its first two
+    clock: Callable[[], float] = time.monotonic
 
     def run(self, variants: Variants, values: Array) -> Array:
         """Marks (m, len(MARKS)) of members with values (m, P), in their order.
@@ -183,6 +188,13 @@ class Study:
                 self._tell(done, len(out))
 
         try:
+            if len(todo) > MANY:
+                for _ in range(2):  # the first also loads what is compiled
+                    began, (unit, name) = self.clock(), todo.pop(0)
+                    waiting[pool.submit(marks_of_unit, variants, values[unit])] = unit, name
+                    while waiting:
+                        collect(POLL_S)
+                self._estimate(self.clock() - began, todo, at_work, name)
             for unit, name in todo:
                 waiting[pool.submit(marks_of_unit, variants, values[unit])] = unit, name
                 while len(waiting) >= AHEAD * at_work:
@@ -200,6 +212,16 @@ class Study:
                 future.cancel()
             if own is not None:
                 own.shutdown(wait=True, cancel_futures=True)
+
+    def _estimate(self, seconds: float, todo: list[tuple[slice, str]], workers: int, name: str) -> None:
+        """Tell what the units left take, as the last one took; refuse what the disk cannot hold."""
+        rounds = -(-len(todo) // workers)
+        size = len(todo) * self._path(name).stat().st_size if self.store is not None else 0
+        members = sum(unit.stop - unit.start for unit, _ in todo)
+        found = Estimate(members, rounds * seconds, workers, size)
+        found.check(self.store)
+        if self.announce is not None:
+            self.announce(found)
 
     def _tell(self, done: int, total: int) -> None:
         if self.progress is not None and done:

@@ -63,6 +63,12 @@ def design(count: int, ways: int, random: np.random.Generator) -> Array:
     return np.asarray((out + 0.5) / LEVELS)
 
 
+def check_ways(ways: int) -> None:
+    """Refuse a number of ways that cannot be (`ModelInputError`)."""
+    if not 2 <= ways <= MOST_WAYS:
+        raise InputError(f"ways of Morris's method: found {ways}, allowed 2 to {MOST_WAYS}")
+
+
 def morris(
     spreads: Sequence[Spread],
     compute: Callable[[Array], Array],
@@ -97,8 +103,7 @@ def morris(
     >>> found.mu_star.round(6), found.mu.round(6), found.sigma.round(6)
     (array([[3., 1.]]), array([[ 3., -1.]]), array([[0., 0.]]))
     """
-    if not 2 <= ways <= MOST_WAYS:
-        raise InputError(f"ways of Morris's method: found {ways}, allowed 2 to {MOST_WAYS}")
+    check_ways(ways)
     random = np.random.default_rng(seed)
     count = len(spreads)
     points = design(count, ways, random)

@@ -56,6 +56,12 @@ def members(count: int, n: int) -> int:
     return n * (count + 2)
 
 
+def check_base(n: int) -> None:
+    """Refuse a number of base members that cannot be (`ModelInputError`)."""
+    if not (8 <= n <= MOST and n & (n - 1) == 0):
+        raise InputError(f"Sobol' base members: found {n}, allowed a power of 2 from 8 to {MOST}")
+
+
 def sobol(
     spreads: Sequence[Spread],
     compute: Callable[[Array], Array],
@@ -89,8 +95,7 @@ def sobol(
     >>> found.first.round(2)
     array([[1., 0.]])
     """
-    if not (8 <= n <= MOST and n & (n - 1) == 0):
-        raise InputError(f"Sobol' base members: found {n}, allowed a power of 2 from 8 to {MOST}")
+    check_base(n)
     count = len(spreads)
     random = np.random.default_rng(seed)
     shares = qmc.Sobol(2 * count, rng=random).random(n)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -84,8 +85,11 @@ class Events:
 
     def _presses(self, contact: str) -> Array:
         """Penetration (m,) of a contact along the motion; negative where it is open."""
-        c = self.scene.contacts.index(contact)
-        return self._depths(self.angle, self.speed, self.scene.vector)[:, c]
+        return self._all_depths[:, self.scene.contacts.index(contact)]
+
+    @cached_property
+    def _all_depths(self) -> Array:
+        return self._depths(self.angle, self.speed, self.scene.vector)
 
     def _depths(self, angle: Array, speed: Array, vector: Array) -> Array:
         out = np.empty((len(angle), len(self.scene.contacts)))

@@ -8,8 +8,9 @@ changes nothing is refused by name.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,7 @@ from model.kernels import layout as L
 from model.parameters.action import Action
 from model.parameters.scaling import named_paths
 from model.scene.build import Scene, build_scene
+from model.scene.key_motion import KeyMotion
 from model.scene.selection import SceneChoice
 
 Array = NDArray[np.float64]
@@ -126,11 +128,12 @@ class _Changed(Action):
 
 
 def _values(action: Action) -> dict[str, float]:
-    """All values by path; those of an action that is changed already as they are now."""
-    now = action.__dict__.get("shifted")
-    if now is not None:
-        return dict(now)
-    return {path: quantity.value for path, quantity in (*action.quantities.items(), *action.effects.items())}
+    """All values by path, to be changed; read from the action once, which is asked hundreds of times."""
+    kept: dict[str, float] | None = action.__dict__.get("shifted") or action.__dict__.get("values_by_path")
+    if kept is None:
+        quantities = (*action.quantities.items(), *action.effects.items())
+        kept = action.__dict__["values_by_path"] = {path: quantity.value for path, quantity in quantities}
+    return dict(kept)
 
 
 def shifted(action: Action, parameter: Parameter, by: float) -> Action:
@@ -151,7 +154,9 @@ def changed_by(action: Action, parameters: Sequence[Parameter], by: Iterable[flo
     return out
 
 
-def directions(action: Action, choice: SceneChoice, parameters: Sequence[Parameter]) -> Directions:
+def directions(
+    action: Action, choice: SceneChoice, parameters: Sequence[Parameter], key_motion: KeyMotion | None = None
+) -> Directions:
     """Slopes of a scene's numbers by central differences; those numbers are smooth functions of the parameters.
 
     Raises
@@ -159,10 +164,11 @@ def directions(action: Action, choice: SceneChoice, parameters: Sequence[Paramet
     InputError : a parameter has no effect in this scene, or only switches something on that is off
     """
     choice.check(action)
-    scene = build_scene(action, choice)
+    scene = build_scene(action, choice, key_motion)
+    build = partial(build_scene, choice=choice, key_motion=key_motion)
     slope = np.zeros((len(parameters), len(scene.vector)))
     switching = {
-        j for group in _groups(scene, parameters) for j in _fill(slope, group, parameters, (action, choice), scene)
+        j for group in _groups(scene, parameters) for j in _fill(slope, group, parameters, (action, build), scene)
     }
     idle = [p.name for j, p in enumerate(parameters) if j not in switching and not np.any(slope[j])]
     if idle:
@@ -204,11 +210,15 @@ def _groups(scene: Scene, parameters: Sequence[Parameter]) -> list[list[int]]:
 
 
 def _fill(
-    slope: Array, group: list[int], parameters: Sequence[Parameter], of: tuple[Action, SceneChoice], scene: Scene
+    slope: Array,
+    group: list[int],
+    parameters: Sequence[Parameter],
+    of: tuple[Action, Callable[[Action], Scene]],
+    scene: Scene,
 ) -> list[int]:
     """Fill the rows of a group of parameters; returns those whose change switches something on or off."""
     chosen = [parameters[j] for j in group]
-    ends = [build_scene(changed_by(of[0], chosen, [s * p.step for p in chosen]), of[1]) for s in (1.0, -1.0)]
+    ends = [of[1](changed_by(of[0], chosen, [s * p.step for p in chosen])) for s in (1.0, -1.0)]
     alike = all(_alike(scene, end) for end in ends)
     if len(group) == 1:
         if not alike:

@@ -29,6 +29,7 @@ class Sensitivities:
     d_rest : (n, P) derivatives of the rest state, with which ``d_angles`` begins
     contact_names : (c,)
     contact_forces, d_contact_forces : (T, c) and (T, c, P) normal forces, N; None where they were not asked for
+    force_n, d_force : (T,) and (T, P) force at the key front under a prescribed motion, N; None for a blow by a force
     events : name -> value, s, m or m/s as the name ends; NaN where it does not happen
     d_events : name -> (P,)
     absent_events : name -> why an event has no value
@@ -54,6 +55,8 @@ class Sensitivities:
     contact_names: tuple[str, ...] = ()
     contact_forces: Array | None = None
     d_contact_forces: Array | None = None
+    force_n: Array | None = None
+    d_force: Array | None = None
     events: Mapping[str, float] = field(default_factory=dict)
     d_events: Mapping[str, Array] = field(default_factory=dict)
     absent_events: Mapping[str, str] = field(default_factory=dict)

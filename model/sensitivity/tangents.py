@@ -15,6 +15,7 @@ from model.integrators.tangents.loads import load_space
 from model.integrators.tangents.nodes import LANES, Linear, Space, linearise_node
 from model.integrators.tangents.radau import STAGES, Wanted
 from model.integrators.tangents.recorded_motion import FULL, Log, Motion, Structure, find_kinks, record
+from model.kernels import layout as L
 from model.kernels import workspace as W
 from model.kernels.codegen.load import kernels_of
 from model.kernels.codegen.structure import solved_contacts
@@ -29,6 +30,7 @@ Array = NDArray[np.float64]
 # Steps of the motion that one of the tangents may span: a layer in which friction turns is found by the motion's steps,
 # of which a looser motion has fewer. Found with benchmarks/sensitivities.py.
 STRIDE, STRIDE_AT, STRIDE_EXPONENT = 8, 2e-9, 0.2
+INPUT_KINKS, WEAK_KINK = 50, 0.01  # of the input that steps end at; of the strongest
 CACHE_LINE = 64  # bytes
 ROWS = 20_000  # steps recorded at a time
 # derivatives below these, per change of a parameter by all of its value, do not decide about steps
@@ -64,6 +66,7 @@ class _Run:
         self.space = Space(
             np.zeros(W.SIZE),
             np.zeros((nodes, n, n)), np.zeros((nodes, n, n)), np.zeros((nodes, n, n)), aligned(nodes, n, p),
+            aligned(len(self.scene.bodies) - n, p),
             aligned(count, _filled_up(count)), np.zeros((count, count)), np.zeros(count, dtype=np.int64),
             aligned(count, p), aligned(2 * n, p), aligned(2 * n, p),
         )  # fmt: skip
@@ -75,6 +78,8 @@ def _motion(run: _Run, simulation: Simulation, plan: Plan) -> Motion:
     parts: list[Motion] = []
     n, depth = run.scene.size, 4 + 2 * len(plan.method.dense)
     span, limits = plan.span, plan.limits._replace(rest=0.0)
+    counters, most = plan.account.counters, limits.most_steps
+    before = counters[L.N_STEPS] + counters[L.N_REJECTED]
     while True:
         part = Motion(
             np.zeros((ROWS, 2)), np.zeros((ROWS, depth, n)), np.zeros(ROWS, np.int64), np.zeros(ROWS, np.int64)
@@ -88,6 +93,10 @@ def _motion(run: _Run, simulation: Simulation, plan: Plan) -> Motion:
             simulation.reached(plan, time, step, status)
             break
         span = span._replace(time=time, step=step)
+        used = counters[L.N_STEPS] + counters[L.N_REJECTED] - before
+        limits = limits._replace(most_steps=max(0, most - int(used)))  # of the whole run, not of each part
+    if len(parts) == 1:
+        return parts[0]
     return Motion(*(np.ascontiguousarray(np.concatenate(arrays)) for arrays in zip(*parts, strict=True)))
 
 
@@ -96,17 +105,49 @@ def rest_slopes(run: _Run, rest: Array, u: float) -> Array:
     n, count = run.scene.size, len(run.directions.parameters)
     run.space.point[:] = 0.0
     run.space.point[W.Q : W.Q + n] = rest
+    run.space.point[W.STATIC] = 1.0
     linearise_node(0, u, run.linear)
+    run.space.point[W.STATIC] = 0.0
     _, stiff, _ = balance(run.scene, rest, u)
     return np.asarray(np.linalg.solve(stiff, -run.space.load[0, :, :count]))
 
 
-class Recorded:
-    """A motion from rest that was integrated and recorded, with what its derivatives need."""
+def input_kinks(time: Array, value: Array) -> Array:
+    """Strongest kinks of an input table (m, 2): a step that goes on over one may see nothing of it at its nodes.
 
-    def __init__(self, directions: Directions, simulation: Simulation, plan: Plan, rest_input: float) -> None:
+    Not all: between the samples of a measured force they are all alike, and error control is enough.
+    """
+    slope = np.diff(value) / np.diff(time)
+    bend = np.abs(np.diff(slope))
+    least = max(WEAK_KINK * np.max(bend, initial=0.0), 1e-9 * np.max(np.abs(slope), initial=0.0))  # above rounding
+    strongest = np.argsort(-bend, kind="stable")[:INPUT_KINKS]
+    at = time[1:-1][strongest[bend[strongest] > least]]
+    return np.repeat(at, 2).reshape(-1, 2)
+
+
+def key_rest_slopes(directions: Directions, rest: Array) -> Array:
+    """Derivatives (P,) of the key's angle at rest without a force, in a scene whose key is free."""
+    return np.asarray(rest_slopes(_Run(directions), rest, 0.0)[directions.scene.bodies.index("key")])
+
+
+class Recorded:
+    """A motion from rest that was integrated and recorded, with what its derivatives need.
+
+    ``carried`` (P,) are derivatives of a prescribed key's angle, the same at all times.
+    """
+
+    def __init__(
+        self,
+        directions: Directions,
+        simulation: Simulation,
+        plan: Plan,
+        rest_input: float,
+        carried: Array | None = None,
+    ) -> None:
         self.directions, self.simulation, self.drive = directions, simulation, plan.drive
         self.run = _Run(directions)
+        if carried is not None:
+            self.run.space.carried[0, : len(carried)] = carried
         self.rest = plan.span.angle.copy()
         self.d_rest = rest_slopes(self.run, self.rest, rest_input)
         self.motion = _motion(self.run, simulation, plan)
@@ -143,12 +184,14 @@ class Recorded:
         floor = aligned(2, filled)
         floor[:, :p], floor[:, p:] = [LEAST_ANGLE / scale, LEAST_SPEED / scale], 1.0
         angle, speed = aligned(len(times), n, filled), aligned(len(times), n, filled)
+        landing = np.concatenate([kinks[:found], input_kinks(self.drive.time, self.drive.value)])
+        landing = np.ascontiguousarray(landing[np.argsort(landing[:, 0], kind="stable")])
         wanted = Wanted(times, angle, speed, tolerance, floor, self._stride())
         run.space.largest[:] = 0.0
         run.space.largest[:n, :p] = np.abs(self.d_rest)
         tangent = aligned(2, n, filled)
         tangent[0, :, :p] = self.d_rest
-        status, time, steps, rejected = follow(motion, self.drive, kinks[:found].copy(), run.linear, wanted, tangent)
+        status, time, steps, rejected = follow(motion, self.drive, landing, run.linear, wanted, tangent)
         if status == STEP_TOO_SMALL:
             raise IntegrationError(f"sensitivities: the step of the derivatives fell below 1e-13 s at t = {time:.6g} s")
         if status == TOO_MANY_STEPS:

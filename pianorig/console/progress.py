@@ -47,7 +47,7 @@ def bar_text(label: str, done: int, total: int, spent_s: float, columns: int) ->
 
 
 @contextmanager
-def bar(label: str, quiet: bool = False) -> Iterator[Callable[[int, int], None] | None]:
+def bar(label: str, quiet: bool = False, what: str = "frames") -> Iterator[Callable[[int, int], None] | None]:
     """Yield ``update(done, total)``, which draws a bar; nothing is drawn before work is reported. None when quiet."""
     if quiet:
         yield None
@@ -68,7 +68,7 @@ def bar(label: str, quiet: bool = False) -> Iterator[Callable[[int, int], None] 
         spent_s = time.monotonic() - began_s
         if not told and spent_s >= PATIENCE_S:
             told = True
-            say(f"{label}: {total} frames, {clock(spent_s * (total - done) / max(done, 1))} left")
+            say(f"{label}: {total} {what}, {clock(spent_s * (total - done) / max(done, 1))} left")
         LIVE.show(bar_text(label, done, total, spent_s, LIVE.columns))
 
     try:

@@ -30,6 +30,7 @@ class Space(NamedTuple):
     stiff: np.ndarray
     damp: np.ndarray
     load: np.ndarray
+    carried: np.ndarray  # (N - n, P) derivatives of prescribed coordinates, the same at all times
     matrix: np.ndarray  # (s n, s n filled up to lanes), zeros in what fills it up
     lower: np.ndarray  # (s n, s n)
     order: np.ndarray  # (s n,) of its rows after pivoting
@@ -52,7 +53,7 @@ class Linear(NamedTuple):
 _f, _i = types.float64, types.int64
 _numbers, _table, _cube = (types.Array(_f, k, "C") for k in (1, 2, 3))
 _integers = types.Array(_i, 1, "C")
-SPACE = types.NamedTuple([_numbers, *[_cube] * 4, _table, _table, _integers, *[_table] * 3], Space)
+SPACE = types.NamedTuple([_numbers, *[_cube] * 4, *[_table] * 3, _integers, *[_table] * 3], Space)
 LINEAR = types.NamedTuple([NUMBERS, KERNELS, TABLES, SOURCES, LOAD_SPACE, SPACE], Linear)
 LINEARISE_NODE = types.void(_i, _f, LINEAR)
 
@@ -77,3 +78,9 @@ def linearise_node(m, u, linear):
             space.mass[m, i, up] = w[M_UP + i]
             space.mass[m, up, i] = w[M_UP + i]
     parameter_loads(w, p, u, tables, sources, loads, space.load[m])
+    for k in range(space.carried.shape[0]):
+        for i in range(n):
+            x = w[STIFF + WIDTH * i + n + k]
+            if x != 0.0:
+                for j in range(space.load.shape[2]):
+                    space.load[m, i, j] += x * space.carried[k, j]

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from model.kernels.compile import inlined, kernel
+from model.kernels.compile import inlined, inlined_uncounted, kernel, uncounted
 from model.kernels.laws import felt, friction
 from model.kernels.layout import (
     A_R,
@@ -182,7 +182,7 @@ def probe_state(v, p, o, a, b, pose, parent):
     return by - ay, rate, la, lb
 
 
-@inlined
+@inlined_uncounted
 def contact_frame(c, p, tables, pose):
     """Where the numbers of contact ``c`` begin, its penetration (m), unit normal, and point of action (m)."""
     o = contact_offset(tables.offset[1], c)
@@ -193,7 +193,7 @@ def contact_frame(c, p, tables, pose):
     return o, x, nx, ny, ax - r * nx, ay - r * ny
 
 
-@kernel
+@uncounted
 def contact_state(c, v, p, tables, pose):
     """Normal force, friction force, penetration, its rate and sliding speed of contact ``c`` (N, N, m, m/s, m/s).
 

@@ -6,7 +6,7 @@ Source: thesis Section 2.2.1; open points decided in docs/decisions/0008-model-o
 
 from math import cos, sin, sqrt
 
-from model.kernels.compile import inlined
+from model.kernels.compile import inlined_uncounted
 from model.kernels.layout import (
     A_R,
     A_X,
@@ -39,7 +39,7 @@ from model.kernels.layout import (
 )
 
 
-@inlined
+@inlined_uncounted
 def place(q, v, p, parent, pose):
     """Fill ``pose`` (n, POSE_SIZE): pivot, orientation, centre of mass and angular speed of each body."""
     n = q.shape[0]
@@ -80,7 +80,7 @@ def place(q, v, p, parent, pose):
         pose[i, POSE_OMEGA] = omega
 
 
-@inlined
+@inlined_uncounted
 def point(pose, body, x, y):
     """World coordinates of the point (x, y) of a body's frame; body -1 is ground."""
     if body < 0:
@@ -90,7 +90,7 @@ def point(pose, body, x, y):
     return pose[body, POSE_X] + c * x - s * y, pose[body, POSE_Y] + s * x + c * y
 
 
-@inlined
+@inlined_uncounted
 def direction(pose, body, x, y):
     """World components of a vector of a body's frame; body -1 is ground."""
     if body < 0:
@@ -100,7 +100,7 @@ def direction(pose, body, x, y):
     return c * x - s * y, s * x + c * y
 
 
-@inlined
+@inlined_uncounted
 def gap_geometry(pose, p, o, body_a, body_b, shape):
     """Penetration and contact frame of one contact.
 
@@ -137,7 +137,7 @@ def gap_geometry(pose, p, o, body_a, body_b, shape):
     return r + rho - distance, ux / distance, uy / distance, ax, ay, bx, by, distance
 
 
-@inlined
+@inlined_uncounted
 def along_chain(pose, parent, b, side, px, py, nx, ny):
     """Generalised direction on coordinate ``b`` of a force at (px, py): along the normal and along t = z x n."""
     if parent[b] == GUIDED:
@@ -147,7 +147,7 @@ def along_chain(pose, parent, b, side, px, py, nx, ny):
     return side * (lx * ny - ly * nx), side * (lx * nx + ly * ny)
 
 
-@inlined
+@inlined_uncounted
 def contact_offset(start, contact):
     """Where the numbers of a contact begin in the parameter vector."""
     return start + CONTACT_SIZE * contact

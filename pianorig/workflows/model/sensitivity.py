@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Executor
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +31,8 @@ from model.screening import (
 )
 from model.screening.local import lines
 from model.screening.members import Study
+from model.screening.morris import check_ways
+from model.screening.sobol import check_base
 from pianorig.console.column_file import write_rows
 from pianorig.console.output import nan_as_null, print_files
 from pianorig.console.progress import bar, say, working
@@ -89,45 +92,64 @@ def study_sensitivity(
     CommandInputError : blow, trial or cluster cannot be used
     model.InputError : a parameter is unknown, without effect or without uncertainty
     """
+    _check(action, order)
     source = _trial_of(blow, trial)
     driving = read_driving_force(source)
-    local = _local(action, driving, order.parameters, quiet)
-    facts: dict[str, Any] = {"action": action.name, "blow": source, "local": [nan_as_null(r) for r in local.rows()]}
-    files: list[Path] = []
-    if not quiet:
-        _print_local(local)
-    if out is not None:
-        files += [out / "local.csv", out / "local.svg"]
-        write_rows(files[0], local.rows())
-        draw_local(local, files[1])
-    if order.morris is not None or order.sobol is not None:
-        chosen = _spreads(action, local, order)
-        variants = Variants(
-            action, driving.time_s, driving.force_n, tuple(s.parameter for s in chosen), driving.preload_n
-        )
-        with _executor(order) as executor:
-            if order.morris is not None:
-                ways = order.morris
-                found = _computed("screening", variants, (executor, order, out, quiet), lambda f: morris(
-                    chosen, f, MARKS, ways, order.seed))  # fmt: skip
-                rows = morris_rows(found)
-                facts["morris"] = [nan_as_null(row) for row in rows]
-                files += _written(out, "morris", rows, lambda path: draw_morris(found, path))
+    with _executor(order) as executor:  # before anything is written: a cluster may not be there
+        local = _local(action, driving, order.parameters, quiet)
+        facts: dict[str, Any] = {"action": action.name, "blow": source, "local": [nan_as_null(r) for r in local.rows()]}
+        if not quiet:
+            _print_local(local)
+        files = _written(out, "local", local.rows(), lambda path: draw_local(local, path))
+        if order.morris is not None or order.sobol is not None:
+            chosen = _spreads(action, local, order)
+            variants = Variants(
+                action, driving.time_s, driving.force_n, tuple(s.parameter for s in chosen), driving.preload_n
+            )
+            for study in _studies(order, chosen):
+                found = _computed(study, variants, (executor, order, out, quiet))
+                rows = study.rows(found)
+                facts[study.name] = [nan_as_null(row) for row in rows]
+                files += _written(out, study.name, rows, partial(study.draw, found))
                 if not quiet:
-                    _print_morris(found)
-            if order.sobol is not None:
-                n = order.sobol
-                shares = _computed("Sobol' members", variants, (executor, order, out, quiet), lambda f: sobol(
-                    chosen, f, MARKS, n, order.seed))  # fmt: skip
-                rows = sobol_rows(shares)
-                facts["sobol"] = [nan_as_null(row) for row in rows]
-                files += _written(out, "sobol", rows, lambda path: draw_sobol(shares, path))
-                if not quiet:
-                    _print_sobol(shares)
+                    study.show(found)
     if not quiet:
         print_files(files)
     facts["files"] = files
     return facts
+
+
+class _Kind(NamedTuple):
+    """A kind of study: how it is called, computed, and shown."""
+
+    name: str
+    label: str
+    compute: Callable[[Callable[[Array], Array]], Any]
+    rows: Callable[[Any], list[dict[str, Any]]]
+    draw: Callable[[Any, Path], None]
+    show: Callable[[Any], None]
+
+
+def _studies(order: SensitivityOrder, chosen: list[Spread]) -> list[_Kind]:
+    """The studies ordered."""
+    out, (ways, base) = [], (order.morris, order.sobol)
+    if ways is not None:
+        screen = partial(morris, chosen, quantities=MARKS, ways=ways, seed=order.seed)
+        out.append(_Kind("morris", "screening", lambda f: screen(compute=f), morris_rows, draw_morris, _print_morris))
+    if base is not None:
+        share = partial(sobol, chosen, quantities=MARKS, n=base, seed=order.seed)
+        out.append(_Kind("sobol", "Sobol' members", lambda f: share(compute=f), sobol_rows, draw_sobol, _print_sobol))
+    return out
+
+
+def _check(action: model.Action, order: SensitivityOrder) -> None:
+    """Refuse, before anything is computed or written, what no study can be made of."""
+    if order.morris is not None:
+        check_ways(order.morris)
+    if order.sobol is not None:
+        check_base(order.sobol)
+    if order.parameters is not None and (order.morris is not None or order.sobol is not None):
+        spreads(action, order.parameters, order.uncertainties)
 
 
 def _trial_of(blow: Path, trial: int | None) -> Path:
@@ -176,13 +198,14 @@ def _executor(order: SensitivityOrder) -> Iterator[Executor | None]:
 
 
 def _computed(
-    label: str, variants: Variants, where: tuple[Any, SensitivityOrder, Path | None, bool], study: Any
+    study: _Kind, variants: Variants, where: tuple[Executor | None, SensitivityOrder, Path | None, bool]
 ) -> Any:
     """Carry out a study, its members on the executor or on threads, with a bar; say how to go on after Ctrl-C."""
     executor, order, out, quiet = where
-    with bar(label, quiet) as progress:
-        members = Study(executor, order.workers, progress, None if out is None else out / "members")
-        return study(lambda values: members.run(variants, values))
+    with bar(study.label, quiet, "blows") as progress:
+        told = None if quiet else lambda found: say(found.line() + "; after Ctrl-C the same command goes on")
+        members = Study(executor, order.workers, progress, None if out is None else out / "members", told)
+        return study.compute(lambda values: members.run(variants, values))
 
 
 def _written(out: Path | None, name: str, rows: list[dict[str, Any]], draw: Any) -> list[Path]:

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import os
+import signal
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -11,6 +14,7 @@ import pytest
 import model
 from model.screening import MARKS, Spread, Variants, spreads
 from model.screening import members as computing
+from model.screening.estimate import Estimate
 from model.screening.members import Interrupted, Study
 
 
@@ -85,6 +89,86 @@ def test_an_interrupt_keeps_what_is_finished(
         Study(workers=1, store=tmp_path, progress=tell).run(variants, values)
     assert 2 <= stopped.value.done <= 5
     assert len(list(tmp_path.glob("*.npz"))) >= 2
+
+
+def test_a_study_is_estimated_before_it_goes_on(
+    variants: Variants, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(computing, "UNIT", 64)
+    monkeypatch.setattr(Variants, "marks", lambda self, rows: np.zeros((len(rows), len(MARKS))))
+    clock = iter([0.0, 100.0, 102.5])  # the first unit takes 100 s, the second 2.5
+    told: list[Estimate] = []
+    values = np.random.default_rng(1).random((20_000, 3))
+    study = Study(workers=2, store=tmp_path, announce=told.append, clock=lambda: next(clock))
+    stopped = InterruptAfter(1280)
+    study.progress = stopped
+    with pytest.raises(Interrupted):
+        study.run(variants, values)
+    (found,) = told
+    units = -(-20_000 // 64) - 2
+    assert found.members == 20_000 - 128 and found.seconds == pytest.approx(2.5 * -(-units // 2))
+    size = sum(path.stat().st_size for path in tmp_path.glob("*.npz")) / len(list(tmp_path.glob("*.npz")))
+    assert found.size == pytest.approx(units * size, rel=0.01)
+    assert found.line() == f"19872 members: about 6.5 min on 2 workers, {found.size / 1e6:.1f} MB on disk"
+    kept = len(list(tmp_path.glob("*.npz")))
+    assert 20 <= kept < units  # stopped midway; goes on from there
+    clock = iter([0.0, 0.0, 0.0])
+    study.progress = lambda done, total: begun.append(done)
+    begun: list[int] = []
+    study.run(variants, values)
+    assert begun[0] == 64 * kept and begun[-1] == 20_000
+
+
+def test_a_disk_that_cannot_hold_a_study_ends_it(
+    variants: Variants, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(computing, "UNIT", 1)
+    monkeypatch.setattr(Variants, "marks", lambda self, rows: np.zeros((len(rows), len(MARKS))))
+    monkeypatch.setattr("shutil.disk_usage", lambda _: DiskUsage(10**9, 10**9, 2000))
+    with pytest.raises(model.InputError, match="the study needs .* MB, 0 MB are free; free space"):
+        Study(workers=1, store=tmp_path).run(variants, np.random.default_rng(1).random((50, 3)))
+    assert len(list(tmp_path.glob("*.npz"))) == 2
+
+
+@pytest.mark.slow  # starts a scheduler and two processes
+def test_a_worker_that_is_killed_midway_changes_no_number(
+    variants: Variants, values: np.ndarray, marks: np.ndarray, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    distributed = pytest.importorskip("distributed", reason="the extra 'cluster' is not installed")
+    monkeypatch.setattr(computing, "UNIT", 1)
+    with (
+        distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=50) as cluster,
+        distributed.Client(cluster) as client,
+    ):
+        first = list(client.run(os.getpid).values())
+        killed: list[int] = []
+
+        def kill(done: int, total: int) -> None:
+            if not killed:
+                killed.append(first[0])
+                os.kill(first[0], signal.SIGKILL)
+
+        found = Study(executor=client.get_executor(), progress=kill).run(variants, values)
+        assert killed and killed[0] not in client.run(os.getpid).values()
+    np.testing.assert_array_equal(found, marks)
+
+
+class DiskUsage(NamedTuple):
+    total: int
+    used: int
+    free: int
+
+
+class InterruptAfter:
+    """Progress that presses Ctrl-C after so many members."""
+
+    def __init__(self, members: int) -> None:
+        self.members, self.pressed = members, False
+
+    def __call__(self, done: int, total: int) -> None:
+        if done >= self.members and not self.pressed:
+            self.pressed = True
+            raise KeyboardInterrupt
 
 
 def test_a_variant_that_cannot_rest_is_a_row_of_nan(action: model.Action) -> None:

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 import model
-from model.sensitivity import EVENTS
+from model.sensitivity import EVENTS, find_parameters
+from model.sensitivity.parameter_names import directions
+from model.sensitivity.tangents import input_kinks
 from tests.model.sensitivity.richardson import Blow, changed, relative_error, richardson
 
 # geometry, felt, friction, mass, spring, damping, gravity; of each contact that a forte touches early, and of none
@@ -229,3 +231,48 @@ def test_a_contact_on_the_verge_at_rest_does_not_make_steps_small() -> None:
     names = ["contact07.second.x", "hammer.pivot.x", "friction"]
     found = model.sensitivities(regulated, cut(model.force_table("forte"), 0.1), names, options=options)
     assert found.counters["n_tangent_steps"] + found.counters["n_tangent_rejected"] < 10_000
+
+
+def test_a_motion_of_too_many_steps_ends(action: model.Action, forte: Blow, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("model.simulation.run.STEPS_AT_LEAST", 500)
+    monkeypatch.setattr("model.simulation.run.STEPS_PER_SECOND", 0)
+    monkeypatch.setattr("model.sensitivity.tangents.ROWS", 100)  # the limit is of all parts of the record together
+    with pytest.raises(model.IntegrationError, match="too many steps"):
+        model.sensitivities(action, forte, ["hammer.mass"])
+
+
+def test_columns_do_not_depend_on_which_parameters_share_a_build(action: model.Action) -> None:
+    blow = cut(model.force_table("forte"), 0.03)
+    names = ["contact01", "contact02.friction.B1", "contact01.first.x", "key.mass", "hammer.mass", "key.pivot.x"]
+    names += ["contact07.second.x", "whippen.pivot.y", "friction"]
+    options = model.SensitivityOptions(allow_idle=True)
+    choice = model.SceneChoice()
+    together = directions(action, choice, find_parameters(action, names)).slope
+    alone = [directions(action, choice, find_parameters(action, [name])).slope[0] for name in names]
+    np.testing.assert_array_equal(together, alone)
+    shank = model.load_scene("flexible-shank")  # there a mass of the hammer changes two bodies
+    together = directions(action, shank, find_parameters(action, names)).slope
+    alone = [directions(action, shank, find_parameters(action, [name])).slope[0] for name in names]
+    np.testing.assert_array_equal(together, alone)
+    assert np.sum(together[names.index("hammer.mass")] != 0.0) > 1
+    assert model.sensitivities(action, blow, names, options=options).d_angles.shape[2] == len(names)
+
+
+def test_a_kink_of_the_force_in_a_quiet_phase_is_not_stepped_over(action: model.Action) -> None:
+    time = np.linspace(0.0, 0.4, 2001)
+    force = np.interp(time, [0.0, 0.02, 0.06, 0.3, 0.32], [0.0, 0.5, 4.0, 4.0, 0.0])
+    exact = model.SensitivityOptions(tolerance=1e-10, relative_tolerance=1e-7, events=False)
+    usual = model.SensitivityOptions(events=False)
+    truth, found = (
+        model.sensitivities(action, (time, force), ["key.inertia", "contact01"], options=o) for o in (exact, usual)
+    )
+    for j in range(2):
+        assert relative_error(found.d_angles[:, :, j], truth.d_angles[:, :, j]) < 1e-5
+
+
+def test_the_strongest_kinks_of_an_input() -> None:
+    time = np.linspace(0.0, 1.0, 101)
+    plain = np.interp(time, [0.0, 0.2, 0.5, 1.0], [0.0, 1.0, 1.0, 0.0])
+    np.testing.assert_allclose(input_kinks(time, plain)[np.argsort(input_kinks(time, plain)[:, 0])][:, 0], [0.2, 0.5])
+    assert input_kinks(time, np.random.default_rng(0).normal(size=101)).shape == (50, 2)
+    assert input_kinks(time[:2], plain[:2]).shape == (0, 2) and input_kinks(time, time).shape == (0, 2)

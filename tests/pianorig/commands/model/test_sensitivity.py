@@ -75,18 +75,35 @@ def test_a_session_or_a_trial_gives_the_force(tmp_path: Path, capsys: pytest.Cap
         (["--parameters", "hammer.mass", "--morris", "1"], "found 1, allowed 2 to"),
         (["--trial", "2"], "--trial 2: goes with a session"),
         (["--parameters", " , "], "parameters: found none"),
+        (["--parameters", "shank.frequency_hz"], "shank.frequency_hz: no effect in this scene"),
+        (["--parameters", "contact12.friction.B1"], "contact12.friction.B1: does nothing in this blow"),
+        (["--parameters", "contact12", "--set", "contact12=0"], "contact12: all its values are 0"),
+        (["--parameters", "hammer.mass", "--set", "hammer.pivot.y=nan"], "hammer.pivot.y"),
     ],
 )
-def test_what_cannot_be_used_is_one_line(options: list[str], words: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert run("sensitivity", FORTE, *options) == 2
-    assert words in capsys.readouterr().err
+def test_what_cannot_be_used_is_one_line_and_writes_nothing(
+    options: list[str], words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run("sensitivity", FORTE, *options, "--out", str(tmp_path / "out")) in (2, 3)
+    told = capsys.readouterr().err.strip()
+    assert words in told and "Traceback" not in told and len(told.splitlines()[-1]) < 400
+    assert not list(tmp_path.glob("out/*"))
 
 
-def test_a_cluster_that_is_not_there(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_trial_without_a_force_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    session = Path(__file__).parents[4] / "sessions" / "kawai_kg3c"
+    assert run("sensitivity", str(session), "--parameters", "hammer.mass") == 2
+    assert "no force was recorded, positions only; give a trial with a force" in capsys.readouterr().err
+
+
+def test_a_cluster_that_is_not_there(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     pytest.importorskip("distributed", reason="the extra 'cluster' is not installed")
     monkeypatch.setattr("pianorig.workflows.model.cluster.TIMEOUT_S", 0.5)
     words = ["--parameters", "hammer.mass", "--morris", "2", "--cluster"]
-    assert run("sensitivity", FORTE, *words, "tcp://127.0.0.1:1") == 2
+    assert run("sensitivity", FORTE, *words, "tcp://127.0.0.1:1", "--out", str(tmp_path / "out")) == 2
+    assert not list(tmp_path.glob("out/*"))
     assert "--cluster tcp://127.0.0.1:1: no scheduler answers" in capsys.readouterr().err
 
 

@@ -1,0 +1,70 @@
+"""Derivatives under a measured motion of the key, against differences of whole runs."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import model
+from tests.model.sensitivity.richardson import changed, relative_error
+
+# with a step of differences
+STEPS = {"hammer.mass": 1e-6, "contact07.second.x": 2e-7, "contact01": 1e-4, "friction": 1e-4, "key.mass": 1e-5}
+
+
+@pytest.fixture(scope="module")
+def motion(action: model.Action) -> tuple[np.ndarray, np.ndarray]:
+    """Changes of the key's angle since rest in a forte, up to after the strike."""
+    time, force = model.force_table("forte")
+    keep = time <= 0.115
+    key = model.simulate(action, time[keep], force[keep], tolerance=1e-8).angle_rad[:, 0]
+    return time[keep], key - key[0]
+
+
+@pytest.fixture(scope="module")
+def found(action: model.Action, motion: tuple[np.ndarray, np.ndarray]) -> model.Sensitivities:
+    return model.motion_sensitivities(action, motion, [*STEPS])
+
+
+@pytest.mark.parametrize("name", STEPS)
+def test_motion_and_force_agree_with_differences(
+    action: model.Action, motion: tuple[np.ndarray, np.ndarray], found: model.Sensitivities, name: str
+) -> None:
+    ends = [
+        model.simulate_motion(
+            changed(action, name, s * STEPS[name]), *motion, from_rest=True, members=0, tolerance=1e-11,
+            method="rodas5p",
+        )
+        for s in (1.0, -1.0)
+    ]  # fmt: skip
+    j = found.parameters.index(name)
+    order = [found.angle_names.index(body) for body in ends[0].bodies]
+    angles = (ends[0].angle_rad - ends[1].angle_rad) / (2.0 * STEPS[name])
+    force = (ends[0].force_n - ends[1].force_n) / (2.0 * STEPS[name])
+    moving = np.max(np.abs(angles), axis=0) > 1e-6 / STEPS[name] * 1e-3
+    if name == "key.mass":  # changes the rest angle, hence where the whole motion lies, and the force
+        assert np.ptp(found.d_angles[:, -1, j]) == 0.0 and found.d_angles[0, -1, j] != 0.0
+    assert np.any(moving)
+    ours = found.d_angles[:, order, j][:, moving]
+    assert relative_error(ours, angles[:, moving]) < 2e-4
+    apart = np.abs(found.d_force[:, j] - force) / np.max(np.abs(force))  # type: ignore[index]
+    assert np.quantile(apart, 0.98) < 1e-3  # samples next to a touch stand on a kink
+
+
+def test_angles_from_ground_do_not_move_with_the_rest(
+    action: model.Action, motion: tuple[np.ndarray, np.ndarray]
+) -> None:
+    rest = model.rest_state(action).angle_rad[0]
+    short = motion[0][:200], motion[1][:200] + rest
+    found = model.motion_sensitivities(action, short, ["contact01.first.y"], from_rest=False)
+    assert not np.any(found.d_angles[:, -1]) and np.any(found.d_angles[:, 0])
+
+
+def test_what_only_a_force_has_is_refused(action: model.Action, motion: tuple[np.ndarray, np.ndarray]) -> None:
+    with pytest.raises(model.InputError, match="found rest_input, events, allowed tolerances"):
+        model.motion_sensitivities(action, motion, ["hammer.mass"], options=model.SensitivityOptions(rest_input=1.0))
+    with pytest.raises(model.InputError, match="contact12: does nothing under this motion"):
+        model.motion_sensitivities(action, (motion[0][:100], motion[1][:100]), ["contact12"])
+    with pytest.raises(model.InputError, match="motor_arm"):
+        options = model.SensitivityOptions(events=False, scene="motor-arm")
+        model.motion_sensitivities(action, motion, ["hammer.mass"], options=options)
