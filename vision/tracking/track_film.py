@@ -154,6 +154,14 @@ def _track(
         )
     apart = moving_parts(ready, table)
     for name, parts in apart.items():
+        if parts.bends:
+            warnings.warn(
+                f"{film.path}: body {name} bends: its ends move by up to {parts.most_px:.1f} px across its length against "
+                "its middle; its angle is a mean over the outline (draw a shorter one where the angle is wanted)",
+                VisionWarning,
+                stacklevel=3,
+            )
+            continue
         warnings.warn(
             f"{film.path}: body {name}: {100.0 * parts.share:.0f} % of its outline moves by up to {parts.most_px:.1f} "
             f"px against the pose found, most at x {parts.at_px[0]:.0f}, y {parts.at_px[1]:.0f}; the outline lies over "

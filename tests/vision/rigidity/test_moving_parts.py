@@ -7,6 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from scipy import ndimage
 
 from tests.vision.motion import bar_motion, smooth_step
 from tests.vision.tracking.test_disturbed_films import stress  # noqa: F401  (fixture)
@@ -49,6 +50,27 @@ def test_an_outline_over_two_bodies(texture: str, noise: float) -> None:
         film, [Body("a", bodies[0].outline(0.0, 30.0, 75.0)), Body("b", bodies[1].outline(0.0, 110.0, 75.0), "a")]
     )
     assert apart.info["moving_parts"] == {}
+
+
+@pytest.mark.parametrize("sag_px", [3.0, -1.5])
+def test_a_body_that_bends_is_named(
+    bar_scene: Callable[[str], Scene], pivot: tuple[float, float], sag_px: float
+) -> None:
+    """A bar of 120 px whose ends move across its length while it turns, by the square of their place."""
+    scene, pose = bar_scene("speckle"), bar_motion(N, pivot, 0.15)
+    s, rng = smooth_step((np.arange(N) - 16) / 60), np.random.default_rng(1)
+    frames = []
+    for i in range(N):
+        light = scene.light(pose[i][None])
+        y, x = np.mgrid[0 : light.shape[0], 0 : light.shape[1]].astype(float)
+        way = ((x - pose[i, 0, 1] - 25.0) * np.cos(pose[i, 0, 0])) / 50.0
+        sagged = ndimage.map_coordinates(light.astype(float), [y + sag_px * s[i] * way**2, x], order=3, mode="nearest")
+        frames.append(np.clip(np.rint(sagged + rng.normal(0.0, 2.0, x.shape)), 0, 255).astype(np.uint8))
+    body = Body("bar", scene.bodies[0].outline(*pose[0, 0]))
+    with pytest.warns(VisionWarning, match="body bar bends"):
+        result = track_film(ArrayFilm(np.stack(frames), 2000.0), [body])
+    parts = result.info["moving_parts"]["bar"]
+    assert parts["bends"] and 0.4 * abs(sag_px) < parts["most_px"] < 2.0 * abs(sag_px)
 
 
 @pytest.mark.parametrize("texture", ["speckle", "wood"])
