@@ -150,8 +150,8 @@ def _parts_of(ready: PreparedFilm, template: Template, frame: NDArray[np.int64],
 
 
 def _bent(shift: F64, u: F64, middle: F64) -> tuple[float, int] | None:
-    """Largest sag (px) and the tile furthest out; None where the tiles do not show a bend, to the same side in a quarter
-    of the frames."""
+    """Largest sag (px) and the tile furthest out; None where the tiles do not show a bend, to the same side in a
+    quarter of the frames."""
     axis = np.linalg.svd(middle - middle.mean(axis=0), full_matrices=False)[2][0]
     along, across = middle @ axis, np.array([-axis[1], axis[0]])
     half = 0.5 * float(np.ptp(along))

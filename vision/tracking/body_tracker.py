@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 from vision.film.source import FrameSource
 from vision.fitting.base import FAILED, Fit, Fitter
 from vision.fitting.template import Template
+from vision.fitting.wide_search import far_candidates, search_candidates
 from vision.results.flags import FAILURE, FrameFlag
 from vision.tracking.pose_prediction import Placement, PlacementHistory, from_parent, in_parent
-from vision.tracking.wide_search import far_candidates, search_candidates
 
 GOOD = FrameFlag.GOOD
 """Compared by identity before its bits: arithmetic of flags costs more than all other tests of a good frame."""

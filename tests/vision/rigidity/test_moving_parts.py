@@ -90,8 +90,25 @@ def test_a_rigid_body_is_not_named(
     assert quiet(known.film, known.bodies).info["moving_parts"] == {}
 
 
-@pytest.mark.parametrize("kind", ["scale_change", "row_flicker", "neighbour", "dust", "defocus", "jpeg"])
-@pytest.mark.parametrize("surface", ["speckle", "wood", "fine"])
+KINDS = {
+    "scale_change": "fine",
+    "row_flicker": "wood",
+    "neighbour": "fine",
+    "dust": "wood",
+    "defocus": "wood",
+    "jpeg": "speckle",
+}
+"""Each with the surface of the default run; the others are `slow`: python -m pytest -m slow tests/vision/rigidity."""
+
+
+@pytest.mark.parametrize(
+    ("kind", "surface"),
+    [
+        pytest.param(kind, surface, marks=() if surface == usual else pytest.mark.slow)
+        for kind, usual in KINDS.items()
+        for surface in ("speckle", "wood", "fine")
+    ],
+)
 def test_disturbed_films_of_a_rigid_body(stress: object, kind: str, surface: str) -> None:  # noqa: F811
     film = stress.stress_film(kind, surface, 401)
     assert quiet(ArrayFilm(film.frames, 2000.0), [Body("bar", film.outline_px)]).info["moving_parts"] == {}
