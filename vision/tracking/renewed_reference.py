@@ -18,6 +18,7 @@ from vision.bodies.masks import build_masks
 from vision.errors import BodyError
 from vision.fitting.frame_spline import FrameSpline
 from vision.fitting.icgn import IcgnFitter
+from vision.fitting.pose_covariance import predicted_u_angle
 from vision.fitting.template import Template, build_template
 from vision.reference.prepared_film import PreparedFilm
 from vision.results.flags import FAILURE, FrameFlag
@@ -88,9 +89,11 @@ def _template_of(ready: PreparedFilm, table: PoseTable, row: int, i: int) -> Tem
     picture = film.read(int(table.frame[row])).astype(np.float32)
     try:
         mask = build_masks(bodies, film.height, film.width)[i]
-        return build_template(own.name, picture, mask, 1, own.n_pixels, noise)
+        template = build_template(own.name, picture, mask, 1, own.n_pixels, noise)
     except BodyError:
         return None
+    # one frame has more noise than the still frames' mean: it may hide the texture
+    return template if np.isfinite(predicted_u_angle(template, noise)) else None
 
 
 def _followed(ready: PreparedFilm, table: PoseTable, i: int, reference: tuple[int, Template]) -> int:

@@ -13,8 +13,11 @@ from tests.vision.motion import bar_motion, smooth_step
 from vision.bodies.outlines import Body
 from vision.errors import VisionWarning
 from vision.film.source import ArrayFilm
+from vision.fitting.icgn import IcgnFitter
+from vision.fitting.template import Template, build_template
 from vision.results.flags import FrameFlag
 from vision.synthetic import Scene, Sensor
+from vision.tracking.body_tracker import BodyTracker
 from vision.tracking.renewed_reference import _seen_from
 from vision.tracking.track_film import track_film
 
@@ -40,6 +43,32 @@ def test_a_body_that_leaves_the_plane_of_focus(bar_scene: Callable[[str], Scene]
     # the pose a later reference starts from is uncertain too
     assert result.u_angle_rad[renewed, 0].min() > result.u_angle_rad[:10, 0].max()
     assert result.u_angle_rad[-1, 0] > 3.0 * result.u_angle_rad[0, 0]
+
+
+def test_noise_that_hides_the_texture_is_no_reference(
+    bar_scene: Callable[[str], Scene], pivot: tuple[float, float]
+) -> None:
+    """With noise as large as the grain one frame is no template; nothing breaks and nothing is found."""
+    n = 40
+    scene, pose = bar_scene("wood"), bar_motion(n, pivot, 0.25)
+    sensor = Sensor(60.0, 8, 3)
+    frames = [sensor.expose(scene.light(pose[i][None])) for i in range(n)]
+    frames[28:] = [sensor.expose(np.full_like(scene.light(pose[0][None]), 90.0)) for _ in range(n - 28)]
+    body = Body("bar", scene.bodies[0].outline(*pose[0, 0]))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", VisionWarning)
+        result = track_film(ArrayFilm(np.stack(frames), 2000.0), [body], n_still=14)
+    assert not np.any(np.isfinite(result.angle_rad[28:]))
+    template = BodyTracker(IcgnFitter(_noise_only()))
+    assert 0.0 < template.common_contrast < 0.1
+
+
+def _noise_only() -> Template:
+    """A template of nothing but noise."""
+    picture = 90.0 + np.random.default_rng(1).normal(0.0, 10.0, (60, 80))
+    mask = np.zeros(picture.shape, dtype=bool)
+    mask[8:-8, 8:-8] = True
+    return build_template("bar", picture, mask, 1, None, 12.0)
 
 
 def test_poses_of_two_templates_of_one_body() -> None:
