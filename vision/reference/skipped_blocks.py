@@ -18,20 +18,29 @@ BLOCK_PX = 16
 PAIRS = 8
 TEXTURE_GREY = 3.0
 """Least standard deviation in a square that is looked at: flat ones may repeat."""
-LEAST = 0.025
-"""Share of repeated squares from which a codec is believed: MPEG-4 gave 0.04 to 0.2, JPEG of quality 50 and more 0."""
+LEAST = 0.015
+"""Share of repeated squares from which a codec is believed: MPEG-4 gave 0.02 to 0.2, JPEG of quality 50 and more 0."""
 NOISY_GREY = 0.3
-"""Below this noise pictures repeat by themselves."""
+"""Below this noise pictures may repeat by themselves."""
+FIRST = 5
+"""Frames at rest of which none may then repeat as a whole."""
 
 
 def skips_blocks(film: FrameSource, box: tuple[int, int, int, int], noise_grey: float) -> bool:
     """Whether frames repeat textured squares of the frame before, inside a rectangle (y0, y1, x0, x1)."""
-    if film.compression is not None or noise_grey < NOISY_GREY or film.n_frames < 3:
+    if film.compression is not None or film.n_frames < 3:
         return False
-    y0, x0 = (-(-edge // BLOCK_PX) * BLOCK_PX for edge in (box[0], box[2]))
-    y1, x1 = (edge // BLOCK_PX * BLOCK_PX for edge in (box[1], box[3]))
+    # and the squares next to it
+    y0, x0 = (max(0, (edge // BLOCK_PX - 1) * BLOCK_PX) for edge in (box[0], box[2]))
+    y1 = min(film.height // BLOCK_PX, -(-box[1] // BLOCK_PX) + 1) * BLOCK_PX
+    x1 = min(film.width // BLOCK_PX, -(-box[3] // BLOCK_PX) + 1) * BLOCK_PX
     if y1 <= y0 or x1 <= x0:
         return False
+    if noise_grey < NOISY_GREY:
+        # a codec may leave most pixels at rest unchanged, but never all of them for long
+        first = [film.read_region(k, y0, y1, x0, x1) for k in range(min(FIRST, film.n_frames))]
+        if any(np.array_equal(one, other) for one, other in zip(first, first[1:], strict=False)):
+            return False
     shares = []
     for index in np.unique(np.linspace(1, film.n_frames - 1, PAIRS).astype(int)):
         before, here = (film.read_region(int(k), y0, y1, x0, x1) for k in (index - 1, index))

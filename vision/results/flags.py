@@ -36,6 +36,9 @@ class FrameFlag(IntFlag):
     a failure."""
     REPEATED = 1024
     """The frame repeats the one before, byte for byte, so it says nothing about its own time."""
+    RENEWED = 2048
+    """Fitted against a later frame of the film, which the still frames no longer resemble; its drift is in u; not a
+    failure."""
 
 
 FAILURE = (

@@ -2,9 +2,9 @@
 
 Weights suppress what hides a body, but not all of it: where it is like the body, some of its pixels keep their weight.
 Method: squares of the template in which many pixels do not agree are left out altogether, and the rest is fitted from
-the pose found. Where both poses agree within what leaving pixels out makes of noise, the second, which owes nothing to
-those squares, stands with its own uncertainty and without the flag; where they do not, the flag stays and their
-difference goes into the uncertainty.
+the pose found. Where both poses agree within what leaving pixels out makes of noise, the first, which uses more of the
+body, stands without the flag, and its uncertainty is at least their difference; where they do not, the flag stays and
+their difference goes into the uncertainty.
 """
 
 from __future__ import annotations
@@ -14,10 +14,12 @@ from numpy.typing import NDArray
 
 from vision.fitting.base import Fit
 from vision.fitting.coherence import blocks_of
+from vision.fitting.frame_spline import FrameSpline
 from vision.fitting.icgn import IcgnFitter
 from vision.reference.prepared_film import PreparedFilm
-from vision.results.flags import FAILURE, FrameFlag
+from vision.results.flags import FrameFlag
 from vision.results.pose_table import PoseTable
+from vision.uncertainty.coherence_widening import widened
 
 LEVEL = 1
 """Squares of 16 px."""
@@ -43,10 +45,13 @@ def confirm_hidden(ready: PreparedFilm, table: PoseTable, doubted: NDArray[np.bo
         rows = np.flatnonzero(covered[:, i] & ~table.failed[:, i])
         if not rows.size:
             continue
-        fitter, squares = IcgnFitter(template), blocks_of(template.offset_px)
+        frames, squares = FrameSpline(ready.film), blocks_of(template.offset_px)
+        # each carries its weights from row to row
+        fitters = (IcgnFitter(template, frames), IcgnFitter(template, frames))
+        fitters[0].reset(cautious=True)
         square = np.repeat(squares.groups[LEVEL], np.diff(squares.first))
         for row in rows:
-            again = _without_squares(ready, table, int(row), i, (fitter, square))
+            again = _without_squares(ready, table, int(row), i, (*fitters, square))
             if again is None:
                 continue
             apart = again.pose - table.pose[row, i]
@@ -54,19 +59,20 @@ def confirm_hidden(ready: PreparedFilm, table: PoseTable, doubted: NDArray[np.bo
             if np.any(apart**2 > AGREE_SIGMA**2 * variance):
                 table.covariance[row, i] += np.diag(apart**2)
             elif again.seen - again.inlier < STILL_COVERED and not doubted[i]:
-                table.store(int(row), i, again, _without_flag(int(table.flag[row, i])))
+                own = table.covariance[row, i]
+                table.covariance[row, i] = widened(own, np.maximum(apart**2 / own.diagonal(), 1.0))
+                table.flag[row, i] &= ~np.uint16(int(FrameFlag.COVERED))
                 cleared += 1
     return cleared
 
 
 def _without_squares(
-    ready: PreparedFilm, table: PoseTable, row: int, i: int, with_what: tuple[IcgnFitter, NDArray[np.int32]]
+    ready: PreparedFilm, table: PoseTable, row: int, i: int, with_what: tuple[IcgnFitter, IcgnFitter, NDArray[np.int32]]
 ) -> Fit | None:
     """Fit of a body in a row without the squares that do not agree; None where that fails or leaves too little."""
-    (fitter, square), pose, frame = with_what, table.pose[row, i], int(table.frame[row])
+    (fitter, second, square), pose, frame = with_what, table.pose[row, i], int(table.frame[row])
     others = {j: table.pose[row, j] for j in ready.occlusion.in_front[i] if not table.failed[row, j]}
     hidden = ready.occlusion.covered(i, pose, others)
-    fitter.reset(cautious=True)
     first = fitter.fit(ready.film, frame, pose, hidden)
     if not first.converged:
         return None
@@ -77,12 +83,5 @@ def _without_squares(
     left_out = np.where(share[square] > MANY, np.uint8(1), hidden)
     if np.count_nonzero(left_out == 0) < LEAST_SEEN * left_out.size:
         return None
-    fitter.reset()
-    again = fitter.fit(ready.film, frame, first.pose, left_out)
+    again = second.fit(ready.film, frame, first.pose, left_out)
     return again if again.converged and np.isfinite(again.covariance).all() else None
-
-
-def _without_flag(flag: int) -> FrameFlag:
-    kept = FrameFlag(flag) & ~FrameFlag.COVERED
-    assert not kept & FAILURE
-    return kept

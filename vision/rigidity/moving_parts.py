@@ -5,8 +5,8 @@ of them, and nothing in a single frame tells why the rest does not agree: it may
 into tiles; in frames spread over the motion each tile is shifted from where the body's pose has it to where it fits the
 frame best, from its shift in the frame before. A hidden tile fits nowhere; one that fits elsewhere, in many frames, by
 more than its uncertainty and clearly better, moves. A common change of scale is allowed for. Only bodies whose
-residuals are coherent, or of which much does not agree, are looked at. A gentle bend, which shears the tiles as much as
-it shifts them, is not named; the coherence of its residuals is in its uncertainty.
+residuals are coherent, or of which much does not agree, are looked at. A body that bends gently has no such part: its
+tiles are shifted across its length by the square of their place along it.
 """
 
 from __future__ import annotations
@@ -45,6 +45,9 @@ LEAST_TILES, COMMON, ALONE = 3, 0.4, 0.15
 """Tiles that must have moved, share of them that must share a motion, and share of a tile's way it may be off that."""
 SHARE = 0.1
 """Share of the tiles that must have moved."""
+BENT_PX, BENT_U, BENT_EXPLAINS = 0.5, 6.0, 0.6
+"""Least sag between middle and ends, over its standard uncertainty too, and share of the tiles' shifts across the
+body, beyond a rigid motion, that it must explain."""
 F64 = NDArray[np.float64]
 
 
@@ -60,11 +63,14 @@ class MovingParts:
         Largest shift.
     at_px : (float, float)
         Middle of the tile with the largest shift (x, y), in the reference.
+    bends : bool
+        Whether the shifts are those of a body that bends.
     """
 
     share: float
     most_px: float
     at_px: tuple[float, float]
+    bends: bool = False
 
 
 def moving_parts(ready: PreparedFilm, table: PoseTable) -> dict[str, MovingParts]:
@@ -132,11 +138,45 @@ def _parts_of(ready: PreparedFilm, template: Template, frame: NDArray[np.int64],
     moved &= often
     enough = np.count_nonzero(often) >= max(LEAST_TILES, SHARE * np.count_nonzero(judged))
     if not (enough and _together(place, moved, middle)):
-        return None
+        bent = _bent(shift, u, middle)
+        if bent is None:
+            return None
+        x, y = middle[bent[1]] + template.centre_px
+        return MovingParts(1.0, bent[0], (float(x), float(y)), bends=True)
     largest = np.where(moved, size, 0.0)
     worst = int(np.argmax(largest.max(axis=0)))
     x, y = middle[worst] + template.centre_px
     return MovingParts(float(often.sum() / judged.sum()), float(largest.max()), (float(x), float(y)))
+
+
+def _bent(shift: F64, u: F64, middle: F64) -> tuple[float, int] | None:
+    """Largest sag (px) and the tile furthest out; None where the tiles do not show a bend, to the same side in a
+    quarter of the frames."""
+    axis = np.linalg.svd(middle - middle.mean(axis=0), full_matrices=False)[2][0]
+    along, across = middle @ axis, np.array([-axis[1], axis[0]])
+    half = 0.5 * float(np.ptp(along))
+    if half < 1.5 * TILE_PX:
+        return None
+    way = (along - 0.5 * (along.max() + along.min())) / half
+    design = np.column_stack([np.ones(way.size), way, way**2])
+    sags, certain = np.zeros(len(shift)), np.zeros(len(shift), dtype=bool)
+    for row in range(len(shift)):
+        known = np.flatnonzero(np.isfinite(u[row]))
+        if known.size < 6 or np.ptp(way[known]) < 1.5:
+            continue
+        weight = 1.0 / u[row, known]
+        there, off = design[known] * weight[:, None], (shift[row, known] @ across) * weight
+        inverse = np.linalg.pinv(there.T @ there)
+        left = off - there @ (inverse @ (there.T @ off))
+        straight = off - there[:, :2] @ np.linalg.lstsq(there[:, :2], off, rcond=None)[0]
+        sags[row] = inverse[2] @ (there.T @ off)
+        u_sag = np.sqrt(inverse[2, 2] * max(float(left @ left) / (known.size - 3), 1.0))
+        explains = 1.0 - float(left @ left) / max(float(straight @ straight), 1e-9)
+        certain[row] = explains > BENT_EXPLAINS and abs(sags[row]) > max(BENT_PX, BENT_U * u_sag)
+    if np.count_nonzero(certain) < max(OFTEN * len(shift), 3) or abs(np.sign(sags[certain]).sum()) < certain.sum():
+        return None
+    worst = int(np.argmax(np.where(certain, np.abs(sags), 0.0)))
+    return float(abs(sags[worst])), int(np.argmax(np.abs(way)))
 
 
 def _together(place: F64, moved: NDArray[np.bool_], middle: F64) -> bool:

@@ -20,7 +20,7 @@ from vision.tracking.film_tracker import FilmTracker, first_poses
 from vision.tracking.options import FitSettings
 from vision.uncertainty.budget_terms import TrackedAngles, budget_of
 from vision.uncertainty.coherence_widening import variance_factor, widened
-from vision.uncertainty.compression_noise import INTERFRAME_FACTOR
+from vision.uncertainty.compression_noise import UNDECLARED_FACTOR
 from vision.uncertainty.expected_coherence import expected_ratio
 from vision.uncertainty.pose_response import PoseResponse
 
@@ -91,7 +91,7 @@ def _widened_table(ready: PreparedFilm, table: PoseTable, camera: Projection | N
         ratio = np.maximum(ratio - np.stack(added, axis=1), 0.0)
     factor = variance_factor(ratio, table.blocks)
     if ready.skips_blocks:
-        factor = factor + INTERFRAME_FACTOR**2
+        factor = factor + UNDECLARED_FACTOR**2
     return replace(table, covariance=widened(table.covariance, factor))
 
 

@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 from vision.film.source import FrameSource
 from vision.fitting.base import FAILED, Fit, Fitter
 from vision.fitting.template import Template
+from vision.fitting.wide_search import far_candidates, search_candidates
 from vision.results.flags import FAILURE, FrameFlag
 from vision.tracking.pose_prediction import Placement, PlacementHistory, from_parent, in_parent
-from vision.tracking.wide_search import far_candidates, search_candidates
 
 GOOD = FrameFlag.GOOD
 """Compared by identity before its bits: arithmetic of flags costs more than all other tests of a good frame."""
@@ -43,6 +43,8 @@ FAR_EVERY = 3
 """Of the lost frames in a row that are searched, the whole picture is in one out of this many, the first included."""
 FAR_SHARE = 0.95
 """Least correlation, as a share of the usual one, of a body found far from where it was: others may look like it."""
+LEAST_COMMON = 0.01
+"""Where noise explains the reference altogether its contrast tells nothing of the gain."""
 MAX_SEARCHED_IN_A_ROW = 60
 """Lost frames in a row after which the wide search runs on every fifth frame only."""
 
@@ -71,7 +73,7 @@ class BodyTracker:
         texture = max(float(np.var(template.columns[3])) - template.noise_grey**2 / template.n_averaged, 0.0)
         expected = math.sqrt(texture / (texture + template.noise_grey**2)) if texture > 0.0 else 0.0
         # what noise left in the reference takes off the contrast in common with frames that are not part of it
-        self.common_contrast = texture / max(float(np.var(template.columns[3])), 1e-9)
+        self.common_contrast = max(texture / max(float(np.var(template.columns[3])), 1e-9), LEAST_COMMON)
         expected *= math.sqrt(self.common_contrast)
         self.least_zncc = max(min(MIN_ZNCC, EXPECTED_SHARE * expected), CHANCE / math.sqrt(template.n_pixels))
 

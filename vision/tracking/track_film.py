@@ -35,6 +35,7 @@ from vision.tracking.film_tracker import FilmTracker
 from vision.tracking.options import TrackOptions, TrackSettings
 from vision.tracking.passes import Run, confirm_backward, track_forward
 from vision.tracking.prepare import frame_times, prepare
+from vision.tracking.renewed_reference import renew
 from vision.tracking.sensor_pattern import WithoutPattern, held_back, left_over, residual_variance
 from vision.tracking.stretches import first_rows
 from vision.tracking.without_pattern import TRACKED_AGAIN, better, pattern_by_sample, pattern_is_suspected
@@ -154,6 +155,14 @@ def _track(
         )
     apart = moving_parts(ready, table)
     for name, parts in apart.items():
+        if parts.bends:
+            warnings.warn(
+                f"{film.path}: body {name} bends: its ends move by up to {parts.most_px:.1f} px across its length "
+                "against its middle; its angle is a mean over the outline (draw a shorter one there)",
+                VisionWarning,
+                stacklevel=3,
+            )
+            continue
         warnings.warn(
             f"{film.path}: body {name}: {100.0 * parts.share:.0f} % of its outline moves by up to {parts.most_px:.1f} "
             f"px against the pose found, most at x {parts.at_px[0]:.0f}, y {parts.at_px[1]:.0f}; the outline lies over "
@@ -234,7 +243,12 @@ def _both_passes(
     run = Run(checkpoint, settings.progress, ready.reference.n_averaged, threads, at_rest)
     resumed = track_forward(tracker, table, run)
     confirmed = confirm_backward(ready, table, settings.confirm, threads)
-    return _Done(table, zeros[0], {**tracker.info(), "rows_resumed": resumed, "rows_confirmed": confirmed})
+    renewed = renew(ready, table) if settings.method == "icgn" else 0
+    return _Done(
+        table,
+        zeros[0],
+        {**tracker.info(), "rows_resumed": resumed, "rows_confirmed": confirmed, "rows_renewed": renewed},
+    )
 
 
 def _without_pattern(ready: PreparedFilm, done: _Done, settings: TrackSettings) -> tuple[PreparedFilm, _Done, float]:

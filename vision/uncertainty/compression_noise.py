@@ -19,6 +19,8 @@ from vision.fitting.template import Template
 
 INTERFRAME_FACTOR = 6.0
 """Error over the noise term with H.264: 3.8 at crf 10, 4.7 at crf 18, 8 at crf 23, textured jack on grey film."""
+UNDECLARED_FACTOR = 8.0
+"""The same where the film does not say how it was compressed: MPEG-4 of unknown quality gave 4 to 10."""
 
 
 def compression_u_turn(

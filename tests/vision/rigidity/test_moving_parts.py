@@ -7,6 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from scipy import ndimage
 
 from tests.vision.motion import bar_motion, smooth_step
 from tests.vision.tracking.test_disturbed_films import stress  # noqa: F401  (fixture)
@@ -51,6 +52,27 @@ def test_an_outline_over_two_bodies(texture: str, noise: float) -> None:
     assert apart.info["moving_parts"] == {}
 
 
+@pytest.mark.parametrize("sag_px", [3.0, -1.5])
+def test_a_body_that_bends_is_named(
+    bar_scene: Callable[[str], Scene], pivot: tuple[float, float], sag_px: float
+) -> None:
+    """A bar of 120 px whose ends move across its length while it turns, by the square of their place."""
+    scene, pose = bar_scene("speckle"), bar_motion(N, pivot, 0.15)
+    s, rng = smooth_step((np.arange(N) - 16) / 60), np.random.default_rng(1)
+    frames = []
+    for i in range(N):
+        light = scene.light(pose[i][None])
+        y, x = np.mgrid[0 : light.shape[0], 0 : light.shape[1]].astype(float)
+        way = ((x - pose[i, 0, 1] - 25.0) * np.cos(pose[i, 0, 0])) / 50.0
+        sagged = ndimage.map_coordinates(light.astype(float), [y + sag_px * s[i] * way**2, x], order=3, mode="nearest")
+        frames.append(np.clip(np.rint(sagged + rng.normal(0.0, 2.0, x.shape)), 0, 255).astype(np.uint8))
+    body = Body("bar", scene.bodies[0].outline(*pose[0, 0]))
+    with pytest.warns(VisionWarning, match="body bar bends"):
+        result = track_film(ArrayFilm(np.stack(frames), 2000.0), [body])
+    parts = result.info["moving_parts"]["bar"]
+    assert parts["bends"] and 0.4 * abs(sag_px) < parts["most_px"] < 2.0 * abs(sag_px)
+
+
 @pytest.mark.parametrize("texture", ["speckle", "wood"])
 @pytest.mark.parametrize("hidden", [0.0, 1.0])
 def test_a_rigid_body_is_not_named(
@@ -68,8 +90,25 @@ def test_a_rigid_body_is_not_named(
     assert quiet(known.film, known.bodies).info["moving_parts"] == {}
 
 
-@pytest.mark.parametrize("kind", ["scale_change", "row_flicker", "neighbour", "dust", "defocus", "jpeg"])
-@pytest.mark.parametrize("surface", ["speckle", "wood", "fine"])
+KINDS = {
+    "scale_change": "fine",
+    "row_flicker": "wood",
+    "neighbour": "fine",
+    "dust": "wood",
+    "defocus": "wood",
+    "jpeg": "speckle",
+}
+"""Each with the surface of the default run; the others are `slow`: python -m pytest -m slow tests/vision/rigidity."""
+
+
+@pytest.mark.parametrize(
+    ("kind", "surface"),
+    [
+        pytest.param(kind, surface, marks=() if surface == usual else pytest.mark.slow)
+        for kind, usual in KINDS.items()
+        for surface in ("speckle", "wood", "fine")
+    ],
+)
 def test_disturbed_films_of_a_rigid_body(stress: object, kind: str, surface: str) -> None:  # noqa: F811
     film = stress.stress_film(kind, surface, 401)
     assert quiet(ArrayFilm(film.frames, 2000.0), [Body("bar", film.outline_px)]).info["moving_parts"] == {}

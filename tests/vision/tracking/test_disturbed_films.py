@@ -48,10 +48,11 @@ def tracked(stress: ModuleType, kind: str, surface: str, seed: int) -> tuple[Tra
     [
         ("dust", "wood"),
         ("correlated_noise", "speckle"),
-        ("correlated_noise", "wood"),
-        ("scale_change", "fine"),
         ("saturation", "speckle"),
-        ("neighbour", "fine"),
+        # python -m pytest -m slow tests/vision/tracking/test_disturbed_films.py
+        pytest.param("correlated_noise", "wood", marks=pytest.mark.slow),
+        pytest.param("scale_change", "fine", marks=pytest.mark.slow),
+        pytest.param("neighbour", "fine", marks=pytest.mark.slow),
     ],
 )
 def test_coherent_residuals_widen_the_uncertainty(stress: ModuleType, kind: str, surface: str) -> None:

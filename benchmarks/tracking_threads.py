@@ -1,0 +1,115 @@
+"""Tracking by one and by two threads, and where a frame's time goes: three bodies of 400 x 304, per texture.
+
+    python benchmarks/tracking_threads.py [--frames 600] [--turns 6]
+
+One and two threads alternate; the best wall time of each counts, so that it says something on a machine at rest only.
+The parts are processor time of the tracking thread (one thread): compiled loops that leave Python's lock to others,
+those that hold it, and Python. The RMS error of the angles (jack and lever relative to the whippen) stands beside, and
+whether both gave the same bits.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import tempfile
+import time
+from collections import Counter
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from filmed_blow import blow
+
+import vision.bodies.occlusion as occlusion
+import vision.fitting.frame_spline as frame_spline
+import vision.fitting.icgn as icgn
+import vision.tracking.film_tracker as film_tracker
+import vision.tracking.track_film as track_film
+from rig.simulated import CameraSettings, film_bodies, film_trial
+
+N_STILL = 64
+PARTS = (
+    (track_film, "prepare", "before the first frame"),
+    (track_film, "assemble_result", "after the last frame"),
+    (film_tracker.FilmTracker, "step", "frames"),
+    (icgn, "fit_rigid", "  fit (leaves the lock)"),
+    (frame_spline, "prefilter", "  spline filter (leaves the lock)"),
+    (icgn, "assess", "  noise, covariance, coherence (holds it)"),
+    (occlusion, "mark_covered", "  what is covered (holds it)"),
+)
+
+
+def parts_of(run: Callable[[], Any]) -> Counter[str]:
+    """Processor time (ns) of one run by part."""
+    spent: Counter[str] = Counter()
+
+    def timed(work: Callable[..., Any], name: str) -> Callable[..., Any]:
+        def call(*arguments: Any, **named: Any) -> Any:
+            start = time.thread_time_ns()
+            try:
+                return work(*arguments, **named)
+            finally:
+                spent[name] += time.thread_time_ns() - start
+
+        return call
+
+    kept = [(where, what, getattr(where, what)) for where, what, _ in PARTS]
+    for where, what, name in PARTS:
+        setattr(where, what, timed(getattr(where, what), name))
+    try:
+        start = time.thread_time_ns()
+        run()
+        spent["whole"] = time.thread_time_ns() - start
+    finally:
+        for where, what, work in kept:
+            setattr(where, what, work)
+    return spent
+
+
+def main() -> int:
+    """Film, track, print; 1 where the bits differ."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--frames", type=int, default=600)
+    parser.add_argument("--turns", type=int, default=6)
+    arguments = parser.parse_args()
+    cv2.setNumThreads(1)
+    same = True
+    for texture in ("wood", "speckle"):
+        settings = CameraSettings(texture=texture)
+        times = 62.5e-6 + np.arange(arguments.frames) / settings.frame_rate_hz
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "film.mraw"
+            truth, bodies = film_trial(path, times, blow, settings=settings, seed=1), film_bodies(settings=settings)
+
+            def run(threads: int, every: int = 1, path: Path = path, bodies: Any = bodies, truth: Any = truth) -> Any:
+                return track_film.track(path, bodies, truth.frame_time_s, n_still=N_STILL, threads=threads, every=every)
+
+            run(1, max(1, arguments.frames // 4))  # compiles
+            best, angle = {1: np.inf, 2: np.inf}, {}
+            for _ in range(arguments.turns):
+                for threads in best:
+                    start = time.perf_counter()
+                    angle[threads] = run(threads).angle_rad
+                    best[threads] = min(best[threads], time.perf_counter() - start)
+            spent = min((parts_of(lambda: run(1)) for _ in range(3)), key=lambda one: one["whole"])
+        same &= np.array_equal(angle[1], angle[2], equal_nan=True)
+        true = truth.mean_angle_rad - truth.mean_angle_rad[:N_STILL].mean(axis=0)
+        found = angle[1] - np.column_stack([np.zeros(len(true)), angle[1][:, 0], angle[1][:, 0]])
+        rms = np.degrees(np.sqrt(np.mean((found - true) ** 2, axis=0))) * 1e3
+        rates = [arguments.frames / best[threads] for threads in (1, 2)]
+        print(
+            f"\n{texture}: {rates[0]:.0f} frames/s by one thread, {rates[1]:.0f} by two ({rates[1] / rates[0]:.2f} x)"
+        )
+        print(f"  RMS, mdeg: whippen {rms[0]:.2f}, jack {rms[1]:.2f}, lever {rms[2]:.2f}; same bits: {same}")
+        inside = sum(spent[name] for *_, name in PARTS if name.startswith("  "))
+        spent["  Python"] = spent["frames"] - inside
+        for name in (*(name for *_, name in PARTS), "  Python", "whole"):
+            print(f"  {name:45s}{spent[name] / 1e3 / arguments.frames:8.0f} us a frame")
+    return 0 if same else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
