@@ -12,6 +12,10 @@ from .events.detect import find_events as find_events
 from .identification.identify import identify as identify
 from .identification.outcome.action_file import write_identified as write_identified
 from .identification.outcome.result import Identification as Identification
+from .identification.page.render import render_identification as render_identification
+from .identification.page.write import write_petab as write_petab
+from .identification.page.write import write_reading as write_reading
+from .identification.petab.read import read_petab as read_petab
 from .identification.residuals import residual_problem as residual_problem
 from .measurement.force_correction import correct_force as correct_force
 from .measurement.force_correction import find_quiet as find_quiet

@@ -1,4 +1,6 @@
 from .bench.access import BenchAccess as BenchAccess
+from .bench.calibration.contact import PadOrder as PadOrder
+from .bench.calibration.contact import calibrate_contact as calibrate_contact
 from .bench.calibration.encoder import calibrate_encoder as calibrate_encoder
 from .bench.calibration.force import CalibrationOrder as CalibrationOrder
 from .bench.calibration.force import calibrate_force as calibrate_force
@@ -65,6 +67,9 @@ from .model.inside_view import draw_inside as draw_inside
 from .model.inside_view import inside_facts as inside_facts
 from .model.inside_view import lift_attributes as lift_attributes
 from .model.inside_view import print_inside as print_inside
+from .model.next_strokes import next_strokes as next_strokes
+from .model.next_strokes import reading_lines as reading_lines
+from .model.next_strokes import write_next as write_next
 from .model.requested_error import missed_request as missed_request
 from .model.requested_error import print_error as print_error
 from .model.sensitivity import SensitivityOrder as SensitivityOrder

@@ -27,7 +27,11 @@ LACKING = 0.01
 
 
 def estimate_all(
-    problem: Problem, fitted: Fitted, wanted: Sequence[str] | None, say: Callable[[str], None]
+    problem: Problem,
+    fitted: Fitted,
+    wanted: Sequence[str] | None,
+    say: Callable[[str], None],
+    keep: Callable[[Profile], None] | None = None,
 ) -> list[Estimate]:
     """Estimates of all asked parameters.
 
@@ -37,6 +41,7 @@ def estimate_all(
     fitted : Fitted
     wanted : names to make a profile of; None for all asked
     say : called with a line of text
+    keep : called with each profile
     """
     factor, jack, form = factors(fitted), jackknife(fitted), forms(fitted)
     out = []
@@ -45,6 +50,8 @@ def estimate_all(
         if wanted is None or parameter.name in wanted:
             say(f"profile of {parameter.name}")
             made = profile(problem, fitted, j, float(factor[j]))
+            if keep is not None:
+                keep(made)
         out.append(_estimate(problem, fitted, j, (float(factor[j]), float(jack[j]), float(form[j])), made))
     return out
 

@@ -19,6 +19,7 @@ from validation.conventions import Array
 from validation.identification.outcome.result import Combination
 
 HALF = 0.5
+CANNOT_TELL = "these strokes cannot tell the size of"
 NAMED = 0.25  # of the largest weight: smaller ones are left out of the name where it holds without them
 
 
@@ -92,7 +93,7 @@ def warnings_of(names: Sequence[str], covariance: Array) -> list[str]:
         said.append(f"these strokes say little of {listed}")
     undetermined, _ = directions(names, covariance)
     said += [
-        f"these strokes cannot tell the size of {d.words} ({100 * d.left:.0f} % of its prior u left)"
+        f"{CANNOT_TELL} {d.words} ({100 * d.left:.0f} % of its prior u left)"
         for d in undetermined
         if len(d.weights) > 1
     ]

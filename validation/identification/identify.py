@@ -20,7 +20,11 @@ from validation.identification.identifiability import directions, warnings_of
 from validation.identification.noise import FLOOR, Sizes, learn
 from validation.identification.observations import ObservedTrial
 from validation.identification.options import IdentifyKeywords, IdentifyOptions
+from validation.identification.outcome.details import Details
+from validation.identification.outcome.held_out import score_events
+from validation.identification.outcome.joint import joint_posterior
 from validation.identification.outcome.result import AT_BOUND, Identification
+from validation.identification.profiles import Profile
 from validation.identification.scatter import lacking
 from validation.identification.scores import score
 from validation.identification.sources import Sources, collect
@@ -28,6 +32,7 @@ from validation.identification.unknowns.priors import Unknowns, unknowns
 from validation.prediction.model_under_test import action_sha256
 
 LEAST_EFFECT_RAD = 1e-8
+EVENT_TOLERANCE = 1e-5
 PROVISIONAL = (
     "intervals are provisional: how often they hold the truth is known only for virtual strokes of one kind, with all "
     "else known and nothing lacking in the model (docs/explanation/identification.md)"
@@ -86,18 +91,24 @@ def identify(
         start, asked, sources.fitted, response, held_columns(start, asked, sources.fitted, options.tolerance)
     )
     columns, before = look_before(problem)
-    for line in before:
+    stuck = bounds_not_run(problem)
+    for line in [*stuck, *before]:
         options.say(f"before the fit: {line}")
     fits = search(problem, options.starts, options.say, columns)
     best = fits[0]
     found = action_at(start, asked, best.z)
-    estimates = estimate_all(problem, best, options.profiles, options.say)
+    profiles: list[Profile] = []
+    estimates = estimate_all(problem, best, options.profiles, options.say, profiles.append)
     covariance = best.covariance[: len(asked.asked), : len(asked.asked)]
     names = [p.name for p in asked.asked]
     undetermined, determined = directions(names, covariance)
     scores = {"fitted trials": score(sources.fitted, {"before": start, "identified": found}, options.tolerance)}
     for name, trials in sources.held.items():
         scores[name] = score(trials, {"before": start, "identified": found}, options.tolerance)
+    events = {
+        name: score_events(trials, {"before": start, "identified": found}, EVENT_TOLERANCE)
+        for name, trials in sources.measured_held.items()
+    }
     width = np.sqrt(np.diag(covariance))
     sizes = best.marginal.sizes.scatter
     scatter = {p.name: float(sizes[j] * p.u) for j, p in enumerate(asked.asked) if problem.laws[j]}
@@ -109,11 +120,14 @@ def identify(
         correlation=covariance / np.outer(width, width),
         undetermined=tuple(undetermined),
         determined=tuple(determined),
-        warnings=(*_of_fit(best, fits, sources), *said, *warnings_of(names, covariance)),
+        warnings=(*_of_fit(best, fits, sources), *stuck, *said, *warnings_of(names, covariance)),
         starts=tuple(f.badness for f in fits),
         scatter=scatter,
         scores=scores,
+        events=events,
         provenance=_provenance(start, asked, sources, best, options),
+        posterior=joint_posterior(problem, best, estimates, sources.seals),
+        details=Details(problem, best, tuple(profiles), sources),
     )
 
 
@@ -158,6 +172,20 @@ def look_before(problem: Problem) -> tuple[Columns, list[str]]:
     marginal = learn(blocks, [b.moved @ zero for b in blocks], sizes, 0, FLOOR)
     n = len(names)
     return columns, warnings_of(names, marginal.covariance[:n, :n])
+
+
+def bounds_not_run(problem: Problem) -> list[str]:
+    """A line for each end of an asked parameter's range at which the model cannot run these strokes."""
+    asked, (low, high) = problem.unknowns.asked, problem.box()
+    ends = [(j, side, edge[j]) for j in range(len(asked)) for side, edge in (("lower", low), ("upper", high))]
+    points = [at * np.eye(low.size)[j] for j, _, at in ends]
+    return [
+        f"{asked[j].name}: the model cannot run at the {side} end of its range "
+        f"({asked[j].physical(problem.action, at):.3g} {asked[j].unit(problem.action)}); what its interval says beyond "
+        "the last value that ran is extrapolated"
+        for (j, side, at), curves in zip(ends, problem.response.curves(points), strict=True)
+        if curves is None
+    ]
 
 
 def action_at(start: model.Action, asked: Unknowns, z: Array) -> model.Action:

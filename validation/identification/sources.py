@@ -1,4 +1,4 @@
-"""Trials of the sessions that are fitted, and of those that are only predicted.
+"""Trials of the sessions that are fitted, and of those that are only predicted; also those of a folder of PEtab tables.
 
 One kind of stroke a session (or one condition of its plan); trials without force are named and left out, as in a
 comparison; sessions of different actions are refused.
@@ -6,18 +6,21 @@ comparison; sessions of different actions are refused.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import model
 from rig.session import Session
+from validation.cache.content_hash import sha256_of
 from validation.errors import ValidationInputError
 from validation.identification.observations import ObservedTrial, observe
 from validation.identification.options import IdentifyOptions
+from validation.identification.petab.read import is_petab, read_petab
 from validation.measurement.session import MeasuredSession, measure_session, open_session
-from validation.measurement.trial import U_REST_LEVEL_M
+from validation.measurement.trial import U_REST_LEVEL_M, MeasuredTrial
 from validation.prediction.model_under_test import ModelUnderTest
+from validation.prediction.posterior import posterior_of
 
 UNKNOWN = "unknown"
 
@@ -32,12 +35,18 @@ class Sources:
     held : name -> trials that are only predicted
     seals : label -> SHA-256 of every fitted trial
     refused : lines on trials that could not be used
+    sessions : those opened, to fit first
+    measured : the trials to fit, as measured
+    measured_held : name -> trials that are only predicted, as measured
     """
 
     fitted: tuple[ObservedTrial, ...]
     held: dict[str, tuple[ObservedTrial, ...]]
     seals: dict[str, str]
     refused: tuple[str, ...]
+    sessions: tuple[Session, ...] = ()
+    measured: tuple[MeasuredTrial, ...] = ()
+    measured_held: Mapping[str, tuple[MeasuredTrial, ...]] = field(default_factory=dict)
 
 
 def collect(sessions: Sequence[Session | str | Path], action: model.Action, options: IdentifyOptions) -> Sources:
@@ -46,33 +55,56 @@ def collect(sessions: Sequence[Session | str | Path], action: model.Action, opti
     Raises
     ------
     ValidationInputError
-        No session, sessions of different actions, one given twice, or one without a usable trial.
+        No session, sessions of different actions, one given twice, one without a usable trial, or a trial that the
+        action's values were fitted to before.
     """
     if not sessions:
         raise ValidationInputError("identify: no session given; name at least one session folder")
-    opened = [open_session(s) for s in [*sessions, *options.hold_out]]
+    tables = [Path(s) for s in sessions if isinstance(s, str | Path) and is_petab(s)]
+    to_open = [s for s in sessions if not (isinstance(s, str | Path) and Path(s) in tables)]
+    opened = [open_session(s) for s in [*to_open, *options.hold_out]]
     _refuse_twice(opened)
     _refuse_other_actions(opened)
     tested = ModelUnderTest(action, options.tolerance)
     found = [measure_session(s, tested.geometry_at, U_REST_LEVEL_M, options.condition) for s in opened]
-    fitted: list[ObservedTrial] = []
+    fitted, seals = _of_tables(tables, len(to_open))
     held: dict[str, tuple[ObservedTrial, ...]] = {}
     refused: list[str] = []
-    seals: dict[str, str] = {}
+    to_fit: list[MeasuredTrial] = []
+    as_measured: dict[str, tuple[MeasuredTrial, ...]] = {}
     for k, measured in enumerate(found):
         name = measured.session.info.name or measured.session.path.name
         refused += [f"{name}, trial {number}: {reason}" for number, reason in measured.refused.items()]
-        kept = [m for m in measured.trials if k < len(sessions) and m.number not in options.hold_out_trials]
-        out = [m for m in measured.trials if k >= len(sessions) or m.number in options.hold_out_trials]
-        if k < len(sessions) and not kept:
+        kept = [m for m in measured.trials if k < len(to_open) and m.number not in options.hold_out_trials]
+        out = [m for m in measured.trials if k >= len(to_open) or m.number in options.hold_out_trials]
+        if k < len(to_open) and not kept:
             raise ValidationInputError(_none(measured, name))
         if kept:
             observed = observe(name, k, kept, options.phases)
             fitted += observed
             seals |= {t.label: m.seal for t, m in zip(observed, kept, strict=True)}
+            to_fit += kept
         if out:
-            held[f"{name}, held out" if kept else name] = tuple(observe(name, 0, out, options.phases))
-    return Sources(tuple(fitted), held, seals, tuple(refused))
+            label = f"{name}, held out" if kept else name
+            held[label] = tuple(observe(name, 0, out, options.phases))
+            as_measured[label] = tuple(out)
+    _refuse_used_before(action, seals)
+    return Sources(tuple(fitted), held, seals, tuple(refused), tuple(opened), tuple(to_fit), as_measured)
+
+
+def _of_tables(folders: Sequence[Path], first: int) -> tuple[list[ObservedTrial], dict[str, str]]:
+    """Trials of PEtab folders, their sessions numbered on, and the hash of each."""
+    trials: list[ObservedTrial] = []
+    for folder in folders:
+        found = read_petab(folder).trials
+        if not found:
+            raise ValidationInputError(f"{folder}: holds no condition, so no trial to fit; allowed from one")
+        trials += [replace(t, session=t.session + first) for t in found]
+        first += 1 + max(t.session for t in found)
+    seals = {t.label: sha256_of((t.force_time_s, t.force_n, t.time_s, t.change_rad)) for t in trials}
+    if len(seals) < len(trials):
+        raise ValidationInputError(f"{folders[-1]}: two trials have one name; give each condition a label of its own")
+    return trials, seals
 
 
 def _none(measured: MeasuredSession, name: str) -> str:
@@ -87,6 +119,18 @@ def _refuse_twice(opened: Sequence[Session]) -> None:
             raise ValidationInputError(
                 f"{place}: session given twice; name each session once, to fit or with --hold-out"
             )
+
+
+def _refuse_used_before(action: model.Action, seals: Mapping[str, str]) -> None:
+    """Data count once: values that were fitted to a trial cannot be the prior of another fit to it."""
+    before = posterior_of(action)
+    used = [label for label, seal in seals.items() if before is not None and seal in before.trials.values()]
+    if used:
+        raise ValidationInputError(
+            f"{action.origin}: its values were fitted to {used[0]} already"
+            f"{f' and to {len(used) - 1} more of these trials' if used[1:] else ''}, which would count twice; start "
+            "from the action they were identified from, or give other trials"
+        )
 
 
 def _refuse_other_actions(opened: Sequence[Session]) -> None:

@@ -17,6 +17,7 @@ from validation.events.session import find_session_events
 from validation.findings.session import find_faults
 from validation.measurement.session import measure_session, open_session
 from validation.options import CompareOptions, ComparisonOptions
+from validation.pipeline.fitted_before import identified_warnings, prediction_lines
 from validation.pipeline.provenance import provenance
 from validation.pipeline.verdict import Standing, outcome, verdict_lines
 from validation.prediction.model_under_test import ModelUnderTest
@@ -97,16 +98,18 @@ def compare_by(session: Session, action: model.Action, chosen: ComparisonOptions
     scored = score_session(predicted, events, tested.store)
     findings = find_faults(predicted, events, scored, tested, search_changes=chosen.suspect)
     tables = make_tables(predicted, events, scored, findings, tested, chosen)
+    tables.warnings.extend(identified_warnings(action))
     name = session.info.name or session.path.name
     closer = null_closer(scored.scores, findings.left_out)
     standing = Standing(tables.judgement, tables.budget, closer, tables.phases)
     found, sentence = outcome(tables.channels, tables.phases, findings.faults, tables.judgement)
+    head, *rest = verdict_lines(
+        name, action.name, tables.channels, tables.event_summary, len(predicted.trials), findings.faults, standing
+    )
     return ValidationResult(
         session_name=name,
         action_name=action.name,
-        verdict_lines=verdict_lines(
-            name, action.name, tables.channels, tables.event_summary, len(predicted.trials), findings.faults, standing
-        ),
+        verdict_lines=[head, *prediction_lines(action, predicted.trials), *rest],
         provenance=provenance(session, tested, predicted.trials, events.window, chosen.now())
         | {"judgement": tables.judgement},
         outcome=found,

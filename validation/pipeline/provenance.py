@@ -16,6 +16,7 @@ from rig.session import Session
 from validation.events.definitions import EVENTS
 from validation.events.evaluation_window import Window
 from validation.measurement.trial import MeasuredTrial
+from validation.pipeline.fitted_before import fitted_trials
 from validation.prediction.model_under_test import ModelUnderTest
 
 SOFTWARE = ("piano-action-rig", "numpy", "scipy", "pandas", "matplotlib", "numba", "h5py")
@@ -54,6 +55,7 @@ def provenance(
             "origin": Path(action.origin).name,
             "values_sha256": tested.action_hash,
             "changed": {k: float(v) for k, v in action.changed.items()},
+            "fitted_to": [f"trial_{number:04d}" for number in fitted_trials(action, trials)],
         },
         "model": tested.version,
         "tolerance_rad": tested.tolerance,

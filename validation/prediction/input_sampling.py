@@ -3,7 +3,8 @@
 Conventions: a *case* is an action, a force and a tolerance; parameters are drawn independently from normal
 distributions cut at three standard deviations, from lognormal ones where u is more than a quarter of the value, so
 that no friction turns negative. Parameters whose u is this project's decision (basis ``assumed``) are a group of their
-own. A draw the model cannot use is counted by `validation.statistics.event_budget`.
+own; those of an identified set are drawn together, as correlated as they were found (`posterior`). A draw the model
+cannot use is counted by `validation.statistics.event_budget`.
 Source: JCGM 101 (propagation of distributions); the force's budget is that of
 `validation.measurement.force_correction`.
 """
@@ -18,10 +19,12 @@ import numpy as np
 import model
 from validation.conventions import Array
 from validation.measurement.trial import MeasuredTrial
+from validation.prediction.posterior import posterior_of
 
 ASSUMED = "assumed"
 PARAMETER_DRAWS = 24
 ASSUMED_DRAWS = 12
+IDENTIFIED = "identified parameters"
 NOISE_DRAWS = 4
 LARGE_RELATIVE_U = 0.25
 SEED = 20
@@ -70,21 +73,33 @@ def cases(m: MeasuredTrial, action: model.Action, tolerance: float) -> list[Case
         known = uncertain_parameters(action, assumed=group.startswith("assumed"))
         if known:
             found += [case(group, changed=_unit_vectors(values, action)) for values in _draws(known, draws, rng)]
+    joint = posterior_of(action)
+    if joint is not None:
+        drawn = joint.draws(action, PARAMETER_DRAWS, rng)
+        found += [case(IDENTIFIED, changed=_unit_vectors(values, action)) for values in drawn]
     return found
 
 
 def parameter_draws(action: model.Action, n: int, rng: np.random.Generator) -> list[dict[str, float]]:
-    """Draw ``n`` sets of all uncertain parameters, stated and assumed ones together."""
+    """Draw ``n`` sets of all uncertain parameters, stated, assumed and identified ones together."""
     known = uncertain_parameters(action, assumed=False) | uncertain_parameters(action, assumed=True)
-    return [_unit_vectors(values, action) for values in _draws(known, n, rng)] if known else [{} for _ in range(n)]
+    alone = list(_draws(known, n, rng)) if known else [{} for _ in range(n)]
+    joint = posterior_of(action)
+    together = joint.draws(action, n, rng) if joint is not None else [{} for _ in range(n)]
+    return [_unit_vectors(a | b, action) for a, b in zip(alone, together, strict=True)]
 
 
 def uncertain_parameters(action: model.Action, *, assumed: bool) -> dict[str, tuple[float, float]]:
-    """Value and standard uncertainty of every parameter with u > 0 whose basis is (not) an assumption."""
+    """Value and standard uncertainty of every parameter with u > 0 whose basis is (not) an assumption.
+
+    Those of an identified set's posterior are not among them.
+    """
+    joint = posterior_of(action)
+    elsewhere = joint.moved if joint is not None else frozenset()
     return {
         path: (q.value, q.u)
         for path, q in sorted(action.quantities.items())
-        if q.u > 0 and (q.basis == ASSUMED) == assumed
+        if q.u > 0 and (q.basis == ASSUMED) == assumed and path not in elsewhere
     }
 
 

@@ -4,9 +4,10 @@ Conventions: E = S − D, model minus trial, mean over trials; standard uncertai
 u_val² = u_num² + u_input² + u_D² + u_repeat²; a model error is *resolved* when |E| > 2 u_val, and then lies within
 E ± 2 u_val. When it is not, the model is not thereby shown to be right.
 Source: ASME V&V 20-2009. u_num: the largest change when the tolerance is a tenth and a hundredth of the requested one.
-u_input: force (gain, level, delay, noise) and parameters (draws), propagated through the model and through the levels
-of the trial's own events, which come from the same geometry, so that what both share cancels. u_D: what the encoders
-and the levels of rest leave open in the trials' events. u_repeat: scatter of the paired differences over √n.
+u_input: force (gain, level, delay, noise) and parameters (draws; those of an identified set together, with their
+correlations), propagated through the model and through the levels of the trial's own events, which come from the same
+geometry, so that what both share cancels. u_D: what the encoders and the levels of rest leave open in the trials'
+events. u_repeat: scatter of the paired differences over √n.
 Draws the model cannot use, and draws in which the event does not happen, are counted in the table.
 """
 
@@ -28,7 +29,7 @@ from validation.events.detect import find_events
 from validation.measurement.geometry import ActionGeometry
 from validation.measurement.stroke import motion_of
 from validation.measurement.trial import MeasuredTrial
-from validation.prediction.input_sampling import Case, cases
+from validation.prediction.input_sampling import IDENTIFIED, Case, cases
 from validation.prediction.many_runs import Run, run_many
 from validation.prediction.model_under_test import ModelUnderTest
 
@@ -147,7 +148,10 @@ def _row(row: Any, groups: dict[str, list[float]]) -> dict[str, object]:
     numerics = np.array(groups.get("numerics", [])) - base
     u_num = float(np.nanmax(np.abs(numerics))) if np.isfinite(numerics).any() else float("nan")
     u_force = float(np.sqrt(sum(spread(group) ** 2 for group in FORCE)))
-    u_parameters, u_assumed = spread("stated parameters"), spread("assumed parameters")
+    u_parameters, u_assumed = (
+        float(np.hypot(spread("stated parameters"), spread(IDENTIFIED))),
+        spread("assumed parameters"),
+    )
     u_input = float(np.sqrt(u_force**2 + u_parameters**2 + u_assumed**2))
     n = int(row.n_both)
     u_repeat = float(row.difference_s) / np.sqrt(n) if n > 1 else 0.0

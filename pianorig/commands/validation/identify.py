@@ -14,16 +14,19 @@ import typer
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import validation
+from pianorig import workflows
 from pianorig.console.options import DEFAULT_ACTION, Action, AsJson, Settings
 from pianorig.console.output import print_json
 from pianorig.console.overrides import load_model, read_settings
 from pianorig.console.progress import say
 from validation.identification.outcome.target_file import check_target
+from validation.report.files import check_folder
 
 
 def command(
     sessions: Annotated[
-        list[Path], typer.Argument(help="Session folders, one kind of stroke each.", metavar="SESSION")
+        list[Path],
+        typer.Argument(help="Session folders, one kind of stroke each, or of --petab.", metavar="SESSION"),
     ],
     parameters: Annotated[
         str,
@@ -60,17 +63,29 @@ def command(
     profiles: Annotated[
         bool, typer.Option("--profiles/--no-profiles", help="Make a profile of each parameter.")
     ] = True,
+    plan: Annotated[
+        Path | None,
+        typer.Option("--plan", help="Rank what could be recorded next; write the best as a trial plan for record."),
+    ] = None,
+    petab: Annotated[
+        Path | None,
+        typer.Option("--petab", help="Folder for the data and parameters as tables in the manner of PEtab."),
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Find parameter values from strokes; say what is unknown.
 
     All other parameters, and the errors of force and encoders, are fitted beside what is asked for, within their
     uncertainties. What the strokes cannot tell is said, not guessed. The file written is an action: give it to
-    validate or simulate with --action.
+    validate or simulate with --action. A page of the same name (.html) says what it means.
 
     Example:  pianorig identify sessions/try --parameters hammer.joint_friction --fix "*" --no-profiles --out mine.toml
     """
     check_target(out)
+    if plan is not None:
+        check_target(plan)
+    if petab is not None:
+        check_folder(petab)
     start = load_model(action, read_settings(set_ or []))
     found = validation.identify(
         sessions,
@@ -85,9 +100,16 @@ def command(
         profiles=None if profiles else (),
         progress=None if as_json else say,
     )
-    validation.write_identified(found, out)
+    ranked, refused = workflows.next_strokes(found) if plan is not None else ([], [])
+    files = validation.write_reading(found, out, ranked, refused)
+    if plan is not None:
+        files |= {"plan": workflows.write_next(ranked, plan)}
+    if petab is not None:
+        files |= {"petab": validation.write_petab(found, petab)["problem.yaml"]}
     if as_json:
-        print_json(_as_plain(found) | {"file": str(out)})
+        names = {name: str(path) for name, path in files.items()}
+        shrinks = [{"name": p.name, "trials": p.trials, "shrink": dict(p.shrink)} for p in ranked]
+        print_json(_as_plain(found) | {"file": str(out), "files": names, "next": shrinks})
         return
     for line in found.warnings:
         print(f"note: {line}.")
@@ -95,7 +117,9 @@ def command(
         print(_line(e))
     for name, scores in found.scores.items():
         print(_scores(name, scores))
-    print(f"action: {out}")
+    print("\n".join(workflows.reading_lines(found, ranked, refused)))
+    for name, path in files.items():
+        print(f"{name}: {path}")
 
 
 def _names(text: str) -> list[str]:

@@ -17,9 +17,11 @@ AFTER_S = 0.5
 TOLERANCE = 1e-5
 
 
-def predictor(rig: Rig, action_name: str = "hirschkorn2004") -> Predict:
-    """A callable that predicts what a profile does on the bench of ``rig`` with a built-in action or one by path."""
+def predictor(rig: Rig, action: str | model.Action = "hirschkorn2004") -> Predict:
+    """A callable that predicts what a profile does on the bench of ``rig`` with an action: its name, path or itself."""
     config = rig.config
+    name = action if isinstance(action, str) else action.name
+    nominal = model.load_action(action) if isinstance(action, str) else action
 
     def predict(profile: Profile) -> PredictedBlow:
         if config.arm is None:
@@ -35,11 +37,9 @@ def predictor(rig: Rig, action_name: str = "hirschkorn2004") -> Predict:
             "contact_c": config.arm.contact_stiffness_n_per_m,
             "contact_damping": config.arm.contact_damping_s_per_m,
         }
-        action = model.load_action(action_name).with_values(
-            {f"motor_arm.{key}": value for key, value in arm.items()}, f"rig {config.name}"
-        )
-        scene = model.build_scene(action, model.SceneChoice(effects=("motor_arm",)))
-        rest = model.rest_state(action, scene=scene).angle_rad
+        armed = nominal.with_values({f"motor_arm.{key}": value for key, value in arm.items()}, f"rig {config.name}")
+        scene = model.build_scene(armed, model.SceneChoice(effects=("motor_arm",)))
+        rest = model.rest_state(armed, scene=scene).angle_rad
         run = model.Simulation(scene, model.State(0.0, rest, np.zeros(scene.size)), tolerance=TOLERANCE)
         rate_hz = config.device.sample_rate_hz
         force_n = np.append(profile.sample(rate_hz), np.zeros(int(AFTER_S * rate_hz)))
@@ -48,6 +48,6 @@ def predictor(rig: Rig, action_name: str = "hirschkorn2004") -> Predict:
         change = np.concatenate([[True], np.diff(torque_nm) != 0.0])
         angle, speed = run.advance(edge_s[-1], edge_s[change], torque_nm[change], held=True, output_time_s=edge_s)
         body = [model.BODIES.index(name) for name in BODIES]
-        return PredictedBlow(edge_s, run.probe_forces(angle, speed)[:, 0], angle[:, body], speed[:, body], action_name)
+        return PredictedBlow(edge_s, run.probe_forces(angle, speed)[:, 0], angle[:, body], speed[:, body], name)
 
     return predict

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import html
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,13 +13,16 @@ import pytest
 import model
 from validation.errors import ValidationInputError
 from validation.identification.exact_runs import ExactRuns
-from validation.identification.identify import identify
+from validation.identification.identify import PROVISIONAL, identify
 from validation.identification.model_runs import Case, ModelRuns
 from validation.identification.options import IdentifyOptions
 from validation.identification.outcome.action_file import write_identified
 from validation.identification.outcome.result import TOO_FEW
+from validation.identification.page.sentences import plain_sentences
+from validation.identification.page.write import write_reading
 from validation.identification.sources import collect
 from validation.identification.unknowns.priors import unknowns
+from validation.prediction.posterior import posterior_of
 
 EXAMPLE = Path(__file__).parents[3] / "sessions" / "example_forte"
 # the specimen of the example, but for what is asked for
@@ -55,6 +60,45 @@ def test_the_file_is_an_action_with_uncertainty_and_provenance(found, tmp_path: 
     assert table["parameters"]["hammer.joint_friction.A"]["verdict"] == found.estimates[0].verdict
     with pytest.raises(ValidationInputError, match="allowed .toml"):
         write_identified(found, tmp_path / "identified.json")
+
+
+@pytest.fixture(scope="module")
+def written(found, tmp_path_factory) -> dict[str, Path]:  # type: ignore[no-untyped-def]
+    """Its action file and page."""
+    return write_reading(found, tmp_path_factory.mktemp("written") / "identified.toml")
+
+
+def test_the_file_holds_the_joint_uncertainty_and_the_prediction(found, written) -> None:  # type: ignore[no-untyped-def]
+    action = model.load_action(written["action"])
+    joint = posterior_of(action)
+    assert joint is not None and joint.names == ("hammer.joint_friction.A",)
+    assert joint.covariance[0, 0] == pytest.approx(found.estimates[0].z_u ** 2, rel=1e-4)
+    assert list(joint.trials.values()) == list(found.provenance["trials_sha256"].values())
+    events = action.identification["events"]["example_forte, held out"]
+    speed = {who: events[who]["hammer_speed"]["rms"] for who in ("identified", "before", "null model")}
+    assert max(speed["identified"], speed["before"]) < 0.2 * speed["null model"]
+    with pytest.raises(ValidationInputError, match="were fitted to example_forte, trial 1 already and to 1 more"):
+        identify([EXAMPLE], ["hammer.joint_friction"], action, fixed=("*",))
+
+
+def test_the_page_says_in_plain_sentences_what_is_known_and_what_is_not(found, written) -> None:  # type: ignore[no-untyped-def]
+    page = written["page"].read_text("utf-8")
+    assert "http://" not in page and "https://" not in page and "<script" not in page
+    assert "no value is called identified" in page and PROVISIONAL in html.unescape(page)
+    assert "Predicted, not fitted, example_forte, held out: hammer speed at impact off by" in page
+    assert page.index("no value is called") < page.index("Before and after the strokes") < page.index("h-provenance")
+    assert all(
+        f'id="{part}"' in page for part in ("forest", "correlations", "profiles", "residuals", "held-out", "next")
+    )
+    assert "Nothing was held out" in " ".join(plain_sentences(replace(found, events={})))
+
+
+def test_nothing_is_left_half_written(found, tmp_path: Path, monkeypatch) -> None:  # type: ignore[no-untyped-def]
+    monkeypatch.setattr("validation.identification.page.write.render_identification", lambda *given: "a page")
+    (tmp_path / "identified.html").mkdir()
+    with pytest.raises(ValidationInputError, match="cannot be written"):
+        write_reading(found, tmp_path / "identified.toml")
+    assert [p.name for p in tmp_path.iterdir()] == ["identified.html"]
 
 
 def test_differences_agree_with_central_ones() -> None:

@@ -1,8 +1,8 @@
 """``identified.toml``: an action file with the identified values, their u, and how they were found.
 
 A valid action file: every command takes it with ``--action``. Its table ``[identification]`` holds the asked parameters
-with intervals and correlations, what the strokes cannot tell, the scores, and the hashes of the data; the model
-does not read it.
+with intervals and correlations, what the strokes cannot tell, the scores, the hashes of the data, and the joint
+uncertainty that a comparison draws from (`validation.prediction.posterior`); the model does not read it.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from model.files.atomic_write import whole_file
 from model.parameters.write_toml import action_text
 from validation.identification.outcome.result import IDENTIFIED, Identification
 from validation.identification.outcome.target_file import check_target
+from validation.prediction.posterior import TABLE
 
 
 def write_identified(found: Identification, path: str | Path) -> None:
@@ -40,11 +41,15 @@ def write_identified(found: Identification, path: str | Path) -> None:
     >>> validation.write_identified(found, "identified.toml")
     """
     target = check_target(path)
+    with whole_file(target) as part:
+        part.write_text(identified_text(found), encoding="utf-8", newline="\n")
+
+
+def identified_text(found: Identification) -> str:
+    """The text of the action file."""
     head = [f"identified {found.provenance['created_utc']} from {len(found.provenance['trials_sha256'])} trials"]
     head += [f"WARNING: {line}" for line in found.warnings]
-    text = action_text(_with_uncertainties(found), head) + "\n" + "\n".join(_table(found)) + "\n"
-    with whole_file(target) as part:
-        part.write_text(text, encoding="utf-8", newline="\n")
+    return action_text(_with_uncertainties(found), head) + "\n" + "\n".join(_table(found)) + "\n"
 
 
 def _with_uncertainties(found: Identification) -> model.Action:
@@ -71,6 +76,12 @@ def _table(found: Identification) -> list[str]:
     lines += [f"{_key(k)} = {_value(v)}" for k, v in found.provenance.items()]
     lines += ["", "[identification.scores]"]
     lines += [f"{_key(k)} = {_value(v)}" for k, v in found.scores.items()]
+    lines += ["", "[identification.events]"]
+    for name, by in found.events.items():
+        plain = {who: {event: asdict(score) for event, score in of.items()} for who, of in by.items()}
+        lines.append(f"{_key(name)} = {_value(plain)}")
+    lines += ["", f"[identification.{TABLE}]"]
+    lines += [f"{k} = {_value(v)}" for k, v in found.posterior.table().items()]
     for e in found.estimates:
         lines += ["", f"[identification.parameters.{_key(e.name)}]"]
         lines += [f"{k} = {_value(v)}" for k, v in asdict(e).items() if k != "name"]

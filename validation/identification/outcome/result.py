@@ -7,11 +7,16 @@ uncertainty of the value; intervals are 95 %. ``z`` and its uncertainty are in p
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
 
 import model
 from validation.conventions import Array
+from validation.prediction.posterior import Posterior
+
+if TYPE_CHECKING:
+    from validation.identification.outcome.details import Details
+    from validation.identification.outcome.held_out import EventScore
 
 IDENTIFIED = "identified"
 DOUBTFUL = "not identified: the model lacks more than the parameter does"
@@ -92,7 +97,10 @@ class Identification:
     starts : twice the negative log likelihood of every fit that was made, the best first
     scatter : name -> standard deviation from trial to trial, relative
     scores : name of a set of trials -> scores of printed and identified values and of the null model
+    events : name of a set of trials that were not fitted -> how their events are met, see `held_out`
     provenance : what it was made from
+    posterior : joint uncertainty of everything the fit moved
+    details : the fit itself, with the trials
     """
 
     action: model.Action
@@ -104,4 +112,7 @@ class Identification:
     starts: tuple[float, ...]
     scatter: Mapping[str, float]
     scores: Mapping[str, Any]
+    events: Mapping[str, Mapping[str, Mapping[str, EventScore]]]
     provenance: Mapping[str, Any]
+    posterior: Posterior
+    details: Details = field(repr=False, compare=False)

@@ -1,4 +1,4 @@
-"""Where an identified action is written: checked before any work is done, without loading what does the work."""
+"""Where an identified action or a plan is written: checked before any work, without loading what does it."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from validation.errors import ValidationInputError
 
 
 def check_target(path: str | Path) -> Path:
-    """The path, if it can be one of an action file."""
+    """The path, if it can be one of an action file or a plan."""
     target = Path(path)
     if target.suffix != ".toml":
         raise ValidationInputError(f"{target}: ending found {target.suffix!r}, allowed .toml")

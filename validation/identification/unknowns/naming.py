@@ -21,6 +21,8 @@ from validation.errors import ValidationInputError
 
 FELT = "felt:"
 STIFFNESS = ("a", "b", "c")
+PARAMETERS = "--parameters"
+NORMAL = (".second.normal.x", ".second.normal.y")
 GROUPS = ("friction", "joint_friction", "damping", "stiffness", "springs")
 
 
@@ -51,7 +53,7 @@ def group_members(action: model.Action, group: str) -> list[str]:
     return [name for name in names if tails[group](name)] if group in tails else []
 
 
-def expand(action: model.Action, asked: Sequence[str], option: str = "--parameters") -> list[str]:
+def expand(action: model.Action, asked: Sequence[str], option: str = PARAMETERS) -> list[str]:
     """Single names of what was asked for, in that order, each once.
 
     Parameters
@@ -65,7 +67,8 @@ def expand(action: model.Action, asked: Sequence[str], option: str = "--paramete
     Raises
     ------
     ValidationInputError
-        Nothing has that name, or the value is zero, so that nothing says how large it might be.
+        Nothing has that name, the value is zero, so that nothing says how large it might be, or it is to be identified
+        and fixed by the geometry.
     """
     names = single_names(action)
     found: dict[str, None] = {}
@@ -81,12 +84,29 @@ def expand(action: model.Action, asked: Sequence[str], option: str = "--paramete
         elif not members:
             members = [n for n in names if fnmatchcase(n, text)] if "*" in text else []
             members = members or [n for n in names if n.rpartition(".")[0] == text and text.endswith("_spring")]
+        if option == PARAMETERS:
+            members = _free(action, text, members)
         if not members:
             raise ValidationInputError(_unknown(action, text, option))
         found |= dict.fromkeys(members)
     if not found:
         raise ValidationInputError(f"{option}: no parameter given; allowed names of --set, or {', '.join(GROUPS)}")
     return list(found)
+
+
+def _free(action: model.Action, text: str, members: list[str]) -> list[str]:
+    """Those that can be identified: no component of a unit normal, which the other one and the length fix."""
+    if text in action.structure:
+        raise ValidationInputError(
+            f"{PARAMETERS} {text}: is fixed by the geometry (it says {action.structure[text]!r}, which is no number); "
+            "leave it out"
+        )
+    if text.endswith(NORMAL) and text in action.quantities:
+        raise ValidationInputError(
+            f"{PARAMETERS} {text}: is fixed by the geometry, as one component of a direction of length 1; leave it "
+            "out, or identify a position of the same contact"
+        )
+    return [name for name in members if not name.endswith(NORMAL)]
 
 
 def _unknown(action: model.Action, text: str, option: str) -> str:

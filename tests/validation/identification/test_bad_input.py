@@ -1,0 +1,120 @@
+"""What cannot be identified is refused in one clear line, before any work and with nothing half-written."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import model
+from tests.validation.identification import toy
+from validation.conventions import Array
+from validation.errors import ValidationInputError
+from validation.identification.fit import Problem, fit
+from validation.identification.identify import bounds_not_run, identify, look_before
+from validation.identification.outcome.target_file import check_target
+from validation.identification.sources import _refuse_other_actions
+from validation.identification.unknowns.naming import expand
+from validation.identification.unknowns.priors import unknowns
+
+SESSIONS = Path(__file__).parents[3] / "sessions"
+ACTION = model.load_action()
+
+
+def refused(error: pytest.ExceptionInfo[ValidationInputError]) -> str:
+    """The message, which is one line."""
+    said = str(error.value)
+    assert "\n" not in said
+    return said
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("contact07.second.shape", "fixed by the geometry .it says 'hybrid'"),
+        ("contact04.second.normal.x", "fixed by the geometry, as one component of a direction"),
+        ("hammer.parent", "fixed by the geometry"),
+        ("contact99.friction", "no such parameter"),
+        ("contact02.friction", "no prior"),
+    ],
+)
+def test_a_parameter_that_cannot_be_free_is_refused_by_name(name: str, said: str) -> None:
+    with pytest.raises(ValidationInputError, match=said) as error:
+        unknowns(ACTION, [name])
+    assert name in refused(error)
+
+
+def test_a_pattern_leaves_out_what_the_geometry_fixes_and_fix_does_not() -> None:
+    assert "contact04.second.normal.x" not in expand(ACTION, ["contact04.*"])
+    assert "contact04.second.x" in expand(ACTION, ["contact04.*"])
+    assert "contact04.second.normal.x" in expand(ACTION, ["*"], "--fix")
+
+
+def test_trials_with_neither_force_nor_key_motion_are_refused_with_the_reason() -> None:
+    with pytest.raises(ValidationInputError, match="no usable trial to fit .*no force was recorded") as error:
+        identify([SESSIONS / "kawai_kg3c"], ["hammer.joint_friction"], fixed=("*",))
+    assert "a fit needs measured force and key, whippen and hammer angles" in refused(error)
+
+
+@pytest.mark.parametrize("what", ["name", "key"])
+def test_sessions_of_different_actions_are_refused(what: str) -> None:
+    def session(place: str, value: str) -> SimpleNamespace:
+        about = {"name": "grand", "key": "52"} | {what: value}
+        return SimpleNamespace(path=Path(place), info=SimpleNamespace(action=SimpleNamespace(**about)))
+
+    _refuse_other_actions([session("a", "one"), session("b", "one"), session("c", "unknown")])  # type: ignore[list-item]
+    with pytest.raises(ValidationInputError, match="sessions of different actions") as error:
+        _refuse_other_actions([session("a", "one"), session("b", "two")])  # type: ignore[list-item]
+    assert "'one' in a" in refused(error) and "'two' in b" in refused(error)
+
+
+def made(n: int = 3) -> Problem:
+    """A toy problem."""
+    return toy.problem(toy.made(np.zeros(3), n, np.random.default_rng(1)))
+
+
+def test_fewer_data_than_parameters_are_refused() -> None:
+    p = made(1)
+    short = replace(p.trials[0], time_s=toy.TIME[:0], change_rad=np.zeros((0, 3)))
+    with pytest.raises(ValidationInputError, match="found 0 data for 3 parameters; record more trials") as error:
+        look_before(replace(p, trials=(short,)))
+    refused(error)
+
+
+class Stuck(toy.Toy):
+    """A model that cannot run where the first parameter is large, or anywhere."""
+
+    limit = 2.0
+
+    def curves(self, points: Sequence[Array]) -> list[list[Array] | None]:
+        """As in `Response`."""
+        return [None if z[0] >= self.limit else one for z, one in zip(points, super().curves(points), strict=True)]
+
+
+def test_a_model_that_cannot_run_at_the_start_is_refused() -> None:
+    p = made()
+    nowhere = Stuck(p.trials)
+    nowhere.limit = -np.inf
+    with pytest.raises(ValidationInputError, match="cannot run these strokes; use other values") as error:
+        look_before(replace(p, response=nowhere))
+    refused(error)
+    with pytest.raises(ValidationInputError, match="cannot run at the start"):
+        fit(replace(p, response=nowhere))
+
+
+def test_an_end_of_the_range_at_which_the_model_cannot_run_is_named() -> None:
+    p = made()
+    assert bounds_not_run(p) == []
+    (line,) = bounds_not_run(replace(p, response=Stuck(p.trials)))
+    assert line.startswith("key.joint_friction.A: the model cannot run at the upper end of its range (0.04")
+
+
+def test_where_the_file_would_go_is_checked_first(tmp_path: Path) -> None:
+    for name, said in (("found.json", "allowed .toml"), ("none/found.toml", "there is no folder")):
+        with pytest.raises(ValidationInputError, match=said) as error:
+            check_target(tmp_path / name)
+        refused(error)

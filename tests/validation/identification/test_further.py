@@ -1,0 +1,121 @@
+"""What to record next: predicted shrinks are realised, ranks are right, a plan is written that can be played."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import rig
+from tests.validation.identification import toy
+from validation.conventions import Array
+from validation.errors import ValidationInputError
+from validation.identification.fit import Fitted, Problem, fit
+from validation.identification.further.plan_file import write_plan
+from validation.identification.further.shelf import Candidate, at_level
+from validation.identification.further.shrink import Prospect, prospects
+from validation.identification.observations import ObservedTrial
+
+TRUTH = np.array([0.8, -0.5, 0.3])
+AGAIN = 6
+
+
+class Other(toy.Toy):
+    """Another kind of stroke, in which the third parameter does five times as much."""
+
+    def parts(self, z: Array) -> Array:
+        """What each parameter adds, (m, 3, 3)."""
+        return super().parts(z) * np.array([1.0, 1.0, 5.0])
+
+
+class Mixed(toy.Toy):
+    """Strokes of the usual kind in session 0, of the other kind in session 1."""
+
+    def of(self, trial: ObservedTrial) -> toy.Toy:
+        """The toy of one trial."""
+        return Other([trial]) if trial.session else toy.Toy([trial])
+
+    def curves(self, points: list[Array]) -> list[list[Array] | None]:  # type: ignore[override]
+        """As in `Response`."""
+        return [[self.of(t).curve(z) for t in self.trials] for z in points]
+
+    def jacobian(self, z: Array, which: list[int]) -> list[Array]:  # type: ignore[override]
+        """As in `Response`."""
+        return [self.of(t).jacobian(z, which)[0] for t in self.trials]
+
+
+def first(rng: np.random.Generator, n: int = 8) -> tuple[Problem, Fitted]:
+    """A fit of the usual strokes."""
+    p = toy.problem(toy.made(TRUTH, n, rng))
+    return p, fit(p)
+
+
+def test_what_is_predicted_is_realised_within_a_fifth() -> None:
+    rng = np.random.default_rng(11)
+    p, before = first(rng)
+    other = Candidate("other", toy.trial(0, Other([]).curve(before.z)))
+    ranked, refused = prospects(p, before, [other], AGAIN, Other)
+    assert not refused
+    (predicted,) = [one for one in ranked if one.name == "other"]
+    new = [
+        toy.trial(k, Other([]).curve(TRUTH + 0.05 * rng.standard_normal(3)) + 1e-5 * rng.standard_normal((toy.M, 3)), 1)
+        for k in range(AGAIN)
+    ]
+    both = replace(p, trials=(*p.trials, *new), response=Mixed([*p.trials, *new]))
+    after = fit(both)
+    realised = np.sqrt(np.diag(after.covariance) / np.diag(before.covariance))[:3]
+    assert np.array(list(predicted.shrink.values())) == pytest.approx(realised, rel=0.2)
+
+
+class Blind(toy.Toy):
+    """A stroke that says next to nothing of the third parameter."""
+
+    def parts(self, z: Array) -> Array:
+        """What each parameter adds, (m, 3, 3)."""
+        return super().parts(z) * np.array([1.0, 1.0, 0.002])
+
+
+def test_a_stroke_that_says_what_is_unknown_is_preferred_to_more_of_the_same() -> None:
+    trials = [toy.trial(k, Blind([]).curve(TRUTH) + 1e-5 * rng_of(k).standard_normal((toy.M, 3))) for k in range(6)]
+    p = replace(toy.problem(trials), response=Blind(trials))
+    before = fit(p)
+    usual = Candidate("usual", toy.trial(0, toy.Toy([]).curve(before.z)))
+    ranked, _ = prospects(p, before, [usual], AGAIN, toy.Toy)
+    by_name = {q.name: q for q in ranked}
+    assert ranked[0].name == "usual"
+    third = toy.ASKED[2]
+    assert by_name["usual"].shrink[third] < 0.2 < by_name["more of toy 0"].shrink[third]
+    assert all(q.mean <= 1.0 + 1e-9 for q in ranked)
+
+
+def rng_of(k: int) -> np.random.Generator:
+    """Noise of one trial."""
+    return np.random.default_rng([12, k])
+
+
+def prospect(name: str = "forte", level: float = 1.4) -> Prospect:
+    """A prospect of a shipped profile."""
+    profile = at_level(rig.load_profile(name), level)
+    candidate = Candidate(profile.name, toy.trial(0, np.zeros((toy.M, 3))), profile)
+    return Prospect(profile.name, {"hammer.joint_friction.A": 0.5}, candidate, 4)
+
+
+@pytest.mark.parametrize("level", [1.0, 1.4])
+def test_the_plan_is_one_that_record_plays(tmp_path: Path, level: float) -> None:
+    sensor = Prospect("load cell's gain known twice as well", {"hammer.joint_friction.A": 0.4})
+    files = write_plan([sensor, prospect(level=level), prospect("piano")], tmp_path / "next.toml")
+    plan = rig.load_plan(files["next.toml"])
+    assert len(plan.entries) == 4
+    (played,) = plan.profiles.values()
+    np.testing.assert_allclose(played.force_n, level * rig.load_profile("forte").force_n)
+    assert "twice as well" in files["next.toml"].read_text("utf-8")
+
+
+def test_a_plan_without_a_stroke_or_in_a_wrong_place_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ValidationInputError, match="no profile can be recommended"):
+        write_plan([Prospect("sensor", {"a": 0.9})], tmp_path / "next.toml")
+    with pytest.raises(ValidationInputError, match="allowed .toml"):
+        write_plan([prospect()], tmp_path / "next.csv")
+    assert not list(tmp_path.iterdir())

@@ -1,0 +1,79 @@
+"""What to record next as a trial plan that ``record --plan`` plays, with the profile it names."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+from rig import load_plan
+from rig.configuration.profile import built_in_profiles
+from validation.errors import ValidationInputError
+from validation.identification.further.shrink import Prospect
+from validation.identification.outcome.target_file import check_target
+from validation.report.files import write_files
+
+SHOWN = 8
+
+
+def best_stroke(ranked: Sequence[Prospect]) -> Prospect:
+    """The best of those that are strokes of a profile.
+
+    Raises
+    ------
+    ValidationInputError
+        None is: the bench's limits allow no profile, or the blows could not be predicted.
+    """
+    for prospect in ranked:
+        if prospect.candidate is not None and prospect.candidate.profile is not None:
+            return prospect
+    raise ValidationInputError(
+        "--plan: no profile can be recommended, because none could be predicted within the limits of the rig file"
+    )
+
+
+def write_plan(ranked: Sequence[Prospect], path: str | Path) -> dict[str, Path]:
+    """Write the best stroke as a plan, beside it its profile, whole or not at all.
+
+    Parameters
+    ----------
+    ranked : what `validation.identification.further.shrink.prospects` found
+    path : plan file to write, ending in .toml
+
+    Returns
+    -------
+    dict
+        Relative name -> path of what was written.
+
+    Raises
+    ------
+    ValidationInputError
+        Another ending, a folder that is not there, or nothing to recommend.
+    """
+    target = check_target(path)
+    best = best_stroke(ranked)
+    assert best.candidate is not None and best.candidate.profile is not None
+    profile = best.candidate.profile
+    condition = re.sub(r"[^A-Za-z0-9.-]+", "_", profile.name).strip("_.-")
+    built_in = profile.name in built_in_profiles()
+    named = profile.name if built_in else f"{target.stem}_{condition}.toml"
+    lines = [
+        "# What to record next, by pianorig identify: u of each parameter after, divided by u now (predicted from the",
+        "# Fisher information at the identified values; what the strokes teach about the noise is not in it).",
+        *(f"# {name}: {x:.2f}" for name, x in best.shrink.items()),
+        "#",
+        "# What else was looked at, geometric mean of the same:",
+        *(f"# {p.mean:.2f}  {p.name}" for p in ranked[:SHOWN]),
+        'schema = "piano-action-rig plan 1"',
+        f'name = "record next: {profile.name}"',
+        'order = "listed"',
+        "[[conditions]]",
+        f'name = "{condition}"',
+        f'profile = "{named}"',
+        f"repeats = {best.trials}",
+    ]
+    texts: dict[str, str | bytes] = {} if built_in else {named: profile.text}
+    texts[target.name] = "\n".join(lines) + "\n"
+    written = write_files(target.parent, texts)
+    load_plan(target)  # what was written can be played
+    return written

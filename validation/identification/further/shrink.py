@@ -1,0 +1,139 @@
+"""By how much further trials, or a sensor known better, would shrink the standard uncertainty of each parameter.
+
+From the Fisher information at the identified values: the covariance of the fit with the columns of the new trials
+beside those it has (`noise.Marginal`), sizes of noise as learnt. A further session has a discrepancy of its own, as
+large as those learnt so far. What it cannot know is what the new strokes will teach about these sizes themselves, and
+how far the values move; so it is a prediction of u, not of the value.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from model.errors import ModelError
+from validation.conventions import Array
+from validation.identification.blocks import INSTRUMENT, Block, make_blocks
+from validation.identification.exact_runs import ExactRuns
+from validation.identification.fit import Fitted, Problem
+from validation.identification.further.shelf import Candidate
+from validation.identification.model_runs import Response
+from validation.identification.noise import Marginal, Sizes
+from validation.identification.observations import ObservedTrial
+
+TRIALS = 5
+HALF_KNOWN = 0.5
+SENSORS = {
+    "load cell's gain": ("force gain",),
+    "load cell's preload": ("force level",),
+    "load cell's delay": ("force delay",),
+    "key encoder": ("key encoder scale", "key encoder zero"),
+    "whippen encoder": ("whippen encoder scale", "whippen encoder zero"),
+    "hammer encoder": ("hammer encoder scale", "hammer encoder zero"),
+}
+Respond = Callable[[Sequence[ObservedTrial]], Response]
+
+
+@dataclass(frozen=True)
+class Prospect:
+    """One thing that could be done next.
+
+    Attributes
+    ----------
+    name : in words
+    shrink : name of a parameter -> its u after, divided by its u now
+    candidate : the stroke to record; None for a sensor
+    trials : how many of it
+    """
+
+    name: str
+    shrink: Mapping[str, float]
+    candidate: Candidate | None = None
+    trials: int = 0
+
+    @property
+    def mean(self) -> float:
+        """Geometric mean of the shrinks: what the prospects are ranked by, the smallest first."""
+        return float(np.exp(np.mean(np.log(list(self.shrink.values())))))
+
+
+def prospects(
+    problem: Problem,
+    fitted: Fitted,
+    candidates: Sequence[Candidate],
+    trials: int = TRIALS,
+    respond: Respond | None = None,
+) -> tuple[list[Prospect], list[str]]:
+    """What each candidate and each sensor known twice as well would do, the best first.
+
+    Parameters
+    ----------
+    problem, fitted : the identification
+    candidates : strokes that could be recorded; more of each session's own kind are added
+    trials : how many of each
+    respond : what makes the model's response to some trials; by default the project's model
+
+    Returns
+    -------
+    prospects, refused : lists
+    """
+    make = respond or (lambda some: ExactRuns(problem.action, problem.unknowns.moved, some))
+    names = [p.name for p in problem.unknowns.asked]
+    found: list[Prospect] = []
+    refused: list[str] = []
+
+    def ratio(marginal: Marginal) -> dict[str, float]:
+        now, then = (np.sqrt(np.diag(m.covariance)[: len(names)]) for m in (fitted.marginal, marginal))
+        return {name: float(x) for name, x in zip(names, then / now, strict=True)}
+
+    blocks = fitted.marginal.blocks
+    own = {b.session: (t, b) for t, b in zip(problem.trials[::-1], blocks[::-1], strict=True)}
+    for t, b in own.values():
+        again = Candidate(f"more of {t.label.rpartition(', trial')[0]}", t)
+        found.append(Prospect(again.name, ratio(further(fitted, b, trials)), again, trials))
+    for one in candidates:
+        try:
+            block = block_of(problem, fitted.z, one.trial, make)
+        except ModelError as error:
+            refused.append(f"{one.name}: {error}")
+            continue
+        found.append(Prospect(one.name, ratio(further(fitted, block, trials)), one, trials))
+    for sensor, columns in SENSORS.items():
+        known = [INSTRUMENT.index(name) for name in columns]
+        found.append(Prospect(f"{sensor} known twice as well", ratio(_known_better(fitted, known))))
+    return sorted(found, key=lambda p: p.mean), refused
+
+
+def block_of(problem: Problem, z: Array, trial: ObservedTrial, respond: Respond) -> Block:
+    """The linear model of a trial that has not been recorded."""
+    response = respond([trial])
+    jacobian = response.jacobian(z, range(z.size))
+    held: tuple[Array, ...] = ()
+    if problem.unknowns.held:
+        runs = ExactRuns(problem.action, problem.unknowns.held, [trial])
+        held = tuple(runs.jacobian(np.zeros(len(problem.unknowns.held)), range(len(problem.unknowns.held))))
+    return make_blocks([trial], jacobian, response.force_columns(z), problem.laws, held)[0]
+
+
+def further(fitted: Fitted, block: Block, trials: int) -> Marginal:
+    """The model of the fit with so many more trials like one, in a session of their own."""
+    sizes, new = fitted.marginal.sizes, len(fitted.marginal.sizes.common)
+    more = replace(sizes, own=_with_typical(sizes.own), common=_with_typical(sizes.common))
+    return Marginal([*fitted.marginal.blocks, *trials * [replace(block, session=new)]], more)
+
+
+def _with_typical(of_sessions: Array) -> Array:
+    """Sizes by session and channel with a row for one more session, their root mean square."""
+    return np.vstack([of_sessions, np.sqrt(np.mean(of_sessions**2, axis=0))])
+
+
+def _known_better(fitted: Fitted, columns: Sequence[int]) -> Marginal:
+    blocks = []
+    for b in fitted.marginal.blocks:
+        instrument = b.instrument.copy()
+        instrument[:, list(columns)] *= HALF_KNOWN
+        blocks.append(replace(b, instrument=instrument))
+    sizes: Sizes = fitted.marginal.sizes
+    return Marginal(blocks, sizes)

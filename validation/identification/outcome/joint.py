@@ -1,0 +1,29 @@
+"""The joint uncertainty that goes into ``identified.toml``: the covariance of the fit, as wide as the estimates say."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from validation.identification.fit import Fitted, Problem
+from validation.identification.outcome.result import Estimate
+from validation.prediction.posterior import Posterior, make_posterior
+
+
+def joint_posterior(
+    problem: Problem, fitted: Fitted, estimates: Sequence[Estimate], trials: Mapping[str, str]
+) -> Posterior:
+    """Posterior of everything the fit moved; what was asked for is as wide as its estimate, correlations stay.
+
+    Parameters
+    ----------
+    problem, fitted : the fit
+    estimates : of the asked parameters
+    trials : label -> SHA-256 of the trials fitted
+    """
+    wider = np.ones(fitted.covariance.shape[0])
+    for j, e in enumerate(estimates):
+        wider[j] = e.z_u / np.sqrt(fitted.covariance[j, j])
+    moved = [(p.name, p.paths, p.u, p.factor) for p in problem.unknowns.moved]
+    return make_posterior(moved, fitted.covariance * np.outer(wider, wider), trials)

@@ -1,0 +1,134 @@
+"""What an identification knows of an action's parameters together: their covariance, and the trials it comes from.
+
+Conventions: everything in prior standard uncertainties, as in `validation.identification.unknowns.priors`: a law moves
+by a factor exp(u z), all else by u z in SI. The covariance of z is the identity but for a few directions in which the
+strokes said something; those are kept, each with the share of the prior's variance that is left in it. An action file
+holds them in its table ``[identification.posterior]`` (docs/decisions/0162-joint-posterior-in-the-budget.md).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+import model
+from validation.conventions import Array
+from validation.errors import ValidationInputError
+
+TABLE = "posterior"
+TOLD = 1e-4  # of the variance of the prior: directions that lost (or gained) less are left out
+DIGITS = 7
+CUT = 3.0  # standard deviations, as for parameters that are drawn independently
+
+
+@dataclass(frozen=True)
+class Posterior:
+    """Joint uncertainty of identified parameters.
+
+    Attributes
+    ----------
+    names : (p,) of all parameters that the fit moved
+    paths : (p,) parameters of the action that each of them moves together
+    u : (p,) prior standard uncertainty, relative for a ``factor``, SI otherwise
+    factor : (p,) whether it moves by a factor
+    directions : (k, p) orthonormal: combinations of z of which the strokes said something
+    left : (k,) share of the variance of the prior that is left along each
+    trials : label -> SHA-256 of each trial the values were fitted to
+    """
+
+    names: tuple[str, ...]
+    paths: tuple[tuple[str, ...], ...]
+    u: tuple[float, ...]
+    factor: tuple[bool, ...]
+    directions: Array
+    left: Array
+    trials: Mapping[str, str]
+
+    @property
+    def covariance(self) -> Array:
+        """Of z, (p, p)."""
+        return np.eye(len(self.names)) + self.directions.T @ ((self.left - 1.0)[:, None] * self.directions)
+
+    @cached_property
+    def moved(self) -> frozenset[str]:
+        """Parameters of the action whose uncertainty is in here."""
+        return frozenset(path for paths in self.paths for path in paths)
+
+    def draws(self, action: model.Action, n: int, rng: np.random.Generator) -> list[dict[str, float]]:
+        """Draw ``n`` sets of values, path -> SI, about those of the action; as correlated as they were found to be."""
+        out = []
+        for _ in range(n):
+            free = np.clip(rng.standard_normal(len(self.names)), -CUT, CUT)
+            z = free + self.directions.T @ ((np.sqrt(self.left) - 1.0) * (self.directions @ free))
+            drawn: dict[str, float] = {}
+            for paths, u, factor, at in zip(self.paths, self.u, self.factor, z, strict=True):
+                for path in paths:
+                    drawn[path] = float(action[path] * np.exp(u * at) if factor else action[path] + u * at)
+            out.append(drawn)
+        return out
+
+    def table(self) -> dict[str, Any]:
+        """As a table of an action file."""
+        return {
+            "names": list(self.names),
+            "paths": [list(paths) for paths in self.paths],
+            "u": list(self.u),
+            "factor": list(self.factor),
+            "directions": [[float(f"{x:.{DIGITS}g}") for x in row] for row in self.directions],
+            "left": [float(f"{x:.{DIGITS}g}") for x in self.left],
+        }
+
+
+def make_posterior(
+    moved: Sequence[tuple[str, tuple[str, ...], float, bool]], covariance: Array, trials: Mapping[str, str]
+) -> Posterior:
+    """The record of a covariance.
+
+    Parameters
+    ----------
+    moved : sequence of (name, paths, u, factor), (p,)
+    covariance : (p, p) of z
+    trials : label -> SHA-256
+    """
+    values, vectors = np.linalg.eigh(0.5 * (covariance + covariance.T))
+    told = np.abs(values - 1.0) > TOLD
+    names, paths, u, factor = zip(*moved, strict=True)
+    return Posterior(names, paths, u, factor, vectors.T[told], np.maximum(values[told], 0.0), dict(trials))
+
+
+def posterior_of(action: model.Action) -> Posterior | None:
+    """The joint uncertainty that an action's file holds; None where it was not identified.
+
+    Raises
+    ------
+    ValidationInputError
+        The table is not as it was written.
+    """
+    table = action.identification.get(TABLE)
+    if table is None:
+        return None
+    where = f"{action.origin}: [identification.{TABLE}]"
+    advice = "write the file again with pianorig identify, or take the table out"
+    try:
+        paths = tuple(tuple(map(str, group)) for group in table["paths"])
+        names = tuple(map(str, table["names"]))
+        left = np.array(table["left"], dtype=float)
+        directions = np.array(table["directions"], dtype=float).reshape(left.size, len(names))
+        u, factor = tuple(map(float, table["u"])), tuple(bool(x) for x in table["factor"])
+        trials = dict(action.identification["provenance"]["trials_sha256"])
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise ValidationInputError(f"{where}: found damaged ({error}); {advice}") from None
+    if not len(names) == len(paths) == len(u) == len(factor):
+        raise ValidationInputError(f"{where}: found lists of different lengths; {advice}")
+    if not (np.all(left >= 0.0) and np.all(np.isfinite(left)) and np.all(np.isfinite(directions))):
+        raise ValidationInputError(f"{where}: left found below 0 or not finite, allowed from 0; {advice}")
+    if not np.allclose(directions @ directions.T, np.eye(left.size), atol=1e-4):
+        raise ValidationInputError(f"{where}: directions found not orthonormal; {advice}")
+    for path in (path for group in paths for path in group):
+        if path not in action.quantities:
+            raise ValidationInputError(f"{where}: parameter {path} is unknown; {advice}")
+    return Posterior(names, paths, u, factor, directions, left, trials)
