@@ -111,10 +111,10 @@ def block_of(problem: Problem, z: Array, trial: ObservedTrial, respond: Respond)
     response = respond([trial])
     jacobian = response.jacobian(z, range(z.size))
     held: tuple[Array, ...] = ()
-    if problem.unknowns.held:
+    if problem.held:  # as in the fit: what is fixed scatters, too
         runs = ExactRuns(problem.action, problem.unknowns.held, [trial])
         held = tuple(runs.jacobian(np.zeros(len(problem.unknowns.held)), range(len(problem.unknowns.held))))
-    return make_blocks([trial], jacobian, response.force_columns(z), problem.laws, held)[0]
+    return make_blocks([trial], jacobian, response.force_columns(z), problem.laws[: z.size], held)[0]
 
 
 def further(fitted: Fitted, block: Block, trials: int) -> Marginal:
