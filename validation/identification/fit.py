@@ -17,17 +17,24 @@ import model
 from model.errors import ModelError
 from validation.conventions import Array
 from validation.errors import ValidationInputError
-from validation.identification.blocks import Block, make_blocks, residuals
+from validation.identification.blocks import Block, bend, make_blocks, residuals
 from validation.identification.model_runs import Response
-from validation.identification.noise import FLOOR, Marginal, Sizes, likeliest
+from validation.identification.noise import (
+    FLOOR,
+    LEAST_DAMPING,
+    Marginal,
+    Sizes,
+    box_step,
+    dampings,
+    largest_step,
+    likeliest,
+)
 from validation.identification.observations import ObservedTrial
 from validation.identification.unknowns.priors import Unknowns
 
 MOST_STEPS = 30
 FIRST_FLOOR = 0.1  # of the discrepancy in the first step; then what the last step showed the linear model to be worth
-LEAST_DAMPING = 0.03
 MOST_LEARNINGS = 6  # of the sizes, near the minimum
-MOST_BOUNDS = 8  # rounds in which values are held at the ends of what is allowed
 CLOSE = 0.1  # of a posterior standard uncertainty: a step below it is the last
 STALLED = 0.5  # of a posterior standard uncertainty: how far the linear model may still want to go from a kink
 LEAST_GAIN = (
@@ -104,6 +111,11 @@ class Fitted:
         return -2.0 * self.marginal.log_likelihood(self.linear)
 
     @property
+    def settled(self) -> bool:
+        """Whether it has converged where the model lacks next to nothing."""
+        return self.converged and float(self.marginal.sizes.common.max()) <= 2.0 * FLOOR
+
+    @property
     def covariance(self) -> Array:
         """Of z, (p, p)."""
         p = self.marginal.p
@@ -144,6 +156,7 @@ def fit(
     start: Array | None = None,
     say: Callable[[str], None] | None = None,
     columns: Columns | None = None,
+    tight: bool = False,
 ) -> Fitted:
     """Fit from one start.
 
@@ -155,6 +168,8 @@ def fit(
         Called with a line after each step.
     columns : Columns, optional
         Derivatives found already.
+    tight : bool
+        Take the model to lack nothing until the values have settled; sizes are learnt only then.
 
     Raises
     ------
@@ -167,8 +182,10 @@ def fit(
     if curves is None:
         raise ValidationInputError("identify: the model cannot run at the start; use other values with --set")
     columns = Columns(problem) if columns is None else columns
-    sizes, steps, converged, floor = Sizes.start(problem.laws, problem.sessions), 0, False, FIRST_FLOOR
-    asked, largest, damping, learnings = len(problem.unknowns.asked), np.inf, 0.0, 0
+    first = Sizes.tight if tight else Sizes.start
+    sizes, steps, converged = first(problem.laws, problem.sessions), 0, False
+    floor, largest = (FLOOR, 0.0) if tight else (FIRST_FLOOR, np.inf)
+    asked, damping, learnings = len(problem.unknowns.asked), 0.0, 0
     while True:
         try:
             near = floor <= NEAR * FLOOR
@@ -178,11 +195,13 @@ def fit(
         linear = linear_residuals(problem, blocks, curves, z)
         here = residuals(problem.trials, curves)
         # near the minimum sizes are kept until the values have settled, so that there is one function to minimise
-        marginal = Marginal(blocks, sizes) if near and largest < NEAR else _learnt(blocks, linear, sizes, near, floor)
-        largest = _largest(marginal, here, z, (low, high), asked)
+        rounds = LAST_ROUNDS if near else ROUNDS
+        kept = near and largest < NEAR or (tight and learnings == 0)
+        marginal = Marginal(blocks, sizes) if kept else likeliest(blocks, linear, sizes, rounds, floor)
+        largest = largest_step(marginal, here, z, (low, high), asked)
         if near and largest < CLOSE:
-            marginal, learnings = _learnt(blocks, linear, marginal.sizes, near, FLOOR), learnings + 1
-            largest = _largest(marginal, here, z, (low, high), asked)
+            marginal, learnings = likeliest(blocks, linear, marginal.sizes, rounds), learnings + 1
+            largest = largest_step(marginal, here, z, (low, high), asked)
             converged = largest < (CLOSE if learnings < MOST_LEARNINGS else STALLED)
         sizes = marginal.sizes
         if converged or steps == MOST_STEPS or learnings >= MOST_LEARNINGS:
@@ -194,8 +213,8 @@ def fit(
             said = f"step {steps}: largest change {largest:.2g} u, damped by {damping:g}; linear to {worth:.2g}"
             say(said if taken else f"step {steps}: no step from here lowers the objective")
         if near and largest < NEAR and attempt.gain < LEAST_GAIN:
-            marginal, learnings = _learnt(blocks, linear, sizes, near, FLOOR), learnings + 1
-            converged = _largest(marginal, here, z, (low, high), asked) < STALLED
+            marginal, learnings = likeliest(blocks, linear, sizes, rounds), learnings + 1
+            converged = largest_step(marginal, here, z, (low, high), asked) < STALLED
             if converged or learnings >= MOST_LEARNINGS:
                 break
             sizes = marginal.sizes
@@ -211,7 +230,7 @@ def fit(
 
 @dataclass(frozen=True)
 class _Attempt:
-    """A step, the curves there (None where none was taken), its damping, how far from linear it was, its gain."""
+    """A step, its curves (None: not taken), damping, how far from linear the longest tried was, and its gain."""
 
     step: Array
     curves: list[Array] | None
@@ -222,61 +241,18 @@ class _Attempt:
 
 def _attempt(problem: Problem, marginal: Marginal, here: Sequence[Array], z: Array, damping: float) -> _Attempt:
     """The least damped step that lowers the objective."""
-    before, bent = marginal.objective(here, z), np.inf
-    for more in _dampings(damping):
+    before, bent = marginal.objective(here, z), 0.0
+    for more in dampings(damping):
         step = box_step(marginal, here, z, problem.box(), more)
         moved = _one(problem, z + step)
         if moved is None:
             continue
         there = residuals(problem.trials, moved)
-        bent = _bend(marginal.blocks, here, there, step)
+        bent = max(bent, bend(marginal.blocks, here, there, step))  # a short step looks linear anywhere
         after = marginal.objective(there, z + step)
         if after < before:
             return _Attempt(step, moved, more, bent, before - after)
-    return _Attempt(np.zeros_like(z), None, damping, bent, 0.0)
-
-
-def _learnt(blocks: Sequence[Block], linear: Sequence[Array], sizes: Sizes, near: bool, floor: float) -> Marginal:
-    return likeliest(blocks, linear, sizes, LAST_ROUNDS if near else ROUNDS, floor)
-
-
-def _dampings(last: float) -> list[float]:
-    """Dampings to try in turn."""
-    first = max(last, LEAST_DAMPING)
-    return [last] + [first * 10.0**k for k in range(0 if last < LEAST_DAMPING else 1, 5)]
-
-
-def _largest(marginal: Marginal, here: Sequence[Array], z: Array, box: tuple[Array, Array], asked: int) -> float:
-    """Largest change of an asked parameter in the whole step from z, in its posterior standard uncertainties."""
-    width = np.sqrt(np.diag(marginal.covariance)[: marginal.p])
-    return float(np.max((np.abs(box_step(marginal, here, z, box, 0.0)) / width)[:asked]))
-
-
-def box_step(marginal: Marginal, here: Sequence[Array], z: Array, box: tuple[Array, Array], damping: float) -> Array:
-    """Step (p,) to the minimum of the linear model in a box, shortened by Marquardt's damping.
-
-    Parameters
-    ----------
-    marginal : Marginal
-        The linear model at z.
-    here : residuals at z, of each trial
-    z : (p,)
-    box : lowest and highest z
-    damping : of the diagonal of the curvature, that is added to it
-    """
-    low, high = box
-    slope, curvature = marginal.slope(here, z), marginal.curvature
-    damped = curvature + damping * np.diag(np.diag(curvature))
-    free, step = np.ones(z.size, dtype=bool), np.zeros(z.size)
-    for _ in range(MOST_BOUNDS):
-        rest = slope[free] - damped[np.ix_(free, ~free)] @ step[~free]
-        step[free] = np.linalg.solve(damped[np.ix_(free, free)], rest)
-        out = free & ((z + step < low) | (z + step > high))
-        if not out.any():
-            break
-        step[out] = np.clip(z + step, low, high)[out] - z[out]
-        free &= ~out
-    return np.clip(z + step, low, high) - z
+    return _Attempt(np.zeros_like(z), None, damping, bent if bent > 0.0 else np.inf, 0.0)
 
 
 def _one(problem: Problem, z: Array) -> list[Array] | None:
@@ -284,10 +260,31 @@ def _one(problem: Problem, z: Array) -> list[Array] | None:
     return problem.response.curves([z])[0]
 
 
-def _bend(blocks: Sequence[Block], here: Sequence[Array], there: Sequence[Array], step: Array) -> float:
-    """How far the model is from its linear model after a step: root mean square, of the size of the response."""
-    parts = [(t - (h - b.moved @ step)) / b.size.ravel() for b, h, t in zip(blocks, here, there, strict=True)]
-    return float(np.sqrt(np.mean(np.concatenate(parts) ** 2)))
+def search(problem: Problem, n: int, say: Callable[[str], None] | None, columns: Columns | None) -> list[Fitted]:
+    """Fits from several starts, the likeliest first.
+
+    A fit that has not settled, or after which the model seems to lack something, may stand in a wrong minimum where
+    the discrepancy explains what a parameter should. It is followed by one from where it ended and one from the
+    action's values, both of which take the model to lack nothing until they have settled.
+
+    Parameters
+    ----------
+    problem : Problem
+    n : how many points of `starts` to start from in any case
+    say : called with a line after each step
+    columns : derivatives at the action's values, found already
+    """
+    points = starts(problem, n)
+    fits = [fit(problem, z, say, None if k else columns) for k, z in enumerate(points)]
+    for from_there in (True, False):
+        best = min(fits, key=lambda f: f.badness)
+        if best.settled:
+            break
+        if say is not None:
+            say("once more " + ("from there" if from_there else "from the start") + ", as if the model lacked nothing")
+        at, known = (best.z, None) if from_there else (points[0], columns)
+        fits.append(fit(problem, at, say, known, tight=True))
+    return sorted(fits, key=lambda f: f.badness)
 
 
 def starts(problem: Problem, n: int) -> list[Array]:

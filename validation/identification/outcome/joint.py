@@ -14,7 +14,9 @@ from validation.prediction.posterior import Posterior, make_posterior
 def joint_posterior(
     problem: Problem, fitted: Fitted, estimates: Sequence[Estimate], trials: Mapping[str, str]
 ) -> Posterior:
-    """Posterior of everything the fit moved; what was asked for is as wide as its estimate, correlations stay.
+    """Posterior of every parameter the fit moved, without the force's errors; the asked ones as wide as stated.
+
+    Correlations stay.
 
     Parameters
     ----------
@@ -25,5 +27,6 @@ def joint_posterior(
     wider = np.ones(fitted.covariance.shape[0])
     for j, e in enumerate(estimates):
         wider[j] = e.z_u / np.sqrt(fitted.covariance[j, j])
-    moved = [(p.name, p.paths, p.u, p.factor) for p in problem.unknowns.moved]
-    return make_posterior(moved, fitted.covariance * np.outer(wider, wider), trials)
+    kept = [j for j, p in enumerate(problem.unknowns.moved) if p.paths]  # errors of the force are the bench's
+    moved = [(p.name, p.paths, p.u, p.factor) for p in problem.unknowns.moved if p.paths]
+    return make_posterior(moved, (fitted.covariance * np.outer(wider, wider))[np.ix_(kept, kept)], trials)
