@@ -1,13 +1,15 @@
 """How often do the 95 % intervals of an identification hold the truth? Virtual experiments with random true parameters.
 
     python benchmarks/identification_coverage.py [--sessions 10] [--cells nothing,lacking] [--kinds forte,piano]
-                                                 [--trials 5] [--asked friction,joint_friction,felt:contact02]
+                                                 [--trials 5] [--free 5 | --asked friction,felt:contact02]
                                                  [--spread 0.5] [--seed 1] [--results FILE] [--minutes M]
 
-Cells: ``nothing``: the specimen is the model; its laws and geometry, the errors of force and encoders are drawn from
-their priors, its frictions scatter from trial to trial. ``lacking``: the same laws on the bench with motor arm, balance
-rail and shank, which the model lacks. One randomly drawn asked parameter is profiled in each experiment. A line per
-experiment is kept in ``--results``; what it holds is not computed again, so that a long run can be stopped.
+Cells: ``nothing``: the specimen is the model; what is free and the errors of force and encoders are drawn from
+their priors, all frictions scatter from trial to trial. ``lacking``: the same on the bench with motor arm, balance
+rail and shank, which the model lacks. ``--free N``: N laws drawn at random for each experiment are free, and all else
+is as the model has it; ``--free 0``: those of ``--asked``, and all else is free, drawn, and fitted beside them. One
+randomly drawn asked parameter is profiled in each experiment. A line per experiment is kept in ``--results``; what it
+holds is not computed again, so that a long run can be stopped.
 """
 
 from __future__ import annotations
@@ -17,6 +19,7 @@ import json
 import sys
 import time
 from collections.abc import Sequence
+from functools import cache
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -37,6 +40,7 @@ from validation.errors import ValidationError
 from validation.identification.estimates import estimate_all
 from validation.identification.exact_runs import ExactRuns
 from validation.identification.fit import Problem, fit
+from validation.identification.identify import LEAST_EFFECT_RAD, held_columns
 from validation.identification.observations import ObservedTrial, observe
 from validation.identification.outcome.result import IDENTIFIED
 from validation.identification.scatter import lacking
@@ -49,6 +53,9 @@ SCATTER = 0.02  # of every friction, from trial to trial
 STRENGTH = 0.02
 EFFECTS = ("balance_rail", "shank")
 WILDEST = 2.5
+LAWS = ("friction", "joint_friction", "damping", "stiffness", "springs")
+SAME = ("seed", "spread", "kinds", "trials", "free", "asked")
+RUNS = 2e-7  # rad, error of the runs of a fit
 
 
 def drawn_truth(
@@ -129,20 +136,36 @@ def played_on_bench(specimen: model.Action, kind: str, n: int, seed: int, rng: n
     return out
 
 
+@cache
+def acting_laws(kinds: str) -> tuple[str, ...]:
+    """Laws of the printed action that move an encoder in strokes of these kinds."""
+    start, rng = model.load_action(), np.random.default_rng(0)
+    free = unknowns(start, LAWS, ["*"])
+    tested, sensors = ModelUnderTest(start, 1e-6), Sensors(rng)
+    found = np.zeros(len(free.moved))
+    for i, kind in enumerate(kinds.split(",")):
+        data = played(start, kind, 1, sensors, rng)
+        trials = observe(kind, i, [measure(d, None, tested.geometry_at(d.force_info.preload_n)) for d in data])
+        (jacobian,) = ExactRuns(start, free.moved, trials).jacobian(np.zeros(found.size), range(found.size))
+        found = np.maximum(found, np.abs(jacobian).max(axis=(0, 1)))
+    return tuple(p.name for p, size in zip(free.asked, found, strict=False) if size > LEAST_EFFECT_RAD)
+
+
+def freed(start: model.Action, options: argparse.Namespace, rng: np.random.Generator) -> Unknowns:
+    """What is free in one experiment."""
+    if not options.free:
+        return unknowns(start, options.asked.split(","))
+    some = rng.choice(acting_laws(options.kinds), options.free, replace=False)
+    return unknowns(start, [str(name) for name in some], ["*"])
+
+
 def experiment(cell: str, k: int, options: argparse.Namespace) -> dict[str, Any]:
     """One experiment as plain data; ``failed`` says why it has no estimates."""
-    kinds, asked = options.kinds.split(","), options.asked.split(",")
-    out: dict[str, Any] = {
-        "cell": cell,
-        "session": k,
-        "seed": options.seed,
-        "spread": options.spread,
-        "kinds": options.kinds,
-        "n": options.trials,
-    }
-    rng = np.random.default_rng([options.seed, k, len(cell)])
+    kinds = options.kinds.split(",")
+    out: dict[str, Any] = {"cell": cell, "session": k} | {name: getattr(options, name) for name in SAME}
+    rng = np.random.default_rng([options.seed, k, len(cell), options.free])
     start = model.load_action()
-    free = unknowns(start, asked)
+    free = freed(start, options, rng)
     truth, specimen = drawn_truth(start, free, options.spread, rng)
     sensors, seed, began = Sensors(rng), int(rng.integers(1, 10**6)), time.process_time()
     profiled = str(rng.choice([p.name for p in free.asked]))
@@ -156,8 +179,10 @@ def experiment(cell: str, k: int, options: argparse.Namespace) -> dict[str, Any]
                 data = played(specimen, kind, options.trials, sensors, rng)
             measured = [measure(d, None, tested.geometry_at(d.force_info.preload_n)) for d in data]
             trials += observe(kind, i, measured)
-        problem = Problem(start, free, tuple(trials), ExactRuns(start, free.moved, trials))
+        held = held_columns(start, free, trials, RUNS)
+        problem = Problem(start, free, tuple(trials), ExactRuns(start, free.moved, trials, RUNS), held)
         fitted = fit(problem)
+        fit_s = time.process_time() - began
         found = estimate_all(problem, fitted, [profiled], lambda text: None)
     except (ModelError, RigError, ValidationError) as error:
         return out | {"failed": str(error)}
@@ -174,7 +199,7 @@ def experiment(cell: str, k: int, options: argparse.Namespace) -> dict[str, Any]
         )  # fmt: skip
     return out | {
         "estimates": rows, "converged": fitted.converged, "steps": fitted.steps, "lacking": lacking(fitted),
-        "processor_s": time.process_time() - began,
+        "processor_s": time.process_time() - began, "fit_s": fit_s,
     }  # fmt: skip
 
 
@@ -212,6 +237,7 @@ def main() -> int:
     parser.add_argument("--cells", default="nothing,lacking")
     parser.add_argument("--kinds", default="forte,piano")
     parser.add_argument("--trials", type=int, default=5)
+    parser.add_argument("--free", type=int, default=5, help="laws that are free, all else known; 0: all of --asked")
     parser.add_argument("--asked", default="friction,joint_friction,felt:contact02")
     parser.add_argument("--spread", type=float, default=0.5, help="of the truth, in prior standard uncertainties")
     parser.add_argument("--seed", type=int, default=1)
@@ -222,8 +248,7 @@ def main() -> int:
     kept: list[dict[str, Any]] = []
     if options.results is not None and options.results.exists():
         kept = [json.loads(line) for line in options.results.read_text(encoding="utf-8").splitlines()]
-    same = {"seed": options.seed, "spread": options.spread, "kinds": options.kinds, "n": options.trials}
-    kept = [r for r in kept if all(r[name] == value for name, value in same.items())]
+    kept = [r for r in kept if all(r.get(name) == getattr(options, name) for name in SAME)]
     done = {(r["cell"], r["session"]) for r in kept}
     for k, cell in product(range(options.sessions), options.cells.split(",")):
         if (cell, k) in done or time.monotonic() > until:

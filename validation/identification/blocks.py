@@ -1,7 +1,7 @@
 """The linear model around one point: of each trial, how its curves change with everything that is not known.
 
 Conventions: rows of a trial are channel after channel, (3 m,); columns are per prior standard uncertainty. Common to
-all trials of a bench: errors of the force and of each encoder's scale and zero, as in
+all trials of a bench: errors of the force (moved like a parameter) and of each encoder's scale and zero, as in
 `validation.prediction.joint_draws`. Common to all trials of a session: the discrepancy, what the model lacks.
 """
 
@@ -18,9 +18,7 @@ from validation.identification.observations import CHANNELS, ObservedTrial
 MOVED_RAD = 1e-3  # turn over which the error of an encoder that does not grow with the angle comes about
 FLOOR_RAD = 1e-5  # least size of a channel's response
 SMOOTH = 5  # phases over which the size of the response is taken
-INSTRUMENT = ("force gain", "force level", "force delay") + tuple(
-    f"{name} encoder {part}" for part in ("scale", "zero") for name in ("key", "whippen", "hammer")
-)
+INSTRUMENT = tuple(f"{name} encoder {part}" for part in ("scale", "zero") for name in ("key", "whippen", "hammer"))
 
 
 @dataclass(frozen=True)
@@ -32,7 +30,8 @@ class Block:
     session : index of its session
     time_s : (m,) phases
     moved : (3 m, p) columns of what the fit moves
-    instrument : (3 m, 9) columns of `INSTRUMENT`
+    held : (3 m, h) columns of laws that are fixed, and scatter from trial to trial all the same
+    instrument : (3 m, 6) columns of `INSTRUMENT`
     own : (3 m, k) columns of the trial's own force: its offset, and its noise in parts
     white : (3 m,) variance of sensor noise, rad²
     size : (3, m) size of the response: root of the sum of squares of the columns of laws
@@ -41,6 +40,7 @@ class Block:
     session: int
     time_s: Array
     moved: Array
+    held: Array
     instrument: Array
     own: Array
     white: Array
@@ -70,7 +70,7 @@ def make_blocks(
     ----------
     trials : sequence of ObservedTrial
     jacobian : (m, 3, p) of each trial
-    force_columns : (m, 3, 3 + n) of each trial, see `model_runs.Response`
+    force_columns : (m, 3, 1 + n) of each trial, see `model_runs.Response`
     laws : (p,) bool, which columns are laws: their size is that of the response
     held : (m, 3, h) of each trial, columns of laws that are fixed; they count for the size, too
     """
@@ -78,24 +78,23 @@ def make_blocks(
     for k, t in enumerate(trials):
         m = t.time_s.size
         moved = rows(jacobian[k])
-        force = rows(force_columns[k])
-        gain, level, delay = force[:, :3].T
+        fixed = rows(held[k]) if held else np.zeros((CHANNELS * m, 0))
         encoder = np.zeros((CHANNELS * m, 2 * CHANNELS))
         for c in range(CHANNELS):
             part = slice(c * m, (c + 1) * m)
             turned = t.change_rad[:, c]
             encoder[part, c] = turned * t.u_scale[c]
             encoder[part, CHANNELS + c] = t.u_steady_rad[c] * (1.0 - np.exp(-np.abs(turned) / MOVED_RAD))
-        instrument = np.column_stack([gain, level * t.u_preload_n, delay, encoder])
         out.append(
             Block(
                 session=t.session,
                 time_s=t.time_s,
                 moved=moved,
-                instrument=instrument,
-                own=np.column_stack([level * t.u_offset_n, force[:, 3:]]),
+                held=fixed,
+                instrument=encoder,
+                own=rows(force_columns[k]),
                 white=np.repeat(t.u_white_rad**2, m),
-                size=_size(np.hstack([moved[:, laws], rows(held[k])]) if held else moved[:, laws], m),
+                size=_size(np.hstack([moved[:, laws], fixed]), m),
             )
         )
     return out

@@ -15,7 +15,7 @@ import model
 from model.errors import InputError, ModelError
 from model.sensitivity.parameter_names import directions
 from validation.conventions import ENCODER_BODIES, WORKERS, Array
-from validation.identification.model_runs import Case, ModelRuns
+from validation.identification.model_runs import ModelRuns
 from validation.identification.observations import ObservedTrial
 from validation.identification.unknowns.priors import Parameter
 
@@ -40,7 +40,9 @@ class ExactRuns(ModelRuns):
     def jacobian(self, z: Array, which: Sequence[int]) -> list[Array]:
         """Derivatives with respect to z; see `Response`."""
         asked = [j for j in which if j in self.acting]
-        here = self.action.with_values(self.at(z))
+        by_runs = [j for j in which if not self.parameters[j].paths]
+        case = self.case(z)
+        here = self.action.with_values(case.changed)
         units = np.array([self._per_u(here, j, float(z[j])) for j in asked])
         place = [list(which).index(j) for j in asked]
 
@@ -51,11 +53,11 @@ class ExactRuns(ModelRuns):
                     tolerance=MOTION,
                     relative_tolerance=TANGENT,
                     output_time_s=trial.time_s,
-                    rest_input=Case().preload_n(trial),
+                    rest_input=case.preload_n(trial),
                     events=False,
                     allow_idle=True,
                 )
-                blow = trial.force_time_s, trial.force_n
+                blow = trial.force_time_s, case.felt_n(trial)
                 found = model.sensitivities(here, blow, [self.parameters[j].name for j in asked], options=options)
                 turn = found.d_angles - found.d_rest[None]
                 out[:, :, place] = turn[:, ENCODER_BODIES] * units
@@ -64,6 +66,10 @@ class ExactRuns(ModelRuns):
         try:
             with ThreadPoolExecutor(WORKERS) as pool:
                 found = list(pool.map(one, self.trials))
+            if by_runs:
+                force = super().jacobian(z, by_runs)
+                for out, columns in zip(found, force, strict=True):
+                    out[:, :, [list(which).index(j) for j in by_runs]] = columns
         except ModelError:  # differences of runs go on where a tangent cannot
             found = []
         if found and self._hold(z, list(which), found):
@@ -96,6 +102,8 @@ class ExactRuns(ModelRuns):
 
 def _acts(action: model.Action, parameter: Parameter) -> bool:
     """Whether a parameter changes any number of the scene."""
+    if not parameter.paths:
+        return False
     try:
         found = model.sensitivity.find_parameters(action, [parameter.name])
         directions(action, model.load_scene("whole"), found)

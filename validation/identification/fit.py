@@ -1,7 +1,7 @@
 """The most probable values: Gauss–Newton in a box, everything linear taken out, sizes of noise learnt on the way.
 
-Conventions: z in prior standard uncertainties, see `priors`. Each step is taken whole, halved or quartered, whichever
-first lowers the objective; where the model cannot run the step is shortened likewise. Several starts, drawn by a Latin
+Conventions: z in prior standard uncertainties, see `priors`. Each step minimises the linear model in the box; it is
+damped (Marquardt) until it lowers the objective and the model can run there. Several starts, drawn by a Latin
 hypercube within one prior standard uncertainty, show whether there is one minimum.
 """
 
@@ -25,10 +25,16 @@ from validation.identification.unknowns.priors import Unknowns
 
 MOST_STEPS = 30
 FIRST_FLOOR = 0.1  # of the discrepancy in the first step; then what the last step showed the linear model to be worth
-SHARES = (1.0, 0.5, 0.25, 0.1)
-CLOSE = 0.2  # of a posterior standard uncertainty: a step below it is the last
+LEAST_DAMPING = 0.03
+MOST_LEARNINGS = 6  # of the sizes, near the minimum
+MOST_BOUNDS = 8  # rounds in which values are held at the ends of what is allowed
+CLOSE = 0.1  # of a posterior standard uncertainty: a step below it is the last
+STALLED = 0.5  # of a posterior standard uncertainty: how far the linear model may still want to go from a kink
+LEAST_GAIN = (
+    0.05  # of twice the negative log posterior: a step that gains less has come to a kink, or to the runs' error
+)
 NEAR = 2.0
-AFAR = 0.2  # how far z may move before columns of small parameters are found again
+AFAR = 0.3  # how far z may move before columns of force noise are found again
 ROUNDS, LAST_ROUNDS = 6, 40
 START_SEED = 125
 
@@ -54,8 +60,9 @@ class Problem:
 
     @property
     def laws(self) -> Array:
-        """Which of the moved parameters are laws, (p,) bool."""
-        return np.array([p.factor for p in self.unknowns.moved])
+        """What scatters from trial to trial: laws among what moves, and the h columns of fixed ones, (p + h,) bool."""
+        held = self.held[0].shape[2] if self.held else 0
+        return np.array([p.factor for p in self.unknowns.moved] + held * [True])
 
     @property
     def sessions(self) -> int:
@@ -104,36 +111,27 @@ class Fitted:
 
 
 class Columns:
-    """Derivatives where the fit stands; of what is known well and of the force kept while z moves little."""
+    """The linear model where the fit stands; kept while it stands there."""
 
     def __init__(self, problem: Problem) -> None:
         self.problem = problem
-        self.often = [j for j, law in enumerate(problem.laws) if law]
-        self.seldom = [j for j, law in enumerate(problem.laws) if not law]
-        self._at: Array | None = None
-        self._seldom: list[Array] = []
-        self._force: list[Array] = []
         self._last: tuple[Array, list[Block]] | None = None
+        self._force: tuple[Array, list[Array]] | None = None
 
-    def blocks(self, z: Array) -> list[Block]:
-        """The linear model at z."""
-        if self._last is not None and np.array_equal(self._last[0], z):
-            return self._last[1]
-        response = self.problem.response
-        if self._at is None or np.max(np.abs(z - self._at)[self.often], initial=0.0) > AFAR:
-            self._at, self._force = z, response.force_columns(z)
-            self._seldom = response.jacobian(z, self.seldom) if self.seldom else []
-        found = response.jacobian(z, self.often)
-        jacobian = []
-        for k, often in enumerate(found):
-            whole = np.zeros((*often.shape[:2], z.size))
-            whole[:, :, self.often] = often
-            if self._seldom:
-                whole[:, :, self.seldom] = self._seldom[k]
-            jacobian.append(whole)
-        blocks = make_blocks(self.problem.trials, jacobian, self._force, self.problem.laws, self.problem.held)
-        self._last = z.copy(), blocks
-        return blocks
+    def blocks(self, z: Array, near: bool = True) -> list[Block]:
+        """The linear model at z, ``near`` the minimum or on the way to it.
+
+        All that moves is found afresh: old columns turn the last steps aside. Those of force noise are kept on the way
+        and while z moves little: they only say how large it is.
+        """
+        if self._last is None or not np.array_equal(self._last[0], z):
+            problem = self.problem
+            jacobian = problem.response.jacobian(z, range(z.size))
+            if self._force is None or (near and np.max(np.abs(z - self._force[0]), initial=0.0) > AFAR):
+                self._force = z.copy(), problem.response.force_columns(z)
+            laws = problem.laws[: z.size]
+            self._last = z.copy(), make_blocks(problem.trials, jacobian, self._force[1], laws, problem.held)
+        return self._last[1]
 
 
 def linear_residuals(problem: Problem, blocks: Sequence[Block], curves: Sequence[Array], z: Array) -> list[Array]:
@@ -170,46 +168,115 @@ def fit(
         raise ValidationInputError("identify: the model cannot run at the start; use other values with --set")
     columns = Columns(problem) if columns is None else columns
     sizes, steps, converged, floor = Sizes.start(problem.laws, problem.sessions), 0, False, FIRST_FLOOR
-    asked, largest = len(problem.unknowns.asked), np.inf
-    while steps < MOST_STEPS and not converged:
-        blocks = columns.blocks(z)
+    asked, largest, damping, learnings = len(problem.unknowns.asked), np.inf, 0.0, 0
+    while True:
+        try:
+            near = floor <= NEAR * FLOOR
+            blocks = columns.blocks(z, near)
+        except ModelError as error:
+            raise ValidationInputError(f"identify: {error}") from None
         linear = linear_residuals(problem, blocks, curves, z)
-        # near the minimum sizes are kept, so that there is one function to minimise
-        near = floor <= NEAR * FLOOR and largest < NEAR
-        marginal = Marginal(blocks, sizes) if near else likeliest(blocks, linear, sizes, ROUNDS, floor)
-        sizes = marginal.sizes
-        step = np.clip(marginal.mean(linear)[: marginal.p], low, high) - z
         here = residuals(problem.trials, curves)
-        steps += 1
-        share, bent = 0.0, floor
-        for share in SHARES:
-            moved = _one(problem, z + share * step)
-            if moved is None:
-                continue
-            there = residuals(problem.trials, moved)
-            bent = _bend(blocks, here, there, share * step)
-            if marginal.objective(there, z + share * step) < marginal.objective(here, z):
-                z, curves = z + share * step, moved
-                break
-        else:
-            share = 0.0
-        width = np.sqrt(np.diag(marginal.covariance)[: marginal.p])
-        largest = float(np.max((np.abs(step) / width)[:asked]))
-        converged = largest < CLOSE and floor <= NEAR * FLOOR
-        if say is not None:
-            say(f"step {steps}: largest change {largest:.2g} u, taken {share:g} of it; linear to {bent:.2g}")
-        if share == 0.0 and floor <= FLOOR and bent <= FLOOR:
+        # near the minimum sizes are kept until the values have settled, so that there is one function to minimise
+        marginal = Marginal(blocks, sizes) if near and largest < NEAR else _learnt(blocks, linear, sizes, near, floor)
+        largest = _largest(marginal, here, z, (low, high), asked)
+        if near and largest < CLOSE:
+            marginal, learnings = _learnt(blocks, linear, marginal.sizes, near, FLOOR), learnings + 1
+            largest = _largest(marginal, here, z, (low, high), asked)
+            converged = largest < (CLOSE if learnings < MOST_LEARNINGS else STALLED)
+        sizes = marginal.sizes
+        if converged or steps == MOST_STEPS or learnings >= MOST_LEARNINGS:
             break
-        worth = min(bent, floor) if share == 0.0 else bent  # a step that was not taken says nothing against the floor
-        floor = max(FLOOR, worth if 0.0 < share < 1.0 else 0.5 * worth)
-    try:
-        blocks = Columns(problem).blocks(z)
-    except ModelError as error:
-        raise ValidationInputError(f"identify: {error}") from None
-    linear = linear_residuals(problem, blocks, curves, z)
-    marginal = likeliest(blocks, linear, sizes, LAST_ROUNDS)
-    objective = marginal.objective(residuals(problem.trials, curves), z)
-    return Fitted(z, curves, marginal, linear, objective, steps, converged)
+        steps += 1
+        attempt = _attempt(problem, marginal, here, z, damping)
+        taken, damping, worth = attempt.curves is not None, attempt.damping, attempt.bent
+        if say is not None:
+            said = f"step {steps}: largest change {largest:.2g} u, damped by {damping:g}; linear to {worth:.2g}"
+            say(said if taken else f"step {steps}: no step from here lowers the objective")
+        if near and largest < NEAR and attempt.gain < LEAST_GAIN:
+            marginal, learnings = _learnt(blocks, linear, sizes, near, FLOOR), learnings + 1
+            converged = _largest(marginal, here, z, (low, high), asked) < STALLED
+            if converged or learnings >= MOST_LEARNINGS:
+                break
+            sizes = marginal.sizes
+            continue
+        if attempt.curves is not None:
+            z, curves = z + attempt.step, attempt.curves
+        elif near:
+            break
+        floor = max(FLOOR, 0.5 * (worth if taken else min(worth, floor)))
+        damping = damping / 10.0 if damping > LEAST_DAMPING else 0.0
+    return Fitted(z, curves, marginal, linear, marginal.objective(here, z), steps, converged)
+
+
+@dataclass(frozen=True)
+class _Attempt:
+    """A step, the curves there (None where none was taken), its damping, how far from linear it was, its gain."""
+
+    step: Array
+    curves: list[Array] | None
+    damping: float
+    bent: float
+    gain: float
+
+
+def _attempt(problem: Problem, marginal: Marginal, here: Sequence[Array], z: Array, damping: float) -> _Attempt:
+    """The least damped step that lowers the objective."""
+    before, bent = marginal.objective(here, z), np.inf
+    for more in _dampings(damping):
+        step = box_step(marginal, here, z, problem.box(), more)
+        moved = _one(problem, z + step)
+        if moved is None:
+            continue
+        there = residuals(problem.trials, moved)
+        bent = _bend(marginal.blocks, here, there, step)
+        after = marginal.objective(there, z + step)
+        if after < before:
+            return _Attempt(step, moved, more, bent, before - after)
+    return _Attempt(np.zeros_like(z), None, damping, bent, 0.0)
+
+
+def _learnt(blocks: Sequence[Block], linear: Sequence[Array], sizes: Sizes, near: bool, floor: float) -> Marginal:
+    return likeliest(blocks, linear, sizes, LAST_ROUNDS if near else ROUNDS, floor)
+
+
+def _dampings(last: float) -> list[float]:
+    """Dampings to try in turn."""
+    first = max(last, LEAST_DAMPING)
+    return [last] + [first * 10.0**k for k in range(0 if last < LEAST_DAMPING else 1, 5)]
+
+
+def _largest(marginal: Marginal, here: Sequence[Array], z: Array, box: tuple[Array, Array], asked: int) -> float:
+    """Largest change of an asked parameter in the whole step from z, in its posterior standard uncertainties."""
+    width = np.sqrt(np.diag(marginal.covariance)[: marginal.p])
+    return float(np.max((np.abs(box_step(marginal, here, z, box, 0.0)) / width)[:asked]))
+
+
+def box_step(marginal: Marginal, here: Sequence[Array], z: Array, box: tuple[Array, Array], damping: float) -> Array:
+    """Step (p,) to the minimum of the linear model in a box, shortened by Marquardt's damping.
+
+    Parameters
+    ----------
+    marginal : Marginal
+        The linear model at z.
+    here : residuals at z, of each trial
+    z : (p,)
+    box : lowest and highest z
+    damping : of the diagonal of the curvature, that is added to it
+    """
+    low, high = box
+    slope, curvature = marginal.slope(here, z), marginal.curvature
+    damped = curvature + damping * np.diag(np.diag(curvature))
+    free, step = np.ones(z.size, dtype=bool), np.zeros(z.size)
+    for _ in range(MOST_BOUNDS):
+        rest = slope[free] - damped[np.ix_(free, ~free)] @ step[~free]
+        step[free] = np.linalg.solve(damped[np.ix_(free, free)], rest)
+        out = free & ((z + step < low) | (z + step > high))
+        if not out.any():
+            break
+        step[out] = np.clip(z + step, low, high)[out] - z[out]
+        free &= ~out
+    return np.clip(z + step, low, high) - z
 
 
 def _one(problem: Problem, z: Array) -> list[Array] | None:

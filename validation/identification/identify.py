@@ -18,6 +18,7 @@ from validation.identification.exact_runs import ExactRuns
 from validation.identification.fit import Columns, Fitted, Problem, fit, starts
 from validation.identification.identifiability import directions, warnings_of
 from validation.identification.noise import FLOOR, Sizes, learn
+from validation.identification.observations import ObservedTrial
 from validation.identification.options import IdentifyKeywords, IdentifyOptions
 from validation.identification.outcome.details import Details
 from validation.identification.outcome.held_out import score_events
@@ -80,7 +81,9 @@ def identify(
     asked = unknowns(start, parameters, options.fixed, options.priors)
     sources = collect(sessions, start, options)
     response = ExactRuns(start, asked.moved, sources.fitted, options.tolerance)
-    problem = Problem(start, asked, sources.fitted, response, held_columns(start, asked, sources, options.tolerance))
+    problem = Problem(
+        start, asked, sources.fitted, response, held_columns(start, asked, sources.fitted, options.tolerance)
+    )
     columns, before = look_before(problem)
     stuck = bounds_not_run(problem)
     for line in [*stuck, *before]:
@@ -123,11 +126,13 @@ def identify(
     )
 
 
-def held_columns(start: model.Action, asked: Unknowns, sources: Sources, tolerance: float) -> tuple[Array, ...]:
+def held_columns(
+    start: model.Action, asked: Unknowns, trials: Sequence[ObservedTrial], tolerance: float
+) -> tuple[Array, ...]:
     """Columns (m, 3, h) of each trial, of laws that are fixed; none where none is."""
     if not asked.held:
         return ()
-    runs = ExactRuns(start, asked.held, sources.fitted, tolerance)
+    runs = ExactRuns(start, asked.held, trials, tolerance)
     return tuple(runs.jacobian(np.zeros(len(asked.held)), range(len(asked.held))))
 
 

@@ -8,7 +8,7 @@ needs of a model, so that exact sensitivities can take their place.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 import numpy as np
@@ -18,14 +18,16 @@ from model.errors import ModelError
 from model.simulation.options import ForceDrivenOptions
 from validation.conventions import ENCODER_BODIES, Array
 from validation.identification.observations import ObservedTrial
-from validation.identification.unknowns.priors import Parameter
+from validation.identification.unknowns.priors import FORCE_DELAY, FORCE_GAIN, FORCE_LEVEL, Parameter
 
 STEP = 0.015  # of a prior standard uncertainty: half a percent of a friction; after an impact larger steps bend
 SMALL_STEP = 0.1  # of what is known well
 TOLERANCE = 2e-7
-FORCE_ERRORS = ("force gain", "force level", "force delay")
-SEGMENTS = 20  # of a trial, for the slow part of its force noise
+SEGMENTS = 24  # of a trial, between which its force noise is taken to change linearly
+RISE = 0.75  # share of them before the hammer is up: there the noise of a fast stroke still turns into motion
+BEFORE_S = 2e-3  # before the first phase the force is the preload, without noise
 BUMP_N = 0.01
+OFFSET_N = 0.01
 
 
 class Response(Protocol):
@@ -38,32 +40,43 @@ class Response(Protocol):
         """Derivatives (m, 3, len(which)) of every trial with respect to some of z."""
 
     def force_columns(self, z: Array) -> list[Array]:
-        """Changes (m, 3, 3 + n) under one u of gain, a newton of level, one u of delay, and n parts of force noise."""
+        """Changes (m, 3, 1 + n) under one u of a trial's own force offset, and n parts of its force noise."""
 
 
 @dataclass(frozen=True)
 class Case:
-    """One member: values of the action that differ, and errors of the force."""
+    """One member: values of the action that differ, and errors of the force.
+
+    Attributes
+    ----------
+    changed : values of the action
+    gain, level, delay : errors that all trials share, in standard uncertainties
+    offset_n : of each trial's force once it acts, N
+    bump : knot of the force noise that is moved, none below zero
+    """
 
     changed: dict[str, float] = field(default_factory=dict, hash=False)
     gain: float = 0.0
-    level_n: float = 0.0
-    delay_s: float = 0.0
+    level: float = 0.0
+    delay: float = 0.0
+    offset_n: float = 0.0
     bump: int = -1
 
     def felt_n(self, trial: ObservedTrial) -> Array:
         """Force on the key in this case at the times of the trial's table; held before and after what was recorded."""
-        when, force = trial.force_time_s, trial.force_n * (1 + self.gain) + self.level_n
-        if self.delay_s:
-            force = np.interp(when, when + self.delay_s, force)
+        when, force = trial.force_time_s, trial.force_n * (1 + self.gain * trial.u_gain) + self._level_n(trial)
+        if self.delay:
+            force = np.interp(when, when + self.delay * trial.u_delay_s, force)
         if self.bump >= 0:
-            knots = np.linspace(when[0], when[-1], SEGMENTS + 1)
-            force = force + np.interp(when, knots, BUMP_N * (np.arange(SEGMENTS + 1) == self.bump))
+            force = force + np.interp(when, noise_knots(trial), BUMP_N * (np.arange(SEGMENTS + 1) == self.bump))
         return force
 
     def preload_n(self, trial: ObservedTrial) -> float:
         """Force under which the action rests."""
-        return trial.preload_n * (1 + self.gain) + self.level_n
+        return trial.preload_n * (1 + self.gain * trial.u_gain) + self._level_n(trial)
+
+    def _level_n(self, trial: ObservedTrial) -> float:
+        return self.level * trial.u_preload_n + self.offset_n
 
 
 class ModelRuns:
@@ -100,29 +113,31 @@ class ModelRuns:
 
     def curves(self, points: Sequence[Array]) -> list[list[Array] | None]:
         """Curves at each point; see `Response`."""
-        return self.run([Case(self.at(z)) for z in points])
+        return self.run([self.case(z) for z in points])
+
+    def case(self, z: Array) -> Case:
+        """The member at z."""
+        force = {p.name: float(value) for p, value in zip(self.parameters, z, strict=True) if not p.paths}
+        return Case(self.at(z), force.get(FORCE_GAIN, 0.0), force.get(FORCE_LEVEL, 0.0), force.get(FORCE_DELAY, 0.0))
 
     def jacobian(self, z: Array, which: Sequence[int]) -> list[Array]:
         """Derivatives with respect to z; see `Response`."""
-        points = [Case(self.at(z))]
+        points = [self.case(z)]
         steps = np.array([STEP if self.parameters[j].factor else SMALL_STEP for j in which])
         for j, step in zip(which, steps, strict=True):
             moved = z.copy()
             moved[j] += step
-            points.append(Case(self.at(moved)))
+            points.append(self.case(moved))
         return self._differences(self.run(points), steps, [self.parameters[j].name for j in which])
 
     def force_columns(self, z: Array) -> list[Array]:
-        """Changes under errors of the force; see `Response`."""
-        here, level = self.at(z), 0.01
-        gain = max(t.u_gain for t in self.trials) or 1e-3
-        delay = max(t.u_delay_s for t in self.trials) or 1e-5
-        points = [Case(here), Case(here, gain=gain), Case(here, level_n=level), Case(here, delay_s=delay)]
+        """Changes under errors of each trial's own force; see `Response`."""
+        here = self.case(z)
         # the baseline is the preload: its knot has no noise
-        points += [Case(here, bump=i) for i in range(1, SEGMENTS + 1)]
-        steps = np.array([gain, level, delay] + SEGMENTS * [BUMP_N])
-        unit = self._differences(self.run(points), steps, [*FORCE_ERRORS, *SEGMENTS * ["force noise"]])
-        scale = [np.array([t.u_gain, 1.0, t.u_delay_s] + SEGMENTS * [_slow_noise_n(t)]) for t in self.trials]
+        points = [here, replace(here, offset_n=OFFSET_N)] + [replace(here, bump=i) for i in range(1, SEGMENTS + 1)]
+        steps = np.array([OFFSET_N] + SEGMENTS * [BUMP_N])
+        unit = self._differences(self.run(points), steps, ["force offset", *SEGMENTS * ["force noise"]])
+        scale = [np.concatenate([[t.u_offset_n], _slow_noise_n(t)]) for t in self.trials]
         return [columns * by for columns, by in zip(unit, scale, strict=True)]
 
     def _differences(self, found: list[list[Array] | None], steps: Array, names: list[str]) -> list[Array]:
@@ -175,8 +190,24 @@ class ModelRuns:
         return curves if len(curves) == len(self.trials) else None
 
 
-def _slow_noise_n(trial: ObservedTrial) -> float:
-    """Standard deviation of white force noise, averaged over one of the segments, N."""
+def noise_knots(trial: ObservedTrial) -> Array:
+    """Times (SEGMENTS + 1,) between which the noise of the force is taken to change linearly.
+
+    They are close together while the hammer rises: segments of equal length left a forte two of them there, and
+    its noise went into the friction.
+    """
+    hammer = np.abs(trial.change_rad[:, 2])
+    begin, end = float(trial.time_s[0]), float(trial.force_time_s[-1])
+    up = float(trial.time_s[int(np.argmax(hammer > 0.9 * hammer.max()))])
+    up = min(max(up, begin + 1e-3), 0.9 * end + 0.1 * begin)
+    first = int(RISE * SEGMENTS)
+    rise = np.linspace(begin, up, first)
+    return np.concatenate([[begin - BEFORE_S], rise, np.linspace(up, end, SEGMENTS + 1 - first)[1:]])
+
+
+def _slow_noise_n(trial: ObservedTrial) -> Array:
+    """Standard deviation of white force noise, averaged around each knot but the first, N."""
     step = float(np.median(np.diff(trial.force_time_s)))
-    length = float(np.ptp(trial.force_time_s)) / SEGMENTS
-    return trial.noise_n * float(np.sqrt(step / length))
+    knots = noise_knots(trial)
+    length = 0.5 * (np.append(knots[2:], knots[-1]) - knots[:-1])
+    return np.asarray(trial.noise_n * np.sqrt(step / length))

@@ -37,7 +37,8 @@ class Sizes:
 
     Attributes
     ----------
-    scatter : (p,) standard deviation from trial to trial, in prior standard uncertainties; 0 where it is no law
+    scatter : (p + h,) standard deviation from trial to trial, of what moves and of fixed laws, in prior standard
+        uncertainties; 0 where it is no law
     own : (sessions, 3) of a trial's own wandering, of the size of the response
     common : (sessions, 3) of the discrepancy, of the size of the response
     correlated_s : time over which own wandering and discrepancy are correlated
@@ -69,6 +70,10 @@ class Marginal:
     ----------
     blocks : sequence of Block
     sizes : Sizes
+
+    Attributes
+    ----------
+    curvature : (p, p) half the second derivative of the objective with respect to z
     """
 
     def __init__(self, blocks: Sequence[Block], sizes: Sizes) -> None:
@@ -89,6 +94,8 @@ class Marginal:
             self.precision[np.ix_(mine, mine)] += x.T @ x
         self.covariance = np.asarray(cho_solve(cho_factor(self.precision), np.eye(self.q)))
         self._rest = cho_factor(self.precision[self.p :, self.p :])
+        across = self.precision[: self.p, self.p :]
+        self.curvature = self.precision[: self.p, : self.p] - across @ cho_solve(self._rest, across.T)
 
     def columns_of(self, session: int) -> NDArray[np.intp]:
         """Indices of the columns that a trial of this session has."""
@@ -106,7 +113,7 @@ class Marginal:
 
     def _whiten(self, b: Block) -> tuple[Array, Array]:
         m = b.time_s.size
-        scattered = b.moved * self.sizes.scatter
+        scattered = np.hstack([b.moved, b.held]) * self.sizes.scatter
         own = np.diag(b.white) + scattered @ scattered.T + b.own @ b.own.T
         for c in range(CHANNELS):
             part, root = slice(c * m, (c + 1) * m), self.roots[b.session][c]
@@ -126,6 +133,12 @@ class Marginal:
     def mean(self, residuals: Sequence[Array]) -> Array:
         """Most probable value (q,) of every column, given residuals at z = 0 of the linear model."""
         return np.asarray(self.covariance @ self._projected(residuals)[0])
+
+    def slope(self, residuals: Sequence[Array], z: Array) -> Array:
+        """Half the negative derivative (p,) of the objective at z, given residuals there."""
+        b, _ = self._projected(residuals)
+        across = self.precision[: self.p, self.p :]
+        return np.asarray(b[: self.p] - across @ cho_solve(self._rest, b[self.p :]) - z)
 
     def objective(self, residuals: Sequence[Array], z: Array) -> float:
         """Twice the negative log posterior at z, but for a constant; residuals at z, everything else taken out."""
@@ -150,7 +163,7 @@ class Marginal:
                 a = self.starts[s] + c * m
                 part = slice(a, a + m)
                 common[s, c] *= _factor(float(mean[part] @ mean[part]), m - float(variance[part].sum()))
-        found, expected = np.zeros(self.p), np.zeros(self.p)
+        found, expected = np.zeros(self.sizes.scatter.size), np.zeros(self.sizes.scatter.size)
         own = np.zeros((2, *self.sizes.own.shape))
         for (lower, x), r, b in zip(self.white, residuals, self.blocks, strict=True):
             mine, m = self.columns_of(b.session), b.time_s.size
@@ -160,8 +173,9 @@ class Marginal:
             n = lower.shape[0]
             inverse, q = solve_triangular(lower, np.eye(n), lower=True), back[:, n:]
             p = inverse.T @ inverse - q @ self.covariance[np.ix_(mine, mine)] @ q.T
-            found += (b.moved.T @ score) ** 2
-            expected += np.einsum("ij,ij->j", b.moved, p @ b.moved)
+            laws = np.hstack([b.moved, b.held])
+            found += (laws.T @ score) ** 2
+            expected += np.einsum("ij,ij->j", laws, p @ laws)
             for c in range(CHANNELS):
                 part, root = slice(c * m, (c + 1) * m), self.roots[b.session][c]
                 own[0, b.session, c] += float(((root.T @ score[part]) ** 2).sum())

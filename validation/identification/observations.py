@@ -20,6 +20,7 @@ PHASES = 60
 LEAD_S = 0.02  # rest kept before the force acts
 HELD = 0.15  # of the peak force: below it for good, the key is being let go
 EVEN = 0.15  # share of the phases that is spread evenly over time
+APART = 1.5  # samples between neighbouring phases, at least: each is the nearest sample of every trial
 CHANNELS = 3
 
 
@@ -94,7 +95,17 @@ def observe(name: str, session: int, trials: Sequence[MeasuredTrial], phases: in
     density = way.sum(axis=1) / way.sum() * (1.0 - EVEN) + EVEN / fine.size
     passed = np.concatenate([[0.0], np.cumsum(density)[:-1]])
     at = np.unique(np.interp((np.arange(phases) + 0.5) / phases, passed, fine))
+    at = _apart(at, APART * max(float(np.median(np.diff(m.time_s))) for m in trials))
     return [_observed(name, session, m, s, at) for m, s in zip(trials, spans, strict=True)]
+
+
+def _apart(times: Array, least_s: float) -> Array:
+    """Those of increasing times that are at least so far from the last one kept."""
+    kept = [float(times[0])]
+    for t in times[1:]:
+        if t - kept[-1] >= least_s:
+            kept.append(float(t))
+    return np.array(kept)
 
 
 def _span(m: MeasuredTrial) -> _Span:
@@ -111,7 +122,10 @@ def _at(m: MeasuredTrial, time_s: Array) -> Array:
 
 
 def _observed(name: str, session: int, m: MeasuredTrial, span: _Span, phases: Array) -> ObservedTrial:
-    time = span.top_s + phases
+    # sampled times, not interpolated ones: between samples a straight line misses an impact by 1e-4 rad
+    index = np.clip(np.round(np.interp(span.top_s + phases, m.time_s, np.arange(m.time_s.size))), 0, m.time_s.size - 1)
+    index = index.astype(int)
+    time = m.time_s[index]
     f = m.force
     inside = (f.time_s > time[0] - LEAD_S) & (f.time_s <= time[-1] + 2e-3)
     force_s, force_n = f.time_s[inside], f.force_n[inside].copy()
@@ -128,7 +142,7 @@ def _observed(name: str, session: int, m: MeasuredTrial, span: _Span, phases: Ar
         force_time_s=force_s,
         force_n=force_n,
         time_s=time,
-        change_rad=_at(m, time),
+        change_rad=m.change_rad[index],
         u_white_rad=np.hypot(white, white),
         u_steady_rad=steady,
         u_scale=np.asarray(m.scale_relative_u, dtype=float),

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.optimize import minimize
 
 from tests.validation.identification import toy
+from validation.conventions import Array
 from validation.errors import ValidationInputError
+from validation.identification.blocks import residuals
 from validation.identification.estimates import estimate_all
 from validation.identification.fit import fit, starts
 from validation.identification.identifiability import directions, warnings_of
@@ -109,3 +112,18 @@ def test_other_starts_find_the_same_minimum() -> None:
     found = [fit(p, z) for z in starts(p, 3)]
     assert np.ptp([f.objective for f in found]) < 4.0
     assert max(np.abs(f.z - found[0].z).max() for f in found) < 0.05
+
+
+def test_a_profile_is_the_least_objective_over_all_others() -> None:
+    p = toy.problem(toy.made(TRUTH, 4, np.random.default_rng(9)))
+    found = fit(p)
+    made = profile(p, found, 0, 2.5)
+    for z0, rise in list(zip(made.z, made.rise, strict=True))[::2]:
+
+        def objective(rest: Array, z0: float = z0) -> float:
+            z = np.array([z0, *rest])
+            here = residuals(p.trials, p.response.curves([z])[0] or [])
+            return found.marginal.objective(here, z) - found.objective
+
+        best = minimize(objective, found.z[1:], method="Nelder-Mead", options={"xatol": 1e-4, "fatol": 1e-3}).fun
+        assert abs(rise - best) < 0.1 + 0.02 * best

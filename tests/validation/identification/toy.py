@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 import model
 from validation.conventions import Array
-from validation.identification.fit import Problem
+from validation.identification.blocks import Block, rows
+from validation.identification.fit import Columns, Problem
 from validation.identification.observations import ObservedTrial
 from validation.identification.unknowns.priors import Unknowns, unknowns
 
@@ -50,13 +52,13 @@ class Toy:
         return [slope[:, :, list(which)] for _ in self.trials]
 
     def force_columns(self, z: Array) -> list[Array]:
-        """As in `Response`: a gain, a level, a delay and one part of noise that do next to nothing."""
+        """As in `Response`: an offset and parts of noise that do next to nothing."""
         return [np.full((M, 3, 4), 1e-7) for _ in self.trials]
 
 
 def free(fixed: Sequence[str] = ("*",)) -> Unknowns:
     """Three asked parameters, all else held."""
-    return unknowns(model.load_action(), ASKED, fixed)
+    return replace(unknowns(model.load_action(), ASKED, fixed), force=())
 
 
 def trial(number: int, change: Array, session: int = 0) -> ObservedTrial:
@@ -85,3 +87,13 @@ def made(
 def problem(trials: Sequence[ObservedTrial], alike: bool = False, idle: bool = False) -> Problem:
     """The fit of the toy to trials."""
     return Problem(model.load_action(), free(), tuple(trials), Toy(trials, alike, idle))
+
+
+def blocks_of(p: Problem, z: Array) -> list[Block]:
+    """The linear model at z."""
+    return Columns(p).blocks(z)
+
+
+def rows_of(curves: Array) -> Array:
+    """Channel after channel."""
+    return rows(curves)

@@ -20,15 +20,16 @@ from validation.identification.exact_runs import ExactRuns
 from validation.identification.fit import Fitted, Problem
 from validation.identification.further.shelf import Candidate
 from validation.identification.model_runs import Response
-from validation.identification.noise import Marginal, Sizes
+from validation.identification.noise import Marginal
 from validation.identification.observations import ObservedTrial
+from validation.identification.unknowns.priors import FORCE_DELAY, FORCE_GAIN, FORCE_LEVEL
 
 TRIALS = 5
 HALF_KNOWN = 0.5
 SENSORS = {
-    "load cell's gain": ("force gain",),
-    "load cell's preload": ("force level",),
-    "load cell's delay": ("force delay",),
+    "load cell's gain": (FORCE_GAIN,),
+    "load cell's preload": (FORCE_LEVEL,),
+    "load cell's delay": (FORCE_DELAY,),
     "key encoder": ("key encoder scale", "key encoder zero"),
     "whippen encoder": ("whippen encoder scale", "whippen encoder zero"),
     "hammer encoder": ("hammer encoder scale", "hammer encoder zero"),
@@ -101,8 +102,7 @@ def prospects(
             continue
         found.append(Prospect(one.name, ratio(further(fitted, block, trials)), one, trials))
     for sensor, columns in SENSORS.items():
-        known = [INSTRUMENT.index(name) for name in columns]
-        found.append(Prospect(f"{sensor} known twice as well", ratio(_known_better(fitted, known))))
+        found.append(Prospect(f"{sensor} known twice as well", ratio(_known_better(problem, fitted, columns))))
     return sorted(found, key=lambda p: p.mean), refused
 
 
@@ -111,10 +111,10 @@ def block_of(problem: Problem, z: Array, trial: ObservedTrial, respond: Respond)
     response = respond([trial])
     jacobian = response.jacobian(z, range(z.size))
     held: tuple[Array, ...] = ()
-    if problem.unknowns.held:
+    if problem.held:
         runs = ExactRuns(problem.action, problem.unknowns.held, [trial])
         held = tuple(runs.jacobian(np.zeros(len(problem.unknowns.held)), range(len(problem.unknowns.held))))
-    return make_blocks([trial], jacobian, response.force_columns(z), problem.laws, held)[0]
+    return make_blocks([trial], jacobian, response.force_columns(z), problem.laws[: z.size], held)[0]
 
 
 def further(fitted: Fitted, block: Block, trials: int) -> Marginal:
@@ -129,11 +129,9 @@ def _with_typical(of_sessions: Array) -> Array:
     return np.vstack([of_sessions, np.sqrt(np.mean(of_sessions**2, axis=0))])
 
 
-def _known_better(fitted: Fitted, columns: Sequence[int]) -> Marginal:
-    blocks = []
-    for b in fitted.marginal.blocks:
-        instrument = b.instrument.copy()
-        instrument[:, list(columns)] *= HALF_KNOWN
-        blocks.append(replace(b, instrument=instrument))
-    sizes: Sizes = fitted.marginal.sizes
-    return Marginal(blocks, sizes)
+def _known_better(problem: Problem, fitted: Fitted, columns: Sequence[str]) -> Marginal:
+    """The model of the fit with errors of sensors half as large: of the force, which it moves, and of encoders."""
+    moved = np.array([HALF_KNOWN if p.name in columns else 1.0 for p in problem.unknowns.moved])
+    instrument = np.array([HALF_KNOWN if name in columns else 1.0 for name in INSTRUMENT])
+    blocks = [replace(b, moved=b.moved * moved, instrument=b.instrument * instrument) for b in fitted.marginal.blocks]
+    return Marginal(blocks, fitted.marginal.sizes)

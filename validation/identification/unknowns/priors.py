@@ -25,6 +25,7 @@ LAW_GROUPS = ("friction", "joint_friction", "damping", "stiffness", "springs")
 THRESHOLDS = ("friction_threshold.v_t", "friction_threshold.omega_t")
 LARGE_RELATIVE_U = 0.25
 PRINTED = "printed digits"
+FORCE_GAIN, FORCE_LEVEL, FORCE_DELAY = "force gain", "force level", "force delay"
 
 
 @dataclass(frozen=True)
@@ -60,22 +61,30 @@ class Parameter:
 
     def physical(self, action: model.Action, z: float) -> float:
         """Value at ``z``: the factor where several paths move together, SI of the only path otherwise."""
+        if not self.paths:
+            return z
         if len(self.paths) > 1:
             return math.exp(self.u * z)
         return self.values(action, z)[self.paths[0]]
 
     def unit(self, action: model.Action) -> str:
         """Unit of `physical`; ``1`` for a factor."""
-        return "1" if len(self.paths) > 1 else action.quantities[self.paths[0]].unit
+        return "1" if len(self.paths) != 1 else action.quantities[self.paths[0]].unit
 
     def box(self, action: model.Action) -> tuple[float, float]:
         """Smallest and largest z."""
         low, high = -BOX, BOX
-        if not self.factor:
+        if not self.factor and self.paths:
             least, most, _ = allowed_range(self.paths[0])
             low = max(low, 0.999 * (least - action[self.paths[0]]) / self.u)
             high = min(high, 0.999 * (most - action[self.paths[0]]) / self.u)
         return low, high
+
+
+FORCE = tuple(
+    Parameter(name, (), 1.0, False, "force channel of each trial") for name in (FORCE_GAIN, FORCE_LEVEL, FORCE_DELAY)
+)
+"""Errors of the force that all trials share, in standard uncertainties; no path of the action."""
 
 
 @dataclass(frozen=True)
@@ -87,18 +96,20 @@ class Unknowns:
     asked : parameters to identify
     beside : laws that were not asked for and not fixed; fitted, not reported as identified
     small : all other parameters with u > 0: masses, geometry; fitted likewise
-    held : laws that are fixed; they only tell how large a response is
+    held : laws that are fixed; they scatter from trial to trial, and tell how large a response is
+    force : errors of the force, fitted with the rest: two of their u already bend a stroke
     """
 
     asked: tuple[Parameter, ...]
     beside: tuple[Parameter, ...]
     small: tuple[Parameter, ...]
     held: tuple[Parameter, ...] = ()
+    force: tuple[Parameter, ...] = FORCE
 
     @property
     def moved(self) -> tuple[Parameter, ...]:
         """Those that the fit moves: all of them."""
-        return (*self.asked, *self.beside, *self.small)
+        return (*self.asked, *self.beside, *self.small, *self.force)
 
 
 def parameter_of(action: model.Action, name: str, given: float | None = None) -> Parameter | None:

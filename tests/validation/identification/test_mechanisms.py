@@ -1,0 +1,121 @@
+"""Each part of the noise model by itself, with planted truth, and the step in the box."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.optimize import lsq_linear
+
+import model
+from tests.validation.identification import toy
+from validation.conventions import Array
+from validation.identification.exact_runs import ExactRuns
+from validation.identification.fit import Problem, box_step, fit
+from validation.identification.model_runs import Case, ModelRuns, _slow_noise_n, noise_knots
+from validation.identification.noise import Marginal, Sizes, learn
+from validation.identification.observations import ObservedTrial
+from validation.identification.options import IdentifyOptions
+from validation.identification.sources import collect
+from validation.identification.unknowns.priors import unknowns
+
+EXAMPLE = Path(__file__).parents[3] / "sessions" / "example_forte"
+
+
+def test_phases_are_samples_of_each_trial() -> None:
+    for t in collect([EXAMPLE], model.load_action(), IdentifyOptions(phases=40)).fitted:
+        step = float(np.median(np.diff(t.force_time_s)))
+        assert np.abs(t.time_s / step - np.round(t.time_s / step)).max() < 1e-6
+        assert np.diff(t.time_s).min() > 0.9 * step
+
+
+def test_force_noise_has_its_parts_where_the_hammer_rises_and_keeps_its_impulse() -> None:
+    for t in collect([EXAMPLE], model.load_action(), IdentifyOptions(phases=40)).fitted:
+        knots = noise_knots(t)
+        hammer = np.abs(t.change_rad[:, 2])
+        up = t.time_s[int(np.argmax(hammer > 0.9 * hammer.max()))]
+        assert np.sum(knots <= up + 1e-9) >= 0.7 * knots.size and np.all(np.diff(knots) > 0)
+        step = float(np.median(np.diff(t.force_time_s)))
+        held = 0.5 * (np.append(knots[2:], knots[-1]) - knots[:-1])
+        white = t.noise_n**2 * step * (knots[-1] - 0.5 * (knots[0] + knots[1]))
+        assert np.sum((_slow_noise_n(t) * held) ** 2) == pytest.approx(white, rel=1e-9)
+
+
+@pytest.fixture(scope="module")
+def pressed() -> ObservedTrial:
+    """A stroke of 0.1 s, without curves."""
+    when = np.linspace(0.0, 0.12, 121)
+    force = 0.05 + np.interp(when, [0.02, 0.05, 0.12], [0.0, 8.0, 9.0])
+    hammer = np.interp(when[20::5], [0.02, 0.08], [0.0, 1.0])
+    return replace(
+        toy.trial(1, np.column_stack(3 * [hammer])), force_time_s=when, force_n=force, time_s=when[20::5],
+        preload_n=0.05, u_preload_n=0.01, u_offset_n=0.0, u_gain=5e-3, u_delay_s=1e-4, noise_n=1e-4,
+    )  # fmt: skip
+
+
+def test_planted_errors_of_the_force_are_found_beside_a_friction(pressed: ObservedTrial) -> None:
+    start = model.load_action()
+    free = unknowns(start, ["contact07.friction"], ["*"])
+    planted = Case(free.asked[0].values(start, 0.5), gain=-1.0, level=2.0, delay=0.7)
+    (curve,) = ModelRuns(start, free.moved, [pressed], 1e-8).run([planted])[0] or []
+    noise = 1e-6 * np.random.default_rng(1).standard_normal(curve.shape)
+    trial = replace(pressed, change_rad=curve + noise, u_white_rad=np.full(3, 1e-6), u_scale=np.full(3, 1e-6))
+    found = fit(Problem(start, free, (trial,), ExactRuns(start, free.moved, (trial,))))
+    width = np.sqrt(np.diag(found.covariance))
+    assert found.converged
+    assert np.all(np.abs(found.z - [0.5, -1.0, 2.0, 0.7]) < 3 * width)
+    assert found.z[2] > 1.0 and width[2] < 0.6  # the level is known, and was moved
+
+
+def test_the_scatter_of_a_fixed_law_is_learnt() -> None:
+    rng = np.random.default_rng(3)
+    trials = toy.made(np.zeros(3), 10, rng, scatter=0.0)
+    p = toy.problem(trials)
+    zero = np.zeros(3)
+    law = np.stack([np.sin(31 * toy.TIME), np.cos(11 * toy.TIME), np.sin(5 * toy.TIME)], axis=1)[:, :, None] * 0.01
+    p = replace(p, held=tuple(law for _ in trials))
+    from_law = 0.3 * rng.standard_normal(10)
+    residuals = [toy.rows_of(t.change_rad - c + s * law[:, :, 0]) for t, c, s in zip(
+        trials, p.response.curves([zero])[0] or [], from_law, strict=True)]  # fmt: skip
+    learnt = learn(toy.blocks_of(p, zero), residuals, Sizes.start(p.laws, 1), 40)
+    assert 0.15 < learnt.sizes.scatter[3] < 0.6
+    assert np.all(learnt.sizes.scatter[:3] < 0.1)
+
+
+class Kinked(toy.Toy):
+    """A toy with a kink where its first value is 0.8."""
+
+    def curve(self, z: Array) -> Array:
+        """Curves (m, 3)."""
+        return super().curve(z) + 4e-3 * abs(z[0] - 0.8) * np.cos(31 * toy.TIME)[:, None]
+
+    def jacobian(self, z: Array, which: Any) -> list[Array]:
+        """On the side where z is."""
+        out = super().jacobian(z, which)
+        for j in out:
+            j[:, :, 0] += 4e-3 * np.sign(z[0] - 0.8 + 1e-12) * np.cos(31 * toy.TIME)[:, None]
+        return out
+
+
+def test_a_fit_settles_at_a_kink() -> None:
+    truth = np.array([0.8, -0.5, 0.3])
+    trials = toy.made(truth, 5, np.random.default_rng(2), scatter=0.02)
+    found = fit(Problem(model.load_action(), toy.free(), tuple(trials), Kinked(trials)))
+    width = np.sqrt(np.diag(found.covariance))
+    assert found.converged and np.all(np.abs(found.z - truth) < 4 * width)
+
+
+def test_the_step_ends_at_the_least_value_in_the_box() -> None:
+    p = toy.problem(toy.made(np.array([0.8, -0.5, 0.3]), 3, np.random.default_rng(4)))
+    zero = np.zeros(3)
+    here = [toy.rows_of(t.change_rad - c) for t, c in zip(p.trials, p.response.curves([zero])[0] or [], strict=True)]
+    marginal = Marginal(toy.blocks_of(p, zero), Sizes.start(p.laws, 1))
+    low, high = np.array([-4.0, -0.1, -4.0]), np.array([0.3, 4.0, 4.0])
+    step = box_step(marginal, here, zero, (low, high), 0.0)
+    root = np.linalg.cholesky(marginal.curvature).T
+    best = lsq_linear(root, np.linalg.solve(root.T, marginal.slope(here, zero)), (low, high), tol=1e-12).x
+    np.testing.assert_allclose(step, best, atol=1e-6)
+    assert step[0] == 0.3 and step[1] == -0.1
