@@ -39,7 +39,7 @@ from rig.simulated.bench.plant import ActionPlant, load_plant
 from validation.errors import ValidationError
 from validation.identification.estimates import estimate_all
 from validation.identification.exact_runs import ExactRuns
-from validation.identification.fit import Problem, fit
+from validation.identification.fit import Problem, search
 from validation.identification.identify import LEAST_EFFECT_RAD, held_columns
 from validation.identification.observations import ObservedTrial, observe
 from validation.identification.outcome.result import IDENTIFIED
@@ -181,7 +181,8 @@ def experiment(cell: str, k: int, options: argparse.Namespace) -> dict[str, Any]
             trials += observe(kind, i, measured)
         held = held_columns(start, free, trials, RUNS)
         problem = Problem(start, free, tuple(trials), ExactRuns(start, free.moved, trials, RUNS), held)
-        fitted = fit(problem)
+        fits = search(problem, 1, None, None)
+        fitted = fits[0]
         fit_s = time.process_time() - began
         found = estimate_all(problem, fitted, [profiled], lambda text: None)
     except (ModelError, RigError, ValidationError) as error:
@@ -198,7 +199,8 @@ def experiment(cell: str, k: int, options: argparse.Namespace) -> dict[str, Any]
             }
         )  # fmt: skip
     return out | {
-        "estimates": rows, "converged": fitted.converged, "steps": fitted.steps, "lacking": lacking(fitted),
+        "estimates": rows, "converged": fitted.converged, "steps": sum(f.steps for f in fits), "fits": len(fits),
+        "lacking": lacking(fitted),
         "processor_s": time.process_time() - began, "fit_s": fit_s,
     }  # fmt: skip
 

@@ -104,6 +104,11 @@ class Fitted:
         return -2.0 * self.marginal.log_likelihood(self.linear)
 
     @property
+    def settled(self) -> bool:
+        """Whether it has converged where the model lacks next to nothing."""
+        return self.converged and float(self.marginal.sizes.common.max()) <= 2.0 * FLOOR
+
+    @property
     def covariance(self) -> Array:
         """Of z, (p, p)."""
         p = self.marginal.p
@@ -144,6 +149,7 @@ def fit(
     start: Array | None = None,
     say: Callable[[str], None] | None = None,
     columns: Columns | None = None,
+    tight: bool = False,
 ) -> Fitted:
     """Fit from one start.
 
@@ -155,6 +161,8 @@ def fit(
         Called with a line after each step.
     columns : Columns, optional
         Derivatives found already.
+    tight : bool
+        Take the model to lack nothing until the values have settled; sizes are learnt only then.
 
     Raises
     ------
@@ -167,8 +175,10 @@ def fit(
     if curves is None:
         raise ValidationInputError("identify: the model cannot run at the start; use other values with --set")
     columns = Columns(problem) if columns is None else columns
-    sizes, steps, converged, floor = Sizes.start(problem.laws, problem.sessions), 0, False, FIRST_FLOOR
-    asked, largest, damping, learnings = len(problem.unknowns.asked), np.inf, 0.0, 0
+    first = Sizes.tight if tight else Sizes.start
+    sizes, steps, converged = first(problem.laws, problem.sessions), 0, False
+    floor, largest = (FLOOR, 0.0) if tight else (FIRST_FLOOR, np.inf)
+    asked, damping, learnings = len(problem.unknowns.asked), 0.0, 0
     while True:
         try:
             near = floor <= NEAR * FLOOR
@@ -178,7 +188,8 @@ def fit(
         linear = linear_residuals(problem, blocks, curves, z)
         here = residuals(problem.trials, curves)
         # near the minimum sizes are kept until the values have settled, so that there is one function to minimise
-        marginal = Marginal(blocks, sizes) if near and largest < NEAR else _learnt(blocks, linear, sizes, near, floor)
+        kept = near and largest < NEAR or (tight and learnings == 0)
+        marginal = Marginal(blocks, sizes) if kept else _learnt(blocks, linear, sizes, near, floor)
         largest = _largest(marginal, here, z, (low, high), asked)
         if near and largest < CLOSE:
             marginal, learnings = _learnt(blocks, linear, marginal.sizes, near, FLOOR), learnings + 1
@@ -211,7 +222,10 @@ def fit(
 
 @dataclass(frozen=True)
 class _Attempt:
-    """A step, the curves there (None where none was taken), its damping, how far from linear it was, its gain."""
+    """A step, the curves there (None where none was taken), its damping, and its gain.
+
+    ``bent`` is how far from linear the longest step was that was tried.
+    """
 
     step: Array
     curves: list[Array] | None
@@ -222,18 +236,18 @@ class _Attempt:
 
 def _attempt(problem: Problem, marginal: Marginal, here: Sequence[Array], z: Array, damping: float) -> _Attempt:
     """The least damped step that lowers the objective."""
-    before, bent = marginal.objective(here, z), np.inf
+    before, bent = marginal.objective(here, z), 0.0
     for more in _dampings(damping):
         step = box_step(marginal, here, z, problem.box(), more)
         moved = _one(problem, z + step)
         if moved is None:
             continue
         there = residuals(problem.trials, moved)
-        bent = _bend(marginal.blocks, here, there, step)
+        bent = max(bent, _bend(marginal.blocks, here, there, step))  # a short step looks linear anywhere
         after = marginal.objective(there, z + step)
         if after < before:
             return _Attempt(step, moved, more, bent, before - after)
-    return _Attempt(np.zeros_like(z), None, damping, bent, 0.0)
+    return _Attempt(np.zeros_like(z), None, damping, bent if bent > 0.0 else np.inf, 0.0)
 
 
 def _learnt(blocks: Sequence[Block], linear: Sequence[Array], sizes: Sizes, near: bool, floor: float) -> Marginal:
@@ -288,6 +302,33 @@ def _bend(blocks: Sequence[Block], here: Sequence[Array], there: Sequence[Array]
     """How far the model is from its linear model after a step: root mean square, of the size of the response."""
     parts = [(t - (h - b.moved @ step)) / b.size.ravel() for b, h, t in zip(blocks, here, there, strict=True)]
     return float(np.sqrt(np.mean(np.concatenate(parts) ** 2)))
+
+
+def search(problem: Problem, n: int, say: Callable[[str], None] | None, columns: Columns | None) -> list[Fitted]:
+    """Fits from several starts, the likeliest first.
+
+    A fit that has not settled, or after which the model seems to lack something, may stand in a wrong minimum where
+    the discrepancy explains what a parameter should. It is followed by one from where it ended and one from the
+    action's values, both of which take the model to lack nothing until they have settled.
+
+    Parameters
+    ----------
+    problem : Problem
+    n : how many points of `starts` to start from in any case
+    say : called with a line after each step
+    columns : derivatives at the action's values, found already
+    """
+    points = starts(problem, n)
+    fits = [fit(problem, z, say, None if k else columns) for k, z in enumerate(points)]
+    for from_there in (True, False):
+        best = min(fits, key=lambda f: f.badness)
+        if best.settled:
+            break
+        if say is not None:
+            say("once more " + ("from there" if from_there else "from the start") + ", as if the model lacked nothing")
+        at, known = (best.z, None) if from_there else (points[0], columns)
+        fits.append(fit(problem, at, say, known, tight=True))
+    return sorted(fits, key=lambda f: f.badness)
 
 
 def starts(problem: Problem, n: int) -> list[Array]:

@@ -15,7 +15,7 @@ from validation.conventions import ENCODER_CHANNELS, Array
 from validation.errors import ValidationInputError
 from validation.identification.estimates import LACKING, estimate_all
 from validation.identification.exact_runs import ExactRuns
-from validation.identification.fit import Columns, Fitted, Problem, fit, starts
+from validation.identification.fit import Columns, Fitted, Problem, search
 from validation.identification.identifiability import directions, warnings_of
 from validation.identification.noise import FLOOR, Sizes, learn
 from validation.identification.observations import ObservedTrial
@@ -69,6 +69,12 @@ def identify(
     ValidationInputError
         A parameter is unknown, has no prior or no effect, sessions cannot be used together, or the model cannot run.
 
+    Notes
+    -----
+    A fit factors thousands of small matrices, which the threads of a BLAS library only slow down: twenty times beside
+    another busy process. The command sets one thread; a program should set ``OPENBLAS_NUM_THREADS=1`` (or
+    ``MKL_NUM_THREADS``) before it imports numpy.
+
     Examples
     --------
     >>> import validation
@@ -88,9 +94,8 @@ def identify(
     stuck = bounds_not_run(problem)
     for line in [*stuck, *before]:
         options.say(f"before the fit: {line}")
-    points = starts(problem, options.starts)
-    fits = [fit(problem, z, options.say, None if k else columns) for k, z in enumerate(points)]
-    best = min(fits, key=lambda f: f.badness)
+    fits = search(problem, options.starts, options.say, columns)
+    best = fits[0]
     found = action_at(start, asked, best.z)
     profiles: list[Profile] = []
     estimates = estimate_all(problem, best, options.profiles, options.say, profiles.append)
@@ -204,7 +209,8 @@ def _of_fit(best: Fitted, fits: Sequence[Fitted], sources: Sources) -> list[str]
     apart = [f.badness - best.badness for f in fits]
     if max(apart) > SAME:
         other = sum(a > SAME for a in apart)
-        said.append(f"{other} of {len(fits)} starts ended in a worse minimum; more starts may find a better one")
+        better = "" if best.settled else "; more starts (--starts) may find a better one"
+        said.append(f"{other} of {len(fits)} fits ended in a worse minimum and are not used{better}")
     if len(sources.fitted) < 5:
         said.append(
             f"{len(sources.fitted)} trials fitted: scatter between trials is poorly known; five or more are advised"

@@ -55,6 +55,12 @@ class Sizes:
         shape = (sessions, CHANNELS)
         return Sizes(np.where(laws, SCATTER, 0.0), np.full(shape, OWN), np.full(shape, COMMON))
 
+    @staticmethod
+    def tight(laws: Array, sessions: int) -> Sizes:
+        """Sizes with next to no discrepancy, which pull values to the data wherever they stand."""
+        shape = (sessions, CHANNELS)
+        return Sizes(np.where(laws, USUAL, 0.0), np.full(shape, FLOOR), np.full(shape, 2.0 * FLOOR))
+
 
 def kernel_root(block: Block, channel: int, correlated_s: float) -> Array:
     """Root (m, m) of the correlation of a Gaussian process over the phases, times the size of the response."""

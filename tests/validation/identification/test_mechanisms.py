@@ -14,7 +14,7 @@ import model
 from tests.validation.identification import toy
 from validation.conventions import Array
 from validation.identification.exact_runs import ExactRuns
-from validation.identification.fit import Problem, box_step, fit
+from validation.identification.fit import Problem, box_step, fit, search
 from validation.identification.model_runs import Case, ModelRuns, _slow_noise_n, noise_knots
 from validation.identification.noise import Marginal, Sizes, learn
 from validation.identification.observations import ObservedTrial
@@ -119,3 +119,14 @@ def test_the_step_ends_at_the_least_value_in_the_box() -> None:
     best = lsq_linear(root, np.linalg.solve(root.T, marginal.slope(here, zero)), (low, high), tol=1e-12).x
     np.testing.assert_allclose(step, best, atol=1e-6)
     assert step[0] == 0.3 and step[1] == -0.1
+
+
+def test_a_fit_after_which_the_model_lacks_something_is_tried_from_elsewhere() -> None:
+    truth = np.array([0.8, -0.5, 0.3])
+    right = search(toy.problem(toy.made(truth, 4, np.random.default_rng(1))), 1, None, None)
+    assert len(right) == 1 and right[0].settled
+    said: list[str] = []
+    wrong = toy.problem(toy.made(truth, 4, np.random.default_rng(1), lacking=5e-3))
+    found = search(wrong, 1, said.append, None)
+    assert len(found) == 3 and sum("as if the model lacked nothing" in line for line in said) == 2
+    assert [f.badness for f in found] == sorted(f.badness for f in found)

@@ -94,7 +94,7 @@ class Identification:
     correlation : (n, n) of the asked parameters
     undetermined, determined : directions among the asked parameters
     warnings : sentences, the most important first
-    starts : twice the negative log likelihood of the fit from each start; the first is the action's own values
+    starts : twice the negative log likelihood of every fit that was made, the best first
     scatter : name -> standard deviation from trial to trial, relative
     scores : name of a set of trials -> scores of printed and identified values and of the null model
     events : name of a set of trials that were not fitted -> how their events are met, see `held_out`
