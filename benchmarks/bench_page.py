@@ -1,6 +1,6 @@
 """What the page of `pianorig bench` costs and how quickly it follows: scope, film, slider.
 
-Run:  python benchmarks/bench_page.py [--seconds 60] [--reload 60]
+Run:  python benchmarks/bench_page.py [--seconds 60] [--reload 60] [--only scope film slider]
 
 A journal of eight channels at 5 kHz is written in real time, a block of 20 ms at once, as a recorder writes it; its
 force is the time at which each sample was taken, so that a drawn picture tells how old its newest sample is. In
@@ -22,7 +22,7 @@ import tempfile
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
@@ -41,6 +41,7 @@ from vision.film.mraw_writer import write_mraw
 EXAMPLE = Path(__file__).parents[1] / "sessions" / "example_forte"
 FURTHER, BLOCK, RATE_HZ = 4, 100, 5000.0  # force, three encoders and four more; samples
 FRAMES, HEIGHT, WIDTH = 1780, 304, 400
+MINUTE_S = 60.0
 CHROMIUM = next((path for name in ("chromium", "google-chrome") if (path := shutil.which(name))), None)
 WATCH = """() => { window.seen = []; const scope = () => document.querySelector('.scope'); let before = '';
   const look = () => { const s = scope(); if (s && s.dataset.drawn !== before) { before = s.dataset.drawn;
@@ -52,7 +53,7 @@ SCRUB = """async () => { const P = window.benchPlayer, F = window.benchFilm, n =
   return [F.drawn - before, (performance.now() - began) / 1000]; }"""
 SLIDE = """async () => { const m = document.querySelector('main');
   const s = document.getElementById('set-contact08.second.y');
-  const out = []; for (let i = 0; i < 60; i++) { s.value = Number(s.value) + Number(s.step) * (i % 2 ? -1 : 1);
+  const out = []; for (let i = 0; i < 60; i++) { s.value = Number(s.value) + Number(s.step); // never the same again
     delete m.dataset.latency; const began = performance.now(); s.dispatchEvent(new Event('input'));
     while (!m.dataset.latency) await new Promise((next) => requestAnimationFrame(next));
     await new Promise((next) => requestAnimationFrame(() => setTimeout(next))); out.push(performance.now() - began); }
@@ -111,6 +112,16 @@ def processor_s(process: psutil.Process) -> float:
     return float(used.user + used.system)
 
 
+def resident_mb(driver: psutil.Process) -> float:
+    """Memory of the browser's processes, MB."""
+    total = 0
+    for one in driver.children(recursive=True):
+        with suppress(psutil.Error):
+            if "chrom" in one.name():
+                total += one.memory_info().rss
+    return total / 1e6
+
+
 def scope(tab: Any, address: str, session: Session, server: psutil.Process, seconds: float, reload_s: float) -> None:
     """The rolling scope, perhaps reloaded now and then."""
     writer = Writer(session, seconds)
@@ -118,29 +129,42 @@ def scope(tab: Any, address: str, session: Session, server: psutil.Process, seco
     tab.goto(f"{address}#live")
     tab.locator("main[data-ready]").wait_for()
     tab.evaluate(WATCH)
-    spent, began, seen, heaps = processor_s(server), time.time(), [], []
-    next_reload = began + reload_s
+    devtools = tab.context.new_cdp_session(tab)
+    spent, began, ages, heaps = processor_s(server), time.time(), [], []
+    next_reload, next_look = began + reload_s, began + MINUTE_S
+
+    def look() -> None:
+        for drawn, last in tab.evaluate("(() => { const s = window.seen; window.seen = []; return s; })()"):
+            if np.isfinite(last):
+                ages.append(drawn / 1e3 - writer.began_s - last)
+
     while writer.is_alive():
         tab.wait_for_timeout(1000)
-        heaps.append(tab.evaluate("performance.memory.usedJSHeapSize") / 1e6)
+        look()
+        if time.time() >= next_look:
+            devtools.send("HeapProfiler.collectGarbage")
+            heaps.append(tab.evaluate("performance.memory.usedJSHeapSize") / 1e6)
+            minute, resident = (time.time() - began) / MINUTE_S, resident_mb(psutil.Process())
+            print(f"  minute {minute:4.1f}: heap {heaps[-1]:.2f} MB, browser {resident:.0f} MB", flush=True)
+            next_look += MINUTE_S
         if time.time() >= next_reload and writer.is_alive():
-            seen += tab.evaluate("window.seen")
             tab.reload()
             tab.locator("main[data-ready]").wait_for()
             tab.evaluate(WATCH)
             next_reload += reload_s
     share = (processor_s(server) - spent) / (time.time() - began)
-    seen += tab.evaluate("window.seen")
-    age = np.array([drawn / 1e3 - writer.began_s - last for drawn, last in seen if np.isfinite(last)])
-    age = age[10:]
-    half = len(heaps) // 2
+    look()
+    age = np.array(ages)[10:]
     print(f"scope, {seconds:g} s of 8 x 5 kHz: {len(age) / seconds:.1f} pictures/s")
     print(f"  server: {100 * share:.1f} % of a core")
     print(
         f"  newest sample to pixel: median {1e3 * np.median(age):.0f} ms, p99 {1e3 * np.quantile(age, 0.99):.0f} ms "
         f"(the first of its block is {1e3 * BLOCK / RATE_HZ:.0f} ms older)"
     )
-    print(f"  heap of the page: {max(heaps[:half]):.0f} MB at most in the first half, {max(heaps[half:]):.0f} MB later")
+    if len(heaps) >= 4:
+        late = np.arange(len(heaps))[1:]  # the first minute fills the ring of 30 s
+        slope = np.polyfit(late, np.array(heaps)[1:], 1)[0]
+        print(f"  heap after collection: {min(heaps):.2f} to {max(heaps):.2f} MB, trend {60 * slope:+.2f} MB an hour")
     print(f"  recording: {writer.lost} samples lost, longest write of a block {1e3 * writer.longest_s:.1f} ms")
 
 
@@ -166,6 +190,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seconds", type=float, default=60.0, help="of live data")
     parser.add_argument("--reload", type=float, default=1e9, help="seconds between reloads of the page")
+    parser.add_argument("--only", nargs="+", choices=("scope", "film", "slider"), default=("scope", "film", "slider"))
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as work:
         shutil.copytree(EXAMPLE, Path(work) / "mine", ignore=shutil.ignore_patterns("derived"))
@@ -178,10 +203,13 @@ def main() -> None:
             )
             tab = browser.new_page(viewport={"width": 1280, "height": 1000})
             tab.set_default_timeout(120_000)
-            print(f"load of the machine: {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores")
-            scope(tab, address, session, server, options.seconds, options.reload)
-            film(tab, address)
-            slider(tab, address)
+            print(f"load of the machine: {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores", flush=True)
+            if "scope" in options.only:
+                scope(tab, address, session, server, options.seconds, options.reload)
+            if "film" in options.only:
+                film(tab, address)
+            if "slider" in options.only:
+                slider(tab, address)
             browser.close()
 
 

@@ -17,8 +17,8 @@ from dataclasses import replace
 import grpc
 import numpy as np
 
-from rig.backend import Capabilities
-from rig.configuration.rig_file import Rig, load_rig, parse_rig
+from rig.backend import Capabilities, Timing
+from rig.configuration.rig_file import Rig, RigConfig, load_rig, parse_rig
 from rig.daq import NidaqmxBackend
 from rig.simulated.backend import DEFAULT_BENCH, SimulatedBackend, build_device
 from rig.simulated.bench.clock import Clock, PacedClock
@@ -90,10 +90,18 @@ def bench(clock: Clock) -> SimulatedBackend:
 class Remote(NidaqmxBackend):
     """A virtual bench in another process: no permission is needed."""
 
+    lengthens = True
+    """Blocks are longer while the motor's command is 0 V, as through a server."""
+
     @property
     def capabilities(self) -> Capabilities:
         """Describe the bench, without hardware."""
         return replace(super().capabilities, simulated=True, hardware=False)
+
+    def configure(self, config: RigConfig, command_v: np.ndarray | None) -> Timing:
+        """Configure, with blocks of one length if asked."""
+        timing = super().configure(config, command_v)
+        return timing if self.lengthens else replace(timing, calm_block_s=0.0)
 
 
 @contextlib.contextmanager

@@ -9,6 +9,7 @@ rig file's name, so that examples for other devices end with the driver's refusa
 from __future__ import annotations
 
 import argparse
+import contextlib
 import os
 import re
 import signal
@@ -17,11 +18,14 @@ import sys
 import tempfile
 import time
 from collections import Counter
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 PORT = "PIANORIG_EXAMPLES_PORT"
-INTERRUPT_S, PATIENCE_S = 14.0, 30.0
+SIGNAL_HZ, FED = 1000.0, ("PFI0", "PFI8", "PFI9")
+INTERRUPT_S, PATIENCE_S = 14.0, 75.0
 """Later than the ten seconds after which a read of the client gives up."""
 RAN, OTHER_DEVICE, NO_SIGNAL, LACKS, REFUSED = "ran", "another device", "no signal", "lacks a package", "refused"
 MEANING = {
@@ -63,28 +67,65 @@ class Outcome:
 def run(examples: Path, only: str = "", rig_name: str = "pcie6363") -> list[Outcome]:
     """Run the programs below a folder one after the other, each against a device of its own."""
     programs = sorted(path for path in examples.rglob("*.py") if only in path.name)
-    return [_run_one(examples, program, rig_name) for program in programs]
+    return [_with_and_without_signal(examples, program, rig_name) for program in programs]
 
 
-def _run_one(examples: Path, program: Path, rig_name: str) -> Outcome:
+def _with_and_without_signal(examples: Path, program: Path, rig_name: str) -> Outcome:
+    """Run a program; one that waits for a signal is run again with pulses on the terminals the programs name."""
+    bare = _run_one(examples, program, rig_name)
+    if bare.result != NO_SIGNAL:
+        return bare
+    fed = _run_one(examples, program, rig_name, signal_hz=SIGNAL_HZ)
+    why = f"with pulses of {SIGNAL_HZ:g} Hz on {', '.join(FED)}; without: {bare.why}"
+    return Outcome(fed.program, fed.result, why if fed.result == RAN else fed.why)
+
+
+def _run_one(examples: Path, program: Path, rig_name: str, signal_hz: float = 0.0) -> Outcome:
     from rig.configuration.rig_file import load_rig  # start-up: not needed for --help
     from rig.simulated.backend import open_backend
     from rig.simulated.rpc.tcp_server import serve
 
     backend = open_backend("sim://?clock=real", load_rig(rig_name).config)
     server, port = serve(backend.service)
+    pulses = _pulses(backend, signal_hz) if signal_hz else contextlib.nullcontext()
     name = program.relative_to(examples).as_posix()
     try:
-        with tempfile.TemporaryDirectory() as folder:
+        with pulses, tempfile.TemporaryDirectory() as folder:
             found = {**os.environ, PORT: str(port), "MPLBACKEND": "Agg", "PYTHONUNBUFFERED": "1"}
             process = subprocess.Popen(
                 [sys.executable, "-c", RUNNER, str(program)],
-                cwd=folder, env=found, text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+                cwd=os.getcwd() if "tdms" in name else folder,  # the server logs into its own folder
+                env=found, text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
             )  # fmt: skip
-            return _outcome(name, *_wait(process))
+            found_out = _outcome(name, *_wait(process))
+            for_others = _for_other_devices(program)
+            refused = found_out.result == REFUSED and for_others
+            return Outcome(name, OTHER_DEVICE, f"is for {for_others}, it says") if refused else found_out
     finally:
         server.stop(None).wait()
         backend.close()
+
+
+@contextlib.contextmanager
+def _pulses(backend: Any, hz: float) -> Iterator[None]:
+    """Wire the last counter's output to the terminals that the programs take signals from, and let it run."""
+    import nidaqmx  # start-up: not needed for --help
+    from nidaqmx.constants import AcquisitionType  # start-up: as above
+
+    device = backend.device
+    device.wiring = replace(device.wiring, wires={terminal: "PFI15" for terminal in FED})
+    with nidaqmx.Task("signal", grpc_options=nidaqmx.GrpcSessionOptions(backend._channel, "signal")) as task:
+        task.co_channels.add_co_pulse_chan_freq("Dev1/ctr3", freq=hz)
+        task.timing.cfg_implicit_timing(sample_mode=AcquisitionType.CONTINUOUS)
+        task.start()
+        yield
+
+
+def _for_other_devices(program: Path) -> str:
+    """Return the devices a program says it is for; empty where it names none."""
+    listed = re.search(r"Supported Devices:\s*((?:- .*\n)+)", program.read_text("utf-8-sig"))
+    names = ", ".join(line[2:].split(" (")[0] for line in listed[1].splitlines()) if listed else ""
+    return "" if "6363" in names or "X Series" in names else names
 
 
 def _wait(process: subprocess.Popen[str]) -> tuple[int, str, bool]:

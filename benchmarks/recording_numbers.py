@@ -137,14 +137,26 @@ def real_time(trials: int) -> None:
 
 
 def real_time_elsewhere(trials: int) -> None:
-    """Record from a bench in another process; print the processor time of this process."""
+    """Record from a bench in another process; print the processor time of this process.
+
+    Trials with long blocks while the motor's command is 0 V take turns with trials of one length, so that the load of
+    the machine changes both alike.
+    """
+    wall, cpu = {True: 0.0, False: 0.0}, {True: 0.0, False: 0.0}
     with bench_elsewhere() as backend, tempfile.TemporaryDirectory() as folder:
         record_session(Path(folder) / "warm", rig_config=eight(), backend=backend, trials=1)
-        wall, cpu = time.monotonic(), time.process_time()
-        session = record_session(Path(folder) / "s", rig_config=eight(), backend=backend, trials=trials)
-        wall, cpu = time.monotonic() - wall, time.process_time() - cpu
-        assert [trial.status for trial in session.trials] == ["complete"] * trials
-    print(f"real time over TCP   : {100 * cpu / wall:.1f} % of one core, bench in another process ({wall:.0f} s)")
+        for number in range(2 * trials):
+            backend.lengthens = long = bool(number % 2)
+            began, used = time.monotonic(), time.process_time()
+            session = record_session(Path(folder) / f"s{number}", rig_config=eight(), backend=backend, trials=1)
+            wall[long] += time.monotonic() - began
+            cpu[long] += time.process_time() - used
+            assert [trial.status for trial in session.trials] == ["complete"]
+    share = {long: 100 * cpu[long] / wall[long] for long in wall}
+    print(
+        f"real time over TCP   : {share[True]:.1f} % of one core, bench in another process ({wall[True]:.0f} s); "
+        f"{share[False]:.1f} % with blocks of 20 ms throughout, ratio {share[True] / share[False]:.2f}"
+    )
 
 
 def stalled_disk(stall_s: float = 2.0) -> None:

@@ -37,7 +37,9 @@ Array = NDArray[np.float64]
 TOLERANCE_MM = 0.02
 FURTHER_MM = 6.0  # for the named screw, when its obstacle is confirmed
 DIFFERENCE_MM = 0.01
-AT_REST, STARTS = 4, 6
+AT_REST, STARTS, NEAR_STARTS = 4, 14, 6
+SPREAD_MM = 0.3, 1.2  # of the starts at rest, near and far
+RAIL_MM = (0.0, -1.0, -2.0, -0.5, -3.0, -4.0)
 LOST_MM = 20.0  # residual of what cannot be measured
 ALL = (*SCREWS, REST_RAIL)
 
@@ -110,9 +112,10 @@ class Search:
         random = np.random.default_rng(seed)
         for k in range(STARTS):
             turns = np.zeros(len(ALL))
-            turns[:AT_REST] = random.uniform(-0.3, 0.3, AT_REST) * (k > 0)
+            spread = SPREAD_MM[k >= NEAR_STARTS]
+            turns[:AT_REST] = random.uniform(-spread, spread, AT_REST) * (k > 0)
             turns[[4, 5, 6]] += (1.0, 1.0, -1.0) if k % 2 else (0.0, 0.0, 0.0)
-            turns[-1] = (0.0, -1.0, -2.0, -0.5, -3.0, -4.0)[k]
+            turns[-1] = RAIL_MM[k % len(RAIL_MM)]
             if self.low[-1] > turns[-1]:
                 turns[-1] = self.low[-1]
             turns = self._least([0, 1, 2, 3], turns, True, 40)

@@ -7,86 +7,34 @@ counter-clockwise, in rad.
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from pathlib import Path
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-FINE = 6
-HEIGHT, WIDTH = 190, 240
-HALF_X, HALF_Y = 58.0, 36.0
-PIVOT = (100.0, 95.0)
-OUTLINE = [(-HALF_X, -HALF_Y), (HALF_X, -HALF_Y), (HALF_X, HALF_Y), (-HALF_X, HALF_Y)]
-N, STILL = 60, 14
-TEXTURES = ("speckle", "wood", "fine")
-F64 = NDArray[np.float64]
-
-
-def filtered_noise(rng: np.random.Generator, half: tuple[float, float], width: tuple[float, float]) -> F64:
-    """Unit-variance Gaussian field over a box of half size ``half``, correlated over ``width`` px along x and y."""
-    rows, columns = (int(2 * FINE * (size + 6.0)) for size in (half[1], half[0]))
-    field_ = ndimage.gaussian_filter(rng.normal(size=(rows, columns)), (width[1] * FINE, width[0] * FINE))
-    return np.asarray(field_ / field_.std())
-
-
-def texture(kind: str, half: tuple[float, float], rng: np.random.Generator) -> F64:
-    """Grey values of a surface on the fine grid: sprayed dots, bare wood along x, or fine felt of low contrast."""
-    if kind == "speckle":
-        return 110.0 + 45.0 * np.tanh(1.5 * filtered_noise(rng, half, (1.8, 1.8)))
-    if kind == "wood":
-        grain, fibre = filtered_noise(rng, half, (25.0, 2.2)), filtered_noise(rng, half, (6.0, 1.2))
-        return 120.0 + 10.0 * grain + 5.0 * fibre
-    return 100.0 + 9.0 * filtered_noise(rng, half, (1.1, 1.1))
-
-
-@dataclass
-class Plate:
-    """A textured rectangle of half size ``half``, sampled by a cubic spline."""
-
-    grid: F64
-    half: tuple[float, float]
-    coefficient: F64 = field(init=False)
-
-    def __post_init__(self) -> None:
-        self.coefficient = ndimage.spline_filter(self.grid, 3, mode="mirror")
-
-    def over(self, picture: F64, pose: F64, scale: float = 1.0) -> F64:
-        """Draw the plate at (turn ccw, x, y) over a picture, its edge blended over one pixel."""
-        y, x = np.mgrid[0:HEIGHT, 0:WIDTH].astype(float)
-        c, s = np.cos(pose[0]), -np.sin(pose[0])
-        dx, dy = (x - pose[1]) / scale, (y - pose[2]) / scale
-        u, v = c * dx + s * dy, c * dy - s * dx
-        inside = np.clip(np.minimum(self.half[0] - abs(u), self.half[1] - abs(v)) + 0.5, 0.0, 1.0)
-        where = inside > 0.0
-        rows, columns = ((axis[where] + size + 6.0) * FINE for axis, size in ((v, self.half[1]), (u, self.half[0])))
-        drawn = picture.copy()
-        grey = ndimage.map_coordinates(self.coefficient, [rows, columns], order=3, mode="mirror", prefilter=False)
-        drawn[where] += inside[where] * (grey - picture[where])
-        return drawn
-
-
-@dataclass
-class Shot:
-    """What a disturbance may change before the film is exposed; ``light`` and ``grey`` map a frame's number and picture
-    before and after the noise."""
-
-    rng: np.random.Generator
-    pose: F64
-    gain: F64 = field(default_factory=lambda: np.ones(N))
-    scale: F64 = field(default_factory=lambda: np.ones(N))
-    read_noise: float = 2.0
-    noise: Callable[[F64], F64] | None = None
-    light: Callable[[int, F64], F64] = lambda _, picture: picture
-    grey: Callable[[int, F64], F64] = lambda _, picture: picture
-    finished: Callable[[NDArray[np.uint8]], NDArray[np.uint8]] = lambda frames: frames
-
-
-def _progress() -> F64:
-    s = np.clip((np.arange(N) - STILL - 1) / (N - STILL - 6), 0.0, 1.0)
-    return s * s * (3.0 - 2.0 * s)
+sys.path.append(str(Path(__file__).resolve().parent))  # tests load this file by its path
+from stress_kinds import FURTHER
+from stress_shot import (
+    F64,
+    HALF_X,
+    HALF_Y,
+    HEIGHT,
+    OUTLINE,
+    PIVOT,
+    STILL,
+    TEXTURES,
+    WIDTH,
+    N,
+    Plate,
+    Shot,
+    progress,
+    texture,
+)
 
 
 def fixed_pattern(shot: Shot) -> None:
@@ -129,12 +77,12 @@ def correlated_noise(shot: Shot) -> None:
 
 def scale_change(shot: Shot) -> None:
     """The body comes nearer or goes away by 0.3 to 1.5 %."""
-    shot.scale = 1.0 + shot.rng.choice([-1, 1]) * shot.rng.uniform(0.003, 0.015) * _progress()
+    shot.scale = 1.0 + shot.rng.choice([-1, 1]) * shot.rng.uniform(0.003, 0.015) * progress()
 
 
 def defocus(shot: Shot) -> None:
     """The body leaves the plane of focus."""
-    width = shot.rng.uniform(0.6, 1.6) * _progress()
+    width = shot.rng.uniform(0.6, 1.6) * progress()
     shot.light = lambda i, picture: ndimage.gaussian_filter(picture, width[i]) if width[i] > 0.05 else picture
 
 
@@ -217,7 +165,7 @@ def row_flicker(shot: Shot) -> None:
 def light_moves(shot: Shot) -> None:
     """A gradient of the light grows while the body moves."""
     x = (np.arange(WIDTH) - PIVOT[0]) / WIDTH
-    slope = shot.rng.uniform(0.2, 0.6) * _progress()
+    slope = shot.rng.uniform(0.2, 0.6) * progress()
     shot.light = lambda i, picture: picture * (1.0 + slope[i] * x)
 
 
@@ -246,21 +194,75 @@ KINDS: dict[str, Callable[[Shot], None]] = {
         light_moves,
     )
 }
+NUMBER = {kind: number for number, kind in enumerate(sorted(KINDS))}
+"""Part of a film's seed; kinds that were added later come after those of the first tables."""
+for _kind in FURTHER:
+    NUMBER[_kind.__name__] = len(KINDS)
+    KINDS[_kind.__name__] = _kind
+COLOURED = ("correlated_noise", "jpeg", "mpeg4", "row_noise", "quantisation")
+"""Kinds whose noise is not white; in `LOOKED_AT` frames what it does to the angle is computed."""
+LOOKED_AT = range(STILL + 6, N, 3)
+SUBFRAMES = 7
+"""Pictures that make one of a body smeared by its motion."""
 
 
 @dataclass(frozen=True)
 class StressFilm:
-    """Frames (n, height, width) uint8, true angle (n,), rad, outline (k, 2), px."""
+    """Frames (n, height, width) uint8, true angle (n,), rad, the mean over the exposure; outline (k, 2), px; the least
+    error of the angle that the film's noise permits, rad: Cramer-Rao bound of white noise, or what least squares with a
+    known template make of noise that is not white."""
 
     frames: NDArray[np.uint8]
     angle_rad: F64
     outline_px: F64
+    bound_rad: float
+
+
+def _design(body: Plate, pose: F64) -> tuple[F64, NDArray[np.bool_]]:
+    """Slopes (5, n) of the grey value by angle, x, y, gain and offset over the inner pixels of the body, and those."""
+    step = np.array([1e-3, 0.1, 0.1])
+    flat = np.full((HEIGHT, WIDTH), 60.0)
+    slopes = [
+        (body.over(flat, pose + step[k] * unit) - body.over(flat, pose - step[k] * unit)) / (2.0 * step[k])
+        for k, unit in enumerate(np.eye(3))
+    ]
+    y, x = np.mgrid[0:HEIGHT, 0:WIDTH] - pose[[2, 1], None, None]
+    c, s = np.cos(pose[0]), -np.sin(pose[0])
+    inside = (abs(c * x + s * y) < HALF_X - 5.0) & (abs(c * y - s * x) < HALF_Y - 5.0)
+    grey = body.over(flat, pose)[inside]
+    return np.stack([*(slope[inside] for slope in slopes), grey, np.ones(grey.size)]), inside
+
+
+def bound_of(body: Plate, pose: F64, noise_grey: float) -> float:
+    """Smallest standard deviation of the angle for white noise, gain, offset and position unknown too."""
+    design, _ = _design(body, pose)
+    return float(noise_grey * np.sqrt(np.linalg.inv(design @ design.T)[0, 0]))
+
+
+def error_of(body: Plate, pose: F64, off: F64) -> float:
+    """Error of the angle by least squares, the template known, of a frame that is ``off`` (height, width) the light."""
+    design, inside = _design(body, pose)
+    return float(np.linalg.solve(design @ design.T, design @ off[inside])[0])
+
+
+def _exposed(shot: Shot, body: Plate, behind: F64, i: int) -> F64:
+    """The body before its background in frame i, over the time the shutter is open."""
+    poses = shot.pose[i : i + 1]
+    if shot.open_share:
+        share = shot.open_share * (np.arange(SUBFRAMES) - (SUBFRAMES - 1) / 2) / SUBFRAMES
+        poses = np.column_stack([np.interp(i + share, np.arange(N), one) for one in shot.pose.T])
+    return np.mean([body.over(behind, pose, shot.scale[i], shot.squeeze[i]) for pose in poses], axis=0)
+
+
+def _mean_angle(shot: Shot) -> F64:
+    share = shot.open_share * (np.arange(SUBFRAMES) - (SUBFRAMES - 1) / 2) / SUBFRAMES
+    return np.mean([np.interp(np.arange(N) + one, np.arange(N), shot.pose[:, 0]) for one in share], axis=0)
 
 
 def stress_film(kind: str, surface: str, seed: int) -> StressFilm:
     """Render one film of a kind of disturbance."""
-    rng = np.random.default_rng([seed, sorted(KINDS).index(kind), TEXTURES.index(surface)])
-    s = _progress()
+    rng = np.random.default_rng([seed, NUMBER[kind], TEXTURES.index(surface)])
+    s = progress()
     turn = rng.choice([-1, 1]) * rng.uniform(0.08, 0.3)
     pose = np.column_stack([turn * s, PIVOT[0] + rng.uniform(-8, 8) * s, PIVOT[1] + rng.uniform(-8, 8) * s])
     shot = Shot(rng, pose)
@@ -269,10 +271,21 @@ def stress_film(kind: str, surface: str, seed: int) -> StressFilm:
     behind = wall.over(np.full((HEIGHT, WIDTH), 60.0), np.array([0.0, WIDTH / 2, HEIGHT / 2])) * 0.6
     KINDS[kind](shot)
     frames = np.empty((N, HEIGHT, WIDTH), dtype=np.uint8)
+    light = {}
     for i in range(N):
-        picture = shot.light(i, body.over(behind, shot.pose[i], shot.scale[i])) * shot.gain[i]
+        picture = shot.light(i, _exposed(shot, body, behind, i)) * shot.gain[i]
+        if kind in COLOURED and i in LOOKED_AT:
+            light[i] = picture
         picture = shot.noise(picture) if shot.noise else picture + rng.normal(0.0, shot.read_noise, picture.shape)
         frames[i] = np.clip(np.rint(shot.grey(i, picture)), 0, 255)
     c, sn = np.cos(shot.pose[0, 0]), np.sin(shot.pose[0, 0])
     outline = np.array([(c * x + sn * y, c * y - sn * x) for x, y in OUTLINE]) + shot.pose[0, 1:]
-    return StressFilm(shot.finished(frames), shot.pose[:, 0], outline)
+    noise = 2.0
+    if shot.noise:  # from the frames: what differs between two still ones
+        noise = float(np.median(np.abs(frames[2].astype(float) - frames[1]))) / 0.6745 / np.sqrt(2.0)
+    bound = bound_of(body, shot.pose[0], max(noise, 2.0))
+    frames = shot.finished(frames)
+    if light:
+        errors = [error_of(body, shot.pose[i], frames[i] - there) for i, there in light.items()]
+        bound = max(bound, float(np.sqrt(np.mean(np.square(errors)))))
+    return StressFilm(frames, _mean_angle(shot), outline, bound)

@@ -23,6 +23,7 @@ from model.simulation.options import ForceDrivenKeywords, ForceDrivenOptions
 from model.simulation.run import SMALLEST_TOLERANCE, Plan, Simulation, State
 from model.simulation.solution import EnergyAudit, Solution
 from model.simulation.statics import RestState, solve_rest
+from model.simulation.string_motion import lost_meanwhile, string_motion
 
 Array = NDArray[np.float64]
 
@@ -167,6 +168,7 @@ class ForceDrivenRun:
         solution = self.solution(under_way, angles, speeds)
         if energy:
             given, *lost = map(float, under_way.audit)
+            lost[-1] += lost_meanwhile(self.scene, state, under_way.state)
             audit = EnergyAudit(given, under_way.stored_energy() - stored, *lost)
             solution = replace(solution, energy=audit)
         if "inside" in self.outputs:
@@ -208,6 +210,7 @@ class ForceDrivenRun:
             contact_friction_n=tangential,
             counters=under_way.work(),
             tolerance=self.tolerance,
+            string=string_motion(self.scene, self.output_time_s, under_way.remembered),
         )
 
     def _error(self, first: State, angles: Array) -> float:

@@ -68,7 +68,8 @@ class Timing:
     """What the device really does: rates after coercion, s and Hz; camera fields are None without a camera.
 
     ``first_pulse_s`` is the rising edge of the first frame pulse after the start trigger. ``shortest_block_s`` is the
-    shortest block the connection keeps up with; 0 where ``recording.block_s`` will do.
+    shortest block the connection keeps up with; 0 where ``recording.block_s`` will do. ``calm_block_s`` is the longest
+    block worth reading while the motor's command is 0 V; 0 where blocks cost so little that it may be as any other.
     """
 
     sample_rate_hz: float
@@ -76,6 +77,7 @@ class Timing:
     frame_rate_hz: float | None = None
     first_pulse_s: float | None = None
     shortest_block_s: float = 0.0
+    calm_block_s: float = 0.0
     force_device_scaling: tuple[float, ...] = ()
     """Polynomial from the converter's code to the force reading, V or V/V, lowest power first; empty if unknown."""
 

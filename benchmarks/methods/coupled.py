@@ -101,7 +101,7 @@ def solve(w, n, scale, lu, pivot, x_q, x_v):
 @step_loop(INTEGRATE)
 def integrate_coupled(span, drive, out, scene, kernels, method, limits, account):
     """As ``rosenbrock.integrate``, without rest and energy audit; ``dense`` as in ``CoupledTableau``."""
-    t, t_end, h, q, v = span
+    t, t_end, h, q, v, _ = span
     p, parent, n_contacts = scene
     linearise, _, skip, stage, _ = kernels
     counters, _, _ = account

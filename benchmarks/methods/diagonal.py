@@ -39,7 +39,7 @@ DIVERGING = 0.9
 @step_loop(INTEGRATE)
 def integrate_diagonal(span, drive, out, scene, kernels, method, limits, account):
     """As ``rosenbrock.integrate``, without rest and energy audit; ``dense`` holds a and the error's weights."""
-    t, t_end, h, q, v = span
+    t, t_end, h, q, v, _ = span
     p, _, n_contacts = scene
     linearise, prepare, skip, stage, _ = kernels
     counters, _, _ = account

@@ -1,4 +1,4 @@
-"""A moving side view of a blow in one file: SVG that any browser plays, or HTML with the same SVG and a slider.
+"""A moving side view of a blow in one file: SVG that any browser plays.
 
 Time is slowed down, most of all around the strike. Contacts glow with an area in proportion to their force; bars beside
 the picture show each force relative to its largest; the key's pivot turns red where its rail would have to pull, or
@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 
 from model.errors import InputError
 from model.files.atomic_write import whole_file
-from model.inside.animated_svg import FRAME_S, Clock, values_text
-from model.inside.html_player import page
+from model.inside.animated_svg import Clock, values_text
 from model.inside.labels import BODY_COLORS, close_up, contact_label, input_label
 from model.inside.moving_names import moving_names
 from model.inside.side_view import GROUND, SideView, side_view
@@ -28,7 +27,7 @@ from model.simulation.solution import Solution
 
 Array = NDArray[np.float64]
 
-ENDINGS = (".svg", ".html")
+ENDINGS = (".svg",)
 SCALE = 1.75  # drawing units per mm
 FAR_STEP_S, NEAR_STEP_S = 1e-3, 2e-4  # of the action's time between two rows, away from the strike and around it
 STILL_STEP_S, VISIBLE_RAD = 25e-3, 2e-4  # the same before anything moves, and from which angle on it is seen to
@@ -86,7 +85,7 @@ def write_animation(action: Action, solution: Solution, force_n: Array, path: st
     ----------
     action, solution : the simulated action and its solution, with an inside view at 5 kHz or finer
     force_n : (m,) force on the key at the solution's times, N
-    path : file to write, .svg or .html
+    path : file to write, .svg; ``pianorig simulate --animation`` also writes .html, with a player
 
     Raises
     ------
@@ -97,7 +96,7 @@ def write_animation(action: Action, solution: Solution, force_n: Array, path: st
     >>> import model
     >>> action, (time_s, force_n) = model.load_action(), model.force_table("forte")
     >>> solution = model.simulate(action, time_s, force_n, inside=True)
-    >>> model.inside.write_animation(action, solution, force_n, "blow.html")
+    >>> model.inside.write_animation(action, solution, force_n, "blow.svg")
     """
     target = Path(path)
     if target.suffix not in ENDINGS:
@@ -107,9 +106,8 @@ def write_animation(action: Action, solution: Solution, force_n: Array, path: st
         raise InputError("animation: the solution has no inside view; simulate with inside=True")
     rows = frame_rows(inside)
     svg = _svg(action, inside, force_n, rows)
-    text = svg if target.suffix == ".svg" else page(action.name, inside.time_s[rows], FRAME_S, svg)
     with whole_file(target) as part:
-        part.write_text(text, encoding="utf-8")
+        part.write_text(svg, encoding="utf-8")
 
 
 def _svg(action: Action, inside: Inside, force: Array, rows: NDArray[np.int64]) -> str:

@@ -75,6 +75,7 @@ def observe(scene: Scene, states: States, time_s: Array, start: float, input_tim
     >>> inside.time_s.shape
     (10,)
     """
+    scene.refuse_memory("inside view")
     observer, record = Observer(scene), _Record(scene)
     c, n, b = len(scene.contacts), scene.size, len(scene.tables.probe)
     width = 3 * c + n + b

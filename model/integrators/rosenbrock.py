@@ -1,8 +1,9 @@
 """The compiled step loop of every Rosenbrock method: error control, events, rest, dense output, counters.
 
-State y = (q, v) with dq/dt = v. Eliminating the q part of each stage leaves, with W = 1/(gamma h),
-(W M - D - K/W) U_v = M r_v + K r_q / W and U_q = (r_q + U_v) / W: one n x n factorisation a step. The loop calls the
-four kernels of the scene (see ``model.kernels.codegen.step_kernels``) and keeps all numbers of a step in one array.
+State y = (q, v) with dq/dt = v, and what felt remembers, which the kernels eliminate. Eliminating the q part of each
+stage leaves, with W = 1/(gamma h), (W M - D - K/W) U_v = M r_v + K r_q / W and U_q = (r_q + U_v) / W: one n x n
+factorisation a step. The loop calls the four kernels of the scene (see ``model.kernels.codegen.step_kernels``) and
+keeps all numbers of a step in one array.
 On failure the loop stops and says why with a status; the state is the last accepted one.
 """
 
@@ -29,7 +30,26 @@ from model.kernels.layout import N_CONTACT, N_JACOBIAN, N_REJECTED, N_RESTS, N_R
 from model.kernels.signatures import INTEGRATE
 from model.kernels.stepping.events import at_rest, fit_to_events
 from model.kernels.stepping.inputs import constant_until, fit_to_input, input_at
-from model.kernels.workspace import AUDIT_Q, AUDIT_V, POWER_IN, Q1, SIZE, V1, WIDTH, Q, U, V
+from model.kernels.workspace import (
+    AUDIT_Q,
+    AUDIT_V,
+    AUDIT_Z,
+    MOST_MEMORIES,
+    NOW,
+    POWER_IN,
+    Q1,
+    SIZE,
+    V1,
+    WIDTH,
+    WITH_MEMORY,
+    Z1,
+    Z_U,
+    Z_WEIGHT,
+    Q,
+    U,
+    V,
+    Z,
+)
 
 WAKING_STEP = 1e-5
 STAGE = 2 * WIDTH
@@ -113,6 +133,33 @@ def embedded_error(w, stage, n, limits):
     return finite and isfinite(error), error
 
 
+@uncounted
+def fill_memories(w, dense, x, n, row):
+    """Memories at the fraction ``x`` of the step whose stages are in ``w``."""
+    for i in range(n):
+        inside = 0.0
+        for m in range(dense.shape[0] - 1, -1, -1):
+            part = 0.0
+            for j in range(dense.shape[1]):
+                part += dense[m, j] * w[Z_U + MOST_MEMORIES * j + i]
+            inside = part + x * inside
+        row[i] = (1.0 - x) * w[Z + i] + x * (w[Z1 + i] + (1.0 - x) * inside)
+
+
+@inlined
+def end_memories(w, b, n, limits, error):
+    """Memories at the end of the step; the larger of ``error`` and theirs, not finite where one is."""
+    s = b.shape[0]
+    for i in range(n):
+        end = w[Z + i]
+        for m in range(s):
+            end += b[m] * w[Z_U + MOST_MEMORIES * m + i]
+        w[Z1 + i] = end
+        wrong = abs(w[Z_U + MOST_MEMORIES * (s - 1) + i]) * w[Z_WEIGHT + i] / limits.speed
+        error = wrong if not wrong <= error else error
+    return error
+
+
 @step_loop(INTEGRATE)
 def integrate(span, drive, out, scene, kernels, method, limits, account):
     """Advance the state of ``span`` in place to its end; fill the rows of ``out``.
@@ -120,15 +167,18 @@ def integrate(span, drive, out, scene, kernels, method, limits, account):
     Adds the time spent at rest to ``account`` and, where its ``energies`` (6,) are not empty, work put in and energies
     lost (J), by Gauss's rule along each step's dense output. Returns the time reached, the next step to try, a status.
     """
-    t, t_end, h, q, v = span
+    t, t_end, h, q, v, z = span
     p, parent, n_contacts = scene
     linearise, prepare, skip, stage, energy = kernels
     a, c, b, node, d, dense, gamma, exponent = method
-    out_t, out_q, out_v = out
+    out_t, out_q, out_v, out_z = out
     counters, times, energies = account
     n = q.shape[0]
     s = b.shape[0]
-    w = np.zeros(SIZE)
+    n_z = z.shape[0]
+    w = np.zeros(SIZE if n_z == 0 else WITH_MEMORY)
+    for i in range(n_z):
+        w[Z + i] = z[i]
     parts = np.zeros((n, n + 1))
     within = np.zeros((dense.shape[0], STAGE))
     k_in = int64(0)  # a plain 0 would be a type of its own, for which what takes it is compiled once more
@@ -143,6 +193,8 @@ def integrate(span, drive, out, scene, kernels, method, limits, account):
             break
         if fresh:
             u0, slope, k_in = input_at(t, k_in, drive)
+            if n_z > 0:
+                w[NOW] = t
             linearise(w, p, u0)
             counters[N_RHS] += 1
             counters[N_JACOBIAN] += 1
@@ -151,7 +203,8 @@ def integrate(span, drive, out, scene, kernels, method, limits, account):
             fastest = 0.0
             for i in range(n):
                 fastest = max(fastest, abs(w[V + i]))
-            if slope == 0.0 and fastest * h < limits.rest:
+            # felt that remembers may still creep: what it will do, the bound on rest does not know
+            if n_z == 0 and slope == 0.0 and fastest * h < limits.rest:
                 last = drive.time.shape[0] - 1
                 quiet = constant_until(t, k_in, t_end, 0, last, drive.time, drive.value, drive.held)
                 if quiet > t and at_rest(w, parent, parts, limits.rest):
@@ -188,6 +241,9 @@ def integrate(span, drive, out, scene, kernels, method, limits, account):
             counters[N_RHS] += s - 1
             advance_to_end(w, b)
             ok, error = embedded_error(w, s - 1, n, limits)
+            if n_z > 0:
+                error = end_memories(w, b, n_z, limits, error)
+                ok = ok and isfinite(error)
         if not ok or error > 1.0:
             counters[N_REJECTED] += 1
             rejected = True
@@ -204,11 +260,15 @@ def integrate(span, drive, out, scene, kernels, method, limits, account):
         while k_out < out_t.shape[0] and out_t[k_out] <= t1:
             x = (out_t[k_out] - t) / step
             fill_outputs(w, within, x, n, out_q[k_out], out_v[k_out])
+            if n_z > 0:
+                fill_memories(w, dense, x, n_z, out_z[k_out])
             k_out += 1
         if audited:
             for g in range(3):
                 x = 0.5 + GAUSS[g]
                 fill_outputs(w, within, x, n, w[AUDIT_Q : AUDIT_Q + n], w[AUDIT_V : AUDIT_V + n])
+                if n_z > 0:
+                    fill_memories(w, dense, x, n_z, w[AUDIT_Z : AUDIT_Z + n_z])
                 u, _, k_in = input_at(t + x * step, k_in, drive)
                 energy(w, p, u0 if drive.held else u)
                 for j in range(energies.shape[0]):
@@ -217,6 +277,8 @@ def integrate(span, drive, out, scene, kernels, method, limits, account):
         rejected = False
         for i in range(STAGE):
             w[Q + i] = w[Q1 + i]
+        for i in range(n_z):
+            w[Z + i] = w[Z1 + i]
         t = t1
         fresh = True
     if t >= t_end:
@@ -224,4 +286,6 @@ def integrate(span, drive, out, scene, kernels, method, limits, account):
     for i in range(n):
         q[i] = w[Q + i]
         v[i] = w[V + i]
+    for i in range(n_z):
+        z[i] = w[Z + i]
     return t, h, status

@@ -50,12 +50,14 @@ class Wanted(NamedTuple):
 class Followed(NamedTuple):
     """What is filled: (m, s) times wanted (given), (m, s, n) angles and speeds, (m,) pull (N) at the key's front.
 
+    ``memory`` (m, s, z) is what felt remembers;
     ``gained`` (m,) is by how much the key's speed changed in a block, ``arm`` (m,) the lever of the pull (m).
     """
 
     time: np.ndarray
     angle: np.ndarray
     speed: np.ndarray
+    memory: np.ndarray
     pull: np.ndarray
     gained: np.ndarray
     arm: np.ndarray
@@ -80,7 +82,7 @@ FOLLOW = types.Tuple((_f, _f, _i))(  # time reached, next step to try, status of
     types.NamedTuple([_f, _f, _f, _f, _f, _i], Servo),
     types.NamedUniTuple(_array, 3, Wanted),
     _SPAN,
-    types.NamedTuple([_table, _block, _block, _array, _array, _array], Followed),
+    types.NamedTuple([_table, _block, _block, _block, _array, _array, _array], Followed),
     types.NamedTuple([KernelType(INTEGRATE), *_GIVEN], ServoRun),
 )
 
@@ -88,7 +90,7 @@ FOLLOW = types.Tuple((_f, _f, _i))(  # time reached, next step to try, status of
 @step_loop(FOLLOW)
 def follow(servo: Servo, wanted: Wanted, span: Span, out: Followed, run: ServoRun) -> Any:
     """Advance the state of ``span`` in place, block by block from time 0, and fill ``out``; end where the loop does."""
-    t, _, step, angle, speed = span
+    t, _, step, angle, speed, memory = span
     loop, scene, kernels, method, limits, account = run
     at, pull = np.zeros(2), np.zeros(2)
     status = DONE
@@ -101,9 +103,9 @@ def follow(servo: Servo, wanted: Wanted, span: Span, out: Followed, run: ServoRu
         at[0], at[1] = i * servo.block, (i + 1) * servo.block
         pull[:] = -servo.inertia * turn / arm
         t, step, status = loop(
-            Span(at[0], at[1], step, angle, speed),
+            Span(at[0], at[1], step, angle, speed, memory),
             InputTable(at, pull, False),
-            Outputs(out.time[i], out.angle[i], out.speed[i]),
+            Outputs(out.time[i], out.angle[i], out.speed[i], out.memory[i]),
             scene,
             kernels,
             method,

@@ -26,6 +26,8 @@ def begin(span, out, w):
         for i in range(span.angle.shape[0]):  # rows one by one would compile a message about their shapes, for 1.5 s
             out.angle[k_out, i] = span.angle[i]
             out.speed[k_out, i] = span.speed[i]
+        for i in range(span.memory.shape[0]):
+            out.memory[k_out, i] = span.memory[i]
         k_out += 1
     return k_out
 

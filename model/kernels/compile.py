@@ -113,6 +113,17 @@ def inlined(function: Callable[..., Any]) -> Callable[..., Any]:
     return numba.njit(function, nogil=True, error_model="numpy", fastmath=False, forceinline=True)
 
 
+def inlined_uncounted(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Like `inlined`, for what allocates nothing and takes many arrays: it counts no references to them."""
+    njit: Any = numba.njit  # its types do not name all options
+    return njit(function, nogil=True, error_model="numpy", fastmath=False, forceinline=True, _nrt=False)
+
+
+def uncounted_loop(signature: Any) -> Callable[[Callable[..., Any]], Any]:
+    """Like `step_loop`, for a function that allocates nothing and counts no references."""
+    return _cached(signature, fastmath=False, _nrt=False)
+
+
 def piece(function: Callable[..., Any]) -> Callable[..., Any]:
     """Compile a ``function`` of a module of its own into its callers, like `inlined`, but keep it for others on disk.
 

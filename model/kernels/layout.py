@@ -48,6 +48,17 @@ PROBE_SIZE = 8  # A x, A y, B x, B y, a, b, c, D
 # per damper: torque on the joint = -d v
 DAMPER_SIZE = 1
 
+# laws of felt with memory; what a contact remembers is one state each (`Tables.memory`), with two numbers
+STULOV, HYSTERESIS = 1, 2
+SHARE, REACH_OR_TIME = 0, 1  # share of the force that fades or half width of the loop; s, or a share of the depth
+MEMORY_SIZE = 2
+
+# a string in place of the bar: in p how many modes it has and what those left out give way (m/N), then rows of their
+# gains (1/kg), stiffnesses (1/s^2), dampings (1/s); its states: the time at which free modes were left, or
+# `string_modes.AWAKE` while they are stepped, energy (J) lost meanwhile, then ways (m) and rates (m/s)
+STRING_GIVE, STRING_HEAD = 1, 2
+SINCE, RELEASED, STRING_STATES = 0, 1, 2
+
 # columns of the pose table of bodies, world frame
 POSE_X, POSE_Y, POSE_C, POSE_S, POSE_PHI, POSE_CX, POSE_CY, POSE_OMEGA = range(8)
 POSE_SIZE = 8
@@ -78,7 +89,9 @@ class Tables(NamedTuple):
     side: np.ndarray  # (c, MAX_CHAIN) +1 where the coordinate moves A, -1 where it moves B
     drive: np.ndarray  # (d, 2) kind, body
     probe: np.ndarray  # (b, 2) body A, body B; both hang from ground
-    offset: np.ndarray  # (6,) where springs, contacts, drives, probes, the prescribed motion and dampers start in p
+    offset: np.ndarray  # (8,) where springs, contacts, drives, probes, motion, dampers, memories, string start in p
     prescribed: np.ndarray  # (n,) 1 where a coordinate follows the motion in p; such come last and carry no other body
     damper: np.ndarray  # (k,) body of each damper
     rail: np.ndarray  # (0,) or (1,) contact on which a guided body rests
+    string: np.ndarray  # (0,) or (1,) contact in which a string stands for the bar
+    memory: np.ndarray  # (z, 2) contact and law of each state of felt that remembers; those of one contact together

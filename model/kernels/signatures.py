@@ -16,13 +16,14 @@ from model.kernels.kernel_value import KernelType, pointer
 
 
 class Span(NamedTuple):
-    """Where a run starts and ends; ``angle`` and ``speed`` (n,) are changed in place."""
+    """Where a run starts and ends; ``angle``, ``speed`` (n,) and ``memory`` (z,) are changed in place."""
 
     time: float  # s
     end: float  # s
     step: float  # s, the first to try
     angle: np.ndarray
     speed: np.ndarray
+    memory: np.ndarray  # of felt that remembers; most scenes have none
 
 
 class InputTable(NamedTuple):
@@ -34,11 +35,12 @@ class InputTable(NamedTuple):
 
 
 class Outputs(NamedTuple):
-    """Times (m,) at which the state is wanted, and the rows (m, n) that are filled."""
+    """Times (m,) at which the state is wanted, and the rows (m, n), of memories (m, z), that are filled."""
 
     time: np.ndarray
     angle: np.ndarray
     speed: np.ndarray
+    memory: np.ndarray
 
 
 class SceneNumbers(NamedTuple):
@@ -180,9 +182,9 @@ INTEGRATE_LANES = _i(  # attempts, each of all lanes
 )  # fmt: skip
 
 INTEGRATE = types.Tuple((_f, _f, _i))(  # time reached, next step to try, status
-    types.NamedTuple([_f, _f, _f, _array, _array], Span),
+    types.NamedTuple([_f, _f, _f, _array, _array, _array], Span),
     types.NamedTuple([_array, _array, types.boolean], InputTable),
-    types.NamedTuple([_array, _table, _table], Outputs),
+    types.NamedTuple([_array, _table, _table, _table], Outputs),
     types.NamedTuple([_array, _integers, _i], SceneNumbers),
     _STEP_KERNELS,
     _COEFFICIENTS,

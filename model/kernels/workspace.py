@@ -24,9 +24,9 @@ GRIP = SLIDE_RATE + MAX_CONTACTS  # (MAX_CONTACTS,) acceleration of a joint by f
 U = GRIP + MAX_CONTACTS  # (MAX_STAGES, 2, WIDTH) stages: angle part, speed part
 AUDIT_Q = U + MAX_STAGES * 2 * WIDTH  # state at which energies and powers are asked for
 AUDIT_V = AUDIT_Q + WIDTH
-ENERGY, POWER_IN, POWER_FELT, POWER_FRICTION, POWER_JOINTS, POWER_RAIL, POWER_SHANK = range(
-    AUDIT_V + WIDTH, AUDIT_V + WIDTH + 7
-)  # J, W; the last two only where a scene has the effect
+ENERGY, POWER_IN, POWER_FELT, POWER_FRICTION, POWER_JOINTS, POWER_RAIL, POWER_SHANK, POWER_STRING = range(
+    AUDIT_V + WIDTH, AUDIT_V + WIDTH + 8
+)  # J, W; the last three only where a scene has the effect
 STATIC = ENERGY + WIDTH  # 1 leaves (dM/dq) a out of K, for statics
 PIECE = STATIC + 1  # piece of the prescribed motion found last
 SIZE = STATIC + WIDTH
@@ -34,3 +34,25 @@ SIZE = STATIC + WIDTH
 INPUT, INPUT_RATE, STAGE_STEP, STEP_RATE, IDLE, NEEDED = range(SIZE, SIZE + 6)
 # input u; weight of du/dt; gamma h; 1/h; 1 in a lane without a member; contacts that the member itself needs
 LANE_SIZE = SIZE + WIDTH
+# where contacts remember (`layout.Tables.memory`), their states lie beyond all of these, in rows of their own:
+MOST_FELT, LINKS = 40, 4  # three for each of thirteen contacts; joints of a contact (`layout.MAX_CHAIN`)
+MOST_MODES = 100
+MOST_MEMORIES = MOST_FELT + 2 + 2 * MOST_MODES  # of felt, then of a string
+Z, Z1, Z_RATE, Z_FADE, Z_EASE, Z_INPUT, Z_WEIGHT, AUDIT_Z = (LANE_SIZE + MOST_MEMORIES * k for k in range(8))
+# state, at the end of the step, its rate (1/s), d rate / d state, 1 / (1/(gamma h) - that), d rate / d input,
+# error of a speed that one unit of it is worth, state at which energies are asked for
+Z_U = LANE_SIZE + MOST_MEMORIES * 8  # (MAX_STAGES, MOST_MEMORIES) stages
+Z_PUSH = Z_U + MAX_STAGES * MOST_MEMORIES  # (MOST_FELT, LINKS) change of each joint's force by the state
+Z_TURN = Z_PUSH + LINKS * MOST_FELT  # (MOST_FELT, LINKS) d rate / d angle of each joint
+Z_SPEED = Z_TURN + LINKS * MOST_FELT  # (MOST_FELT, LINKS) d rate / d speed of each joint
+# a string: time of the state (s), how many modes, 1 while they are stepped, how far it reaches (m), force of contact
+# (N), its derivatives by way and rate, share of a change of it that is left when the modes gave way
+NOW, S_COUNT, S_AWAKE, S_REACH, S_FORCE, S_HARD, S_LOSSY, S_SHARE = range(
+    Z_SPEED + LINKS * MOST_FELT, Z_SPEED + LINKS * MOST_FELT + 8
+)
+# direction of the contact's force by joint, its derivatives by angle and by speed
+S_ALONG, S_ANGLES, S_SPEEDS = (NOW + 8 + LINKS * k for k in range(3))
+S_NUMBERS = NOW + 8 + 3 * LINKS  # (3, MOST_MODES) gain, stiffness, damping of each mode
+S_EASE, S_BACK = (S_NUMBERS + MOST_MODES * k for k in (3, 4))
+S_TURN, S_COUPLED = (S_NUMBERS + MOST_MODES * k for k in (5, 7))  # (2, MOST_MODES) at a stage; known sides
+WITH_MEMORY = S_COUPLED + 2 * MOST_MODES

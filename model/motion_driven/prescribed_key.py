@@ -73,6 +73,7 @@ def run_prescribed(
     start = float(motion.break_s[0])
     motion, times = KeyMotion(motion.break_s - start, motion.coefficient), output_time_s - start
     scene = build_scene(action, choice=choice, key_motion=motion)
+    scene.refuse_memory("motion of the key")
     state = State(0.0, solve_rest(scene, 0.0), np.zeros(scene.size))
     run = Simulation(scene, state, tolerance=tolerance, method=method, largest_step_s=LONGEST_STEP_S)
     span = motion.break_s[[0, -1]]  # the input is the time itself

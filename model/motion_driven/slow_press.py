@@ -169,12 +169,15 @@ def _follow(run: Simulation, wanted: Wanted, front_x: float, front_y: float) -> 
     at[:, -1] = end
     shape = (count, SAMPLES, n)
     pull, gained, arm = np.zeros((3, count))
-    done = Followed(at, np.full(shape, np.nan), np.full(shape, np.nan), pull, gained, arm)
+    z = len(run.state.memory)
+    memory = np.full((count, SAMPLES, z), np.nan)
+    done = Followed(at, np.full(shape, np.nan), np.full(shape, np.nan), memory, pull, gained, arm)
     plan = run.plan(BLOCK, np.array([0.0, BLOCK]), np.zeros(2), output_time_s=at[0])  # the same numbers for all blocks
     servo = Servo(SERVO_INERTIA, SERVO_RATE, BLOCK, front_x, front_y, KEY)
     given = ServoRun(
         STEP_LOOP, plan.scene, kernels_of(run.scene.tables), plan.method.coefficients, plan.limits, plan.account
     )
     reached = follow(servo, wanted, plan.span, done, given)
-    run.reached(plan._replace(out=Outputs(at.ravel(), done.angle.reshape(-1, n), done.speed.reshape(-1, n))), *reached)
+    rows = at.ravel(), done.angle.reshape(-1, n), done.speed.reshape(-1, n), memory.reshape(count * SAMPLES, z)
+    run.reached(plan._replace(out=Outputs(*rows)), *reached)
     return done

@@ -18,6 +18,7 @@ from typing import Any
 
 from model.errors import InputError
 from model.parameters.effects import effect_defaults
+from model.parameters.felt_laws import HUNT_CROSSLEY, check_law, law_defaults
 from model.parameters.quantity import Quantity, check_value, quantity_tables, read_quantity
 
 ACTIONS = Path(__file__).parents[1] / "actions"
@@ -32,7 +33,15 @@ CAPSTAN, KEY_FRONT, BACK_CHECK = "contact01", "contact02", "contact04"
 JACK_KNUCKLE, BUTTON, JACK_LEVER = "contact07", "contact08", "contact09"
 LEVER_KNUCKLE, DROP_SCREW, STRING = "contact10", "contact11", "contact12"
 
+LAW = "law"  # last part of the path that names a contact's law of felt
+
 _STRUCTURE_KEYS = {"parent", "body", "shape", "description", "name"}
+
+
+@cache
+def added_defaults() -> Mapping[str, Quantity]:
+    """Quantities by path that an action's file need not hold: those of effects and of felt laws with memory."""
+    return {**effect_defaults(), **law_defaults(CONTACTS)}
 
 
 @dataclass(frozen=True)
@@ -43,10 +52,10 @@ class Action:
     ----------
     name, description : names of the set
     quantities : path -> `Quantity`
-    structure : path -> text that says which body or shape (``contact07.second.shape`` -> ``hybrid``)
+    structure : path -> text that says which body, shape or law (``contact07.second.shape`` -> ``hybrid``)
     origin : file the set was read from
     changed : path -> value of each parameter set after reading
-    effects : path -> `Quantity` of the effects a scene may add (`model.parameters.effects`)
+    effects : path -> `Quantity` of the effects a scene may add (`model.parameters.effects`) or felt with memory
     identification : table of the file that says how its values were identified, as read; the model does not use it
     """
 
@@ -56,7 +65,7 @@ class Action:
     structure: Mapping[str, str]
     origin: str
     changed: Mapping[str, float] = field(default_factory=dict)
-    effects: Mapping[str, Quantity] = field(default_factory=effect_defaults)
+    effects: Mapping[str, Quantity] = field(default_factory=added_defaults)
     identification: Mapping[str, Any] = field(default_factory=dict, repr=False, compare=False)
 
     def __getitem__(self, path: str) -> float:
@@ -90,11 +99,26 @@ class Action:
             effects[path] = replace(effects[path], value=number, source=f"set to {number:g} by the scene")
         return replace(self, effects=effects)
 
+    def law(self, contact: str) -> str:
+        """Law of felt that a contact follows (`model.parameters.felt_laws`)."""
+        return self.structure.get(f"{contact}.{LAW}", HUNT_CROSSLEY)
+
+    def with_laws(self, laws: Mapping[str, str]) -> Action:
+        """Return a copy whose contacts follow other laws of felt, contact -> law."""
+        structure = dict(self.structure)
+        for contact, law in laws.items():
+            if contact not in CONTACTS:
+                raise InputError(f"felt law: found {contact!r}, allowed {CONTACTS[0]} to {CONTACTS[-1]}")
+            structure[f"{contact}.{LAW}"] = check_law(f"{contact}.{LAW}", law, "felt law")
+        return replace(self, structure=structure)
+
     def content(self) -> str:
-        """All values as text in a fixed order, for hashing; of effects, those that are not the default."""
-        usual = effect_defaults()
+        """All values as text in a fixed order, for hashing; of what files need not hold, only what is not usual."""
+        usual = added_defaults()
         own = {path: q for path, q in self.effects.items() if q.value != usual[path].value}
-        return "\n".join(f"{path}={q.value!r}" for path, q in sorted({**self.quantities, **own}.items()))
+        lines = [f"{path}={q.value!r}" for path, q in sorted({**self.quantities, **own}.items())]
+        laws = {contact: self.law(contact) for contact in CONTACTS}
+        return "\n".join([*lines, *(f"{c}.{LAW}={law}" for c, law in laws.items() if law != HUNT_CROSSLEY)])
 
 
 _OFF_SWITCHES = {"friction": ("A",), "joint_friction": ("A",)}
@@ -120,7 +144,7 @@ def _expand(path: str, value: float, quantities: Mapping[str, Quantity]) -> list
 def _unknown_path(path: str, known: Mapping[str, Any]) -> str:
     near = difflib.get_close_matches(path, list(known), n=1)
     hint = f"; did you mean {near[0]}" if near else ""
-    files = f"model/actions/{TEMPLATE}.toml and model/parameters/effects.toml"
+    files = f"model/actions/{TEMPLATE}.toml, model/parameters/effects.toml and model/parameters/felt_laws.toml"
     return f"parameter {path}: unknown path{hint}; all paths are in {files}"
 
 
@@ -209,7 +233,7 @@ def load_action(name_or_path: str | Path = TEMPLATE, overrides: Mapping[str, flo
     units, structure = _template()
     where = str(path)
     quantities: dict[str, Quantity] = {}
-    effects = dict(effect_defaults())
+    effects = dict(added_defaults())
     found_structure: dict[str, str] = {}
     for key, item in quantity_tables(table):
         last = key.split(".")[-1]
@@ -219,6 +243,8 @@ def load_action(name_or_path: str | Path = TEMPLATE, overrides: Mapping[str, flo
             if key in structure and item != structure[key]:
                 raise InputError(f"{where}: {key}: found {item!r}, allowed {structure[key]!r}")
             found_structure[key] = item
+        elif last == LAW and key.partition(".")[0] in CONTACTS and key.count(".") == 1:
+            found_structure[key] = check_law(key, item, where)
         elif key in effects:
             effects[key] = read_quantity(key, item, effects[key].unit, where)
         else:

@@ -1,8 +1,8 @@
-"""Effects a scene may add to an action: a key that can lift off its balance rail, a shank that bends, the motor arm.
+"""Effects a scene may add: a key that can lift off its balance rail, a shank that bends, the motor arm, a string.
 
 Each is a section of parameters (`effects.toml`: defaults with unit and source; paths like ``shank.frequency_hz``) and
-one more coordinate; `model.scene.effect_terms` derives their terms in the equations of motion. What they can and cannot
-claim: docs/decisions/0033-model-effects.md.
+one more coordinate, or modes in place of the bar; `model.scene.effect_terms` and `string_terms` derive their terms in
+the equations of motion. What they can and cannot claim: docs/decisions/0033-model-effects.md.
 """
 
 from __future__ import annotations
@@ -15,9 +15,10 @@ from pathlib import Path
 from model.parameters.quantity import Quantity, quantity_tables, read_quantity
 
 FILE = Path(__file__).with_name("effects.toml")
-EFFECTS = ("balance_rail", "shank", "motor_arm")
+EFFECTS = ("balance_rail", "shank", "motor_arm", "string")
 KEY_LIFT, SHANK, MOTOR = "key_lift", "shank", "motor"  # coordinates: m, rad, rad
 RAIL = "balance_rail"
+STRING_EFFECT = "string"
 
 
 @cache

@@ -51,6 +51,22 @@ RANGES: dict[str, tuple[float, float, bool]] = {
     "contact_b": (0.0, 1e12, False),
     "contact_c": (0.0, 1e9, False),
     "contact_damping": (0.0, 1e3, False),
+    "string.length": (0.01, 3.0, False),
+    "string.mass": (1e-5, 1.0, False),
+    "string.tension": (1.0, 1e4, False),
+    "string.stiffness": (0.0, 0.01, False),
+    "string.b1": (0.0, 100.0, False),
+    "string.b2": (0.0, 0.1, False),
+    "string.struck_at": (1e-3, 0.999, False),
+    "string.modes": (1.0, 100.0, False),
+    "stulov.epsilon": (0.0, 0.9999, False),
+    "stulov.tau": (1e-9, 10.0, False),
+    "hysteresis.beta": (0.0, 1.0, False),
+    "hysteresis.beta2": (0.0, 1.0, False),
+    "hysteresis.beta3": (0.0, 1.0, False),
+    "hysteresis.eta": (1e-3, 0.4, False),  # up to where it is passive (0148-felt-laws-with-memory.md)
+    "hysteresis.eta2": (1e-3, 0.4, False),
+    "hysteresis.eta3": (1e-3, 0.4, False),
 }
 
 

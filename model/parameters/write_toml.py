@@ -7,8 +7,7 @@ from pathlib import Path
 
 from model.errors import InputError
 from model.files.atomic_write import whole_file
-from model.parameters.action import Action
-from model.parameters.effects import effect_defaults
+from model.parameters.action import Action, added_defaults
 
 
 def _text(value: str) -> str:
@@ -29,7 +28,7 @@ def action_text(action: Action, comment: Sequence[str] = ()) -> str:
         table, _, rest = path.partition(".")
         if rest:
             tables.setdefault(table, []).append(f"{rest} = {_text(text)}")
-    usual = effect_defaults()
+    usual = added_defaults()
     own = {path: q for path, q in action.effects.items() if q != usual[path]}
     for path, q in (*action.quantities.items(), *own.items()):
         table, _, rest = path.partition(".")

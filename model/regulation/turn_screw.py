@@ -11,7 +11,8 @@ MOST_TURNS = 16  # of a screw in a round
 LARGEST_TURN = 1e-3  # m in one step
 SMALL_TURN = 10e-6  # m, below which the slope of a step is not used again
 NOT_MEASURABLE = {"let_off": -2e-3, "check": 5e-3}  # error (m) assumed then: jack stuck, hammer free
-FINER = 8  # steps from the best of these to each of its neighbours
+FINER = 8  # steps from the nearest of these to each of their neighbours
+NEAREST, LEVELS = 3, 3  # places so refined, and how often; the last steps are some micrometres
 SEARCH = {"rest": 16, "press": 8, "blow": 32}  # places over the travel where the secant fails
 
 
@@ -26,7 +27,7 @@ def turn_screw(bench: Bench, name: str, report: Callable[[str], None], beyond_m:
         return errors[turn]
 
     _secant(bench, name, bench.turn_m[name], error_at)
-    for places in (_over_the_travel, _beside_the_best):
+    for places in (_over_the_travel, *(_beside_the_nearest,) * LEVELS):
         if abs(errors[_best(errors)]) <= TOLERANCE:
             break
         for place in places(bench, name, errors):
@@ -50,12 +51,19 @@ def _over_the_travel(bench: Bench, name: str, errors: dict[float, float]) -> lis
     return [low + (high - low) * k / count for k in range(count + 1)]
 
 
-def _beside_the_best(bench: Bench, name: str, errors: dict[float, float]) -> list[float]:
-    """Between the best turn and its neighbours: a target may come nearer and go away again within a step."""
-    turns, best = sorted(errors), _best(errors)
-    at = turns.index(best)
-    low, high = turns[max(0, at - 1)], turns[min(len(turns) - 1, at + 1)]
-    return [end + (best - end) * k / FINER for end in (low, high) for k in range(1, FINER)]
+def _beside_the_nearest(bench: Bench, name: str, errors: dict[float, float]) -> list[float]:
+    """Between the nearest turns and their neighbours: a target may come nearer and go away again within a step.
+
+    A turn is near where its neighbours are further off, or cannot be measured: there a height may end just beyond.
+    """
+    turns = sorted(errors)
+    off = [abs(errors[turn]) if math.isfinite(errors[turn]) else math.inf for turn in turns]
+    inside = [math.inf, *off, math.inf]
+    near = [k for k, here in enumerate(off) if here < math.inf and here <= min(inside[k], inside[k + 2])]
+    ends = []
+    for k in sorted(near, key=lambda k: off[k])[:NEAREST]:
+        ends += [(turns[k], turns[j]) for j in (k - 1, k + 1) if 0 <= j < len(turns)]
+    return sorted({start + (end - start) * k / FINER for start, end in ends for k in range(1, FINER)})
 
 
 def _sign_changes(errors: dict[float, float]) -> list[float]:

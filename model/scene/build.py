@@ -19,12 +19,14 @@ from numpy.typing import NDArray
 from model.errors import InputError
 from model.kernels import layout as L
 from model.kernels.codegen.structure import solved_contacts
-from model.parameters.action import CONTACTS, Action
-from model.parameters.effects import KEY_LIFT, MOTOR, RAIL, SHANK
+from model.parameters.action import CONTACTS, STRING, Action
+from model.parameters.effects import KEY_LIFT, MOTOR, RAIL, SHANK, STRING_EFFECT
 from model.scene.contacts import chain_of, reach_of, read_contact
 from model.scene.effect_terms import bending, parts_of_hammer
+from model.scene.felt_memory import memories_of
 from model.scene.key_motion import KeyMotion
 from model.scene.selection import SceneChoice
+from model.scene.string_terms import string_numbers
 
 # rest angles of the printed action, to two digits: the solver needs a start on the right side of each contact
 PRINTED_REST = {"key": 0.029, "whippen": 0.025, "jack": 0.32, "repetition": 0.35, "hammer": 0.295}
@@ -55,6 +57,27 @@ class Scene:
                 f"{what}: found states of {angle_rad.shape[-1]} coordinates, allowed all {len(self.bodies)}: "
                 f"{', '.join(self.bodies)}"
             )
+
+    def refuse_memory(self, what: str) -> None:
+        """Refuse a scene whose felt remembers, for what knows the thesis's law alone."""
+        if len(self.tables.memory):
+            names = ", ".join(dict.fromkeys(self.contacts[c] for c, _ in self.tables.memory))
+            raise InputError(
+                f"{what}: found felt that remembers ({names}), allowed the law hunt-crossley; "
+                "take that law for these contacts"
+            )
+        if len(self.tables.string):
+            raise InputError(f"{what}: found the effect string, allowed the rigid bar; leave the effect out")
+
+    @cached_property
+    def static_tables(self) -> L.Tables:
+        """Tables of the same scene at rest, where felt that remembers presses as its slow loading curve says."""
+        return self.tables._replace(memory=np.zeros((0, 2), dtype=np.int64), string=np.zeros(0, dtype=np.int64))
+
+    @property
+    def remembers(self) -> bool:
+        """Whether the scene has states beside angles and speeds: felt with memory, a string."""
+        return len(self.tables.memory) + len(self.tables.string) > 0
 
     @cached_property
     def solved_contacts(self) -> int:
@@ -137,6 +160,14 @@ def _table(rows: list, width: int) -> NDArray[np.int64]:
     return np.array(rows, dtype=np.int64).reshape(len(rows), width)
 
 
+def _ancestors(parent: list[int]) -> NDArray[np.int64]:
+    out = np.zeros((len(parent), len(parent)), dtype=np.int64)
+    for i, w in enumerate(parent):
+        if w >= 0:
+            out[i, w] = 1
+    return out
+
+
 def build_scene(action: Action, choice: SceneChoice | None = None, key_motion: KeyMotion | None = None) -> Scene:
     """Scene of the whole action, or of what ``choice`` leaves out and adds.
 
@@ -176,7 +207,9 @@ def build_scene(action: Action, choice: SceneChoice | None = None, key_motion: K
     springs = _springs(action, choice, bodies)
     vector += [number for _, numbers in springs for number in numbers]
     offsets.append(len(vector))
-    names, contacts, chains, sides = [], [], [], []
+    names, contacts, chains, sides = list[str](), list[list[int]](), list[list[int]](), list[list[int]]()
+    memories: list[list[int]] = []
+    remembered: list[float] = []
     for name in (*CONTACTS, *((RAIL,) if KEY_LIFT in bodies else ())):
         contact = read_contact(action, name, SHANK in bodies)
         numbers, between = list(contact.numbers), {contact.first, contact.second}
@@ -186,6 +219,10 @@ def build_scene(action: Action, choice: SceneChoice | None = None, key_motion: K
         chain = chain_of(parent, first, second)
         point = complex(numbers[L.A_X], numbers[L.A_Y])
         pad = L.MAX_CHAIN - len(chain)
+        for kind, share, time_or_reach in memories_of(action, name):
+            memories.append([len(names), kind])
+            remembered += [share, time_or_reach]
+            numbers[L.DAMP] = 0.0  # its loss is the memory's
         names.append(name)
         contacts.append([first, second, contact.shape, len(chain)])
         chains.append([i for i, _ in chain] + [0] * pad)
@@ -211,13 +248,14 @@ def build_scene(action: Action, choice: SceneChoice | None = None, key_motion: K
     if SHANK in bodies:
         dampers = [bodies.index(SHANK)]
         vector.append(bending(action)[1])
-    ancestor = np.zeros((n, n), dtype=np.int64)
-    for i, w in enumerate(parent):
-        if w >= 0:
-            ancestor[i, w] = 1
+    offsets.append(len(vector))
+    vector += remembered
+    offsets.append(len(vector))
+    strung = STRING_EFFECT in choice.effects
+    vector += string_numbers(action) if strung else []
     tables = L.Tables(
         parent=np.array(parent, dtype=np.int64),
-        ancestor=ancestor,
+        ancestor=_ancestors(parent),
         spring=np.array([i for i, _ in springs], dtype=np.int64),
         contact=_table(contacts, 4),
         chain=_table(chains, L.MAX_CHAIN),
@@ -228,6 +266,8 @@ def build_scene(action: Action, choice: SceneChoice | None = None, key_motion: K
         prescribed=prescribed,
         damper=np.array(dampers, dtype=np.int64),
         rail=np.array([names.index(RAIL)] if RAIL in names else [], dtype=np.int64),
+        string=np.array([names.index(STRING)] if strung else [], dtype=np.int64),
+        memory=_table(memories, 2),
     )
     start = np.array([PRINTED_REST.get(b, 0.0) for b in bodies[: n - int(prescribed.sum())]])
     return Scene(tuple(bodies), tuple(names), tables, np.array(vector), start)

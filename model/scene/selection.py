@@ -5,6 +5,10 @@
     outputs = ["contact_forces", "energy"] # beyond angles and speeds
     effects = ["balance_rail"]             # beyond the action itself (model.parameters.effects)
 
+    [contact02]                            # the law of a contact's felt (model.parameters.felt_laws), and its values
+    law = "hysteresis"
+    hysteresis.beta = 0.3
+
     [shank]                                # a table switches its effect on, and gives values other than the action's
     frequency_hz = 80.0
 
@@ -21,8 +25,9 @@ from pathlib import Path
 from typing import Any
 
 from model.errors import InputError
-from model.parameters.action import BODIES, CONTACTS, Action
+from model.parameters.action import BODIES, CONTACTS, LAW, STRING, Action
 from model.parameters.effects import EFFECTS, effect_defaults, effect_of
+from model.parameters.felt_laws import check_law, law_defaults, law_of
 from model.parameters.quantity import check_value
 
 SPRINGS = ("jack_spring", "repetition_spring")
@@ -32,13 +37,14 @@ LISTS = ("bodies", "without", "outputs", "effects")
 
 @dataclass(frozen=True)
 class SceneChoice:
-    """Bodies that take part, contacts and springs left out, requested outputs, effects and values for them."""
+    """Bodies that take part, contacts and springs left out, requested outputs, effects, felt laws, their values."""
 
     bodies: tuple[str, ...] = BODIES
     without: tuple[str, ...] = ()
     outputs: tuple[str, ...] = ()
     effects: tuple[str, ...] = ()
     values: tuple[tuple[str, float], ...] = ()
+    laws: tuple[tuple[str, str], ...] = ()  # contact and law of its felt
 
     def __post_init__(self) -> None:
         """Refuse names that do not exist and children without their parent."""
@@ -58,6 +64,8 @@ class SceneChoice:
             raise InputError("scene: bodies: found no key, allowed scenes with the key, on which the force acts")
         if "shank" in self.effects and "hammer" not in self.bodies:
             raise InputError("scene: effects: shank needs the hammer; add hammer or leave out shank")
+        if "string" in self.effects and ("hammer" not in self.bodies or STRING in self.without):
+            raise InputError(f"scene: effects: string needs the hammer and {STRING}; add them or leave out string")
 
     @property
     def input_column(self) -> str:
@@ -66,7 +74,8 @@ class SceneChoice:
 
     def on(self, action: Action) -> Action:
         """The action with this scene's values; values that the user set by path take precedence."""
-        return action.with_effects({path: value for path, value in self.values if path not in action.changed})
+        chosen = action.with_laws(dict(self.laws)) if self.laws else action
+        return chosen.with_effects({path: value for path, value in self.values if path not in action.changed})
 
     def check(self, action: Action) -> None:
         """Refuse a value set for an effect that the scene does not have: it would change nothing."""
@@ -75,6 +84,12 @@ class SceneChoice:
             if effect is not None and effect not in self.effects:
                 raise InputError(
                     f"{path} is set but the scene has no {effect}; choose a scene with it (effects = [{effect!r}])"
+                )
+            felt = law_of(path)
+            if felt is not None and action.law(felt[0]) != felt[1]:
+                raise InputError(
+                    f"{path} is set but {felt[0]} follows the law {action.law(felt[0])}; "
+                    f"choose the other ({felt[0]}.law = \"{felt[1]}\" in the action's or the scene's file)"
                 )
 
 
@@ -86,6 +101,7 @@ SCENES = {
     "lifting-key": SceneChoice(effects=("balance_rail",)),
     "flexible-shank": SceneChoice(effects=("shank",)),
     "motor-arm": SceneChoice(effects=("motor_arm",)),
+    "string": SceneChoice(effects=("string",)),
     "lifting-key-flexible-shank": SceneChoice(effects=("balance_rail", "shank")),
 }
 
@@ -154,13 +170,21 @@ def scene_of(table: Mapping[str, Any], where: str) -> SceneChoice:
     chosen: dict[str, tuple[str, ...]] = {}
     values: list[tuple[str, float]] = []
     on: list[str] = []
+    laws: list[tuple[str, str]] = []
     for key, value in table.items():
+        if key in CONTACTS and isinstance(value, dict):
+            law = check_law(f"{key}.{LAW}", value.get(LAW), where)
+            laws.append((key, law))
+            values += _felt(where, key, law, {name: item for name, item in value.items() if name != LAW})
+            continue
         if key in EFFECTS and isinstance(value, dict):
             on.append(key)
             values += _values(where, key, value)
             continue
         if key not in LISTS:
-            raise InputError(f"{where}: {key}: unknown key; allowed {', '.join((*LISTS, *EFFECTS))}")
+            raise InputError(
+                f"{where}: {key}: unknown key; allowed {', '.join((*LISTS, *EFFECTS))}, contact01 and so on"
+            )
         if not isinstance(value, list) or not all(isinstance(item, str) for item in value):
             raise InputError(f"{where}: {key}: found {value!r}, allowed a list of names")
         chosen[key] = tuple(value)
@@ -170,18 +194,27 @@ def scene_of(table: Mapping[str, Any], where: str) -> SceneChoice:
         )
     named = chosen.pop("effects", ())
     effects = (*named, *(e for e in on if e not in named))
-    return SceneChoice(**chosen, effects=effects, values=tuple(values))
+    return SceneChoice(**chosen, effects=effects, values=tuple(values), laws=tuple(laws))
 
 
 def _values(where: str, effect: str, table: dict[str, Any]) -> list[tuple[str, float]]:
-    """Paths and checked values of an effect's table in a scene file."""
-    known, out = effect_defaults(), []
+    """Paths and checked values of an effect's or a contact's table in a scene file."""
+    known, out = {**effect_defaults(), **law_defaults(CONTACTS)}, []
     for key, item in _flat(table, f"{effect}."):
         if key not in known:
             allowed = ", ".join(p for p in known if p.startswith(f"{effect}."))
             raise InputError(f"{where}: {key}: unknown key; allowed {allowed}")
         out.append((key, check_value(key, item, where)))
     return out
+
+
+def _felt(where: str, contact: str, law: str, table: dict[str, Any]) -> list[tuple[str, float]]:
+    """Values of a contact's table, which must be those of its law."""
+    values = _values(where, contact, table)
+    for path, _ in values:
+        if law_of(path) != (contact, law):
+            raise InputError(f"{where}: {path}: found beside the law {law}, allowed {contact}.{law}. and its numbers")
+    return values
 
 
 def _flat(table: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:

@@ -96,6 +96,7 @@ def _differentiate(action: Action, blow: Blow, parameters: Sequence[str], option
     action = choice.on(action)
     slopes = directions(action, choice, find_parameters(action, parameters))
     scene = slopes.scene
+    scene.refuse_memory("sensitivities")
     start = rest_state(action, options.rest_input, scene)
     state = State(float(times[0]), start.angle_rad.copy(), np.zeros(scene.size))
     simulation = Simulation(scene, state, options.tolerance, options.method)

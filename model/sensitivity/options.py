@@ -34,8 +34,8 @@ class SensitivityOptions:
     estimate_error : also estimate the relative error, by a second computation at other tolerances; twice the cost
     """
 
-    tolerance: float = 1e-9
-    relative_tolerance: float = 1e-6
+    tolerance: float = 2e-9
+    relative_tolerance: float = 3e-6
     output_time_s: ArrayLike | None = None
     scene: SceneChoice | str | Path = "whole"
     method: str = "rodas5p"

@@ -7,6 +7,7 @@ changes nothing is refused by name.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
@@ -120,8 +121,16 @@ class _Changed(Action):
     """An action with other values, unchecked: a difference may step over the edge of what is allowed."""
 
     def __getitem__(self, path: str) -> float:
-        shifted: dict[str, float] = self.__dict__["shifted"]
-        return shifted[path] if path in shifted else super().__getitem__(path)
+        value: float | None = self.__dict__["shifted"].get(path)
+        return super().__getitem__(path) if value is None else value
+
+
+def _values(action: Action) -> dict[str, float]:
+    """All values by path; those of an action that is changed already as they are now."""
+    now = action.__dict__.get("shifted")
+    if now is not None:
+        return dict(now)
+    return {path: quantity.value for path, quantity in (*action.quantities.items(), *action.effects.items())}
 
 
 def shifted(action: Action, parameter: Parameter, by: float) -> Action:
@@ -131,14 +140,14 @@ def shifted(action: Action, parameter: Parameter, by: float) -> Action:
 
 def changed_by(action: Action, parameters: Sequence[Parameter], by: Iterable[float]) -> Action:
     """An action whose parameters are changed, each ``by`` so much; not checked against what is allowed."""
-    changes: dict[str, float] = {}
+    values = _values(action)
     for parameter, change in zip(parameters, by, strict=True):
         for path, weight in parameter.paths.items():
-            changes[path] = changes.get(path, action[path]) + float(change) * weight
+            values[path] += float(change) * weight
     out = _Changed(
         action.name, action.description, action.quantities, action.structure, action.origin, {}, action.effects
     )
-    object.__setattr__(out, "shifted", changes)
+    object.__setattr__(out, "shifted", values)
     return out
 
 
@@ -152,26 +161,75 @@ def directions(action: Action, choice: SceneChoice, parameters: Sequence[Paramet
     choice.check(action)
     scene = build_scene(action, choice)
     slope = np.zeros((len(parameters), len(scene.vector)))
-    idle, switching = [], []
-    for row, parameter in zip(slope, parameters, strict=True):
-        ends = [build_scene(shifted(action, parameter, s * parameter.step), choice) for s in (1.0, -1.0)]
-        if any(not _alike(scene, end) for end in ends):
-            switching.append(parameter.name)
-            continue
-        row[:] = (ends[0].vector - ends[1].vector) / (2.0 * parameter.step)
-        row[_bounds(scene)] = 0.0
-        if not np.any(row):
-            idle.append(parameter.name)
+    switching = {
+        j for group in _groups(scene, parameters) for j in _fill(slope, group, parameters, (action, choice), scene)
+    }
+    idle = [p.name for j, p in enumerate(parameters) if j not in switching and not np.any(slope[j])]
     if idle:
         raise InputError(
             f"parameter {', '.join(idle)}: no effect in this scene; leave it out or choose a scene with its element"
         )
     if switching:
+        names = ", ".join(parameters[j].name for j in sorted(switching))
         raise InputError(
-            f"parameter {', '.join(switching)}: its element is switched off (all its values are 0), where a derivative "
+            f"parameter {names}: its element is switched off (all its values are 0), where a derivative "
             "does not exist; give it a value or leave it out"
         )
     return Directions(tuple(parameters), scene, slope)
+
+
+def _own_numbers(scene: Scene, parameter: Parameter) -> slice | None:
+    """Where the numbers of the one contact or body lie that a parameter is named for; None for any other."""
+    names = {path.partition(".")[0] for path in parameter.paths}
+    name = names.pop() if len(names) == 1 else ""
+    if name in scene.contacts:
+        first, size = int(scene.tables.offset[1]) + L.CONTACT_SIZE * scene.contacts.index(name), L.CONTACT_SIZE
+    elif name in scene.bodies:
+        first, size = L.GLOBALS + L.BODY_SIZE * scene.bodies.index(name), L.BODY_SIZE
+    else:
+        return None
+    return slice(first, first + size)
+
+
+def _groups(scene: Scene, parameters: Sequence[Parameter]) -> list[list[int]]:
+    """Parameters that one build tells apart: each of another contact or body; every other by itself."""
+    groups: dict[object, list[int]] = {}
+    seen: Counter[int] = Counter()
+    for j, parameter in enumerate(parameters):
+        own = _own_numbers(scene, parameter)
+        groups.setdefault(("alone", j) if own is None else seen[own.start], []).append(j)
+        if own is not None:
+            seen[own.start] += 1
+    return list(groups.values())
+
+
+def _fill(
+    slope: Array, group: list[int], parameters: Sequence[Parameter], of: tuple[Action, SceneChoice], scene: Scene
+) -> list[int]:
+    """Fill the rows of a group of parameters; returns those whose change switches something on or off."""
+    chosen = [parameters[j] for j in group]
+    ends = [build_scene(changed_by(of[0], chosen, [s * p.step for p in chosen]), of[1]) for s in (1.0, -1.0)]
+    alike = all(_alike(scene, end) for end in ends)
+    if len(group) == 1:
+        if not alike:
+            return group
+        row = (ends[0].vector - ends[1].vector) / (2.0 * chosen[0].step)
+        row[_bounds(scene)] = 0.0
+        slope[group[0]] = row
+        return []
+    if alike:
+        difference = ends[0].vector - ends[1].vector
+        difference[_bounds(scene)] = 0.0
+        for j, parameter in zip(group, chosen, strict=True):
+            own = _own_numbers(scene, parameter)
+            assert own is not None, "only such parameters share a build"
+            slope[j, own] = difference[own] / (2.0 * parameter.step)
+            difference[own] = 0.0
+        if not np.any(difference):
+            return []
+    # something is switched, or a parameter changes more than its contact or body: one at a time
+    slope[group] = 0.0
+    return [j for one in group for j in _fill(slope, [one], parameters, of, scene)]
 
 
 def effective_paths(action: Action, choice: SceneChoice | None = None) -> list[str]:
@@ -206,7 +264,9 @@ def effective_paths(action: Action, choice: SceneChoice | None = None) -> list[s
 
 
 def _alike(scene: Scene, other: Scene) -> bool:
-    return all(np.array_equal(a, b) for a, b in zip(scene.tables, other.tables, strict=True))
+    return all(
+        a.shape == b.shape and a.tobytes() == b.tobytes() for a, b in zip(scene.tables, other.tables, strict=True)
+    )
 
 
 def _bounds(scene: Scene) -> NDArray[np.int64]:

@@ -11,16 +11,16 @@ from numpy.typing import NDArray
 
 from model.errors import IntegrationError
 from model.integrators.tangents.follow import STEP_TOO_SMALL, TOO_MANY_STEPS, follow
-from model.integrators.tangents.nodes import LANES, Columns, Linear, Space, linearise_node
-from model.integrators.tangents.radau import Wanted
+from model.integrators.tangents.loads import load_space
+from model.integrators.tangents.nodes import LANES, Linear, Space, linearise_node
+from model.integrators.tangents.radau import STAGES, Wanted
 from model.integrators.tangents.recorded_motion import FULL, Log, Motion, Structure, find_kinks, record
-from model.kernels import layout as L
 from model.kernels import workspace as W
 from model.kernels.codegen.load import kernels_of
 from model.kernels.codegen.structure import solved_contacts
 from model.kernels.signatures import SceneNumbers, StepKernels
-from model.scene.build import Scene
 from model.sensitivity.parameter_names import Directions
+from model.sensitivity.sources import sources_of
 from model.simulation.run import Plan, Simulation
 from model.simulation.statics import balance
 
@@ -28,12 +28,11 @@ Array = NDArray[np.float64]
 
 # Steps of the motion that one of the tangents may span: a layer in which friction turns is found by the motion's steps,
 # of which a looser motion has fewer. Found with benchmarks/sensitivities.py.
-STRIDE, STRIDE_AT, STRIDE_EXPONENT = 8, 1e-9, 0.2
+STRIDE, STRIDE_AT, STRIDE_EXPONENT = 8, 2e-9, 0.2
 CACHE_LINE = 64  # bytes
 ROWS = 20_000  # steps recorded at a time
 # derivatives below these, per change of a parameter by all of its value, do not decide about steps
 LEAST_ANGLE, LEAST_SPEED = 1e-4, 1e-2  # rad, rad/s
-JOINT_LAW = {L.JF_A, L.JF_B1, L.JF_B2}
 
 
 def _filled_up(count: int) -> int:
@@ -49,76 +48,11 @@ def aligned(*shape: int) -> Array:
     return whole[start : start + count].reshape(shape)
 
 
-def columns_of(directions: Directions) -> Columns:
-    """Parameters as the kernels read them: changes of numbers, and which contacts they leave as they are."""
-    scene = directions.scene
-    structure = solved_contacts(scene.tables)
-    all_contacts = (1 << len(structure)) - 1
-    places = {c: k for k, c in enumerate(structure)}
-    first, entries, changes, skipped, own, moved = [0], [], [], [], [], []
-    lengths = _lengths(scene)
-    for parameter, row in zip(directions.parameters, directions.slope, strict=True):
-        at = np.flatnonzero(row)
-        entries += [int(i) for i in at]
-        change = parameter.step * row[at]
-        changes += [float(x) for x in change]
-        first.append(len(entries))
-        moved.append(float(np.sum(np.abs(change[lengths[at]]))))
-        contacts = {_contact_of(scene, int(i)) for i in at}
-        mask, alone = 0, -1
-        if all(_only_a_law(scene, int(i)) for i in at):
-            mask = all_contacts  # a torque of its own: what contacts add to both sides of a difference cancels
-        elif None not in contacts:
-            touched = sum(1 << places[c] for c in contacts if c in places)
-            mask = all_contacts & ~touched
-            if len(contacts) == 1:
-                alone = places.get(next(iter(c for c in contacts if c is not None)), -1)
-        skipped.append(mask)
-        own.append(alone)
-    return Columns(
-        np.array(first, dtype=np.int64),
-        np.array(entries, dtype=np.int64),
-        np.array(changes),
-        np.array([p.step for p in directions.parameters]),
-        np.array(skipped, dtype=np.int64),
-        np.array(own, dtype=np.int64),
-        np.array(moved),
-        np.lexsort((np.array(skipped), np.array(moved) > 0.0)).astype(np.int64),
-    )
-
-
-def _contact_of(scene: Scene, entry: int) -> int | None:
-    start, end = int(scene.tables.offset[1]), int(scene.tables.offset[2])
-    return (entry - start) // L.CONTACT_SIZE if start <= entry < end else None
-
-
-def _only_a_law(scene: Scene, entry: int) -> bool:
-    """Whether a number is one of a joint's friction, a spring or gravity: torques that no contact knows of."""
-    bodies = L.GLOBALS + L.BODY_SIZE * len(scene.bodies)
-    if entry in (L.GRAVITY, L.OMEGA_T):
-        return True
-    if L.GLOBALS <= entry < bodies:
-        return (entry - L.GLOBALS) % L.BODY_SIZE in JOINT_LAW
-    return int(scene.tables.offset[0]) <= entry < int(scene.tables.offset[1])
-
-
-def _lengths(scene: Scene) -> NDArray[np.bool_]:
-    """Which numbers of a scene move surfaces: positions, radii and directions."""
-    out = np.zeros(len(scene.vector), dtype=bool)
-    for b in range(len(scene.bodies)):
-        o = L.GLOBALS + L.BODY_SIZE * b
-        out[o + L.PIVOT_X : o + L.PIVOT_Y + 1] = True
-    start, end = int(scene.tables.offset[1]), int(scene.tables.offset[2])
-    for o in range(start, end, L.CONTACT_SIZE):
-        out[o : o + L.K_A] = True
-    return out
-
-
 class _Run:
     """The kernels, numbers and memory that motion and tangents of one scene share."""
 
     def __init__(self, directions: Directions) -> None:
-        self.scene = directions.scene
+        self.directions, self.scene = directions, directions.scene
         tables = self.scene.tables
         self.kernels: StepKernels = kernels_of(tables)
         self.numbers = SceneNumbers(self.scene.vector, tables.parent[: self.scene.size], self.scene.solved_contacts)
@@ -126,17 +60,14 @@ class _Run:
             np.array(solved_contacts(tables), dtype=np.int64), tables.contact, int(tables.offset[1]), tables.parent
         )
         n, p = self.scene.size, _filled_up(len(directions.parameters))
-        twin = np.zeros(W.SIZE)
-        twin[W.ALLOWANCE : W.ALLOWANCE + W.WIDTH] = 1e300
-        twin[W.M_DIAG : W.M_DIAG + W.WIDTH] = 1.0
-        twin[W.LU : W.LU + W.WIDTH**2 : W.WIDTH + 1] = 1.0
+        count, nodes = STAGES * n, STAGES + 1
         self.space = Space(
-            np.zeros(W.SIZE), twin, self.scene.vector.copy(), np.zeros(W.MAX_STAGES**2), np.zeros(n),
-            np.zeros((4, n, n)), np.zeros((4, n, n)), np.zeros((4, n, n)), aligned(4, n, p),
-            np.zeros((3 * n, 3 * n)), np.zeros(3 * n, dtype=np.int64),
-            aligned(3 * n, p), aligned(2 * n, p), aligned(2 * n, p),
+            np.zeros(W.SIZE),
+            np.zeros((nodes, n, n)), np.zeros((nodes, n, n)), np.zeros((nodes, n, n)), aligned(nodes, n, p),
+            aligned(count, _filled_up(count)), np.zeros((count, count)), np.zeros(count, dtype=np.int64),
+            aligned(count, p), aligned(2 * n, p), aligned(2 * n, p),
         )  # fmt: skip
-        self.linear = Linear(self.numbers, self.kernels, columns_of(directions), self.space)
+        self.linear = Linear(self.numbers, self.kernels, tables, sources_of(directions), load_space(tables), self.space)
 
 
 def _motion(run: _Run, simulation: Simulation, plan: Plan) -> Motion:
@@ -161,14 +92,13 @@ def _motion(run: _Run, simulation: Simulation, plan: Plan) -> Motion:
 
 
 def rest_slopes(run: _Run, rest: Array, u: float) -> Array:
-    """Derivatives (n, P) of the angles at rest: K d = -M alpha, the balance differentiated."""
-    n = run.scene.size
+    """Derivatives (n, P) of the angles at rest: K d = -load, the balance differentiated."""
+    n, count = run.scene.size, len(run.directions.parameters)
     run.space.point[:] = 0.0
     run.space.point[W.Q : W.Q + n] = rest
     linearise_node(0, u, run.linear)
-    _, stiff, mass = balance(run.scene, rest, u)
-    count = len(run.linear.columns.step)
-    return np.asarray(np.linalg.solve(stiff, -mass @ run.space.alpha[0, :, :count]))
+    _, stiff, _ = balance(run.scene, rest, u)
+    return np.asarray(np.linalg.solve(stiff, -run.space.load[0, :, :count]))
 
 
 class Recorded:

@@ -24,6 +24,10 @@ from model.kernels.codegen.load import energy_of, kernels_of
 from model.kernels.signatures import Account, InputTable, Limits, Outputs, SceneNumbers, Span, StepKernels
 from model.kernels.trajectory.contact_forces import forces_along, probe_forces_along
 from model.scene.build import Scene
+from model.scene.felt_memory import share_left
+from model.simulation.state import State as State
+from model.simulation.state import with_memory
+from model.simulation.string_motion import string_force, swung_on
 
 # Local error allowed per step for a requested largest error of an angle over the whole run: found with
 # benchmarks/tolerance.py so that the error stays near or below the request on blows from piano to 60 N
@@ -46,7 +50,6 @@ REST_SHARE = 0.1  # share of the requested tolerance that an action taken to be 
 STEPS_AT_LEAST, STEPS_PER_SECOND = 20_000, 200_000
 
 SMALLEST_TOLERANCE, LARGEST_TOLERANCE = 1e-12, 1e-2
-LARGEST_ANGLE, LARGEST_SPEED = 1e3, 1e6  # rad, rad/s
 TIME_SLACK = 1e-9  # s, rounding of times computed in different ways
 
 _ADVICE = {
@@ -55,20 +58,6 @@ _ADVICE = {
     NOT_FINITE: "the equations gave a value that is not finite; check the input and the geometry",
     TOO_MANY_STEPS: "too many steps; loosen --tolerance or shorten the run",
 }
-
-
-@dataclass
-class State:
-    """State of a run: time (s), angles (n,) rad, speeds (n,) rad/s, next step to try (s)."""
-
-    time_s: float
-    angle_rad: NDArray[np.float64]
-    speed_rad_per_s: NDArray[np.float64]
-    step_s: float = 1e-5
-
-    def copy(self) -> State:
-        """An independent copy."""
-        return State(self.time_s, self.angle_rad.copy(), self.speed_rad_per_s.copy(), self.step_s)
 
 
 class Plan(NamedTuple):
@@ -106,8 +95,10 @@ class Simulation:
     max_steps: int | None = None
     counters: NDArray[np.int64] = field(default_factory=lambda: np.zeros(len(L.COUNTERS), dtype=np.int64))
     energy: bool = False
-    audit: NDArray[np.float64] = field(default_factory=lambda: np.zeros(6))
+    audit: NDArray[np.float64] = field(default_factory=lambda: np.zeros(7))
     times: NDArray[np.float64] = field(default_factory=lambda: np.zeros(1))
+    remembered: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 0)))
+    """(m, z) what felt remembered at the output times of the last `advance`; none for most scenes."""
     _kernels: StepKernels | None = field(default=None, init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
@@ -118,22 +109,8 @@ class Simulation:
             )
         if self.energy:
             self.scene.check_whole(self.state.angle_rad, "energy")
-        for name, array in (("angles", self.state.angle_rad), ("speeds", self.state.speed_rad_per_s)):
-            if np.shape(array) != (self.scene.size,):
-                raise InputError(f"state: {np.shape(array)} {name} found, allowed ({self.scene.size},)")
-            if not np.all(np.isfinite(array)):
-                raise InputError(f"state: {name} must be finite, found {array}")
-        for name, found, limit in (
-            ("angles", self.state.angle_rad, LARGEST_ANGLE),
-            ("speeds", self.state.speed_rad_per_s, LARGEST_SPEED),
-        ):
-            if np.max(np.abs(found)) > limit:
-                raise InputError(f"state: {name} found up to {np.max(np.abs(found)):g}, allowed to {limit:g} (rad, s)")
-        if not (np.isfinite(self.state.time_s) and self.state.step_s > 0.0 and np.isfinite(self.state.step_s)):
-            raise InputError(
-                f"state: found time {self.state.time_s:g} s, next step {self.state.step_s:g} s; "
-                "allowed finite numbers and a step above 0"
-            )
+        self.state.check(self.scene.size)
+        self.state = with_memory(self.scene, self.state)
 
     def advance(
         self,
@@ -190,6 +167,7 @@ class Simulation:
         self._check(float(until), times, values, outputs)
         # what rounding puts just past the end, `_check` lets through, the step loop would not reach
         outputs = np.minimum(outputs, max(float(until), self.state.time_s))
+        out_z = np.full((len(outputs), len(self.state.memory)), np.nan)
         if len(times) == 1:
             times, values = np.array([times[0], times[0] + 1.0]), np.array([values[0], values[0]])
         most = self.max_steps
@@ -199,9 +177,9 @@ class Simulation:
         q, v = self.state.angle_rad.copy(), self.state.speed_rad_per_s.copy()
         return Plan(
             method,
-            Span(float(self.state.time_s), float(until), float(self.state.step_s), q, v),
+            Span(float(self.state.time_s), float(until), float(self.state.step_s), q, v, self.state.memory.copy()),
             InputTable(times, values, bool(held)),
-            Outputs(outputs, out_q, out_v),
+            Outputs(outputs, out_q, out_v, out_z),
             SceneNumbers(self.scene.vector, self.scene.tables.parent[: self.scene.size], self.scene.solved_contacts),
             Limits(
                 angle=ANGLE_SHARE * local,
@@ -217,8 +195,8 @@ class Simulation:
         self, plan: Plan, time: float, step: float, status: int
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Take over the state in which a step loop left a plan; its angles and speeds, or the error that stopped it."""
-        self.state = State(time, plan.span.angle, plan.span.speed, step)
-        outputs, out_q, out_v = plan.out
+        self.state = State(time, plan.span.angle, plan.span.speed, step, plan.span.memory)
+        outputs, out_q, out_v, self.remembered = plan.out
         if status in _ADVICE:
             raise IntegrationError(f"simulation stopped at t = {time:.6g} s{self._extremes()}: {_ADVICE[status]}")
         if not (np.all(np.isfinite(out_q)) and np.all(np.isfinite(out_v))):
@@ -238,7 +216,7 @@ class Simulation:
         fastest = int(np.argmax(np.abs(v)))
         words = f" ({self.scene.bodies[fastest]} at {v[fastest]:.3g} rad/s"
         if self.scene.contacts and len(q) == len(self.scene.bodies):
-            normal = self.contact_forces(q[None], v[None])[0][0]
+            normal = self.contact_forces(q[None], v[None], self.state.memory[None])[0][0]
             words += f", {self.scene.contacts[int(np.argmax(normal))]} presses with {normal.max():.3g} N"
         return words + ")"
 
@@ -267,20 +245,37 @@ class Simulation:
     def stored_energy(self) -> float:
         """Kinetic, potential and elastic energy of the present state, J; zero of heights at the ground's origin."""
         self.scene.check_whole(self.state.angle_rad, "energy")
-        w = np.zeros(W.SIZE)
+        w = np.zeros(W.WITH_MEMORY)
+        memory = swung_on(self.scene, np.array([self.state.time_s]), self.state.memory[None])[0]
+        w[W.AUDIT_Z : W.AUDIT_Z + len(memory)] = memory
         w[W.AUDIT_Q : W.AUDIT_Q + self.scene.size] = self.state.angle_rad
         w[W.AUDIT_V : W.AUDIT_V + self.scene.size] = self.state.speed_rad_per_s
         energy_of(self.scene.tables)(w, self.scene.vector, 0.0)
         return float(w[W.ENERGY])
 
     def contact_forces(
-        self, angle_rad: NDArray[np.float64], speed_rad_per_s: NDArray[np.float64]
+        self,
+        angle_rad: NDArray[np.float64],
+        speed_rad_per_s: NDArray[np.float64],
+        memory: NDArray[np.float64] | None = None,
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Normal and friction force of each contact at given states; (m, n) in, (m, c) out, N."""
+        """Normal and friction force of each contact at given states; (m, n) in, (m, c) out, N.
+
+        Where felt remembers, ``memory`` (m, z) belongs to the states; by default that of the last outputs.
+        """
         self.scene.check_whole(angle_rad, "contact forces")
         normal = np.zeros((len(angle_rad), len(self.scene.contacts)))
         tangential = np.zeros_like(normal)
         forces_along(angle_rad, speed_rad_per_s, self.scene.vector, self.scene.tables, normal, tangential)
+        if self.scene.remembers:
+            rows = self.remembered if memory is None else memory
+            if len(rows) != len(angle_rad):
+                raise InputError(f"contact forces: found {len(rows)} rows of memories, allowed {len(angle_rad)}")
+            share = share_left(self.scene.tables, self.scene.vector, normal, rows)
+            normal, tangential = normal * share, tangential * share
+            if len(self.scene.tables.string):
+                contact = int(self.scene.tables.string[0])
+                normal[:, contact] = string_force(self.scene, angle_rad, speed_rad_per_s, rows)
         return normal, tangential
 
     def probe_forces(self, angle_rad: NDArray[np.float64], speed_rad_per_s: NDArray[np.float64]) -> NDArray[np.float64]:

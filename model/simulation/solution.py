@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from model.parameters.effects import column
 from model.simulation.loads_and_losses import Inside
+from model.simulation.string_motion import StringMotion
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -29,12 +30,13 @@ class EnergyAudit:
     lost_in_joint_friction: float
     lost_in_rail: float = 0.0  # felt of the balance rail and friction on its pin
     lost_in_shank: float = 0.0
+    lost_in_string: float = 0.0
 
     @property
     def residual(self) -> float:
         """Work that is not accounted for, J: an error of the integration, zero for an exact one."""
         lost = self.lost_in_felt + self.lost_in_contact_friction + self.lost_in_joint_friction
-        lost += self.lost_in_rail + self.lost_in_shank
+        lost += self.lost_in_rail + self.lost_in_shank + self.lost_in_string
         return self.work_in - self.stored_change - lost
 
 
@@ -55,6 +57,7 @@ class Solution:
     tolerance : requested largest error of any angle, rad
     energy : where the work went, or None where it was not asked for
     inside : what acts at contacts, joints and bodies, or None where it was not asked for
+    string : the string's motion, or None where the scene has the rigid bar
     error_rad : estimate of the largest error of any angle at the output times, or None where it was not asked for
     """
 
@@ -70,6 +73,7 @@ class Solution:
     energy: EnergyAudit | None = None
     inside: Inside | None = None
     error_rad: float | None = None
+    string: StringMotion | None = None
 
     @property
     def misses_tolerance(self) -> bool:
@@ -108,6 +112,8 @@ class Solution:
             for i, name in enumerate(self.contacts):
                 out[f"{name}_normal_n"] = self.contact_normal_n[:, i]
                 out[f"{name}_friction_n"] = self.contact_friction_n[:, i]
+        if self.string is not None:
+            out["string_m"] = self.string.way_m
         if self.inside is not None:
             out |= self.inside.columns()
         return out

@@ -49,7 +49,7 @@ def balance(
     if v is not None:
         w[W.V : W.V + n] = v
     w[W.STATIC] = 1.0
-    kernels_of(scene.tables).linearise(w, scene.vector, u)
+    kernels_of(scene.static_tables).linearise(w, scene.vector, u)
     mass = np.diag(w[W.M_DIAG : W.M_DIAG + n])
     for i, parent in enumerate(scene.tables.parent):
         if parent >= 0:

@@ -83,6 +83,7 @@ def simulate(action: Action, time_s: ArrayLike, force_n: ArrayLike, step_s: floa
     every = max(1, int(np.ceil(spacing / step_s - 1e-9)))
     h = spacing / every
     scene = build_scene(action)
+    scene.refuse_memory("friction without a threshold speed")
     q, v = solve_rest(scene), np.zeros(scene.size)
     n, c, m = scene.size, len(scene.contacts), len(times)
     angle, speed, held = np.zeros((m - 1, n)), np.zeros((m - 1, n)), np.zeros((m - 1, c + n), dtype=np.int64)

@@ -1,83 +1,13 @@
-"""A string and a hammer: numbers, checked, with the frequencies and losses of the modes.
-
-The string is stiff, pinned at both ends and loses energy by air (b1) and within (b2), as in A. Chaigne and
-A. Askenfelt, J. Acoust. Soc. Am. 95 (1994) 1112, with the loss law of J. Bensa et al., J. Acoust. Soc. Am. 114 (2003)
-1095. Its second polarisation and the bridge's motion are left out.
-"""
+"""A hammer at a string, and a string to begin with."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
 from model.errors import InputError
-
-Array = NDArray[np.float64]
-
-
-def _check(what: str, **numbers: tuple[float, float, float]) -> None:
-    for name, (value, low, high) in numbers.items():
-        if not (math.isfinite(value) and low <= value <= high):
-            raise InputError(f"{what}: {name} found {value:g}, allowed {low:g} to {high:g}")
-
-
-@dataclass(frozen=True)
-class String:
-    """One string.
-
-    Attributes
-    ----------
-    length_m, mass_kg, tension_n : of the speaking length
-    stiffness : epsilon, (bending stiffness) / (tension x length^2); inharmonicity is pi^2 epsilon
-    b1_per_s, b2_m2_per_s : losses; a mode of wave number k decays at b1 + b2 k^2
-    struck_at : place of the hammer as a share of the length
-    """
-
-    length_m: float
-    mass_kg: float
-    tension_n: float
-    stiffness: float
-    b1_per_s: float
-    b2_m2_per_s: float
-    struck_at: float
-
-    def __post_init__(self) -> None:
-        """Refuse what is no string."""
-        _check(
-            "string",
-            length_m=(self.length_m, 0.01, 3.0),
-            mass_kg=(self.mass_kg, 1e-5, 1.0),
-            tension_n=(self.tension_n, 1.0, 1e4),
-            stiffness=(self.stiffness, 0.0, 0.01),
-            b1_per_s=(self.b1_per_s, 0.0, 100.0),
-            b2_m2_per_s=(self.b2_m2_per_s, 0.0, 0.1),
-            struck_at=(self.struck_at, 1e-3, 0.999),
-        )
-
-    @property
-    def modal_mass_kg(self) -> float:
-        """Half of the string's mass, for every mode."""
-        return 0.5 * self.mass_kg
-
-    def wave_number(self, n: Array) -> Array:
-        """Wave numbers, 1/m, of modes (k,), which count from 1."""
-        return np.asarray(n * math.pi / self.length_m, dtype=float)
-
-    def omega(self, n: Array) -> Array:
-        """Angular frequencies, rad/s, of modes (k,) without loss."""
-        first = math.pi / self.length_m * math.sqrt(self.tension_n * self.length_m / self.mass_kg)
-        return np.asarray(n * first * np.sqrt(1.0 + math.pi**2 * self.stiffness * n**2), dtype=float)
-
-    def decay(self, n: Array) -> Array:
-        """Decay rates, 1/s, of modes (k,)."""
-        return self.b1_per_s + self.b2_m2_per_s * self.wave_number(n) ** 2
-
-    def shape(self, n: Array) -> Array:
-        """Height of modes (k,) at the hammer."""
-        return np.asarray(np.sin(n * math.pi * self.struck_at), dtype=float)
+from model.parameters.string import String as String
+from model.parameters.string import check_numbers
 
 
 @dataclass(frozen=True)
@@ -101,8 +31,8 @@ class Hammer:
 
     def __post_init__(self) -> None:
         """Refuse what is no hammer."""
-        _check("hammer", mass_kg=(self.mass_kg, 1e-4, 1.0), a=(self.a, 0.0, math.inf), c=(self.c, 0.0, math.inf))
-        _check("hammer", d=(self.d, 0.0, math.inf), k=(self.k, 0.0, math.inf), p=(self.p, 1.0, 6.0))
+        check_numbers("hammer", mass_kg=(self.mass_kg, 1e-4, 1.0), a=(self.a, 0.0, math.inf), c=(self.c, 0.0, math.inf))
+        check_numbers("hammer", d=(self.d, 0.0, math.inf), k=(self.k, 0.0, math.inf), p=(self.p, 1.0, 6.0))
         if self.a + self.c + self.k <= 0.0 and self.b <= 0.0:
             raise InputError("hammer: a, b, c and k found 0, allowed a felt that presses")
 

@@ -13,7 +13,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from model.parameters.action import BODIES, Action
+from model.errors import InputError
+from model.parameters.action import BODIES, CONTACTS, Action
+from model.parameters.felt_laws import HUNT_CROSSLEY
 
 Vector = NDArray[np.float64]
 
@@ -40,6 +42,9 @@ class Twin:
     """Right-hand side of one action; the input is the force on the key (N, downwards) or the motor's torque."""
 
     def __init__(self, action: Action, effects: Sequence[str] = ()) -> None:
+        remembering = [c for c in CONTACTS if action.law(c) != HUNT_CROSSLEY]
+        if remembering:
+            raise InputError(f"reference equations: found felt that remembers ({', '.join(remembering)}), allowed none")
         self.action = action
         self.bodies = [*BODIES, *(["shank"] if "shank" in effects else [])]
         self.coordinates = [*BODIES, *(c for e, c in _COORDINATE.items() if e in effects)]

@@ -45,6 +45,7 @@ COMMANDS = {
     "identify": Listed("validation.identify", "Find parameter values from strokes; say what is unknown."),
     "calibrate-force": Listed("bench.calibrate_force", "Calibrate the load cell: weights, shunt or zero."),
     "calibrate-encoder": Listed("bench.calibrate_encoder", "Calibrate an encoder over its arc."),
+    "calibrate-contact": Listed("bench.calibrate_contact", "Calibrate the friction of a contact."),
     "calibrate-joint": Listed("bench.calibrate_joint", "Calibrate the friction of a joint."),
     "serve-sim": Listed("bench.serve_sim", "Serve the virtual DAQ device over TCP until Ctrl-C."),
     "selftest": Listed("bench.selftest", "Test a bench with gentle pushes before the first blow."),

@@ -19,10 +19,14 @@ from tornado.web import Application
 from pianorig.errors import CommandInputError
 from pianorig.page.access import LOOPBACK, Access
 from pianorig.page.catalogue.catalogue import Catalogue
-from pianorig.page.handlers import action, live, outlines, review, sessions, shell
+from pianorig.page.control.order import Bench
+from pianorig.page.control.plan_control import PlanControl
+from pianorig.page.handlers import action, live, outlines, plan, review, sessions, shell
 from pianorig.page.handlers.reply import NotFound, Served
 from pianorig.page.jobs import Jobs
 from pianorig.page.review.film_shelf import FilmShelf
+from pianorig.player.animation import SCRIPTS
+from pianorig.player.animation import WEB as PLAYER
 
 LARGEST_REQUEST_BYTES = 1_000_000
 WORKERS = 4
@@ -37,12 +41,14 @@ class BenchOptions:
     ----------
     folder : of the sessions
     port : TCP port; 0 takes a free one
-    control : give out a token with which the page may write
+    control : give out a token with which the page may write, and play plans
+    bench : on which
     """
 
     folder: Path
     port: int = 0
     control: bool = False
+    bench: Bench = Bench()
 
 
 class BenchServer:
@@ -68,13 +74,15 @@ class BenchServer:
         self._workers = ThreadPoolExecutor(WORKERS, thread_name_prefix="bench page")
         self._jobs = Jobs()
         self._films = FilmShelf()
-        served = Served(self.access, catalogue, self._workers, self._jobs, self._films)
+        self._plan = PlanControl(options.bench)
+        served = Served(self.access, catalogue, self._workers, self._jobs, self._films, self._plan)
         self._server = HTTPServer(application(served, scripts), max_body_size=LARGEST_REQUEST_BYTES)
         self._server.add_socket(listening)
 
     async def close(self) -> None:
         """Stop listening, end jobs, close what browsers keep open."""
         self._server.stop()
+        self._plan.close()
         self._jobs.close()
         await self._server.close_all_connections()
         self._workers.shutdown(cancel_futures=True)
@@ -86,6 +94,7 @@ def application(served: Served, scripts: Path) -> Application:
     it: dict[str, Any] = {"served": served}
     routes: list[Any] = [
         ("/", shell.Shell, it),
+        (rf"/web/((?:{'|'.join(SCRIPTS)})\.js|player\.css)", shell.OwnFiles, {**it, "path": str(PLAYER)}),
         (r"/web/([a-z]+\.(?:js|css))", shell.OwnFiles, {**it, "path": str(shell.WEB)}),
         (r"/drawing/(bokeh(?:-api)?\.min\.js)", shell.OwnFiles, {**it, "path": str(scripts)}),
         ("/api/about", shell.About, it),
@@ -100,17 +109,26 @@ def application(served: Served, scripts: Path) -> Application:
         ("/api/actions", action.Actions, it),
         (f"/api/action/{NAME}", action.Facts, it),
         (f"/api/action/{NAME}/blow", action.Blow, it),
+        (f"/api/action/{NAME}/curves", action.Curves, it),
+        (f"/api/action/{NAME}/animation", action.BlowAnimation, it),
         (f"/api/action/{NAME}/touch", action.Touch, it),
         (f"/api/action/{NAME}/step", action.Step, it),
         (f"/api/action/{NAME}/file", action.TomlFile, it),
         (f"/api/review/{NAME}/{NUMBER}", review.Review, it),
+        (f"/api/review/{NAME}/{NUMBER}/animation", review.TrialAnimation, it),
         (f"/api/film/{NAME}/{NUMBER}", review.Film, it),
         (f"/live/{NAME}", live.Live, it),
+        ("/api/plan", plan.Plan, it),
+        ("/api/plan/(pause|resume|abort)", plan.PlanDoes, it),
+        ("/api/plan/answer", plan.PlanAnswer, it),
+        ("/plan", plan.PlanState, it),
         ("/api/films", outlines.Films, it),
         (f"/api/outlines/{NAME}/{NUMBER}", outlines.Outlines, it),
         (f"/api/outlines/{NAME}/{NUMBER}/proposal", outlines.Proposal, it),
         (f"/api/outlines/{NAME}/{NUMBER}/track", outlines.Track, it),
         (f"/api/outlines/{NAME}/{NUMBER}/frame", outlines.TrackFrame, it),
+        (f"/api/outlines/{NAME}/{NUMBER}/marks", outlines.Marks, it),
+        (f"/api/outlines/{NAME}/{NUMBER}/follow", outlines.Follow, it),
         (f"/film/{NAME}/{NUMBER}/{NUMBER}-{NUMBER}", review.Frames, it),
     ]
     return Application(routes, default_handler_class=NotFound, default_handler_args=it, log_function=_silent)

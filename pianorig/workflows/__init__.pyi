@@ -1,4 +1,6 @@
 from .bench.access import BenchAccess as BenchAccess
+from .bench.calibration.contact import PadOrder as PadOrder
+from .bench.calibration.contact import calibrate_contact as calibrate_contact
 from .bench.calibration.encoder import calibrate_encoder as calibrate_encoder
 from .bench.calibration.force import CalibrationOrder as CalibrationOrder
 from .bench.calibration.force import calibrate_force as calibrate_force

@@ -8,12 +8,12 @@ from pathlib import Path
 SESSIONS = Path("sessions")
 
 
-def new_session_folder(profile: str, today: date | None = None) -> Path:
+def new_session_folder(profile: str, today: date | None = None, root: Path = SESSIONS) -> Path:
     """``sessions/<date>_<profile>``, with ``_2``, ``_3`` … where that is taken."""
     stem = f"{today or date.today():%Y-%m-%d}_{Path(profile).stem}"
-    folder = SESSIONS / stem
+    folder = root / stem
     number = 2
     while folder.exists():
-        folder = SESSIONS / f"{stem}_{number}"
+        folder = root / f"{stem}_{number}"
         number += 1
     return folder

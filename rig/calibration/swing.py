@@ -38,12 +38,14 @@ class Swing:
     share, u_share : friction torque over weight times arm, and its standard uncertainty
     frequency_hz : of small swings without friction
     half_swings : how many counted
+    top_rad_per_s : largest speed
     """
 
     share: float
     u_share: float
     frequency_hz: float
     half_swings: int
+    top_rad_per_s: float = 0.0
 
 
 def read_swing(backend: Backend, config: RigConfig, body: str) -> tuple[Array, float]:
@@ -110,7 +112,7 @@ def friction_of_swing(angle_rad: Array, rate_hz: float, body: str) -> Swing:
     frequency = float(np.sqrt(omega2) / (2 * np.pi))
     # the parabola takes this share off a speed that changes within it
     flattened = share * (2 * np.pi * frequency * half / rate_hz) ** 2 / 10
-    return Swing(share, float(np.hypot(jackknife, flattened)), frequency, n)
+    return Swing(share, float(np.hypot(jackknife, flattened)), frequency, n, float(np.abs(speed).max()))
 
 
 def _half_swings(angle: Array, speed: Array) -> list[tuple[int, int]]:

@@ -29,6 +29,10 @@ LENGTHENED_S = 0.05
 """Longest block that replaces a shorter ``recording.block_s`` without being asked for, s."""
 
 
+DEAR = 0.05
+"""Part of a block's time that its calls may take before blocks are lengthened while the motor's command is 0 V."""
+
+
 LONGEST_USEFUL_S = 0.4
 """A longer block is not proposed: limits that act so late protect nothing."""
 
@@ -61,6 +65,16 @@ def calls_per_block(config: RigConfig) -> int:
     counted = config.camera is not None and config.camera.mode == "counted"
     further = int(counted) + int(config.key_opposite is not None)
     return 1 + len(config.encoders) + further + 1 + int(config.watchdog is not None)
+
+
+def calm_block_s(config: RigConfig, delay: CallDelay) -> float:
+    """Return the length of blocks in which the motor's command is 0 V, s: 0 where calls are cheap.
+
+    Through a server each call costs processor time at both ends; where nothing is commanded the limits may act as late
+    as on a slow connection.
+    """
+    cheap = calls_per_block(config) * delay.usual_s <= DEAR * config.recording.block_s
+    return 0.0 if cheap or config.recording.block_s >= LENGTHENED_S else LENGTHENED_S
 
 
 def shortest_block_s(config: RigConfig, delay: CallDelay) -> float:

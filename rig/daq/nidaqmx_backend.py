@@ -108,11 +108,13 @@ class NidaqmxBackend(SafeBench, BenchChecks, Backend):
             self._claim.take(config)
         self._config = config
         with self._safe_on_failure():
-            shortest_s = self._begin_safely(config)
+            delay = self._begin_safely(config)
             self._live = True
             # all that takes calls comes before the watchdog starts: no task is reserved by it, as a chassis demands
             timing = self._timing = replace(
-                self._timing or self._make_tasks(config, motor=command_v is not None), shortest_block_s=shortest_s
+                self._timing or self._make_tasks(config, motor=command_v is not None),
+                shortest_block_s=call_delay.shortest_block_s(config, delay),
+                calm_block_s=call_delay.calm_block_s(config, delay),
             )
             if command_v is not None:
                 with translated("configure", config.motor.channel):
@@ -131,10 +133,10 @@ class NidaqmxBackend(SafeBench, BenchChecks, Backend):
                     self._tasks[name].control(TaskMode.TASK_COMMIT)
         return timing
 
-    def _begin_safely(self, config: RigConfig) -> float:
+    def _begin_safely(self, config: RigConfig) -> call_delay.CallDelay:
         """Put the outputs in their safe state, reset the device if that was not done yet, refuse a slow connection.
 
-        Returns the shortest block the connection keeps up with, s.
+        Returns how long a call takes.
         """
         failures: list[BaseException] = []
         self._outputs_safe("configure", failures)
@@ -148,7 +150,8 @@ class NidaqmxBackend(SafeBench, BenchChecks, Backend):
         with translated("configure", f"device {config.device.name}"):
             device = Device(config.device.name, grpc_options=self._options())
             delay = call_delay.measure(lambda: device.is_simulated, self._now_s)
-        return call_delay.shortest_block_s(config, delay)
+        call_delay.shortest_block_s(config, delay)
+        return delay
 
     def _make_tasks(self, config: RigConfig, *, motor: bool) -> Timing:
         """Make every task of the rig file, the motor's only if asked; nothing is reserved yet."""

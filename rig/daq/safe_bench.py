@@ -6,6 +6,7 @@ reset before the outputs are written, because a chassis refuses everything else,
 
 from __future__ import annotations
 
+import contextlib
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -20,6 +21,7 @@ from rig.backend import Timing
 from rig.configuration.rig_file import RigConfig
 from rig.daq import tasks
 from rig.daq.faults import translated
+from rig.daq.remembered_calls import RememberedCalls
 from rig.daq.safe_outputs import SafeOutputs
 from rig.daq.safing import attempt, worst
 from rig.daq.task_set import TaskSet
@@ -37,10 +39,10 @@ class SafeBench:
     """
 
     def __init__(self, channel: grpc.Channel | None) -> None:
-        self._channel = channel
+        self._channel = None if channel is None else RememberedCalls(channel)
         self._config: RigConfig | None = None
-        self._tasks = TaskSet(self._new_task)
-        self._outputs = SafeOutputs(self._new_task)
+        self._tasks = TaskSet(self._new_task, self._end_left)
+        self._outputs = SafeOutputs(self._new_task, self._end_left)
         self._watchdog: Watchdog | None = None
         self._timing: Timing | None = None
         """Timing of the tasks as made; None unless all of them exist."""
@@ -63,6 +65,15 @@ class SafeBench:
         return nidaqmx.Task(
             name, grpc_options=GrpcSessionOptions(self._channel, name, initialization_behavior=behavior)
         )
+
+    def _end_left(self, name: str) -> None:
+        """End the server's session of a task of ours whose clearing failed; the client itself cannot try again."""
+        if self._channel is None:
+            return
+        behavior = SessionInitializationBehavior.ATTACH_TO_SERVER_SESSION
+        options = GrpcSessionOptions(self._channel, name, initialization_behavior=behavior)  # type: ignore[arg-type]
+        with contextlib.suppress(nidaqmx.errors.Error):  # there is none: it was cleared after all
+            nidaqmx.Task(name, grpc_options=options).close()
 
     def _options(self) -> GrpcSessionOptions | None:
         return None if self._channel is None else GrpcSessionOptions(self._channel, "")

@@ -24,8 +24,8 @@ WRITE_TIMEOUT_S = 5.0
 class SafeOutputs:
     """Writes the motor's zero and the drive-enable line of one rig."""
 
-    def __init__(self, new_task: NewTask) -> None:
-        self._tasks = TaskSet(new_task)
+    def __init__(self, new_task: NewTask, end_left: Callable[[str], None]) -> None:
+        self._tasks = TaskSet(new_task, end_left)
 
     def put_motor_at_zero(self, config: RigConfig) -> None:
         """Put the motor output at 0 V."""

@@ -8,7 +8,7 @@ channels. Errors are those of ``nidaqmx``, translated by the caller.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Protocol
 
@@ -25,11 +25,20 @@ class NewTask(Protocol):
 
 
 class TaskSet:
-    """Open tasks by name in the order they were made; registered as soon as they exist, so that none is lost."""
+    """Open tasks by name in the order they were made; registered as soon as they exist, so that none is lost.
 
-    def __init__(self, new_task: NewTask) -> None:
-        self._new_task = new_task
+    Parameters
+    ----------
+    new_task : NewTask
+    end_left : callable
+        Ends what a server may still have of a task of ours that could not be cleared, by its name.
+    """
+
+    def __init__(self, new_task: NewTask, end_left: Callable[[str], None]) -> None:
+        self._new_task, self._end_left = new_task, end_left
         self._tasks: dict[str, nidaqmx.Task] = {}
+        self._left: set[str] = set()
+        """Names of tasks whose clearing failed: a server may still have them, and refuses another of the name."""
 
     def __contains__(self, name: str) -> bool:
         return name in self._tasks
@@ -41,7 +50,10 @@ class TaskSet:
         return iter(tuple(self._tasks))
 
     def make(self, name: str) -> nidaqmx.Task:
-        """Make an empty task and register it."""
+        """Make an empty task and register it; one of that name that could not be cleared is cleared now."""
+        if name in self._left:
+            self._end_left(name)
+            self._left.discard(name)
         self._tasks[name] = task = self._new_task(name)
         return task
 
@@ -58,11 +70,13 @@ class TaskSet:
             self.clear(name)  # e.g. a generation that failed reports it when it is stopped
 
     def clear(self, name: str) -> None:
-        """Clear a task; it is forgotten even when the driver refuses."""
+        """Clear a task; when the driver refuses it is tried again before another of the name is made."""
         task = self._tasks.pop(name, None)
         if task is not None:
+            self._left.add(name)
             with _early_stop_expected():
                 task.close()
+            self._left.discard(name)
 
 
 @contextmanager

@@ -249,7 +249,10 @@ def _table(
     if all(np.array_equal(time, times[0]) for time in times):
         columns[TIME], units[TIME] = times[0].copy(), unit
     stamped = [clock.stamp_s for clock in clocks.values() if clock.stamp_s]
-    started = (datetime(1904, 1, 1) + timedelta(seconds=stamped[0])).isoformat() if stamped else ""
+    try:
+        started = (datetime(1904, 1, 1) + timedelta(seconds=stamped[0])).isoformat() if stamped else ""
+    except OverflowError:
+        raise RigInputError(f"{where}: Date and Time are {stamped[0]:g} s after 1904, no date of a calendar") from None
     return ChannelTable(where, columns, units, clocks, started=started)
 
 
@@ -272,6 +275,8 @@ def _stamp(date: str, time: str, where: str) -> float:
         day = (datetime.strptime(date, "%Y/%m/%d") - datetime(1904, 1, 1)).days if date else 0
         parts = [number(part.replace(",", ".")) for part in time.split(":")] if time else [0.0, 0.0, 0.0]
         hour, minute, second = parts
+        if not (0 <= hour < 24 and 0 <= minute < 60 and 0 <= second <= 60):  # nor what is not a number
+            raise ValueError
     except ValueError:
         raise RigInputError(f"{where}: Date {date!r}, Time {time!r}, allowed YYYY/MM/DD and HH:MM:SS.XXX") from None
     return ((day * 24 + hour) * 60 + minute) * 60 + second if date and time else 0.0

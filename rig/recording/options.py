@@ -25,6 +25,7 @@ class ResumeKeywords(TypedDict, total=False):
     """Keywords of :func:`rig.recording.resume.resume`: what is not in the session already."""
 
     progress: Callable[[Progress], None] | None
+    before_trial: Callable[[int], None] | None
     after_trial: Callable[[Trial], None] | None
     feed: BlockFeed | None
     ask: Callable[[str], str | None] | None
@@ -68,6 +69,7 @@ class RecordingOptions:
     room: RoomInfo | None = None
     notes: Mapping[str, str] | None = None
     progress: Callable[[Progress], None] | None = None
+    before_trial: Callable[[int], None] | None = None
     after_trial: Callable[[Trial], None] | None = None
     feed: BlockFeed | None = None
     ask: Callable[[str], str | None] | None = None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 import platform
 from collections.abc import Callable
 from importlib.metadata import PackageNotFoundError, version
@@ -31,7 +32,12 @@ def software_versions() -> dict[str, str]:
     >>> "nidaqmx" in rig.recorder.software_versions()
     True
     """
-    versions = {"python": platform.python_version(), "system": platform.platform()}
+    return {"python": platform.python_version(), "system": platform.platform(), **_package_versions()}
+
+
+@functools.cache  # they are read from files, 20 ms with every trial otherwise; a running program's do not change
+def _package_versions() -> dict[str, str]:
+    versions = {}
     for package in PACKAGES:
         with contextlib.suppress(PackageNotFoundError):
             versions[package] = version(package)

@@ -51,6 +51,9 @@ def record(out: str | Path, options: RecordingOptions | None = None, **keywords:
     progress : callable, optional
         Called after each block with a :class:`rig.recording.progress.Progress`; an exception in it stops the trial
         safely.
+    before_trial : callable, optional
+        Called with a trial's number when the rest before it is over and its prompt answered; the outputs are safe, and
+        the trial begins when it returns. An exception in it ends the session there.
     after_trial : callable, optional
         Called with each sealed trial while the backend is still open, e.g. to save a film.
     feed : BlockFeed, optional

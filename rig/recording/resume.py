@@ -119,8 +119,8 @@ def resume(
     opened : callable, optional
         Called with the number of the last trial there is, before the first new one.
     **keywords
-        ``progress``, ``after_trial``, ``feed``, ``ask``, ``predict``, ``permission``, ``open_journal``, ``now_s`` and
-        ``wall_s`` as for :func:`rig.recording.recorder.record`.
+        ``progress``, ``before_trial``, ``after_trial``, ``feed``, ``ask``, ``predict``, ``permission``,
+        ``open_journal``, ``now_s`` and ``wall_s`` as for :func:`rig.recording.recorder.record`.
 
     Returns
     -------

@@ -76,9 +76,11 @@ def run_trial(backend: Backend, config: RigConfig, trial: PlannedTrial, options:
             condition=trial.condition, plan_entry=trial.plan_entry,
         )  # fmt: skip
         head = replace(head, provenance=trial.provenance)
-        size, longest = _lengths(config, command, timing)
+        lengths = _Lengths.of(config, command, timing)
         interlocks = Interlocks(config, timing, command.volts, command.blow_start_s)
-        written = journal = options.open_journal(trial.journal_path, head, longest + size, longest // size + 2)
+        written = journal = options.open_journal(
+            trial.journal_path, head, lengths.longest + lengths.calm, lengths.longest // lengths.block + 2
+        )
         backend.arm()
         backend.start()
 
@@ -171,34 +173,70 @@ def _check_sample_count(backend: Backend, stored: int) -> None:
             )
 
 
-def _lengths(config: RigConfig, command: MotorCommand, timing: Timing) -> tuple[int, int]:
-    """Return samples per block, and of the longest trial."""
-    rate, recording = timing.sample_rate_hz, config.recording
-    size = max(int(round(recording.block_s * rate)), int(np.ceil(timing.shortest_block_s * rate)), 1)
-    return size, command.volts.size + int(np.ceil(recording.longest_s * rate))
+@dataclass(frozen=True)
+class _Lengths:
+    """Samples of a block, of one in which the motor's command is 0 V, and of the longest trial.
+
+    A long block is a whole number of short ones, and none is read once the trial may end: where it ends does not
+    depend on them.
+    """
+
+    block: int
+    calm: int
+    longest: int
+    moves_from: int
+    moves_until: int
+    may_end: int
+    """The command is 0 V before ``moves_from`` and from ``moves_until`` on; the trial lasts until ``may_end``."""
+
+    @classmethod
+    def of(cls, config: RigConfig, command: MotorCommand, timing: Timing) -> _Lengths:
+        rate, recording = timing.sample_rate_hz, config.recording
+        block = max(int(round(recording.block_s * rate)), int(np.ceil(timing.shortest_block_s * rate)), 1)
+        moves = np.flatnonzero(command.volts)
+        first, last = (int(moves[0]), int(moves[-1]) + 1) if moves.size else (command.volts.size, 0)
+        return cls(
+            block,
+            max(int(timing.calm_block_s * rate * (1 + 1e-9)) // block, 1) * block,
+            command.volts.size + int(np.ceil(recording.longest_s * rate)),
+            first,
+            last,
+            _earliest_rest(command, timing) + int(np.ceil(recording.rest_s * rate)),
+        )
+
+    def next(self, read: int) -> int:
+        """Return how many samples to read next, after ``read`` of the trial."""
+        before, behind = read + self.calm <= self.moves_from, read >= self.moves_until
+        return self.calm if before or (behind and read + self.calm <= self.may_end) else self.block
+
+
+def _earliest_rest(command: MotorCommand, timing: Timing) -> int:
+    """Return the first sample that may belong to the rest."""
+    return command.volts.size + int(np.ceil(timing.force_group_delay_s * timing.sample_rate_hz))
 
 
 def _read_until_rest(
     backend: Backend, config: RigConfig, command: MotorCommand, timing: Timing, store: Callable[[Block], None]
 ) -> str:
     rate, recording = timing.sample_rate_hz, config.recording
-    size, longest = _lengths(config, command, timing)
+    lengths = _Lengths.of(config, command, timing)
     detector = RestDetector(
         window=int(np.ceil(recording.rest_s * rate)),
-        earliest=command.volts.size + int(np.ceil(timing.force_group_delay_s * rate)),
+        earliest=_earliest_rest(command, timing),
         baseline=int(command.blow_start_s * rate),
         counts=recording.rest_counts,
         force_n=recording.rest_force_n,
     )
     read = 0
-    late_s = LATE_S if config.watchdog is None else LATE_IN_TIMEOUT * config.watchdog.timeout_s - size / rate
     while True:
+        size = lengths.next(read)
+        late_s = LATE_S if config.watchdog is None else LATE_IN_TIMEOUT * config.watchdog.timeout_s - size / rate
         block = backend.read_block(size, size / rate + late_s)
         store(block)
         read += size
         if detector.add(block.force_n, block.encoder_count):
             return "complete"
-        if read >= longest:
+        if read >= lengths.longest:
             return "not at rest"
 
 

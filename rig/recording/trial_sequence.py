@@ -62,6 +62,8 @@ def record_entries(
             if entry.condition != prompted:
                 _prompt(entry, number, options)
                 prompted = entry.condition
+            if options.before_trial is not None:
+                options.before_trial(number)
             clock.begin()
             check_still_there(session, there + number - first_number)
             trial = PlannedTrial(

@@ -10,6 +10,8 @@ Options of the address, e.g. ``sim://?bench=PATH&seed=3&clock=real``:
 - ``felt=contact02``: not the action but the specimen's felt of that contact, or a ``block`` of steel, is under the
   motor arm, as ``pianorig record --felt`` has it;
 - ``swing=hammer``: the body hangs on its joint alone, is let go and swings, as ``pianorig calibrate-joint`` has it;
+- ``pad=contact04:0.2:0.005`` with it: that contact's materials rub on a drum about the axis under 0.2 N at 5 mm, as
+  ``pianorig calibrate-contact`` has it;
 - ``pose=key:0,0.01``: the body is held at these angles one after the other, as ``pianorig calibrate-encoder`` has it;
 - ``hand=yes``: the virtual operator acts when a self-test asks for it; ``hand=plays``: a virtual pianist plays where
   the motor has no task.
@@ -47,7 +49,7 @@ from rig.simulated.rpc.service import Service
 from rig.storage.atomic_write import sha256_of_file
 
 DEFAULT_BENCH = Path(__file__).parent / "bench.toml"
-OPTIONS = ("bench", "seed", "clock", "fault", "effects", "felt", "swing", "pose", "hand", "delay_ms")
+OPTIONS = ("bench", "seed", "clock", "fault", "effects", "felt", "swing", "pad", "pose", "hand", "delay_ms")
 CLOCK_ERRORS = (0.0, 3.5e-5, -2.2e-5)
 """Relative errors of the timebases of the rig's devices; NI specifies 50 ppm for these cards."""
 CAMERA_CLOCK_ERROR = 4e-5
@@ -177,7 +179,7 @@ def open_backend(url: str, config: RigConfig) -> SimulatedBackend:
     if options.get("felt"):
         plant = felt_plant(mechanics, options["felt"], config)
     elif options.get("swing"):
-        plant = swing_plant(mechanics, options["swing"])
+        plant = swing_plant(mechanics, options["swing"], options.get("pad", ""))
     elif options.get("pose"):
         plant = pose_plant(mechanics, options["pose"], url)
     table = read_bench(bench).get("wiring", {})

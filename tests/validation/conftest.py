@@ -3,6 +3,9 @@ film angles."""
 
 from __future__ import annotations
 
+import os
+import pickle
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -131,34 +134,66 @@ def film_table(camera, solution, rest, noise_rad=4e-4, lost=(700, 701, 702)):
 
 
 @pytest.fixture(scope="session")
-def recorded(tmp_path_factory):
-    """Five trials on disk, the second one filmed, and their truth; read only."""
-    return make_session(tmp_path_factory.mktemp("sessions") / "forte")
+def once(tmp_path_factory) -> Callable:
+    """Make something in this run of the tests once, whichever of its processes asks first; others read it."""
+    own = tmp_path_factory.getbasetemp()
+    shared = own.parent if os.environ.get("PYTEST_XDIST_WORKER") else own
+
+    def get(name: str, make: Callable) -> object:
+        file = shared / f"{name}.pickle"
+        if file.is_file():
+            return pickle.loads(file.read_bytes())
+        value = make()
+        part = own / f"{name}.part"
+        part.write_bytes(pickle.dumps(value))
+        os.replace(part, file)  # of two made at the same time, which are alike, the later stays
+        return value
+
+    return get
 
 
 @pytest.fixture(scope="session")
-def compared(recorded):
+def recorded(tmp_path_factory, once):
+    """Five trials on disk, the second one filmed, and their truth; read only."""
+    from rig.session import Session
+
+    def make():
+        session, truth = make_session(tmp_path_factory.mktemp("sessions") / "forte")
+        return session.path, truth
+
+    path, truth = once("recorded", make)
+    return Session.open(path), truth
+
+
+@pytest.fixture(scope="session")
+def compared(recorded, once):
     """The comparison of the recorded session; predictions are not kept on disk."""
     from validation import compare_session
 
-    return compare_session(recorded[0], recorded[1].action, keep_predictions=False)
+    return once("compared", lambda: compare_session(recorded[0], recorded[1].action, keep_predictions=False))
 
 
 @pytest.fixture(scope="session")
-def planted():
+def planted(once):
     """The comparison of the shipped session with planted faults."""
     from validation import compare_session
 
     shipped = Path(__file__).parents[2] / "sessions" / "planted_faults"
-    return compare_session(shipped, keep_predictions=False, rivals=(), budget=False)
+    return once("planted", lambda: compare_session(shipped, keep_predictions=False, rivals=(), budget=False))
 
 
 @pytest.fixture(scope="session")
-def written(compared, tmp_path_factory):
+def written(compared, once, tmp_path_factory):
     """The report of the comparison, written once."""
     from validation import write_report
 
-    return write_report(compared, tmp_path_factory.mktemp("report"))
+    return once("written", lambda: write_report(compared, tmp_path_factory.mktemp("report")))
+
+
+@pytest.fixture
+def without_figures(monkeypatch):
+    """Pages without their figures, which cost most of a page."""
+    monkeypatch.setattr("validation.report.sections.all_figures", lambda view: {"repeatability": [], "comparison": []})
 
 
 HOSTILE = 'recalibrated $\\frac{ <b> & "quoted" ' + "x" * 120
@@ -190,11 +225,11 @@ def side(compared):
 
 
 @pytest.fixture(scope="session")
-def side_written(side, tmp_path_factory):
+def side_written(side, once, tmp_path_factory):
     """The report of two sessions and two models, written once."""
     from validation import write_report
 
-    return write_report(side, tmp_path_factory.mktemp("side"))
+    return once("side_written", lambda: write_report(side, tmp_path_factory.mktemp("side")))
 
 
 @pytest.fixture(scope="session")

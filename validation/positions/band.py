@@ -1,70 +1,87 @@
-"""A 95 % band about a prediction, calibrated on strokes that were not fitted, the same way for every model.
+"""A 95 % band about a prediction, chosen and calibrated on training strokes left out of the fit, alike for every model.
 
 A band's half width is q · u(t): u joins what the key's calibration leaves open (an ensemble), the hammer's own
-calibration and a floor; q is a number for each phase of the stroke, the 95 % quantile of |error| / u there over all
-left-out strokes, each of the same weight. So q holds what the model lacks and what other strokes would have made of its
-parameters, as far as left-out strokes show it. Phases follow from the key alone: they are known before the hammer is.
+calibration and a floor; q is a number for each phase of the key, or one for the whole stroke. Which of the `CANDIDATES`
+is used is decided by training strokes alone (`calibrate`, docs/decisions/0179-band-rule-fixed-first.md): the numbers
+come from some, the interval score is taken on another. So q holds what the model lacks and what other strokes would
+have made of its parameters, as far as left-out strokes show it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import lru_cache
+from dataclasses import dataclass, field
+from itertools import product
+from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 import model
 from validation.conventions import Array
 from validation.positions.identify import Predict
 from validation.positions.measured import Stroke
+from validation.positions.phases import PHASES, phases
 
-PHASES = ("rest", "strike", "hold", "release")
-FLOOR = 0.02
-"""Least standard uncertainty of a prediction, in rulers: a fifth of the hammer ruler's tick, whatever a sensor says."""
 LEVEL = 0.95
 DRAWS, SEED = 9, 19
 NORMAL = 1.4826
 """Standard deviation of a normal distribution over its median departure."""
-STARTED, DOWN, UP = 0.05, 0.9, 0.1
-"""Shares of the key's travel: a strike begins above the first; above the second the key is down, below the third up."""
-AFTER_DOWN_S, AFTER_UP_S = 0.06, 0.25
-"""The strike lasts so long after the key is down; the release so long after the key is up."""
-AGAIN = 0.15
-"""A key that rises by this share before it is up and goes down again begins a new strike."""
+WHOLE = "whole"
+"""The number for the whole stroke, beside those of the phases."""
 
 
-@lru_cache(maxsize=64)
-def phases(stroke: Stroke) -> NDArray[np.int64]:
-    """Phase of each sample (n,), an index of `PHASES`, by the key alone."""
-    share = stroke.key.value_m / max(float(stroke.key.value_m.max()), 1e-9)
-    out = np.zeros(share.size, dtype=np.int64)
-    step, now, since, lowest = stroke.interval_s, 0, 0.0, 1.0
-    for k, x in enumerate(share):
-        since += step
-        if now == 0 and x > STARTED:
-            now = 1
-        elif now == 1:
-            since = since if x > DOWN else 0.0
-            if since > AFTER_DOWN_S:
-                now = 2
-            elif x < STARTED / 2 and since == 0.0 and share[:k].max() > DOWN:
-                now, lowest = 3, x
-        elif now == 2 and x < DOWN:
-            now, lowest = 3, x
-        elif now == 3:
-            lowest = min(lowest, x)
-            since = since if x < UP else 0.0
-            if x > lowest + AGAIN:
-                now, since = 1, 0.0
-            elif since > AFTER_UP_S:
-                now = 0
-        out[k] = now
-    return out
+@dataclass(frozen=True)
+class Candidate:
+    """A way to calibrate: floor of u in rulers, numbers by phase or one, quantiles pooled or the largest of strokes."""
+
+    floor: float
+    by_phase: bool
+    joined: Literal["pooled", "largest"]
+
+
+FLOORS = (0.005, 0.01, 0.02, 0.04)
+JOINED: tuple[Literal["pooled", "largest"], ...] = ("pooled", "largest")
+CANDIDATES = tuple(Candidate(floor, phase, how) for floor, phase, how in product(FLOORS, (True, False), JOINED))
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """A calibrated band.
+
+    Attributes
+    ----------
+    floor : float
+        Least standard uncertainty of a prediction, in rulers.
+    by_phase : bool
+        There is a number for each phase; otherwise one for the whole stroke.
+    joined : str
+        ``pooled``: the 95 % quantile of errors over u in the training strokes, each of the same weight; ``largest``:
+        the largest of the strokes' own.
+    q : dict of str
+        The numbers, by phase, and that of the whole stroke.
+    left_out : dict
+        For each training stroke how the band calibrated on the others fared there: ``inside``, ``half_width`` (median)
+        and ``score`` (interval score), in rulers.
+    """
+
+    floor: float
+    by_phase: bool
+    joined: str
+    q: dict[str, float]
+    left_out: dict[str, dict[str, float]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class PredictedStroke:
+    """A stroke, its prediction and u without floor, (n,), m; to calibrate on: by parameters fitted without it."""
+
+    stroke: Stroke
+    prediction_m: Array
+    u_m: Array
 
 
 def spread(stroke: Stroke, predict: Predict, z: Array, prediction: Array) -> Array:
-    """Standard uncertainty u(t) (n,), m, of a prediction beside what the model lacks.
+    """Standard uncertainty u(t) (n,), m, of a prediction beside what the model lacks, without floor.
 
     The ensemble draws calibrations of the key; its spread is the median departure, so that a draw in which the hammer
     goes another way (is not caught, say) does not set it. What other strokes would have made of the parameters is in q.
@@ -77,22 +94,53 @@ def spread(stroke: Stroke, predict: Predict, z: Array, prediction: Array) -> Arr
         except model.ModelError:
             continue
     drawn = NORMAL * np.median(away, axis=0) if away else np.zeros(prediction.size)
-    own = np.hypot(stroke.hammer.position.u_calibration_m, FLOOR * stroke.hammer.travel_m)
-    return np.hypot(drawn, own)
+    return np.hypot(drawn, stroke.hammer.position.u_calibration_m)
 
 
-def quantiles(strokes: Sequence[tuple[Stroke, Array, Array]]) -> dict[str, float]:
-    """Numbers q of each phase from left-out strokes: (stroke, prediction (n,), u (n,)) each.
+def calibrate(strokes: Sequence[PredictedStroke]) -> Calibration:
+    """Choose the candidate with the least interval score on strokes that its numbers have not seen, and calibrate it.
 
-    The 95 % quantile of |error| / u of all left-out strokes together, every stroke of the same weight.
+    Parameters
+    ----------
+    strokes : sequence of PredictedStroke
+        Training strokes, at least two.
+
+    Returns
+    -------
+    Calibration
     """
-    ratios: dict[str, list[Array]] = {name: [] for name in PHASES}
-    for stroke, prediction, u in strokes:
-        at, ratio = phases(stroke), np.abs(prediction - stroke.hammer.value_m) / u
+    best: tuple[float, Candidate, dict[str, dict[str, float]]] | None = None
+    for candidate in CANDIDATES:
+        fared = {}
+        for one in strokes:
+            q = quantiles([other for other in strokes if other is not one], candidate)
+            fared[str(one.stroke.number)] = score(one.stroke, one.prediction_m, half_width(one, candidate, q))
+        mean = float(np.mean([row["score"] for row in fared.values()]))
+        if best is None or mean < best[0]:
+            best = mean, candidate, fared
+    assert best is not None
+    _, chosen, fared = best
+    return Calibration(chosen.floor, chosen.by_phase, chosen.joined, quantiles(strokes, chosen), fared)
+
+
+def quantiles(strokes: Sequence[PredictedStroke], candidate: Candidate) -> dict[str, float]:
+    """Numbers q of each phase and of the whole; a phase that no stroke shows gets that of the whole."""
+    ratios: dict[str, list[Array]] = {name: [] for name in (*PHASES, WHOLE)}
+    for one in strokes:
+        error = np.abs(one.prediction_m - one.stroke.hammer.value_m)
+        at, ratio = phases(one.stroke), error / floored(one, candidate.floor)
+        ratios[WHOLE].append(ratio)
         for i, name in enumerate(PHASES):
             if np.any(at == i):
                 ratios[name].append(ratio[at == i])
-    return {name: _pooled(of) if of else 0.0 for name, of in ratios.items()}
+    join = _pooled if candidate.joined == "pooled" else _largest
+    whole = join(ratios[WHOLE])
+    return {name: join(of) if of and candidate.by_phase else whole for name, of in ratios.items()}
+
+
+def floored(one: PredictedStroke, floor: float) -> Array:
+    """Standard uncertainty with its floor (n,), m."""
+    return np.asarray(np.hypot(one.u_m, floor * one.stroke.hammer.travel_m))
 
 
 def _pooled(ratios: Sequence[Array]) -> float:
@@ -103,9 +151,23 @@ def _pooled(ratios: Sequence[Array]) -> float:
     return float(values[order][min(int(np.searchsorted(share, LEVEL)), values.size - 1)])
 
 
-def half_width(stroke: Stroke, u: Array, q: dict[str, float]) -> Array:
+def _largest(ratios: Sequence[Array]) -> float:
+    return max(_pooled([one]) for one in ratios)
+
+
+def half_width(one: PredictedStroke, way: Candidate | Calibration, q: dict[str, float]) -> Array:
     """Half width of the band (n,), m."""
-    return np.asarray(u * np.array([q[name] for name in PHASES])[phases(stroke)])
+    return np.asarray(floored(one, way.floor) * np.array([q[name] for name in PHASES])[phases(one.stroke)])
+
+
+def score(stroke: Stroke, prediction_m: Array, half_m: Array) -> dict[str, float]:
+    """Share inside a band, its median half width and its interval score, the latter two in rulers."""
+    travel = stroke.hammer.travel_m
+    return {
+        "inside": float(np.mean(np.abs(prediction_m - stroke.hammer.value_m) <= half_m)),
+        "half_width": float(np.median(half_m)) / travel,
+        "score": interval_score(stroke.hammer.value_m, prediction_m, half_m) / travel,
+    }
 
 
 def interval_score(measured: Array, prediction: Array, half: Array) -> float:

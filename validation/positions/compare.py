@@ -13,11 +13,12 @@ import pandas as pd
 import model
 from rig.session import Session
 from validation.conventions import Array
-from validation.positions.band import PHASES, half_width, interval_score, phases, spread
+from validation.positions.band import PredictedStroke, half_width, score, spread
 from validation.positions.events import EVENTS, find
 from validation.positions.identify import Fit, Predict, of_model, of_null
 from validation.positions.measured import Stroke, measure_positions
 from validation.positions.parameters import FREE, SENSORS
+from validation.positions.phases import PHASES, phases
 from validation.positions.record import FILE, MODELS, Identified, read_identified
 
 GOAL_COVER, GOAL_HALF_WIDTH = 0.9, 0.1
@@ -129,7 +130,8 @@ def compare_positions(
                 continue
             half = np.full(made.size, np.nan)
             if record is not None:
-                half = half_width(stroke, spread(stroke, predict, fitted.z, made), record.bands[label])
+                band = record.bands[label]
+                half = half_width(PredictedStroke(stroke, made, spread(stroke, predict, fitted.z, made)), band, band.q)
             predicted = Predicted(label, stroke, made, half)
             predictions.append(predicted)
             fitted_to = label != "regulated" and seals[stroke.number] in fitted_seals
@@ -179,18 +181,20 @@ def _left_out(record: Identified | None, label: str, predict: Predict, stroke: S
 def _score(one: Predicted) -> dict[str, object]:
     stroke, travel = one.stroke, one.stroke.hammer.travel_m
     error = one.hammer_m - stroke.hammer.value_m
+    rmse = float(np.sqrt(np.mean(error**2)))
     banded = bool(np.all(np.isfinite(one.half_m)))
+    fared = (
+        score(stroke, one.hammer_m, one.half_m) if banded else dict.fromkeys(("inside", "half_width", "score"), np.nan)
+    )
     return {
         "trial": stroke.number,
         "condition": stroke.condition,
         "model": one.model,
-        "rmse_m": float(np.sqrt(np.mean(error**2))),
-        "rmse_share": float(np.sqrt(np.mean(error**2))) / travel,
-        "inside_band": float(np.mean(np.abs(error) <= one.half_m)) if banded else np.nan,
-        "half_width_share": float(np.median(one.half_m)) / travel if banded else np.nan,
-        "interval_score_share": (
-            interval_score(stroke.hammer.value_m, one.hammer_m, one.half_m) / travel if banded else np.nan
-        ),
+        "rmse_m": rmse,
+        "rmse_share": rmse / travel,
+        "inside_band": fared["inside"],
+        "half_width_share": fared["half_width"],
+        "interval_score_share": fared["score"],
         "flagged_share": float(np.mean(stroke.hammer.position.flag != 0)),
     }
 

@@ -9,31 +9,40 @@ from __future__ import annotations
 import numpy as np
 
 from validation.conventions import Array
-from validation.positions.band import phases
 from validation.positions.measured import Stroke
+from validation.positions.phases import HOLD, STRIKE, phases
 
 EVENTS = {
     "impact_s": "time of the hammer's highest place in the strike, s from the trial's first sample",
+    "top_m": "how high that is, m: the end of the ruler where it met its stop",
     "speed_m_per_s": "speed of the hammer's calibrated point before it, from 60 to 90 % of the way, m/s",
     "let_off_m": "height at which the hammer falls from the jack, slow strokes only, m",
     "drop_m": "how far it falls then, m",
     "check_m": "height at which it is held while the key is down, m",
     "release_s": "time after the key has begun to rise at which the hammer is below half that height, s",
+    "back_m": "how far down it comes before the next strike of the trial, m: repetitions only",
 }
 SLOW_M_PER_S = 0.02
 """Speed of the calibrated point (some 0.25 m/s of the head) below which a stroke is a slow press."""
 DROP_WITHIN_S = 0.3
+STRUCK = 0.5
+"""A strike brings the key down by more than this share of the stroke's deepest."""
+FLIES_ON_S = 0.06
+"""A hammer may strike so long after a key that was let go early has turned back."""
 SPEED_FROM, SPEED_TO = 0.6, 0.9
 
 
 def find(stroke: Stroke, hammer_m: Array) -> list[dict[str, float]]:
     """Events of every strike of a trial by its key and a hammer's displacement (n,), m; NaN where it does not show one.
 
-    Strikes are told by the key alone, so that a trial and its prediction have the same ones, in the same order.
+    Strikes are told by the key alone, so that a trial and its prediction have the same ones, in the same order. A key
+    that bounces on its rest is no strike.
     """
-    struck = phases(stroke) == 1
+    struck = phases(stroke) == STRIKE
     edges = np.flatnonzero(np.diff(np.concatenate([[False], struck, [False]]).astype(np.int8)))
-    starts, ends = edges[::2], edges[1::2]
+    deep = STRUCK * float(stroke.key.value_m.max())
+    chosen = [stroke.key.value_m[a:b].max() > deep for a, b in zip(edges[::2], edges[1::2], strict=True)]
+    starts, ends = edges[::2][chosen], edges[1::2][chosen]
     nexts = [*starts[1:], stroke.time_s.size]
     return [_of_strike(stroke, hammer_m, *at) for at in zip(starts.tolist(), ends.tolist(), nexts, strict=True)]
 
@@ -42,21 +51,23 @@ def _of_strike(stroke: Stroke, hammer_m: Array, first: int, end: int, before: in
     """Events of the strike of samples ``first`` to ``end``, whatever follows up to ``before``."""
     out = dict.fromkeys(EVENTS, float("nan"))
     at, time_s = phases(stroke), stroke.time_s
-    part = hammer_m[first:end]
+    part = hammer_m[first : min(end + round(FLIES_ON_S / stroke.interval_s), before)]
     highest = float(part.max())
     top = first + int(np.argmax(part > highest - 0.005 * stroke.hammer.travel_m))
-    out["impact_s"] = float(time_s[top])
+    out["impact_s"], out["top_m"] = float(time_s[top]), highest
     out["speed_m_per_s"] = _speed(time_s[first : top + 1], hammer_m[first : top + 1], highest)
     if out["speed_m_per_s"] < SLOW_M_PER_S:
         after = hammer_m[top : top + round(DROP_WITHIN_S / stroke.interval_s)]
         out["let_off_m"], out["drop_m"] = highest, highest - float(after.min())
-    hold = np.flatnonzero(at[end:before] != 2)
+    hold = np.flatnonzero(at[end:before] != HOLD)
     stop = end + int(hold[0]) if hold.size else before
     if stop - end > 0.05 / stroke.interval_s:
         out["check_m"] = float(np.median(hammer_m[end:stop]))
         below = np.flatnonzero(hammer_m[stop:before] < 0.5 * out["check_m"])
         if below.size:
             out["release_s"] = float(time_s[stop + below[0]] - time_s[min(stop, time_s.size - 1)])
+    if before < time_s.size:
+        out["back_m"] = float(hammer_m[top:before].min())
     return out
 
 

@@ -9,9 +9,9 @@ from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from validation.positions.band import phases
 from validation.positions.compare import Predicted
 from validation.positions.measured import Stroke
+from validation.positions.phases import phases
 from validation.report.figures.svg import STYLE, figure_svg
 
 COLOURS = {"identified": "#00508c", "regulated": "#b35900", "null": "#6b6b6b"}

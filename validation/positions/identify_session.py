@@ -11,10 +11,11 @@ import model
 from rig.session import Session
 from validation.conventions import Array
 from validation.errors import ValidationInputError
-from validation.positions.band import phases, quantiles, spread
+from validation.positions.band import Calibration, PredictedStroke, calibrate, spread
 from validation.positions.identify import Fit, Predict, fit, misfit, of_model, of_null
 from validation.positions.measured import Stroke, measure_positions
 from validation.positions.parameters import FREE, NAMES, SENSORS
+from validation.positions.phases import RELEASE, phases
 from validation.positions.record import Identified, sensors_of
 
 START = {"stop_felt": -2.5, "hammer_shape": 1.0, "key_shape": 0.5, "check": -0.2, "spring": -0.5}
@@ -90,17 +91,17 @@ def identify_session(
 
 def bands_of(
     strokes: Sequence[Stroke], action: model.Action, left_out: dict[str, dict[str, list[float]]]
-) -> dict[str, dict[str, float]]:
-    """Calibrate the bands of all models on strokes predicted by parameters that have not seen them."""
+) -> dict[str, Calibration]:
+    """Choose and calibrate the band of each model on strokes predicted by parameters that have not seen them."""
     full, null, nominal = of_model(action), of_null(action), [0.0] * len(FREE)
     found = {}
     for name, predict in (("regulated", full), ("null", null), ("identified", full)):
-        left: list[tuple[Stroke, Array, Array]] = []
+        left = []
         for stroke in strokes:
             z = np.array(left_out.get(name, {}).get(str(stroke.number), nominal))
             prediction = predict(z, stroke, None)
-            left.append((stroke, prediction, spread(stroke, predict, z, prediction)))
-        found[name] = quantiles(left)
+            left.append(PredictedStroke(stroke, prediction, spread(stroke, predict, z, prediction)))
+        found[name] = calibrate(left)
     return found
 
 
@@ -132,7 +133,7 @@ def explain_release(strokes: Sequence[Stroke], predict: Predict, z: Array) -> di
                 error = (predict(values, stroke, None) - stroke.hammer.value_m) / stroke.hammer.travel_m
             except model.ModelError:
                 return float("nan")
-            squares.append(np.mean(error[phases(stroke) == 3] ** 2))
+            squares.append(np.mean(error[phases(stroke) == RELEASE] ** 2))
         return float(np.sqrt(np.mean(squares)))
 
     out = {"nothing": {"nominal": rms(z), "alone": rms(np.where(_of("sensors"), z, 0.0))}}

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import math
+from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -70,6 +71,7 @@ def render(result: PositionComparison, made: str, session: Path) -> str:
         repeatability=_rows(result.repeatability),
         parameters=parameters(result),
         release=_release(result),
+        bands=result.identified.bands if result.identified else {},
         event_texts=EVENTS,
         limits=_limits([stroke for stroke, _ in strokes]),
         notes=notes.read_text(encoding="utf-8").strip().splitlines() if notes.is_file() else [],
@@ -180,6 +182,7 @@ def _results(result: PositionComparison, made: str) -> dict[str, Any]:
         "repeatability": plain(result.repeatability),
         "parameters": parameters(result),
         "release": _release(result),
+        "bands": {name: asdict(band) for name, band in result.identified.bands.items()} if result.identified else {},
         "refused": {str(k): v for k, v in result.refused.items()},
     }
 

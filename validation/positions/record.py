@@ -11,11 +11,12 @@ import numpy as np
 
 from rig.storage.atomic_write import write_text
 from validation.errors import ValidationInputError
+from validation.positions.band import Calibration
 from validation.positions.identify import Fit
 from validation.positions.measured import Stroke
 from validation.positions.parameters import NAMES, SENSORS
 
-SCHEMA = "piano-action-rig identified positions 1"
+SCHEMA = "piano-action-rig identified positions 2"
 FILE = "identified.json"
 MODELS = ("regulated", "null", "identified")
 
@@ -41,8 +42,8 @@ class Identified:
         Before and after.
     left_out : dict
         Parameters without each of the fitted strokes, from which the bands come.
-    bands : dict
-        For each model and phase the number q of :mod:`validation.positions.band`.
+    bands : dict of str to Calibration
+        For each model how its band was chosen and calibrated.
     release : dict
         RMS of the hammer in the release, rulers, of the fitted strokes: with which group of parameters left nominal,
         and with which group alone identified.
@@ -59,7 +60,7 @@ class Identified:
     null_z: list[float]
     null_covariance: list[list[float]]
     misfit: dict[str, float]
-    bands: dict[str, dict[str, float]]
+    bands: dict[str, Calibration]
     left_out: dict[str, dict[str, list[float]]] = field(default_factory=dict)
     release: dict[str, dict[str, float]] = field(default_factory=dict)
 
@@ -117,7 +118,9 @@ def read_identified(path: Path) -> Identified:
     if not isinstance(plain, dict) or plain.pop("schema", None) != SCHEMA:
         raise ValidationInputError(f"{file}: not an identified set, its schema must be {SCHEMA!r}")
     try:
-        found = Identified(**{**plain, "names": tuple(plain["names"]), "null_names": tuple(plain["null_names"])})
+        bands = {name: Calibration(**plain["bands"][name]) for name in MODELS}
+        names = {key: tuple(plain[key]) for key in ("names", "null_names")}
+        found = Identified(**{**plain, **names, "bands": bands})
     except (TypeError, KeyError) as error:
         raise ValidationInputError(f"{file}: a field is missing or unknown ({error}); identify it again") from None
     if found.names != NAMES or found.null_names != NAMES[: len(SENSORS)]:

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from vision.errors import FilmError, VisionWarning
 from vision.film.compression import Compression, jpeg_steps
 from vision.film.mmap_window import FileWindow
-from vision.film.source import Film, NewestFrame
+from vision.film.source import Film, NewestFrame, grey_of
 
 GREY_CODES = (b"Y800", b"GREY", b"Y8  ")
 MAX_DEPTH = 4
@@ -52,8 +52,8 @@ class AviFilm(Film):
     _announced: int
     _format: bytes
 
-    def __init__(self, path: Path, *, allow_truncated: bool = False) -> None:
-        self.path = path
+    def __init__(self, path: Path, *, allow_truncated: bool = False, channel: str | None = None) -> None:
+        self.path, self._channel = path, channel
         self._allow_truncated = allow_truncated
         self._file = FileWindow(path)
         self._newest = NewestFrame()
@@ -122,6 +122,8 @@ class AviFilm(Film):
         if self.bit_depth == 16:
             return np.ascontiguousarray(rows).view("<u2")
         colour = rows.reshape(y1 - y0, x1 - x0, self._pixel_bytes)[..., :3]
+        if self._channel is not None:
+            return grey_of(colour, self._channel)
         return np.rint(colour @ LUMA).astype(np.uint8)
 
     def close(self) -> None:
@@ -136,7 +138,10 @@ class AviFilm(Film):
         tail = data[-64:].tobytes().rstrip(b"\0")
         picture = None
         if data[:2].tobytes() == b"\xff\xd8" and tail.endswith(b"\xff\xd9") and self._fits(data):
-            picture = cv2.imdecode(data, cv2.IMREAD_GRAYSCALE)
+            if self._channel is None:
+                picture = cv2.imdecode(data, cv2.IMREAD_GRAYSCALE)
+            elif (coloured := cv2.imdecode(data, cv2.IMREAD_COLOR)) is not None:
+                picture = grey_of(coloured, self._channel)
         if picture is None or picture.shape != (self.height, self.width):
             self._refuse(f"frame {index} is not a whole JPEG picture of {self.width} x {self.height}")
         return np.asarray(picture)
@@ -185,7 +190,9 @@ class AviFilm(Film):
         entries = np.frombuffer(self._format[40:], dtype=np.uint8)
         entries = entries[: entries.size // 4 * 4].reshape(-1, 4)[:256, :3]
         palette = np.arange(256, dtype=np.uint8)
-        palette[: len(entries)] = np.rint(entries @ LUMA)
+        palette[: len(entries)] = (
+            np.rint(entries @ LUMA) if self._channel is None else grey_of(entries[None], self._channel)[0]
+        )
         return None if np.array_equal(palette, np.arange(256)) else palette
 
     def _walk_segments(self) -> None:

@@ -11,13 +11,13 @@ from vision.film.cine_reader import CineFilm
 from vision.film.mraw_reader import MrawFilm
 from vision.film.opencv_video import VideoFilm
 from vision.film.picture_stack import PICTURE_SUFFIXES, PagedPicture, PictureFolder
-from vision.film.source import Film
+from vision.film.source import CHANNELS, Film
 
 MRAW_SUFFIXES = (".mraw", ".cih", ".cihx")
 VIDEO_SUFFIXES = (".avi", ".mp4", ".mov", ".mkv", ".m4v")
 
 
-def open_film(path: str | os.PathLike[str], *, allow_truncated: bool = False) -> Film:
+def open_film(path: str | os.PathLike[str], *, allow_truncated: bool = False, channel: str | None = None) -> Film:
     """Open a film of any readable format.
 
     Parameters
@@ -28,6 +28,9 @@ def open_film(path: str | os.PathLike[str], *, allow_truncated: bool = False) ->
         in their names.
     allow_truncated : bool
         Read a film that was cut short up to its last whole frame instead of refusing it.
+    channel : {"red", "green", "blue"}, optional
+        Of a colour film, take the grey values of this channel; weighted as the eye does when None. JPEG and most video
+        codecs store red and blue at half the resolution.
 
     Returns
     -------
@@ -37,7 +40,7 @@ def open_film(path: str | os.PathLike[str], *, allow_truncated: bool = False) ->
     Raises
     ------
     FilmError
-        The film is missing, unreadable, or shorter than its header says.
+        The film is missing, unreadable, or shorter than its header says; a channel of a film whose format is grey.
 
     Examples
     --------
@@ -52,20 +55,24 @@ def open_film(path: str | os.PathLike[str], *, allow_truncated: bool = False) ->
         raise FilmError(
             f"{path}: no such film; give an existing .mraw, .cine, .avi, .mp4, .tif file or a folder of pictures"
         )
+    if channel is not None and channel not in CHANNELS:
+        raise FilmError(f"channel {channel!r} is not known; choose {', '.join(CHANNELS)}, or none")
     if path.is_dir():
-        return PictureFolder(path, allow_truncated=allow_truncated)
+        return PictureFolder(path, allow_truncated=allow_truncated, channel=channel)
+    if channel is not None and suffix in (*MRAW_SUFFIXES, ".cine"):
+        raise FilmError(f"{path}: films of this format are read in grey; leave the channel ({channel}) out")
     if suffix in MRAW_SUFFIXES:
         return MrawFilm(path, allow_truncated=allow_truncated)
     if suffix == ".cine":
         return CineFilm(path, allow_truncated=allow_truncated)
     if suffix == ".avi":
-        avi = AviFilm(path, allow_truncated=allow_truncated)
+        avi = AviFilm(path, allow_truncated=allow_truncated, channel=channel)
         if avi.readable:
             return avi
         avi.close()
     if suffix in VIDEO_SUFFIXES:
-        return VideoFilm(path, allow_truncated=allow_truncated)
+        return VideoFilm(path, allow_truncated=allow_truncated, channel=channel)
     if suffix in PICTURE_SUFFIXES:
-        return PagedPicture(path, allow_truncated=allow_truncated)
+        return PagedPicture(path, allow_truncated=allow_truncated, channel=channel)
     known = ", ".join((*MRAW_SUFFIXES, ".cine", *VIDEO_SUFFIXES, ".tif", ".tiff"))
     raise FilmError(f"{path}: film format {suffix or '(no suffix)'} is not known; readable: {known}, picture folders")

@@ -1,7 +1,8 @@
 """AVI, MP4 and similar films, decoded by OpenCV.
 
 Frames are decoded in order and counted, since a seek inside a compressed film may land on another frame; going back
-reopens the file. Colour is converted to grey with OpenCV's weights. An unreadable file, or one that ends before the
+reopens the file. Colour is converted to grey with OpenCV's weights, or one channel
+is taken. An unreadable file, or one that ends before the
 number of frames it announces, raises `FilmError`. Codecs that predict a frame from its neighbours draw a
 `VisionWarning`: they hide noise on still frames and bias moving ones (errors of 9 to 55 mdeg where raw film gives 2,
 measured with H.264).
@@ -18,7 +19,7 @@ from numpy.typing import NDArray
 from vision.errors import FilmError, VisionWarning
 from vision.film.compression import Compression
 from vision.film.container_check import check_whole
-from vision.film.source import Film
+from vision.film.source import Film, grey_of
 
 if TYPE_CHECKING:
     import cv2
@@ -38,11 +39,11 @@ class VideoFilm(Film):
 
     in_order = True
 
-    def __init__(self, path: Path, *, allow_truncated: bool = False) -> None:
+    def __init__(self, path: Path, *, allow_truncated: bool = False, channel: str | None = None) -> None:
         # start-up: OpenCV costs 0.12 s, MRAW films do without
         import cv2
 
-        self.path = path
+        self.path, self._channel = path, channel
         if not allow_truncated:
             check_whole(path)
         self._capture = self._open()
@@ -72,7 +73,6 @@ class VideoFilm(Film):
     def read(self, index: int) -> NDArray[Any]:
         """Whole frame, shape (height, width), uint8; fastest in order."""
         # start-up: as above
-        import cv2
 
         self._check_index(index)
         if self._last is not None and self._last[0] == index:
@@ -91,7 +91,7 @@ class VideoFilm(Film):
         if not ok or picture is None:
             self._ended(index)
         self._next = index + 1
-        grey = picture if picture.ndim == 2 else cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY)
+        grey = grey_of(picture, self._channel)
         if grey.shape != (self.height, self.width):
             raise FilmError(
                 f"{self.path}: frame {index} is {grey.shape[1]} x {grey.shape[0]}, the header says "

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from vision.errors import FilmError
 from vision.film.compression import Compression, jpeg_steps
-from vision.film.source import Film, NewestFrame
+from vision.film.source import Film, NewestFrame, grey_of
 from vision.film.tiff_pages import chain_is_whole
 
 JPEG_SUFFIXES = (".jpg", ".jpeg")
@@ -29,7 +29,7 @@ class PictureFolder(Film):
     With ``allow_truncated`` a folder with a gap is read up to the gap.
     """
 
-    def __init__(self, path: Path, *, allow_truncated: bool = False) -> None:
+    def __init__(self, path: Path, *, allow_truncated: bool = False, channel: str | None = None) -> None:
         self.path = path
         try:
             found = [entry for entry in path.iterdir() if entry.suffix.lower() in PICTURE_SUFFIXES]
@@ -40,7 +40,8 @@ class PictureFolder(Film):
         self._newest = NewestFrame()
         self._files = _one_series(path, sorted(found, key=_by_number), allow_truncated)
         self.n_frames = len(self._files)
-        first = _decode(self._files[0])
+        self._channel = channel
+        first = _decode(self._files[0], channel)
         self.height, self.width = first.shape
         self.bit_depth = 8 * first.dtype.itemsize
         if self._files[0].suffix.lower() in JPEG_SUFFIXES:
@@ -53,7 +54,7 @@ class PictureFolder(Film):
         if self._newest.index == index and self._newest.picture is not None:
             return self._newest.picture
         file = self._files[index]
-        picture = _decode(file)
+        picture = _decode(file, self._channel)
         if picture.shape != (self.height, self.width) or picture.dtype != self._type:
             raise FilmError(
                 f"{file}: {picture.shape[1]} x {picture.shape[0]} {picture.dtype}, the first picture is "
@@ -66,11 +67,11 @@ class PictureFolder(Film):
 class PagedPicture(Film):
     """A TIFF file with one frame per page, or a single picture."""
 
-    def __init__(self, path: Path, *, allow_truncated: bool = False) -> None:
+    def __init__(self, path: Path, *, allow_truncated: bool = False, channel: str | None = None) -> None:
         # start-up: OpenCV costs 0.12 s, MRAW films do without
         import cv2
 
-        self.path = path
+        self.path, self._channel = path, channel
         self._newest = NewestFrame()
         try:
             self.n_frames = int(cv2.imcount(str(path), cv2.IMREAD_UNCHANGED))
@@ -119,7 +120,7 @@ class PagedPicture(Film):
             raise FilmError(f"{self.path}: page {index} cannot be decoded ({error.err})") from None
         if not ok or len(pages) != 1:
             raise FilmError(f"{self.path}: page {index} of {self.n_frames} cannot be decoded; the film is cut short")
-        return _grey(pages[0], self.path)
+        return _grey(pages[0], self.path, self._channel)
 
 
 def _by_number(file: Path) -> tuple[list[int], str]:
@@ -154,22 +155,16 @@ def _one_series(folder: Path, files: list[Path], allow_truncated: bool) -> list[
     return files[: gaps[0] + 1] if gaps else files
 
 
-def _decode(file: Path) -> NDArray[Any]:
+def _decode(file: Path, channel: str | None) -> NDArray[Any]:
     # start-up: as above
     import cv2
 
-    return _grey(cv2.imread(str(file), cv2.IMREAD_UNCHANGED), file)
+    return _grey(cv2.imread(str(file), cv2.IMREAD_UNCHANGED), file, channel)
 
 
-def _grey(picture: NDArray[Any] | None, file: Path) -> NDArray[Any]:
+def _grey(picture: NDArray[Any] | None, file: Path, channel: str | None) -> NDArray[Any]:
     if picture is None:
         raise FilmError(f"{file}: cannot be decoded; the file is damaged or not a picture")
     if picture.dtype not in (np.uint8, np.uint16):
         raise FilmError(f"{file}: pixel type {picture.dtype}, readable are 8 and 16 bit; convert the picture")
-    if picture.ndim == 3:
-        # start-up: as above
-        import cv2
-
-        code = cv2.COLOR_BGRA2GRAY if picture.shape[2] == 4 else cv2.COLOR_BGR2GRAY
-        picture = cv2.cvtColor(picture, code)
-    return picture
+    return grey_of(picture, channel)

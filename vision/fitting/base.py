@@ -74,17 +74,22 @@ def region_of(
     template: Template, pose: NDArray[np.float64], height: int, width: int, margin_px: int = MARGIN_PX
 ) -> tuple[int, int, int, int] | None:
     """Rectangle (y0, y1, x0, x1) of the frame that holds the body at a pose, or None when too little is inside."""
-    cosine, sine = math.cos(pose[0]), math.sin(pose[0])
-    left, right, top, bottom = template.box_px
-    xs = [cosine * x - sine * y for x in (left, right) for y in (top, bottom)]
-    ys = [sine * x + cosine * y for x in (left, right) for y in (top, bottom)]
-    centre_x, centre_y = template.centre_px[0] + pose[1], template.centre_px[1] + pose[2]
-    if not all(map(math.isfinite, (centre_x, centre_y, cosine))):
+    # plain numbers, once per body and frame: the loop over the corners cost as much as a tenth of a fit
+    turn, shift_x, shift_y = pose.tolist()
+    centre_x, centre_y = template.centre_px[0] + shift_x, template.centre_px[1] + shift_y
+    if not math.isfinite(turn + centre_x + centre_y):
         return None
-    x0 = max(0, math.floor(centre_x + min(xs)) - margin_px)
-    x1 = min(width, math.ceil(centre_x + max(xs)) + margin_px + 1)
-    y0 = max(0, math.floor(centre_y + min(ys)) - margin_px)
-    y1 = min(height, math.ceil(centre_y + max(ys)) + margin_px + 1)
+    cosine, sine = math.cos(turn), math.sin(turn)
+    left, right, top, bottom = template.box_px
+    # each corner coordinate is a sum of two products, the least of which is the sum of the least
+    low_x, high_x = (left, right) if cosine >= 0.0 else (right, left)
+    low_y, high_y = (top, bottom) if cosine >= 0.0 else (bottom, top)
+    down_x, up_x = (left, right) if sine >= 0.0 else (right, left)
+    down_y, up_y = (top, bottom) if sine >= 0.0 else (bottom, top)
+    x0 = max(0, math.floor(centre_x + (cosine * low_x - sine * up_y)) - margin_px)
+    x1 = min(width, math.ceil(centre_x + (cosine * high_x - sine * down_y)) + margin_px + 1)
+    y0 = max(0, math.floor(centre_y + (sine * down_x + cosine * low_y)) - margin_px)
+    y1 = min(height, math.ceil(centre_y + (sine * up_x + cosine * high_y)) + margin_px + 1)
     if x1 - x0 < 16 or y1 - y0 < 16:
         return None
     return y0, y1, x0, x1

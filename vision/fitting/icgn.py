@@ -17,13 +17,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.film.source import SATURATED_SHARE, FrameSource
+from vision.fitting.assessment import TOO_FEW, Assessed, BodyFacts, assess
 from vision.fitting.base import FAILED, MARGIN_PX, Fit, region_of
 from vision.fitting.bspline import noise_gain
-from vision.fitting.coherence import UNKNOWN, Blocks, Ratios
+from vision.fitting.coherence import N_LEVELS, UNKNOWN, Ratios, blocks_of, ratios_of
 from vision.fitting.frame_spline import FrameSpline
 from vision.fitting.kernel_records import Places, Region, RigidFit, Settings, State, Subset
 from vision.fitting.kernels import fit_rigid, place_pixels, sample, tukey_weights
-from vision.fitting.normal_inverse import inverse_and_covariance
 from vision.fitting.pose_covariance import PATTERN_EXCESS, TUKEY_FACTOR, pose_covariance
 from vision.fitting.slow_changes import UNCHANGED, Changes, SlowChanges, added
 from vision.fitting.template import Template
@@ -56,7 +56,16 @@ class IcgnFitter:
         self._slow: SlowChanges | None = None
         self._followed = False
         self._settings = Settings(noise_gain(), SCALE_FLOOR_GREY, TOLERANCE_PX, STOP_U, MAX_ITERATIONS)
-        self._blocks = Blocks(template.offset_px)
+        self._blocks = blocks_of(template.offset_px)
+        self._facts = BodyFacts(
+            template.columns,
+            template.noise_normal,
+            float(template.n_averaged),
+            float(template.noise_grey),
+            QUIET,
+            PATTERN_EXCESS,
+            TUKEY_FACTOR,
+        )
         self._work = np.zeros((5, template.n_pixels), dtype=np.float32)
         self._at = np.zeros(template.n_pixels, dtype=np.int32)
         self._uncovered = np.zeros(template.n_pixels, dtype=np.uint8)
@@ -118,12 +127,16 @@ class IcgnFitter:
 
     def _changed(self, fit: Fit) -> bool:
         """Whether light and scale, as the residuals of a fit show them, ask for another."""
-        weight, residual, more = self._weight * self._work[1], self._work[2], UNCHANGED
+        more = UNCHANGED
+        suspected = any(one > CHANGE_SUSPECTED for one in fit.coherence.ratio[-1].tolist())
+        if not suspected and self._changes == UNCHANGED:
+            return False
+        weight, residual = self._weight * self._work[1], self._work[2]
         if self._changes != UNCHANGED and not self._followed:
             # what is in use is a parameter like others, which no threshold holds back
             self._followed = True
             more = self._slow_changes().followed(weight, residual, fit.gain, self._changes)
-        elif np.any(fit.coherence.ratio[-1] > CHANGE_SUSPECTED):
+        elif suspected:
             more = self._slow_changes().measure(weight, residual, fit.gain, max(fit.noise_grey, SCALE_FLOOR_GREY) ** 2)
         both = added(self._changes, more)
         if more == UNCHANGED or both is None:
@@ -157,7 +170,7 @@ class IcgnFitter:
             self._cautious = False
         state = State(pose, self._weight, self._work, self._at, self._scale)
         found = fit_rigid(region, subset, self._settings, state)
-        if found.iterations <= 0 or not all(map(math.isfinite, pose.tolist())):
+        if found.iterations <= 0 or not math.isfinite(sum(pose.tolist())):
             self.reset()
             return FAILED
         self._scale = found.sums.scale
@@ -191,49 +204,35 @@ class IcgnFitter:
 
     def _assess(self, found: RigidFit, pose: NDArray[np.float64]) -> Fit:
         """Quality figures and covariance from the sums of the last iteration."""
-        sums, gain = found.sums, found.gain
-        if sums.weight <= 6.0:
+        sums, n = found.sums, self.template.n_pixels
+        figures, inverse, covariance = np.empty(2), np.empty((5, 5)), np.empty((3, 3))
+        coherence = Ratios(np.empty((N_LEVELS, 3)), np.empty((N_LEVELS, 3)))
+        out = Assessed(figures, covariance, inverse, *coherence)
+        lacking = assess(self._facts, self._blocks, found, self._work, self._weight, out)
+        if lacking == TOO_FEW:
             return FAILED
-        template = self.template
-        # the weighted sum has as many degrees of freedom as pixels with weight, less the five parameters
-        variance = sums.squares / (sums.weight * (1.0 - 5.0 / max(sums.seen, 6.0)))
-        spread = sums.value2 / sums.weight - (sums.value / sums.weight) ** 2
-        explained = 1.0 - sums.squares / sums.weight / spread if spread > 0.0 else 0.0
-        n = template.n_pixels
-        # pixels that are saturated, or of one grey value, have no residual, though the others have their noise
-        still = QUIET * template.noise_grey * min(abs(gain), 1.0)
-        variance = max(variance, still**2 * (found.noise_gain + gain**2 / template.n_averaged))
-        covariance, inverse = self._covariance(found, variance)
+        variance, zncc = figures.tolist()
+        if lacking:
+            covariance, coherence = self._assess_at_length(found, variance)
         return Fit(
             pose=pose,
             covariance=covariance,
-            zncc=math.copysign(math.sqrt(max(explained, 0.0)), gain),
+            zncc=zncc,
             inlier=sums.inlier / n,
             seen=sums.seen / n,
-            gain=gain,
+            gain=found.gain,
             noise_grey=math.sqrt(variance),
             iterations=found.iterations,
             converged=True,
-            coherence=self._coherence(found, covariance, inverse),
+            coherence=coherence,
         )
 
-    def _covariance(self, found: RigidFit, variance: float) -> tuple[NDArray[np.float64], NDArray[np.float64] | None]:
-        """As `pose_covariance`, which is asked where the short way does not do."""
+    def _assess_at_length(self, found: RigidFit, variance: float) -> tuple[NDArray[np.float64], Ratios]:
+        """Covariance and coherence where a fixed pattern may be in the noise or the matrix is nearly singular."""
         template, gain = self.template, found.gain
-        noise = variance / (found.noise_gain + gain**2 / template.n_averaged)
-        if noise <= PATTERN_EXCESS * template.noise_grey**2:
-            inverse, covariance = np.empty((5, 5)), np.empty((3, 3))
-            share = float(found.normal[4, 4]) / template.n_pixels
-            factor = TUKEY_FACTOR * noise / gain**2
-            if inverse_and_covariance(found.normal, template.noise_normal, share, factor, inverse, covariance):
-                return covariance, inverse
-        return pose_covariance(found.normal, variance, gain, found.noise_gain, template, TUKEY_FACTOR)
-
-    def _coherence(
-        self, found: RigidFit, covariance: NDArray[np.float64], inverse: NDArray[np.float64] | None
-    ) -> Ratios:
-        """How far the residuals are from white noise; the residuals also hold the noise of the reference."""
+        covariance, inverse = pose_covariance(found.normal, variance, gain, found.noise_gain, template, TUKEY_FACTOR)
         if inverse is None:
-            return UNKNOWN
-        white = covariance.diagonal() * (1.0 + found.gain**2 / self.template.n_averaged)
-        return self._blocks.ratios(self.template.columns, self._work, self._weight, inverse[:3] / found.gain, white)
+            return covariance, UNKNOWN
+        white = covariance.diagonal() * (1.0 + gain**2 / template.n_averaged)
+        influence = inverse[:3] / gain
+        return covariance, ratios_of(self._blocks, template.columns, self._work, self._weight, influence, white)

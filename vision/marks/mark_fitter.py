@@ -17,7 +17,7 @@ from vision.errors import BodyError
 from vision.film.source import FrameSource
 from vision.fitting.base import FAILED, MARGIN_PX, Fit, region_of
 from vision.fitting.bspline import noise_gain
-from vision.fitting.coherence import Blocks
+from vision.fitting.coherence import blocks_of, ratios_of
 from vision.fitting.frame_spline import FrameSpline
 from vision.fitting.icgn import QUIET, SCALE_FLOOR_GREY
 from vision.fitting.kernel_records import Places, Region, Subset
@@ -100,7 +100,7 @@ class MarkFitter:
         self._frames = frames
         self._design = np.vstack([template.columns, np.ones(template.n_pixels)]).astype(float)
         self._reduced = _expanded(motions).T @ self._design  # (k + 2, n)
-        self._blocks = Blocks(template.offset_px)
+        self._blocks = blocks_of(template.offset_px)
         n = template.n_pixels
         self._work, self._at = np.zeros((5, n), dtype=np.float32), np.zeros(n, dtype=np.int32)
         self._nothing = np.zeros(n, dtype=np.uint8)
@@ -196,7 +196,7 @@ class MarkFitter:
         covariance = TUKEY_FACTOR * noise * (influence @ normal @ influence)[:3, :3] / gain**2
         covariance[0, 0] = max(covariance[0, 0], UNTURNED)
         white = np.maximum(covariance.diagonal() * (1.0 + gain**2 / template.n_averaged), 1e-30)
-        ratios = self._blocks.ratios(template.columns, self._work, self._weight, influence[:3] / gain, white)
+        ratios = ratios_of(self._blocks, template.columns, self._work, self._weight, influence[:3] / gain, white)
         return Fit(
             pose=pose.copy(),
             covariance=covariance,

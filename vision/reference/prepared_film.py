@@ -25,6 +25,8 @@ class PreparedFilm:
         In the order of the bodies.
     occlusion : Occlusion
     method : {"icgn", "ecc"}
+    skips_blocks : bool
+        Whether its frames repeat squares of the frame before, as a codec leaves them of which the file says nothing.
     """
 
     film: FrameSource
@@ -33,6 +35,7 @@ class PreparedFilm:
     templates: list[Template]
     occlusion: Occlusion
     method: str
+    skips_blocks: bool = False
 
     @property
     def parents(self) -> list[int | None]:

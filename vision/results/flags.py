@@ -29,10 +29,11 @@ class FrameFlag(IntFlag):
     UNCONFIRMED = 128
     """The backward pass did not find the body where the forward pass had it."""
     IMPRECISE = 256
-    """The stated standard uncertainty is too large to rule out an error of 0.05 degrees; not a failure."""
+    """The stated standard uncertainty is more than twice what texture and noise allow and above 12.5 mdeg, or above 25
+    mdeg, where the 95 % interval reaches 0.05 degrees; not a failure."""
     COVERED = 512
-    """Something no outline describes hides part of the body; the weights suppress it, not always fully; not a
-    failure."""
+    """Something no outline describes hides part of the body, and a fit without that part did not confirm the pose; not
+    a failure."""
     REPEATED = 1024
     """The frame repeats the one before, byte for byte, so it says nothing about its own time."""
 

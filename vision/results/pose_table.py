@@ -66,7 +66,7 @@ class PoseTable:
 
     def store(self, row: int, body: int, fit: Fit, flag: FrameFlag) -> None:
         """Store one fit; of a failed one only its flag."""
-        if flag & FAILURE:
+        if flag is not FrameFlag.GOOD and flag & FAILURE:
             self.flag[row, body] = 0
             self.reject(row, body, flag)
             return

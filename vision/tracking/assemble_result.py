@@ -20,11 +20,22 @@ from vision.tracking.film_tracker import FilmTracker, first_poses
 from vision.tracking.options import FitSettings
 from vision.uncertainty.budget_terms import TrackedAngles, budget_of
 from vision.uncertainty.coherence_widening import variance_factor, widened
+from vision.uncertainty.compression_noise import INTERFRAME_FACTOR
 from vision.uncertainty.expected_coherence import expected_ratio
 from vision.uncertainty.pose_response import PoseResponse
 
 PRECISE_U_RAD = np.radians(0.05) / 4.0
-"""Above this an error of 0.05 degrees is less than four standard uncertainties away."""
+"""Up to this an error of 0.05 degrees is at least four standard uncertainties away."""
+MOST_PRECISE_U_RAD = np.radians(0.05) / 2.0
+"""Beyond this the 95 % interval is wider than 0.05 degrees to each side, whatever the texture."""
+USUAL_SHARE = 2.0
+"""A u up to this many times what texture and noise allow is the film's, not the row's."""
+
+
+def imprecise_from(predicted_u_rad: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Standard uncertainty above which a row is flagged `IMPRECISE`, by what is expected of the body, rad."""
+    usual = np.nan_to_num(USUAL_SHARE * predicted_u_rad, nan=PRECISE_U_RAD)
+    return np.asarray(np.clip(usual, PRECISE_U_RAD, MOST_PRECISE_U_RAD))
 
 
 @dataclass(frozen=True)
@@ -78,7 +89,10 @@ def _widened_table(ready: PreparedFilm, table: PoseTable, camera: Projection | N
         white = np.diagonal(table.covariance, axis1=2, axis2=3)
         added = [expected_ratio(t, camera, table.pose[:, i], white[:, i]) for i, t in enumerate(ready.templates)]
         ratio = np.maximum(ratio - np.stack(added, axis=1), 0.0)
-    return replace(table, covariance=widened(table.covariance, variance_factor(ratio, table.blocks)))
+    factor = variance_factor(ratio, table.blocks)
+    if ready.skips_blocks:
+        factor = factor + INTERFRAME_FACTOR**2
+    return replace(table, covariance=widened(table.covariance, factor))
 
 
 def assemble_result(
@@ -107,7 +121,8 @@ def assemble_result(
     tracked = TrackedAngles(time_s[table.frame], pose, picture_to_ccw(pose[..., 0]), table.u_turn, u_common)
     u_angle = np.hypot(tracked.u_noise_rad, u_common)
     flag = table.flag.copy()
-    flag[u_angle > PRECISE_U_RAD] |= np.uint16(int(FrameFlag.IMPRECISE))
+    predicted = np.array([predicted_u_angle(t, reference.noise_grey) for t in ready.templates])
+    flag[u_angle > imprecise_from(predicted)] |= np.uint16(int(FrameFlag.IMPRECISE))
     centre = np.array([template.centre_px for template in ready.templates])
     return TrackResult(
         bodies=tuple(body.name for body in bodies),
@@ -123,7 +138,7 @@ def assemble_result(
         inlier=table.inlier,
         noise_grey=table.noise_grey,
         flag=flag,
-        predicted_u_rad=np.array([predicted_u_angle(t, reference.noise_grey) for t in ready.templates]),
+        predicted_u_rad=predicted,
         covariance=table.covariance,
         budget=budget_of(ready, settings.camera_model, tracked, settings.u_time_s),
         n_still=reference.n_averaged,

@@ -19,8 +19,10 @@ from vision.fitting.base import FAILED, Fit, Fitter
 from vision.fitting.template import Template
 from vision.results.flags import FAILURE, FrameFlag
 from vision.tracking.pose_prediction import Placement, PlacementHistory, from_parent, in_parent
-from vision.tracking.wide_search import search_candidates
+from vision.tracking.wide_search import far_candidates, search_candidates
 
+GOOD = FrameFlag.GOOD
+"""Compared by identity before its bits: arithmetic of flags costs more than all other tests of a good frame."""
 MIN_ZNCC = 0.6
 """Least correlation on a film without noise; with noise, `EXPECTED_SHARE` of what it leaves of a perfect match."""
 EXPECTED_SHARE = 0.75
@@ -37,13 +39,18 @@ MIN_GAIN = 0.6
 """Flicker changes the light by some per cent; where the contrast collapses another surface hides the body."""
 COVERED_SHARE = 0.1
 """Share of visible pixels that do not agree; noise alone makes 0.003."""
+FAR_EVERY = 3
+"""Of the lost frames in a row that are searched, the whole picture is in one out of this many, the first included."""
+FAR_SHARE = 0.95
+"""Least correlation, as a share of the usual one, of a body found far from where it was: others may look like it."""
 MAX_SEARCHED_IN_A_ROW = 60
 """Lost frames in a row after which the wide search runs on every fifth frame only."""
 
 
 @dataclass
 class BodyTracker:
-    """State of one body while a film is tracked: ``absolute`` in the picture, ``relative`` in its parent's axes."""
+    """State of one body while a film is tracked: ``absolute`` in the picture, ``relative`` in its parent's axes;
+    ``looks_far``: whether it is looked for in the whole picture once it is lost."""
 
     fitter: Fitter
     parent: BodyTracker | None = None
@@ -55,6 +62,7 @@ class BodyTracker:
     usual_zncc: float = 0.0
     usual_gain: float = 1.0
     searches: int = 0
+    looks_far: bool = True
     least_zncc: float = field(init=False)
     common_contrast: float = field(init=False)
 
@@ -104,10 +112,10 @@ class BodyTracker:
         """Fit the body in frame ``index``, the ``step``-th tracked one, from its `predict` pose, and remember it."""
         fit = self.fitter.fit(film, index, expected, covered)
         flag = self._flags_of(fit, expected)
-        if flag & FAILURE:
+        if flag is not GOOD and flag & FAILURE:
             fit, flag = self._retry(film, index, step, covered, flag, search)
         self.fit, self.flag = fit, flag
-        if flag & FAILURE:
+        if flag is not GOOD and flag & FAILURE:
             self.lost_in_a_row += 1
             self.fitter.reset()
             return fit
@@ -142,9 +150,17 @@ class BodyTracker:
             return FAILED, first_flag
         self.searches += 1
         best, best_flag = FAILED, first_flag
-        for start in search_candidates(film, index, self.template, newest):
+        near = search_candidates(film, index, self.template, newest)
+        for start in near:
             fit, flag = self._fit_anew(film, index, start, covered)
             if not flag & FAILURE and fit.zncc > best.zncc:
+                best, best_flag = fit, flag | FrameFlag.REACQUIRED
+        if best is not FAILED or not self.looks_far or self.lost_in_a_row % FAR_EVERY:
+            return best, best_flag
+        for start in far_candidates(film, index, self.template, float(newest[0])):
+            # what hides it where it was says nothing of it here
+            fit, flag = self._fit_anew(film, index, start, None)
+            if not flag & FAILURE and fit.zncc > max(best.zncc, FAR_SHARE * self.usual_zncc):
                 best, best_flag = fit, flag | FrameFlag.REACQUIRED
         return best, best_flag
 
@@ -163,7 +179,7 @@ class BodyTracker:
     def _flags_of(self, fit: Fit, expected: NDArray[np.float64]) -> FrameFlag:
         if not fit.converged:
             return FrameFlag.NOT_CONVERGED
-        flag = FrameFlag.GOOD
+        flag = GOOD
         # residuals that are the still frames' noise need no better correlation, however low that noise makes it
         noise_only = fit.noise_grey <= NOISE_ONLY * self.template.noise_grey * max(fit.gain, 1.0)
         usual = noise_only or fit.zncc >= USUAL_SHARE * self.usual_zncc
@@ -177,7 +193,7 @@ class BodyTracker:
         if not (abs(turn - turn0) <= MAX_JUMP_RAD and math.hypot(x - x0, y - y0) <= MAX_JUMP_PX):
             flag |= FrameFlag.JUMP
         # one number that is not finite makes the sum so
-        if not (math.isfinite(fit.covariance.sum()) and fit.covariance[0, 0] > 0.0):
+        if not (math.isfinite(sum(map(sum, fit.covariance.tolist()))) and fit.covariance[0, 0] > 0.0):
             flag |= FrameFlag.NO_COVARIANCE
         return flag
 

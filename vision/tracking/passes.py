@@ -128,6 +128,8 @@ def fit_alone(ready: PreparedFilm, table: PoseTable, row: int, poses: Sequence[N
     tracker = FilmTracker(ready)
     tracker.clear_histories()
     tracker.place(-1, poses)
+    for body in tracker.trackers:
+        body.looks_far = False  # near where it was said to be, or not at all
     tracker.step(int(table.frame[row]), 0)
     store(tracker, table, row)
 

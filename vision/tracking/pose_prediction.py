@@ -68,5 +68,5 @@ class PlacementHistory:
             return place
         if len(self._last) == 2:
             return 2.0 * place - self._last[0][1]
-        three = zip(self._last[0][1].tolist(), self._last[1][1].tolist(), place.tolist(), strict=True)
-        return np.array([3.0 * new - 3.0 * middle + old for old, middle, new in three])
+        (a0, a1, a2), (b0, b1, b2), (c0, c1, c2) = (item[1].tolist() for item in self._last)
+        return np.array([3.0 * c0 - 3.0 * b0 + a0, 3.0 * c1 - 3.0 * b1 + a1, 3.0 * c2 - 3.0 * b2 + a2])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import warnings
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,11 +18,14 @@ from vision.film.open import open_film
 from vision.film.source import FrameSource
 from vision.fitting.pose_covariance import predicted_u_angle
 from vision.fitting.template import build_template
+from vision.reference.defect_pixels import WithoutDefects, without_defects
 from vision.reference.prepared_film import PreparedFilm
+from vision.reference.skipped_blocks import skips_blocks
 from vision.reference.still_average import Reference, average_still_frames
 from vision.reference.stillness import still_count
 from vision.tracking.film_tracker import FilmTracker, first_poses
 from vision.tracking.options import MAX_PIXELS
+from vision.tracking.sensor_pattern import WithoutPattern
 
 WANTED_STILL = 10
 FIRST_AVERAGED = 4
@@ -42,6 +46,8 @@ def prepare(
     VisionWarning
         When fewer than ten still frames are found.
     """
+    if not isinstance(film, WithoutDefects | WithoutPattern):
+        film = without_defects(film)
     distances = outline_distances(bodies, film.height, film.width)
     masks = masks_of(bodies, distances)
     region = np.logical_or.reduce(masks)
@@ -53,7 +59,8 @@ def prepare(
             for body, mask in zip(bodies, usable, strict=True)
         ]
         occlusion = Occlusion(bodies, templates, distances)
-        return PreparedFilm(film, bodies, reference, templates, occlusion, method)
+        found = PreparedFilm(film, bodies, reference, templates, occlusion, method)
+        return replace(found, skips_blocks=skips_blocks(film, _around(region), reference.noise_grey))
 
     if n_still is None:
         candidates = average_still_frames(film, region).n_averaged
@@ -67,6 +74,12 @@ def prepare(
                 stacklevel=4,
             )
     return prepared(average_still_frames(film, region, n_still))
+
+
+def _around(region: NDArray[np.bool_]) -> tuple[int, int, int, int]:
+    """Rectangle (y0, y1, x0, x1) of a region."""
+    rows, columns = np.flatnonzero(region.any(axis=1)), np.flatnonzero(region.any(axis=0))
+    return int(rows[0]), int(rows[-1]) + 1, int(columns[0]), int(columns[-1]) + 1
 
 
 def predict_uncertainty(

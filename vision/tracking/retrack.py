@@ -14,13 +14,16 @@ from vision.bodies.outlines import Body
 from vision.errors import VisionInputError
 from vision.film.open import open_film
 from vision.film.source import FrameSource
+from vision.fitting.pose_covariance import PATTERN_EXCESS
 from vision.results.pose_table import PoseTable
 from vision.results.track_result import TrackResult
+from vision.rigidity.hidden_parts import confirm_hidden
 from vision.tracking.assemble_result import assemble_result, zero_of_still_frames
 from vision.tracking.options import FitOptions, FitSettings
 from vision.tracking.passes import fit_alone
 from vision.tracking.prepare import frame_times, prepare
 from vision.tracking.scout import starts
+from vision.tracking.sensor_pattern import residual_variance
 
 Places = Mapping[str, tuple[float, float, float]]
 """Where bodies are, by name: angle (rad, counter-clockwise from the zero), x and y of the region's centre (px)."""
@@ -93,6 +96,8 @@ def retrack_frames(
             phi = float(ccw_to_picture(angle)) + zero_rad
             poses.append(np.array([phi, x - template.centre_px[0], y - template.centre_px[1]]))
         fit_alone(ready, table, row, poses)
+    if settings.method == "icgn":
+        confirm_hidden(ready, table, residual_variance(ready, table) > PATTERN_EXCESS)
     return assemble_result(ready, zero, table, time_s, settings, {"retracked": list(frames)})
 
 
@@ -147,4 +152,6 @@ def preview(
     table = PoseTable.empty(chosen, len(bodies))
     for row, (_, pose) in enumerate(starts(ready, np.arange(film.n_frames), [int(frame) + 1 for frame in chosen])):
         fit_alone(ready, table, row, list(pose))
+    if settings.method == "icgn":
+        confirm_hidden(ready, table, residual_variance(ready, table) > PATTERN_EXCESS)
     return assemble_result(ready, zero, table, time_s, settings, {"preview": chosen.tolist()})

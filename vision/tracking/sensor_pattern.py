@@ -39,6 +39,8 @@ POWER = 0.1
 AT_FIRST = (0.5 * POWER, 0.6 * COMMON)
 """The same at the first look, which is less sure."""
 REACH_PX = 4
+HELD_PX = 0.5
+"""How far a picture of pure noise that stands still can hold a body back."""
 LEFT_OVER = 1.25
 """Measured on disturbed films of wood, felt and speckle: their shares are 0.5, 0.25 and 0.05."""
 BETTER = 0.85
@@ -90,6 +92,28 @@ def residual_variance(ready: PreparedFilm, table: PoseTable) -> NDArray[np.float
             for i in range(moved.shape[1])
         ]
     )
+
+
+def held_back(ready: PreparedFilm, table: PoseTable) -> NDArray[np.float64]:
+    """Variance of (turn, x, y), (n, m, 3), of bodies that what the still frames have in common may hold back.
+
+    Residuals that grow once a body has moved show noise that stood still in the still frames: a pattern that could not
+    be taken off, a coarse step of the grey values, a codec. While the body has moved by less than `MOVED_PX` that is in
+    reference and frame alike, and no residual shows it.
+    """
+    excess = residual_variance(ready, table)
+    near = (way_px(ready, table) < MOVED_PX) & (table.frame >= ready.reference.n_averaged)[:, None]
+    added = np.zeros((*near.shape, 3))
+    if ready.film.compression is not None:
+        return added  # the budget's term for the codec has it
+    for i, template in enumerate(ready.templates):
+        if excess[i] > PATTERN_EXCESS:
+            still = max(template.noise_grey, 0.3) ** 2 / template.n_averaged
+            part = template.noise_normal.diagonal()[:3] * (0.5 * (excess[i] - 1.0) * template.noise_grey**2 / still)
+            share = np.minimum(part / template.normal.diagonal()[:3], 1.0)
+            reach = HELD_PX * np.array([2.0 / template.radius_px, 1.0, 1.0])
+            added[:, i] = np.where(near[:, i, None], (share * reach) ** 2, 0.0)
+    return added
 
 
 def suspected(ready: PreparedFilm, table: PoseTable) -> bool:

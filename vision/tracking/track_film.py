@@ -21,10 +21,13 @@ from vision.bodies.outlines import Body
 from vision.errors import VisionWarning
 from vision.film.open import open_film
 from vision.film.source import FrameSource
+from vision.fitting.pose_covariance import PATTERN_EXCESS, predicted_u_angle
+from vision.reference.defect_pixels import WithoutDefects
 from vision.reference.prepared_film import PreparedFilm
 from vision.results.flags import FrameFlag
 from vision.results.pose_table import PoseTable
 from vision.results.track_result import TrackResult
+from vision.rigidity.hidden_parts import confirm_hidden
 from vision.rigidity.moving_parts import moving_parts
 from vision.tracking.assemble_result import Zero, assemble_result, zero_of_rows, zero_of_still_frames
 from vision.tracking.checkpoint import Checkpoint, job_hash
@@ -32,7 +35,7 @@ from vision.tracking.film_tracker import FilmTracker
 from vision.tracking.options import TrackOptions, TrackSettings
 from vision.tracking.passes import Run, confirm_backward, track_forward
 from vision.tracking.prepare import frame_times, prepare
-from vision.tracking.sensor_pattern import WithoutPattern, left_over
+from vision.tracking.sensor_pattern import WithoutPattern, held_back, left_over, residual_variance
 from vision.tracking.stretches import first_rows
 from vision.tracking.without_pattern import TRACKED_AGAIN, better, pattern_by_sample, pattern_is_suspected
 from vision.tracking.workers import usable_threads
@@ -136,6 +139,11 @@ def _track(
     done = _both_passes(ready, frame, settings, checkpoint)
     ready, done, pattern_grey = _without_pattern(ready, done, settings)
     table = done.table
+    doubted = residual_variance(ready, table) > PATTERN_EXCESS
+    confirmed = confirm_hidden(ready, table, doubted) if settings.method == "icgn" else 0
+    table.covariance[..., [0, 1, 2], [0, 1, 2]] += held_back(ready, table)
+    _reject_hopeless(ready, table)
+    _warn_of_camera(ready)
     repeated = np.any(table.flag & np.uint16(int(FrameFlag.REPEATED)), axis=1)
     if repeated.any():
         warnings.warn(
@@ -157,12 +165,47 @@ def _track(
         **done.info,
         "rows_repeated": int(repeated.sum()),
         "pattern_grey": pattern_grey,
+        "rows_uncovered": confirmed,
+        "defect_pixels": ready_defects(ready),
+        "skips_blocks": ready.skips_blocks,
         "moving_parts": {name: asdict(parts) for name, parts in apart.items()},
     }
     result = assemble_result(ready, done.zero, table, time_s, settings, info)
     if checkpoint is not None:
         checkpoint.clear()
     return result
+
+
+def ready_defects(ready: PreparedFilm) -> int:
+    """Number of the sensor's pixels that were replaced by their neighbours."""
+    film = ready.film.film if isinstance(ready.film, WithoutPattern) else ready.film
+    return int(film.rows.size) if isinstance(film, WithoutDefects) else 0
+
+
+def _reject_hopeless(ready: PreparedFilm, table: PoseTable) -> None:
+    """Lose the rows of bodies whose texture cannot be told from noise: what fits them fits anywhere."""
+    for i, template in enumerate(ready.templates):
+        if np.isfinite(predicted_u_angle(template, ready.reference.noise_grey)):
+            continue
+        warnings.warn(
+            f"{ready.film.path}: body {template.name}: the noise ({ready.reference.noise_grey:.1f} grey) hides its "
+            "texture, so that all its rows are lost; film with more light, or more frames at rest (--n-still)",
+            VisionWarning,
+            stacklevel=4,
+        )
+        for row in range(table.frame.size):
+            table.reject(row, i, FrameFlag.NO_COVARIANCE)
+
+
+def _warn_of_camera(ready: PreparedFilm) -> None:
+    """Say what the pictures show of camera and codec that the file does not."""
+    if ready.skips_blocks:
+        warnings.warn(
+            f"{ready.film.path}: squares of the picture repeat byte for byte from frame to frame, as codecs leave them "
+            "that predict frames; slow motion may be hidden: u is widened; use the film as the camera took it",
+            VisionWarning,
+            stacklevel=4,
+        )
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.camera.projection import Projection
-from vision.fitting.coherence import N_LEVELS, Blocks
+from vision.fitting.coherence import N_LEVELS, blocks_of, ratios_of
 from vision.fitting.template import Template, invert_normal
 from vision.uncertainty.pose_response import displacement
 
@@ -44,7 +44,7 @@ def expected_ratio(
         return added
     rows = known[np.unique(np.linspace(0, known.size - 1, MOST_ROWS).astype(int))]
     design = np.vstack([template.columns.astype(float), np.ones(template.n_pixels)])
-    blocks = Blocks(template.offset_px)
+    blocks = blocks_of(template.offset_px)
     work, weight = np.ones((3, template.n_pixels), dtype=np.float32), np.ones(template.n_pixels, dtype=np.float32)
     found = np.empty((rows.size, N_LEVELS, 3))
     for k, row in enumerate(rows):
@@ -52,7 +52,7 @@ def expected_ratio(
         residual = design[1] * along + design[2] * across
         residual -= (inverse @ (design @ residual)) @ design
         work[2] = residual
-        found[k] = blocks.ratios(template.columns, work, weight, inverse[:3], white_variance[row]).ratio
+        found[k] = ratios_of(blocks, template.columns, work, weight, inverse[:3], white_variance[row]).ratio
     for level in range(N_LEVELS):
         for axis in range(3):
             added[:, level, axis] = np.interp(np.arange(len(pose)), rows, found[:, level, axis])

@@ -17,7 +17,7 @@ def input_at(t, k, first, last, time, value):
         k += 1
     while k > first and t < time[k] - JUMP:
         k -= 1
-    if t <= time[first]:
+    if t < time[first]:
         return value[first], 0.0, k
     if t >= time[last] - JUMP:
         return value[last], 0.0, k

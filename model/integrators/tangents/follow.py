@@ -8,7 +8,7 @@ import numpy as np
 from numba import types
 
 from model.integrators.tangents.nodes import LINEAR, linearise_node
-from model.integrators.tangents.radau import NODES, WANTED, at_fraction, estimated_error, solve_step
+from model.integrators.tangents.radau import NODES, STAGES, WANTED, at_fraction, estimated_error, solve_step
 from model.integrators.tangents.recorded_motion import DRIVE, MOTION, state_at
 from model.kernels.compile import inlined, step_loop
 from model.kernels.stepping.inputs import input_at
@@ -16,6 +16,7 @@ from model.kernels.stepping.inputs import input_at
 DONE, STEP_TOO_SMALL, TOO_MANY_STEPS = 0, 1, 2
 MOST_STEPS = 50  # attempts for each step of the motion; a blow of the printed action takes about one
 SAFETY, GROW, SHRINK, SMALLEST_STEP = 0.8, 6.0, 0.1, 1e-10
+POWER = -1.0 / (STAGES + 1)  # of the step in the estimated error
 FIRST_STEP = 1e-5  # s
 
 _f, _i = types.float64, types.int64
@@ -79,10 +80,10 @@ def accept(tangent, reached, largest):
 @inlined
 def end_is_start(space):
     """The last node of a step is the start of the next."""
-    space.mass[0] = space.mass[3]
-    space.stiff[0] = space.stiff[3]
-    space.damp[0] = space.damp[3]
-    space.alpha[0] = space.alpha[3]
+    space.mass[0] = space.mass[STAGES]
+    space.stiff[0] = space.stiff[STAGES]
+    space.damp[0] = space.damp[STAGES]
+    space.load[0] = space.load[STAGES]
 
 
 @step_loop(FOLLOW)
@@ -111,12 +112,12 @@ def follow(motion, drive, kinks, linear, wanted, tangent):
         stop = min(end, at_kink, before(t, place[0], motion, wanted.stride))
         step = fitted(h, stop - t)
         after = stop if step == stop - t else t + step
-        for m in range(3):
-            place = node_at(after if m == 2 else t + NODES[m] * step, m + 1, place, motion, drive, linear)
+        for m in range(STAGES):
+            place = node_at(after if m == STAGES - 1 else t + NODES[m] * step, m + 1, place, motion, drive, linear)
         error = 1e300
         if solve_step(step, tangent, space):
             error = estimated_error(step, tangent, wanted, space)
-        factor = max(SHRINK, min(GROW, SAFETY * max(error, 1e-12) ** -0.25))
+        factor = max(SHRINK, min(GROW, SAFETY * max(error, 1e-12) ** POWER))
         # a kink that is not known leaves an error in proportion to the step across it
         if error > 1.0 and (step > SMALLEST_STEP or error > 1e200):
             rejected += 1

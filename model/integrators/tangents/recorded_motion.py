@@ -139,7 +139,7 @@ def record(span, drive, scene, structure, kernels, method, limits, log):
 
     Returns the time reached, the next step to try, a status, how many rows were filled.
     """
-    t, t_end, h, q, v = span
+    t, t_end, h, q, v, _ = span
     p, parent, n_contacts = scene
     a, c, b, node, d, dense, gamma, exponent = method
     motion, counters = log

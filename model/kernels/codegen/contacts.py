@@ -5,6 +5,9 @@ A contact between A and B acts on the coordinates of its chain; (b, side) says t
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import NamedTuple
+
 from model.kernels import layout as L
 from model.kernels import workspace as W
 from model.kernels.codegen.structure import LoneContact, Structure
@@ -117,10 +120,31 @@ def contact_forces(s: LoneContact, c: int) -> list[str]:
     return [*centres(s, c), *surface(s, c, False), *where_closed, *indent(touch)]
 
 
-def contact_linearised(s: LoneContact, c: int) -> list[str]:
+class FeltLines(NamedTuple):
+    """Lines of a felt law: its force and slopes, derivatives where it presses, what happens where it is left alone.
+
+    ``start`` are lines once the depth is known, before it decides.
+    ``stiffness`` is the text of the force per depth that a first touch brings at once.
+    """
+
+    law: list[str]
+    derivatives: list[str]
+    away: list[str]
+    stiffness: str
+    start: list[str]
+
+
+def _without_memory(s: LoneContact, c: int) -> FeltLines:
+    law = [f"fn, fnx, fnr, mu, mus = contact_laws(x, rate, slide, {law_numbers(s, c)})"]
+    stiffness, damping = contact_numbers(s, c, L.K_C, L.DAMP)
+    return FeltLines(law, derivatives(s, c), [], f"{stiffness} * (1.0 + {damping} * abs(w[{s.at(c, W.GAP_RATE)}]))", [])
+
+
+def contact_linearised(s: LoneContact, c: int, felt: FeltLines | None = None) -> list[str]:
     """Force and derivatives of contact ``c`` where it touches; its gap and how fast that changes in any case."""
     chain = s.chain[c]
-    law = [f"fn, fnx, fnr, mu, mus = contact_laws(x, rate, slide, {law_numbers(s, c)})"]
+    felt = _without_memory(s, c) if felt is None else felt
+    law = [*felt.law]
     law += ["fx = fn * nx + mu * fn * ny", "fy = fn * ny - mu * fn * nx", *push(s, c), "touching += 1"]
     law += [f"turns{k}_{c} = gn{k}" for k in range(len(chain))]
     law += [f"slides{k}_{c} = gt{k}" for k in range(len(chain))]
@@ -135,14 +159,12 @@ def contact_linearised(s: LoneContact, c: int) -> list[str]:
         way = "ny" if b in s.guided else f"((ax - {x}) * ny - (ay - {y}) * nx)"
         away.append(f"turns{k}_{c} = {'' if side > 0 else '-'}{way}")
     rate = " + ".join(f"turns{k}_{c} * v{b}" for k, (b, _) in enumerate(chain))
-    stiffness, damping = contact_numbers(s, c, L.K_C, L.DAMP)
     away += [f"w[{s.at(c, W.ROOM)}] = room", f"w[{s.at(c, W.GAP)}] = room", f"w[{s.at(c, W.GAP_RATE)}] = {rate}"]
     return [
-        *(f"slides{k}_{c} = 0.0" for k in range(len(chain))), *centres(s, c), *surface(s, c, False),
-        "if x > 0.0:", *indent([*arms_and_rates(s, c), *law, "if fn > 0.0:", *indent(derivatives(s, c))]),
-        "else:", *indent(away),
-        f"w[{s.at(c, W.KICK)}] = {stiffness} * (1.0 + {damping} * abs(w[{s.at(c, W.GAP_RATE)}])) * "
-        + easiest(s, c, "turns", f"_{c}"),
+        *(f"slides{k}_{c} = 0.0" for k in range(len(chain))), *centres(s, c), *surface(s, c, False), *felt.start,
+        "if x > 0.0:", *indent([*arms_and_rates(s, c), *law, "if fn > 0.0:", *indent(felt.derivatives)]),
+        "else:", *indent([*away, *felt.away]),
+        f"w[{s.at(c, W.KICK)}] = {felt.stiffness} * " + easiest(s, c, "turns", f"_{c}"),
     ]  # fmt: skip
 
 
@@ -166,8 +188,11 @@ def second_rates(s: LoneContact, c: int) -> list[str]:
     ]  # fmt: skip
 
 
-def derivatives(s: LoneContact, c: int) -> list[str]:
-    """Add the derivatives of a pushing contact to K and D."""
+def derivatives(s: LoneContact, c: int, more: Callable[[int, str], list[str]] | None = None) -> list[str]:
+    """Add the derivatives of a pushing contact to K and D.
+
+    ``more`` gives further lines for a joint of the chain, from its place and the change of the closing speed.
+    """
     chain = s.chain[c]
     out = [f"along{k} = gn{k} - mu * gt{k}" for k in range(len(chain))]
     for j, (cj, side) in enumerate(chain):
@@ -190,12 +215,13 @@ def derivatives(s: LoneContact, c: int) -> list[str]:
         slide = " + ".join(f"dt{k} * v{b}" for k, (b, _) in enumerate(chain))
         out += [f"fnj = -fnx * gn{j} - fnr * ({rate})", f"fmu = fn * mus * ({slide})"]
         out += [f"fnv = -fnr * gn{j}", f"fmv = fn * mus * gt{j}"]
+        out += [] if more is None else more(j, rate)
         for k, (b, _) in enumerate(chain):
             if not s.solved(b):
                 continue
-            more = f"fnj * along{k} + fn * (dn{k} - mu * dt{k}) - fmu * gt{k}", f"fnv * along{k} - fmv * gt{k}"
-            out.append(f"{s.stiffness(b, cj)} += {chosen(s, 'pushes', more[0])}")
-            out.append(f"{s.damping(b, cj)} += {chosen(s, 'pushes', more[1])}")
+            terms = f"fnj * along{k} + fn * (dn{k} - mu * dt{k}) - fmu * gt{k}", f"fnv * along{k} - fmv * gt{k}"
+            out.append(f"{s.stiffness(b, cj)} += {chosen(s, 'pushes', terms[0])}")
+            out.append(f"{s.damping(b, cj)} += {chosen(s, 'pushes', terms[1])}")
     return out
 
 

@@ -8,9 +8,16 @@ from __future__ import annotations
 from model.kernels import layout as L
 from model.kernels import workspace as W
 from model.kernels.codegen.bodies import mass, pose, thresholds
+from model.kernels.codegen.contact_memory import memory_energy
 from model.kernels.codegen.contacts import contact_energy, probe_energy
-from model.kernels.codegen.step_kernels import module
+from model.kernels.codegen.step_kernels import HEAD, module
+from model.kernels.codegen.string_contact import NAMES, string_energy_lines
 from model.kernels.codegen.structure import Structure
+
+MEMORY_HEAD = """from model.kernels.memory_laws import (
+    hysteresis_energy, loading_curve, rubbing, stored_slowly, stulov, stulov_energy,
+)
+"""
 
 
 def emit_energy(tables: L.Tables) -> str:
@@ -52,7 +59,10 @@ def emit_energy(tables: L.Tables) -> str:
             out.append(f"given -= u * v{s.guide(i)}")
         out.append(f"given -= u * {arm} * v{i}" if kind == L.FORCE_DOWN else f"given += u * v{i}")
     for c in range(len(s.contact)):
-        out += contact_energy(s, c)
+        if c in s.string:
+            out += string_energy_lines(s, c)
+            continue
+        out += memory_energy(s, c) if s.memories(c) else contact_energy(s, c)
     for k in range(len(s.probe)):
         out += probe_energy(s, k)
     names = {W.ENERGY: "energy", W.POWER_IN: "given", W.POWER_FELT: "felt_loss", W.POWER_FRICTION: "friction_loss"}
@@ -62,5 +72,10 @@ def emit_energy(tables: L.Tables) -> str:
         names[W.POWER_SHANK] = " + ".join(
             f"p[{s.offset[5] + L.DAMPER_SIZE * k}] * v{i} * v{i}" for k, i in enumerate(s.damper)
         )
+    if s.string:
+        names[W.POWER_STRING] = "string_loss"
     out += [f"w[{at}] = {name}" for at, name in names.items()]
-    return module(("energy", "w, p, u", [*out, f"w[{W.POWER_JOINTS}] = joints", "return 0"]))
+    lines = [*out, f"w[{W.POWER_JOINTS}] = joints", "return 0"]
+    return module(
+        ("energy", "w, p, u", lines), head=HEAD + (MEMORY_HEAD if s.memory else "") + (NAMES if s.string else "")
+    )

@@ -13,10 +13,25 @@ from model.kernels import layout as L
 from model.kernels import workspace as W
 from model.kernels.codegen.bodies import derivatives, forces, mass, pose, solve_mass
 from model.kernels.codegen.contact_kinds import Piece, forces_piece, linearised_piece, rates_piece
+from model.kernels.codegen.contact_memory import (
+    factors,
+    known_sides,
+    left_alone,
+    of_the_input,
+    stage_sums,
+    stages_of_memories,
+)
 from model.kernels.codegen.contacts import probe
+from model.kernels.codegen.string_contact import (
+    NAMES,
+    string_known_sides,
+    string_prepared,
+    string_stages,
+    string_summed,
+)
 from model.kernels.codegen.structure import Structure
 
-_HEAD = '''"""Generated from the structure of a scene by model.kernels.codegen.step_kernels; do not edit."""
+HEAD = '''"""Generated from the structure of a scene by model.kernels.codegen.step_kernels; do not edit."""
 
 from numba import int64
 
@@ -58,6 +73,7 @@ def _linearise(s: Structure, pieces: set[Piece]) -> list[str]:
     out += [f"{s.stiffness(i, j)} = 0.0\n{s.damping(i, j)} = 0.0" for i, j in sorted(s.pattern())]
     out += ["touching = 0", *pose(s), *mass(s), *forces(s, True)]
     out += [f"easy{i} = 1.0 / md{i}" for i in range(s.free)]
+    out += [f"mem{m} = w[{W.Z + m}]" for m in range(len(s.memory))]
     rates = []
     for c in s.place:
         piece, call = linearised_piece(s, c)
@@ -67,7 +83,7 @@ def _linearise(s: Structure, pieces: set[Piece]) -> list[str]:
         rates += call_later
     for k in range(len(s.probe)):
         out += probe(s, k, True)
-    out += [*solve_mass(s), *derivatives(s), *rates]
+    out += [*solve_mass(s), *derivatives(s), *rates, *of_the_input(s)]
     for i in range(s.free):
         out += [f"w[{W.ACC + i}] = a{i}", f"w[{W.F_U + i}] = u{i}", f"w[{W.M_DIAG + i}] = md{i}"]
         if s.parent[i] >= 0:
@@ -97,6 +113,7 @@ def _prepare(s: Structure) -> list[str]:
         elif s.parent[i] == j or s.parent[j] == i:
             text += f" + inverse * w[{W.M_UP + (i if s.parent[i] == j else j)}]"
         out.append(f"m{i}_{j} = {text}")
+    out += [*factors(s), *string_prepared(s)]
     out += [f"small{i} = 1e-6 * abs(m{i}_{i})" for i in range(s.free)]
     for k in range(s.free):
         if s.lanes == 1:
@@ -133,12 +150,19 @@ def _stage(s: Structure, pieces: set[Piece]) -> list[str]:
     n = range(s.free)
     out = _per_lane(s)
     out += [f"q{i} = w[{W.Q + i}]\nv{i} = w[{W.V + i}]\nsq{i} = 0.0\nsv{i} = 0.0\nb{i} = 0.0\nl{i} = 0.0" for i in n]
-    out += ["for j in range(k):", f"    o = {W.U} + {2 * W.WIDTH} * j", f"    aj = a[{W.MAX_STAGES} * k + j]"]
+    remembered, summed = stage_sums(s)
+    out += [
+        *remembered,
+        "for j in range(k):",
+        f"    o = {W.U} + {2 * W.WIDTH} * j",
+        f"    aj = a[{W.MAX_STAGES} * k + j]",
+    ]
     out += [f"    cj = c[{W.MAX_STAGES} * k + j]"]
     for i in n:
         out += [f"    x = w[o + {i}]", f"    sq{i} += aj * x", f"    b{i} += cj * x"]
     for i in n:
         out += [f"    x = w[o + {W.WIDTH + i}]", f"    sv{i} += aj * x", f"    l{i} += cj * x"]
+    out += [*summed, *string_summed(s)]
     ways = [f"abs(sq{i}) > w[{W.ALLOWANCE + i}]" for i in n]
     out += _prescribed(s, False)
     ways += [f"abs(q{i} - w[{W.Q + i}]) > w[{W.ALLOWANCE + i}]" for i in range(s.free, s.n)]
@@ -149,7 +173,7 @@ def _stage(s: Structure, pieces: set[Piece]) -> list[str]:
         out += [f"exceeded = bits_of(({far}) & (w[{W.IDLE}] == 0.0))", "if exceeded != 0:", "    mask = 0"]
     out += [f"q{i} += sq{i}\nv{i} += sv{i}" for i in n]
     out.append("if k > 0:")
-    inner = [*pose(s), *mass(s), *forces(s, False)]
+    inner = [*left_alone(s), *pose(s), *mass(s), *forces(s, False)]
     for c in s.place:
         piece, call = forces_piece(s, c)
         pieces.add(piece)
@@ -159,6 +183,8 @@ def _stage(s: Structure, pieces: set[Piece]) -> list[str]:
     inner += solve_mass(s)
     out += ["    " + line for text in inner for line in text.split("\n")]
     out += ["else:", *(f"    a{i} = w[{W.ACC + i}]" for i in n)]
+    out += [f"    fade{m} = w[{W.Z_RATE + m}]" for m in range(len(s.memory))]
+    out += [f"    fstring = w[{W.S_FORCE}]" for _ in s.string]
     out += [f"a{i} += l{i} * rate\nb{i} = v{i} + b{i} * rate" for i in n]
     for i in n:
         text = f"ft * w[{W.F_U + i}] + w[{W.M_DIAG + i}] * a{i}"
@@ -167,6 +193,7 @@ def _stage(s: Structure, pieces: set[Piece]) -> list[str]:
                 text += f" + w[{W.M_UP + (i if s.parent[i] == j else j)}] * a{j}"
         stiff = " + ".join(f"{s.stiffness(i, j)} * b{j}" for j in n if (i, j) in s.square())
         out.append(f"g{i} = {text} + gh * ({stiff})")
+    out += [*known_sides(s), *string_known_sides(s)]
     pattern = _filled(s)
     for i in n:
         out += [f"g{i} -= w[{W.LU + W.WIDTH * i + j}] * g{j}" for j in range(i) if (i, j) in pattern]
@@ -176,6 +203,9 @@ def _stage(s: Structure, pieces: set[Piece]) -> list[str]:
     out.append(f"o = {W.U} + {2 * W.WIDTH} * k")
     for i in n:
         out += [f"w[o + {i}] = gh * (b{i} + g{i})", f"w[o + {W.WIDTH + i}] = g{i}"]
+    if s.memory:
+        out += stages_of_memories(s)
+    out += string_stages(s)
     return [*out, "return exceeded"]
 
 
@@ -212,10 +242,14 @@ def emit_with_pieces(tables: L.Tables, lanes: int = 1) -> tuple[str, list[Piece]
         ("skip", "w, p", skip),
         ("stage", "w, p, a, c, k, gh, rate, u, ft, mask", stage),
     )
-    return module(*functions, head=_HEAD + head), used
+    if s.memory:
+        head = "from model.kernels.memory_laws import stulov_open\n" + head
+    if s.string:
+        head = NAMES + head
+    return module(*functions, head=HEAD + head), used
 
 
-def module(*functions: tuple[str, str, list[str]], head: str = _HEAD, decorator: str = "generated(") -> str:
+def module(*functions: tuple[str, str, list[str]], head: str = HEAD, decorator: str = "generated(") -> str:
     """Source of a module with these functions: name, arguments, lines."""
     parts = [head]
     for name, arguments, body in functions:

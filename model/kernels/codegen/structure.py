@@ -38,9 +38,19 @@ class Structure:
         self.place = {c: k for k, c in enumerate(solved_contacts(tables))}
         self.damper = [int(i) for i in tables.damper]
         self.rail = [int(c) for c in tables.rail]
+        self.string = [int(c) for c in tables.string]
+        self.memory = [(int(c), int(law)) for c, law in tables.memory]
         self.guided = {i for i, w in enumerate(self.parent) if w == L.GUIDED}
         # cosines and joint friction of all bodies of a run in one vector; members in lanes fill theirs with members
         self.bundles = lanes == 1 and lanes_pay()
+
+    def memories(self, c: int) -> list[int]:
+        """Numbers of the states that contact ``c`` remembers."""
+        return [k for k, (contact, _) in enumerate(self.memory) if contact == c]
+
+    def memory_number(self, m: int, k: int) -> str:
+        """Text of number ``k`` of memory ``m``."""
+        return f"p[{self.offset[6] + L.MEMORY_SIZE * m + k}]"
 
     def order(self) -> list[int]:
         """Bodies, each after its parent."""
@@ -118,6 +128,8 @@ class LoneContact:
         self.guided = {here[i] for i in s.guided if i in here}
         self._solved = [i < s.free for i in self.bodies]
         self.joints = [i for i, _ in self.chain[0]]
+        self.string = c in s.string
+        self.remembers = [s.memory[m][1] for m in s.memories(c)]  # law of each of its memories
 
     def solved(self, body: int) -> bool:
         """Whether the coordinate of ``body`` is solved for."""

@@ -26,7 +26,7 @@ def input_at(t, k, drive):
         k -= 1
     if held:
         return value[last] if t >= time[last] else value[k], 0.0, k
-    if t <= time[0]:
+    if t < time[0]:
         return value[0], 0.0, k
     if t >= time[last] - early:
         return value[last], 0.0, k

@@ -79,6 +79,15 @@ def penetrations(q, v, p, tables, penetration):
 
 
 @kernel
+def depths_along(q, v, p, tables, contact, depth, rate):
+    """Fill ``depth`` (m,) in m, negative where open, and its ``rate`` (m,) in m/s of one contact; states (m, n)."""
+    pose = np.zeros((q.shape[1], POSE_SIZE))
+    for k in range(q.shape[0]):
+        place(q[k], v[k], p, tables.parent, pose)
+        _, _, depth[k], rate[k], _ = contact_state(contact, v[k], p, tables, pose)
+
+
+@kernel
 def observe_along(q, v, u, p, tables, observed):
     """Fill ``observed`` with all that acts inside the action, at states (m, n) under inputs (m,).
 

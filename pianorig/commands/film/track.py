@@ -53,6 +53,9 @@ def command(
     allow_truncated: Annotated[
         bool, typer.Option("--allow-truncated", help="Read a film that was cut short to its last whole frame.")
     ] = False,
+    channel: Annotated[
+        str | None, typer.Option("--channel", help="Of a colour film, track this one: red, green or blue.")
+    ] = None,
     restart: Annotated[
         bool, typer.Option("--restart", help="Start from the first frame, although an interrupted run could go on.")
     ] = False,
@@ -102,14 +105,14 @@ def command(
         if path is not None:
             check_writable(path, *endings)
     if propose_bodies is not None:
-        found = workflows.propose_outlines(film, propose_bodies, allow_truncated=allow_truncated)
+        found = workflows.propose_outlines(film, propose_bodies, allow_truncated=allow_truncated, channel=channel)
         if as_json:
             print_json(found)
         else:
             names = ", ".join(found["bodies"])
             print(f"{found['out']}: {names}; look at {found['picture']}, then correct and name them")
         return
-    filmed = workflows.SessionFilm(film, bodies, frame_rate, allow_truncated)
+    filmed = workflows.SessionFilm(film, bodies, frame_rate, allow_truncated, channel)
     if marks is not None:
         with bar("following", quiet=as_json) as progress:
             followed = workflows.follow_marks_of(filmed, marks, every=every, n_still=n_still, progress=progress)

@@ -36,6 +36,7 @@ def command(
         Path | None,
         typer.Option("--sealed-truth", help="Of make: add a sealed split from fresh randomness, its truth kept here."),
     ] = None,
+    films: Annotated[bool, typer.Option("--films/--no-films", help="Of make: film a stroke of each level.")] = True,
     as_json: AsJson = False,
 ) -> None:
     """Make the published data set, or score predictions on it.
@@ -44,18 +45,18 @@ def command(
     Example:  pianorig dataset make --out both --each 2 --sealed-truth truth/sealed.json
     """
     if job is Job.make:
-        _make(out, seed, each, sealed_truth, as_json)
+        _make(out, sealed_truth, as_json, seed=seed, each=each, films=films)
     else:
         _score(predictions, data, as_json)
 
 
-def _make(out: Path | None, seed: int, each: int, sealed_truth: Path | None, as_json: bool) -> None:
+def _make(out: Path | None, sealed_truth: Path | None, as_json: bool, *, seed: int, each: int, films: bool) -> None:
     from pianorig.workflows.dataset.make import make_dataset  # start-up: the virtual bench, which scoring needs not
 
     if out is None:
         raise CommandInputError("dataset make: --out is missing, the folder to create")
     made = make_dataset(
-        out, seed=seed, each=each, sealed_truth=sealed_truth, say=(lambda text: None) if as_json else say
+        out, seed=seed, each=each, sealed_truth=sealed_truth, films=films, say=(lambda text: None) if as_json else say
     )
     if as_json:
         print_json({"dataset": made.folder, "trials": made.trials, "sealed_truth": made.sealed_truth})

@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 import model
 from model.files.force_library import KNOTS
 from model.inside.seen_motion import see_motion
-from pianorig.page.moving_action import moving_action
-from pianorig.page.packing import pack
+from pianorig.page.action.changed_action import changed_action
+from pianorig.player.moving_action import moving_action
+from pianorig.player.packing import pack
 from validation.conventions import BODIES, ENCODER_BODIES
 from validation.curves.signs import TITLE, degrees
 from validation.events.definitions import EVENTS
@@ -25,48 +30,73 @@ EVERY, DRAWN = 5, 2  # a pose and a drawn sample for so many samples
 QUIET_S = 0.02  # every built-in blow begins later than this
 TOLERANCE_RAD = 1e-5
 BLOWS = tuple(KNOTS)
+KEPT = 8
 
 
-def live_blow(action: model.Action, blow: str) -> dict[str, Any]:
-    """Motion of an action under a built-in blow, for the page.
+@dataclass(frozen=True, eq=False)
+class _Blow:
+    """A blow as it was computed."""
+
+    action: model.Action
+    time_s: NDArray[np.float64]
+    force_n: NDArray[np.float64]
+    solution: model.Solution
+    rest_rad: NDArray[np.float64]
+
+
+@lru_cache(maxsize=KEPT)
+def _blow(name: str, changes: tuple[str, ...], blow: str) -> _Blow:
+    """Computed once for curves and all else; the same words always give the same blow."""
+    action = changed_action(name, changes)
+    table_s, table_n = model.force_table(blow)
+    times = model.output_times(float(table_s[0]), float(table_s[-1]), RATE_HZ)
+    solution = model.simulate(action, table_s, table_n, output_time_s=times, tolerance=TOLERANCE_RAD)
+    return _Blow(action, times, np.interp(times, table_s, table_n), solution, model.rest_state(action).angle_rad)
+
+
+def blow_curves(name: str, changes: Sequence[str], blow: str) -> dict[str, Any]:
+    """What follows a slider at once: angles under a built-in blow, and nothing else.
 
     Parameters
     ----------
-    action : as it is set
+    name, changes : as for `changed_action`
     blow : one of `BLOWS`
 
     Raises
     ------
-    model.InputError : no such blow
+    CommandInputError, model.InputError : no such action, blow or parameter, or a value that is not allowed
     model.StaticsError, model.IntegrationError : the action cannot rest or move like this
     """
-    table_s, table_n = model.force_table(blow)
-    times = model.output_times(float(table_s[0]), float(table_s[-1]), RATE_HZ)
-    solution = model.simulate(action, table_s, table_n, output_time_s=times, tolerance=TOLERANCE_RAD)
-    force = np.interp(times, table_s, table_n)
+    found = _blow(name, tuple(changes), blow)
+    values = [degrees(body, found.solution.angle_rad[::DRAWN, i] - found.rest_rad[i]) for i, body in enumerate(BODIES)]
+    return {"values": [pack(value) for value in values]}
+
+
+def live_blow(name: str, changes: Sequence[str], blow: str) -> dict[str, Any]:
+    """Motion of an action under a built-in blow: curves, events, the moving action.
+
+    Parameters, errors: as `blow_curves`.
+    """
+    found = _blow(name, tuple(changes), blow)
+    times, solution = found.time_s, found.solution
     rows = slice(None, None, EVERY)
     seen = see_motion(
-        model.build_scene(action),
+        model.build_scene(found.action),
         times[rows],
         solution.angle_rad[rows],
         solution.speed_rad_per_s[rows],
-        force[rows],
+        found.force_n[rows],
     )
-    rest = model.rest_state(action).angle_rad
+    curves = blow_curves(name, changes, blow)["values"]
     channels = {
-        body: {
-            "title": TITLE[body],
-            "color": colour_of(body, i),
-            "value": pack(degrees(body, solution.angle_rad[::DRAWN, i] - rest[i])),
-        }
-        for i, body in enumerate(BODIES)
+        body: {"title": TITLE[body], "color": colour_of(body, i), "value": curves[i]} for i, body in enumerate(BODIES)
     }
     return {
         "time_s": pack(times[::DRAWN]),
-        "force_n": pack(force[::DRAWN]),
+        "force_n": pack(found.force_n[::DRAWN]),
         "channels": channels,
         "drawing": moving_action(seen),
-        "events": _events(action, times, solution.angle_rad - rest, rest),
+        "events": _events(found.action, times, solution.angle_rad - found.rest_rad, found.rest_rad),
     }
 
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import model
 from pianorig.errors import CommandInputError
-from pianorig.page.packing import pack
+from pianorig.player.packing import pack
 
 LARGEST_TURN_M = 5e-3
 

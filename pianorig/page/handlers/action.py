@@ -7,9 +7,11 @@ from typing import Any
 
 from pianorig.errors import CommandInputError
 from pianorig.page.action.changed_action import action_facts, built_in_actions, changed_action, toml_of
-from pianorig.page.action.live_blow import BLOWS, live_blow
+from pianorig.page.action.live_blow import BLOWS, blow_curves, live_blow
 from pianorig.page.action.touch_and_steps import technician_step, touch
 from pianorig.page.handlers.reply import Reply
+from pianorig.player.animation import animation_html
+from pianorig.player.shown import blow_animation
 
 
 class Actions(Reply):
@@ -48,7 +50,15 @@ class Blow(Changed):
 
     def made(self, name: str, changes: list[str], options: dict[str, str]) -> Any:
         """Its curves, events and drawing."""
-        return live_blow(changed_action(name, changes), options["blow"] or BLOWS[0])
+        return live_blow(name, changes, options["blow"] or BLOWS[0])
+
+
+class Curves(Changed):
+    """The curves of a blow alone, which follow a slider."""
+
+    def made(self, name: str, changes: list[str], options: dict[str, str]) -> Any:
+        """Its curves."""
+        return blow_curves(name, changes, options["blow"] or BLOWS[0])
 
 
 class Touch(Changed):
@@ -79,3 +89,12 @@ class TomlFile(Changed):
     def made(self, name: str, changes: list[str], options: dict[str, str]) -> Any:
         """Its text."""
         return {"text": toml_of(changed_action(name, changes))}
+
+
+class BlowAnimation(Changed):
+    """The blow as an animation to keep."""
+
+    def made(self, name: str, changes: list[str], options: dict[str, str]) -> Any:
+        """The text of its file."""
+        view = live_blow(name, changes, options["blow"] or BLOWS[0])
+        return {"text": animation_html(blow_animation(name, changes, view))}

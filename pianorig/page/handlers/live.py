@@ -20,6 +20,8 @@ from pianorig.page.live.live_stream import LiveStream
 from rig.errors import RigError
 
 LOOKS_HZ = 30.0
+LAMPS_EVERY = 6
+"""Looks between two of the lamps: five times a second is as fast as an eye follows."""
 GONE = 4404
 """Code of our own for a session that is not there, or no more."""
 
@@ -49,12 +51,16 @@ class Live(Guarded, WebSocketHandler):
         work = IOLoop.current().run_in_executor
         try:
             stream = await work(self.served.workers, lambda: LiveStream(self.served.catalogue.folder(name)))
+            looks = 0
             while True:
                 state, samples = await work(self.served.workers, stream.poll)
                 if state is not None:
                     await self.write_message(_text(state))
                 if samples:
                     await self.write_message(samples, binary=True)
+                if looks % LAMPS_EVERY == 0 and (lamps := stream.lamps()) is not None:
+                    await self.write_message(_text({"lamps": lamps}))
+                looks += 1
                 await asyncio.sleep(1.0 / LOOKS_HZ)
         except (WebSocketClosedError, StreamClosedError):
             return

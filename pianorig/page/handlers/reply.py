@@ -15,6 +15,7 @@ from tornado.web import HTTPError, RequestHandler
 from pianorig.console.progress import say
 from pianorig.page.access import Access, Refused
 from pianorig.page.catalogue.catalogue import Catalogue, UnknownName
+from pianorig.page.control.plan_control import PlanControl
 from pianorig.page.jobs import Jobs
 from pianorig.page.review.film_shelf import FilmShelf
 
@@ -44,6 +45,7 @@ class Served:
     workers: Executor
     jobs: Jobs
     films: FilmShelf
+    plan: PlanControl
 
 
 class Guarded(RequestHandler):

@@ -14,6 +14,8 @@ from pianorig.page.catalogue.session_row import open_session
 from pianorig.page.handlers.reply import Reply
 from pianorig.page.review.film_view import film_view
 from pianorig.page.review.trial_view import MOST_MODELS, trial_view
+from pianorig.player.animation import animation_html
+from pianorig.player.shown import trial_animation
 from rig.errors import RigError
 from rig.session import Session, Trial
 
@@ -34,6 +36,20 @@ class Review(Reply):
             raise CommandInputError(f"model {wrong!r}: allowed at most {MOST_MODELS} of {', '.join(known)}")
         session = open_session(self.served.catalogue.folder(name))
         return trial_view(session, number, models or known[:1])
+
+
+class TrialAnimation(Review):
+    """The trial as an animation to keep."""
+
+    async def get(self, name: str, number: str) -> None:
+        """Send the text of the file; nothing is written."""
+        await self.answer(self._text, name, int(number), self.get_query_arguments("model"))
+
+    def _text(self, name: str, number: int, models: list[str]) -> dict[str, str]:
+        animation = trial_animation(self._view(name, number, models))
+        if animation is None:
+            raise CommandInputError(f"{name}, trial {number}: no model moves it, so there is nothing to draw")
+        return {"text": animation_html(animation)}
 
 
 class Film(Reply):

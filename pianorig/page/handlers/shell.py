@@ -10,9 +10,13 @@ from tornado.web import StaticFileHandler
 
 from pianorig.page.access import Refused
 from pianorig.page.handlers.reply import Guarded, Reply, Served
+from vision.output.colours import BODY_COLOURS, OTHERS
 
 WEB = Path(__file__).parents[1] / "web"
-ON = '<!DOCTYPE html><meta charset="utf-8"><meta http-equiv="refresh" content="0; url=/"><title>bench</title>'
+ON = (
+    '<!DOCTYPE html><meta charset="utf-8"><meta http-equiv="refresh" content="0; url=/"><link rel="icon" href="data:,">'
+    "<title>bench</title>"
+)
 """Sent in answer to a token: the page is then asked for by this page, so that the strict cookie comes with it."""
 
 
@@ -70,5 +74,7 @@ class About(Reply):
             "folder": str(self.served.catalogue.root),
             "may_write": self.may_write,
             "control": self.served.access.control,
+            "colours": BODY_COLOURS,
+            "other_colours": OTHERS,
         }
         self.send(about)

@@ -6,15 +6,20 @@ from then on; the place of each block among the samples is sent with it, so that
 
 from __future__ import annotations
 
+import math
 import shutil
 import struct
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from pianorig.page.catalogue.session_row import LARGEST_TRIAL_BYTES, open_session, shortened
+from rig.configuration.rig_file import RigConfig
 from rig.errors import RigError
+from rig.recording.resume import session_rig
+from rig.safety.limit_use import LimitWatch
 from rig.session import TrialData
 from rig.session.journal.live_reader import JournalFollower
 from rig.session.journal.trial_head import TrialHead
@@ -39,6 +44,34 @@ class LiveStream:
         self._sent = 0
         self._figures: dict[int, dict[str, Any]] = {}
         self._state: dict[str, Any] = {}
+        self._watch: LimitWatch | None = None
+        self._lamps: dict[str, Any] = {}
+        self._rig: RigConfig | None = None
+        self._no_limits = ""
+        try:
+            self._rig = session_rig(self.session).config
+        except (RigError, OSError, ValueError) as error:
+            self._no_limits = shortened(error)
+
+    def lamps(self) -> dict[str, Any] | None:
+        """Limits and how much of them this trial has used, watchdog, what stopped the last trial; None if unchanged."""
+        uses = [] if self._watch is None else [asdict(use) for use in self._watch.uses]
+        for use in uses:
+            use["share"] = use["share"] if math.isfinite(use["share"]) else None
+            use["value"] = use["value"] if math.isfinite(use["value"]) else None
+        watchdog = None if self._rig is None or self._rig.watchdog is None else self._rig.watchdog.timeout_s
+        lamps = {"uses": uses, "watchdog_s": watchdog, "problem": self._no_limits, "ended": self._last_fault()}
+        if lamps == self._lamps:
+            return None
+        self._lamps = lamps
+        return lamps
+
+    def _last_fault(self) -> dict[str, Any] | None:
+        """The last sealed trial, if something stopped it."""
+        last = max(self._figures, default=None)
+        if last is None or self._figures[last]["status"] not in ("fault", "interrupted", "defect"):
+            return None
+        return {key: self._figures[last][key] for key in ("trial", "status", "reason")}
 
     def poll(self) -> tuple[dict[str, Any] | None, bytes]:
         """State where it has changed, else None; new samples, empty where there are none.
@@ -60,7 +93,7 @@ class LiveStream:
             return b""
         path = list(journals.values())[-1]
         if self._journal is None or self._journal.path != path:
-            self._journal, self._sent = JournalFollower(path), 0
+            self._journal, self._sent, self._watch = JournalFollower(path), 0, None
         follower = self._journal
         if not follower.poll() or follower.head is None:
             return b""
@@ -69,6 +102,10 @@ class LiveStream:
             return b""
         part = follower.head.part(new, new[0].first_sample)
         self._sent = new[-1].first_sample + new[-1].force_n.size
+        if self._rig is not None and follower.first_count is not None:
+            if self._watch is None:
+                self._watch = LimitWatch(self._rig, follower.head.sample_rate_hz, follower.first_count[0])
+            self._watch.add(new[0].first_sample, part.force_n, part.encoder_count)
         return struct.pack("<d", new[0].first_sample) + _rows(part, follower.first_count).tobytes()
 
     def _now(self) -> dict[str, Any]:
@@ -122,7 +159,13 @@ def _rows(part: TrialData, first_count: Any) -> np.ndarray:
 
 def _figures(number: int, path: Path) -> dict[str, Any]:
     """Key figures of a sealed trial; only its status where it cannot be read."""
-    nothing = {"status": "unreadable", "reason": "", "peak_force_n": None, "turned_deg": None}
+    nothing: dict[str, Any] = {
+        "status": "unreadable",
+        "reason": "",
+        "peak_force_n": None,
+        "rest_force_n": None,
+        "turned_deg": {},
+    }
     row: dict[str, Any] = {"trial": number, **nothing}
     try:
         if path.stat().st_size > LARGEST_TRIAL_BYTES:
@@ -133,6 +176,8 @@ def _figures(number: int, path: Path) -> dict[str, Any]:
     row |= {"status": data.status, "reason": shortened(data.reason)}
     if data.n_valid:
         row["peak_force_n"] = float(data.force_n.max())
-        if data.encoders:
-            row["turned_deg"] = float(np.abs(np.degrees(data.angle_rad()[:, -1])).max())
+        before = data.force_n[: max(int(data.blow_start_s * data.sample_rate_hz), 1)]
+        row["rest_force_n"] = float(before.mean())
+        turned = np.abs(np.degrees(data.angle_rad())).max(axis=0)
+        row["turned_deg"] = {one.name: float(deg) for one, deg in zip(data.encoders, turned, strict=True)}
     return row

@@ -11,6 +11,7 @@ import numpy as np
 import vision
 from pianorig.errors import CommandInputError
 from pianorig.page.outlines.film_subject import FilmSubject
+from pianorig.page.outlines.marks import marks_of
 from pianorig.workflows.film.retrack import retrack
 from vision.output.contact_sheet import reasons, worst_of
 from vision.results.flags import FAILURE
@@ -33,6 +34,7 @@ def outlines_of(subject: FilmSubject) -> dict[str, Any]:
         "table": subject.table.name if subject.table.is_file() else "",
         "outlines": [_plain(body) for body in bodies],
         "worst": worst_frames(subject),
+        "marks": marks_of(subject),
         "doubt": subject.film().doubt_about_times or "",
     }
 

@@ -14,6 +14,9 @@ from pianorig.page.review.film_view import outlined_film
 from pianorig.workflows.film.session_film import BODIES_NAME, STEP, SessionFilm
 from rig.session import Session, Trial
 
+MARKS_NAME = "marks.toml"
+"""Points and lines of a session's films, beside its outlines."""
+
 Found = tuple[pd.DataFrame, dict[str, Any]]
 
 
@@ -29,6 +32,16 @@ class FilmSubject:
     def table(self) -> Path:
         """Where ``pianorig track`` writes the angles."""
         return self.path.with_suffix(".angles.csv")
+
+    @property
+    def marks(self) -> Path:
+        """The file of points and lines to follow."""
+        return self.path.with_suffix(".marks.toml") if self.owner is None else self.bodies.with_name(MARKS_NAME)
+
+    @property
+    def marks_table(self) -> Path:
+        """Where the page has the followed marks written."""
+        return self.path.with_suffix(".marks.csv")
 
     def film(self, frame_rate_hz: float | None = None) -> SessionFilm:
         """The film as tracking takes it."""

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 import vision
-from pianorig.page.packing import pack
+from pianorig.player.packing import pack
 from pianorig.workflows.film.session_film import BODIES_NAME, STEP, SessionFilm
 from rig.errors import RigError
 from rig.session import Session, Trial

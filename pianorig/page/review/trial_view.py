@@ -16,8 +16,8 @@ import numpy as np
 import model
 from model.errors import ModelError
 from model.inside.seen_motion import see_motion
-from pianorig.page.moving_action import drawing_times, measured_poses, moving_action
-from pianorig.page.packing import pack
+from pianorig.player.moving_action import drawing_times, measured_poses, moving_action
+from pianorig.player.packing import pack
 from pianorig.workflows.film.session_film import STEP
 from rig.errors import RigError
 from rig.session import Session, TrialData
@@ -51,7 +51,7 @@ def trial_view(session: Session, number: int, actions: Sequence[str]) -> dict[st
     ----------
     session : Session
     number : of the trial
-    actions : built-in actions, at most two; the first is the one that is drawn
+    actions : built-in actions, at most two; each is drawn, beside the measured action
 
     Raises
     ------
@@ -69,7 +69,7 @@ def trial_view(session: Session, number: int, actions: Sequence[str]) -> dict[st
         "models": [],
         "notes": [],
         "events": [],
-        "drawing": None,
+        "drawings": [],
     }
     if data.status == "complete" or data.n_valid == 0:
         view["notes"] = [] if data.n_valid else ["the trial has no samples"]
@@ -93,7 +93,7 @@ def trial_view(session: Session, number: int, actions: Sequence[str]) -> dict[st
     view["notes"] += measured.notes
     view["events"] = _events(measured, predicted)
     if predicted:
-        view["drawing"] = _drawing(measured, predicted[0])
+        view["drawings"] = [_drawing(measured, each) for each in predicted]
     return {**view, "force": _force(measured), "channels": _channels(measured, predicted)}
 
 

@@ -1,12 +1,12 @@
 // The action to try out: screws and parameters as sliders, a blow that follows them, the touch, a technician's step, a file.
-import { address, ask, at, link, make, remember, say } from "./bench.js";
+import { address, ask, at, download, link, make, remember, say } from "./bench.js";
 import { Curves } from "./curves.js";
 import { Drawing } from "./drawing.js";
 import { unpack } from "./numbers.js";
 import { KEYS, Player } from "./player.js";
 import { stepTable, touchPart } from "./touch.js";
 
-const MOST_UNDONE = 200;
+const MOST_UNDONE = 200, QUIET_MS = 80, LONGEST_MS = 400;
 
 export async function showAction(main, values) {
   const { actions, blows } = await ask("/api/actions");
@@ -16,7 +16,7 @@ export async function showAction(main, values) {
   const screws = new Map(facts.screws.map((one) => [one.path, one]));
   const set = new Map(values.getAll("set").map((text) => text.split("=")).filter(([path, value]) => given.has(path) && Number.isFinite(Number(value))).map(([path, value]) => [path, Number(value)]));
   const rows = new Map(), before = [];
-  let base = null, latest = null, curves = null, busy = false, again = false, closed = false, player = null, drawing = null;
+  let base = null, latest = null, curves = null, busy = false, again = false, whole = 0, resting = false, later = 0, closed = false, player = null, drawing = null;
 
   const query = () => new URLSearchParams([["blow", blow], ...[...set].map(([path, value]) => ["set", `${path}=${value}`])]);
   const doing = make("span", { class: "hint", role: "status" });
@@ -29,6 +29,9 @@ export async function showAction(main, values) {
   const undo = make("button", { type: "button", disabled: true, onclick: takeBack }, "Undo");
   const reset = make("button", { type: "button", onclick: () => { keep(); set.clear(); for (const row of rows.values()) row.show(); changed(); } }, "Reset");
   const save = make("button", { type: "button", onclick: saveFile }, "Save as TOML");
+  const moving = make("button", { type: "button", onclick: async () => {
+    try { download((await ask(`/api/action/${at(name)}/animation?${query()}`)).text, `${name}-${blow}.html`, "text/html"); } catch (error) { say(error.message); }
+  } }, "Save animation");
   const screwPart = make("fieldset", {}, make("legend", {}, "Screws"));
   const otherPart = make("fieldset", {}, make("legend", {}, "Other parameters"));
   const paths = make("datalist", { id: "paths" }, ...facts.parameters.filter((one) => !screws.has(one.path)).map((one) => make("option", { value: one.path }, one.about)));
@@ -38,7 +41,7 @@ export async function showAction(main, values) {
   const steps = make("div"), touch = touchPart(() => ask(`/api/action/${at(name)}/touch?${query()}`));
   otherPart.append(make("div", { class: "row" }, make("label", {}, "Add", wanted), paths, make("span", { class: "hint" }, `one of ${facts.parameters.length} paths, such as hammer.mass`)));
   left.append(screwPart, otherPart, steps);
-  main.append(make("div", { class: "row" }, choose("Action", actions, name, "action"), choose("Blow", blows, blow, "blow"), undo, reset, save, doing),
+  main.append(make("div", { class: "row" }, choose("Action", actions, name, "action"), choose("Blow", blows, blow, "blow"), undo, reset, save, moving, doing),
     make("div", { class: "review action" }, left, right));
   for (const screw of facts.screws) screwPart.append(slider(screw.path, screw));
   for (const path of set.keys()) if (!screws.has(path)) addRow(path);
@@ -125,10 +128,33 @@ export async function showAction(main, values) {
     const began = performance.now();
     const patience = setTimeout(() => { doing.textContent = "computing … (a law switched on or off is compiled first)"; }, 700);
     try {
-      latest = await ask(`/api/action/${at(name)}/blow?${query()}`);
-      if (!closed) { draw(); doing.textContent = ""; main.dataset.latency = (performance.now() - began).toFixed(1); }
+      // the curves first; events, drawing and forces follow when the slider rests, and now and then
+      const { values } = await ask(`/api/action/${at(name)}/curves?${query()}`);
+      if (!closed) {
+        values.forEach((value, k) => curves.replace(k + 1, 1, { value: unpack(value) }));
+        if (doing.textContent) doing.textContent = "";
+        main.dataset.latency = (performance.now() - began).toFixed(1);
+      }
+      if (!closed) restSoon();
     } catch (error) { doing.textContent = error.message; } finally { clearTimeout(patience); busy = false; }
     if (again && !closed) { again = false; play(); }
+  }
+
+  function restSoon() {
+    clearTimeout(later);
+    later = setTimeout(rest, performance.now() - whole > LONGEST_MS ? 0 : QUIET_MS);
+  }
+
+  /** Events, drawing and forces of what is set now. */
+  async function rest() {
+    if (closed) return;
+    if (resting) { restSoon(); return; }
+    resting = true;
+    const asked = query().toString();
+    try {
+      latest = await ask(`/api/action/${at(name)}/blow?${asked}`);
+      if (!closed) { draw(); main.dataset.drawn = asked; }
+    } catch (error) { doing.textContent = error.message; } finally { resting = false; whole = performance.now(); }
   }
 
   const lines = (found, k) => {
@@ -137,7 +163,6 @@ export async function showAction(main, values) {
   };
 
   function draw() {
-    Object.values(latest.channels).forEach((_, k) => curves.replace(k + 1, 1, lines(latest, k + 1)));
     drawing.set(latest.drawing);
     tell();
     player.events = latest.events.filter((event) => event.time_s !== null);
@@ -145,7 +170,7 @@ export async function showAction(main, values) {
   }
 
   function tell() {
-    const text = (event) => (event.value === null ? event.note || "–" : `${event.value.toPrecision(5)} ${event.unit}`);
+    const text = (event) => (event.value === null ? event.note || "–" : `${Number.isInteger(event.value) ? event.value : event.value.toPrecision(5)} ${event.unit}`);
     if (events.childElementCount === latest.events.length) { // only what can change: rows are costly to lay out
       latest.events.forEach((event, i) => { const cell = events.children[i].lastChild; if (cell.textContent !== text(event)) cell.textContent = text(event); });
       return;
@@ -157,9 +182,7 @@ export async function showAction(main, values) {
   async function saveFile() {
     try {
       const { text } = await ask(`/api/action/${at(name)}/file?${query()}`);
-      const url = URL.createObjectURL(new Blob([text], { type: "application/toml" }));
-      make("a", { href: url, download: `${name}-changed.toml` }).click();
-      setTimeout(() => URL.revokeObjectURL(url), 10000);
+      download(text, `${name}-changed.toml`, "application/toml");
     } catch (error) { say(error.message); }
   }
 
@@ -173,7 +196,7 @@ export async function showAction(main, values) {
   const panels = [{ title: "Force on the key", unit: "N", height: 80, lines: [{ label: "", ...lines(base, 0), color: ink }] },
     ...Object.values(base.channels).map((channel, k) => ({
       title: channel.title, unit: "°", height: 90, digits: 3,
-      lines: [{ label: "as given", ...lines(base, k + 1), color: ink, dash: "dotted", width: 1.2 }, { label: "now", ...lines(latest, k + 1), color: channel.color, width: 2 }],
+      lines: [{ label: "as given", ...lines(base, k + 1), color: ink, dash: "dotted", width: 1.2 }, { label: "now", ...lines(latest, k + 1), color: channel.color, width: 2, live: true }],
     }))];
   const time = panels[0].lines[0].time, from = time[0], to = time[time.length - 1];
   drawing = new Drawing(latest.drawing, "Action as it is set");
@@ -195,6 +218,7 @@ export async function showAction(main, values) {
   return () => {
     closed = true;
     clearTimeout(changed.waiting);
+    clearTimeout(later);
     main.removeEventListener("keydown", onKey);
     player.close();
     curves.close();

@@ -56,6 +56,7 @@ export class Curves {
       if (last) plot.below[0].axis_label = "time, s"; else plot.below[0].visible = false;
       self.sources = self.sources || [];
       const sources = panel.lines.map((line) => {
+        if (line.live) return null; // drawn over the plot: Bokeh would draw axes and labels again for each new value
         const source = new ColumnDataSource({ data: { x: line.time, y: line.value } });
         plot.line({ field: "x" }, { field: "y" }, { source, line_color: line.color, line_width: line.width ?? 1.5, line_dash: line.dash ?? "solid" });
         return source;
@@ -63,13 +64,19 @@ export class Curves {
       const values = make("span", { class: "values" });
       const figure = make("figure", { class: "plot", role: "img", "aria-label": `${panel.title} over time` });
       place.append(make("div", { class: "head" }, make("span", { class: "title" }, `${panel.title}, ${panel.unit}`), values), figure);
-      self.views.push({ view: await Plotting.show(plot, figure), panel, values, sources, figure });
+      self.views.push({ view: await Plotting.show(plot, figure), panel, values, sources, figure, over: null });
+      const over = panel.lines.some((line) => line.live) ? make("canvas", { class: "over", "aria-hidden": "true" }) : null;
+      if (over) figure.append(over);
+      const one = self.views[self.views.length - 1];
+      one.over = over;
+      if (over) plot.y_range.change.connect(() => self.paint(one));
     }
     self.listen();
     for (const range of self.ranges) range.change.connect(() => self.follow(range));
-    self.observer = new ResizeObserver(() => requestAnimationFrame(() => self.at(self.time)));
+    self.observer = new ResizeObserver(() => requestAnimationFrame(() => { self.at(self.time); self.views.forEach((one) => self.paint(one)); }));
     self.observer.observe(place);
     await self.settled();
+    self.views.forEach((one) => self.paint(one));
     return self;
   }
 
@@ -90,6 +97,37 @@ export class Curves {
     for (const range of this.ranges) if (range !== moved) range.setv({ start: moved.start, end: moved.end });
     this.moving = false;
     this.at(this.time);
+    this.views.forEach((one) => this.paint(one));
+  }
+
+  /** Draw the live lines of a plot, at the next picture of the screen. */
+  paint(one) {
+    if (!one.over || one.waiting) return;
+    one.waiting = requestAnimationFrame(() => {
+      one.waiting = 0;
+      const { left, top, width, height } = one.view.frame.bbox, { x_range: x, y_range: y } = one.view.model, over = one.over;
+      if (!(width > 0 && height > 0)) return;
+      const ratio = Math.min(devicePixelRatio, 2), wide = Math.round(width * ratio), high = Math.round(height * ratio);
+      if (over.width !== wide || over.height !== high) { over.width = wide; over.height = high; }
+      Object.assign(over.style, { left: `${left}px`, top: `${top}px`, width: `${width}px`, height: `${height}px` });
+      const pen = over.getContext("2d"), sx = wide / (x.end - x.start), sy = high / (y.end - y.start);
+      pen.clearRect(0, 0, wide, high);
+      for (const line of one.panel.lines) {
+        if (!line.live) continue;
+        pen.strokeStyle = line.color;
+        pen.lineWidth = (line.width ?? 1.5) * ratio;
+        pen.lineJoin = "round";
+        pen.beginPath();
+        const n = line.time.length;
+        let k = 0;
+        while (k + 1 < n && line.time[k + 1] < x.start) k++;
+        for (; k < n; k++) {
+          pen.lineTo((line.time[k] - x.start) * sx, high - (line.value[k] - y.start) * sy);
+          if (line.time[k] > x.end) break;
+        }
+        pen.stroke();
+      }
+    });
   }
 
   /** Left edge and width of the plotted area within the place, px; the same for all plots. */
@@ -133,7 +171,7 @@ export class Curves {
   replace(k, i, line) {
     const one = this.views[k];
     Object.assign(one.panel.lines[i], line);
-    one.sources[i].data = { x: line.time, y: line.value };
+    if (one.sources[i]) one.sources[i].data = { x: one.panel.lines[i].time, y: line.value }; else this.paint(one);
     const range = one.view.model.y_range, wanted = reach(one.panel.lines), share = 0.1 * (wanted.end - wanted.start);
     const inside = wanted.start >= range.start - 1e-12 && wanted.end <= range.end + 1e-12;
     if (!inside || range.end - range.start > wanted.end - wanted.start + 4 * share) range.setv(wanted);

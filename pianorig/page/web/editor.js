@@ -1,6 +1,6 @@
 // Outlines on a frame, edited by pointer and keys. Points are film pixels, centres at whole numbers, y down.
-const OTHERS = ["#56B4E9", "#E69F00", "#CC79A7", "#F0E442", "#8FBF3F"];
-const COLORS = { key: "#8C6D46", whippen: "#2A8FC4", jack: "#D55E00", repetition: "#009E73", hammer: "#A8528A" }; // as everywhere
+import { colourOf } from "./bench.js";
+
 const REACH_PX = 9, TURN_RAD = 0.5 * Math.PI / 180, MOST_UNDONE = 200;
 
 export class OutlineEditor {
@@ -22,7 +22,7 @@ export class OutlineEditor {
 
   close() { document.removeEventListener("keydown", this.keys); this.panel.after = null; }
 
-  color(i) { return COLORS[this.bodies[i].name] || OTHERS[i % OTHERS.length]; }
+  color(i) { return colourOf(this.bodies[i].name, i); }
 
   keep() { this.before.push(JSON.stringify(this.bodies)); if (this.before.length > MOST_UNDONE) this.before.shift(); }
 
@@ -121,12 +121,16 @@ export class OutlineEditor {
 
   key(event) {
     if ((event.ctrlKey || event.metaKey) && event.key === "z" && !event.target.closest?.("input, textarea")) { event.preventDefault(); this.undo(); return; }
-    if (document.activeElement !== this.panel.canvas || event.ctrlKey || event.altKey || event.metaKey) return;
-    const by = event.shiftKey ? 0.1 : 1;
+    if (document.activeElement !== this.panel.canvas || event.altKey || event.metaKey) return;
+    const by = event.shiftKey ? 0.1 : event.ctrlKey ? 10 : 1;
+    if (event.key === "Enter" || (event.key === "b" && this.panel.shown > 0)) { event.preventDefault(); if (event.key === "b") this.next(); else this.corner(); return; }
     const steps = { ArrowLeft: [-by, 0], ArrowRight: [by, 0], ArrowUp: [0, -by], ArrowDown: [0, by] };
     const body = this.bodies[this.chosen];
     if ((event.key === "[" || event.key === "]") && this.last) { event.preventDefault(); this.turn(this.last, event.key === "[" ? -TURN_RAD : TURN_RAD); return; }
-    if (event.key in steps && body && this.point >= 0) {
+    if (event.key in steps && this.panel.shown > 0) {
+      event.preventDefault();
+      if (this.last) this.drag(this.last, ...steps[event.key]);
+    } else if (event.key in steps && body && this.point >= 0) {
       event.preventDefault();
       this.keep();
       const [dx, dy] = steps[event.key], [x, y] = body.points[this.point];
@@ -139,6 +143,25 @@ export class OutlineEditor {
       this.point = Math.min(this.point, body.points.length - 1);
       this.changed();
     }
+  }
+
+  /** By keyboard: a corner beside the chosen one, or in the middle, to be moved by the arrows. */
+  corner() {
+    if (this.panel.shown > 0) { this.elsewhere?.(); return; }
+    if (!this.bodies.length) this.add();
+    const body = this.bodies[this.chosen], { width, height } = this.panel.film, from = body.points[this.point];
+    this.keep();
+    const [x, y] = from ? [Math.min(from[0] + 10, width - 1), from[1]] : [Math.round(width / 2), Math.round(height / 2)];
+    if (from && !body.open) { body.points.splice(this.point + 1, 0, [x, y]); this.point += 1; } else { body.points.push([x, y]); body.open = true; this.point = body.points.length - 1; }
+    this.changed();
+  }
+
+  /** By keyboard: the next tracked body of this frame is the one that is placed. */
+  next() {
+    const there = this.panel.bodies.filter((body) => this.pose(body, this.panel.shown));
+    if (!there.length) return;
+    const body = there[(there.indexOf(this.last) + 1) % there.length];
+    this.place(body, this.pose(body, this.panel.shown));
   }
 
   /** Pose of a tracked body in the shown frame: as placed by hand, as found, or where it was last seen; null before that. */

@@ -1,5 +1,8 @@
 // A rolling scope of a recording, as it is made; what it draws from is bounded, so an hour looks like a minute.
 import { ask, at, link, make } from "./bench.js";
+import { lampRow } from "./lamps.js";
+import { planPanel } from "./plan.js";
+import { trialsPart } from "./trials.js";
 
 const WINDOWS_S = [0.5, 1, 2, 5, 10, 30], LONGEST_S = 30, STRIP_PX = 84, LEFT_PX = 8, AGAIN_MS = 1000;
 
@@ -29,29 +32,32 @@ class Ring {
 export async function showLive(main, values) {
   const { sessions } = await ask("/api/sessions");
   const name = values.get("session") || (sessions.find((row) => row.status.includes("not sealed")) || sessions[0] || {}).name;
-  if (!name) { main.append(make("p", {}, "No session here yet. Record one in a terminal:  pianorig record")); return null; }
+  const plan = planPanel(name, (session) => { if (session !== name) location.hash = link("live", { session }); });
+  main.append(plan.element);
+  if (!name) { main.append(make("p", {}, "No session here yet. Record one in a terminal:  pianorig record")); return () => plan.close(); }
   const seconds = Number(values.get("window")) || 2;
   const canvas = make("canvas", { class: "scope", width: 1200, height: STRIP_PX, role: "img", "aria-label": `Scope of ${name}` });
   const lamp = make("strong", { class: "lamp", role: "status" }), told = make("span", { class: "values" }), disk = make("span");
-  const pause = make("button", { type: "button", class: "first", "aria-pressed": "false", onclick: () => { paused = !paused; pause.setAttribute("aria-pressed", String(paused)); pause.textContent = paused ? "Go on" : "Pause"; frozen = ring?.end ?? 0; dirty = true; } }, "Pause");
+  const pause = make("button", { type: "button", "aria-pressed": "false", onclick: () => { paused = !paused; pause.setAttribute("aria-pressed", String(paused)); pause.textContent = paused ? "Go on" : "Pause the scope"; frozen = ring?.end ?? 0; dirty = true; } }, "Pause the scope");
   const hold = make("button", { type: "button", "aria-pressed": "false", onclick: () => { held = held ? null : picture(); hold.setAttribute("aria-pressed", String(Boolean(held))); dirty = true; } }, "Hold");
   const window_ = make("select", { onchange: () => { length = Number(window_.value); dirty = true; } }, ...WINDOWS_S.map((s) => make("option", { value: s }, `${s} s`)));
   const select = make("select", { onchange: () => { location.hash = link("live", { session: select.value }); } }, ...sessions.map((row) => make("option", { value: row.name }, row.name)));
-  const scales = make("div", { class: "row" }), figures = make("tbody"), chart = make("canvas", { class: "chart", width: 600, height: 120, role: "img", "aria-label": "Peak force of each trial" });
+  const scales = make("div", { class: "row" }), trials = trialsPart(), lamps = lampRow(), bar = make("progress", { max: 1, value: 0, hidden: true, "aria-label": "This trial" });
+  let limits = null, came = null;
   let socket = null, state = null, ring = null, closed = false, paused = false, held = null, length = seconds, frozen = 0, dirty = true, scale = [], timer = 0;
   window_.value = seconds;
   select.value = name;
   main.append(
-    make("div", { class: "row" }, make("label", {}, "Session", select), lamp, told, disk),
-    make("div", { class: "row" }, pause, hold, make("label", {}, "Window", window_), make("span", { class: "hint" }, "P pauses, H holds the picture to compare with")),
-    canvas, make("details", {}, make("summary", {}, "Scale of each channel"), scales),
-    make("h2", {}, "Trials of this session"), chart,
-    make("div", { class: "scroll" }, make("table", { id: "figures" }, make("thead", {}, make("tr", {}, ...["Trial", "Status", "Peak force, N", "Last encoder turned, °"].map((title, k) => make("th", { scope: "col", class: k > 1 ? "number" : null }, title)))), figures)));
+    make("div", { class: "row" }, make("label", {}, "Session", select), lamp, bar, told, disk),
+    make("div", { class: "row" }, pause, hold, make("label", {}, "Window", window_), make("span", { class: "hint" }, "P pauses it, H holds the picture to compare with")),
+    lamps.element, canvas, make("details", {}, make("summary", {}, "Scale of each channel"), scales), trials.element);
   const keys = (event) => {
     if (event.ctrlKey || event.altKey || event.metaKey || event.target.closest?.("input, textarea, select")) return;
     if (event.key === "p") pause.click(); else if (event.key === "h") hold.click();
   };
   document.addEventListener("keydown", keys);
+  const resized = () => { dirty = true; };
+  addEventListener("resize", resized);
 
   function connect() {
     socket = new WebSocket(`ws://${location.host}/live/${at(name)}`);
@@ -66,30 +72,35 @@ export async function showLive(main, values) {
   }
 
   function newState(now) {
+    if (now.lamps) { limits = now.lamps; lampsNow(); return; }
     const other = !state || !state.recording || now.trial !== state.trial || now.started_utc !== state.started_utc;
     if (now.recording && (other || !ring)) {
       ring = new Ring(now.channels.length, now.rate_hz);
       scale = now.channels.map(() => null);
       scales.replaceChildren(...now.channels.map((channel, i) => scaleOf(channel, i)));
-      canvas.height = STRIP_PX * now.channels.length;
     }
     state = now;
     lamp.textContent = now.recording ? "● recording" : "○ nothing is being recorded";
     lamp.className = `lamp ${now.recording ? "on" : ""}`;
-    disk.textContent = `${now.disk_free_gb} GB free`;
+    canvas.hidden = !ring;
+    const rate_mb = now.rate_hz * (now.channels.length + 1) * 8e-6, minutes = rate_mb ? 1e3 * now.disk_free_gb / rate_mb / 60 : Infinity;
+    disk.textContent = `disk ${now.disk_free_gb} GB free${minutes < 6000 ? `, some ${minutes < 100 ? `${Math.round(minutes)} min` : `${Math.round(minutes / 60)} h`} of recording` : ""}`;
     disk.className = now.disk_free_gb < 2 ? "problem" : "hint";
-    figures.replaceChildren(...[...now.figures].reverse().slice(0, 50).map((row) => make("tr", {}, make("th", { scope: "row" }, String(row.trial)),
-      make("td", { class: row.status === "complete" ? "" : "problem" }, `${row.status}${row.rejected ? ", rejected" : ""}${row.reason ? `: ${row.reason}` : ""}`),
-      ...[row.peak_force_n, row.turned_deg].map((x) => make("td", { class: "number" }, x === null ? "–" : x.toFixed(2))))));
-    drawChart();
+    trials.set(now.figures);
+    lampsNow();
     dirty = true;
   }
 
   function newSamples(buffer) {
+    came = performance.now();
     if (!ring) return;
     const first = new DataView(buffer).getFloat64(0, true);
     ring.take(first, new Float32Array(buffer, 8));
     if (!paused) dirty = true;
+  }
+
+  function lampsNow() {
+    if (limits) lamps.set(limits, Boolean(state?.recording), came === null ? null : (performance.now() - came) / 1000);
   }
 
   /** By itself, or from–to as typed. */
@@ -124,22 +135,24 @@ export async function showLive(main, values) {
   }
 
   function draw() {
+    const ratio = Math.min(devicePixelRatio, 2), wide = Math.max(300, Math.round(canvas.clientWidth * ratio)), strip = Math.round(STRIP_PX * ratio);
+    if (ring && (canvas.width !== wide || canvas.height !== strip * ring.columns)) { canvas.width = wide; canvas.height = strip * ring.columns; held = null; hold.setAttribute("aria-pressed", "false"); }
     const now = picture(), pen = canvas.getContext("2d"), style = getComputedStyle(document.documentElement);
     const ink = style.getPropertyValue("--ink"), soft = style.getPropertyValue("--soft"), line = style.getPropertyValue("--line");
     pen.clearRect(0, 0, canvas.width, canvas.height);
     if (!now) return;
-    pen.font = "13px system-ui, sans-serif";
+    pen.font = `${13 * ratio}px system-ui, sans-serif`;
     state.channels.forEach((channel, c) => {
-      const top = c * STRIP_PX, room = STRIP_PX - 22;
+      const top = c * strip, head = 18 * ratio, room = strip - 22 * ratio;
       let [from, to] = scale[c] || [Infinity, -Infinity];
       if (!scale[c]) for (const one of [now, held].filter(Boolean)) for (let x = 0; x < one.low[c]?.length; x++) { if (one.low[c][x] < from) from = one.low[c][x]; if (one.high[c][x] > to) to = one.high[c][x]; }
       if (!(from < to)) { const middle = Number.isFinite(from) ? from : 0; from = middle - 0.5; to = middle + 0.5; }
-      const y = (value) => top + 18 + room * (1 - (value - from) / (to - from));
+      const y = (value) => top + head + room * (1 - (value - from) / (to - from));
       pen.strokeStyle = line;
-      pen.strokeRect(LEFT_PX, top + 18, canvas.width - 2 * LEFT_PX, room);
+      pen.strokeRect(LEFT_PX, top + head, canvas.width - 2 * LEFT_PX, room);
       pen.save();
       pen.beginPath();
-      pen.rect(LEFT_PX, top + 17, canvas.width - 2 * LEFT_PX, room + 2);
+      pen.rect(LEFT_PX, top + head - 1, canvas.width - 2 * LEFT_PX, room + 2);
       pen.clip();
       for (const [one, color] of [[held, soft], [now, channel.color || ink]]) {
         if (!one || !one.low[c]) continue;
@@ -156,46 +169,20 @@ export async function showLive(main, values) {
       }
       pen.restore();
       pen.fillStyle = ink;
-      pen.fillText(`${channel.title}  ${Number.isFinite(now.last[c]) ? now.last[c].toFixed(2) : "–"} ${channel.unit}`, LEFT_PX, top + 13);
+      pen.fillText(`${channel.title}  ${Number.isFinite(now.last[c]) ? now.last[c].toFixed(2) : "–"} ${channel.unit}`, LEFT_PX, top + 13 * ratio);
       pen.fillStyle = soft;
       pen.textAlign = "right";
-      pen.fillText(`${from.toPrecision(3)} to ${to.toPrecision(3)} ${channel.unit}`, canvas.width - LEFT_PX, top + 13);
+      pen.fillText(`${from.toPrecision(3)} to ${to.toPrecision(3)} ${channel.unit}`, canvas.width - LEFT_PX, top + 13 * ratio);
       pen.textAlign = "left";
     });
     const rate = state.rate_hz || 1;
     const trials = state.trial <= state.trials ? ` of ${state.trials}` : "";
     told.textContent = `trial ${state.trial}${trials}${state.condition ? `, ${state.condition}` : ""}, ${(now.end / rate).toFixed(1)} s${state.planned_s ? ` of ${state.planned_s.toFixed(1)} s` : ""}${ring.lost ? `, ${ring.lost} samples not seen here` : ""}`;
+    bar.hidden = !state.recording || !state.planned_s;
+    bar.value = Math.min(now.end / rate / (state.planned_s || 1), 1);
     canvas.dataset.samples = now.end;
     canvas.dataset.last = now.last[0];
     canvas.dataset.drawn = performance.timeOrigin + performance.now();
-  }
-
-  /** Peak force of each trial, with the mean and twice the spread of the complete ones. */
-  function drawChart() {
-    const rows = state.figures.filter((row) => row.peak_force_n !== null), pen = chart.getContext("2d"), style = getComputedStyle(document.documentElement);
-    pen.clearRect(0, 0, chart.width, chart.height);
-    chart.hidden = rows.length < 2;
-    if (rows.length < 2) return;
-    const good = rows.filter((row) => row.status === "complete" && !row.rejected).map((row) => row.peak_force_n);
-    const mean = good.reduce((a, b) => a + b, 0) / good.length, spread = Math.sqrt(good.reduce((a, b) => a + (b - mean) ** 2, 0) / Math.max(good.length - 1, 1));
-    const all = rows.map((row) => row.peak_force_n).concat(good.length > 2 ? [mean - 2 * spread, mean + 2 * spread] : []);
-    const low = Math.min(...all), high = Math.max(...all), y = (v) => 100 - 84 * (v - low) / (high - low || 1), x = (i) => 60 + 520 * (i + 0.5) / rows.length;
-    pen.font = "12px system-ui, sans-serif";
-    pen.fillStyle = style.getPropertyValue("--ink");
-    pen.fillText(`${high.toFixed(1)} N`, 4, 20);
-    pen.fillText(`${low.toFixed(1)} N`, 4, 104);
-    if (good.length > 2) {
-      pen.strokeStyle = style.getPropertyValue("--soft");
-      for (const [value, dash] of [[mean, []], [mean - 2 * spread, [5, 4]], [mean + 2 * spread, [5, 4]]]) { pen.setLineDash(dash); pen.beginPath(); pen.moveTo(60, y(value)); pen.lineTo(580, y(value)); pen.stroke(); }
-      pen.setLineDash([]);
-    }
-    rows.forEach((row, i) => {
-      const fine = row.status === "complete" && !row.rejected;
-      pen.beginPath();
-      if (fine) pen.arc(x(i), y(row.peak_force_n), 4, 0, 7); else pen.rect(x(i) - 4, y(row.peak_force_n) - 4, 8, 8);
-      pen.fillStyle = style.getPropertyValue(fine ? "--mark" : "--warn");
-      pen.fill();
-    });
   }
 
   const tick = () => {
@@ -203,8 +190,9 @@ export async function showLive(main, values) {
     if (dirty) { dirty = false; draw(); }
     requestAnimationFrame(tick);
   };
+  const looking = setInterval(lampsNow, 250);
   connect();
   tick();
   main.dataset.ready = "true";
-  return () => { closed = true; clearTimeout(timer); document.removeEventListener("keydown", keys); socket?.close(); delete main.dataset.ready; };
+  return () => { closed = true; plan.close(); clearInterval(looking); clearTimeout(timer); document.removeEventListener("keydown", keys); removeEventListener("resize", resized); socket?.close(); delete main.dataset.ready; };
 }

@@ -3,6 +3,7 @@ import { address, ask, at, link, make, mayWrite, remember, say } from "./bench.j
 import { OutlineEditor } from "./editor.js";
 import { FilmPanel } from "./film.js";
 import { jobButton } from "./jobs.js";
+import { marksPart } from "./marks.js";
 import { LOOK_ONLY } from "./sessions.js";
 
 const USUAL = ["key", "whippen", "jack", "repetition", "hammer"];
@@ -29,11 +30,12 @@ export async function showOutlines(main, values) {
     ...films.map((one, i) => make("option", { value: i }, one.title)));
   select.value = films.indexOf(wanted);
   main.append(make("div", { class: "row" }, make("label", {}, "Film", select)));
-  let closed = false, known = await ask(base);
+  let closed = false, marks = null, known = await ask(base);
   const panel = new FilmPanel(owner, trial, known.film);
   const kept = `outlines ${owner} ${trial}`;
   const editor = new OutlineEditor(panel, JSON.parse(sessionStorage.getItem(kept) || "null") || known.outlines, (bodies, dirty) => {
     if (dirty) sessionStorage.setItem(kept, JSON.stringify(bodies));
+    marks?.release();
     list();
   });
   const slider = make("input", { type: "range", min: 0, max: known.film.n_frames - 1, value: values.get("frame") || 0, "aria-label": "Frame", oninput: () => go(Number(slider.value)) });
@@ -51,14 +53,15 @@ export async function showOutlines(main, values) {
     },
     done: async () => { say("tracked"); await reload(); },
   });
+  marks = marksPart({ panel, editor, base, known: known.marks, kept: `marks ${owner} ${trial}`, ended: () => closed, reload, rate: () => Number(rate.value) || undefined });
   main.append(known.doubt ? make("p", { class: "notice" }, known.doubt) : "",
     make("div", { class: "review" }, make("div", {}, panel.element, slider, hints),
       make("div", {}, make("div", { class: "row" }, proposeButton, make("button", { type: "button", onclick: () => editor.add() }, "New body"), make("button", { type: "button", onclick: () => editor.undo() }, "Undo"), saveButton),
         rows, make("fieldset", {}, make("legend", {}, "Track"), trial === 0 ? make("p", {}, make("label", { for: "rate" }, "True frame rate, frames/s"), " ", rate) : "", track),
-        make("fieldset", {}, make("legend", {}, "Worst frames"), worst, make("div", { class: "row" }, again, still),
-          make("p", { class: "hint" }, "Drag a tracked outline to where the body is, [ and ] turn it; then track this frame again.")))),
+        marks.element, make("fieldset", {}, make("legend", {}, "Worst frames"), worst, make("div", { class: "row" }, again, still),
+          make("p", { class: "hint" }, "Drag a tracked outline to where the body is, [ and ] turn it; then track this frame again. By keys, on the picture: B chooses a body, the arrows move it.")))),
     make("details", { open: !known.outlines.length }, make("summary", {}, "How to draw"),
-      make("p", {}, "Outlines lie on the still frames at the start. Click corner after corner; a click on the first corner closes the outline, after that a click adds a point in the nearest edge; drag a point to move it, arrow keys move the chosen one by a pixel (with Shift a tenth), Delete takes it away, Ctrl-Z takes the last change back. A body in front has the larger layer; its parent is the body it turns on."),
+      make("p", {}, "Outlines lie on the still frames at the start. Click corner after corner; a click on the first corner closes the outline, after that a click adds a point in the nearest edge; drag a point to move it, arrow keys move the chosen one by a pixel (with Shift a tenth, with Ctrl ten), Delete takes it away, Ctrl-Z takes the last change back. Without a pointer: Enter on the picture sets a corner, the arrows move it. A body in front has the larger layer; its parent is the body it turns on."),
       make("p", {}, `Outlines are in ${known.file}, angles in ${known.table || "the table that tracking writes"} beside the film${trial ? ", and in the session" : ""}.`)));
   panel.told = (index) => {
     slider.value = index;
@@ -114,6 +117,7 @@ export async function showOutlines(main, values) {
     panel.film = known.film;
     panel.setBodies(known.film.bodies);
     editor.forgetPlaces();
+    marks.set(known.marks);
     showWorst();
     panel.draw(panel.shown);
   }
@@ -151,5 +155,5 @@ export async function showOutlines(main, values) {
   panel.frame(Number(values.get("frame")) || 0);
   main.dataset.ready = "true";
   window.benchEditor = editor; // for tests of the page
-  return () => { closed = true; editor.close(); panel.close(); delete main.dataset.ready; };
+  return () => { closed = true; marks.close(); editor.close(); panel.close(); delete main.dataset.ready; };
 }

@@ -26,12 +26,11 @@ class Condition:
     name: str
     points: tuple[tuple[float, float], ...]
 
-    def force(self, strength: float = 1.0, stretch: float = 1.0) -> Array:
-        """Nominal force at `RATE_HZ`, N, with rest before and after, stronger or slower by a factor."""
+    def corners(self, strength: float = 1.0, stretch: float = 1.0) -> tuple[Array, Array]:
+        """Corner points of the motor's profile, s and N, with rest before and after, stronger or slower by a factor."""
         times = WINDOW_S + stretch * np.array([t for t, _ in self.points])
         values = strength * np.array([f for _, f in self.points])
-        grid = np.arange(0.0, times[-1] + AFTER_S, 1.0 / RATE_HZ)
-        return np.interp(grid, times, values, left=0.0, right=0.0)
+        return np.concatenate([[0.0], times, [times[-1] + AFTER_S]]), np.concatenate([[0.0], values, [0.0]])
 
 
 def _strokes(level: float, onsets: tuple[float, ...], hold_s: float, fall_s: float) -> tuple[tuple[float, float], ...]:

@@ -24,6 +24,15 @@ ABOUT = {
     "dataset.json": "Index: trials by split, window, rates, hashes of the truths.",
     "truth_open.json": "Truth of the open split: specimens, strokes, faults.",
 }
+KINDS = {
+    ".nc": "application/x-netcdf", ".json": "application/json", ".md": "text/markdown", ".tif": "image/tiff",
+    ".toml": "application/toml",
+}  # fmt: skip
+OF_KIND = {
+    ".nc": "One stroke: force, command, encoders and film angles, netCDF-4.",
+    ".tif": "Film of one stroke, a page a frame, lossless.",
+    ".toml": "Outlines of the bodies on the film's first frames.",
+}
 CARD = Path(__file__).parent / "card.md.j2"
 KEYWORDS = ["piano action", "multibody dynamics", "system identification", "benchmark"]
 
@@ -44,14 +53,13 @@ def descriptions(folder: Path, index: dict[str, Any]) -> dict[str, str]:
 
 def ro_crate(files: dict[str, bytes]) -> dict[str, Any]:
     """RO-Crate 1.3 metadata of files by relative name."""
-    kinds = {".nc": "application/x-netcdf", ".json": "application/json", ".md": "text/markdown"}
     parts: list[dict[str, Any]] = [
         {
             "@id": name,
             "@type": "File",
             "name": name,
-            "description": ABOUT.get(name, "One stroke: force, command, encoders and film angles, netCDF-4."),
-            "encodingFormat": kinds.get(Path(name).suffix, "text/plain"),
+            "description": ABOUT.get(name, OF_KIND.get(Path(name).suffix, "One file.")),
+            "encodingFormat": KINDS.get(Path(name).suffix, "text/plain"),
             "contentSize": str(len(content)),
             "sha256": hashlib.sha256(content).hexdigest(),
         }
@@ -116,7 +124,7 @@ def croissant(folder: Path, data: list[str]) -> dict[str, Any]:
         "creator": {"@type": "Organization", "name": AUTHOR},
         "distribution": [
             {"@type": "cr:FileObject", "@id": name, "name": name, "contentUrl": name,
-             "encodingFormat": "application/x-netcdf" if name.endswith(".nc") else "application/json",
+             "encodingFormat": KINDS.get(Path(name).suffix, "text/plain"),
              "sha256": hashlib.sha256((folder / name).read_bytes()).hexdigest()}
             for name in data
         ],

@@ -6,7 +6,7 @@ import json
 import secrets
 import shutil
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +15,8 @@ import numpy as np
 from pianorig.errors import CommandInputError
 from pianorig.workflows.dataset.conditions import CONDITIONS, RATE_HZ, WINDOW_S
 from pianorig.workflows.dataset.describe import descriptions
-from pianorig.workflows.dataset.play import FAULTS, FILM_HZ, plant_of, play
+from pianorig.workflows.dataset.films import LEVELS, write_film
+from pianorig.workflows.dataset.play import FAULTS, FILM_HZ, SpecimenBench
 from pianorig.workflows.dataset.specimens import draw_specimen
 from rig.storage.atomic_write import write_text
 from validation.dataset.files import write_netcdf
@@ -46,6 +47,7 @@ def make_dataset(
     seed: int = SEED,
     each: int = EACH,
     sealed_truth: Path | None = None,
+    films: bool = True,
     say: Callable[[str], None] = lambda text: None,
 ) -> Made:
     """Make the data set in a new folder.
@@ -60,6 +62,8 @@ def make_dataset(
         Trials of each condition and specimen; the last of them is for testing.
     sealed_truth : path, optional
         Where the truth of a sealed split is kept, outside ``out``; without it there is no sealed split.
+    films : bool
+        Film the first stroke of each level as pictures.
     say : callable
         Told of the progress.
 
@@ -76,24 +80,32 @@ def make_dataset(
         raise CommandInputError(f"{sealed_truth}: exists, or lies in {out}, where it would be published")
     existed = out.is_dir()
     try:
-        return _make(out, seed, each, sealed_truth, say)
+        return _make(out, seed, each, sealed_truth, _Told(films, say))
     except BaseException:
         if not existed:
             shutil.rmtree(out, ignore_errors=True)
         raise
 
 
-def _make(out: Path, seed: int, each: int, sealed_truth: Path | None, say: Callable[[str], None]) -> Made:
+@dataclass(frozen=True)
+class _Told:
+    """Whether there are films, and who is told of the progress."""
+
+    films: bool
+    say: Callable[[str], None]
+
+
+def _make(out: Path, seed: int, each: int, sealed_truth: Path | None, told: _Told) -> Made:
     out.mkdir(parents=True, exist_ok=True)
     rows: dict[str, list[dict[str, Any]]] = {}
     seals: dict[str, str] = {}
-    rows["open"], truth = _split(out, "open", np.random.default_rng([seed, 1]), each, say)
+    rows["open"], truth = _split(out, "open", np.random.default_rng([seed, 1]), each, told)
     salt = f"open split of seed {seed}"
     seals["open"] = salted_sha256(truth_text(truth), salt)
     write_text(out / OPEN_TRUTH, json.dumps({"salt": salt, "truth": truth}, indent=1, sort_keys=True) + "\n")
     if sealed_truth is not None:
         random = np.random.default_rng(secrets.randbits(128))
-        rows["sealed"], truth = _split(out, "sealed", random, each, say)
+        rows["sealed"], truth = _split(out, "sealed", random, each, told)
         salt = secrets.token_hex(32)
         seals["sealed"] = salted_sha256(truth_text(truth), salt)
         sealed_truth.parent.mkdir(parents=True, exist_ok=True)
@@ -116,28 +128,35 @@ def _make(out: Path, seed: int, each: int, sealed_truth: Path | None, say: Calla
 
 
 def _split(
-    out: Path, split: str, random: np.random.Generator, each: int, say: Callable[[str], None]
+    out: Path, split: str, random: np.random.Generator, each: int, told: _Told
 ) -> tuple[list[dict[str, Any]], dict[str, Any]]:
     """Play and write one split; return the rows of its index and its truth."""
     (out / split).mkdir()
-    rows, trials, faults = [], {}, {}
+    rows: list[dict[str, Any]] = []
+    trials, faults = {}, {}
     specimens = [draw_specimen(name, random) for name in SPECIMENS]
     number = 0
     for specimen in specimens:
-        plant = plant_of(specimen)
+        bench = SpecimenBench(specimen)
         for condition in CONDITIONS:
-            say(f"{split}: specimen {specimen.name}, {condition.name}")
+            told.say(f"{split}: specimen {specimen.name}, {condition.name}")
             for k in range(each):
                 number += 1
                 part = "test" if k == each - 1 else "train"
                 fault = str(random.choice(FAULTS)) if random.random() < FAULT_SHARE else ""
-                played = play(plant, number, condition, fault, random)
+                played = bench.play(number, condition, fault, random)
                 facts = {**played.trial.facts, "specimen": specimen.name, "part": part, "title": f"{split} {number}"}
                 file = f"{split}/trial_{number:04d}.nc"
-                write_netcdf(out / file, type(played.trial)(**{**vars(played.trial), "facts": facts}))
-                rows.append({"file": file, "trial": number, "specimen": specimen.name, "condition": condition.name,
-                             "part": part})  # fmt: skip
+                write_netcdf(out / file, replace(played.trial, facts=facts))
+                row = {"file": file, "trial": number, "specimen": specimen.name, "condition": condition.name,
+                       "part": part}  # fmt: skip
+                if told.films and not k and specimen is specimens[0] and condition.name in LEVELS:
+                    film = f"{split}/trial_{number:04d}_film.tif"
+                    n, first_s = write_film(out / film, played, specimen.seed + number)
+                    row |= {"film": film, "film_frames": n, "film_first_s": first_s}
+                rows.append(row)
                 trials[str(number)] = played.truth
                 if fault:
                     faults[str(number)] = fault
+        bench.close()
     return rows, {"specimens": [asdict(one) for one in specimens], "trials": trials, "faults": faults}

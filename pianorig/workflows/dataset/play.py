@@ -1,97 +1,119 @@
-"""One trial of the data set: a specimen of the virtual bench is played, and its sensors are read with their errors."""
+"""Trials of the data set as the bench records them: a specimen on the virtual bench, through recorder, device, sensors.
+
+Each specimen stands on a bench of its own (`ActionPlant` behind the virtual NI-DAQmx device), and `rig.record` plays
+and records its strokes as it would on hardware: anti-alias filter, group delay, codes, counters. What is published of a
+trial is read from its sealed file; faults are planted afterwards.
+"""
 
 from __future__ import annotations
 
+import tempfile
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+import rig
 from pianorig.workflows.dataset.conditions import RATE_HZ, Condition
 from pianorig.workflows.dataset.specimens import SCATTER, Specimen
-from rig.simulated import ActionPlant, load_plant
-from rig.simulated.backend import DEFAULT_BENCH
+from rig.configuration.profile import Profile
+from rig.simulated import ActionPlant, PlantTruth, build_device, load_plant
+from rig.simulated.backend import DEFAULT_BENCH, SimulatedBackend
+from rig.simulated.bench.sensors import load_sensors
 from validation.dataset.files import DataTrial
 
 Array = NDArray[np.float64]
 
-NEWTONS_PER_VOLT = 12.0
+RIG = "virtual"
 FILM_HZ = 2000.0
-COUNTS = {"key_angle": 327680, "whippen_angle": 327680, "hammer_angle": 163840}
 U = {
-    "force": 0.05, "motor_command": 1e-3, "key_angle": 6e-6, "whippen_angle": 6e-6, "hammer_angle": 1.2e-5,
+    "force": 0.05, "motor_command": 1e-3, "key_angle": 5e-5, "whippen_angle": 5e-5, "hammer_angle": 5e-5,
     "jack_angle": 1e-4, "repetition_angle": 1e-4, "film_time": 1e-5,
 }  # fmt: skip
-"""Standard uncertainties that are published."""
-FORCE_NOISE_N, FORCE_OFFSET_N, FORCE_GAIN = 0.02, 0.04, 0.002
-HUM_N, HUM_HZ = 0.03, 60.0
+"""Standard uncertainties that are published; the force's without its level, which the rest before the stroke shows."""
+BODIES = {"key_angle": "key", "whippen_angle": "whippen", "hammer_angle": "hammer"}
+HUM_HZ = 60.0
 FAULTS = ("force gain", "hammer sign", "key counts", "film late", "hum", "force drift")
-BLOCK = 500
 
 
 @dataclass(frozen=True)
 class Played:
-    """A trial as it is published, and what is true of it."""
+    """A trial as it is published, what is true of it; for the camera the motion as it was, and when it began, s."""
 
     trial: DataTrial
     truth: dict[str, Any]
+    motion: PlantTruth
+    start_s: float
 
 
-def plant_of(specimen: Specimen) -> ActionPlant:
-    """The specimen under the arm of the virtual bench's motor."""
-    bench = load_plant(DEFAULT_BENCH, seed=specimen.seed, sample_rate_hz=RATE_HZ)
-    action = bench.choice.on(specimen.action())
-    return ActionPlant(action, bench.choice, specimen.torque_per_volt_nm, SCATTER, specimen.seed, RATE_HZ)
-
-
-def play(plant: ActionPlant, number: int, condition: Condition, fault: str, random: np.random.Generator) -> Played:
-    """Play one stroke on a plant.
+class SpecimenBench:
+    """A virtual bench with a specimen under the arm of its motor; trials are played one after the other.
 
     Parameters
     ----------
-    plant : ActionPlant
-    number : int
-        Of the trial.
-    condition : Condition
-    fault : str
-        One of `FAULTS`, or empty.
-    random : Generator
-        For how it is played and what the sensors add.
+    specimen : Specimen
     """
-    strength, stretch = (float(np.exp(sd * np.clip(random.standard_normal(), -2, 2))) for sd in (0.05, 0.04))
-    volts = condition.force(strength, stretch) / NEWTONS_PER_VOLT
-    plant.start_trial(number)
-    for first in range(0, volts.size, BLOCK):
-        plant.advance(volts[first : first + BLOCK])
-    truth = plant.truth()
-    late = 1e-5 * float(np.clip(random.standard_normal(), -2, 2))
-    film_s = np.arange(0.0, truth.time_s[-1], 1.0 / FILM_HZ)
-    relative = truth.film_angles_at(film_s + late)[:, 1:]
-    values = {
-        "force": _force(truth.time_s, truth.force_n, random),
-        "motor_command": volts,
-        **{name: _counted(truth.column(name.removesuffix("_angle")), COUNTS[name]) for name in COUNTS},
-        **{
-            name: relative[:, k] - relative[0, k] + U[name] * random.standard_normal(film_s.size)
-            for k, name in enumerate(("jack_angle", "repetition_angle"))
-        },
-    }
-    if fault:
-        film_s = plant_fault(fault, truth.time_s, film_s, values)
-    trial = DataTrial(truth.time_s, film_s, values, U, {"trial": number, "condition": condition.name})
-    return Played(trial, {"strength": strength, "stretch": stretch, "film_late_s": late, "fault": fault})
 
+    def __init__(self, specimen: Specimen) -> None:
+        bench = load_plant(DEFAULT_BENCH, seed=specimen.seed, sample_rate_hz=RATE_HZ)
+        action = bench.choice.on(specimen.action())
+        plant = ActionPlant(action, bench.choice, specimen.torque_per_volt_nm, SCATTER, specimen.seed, RATE_HZ)
+        self.rig = rig.load_rig(RIG)
+        sensors = load_sensors(DEFAULT_BENCH, seed=specimen.seed)
+        self.backend = SimulatedBackend(build_device(self.rig.config, plant, sensors))
 
-def _force(time_s: Array, force_n: Array, random: np.random.Generator) -> Array:
-    gain, offset, phase = 1.0 + FORCE_GAIN * random.standard_normal(), FORCE_OFFSET_N * random.standard_normal(), 6.28
-    hum = HUM_N * np.sin(2.0 * np.pi * HUM_HZ * time_s + phase * random.random())
-    return np.asarray(gain * force_n + offset + hum + FORCE_NOISE_N * random.standard_normal(time_s.size))
+    def close(self) -> None:
+        """Give the virtual device back."""
+        self.backend.close()
 
+    def play(self, number: int, condition: Condition, fault: str, random: np.random.Generator) -> Played:
+        """Record one stroke.
 
-def _counted(angle_rad: Array, counts: int) -> Array:
-    width = 2.0 * np.pi / counts
-    return np.asarray(width * np.round((angle_rad - angle_rad[0]) / width))
+        Parameters
+        ----------
+        number : int
+            Of the trial.
+        condition : Condition
+        fault : str
+            One of `FAULTS`, or empty.
+        random : Generator
+            For how it is played and what film and faults add.
+        """
+        strength, stretch = (float(np.exp(sd * np.clip(random.standard_normal(), -2, 2))) for sd in (0.05, 0.04))
+        times, forces = condition.corners(strength, stretch)
+        self.backend.continue_after(number - 1)
+        with tempfile.TemporaryDirectory() as folder:
+            session = rig.record(
+                Path(folder) / "session", profile=Profile(condition.name, times, forces), rig_config=self.rig,
+                trials=1, backend=self.backend,
+            )  # fmt: skip
+            data = session.trial(1).read()
+        plant = self.backend.plant
+        assert isinstance(plant, ActionPlant)
+        motion = plant.truth()
+        late = 1e-5 * float(np.clip(random.standard_normal(), -2, 2))
+        assert data.camera is not None
+        film_s = data.camera.frame_time_s
+        film_s = film_s[(film_s >= 0.0) & (film_s < min(data.time_s[-1], motion.time_s[-1]) - 1e-3)]
+        relative = motion.film_angles_at(film_s + late)[:, 1:]
+        angles = dict(zip((one.name for one in data.encoders), data.angle_rad().T, strict=True))
+        values = {
+            # what a sample shows is one group delay old
+            "force": np.interp(data.time_s + data.force_info.group_delay_s, data.time_s, data.force_n),
+            "motor_command": data.motor_command_v,
+            **{name: angles[body] - angles[body][0] for name, body in BODIES.items()},
+            **{
+                name: relative[:, k] - relative[0, k] + U[name] * random.standard_normal(film_s.size)
+                for k, name in enumerate(("jack_angle", "repetition_angle"))
+            },
+        }
+        published_s = plant_fault(fault, data.time_s, film_s, values) if fault else film_s
+        facts = {"trial": number, "condition": condition.name}
+        trial = DataTrial(data.time_s, published_s, values, U, facts)
+        truth = {"strength": strength, "stretch": stretch, "film_late_s": late, "fault": fault}
+        return Played(trial, truth, motion, data.blow_start_s)
 
 
 def plant_fault(fault: str, time_s: Array, film_s: Array, values: dict[str, Array]) -> Array:

@@ -29,7 +29,7 @@ def follow_marks_of(
     vision.VisionInputError : marks or film that cannot be used
     """
     known = vision.load_marks(marks)
-    with vision.open_film(film.path, allow_truncated=film.allow_truncated) as source:
+    with film.open() as source:
         times, _ = film.frame_times(source)
         return vision.follow_marks(source, known, times, every=every, n_still=n_still, progress=progress)
 

@@ -32,7 +32,7 @@ def preview_track(film: SessionFilm, picture: Path, count: int, **options: Unpac
     CommandInputError : as for tracking
     """
     bodies = vision.load_bodies(film.outlines)
-    with vision.open_film(film.path, allow_truncated=film.allow_truncated) as source:
+    with film.open() as source:
         times, options["u_time_s"] = film.frame_times(source)
         result = vision.preview(source, bodies, count, times, **options)
         vision.write_contact_sheet(picture, source, bodies, result, count=count, columns=min(count, COLUMNS))

@@ -10,7 +10,9 @@ from pianorig.errors import CommandInputError
 from vision.output.outline_drawing import grey_picture
 
 
-def propose_outlines(film: Path, out: Path, *, allow_truncated: bool = False) -> dict[str, Any]:
+def propose_outlines(
+    film: Path, out: Path, *, allow_truncated: bool = False, channel: str | None = None
+) -> dict[str, Any]:
     """Write proposed outlines to ``out`` and a picture of them beside it; an existing file is not overwritten.
 
     Where none can be proposed, the picture shows frames to draw outlines on, and the first frame is written pixel by
@@ -28,7 +30,7 @@ def propose_outlines(film: Path, out: Path, *, allow_truncated: bool = False) ->
         raise CommandInputError(f"{out}: --propose-bodies writes outlines; the name must end in .toml")
     if out.exists():
         raise CommandInputError(f"{out}: exists and may hold corrected outlines; choose another name or remove it")
-    with vision.open_film(film, allow_truncated=allow_truncated) as source:
+    with vision.open_film(film, allow_truncated=allow_truncated, channel=channel) as source:
         try:
             bodies = vision.propose_bodies(source)
         except vision.TrackingError as error:

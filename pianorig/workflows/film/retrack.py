@@ -68,7 +68,7 @@ def retrack(
         if found.size != 1:
             raise CommandInputError(f"--retrack {frame}: no such frame in {table_file}")
         rows.append(int(found[0]))
-    with vision.open_film(film.path, allow_truncated=film.allow_truncated) as source:
+    with film.open() as source:
         times, u_time = film.frame_times(source)
         result = vision.retrack_frames(
             source,

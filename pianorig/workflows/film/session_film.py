@@ -39,12 +39,19 @@ class SessionFilm:
     bodies_file : TOML with outlines; by default the session's
     frame_rate_hz : rate of a film on its own that does not say it, or says its play-back rate
     allow_truncated : read a film that was cut short up to its last whole frame
+    channel : of a colour film, red, green or blue
     """
 
     path: Path
     bodies_file: Path | None = None
     frame_rate_hz: float | None = None
     allow_truncated: bool = False
+    channel: str | None = None
+
+    def open(self, allow_truncated: bool | None = None) -> vision.Film:
+        """The film's frames; to be closed."""
+        whole = self.allow_truncated if allow_truncated is None else allow_truncated
+        return vision.open_film(self.path, allow_truncated=whole, channel=self.channel)
 
     @cached_property
     def owner(self) -> tuple[Session, Trial] | None:
@@ -98,7 +105,7 @@ class SessionFilm:
         """What to tell of times that rest on the rate a video file states, which is often that of play-back."""
         if self.owner is not None or self.frame_rate_hz is not None or self.path.suffix.lower() not in VIDEO_ENDINGS:
             return None
-        with vision.open_film(self.path, allow_truncated=True) as source:
+        with self.open(allow_truncated=True) as source:
             rate_hz = source.frame_rate_hz
         if rate_hz is None:
             return None

@@ -70,7 +70,7 @@ def draw_track(
     if overlay is None and contact_sheet is None:
         return
     bodies = vision.load_bodies(film.outlines)
-    with vision.open_film(film.path, allow_truncated=True) as source:
+    with film.open(allow_truncated=True) as source:
         if overlay is not None:
             vision.write_overlay(overlay, source, bodies, result)
         if contact_sheet is not None:
@@ -90,7 +90,7 @@ def track_film_file(film: SessionFilm, **options: Unpack[TrackOptions]) -> visio
     rig.errors.InputError : its frame clock does not fit
     """
     bodies = vision.load_bodies(film.outlines)
-    with vision.open_film(film.path, allow_truncated=film.allow_truncated) as source:
+    with film.open() as source:
         times, options["u_time_s"] = film.frame_times(source)
         result = vision.track(source, bodies, times, **options)
     if film.owner is not None:

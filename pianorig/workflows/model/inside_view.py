@@ -95,5 +95,10 @@ def draw_inside(
     at = np.interp(fine, times, force_n)
     if figures is not None:
         model.inside.draw_sheet(action, solution, at, figures)
-    if animation is not None:
+    if animation is not None and animation.suffix == ".html":
+        # start-up: the player's data need more of validation and vision than a run without animation
+        from pianorig.workflows.model.blow_animation import write_blow_animation
+
+        write_blow_animation(action, solution, at, animation)
+    elif animation is not None:
         model.inside.write_animation(action, solution, at, animation)

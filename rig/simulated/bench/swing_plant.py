@@ -1,11 +1,13 @@
 """A body of the specimen that swings freely about its joint: held up, let go, until friction holds it.
 
-As in ``pianorig calibrate-joint``; the law of the joint is the specimen's, dry friction with its smoothed sign.
+As in ``pianorig calibrate-joint``; the law of the joint is the specimen's, dry friction with its smoothed sign. With a
+pad, as in ``calibrate-contact``, a pair of a contact's materials rubs on a drum about the axis, by eq. 2.10.
 """
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,11 +22,29 @@ LIFTED_RAD = 1.1
 SLIP_RAD_PER_S = 1e-3
 
 
+@dataclass(frozen=True)
+class Pad:
+    """A pad on a drum of ``radius_m`` about the axis, under ``load_n``; A, B1, B2 and v_t of its contact's friction."""
+
+    load_n: float
+    radius_m: float
+    a: float
+    b1: float
+    b2: float
+    v_t: float
+
+    def torque(self, speed: float) -> float:
+        """Friction torque against a speed, rad/s; N m, positive."""
+        s = abs(speed) * self.radius_m / self.v_t
+        return self.load_n * self.radius_m * self.a * (math.tanh(s) + self.b1 * s / (1.0 + self.b2 * s**4))
+
+
 class SwingPlant:
     """One body on its joint; implements `rig.simulated.bench.plant_protocol.Plant`."""
 
-    def __init__(self, action: model.Action, body: str, sample_rate_hz: float) -> None:
+    def __init__(self, action: model.Action, body: str, sample_rate_hz: float, pad: Pad | None = None) -> None:
         self.sample_rate_hz = sample_rate_hz
+        self._pad = pad
         self._body = ENCODED_BODIES.index(body)
         arm = math.hypot(action[f"{body}.center_of_mass.x"], action[f"{body}.center_of_mass.y"])
         self.weight_nm = action[f"{body}.mass"] * action["gravity.g"] * arm
@@ -57,23 +77,39 @@ class SwingPlant:
     def _step(self, h: float) -> None:
         """Half a step of weight, one of friction against the speed it leaves, half a step of weight."""
         before = self._speed - 0.5 * h * self.weight_nm / self._inertia * math.sin(self._angle)
-        most = h * self.friction_nm / self._inertia
-        slowed = math.copysign(max(abs(before) - most * math.tanh(abs(before) / SLIP_RAD_PER_S), 0.0), before)
-        if abs(before) <= most and abs(self.weight_nm * math.sin(self._angle)) <= self.friction_nm:
+        pad = self._pad
+        holds = self.friction_nm + (0.0 if pad is None else pad.load_n * pad.radius_m * pad.a)
+        most = h * holds / self._inertia
+        torque = self.friction_nm * math.tanh(abs(before) / SLIP_RAD_PER_S)
+        torque += 0.0 if pad is None else pad.torque(before)
+        slowed = math.copysign(max(abs(before) - h * torque / self._inertia, 0.0), before)
+        if abs(before) <= most and abs(self.weight_nm * math.sin(self._angle)) <= holds:
             self._speed = 0.0  # it sticks
             return
         self._angle += h * slowed
         self._speed = slowed - 0.5 * h * self.weight_nm / self._inertia * math.sin(self._angle)
 
 
-def swing_plant(bench: ActionPlant, body: str) -> SwingPlant:
-    """Return a body of a bench's specimen on its joint.
+def swing_plant(bench: ActionPlant, body: str, pad: str = "") -> SwingPlant:
+    """Return a body of a bench's specimen on its joint; ``pad`` is ``contact:load_n:radius_m``, or nothing.
 
     Raises
     ------
     RigInputError
-        No body with an encoder.
+        No body with an encoder, or no such pad.
     """
     if body not in ENCODED_BODIES:
         raise RigInputError(f"swing {body}: not found; allowed {', '.join(ENCODED_BODIES)}")
-    return SwingPlant(bench.action, body, bench.sample_rate_hz)
+    return SwingPlant(bench.action, body, bench.sample_rate_hz, _pad(bench.action, pad) if pad else None)
+
+
+def _pad(action: model.Action, text: str) -> Pad:
+    try:
+        contact, load, radius = text.split(":")
+        load_n, radius_m = float(load), float(radius)
+        a, b1, b2 = (action[f"{contact}.friction.{k}"] for k in ("A", "B1", "B2"))
+        if load_n <= 0 or radius_m <= 0:
+            raise ValueError
+    except (ValueError, KeyError, model.ModelError):
+        raise RigInputError(f"pad {text}: allowed CONTACT:LOAD_N:RADIUS_M, as contact04:0.2:0.005") from None
+    return Pad(load_n, radius_m, a, b1, b2, action["friction_threshold.v_t"])

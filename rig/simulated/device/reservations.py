@@ -48,7 +48,9 @@ class Reservations:
     def _check_routes(self, task: SimulatedTask, owner: Inventory) -> None:
         """Refuse a clock or trigger of another device that no cable carries to this one."""
         source = task.timing.clock.source if task.timing.clock is not None else ""
-        for terminal in filter(None, (source, task.triggers.start, task.triggers.arm_start, task.triggers.reference)):
+        for terminal in filter(
+            None, (source, task.triggers.start, task.triggers.arm_start, task.triggers.reference, task.triggers.pause)
+        ):
             origin = self._inventory.of(terminal) if terminal.startswith("/") else self._inventory
             if not self._inventory.linked(origin, owner):
                 raise DaqStatusError(

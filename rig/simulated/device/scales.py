@@ -92,6 +92,15 @@ def _interpolated(x: Array, at: Sequence[float], values: Sequence[float]) -> Arr
     return np.interp(x, np.asarray(at, dtype=float)[order], np.asarray(values, dtype=float)[order])
 
 
+def scale_of(scales: dict[str, CustomScale], name: str, units: tuple[int, ...]) -> CustomScale:
+    """Return the scale a channel names, of what it measures in one of these units."""
+    scale = find_scale(scales, name)
+    if scale.prescaled_units not in units:
+        detail = f"Scale: {name!r} is of units {scale.prescaled_units}, allowed {', '.join(map(str, units))}"
+        raise DaqStatusError(status.INVALID_VALUE, detail)
+    return scale
+
+
 def find_scale(scales: dict[str, CustomScale], name: str) -> CustomScale:
     """Return a scale by name; the driver does not tell upper from lower case."""
     if name.lower() not in scales:

@@ -81,6 +81,8 @@ class DeviceState:
     """The device whose clock the bench's edges follow in this trial."""
     let_clients_call: Callable[[], None] = lambda: None
     """Called between stretches of time within one call, so that other clients get a turn."""
+    settle_settings: Callable[[DeviceState, SimulatedTask], None] = lambda device, task: None
+    """Takes over what a client has set of a task's triggers and logging, before it is verified."""
     reservations: Reservations = field(init=False)
 
     def __post_init__(self) -> None:
@@ -116,8 +118,10 @@ def verify(device: DeviceState, task: SimulatedTask) -> None:
     """Refuse settings that cannot be together, and those that the virtual device cannot act on."""
     if not task.channels:
         raise DaqStatusError(status.NO_CHANNELS, f"Task: {task.name}")
-    if task.unsimulated.keys() & {"start trigger", "reference trigger"} and task.timing.clock is None:
+    kinds = {*task.unsimulated, *task.triggers.analog_kinds}
+    if kinds & {"start trigger", "reference trigger"} and task.timing.clock is None:
         raise DaqStatusError(status.TRIGGER_ON_DEMAND, f"Task: {task.name}")
+    device.settle_settings(device, task)
     for (category, _, number), value in task.properties.items():
         if category == "ExportedSignal" and isinstance(value, str) and value:
             try:

@@ -13,7 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.simulated import daqmx, status
+from rig.simulated.device.comparator import AnalogShape, Comparator
 from rig.simulated.device.sample_buffers import InputBuffer, OutputBuffer
+from rig.simulated.device.tdms_log import LogSettings, TdmsLog
 from rig.simulated.product.inventory import PhysicalChannel
 from rig.simulated.status import DaqStatusError
 
@@ -70,11 +72,36 @@ class Triggers:
     reference: str = ""
     pretrigger_samples: int = 0
     """Samples to keep from before the reference trigger."""
+    analog_kinds: dict[str, str] = field(default_factory=dict)
+    """What a client has set of analog triggers: kind of shape by start trigger or reference trigger."""
+    analog_start: AnalogShape | None = None
+    analog_reference: AnalogShape | None = None
+    pause: str = ""
+    pause_high: bool = True
+    """Sampling pauses while this terminal is high, or low."""
+
+    def forget(self, which: str) -> None:
+        """Take the start trigger or reference trigger away, of whatever kind."""
+        self.analog_kinds.pop(which, None)
+        if which == "start trigger":
+            self.start = ""
+        else:
+            self.reference = ""
 
     @property
     def begin(self) -> str:
         """Terminal of the trigger with which sampling begins: start trigger, or arm start trigger of a counter."""
         return self.start or self.arm_start
+
+    @property
+    def awaited(self) -> bool:
+        """Whether sampling begins with a trigger."""
+        return bool(self.begin or self.analog_start)
+
+    @property
+    def referenced(self) -> bool:
+        """Whether samples from before a trigger are kept."""
+        return bool(self.reference or self.analog_reference)
 
 
 @dataclass(eq=False)
@@ -99,6 +126,12 @@ class Progress:
     """Edges that had passed on the reference trigger's terminal when the pretrigger samples were complete."""
     reference_end: int | None = None
     """Samples acquired by the end of the acquisition, once the reference trigger has come."""
+    comparator: Comparator | None = None
+    """What the running task compares its first channel with."""
+    crossings: int = 0
+    """Crossings it has seen."""
+    triggered: bool = False
+    """The analog start trigger has come."""
 
 
 @dataclass(eq=False)
@@ -109,6 +142,10 @@ class PulseGeneration:
     """None: without end."""
     high_times_s: NDArray[np.float64] | None = None
     """High times of the pulses written, one a pulse, repeated; None when all are the channel's."""
+    written: NDArray[np.float64] | None = None
+    """High and low times, s, (n, 2), of the samples that a sample clock loads; None without one."""
+    loaded: int = 0
+    """Number of the sample loaded last."""
     passed: int = 0
     next_s: float | None = None
     """Pulses generated, and when the next one came, as pulses were written to the running output; None before."""
@@ -134,6 +171,9 @@ class SimulatedTask:
     """Settings that the virtual device cannot act on: the task is refused when it is committed."""
     exported: set[str] = field(default_factory=set)
     """Terminals it exports its signals to, relative to the device."""
+    logging: LogSettings = field(default_factory=LogSettings)
+    log: TdmsLog | None = None
+    """Open while a task that logs runs."""
     state: TaskState = "unreserved"
     committed: bool = False
     """Whether a client has committed it, so that it keeps its resources when it stops."""
@@ -190,7 +230,7 @@ class SimulatedTask:
         """Samples per channel a read of all available ones returns: for a finite task, all it will acquire."""
         if self.timing.clock is None or self.buffer is None:
             return 1
-        referenced = bool(self.triggers.reference)
+        referenced = self.triggers.referenced
         if not self.timing.finite or self.retriggerable or (referenced and self.samples_remaining <= 0):
             return self.buffer.available
         return self.timing.clock.samples - (0 if referenced else self.buffer.read)
@@ -209,7 +249,7 @@ class SimulatedTask:
     def samples_remaining(self) -> float:
         """Samples a finite task will still acquire or generate; infinite when it is continuous."""
         end = self.progress.reference_end
-        if self.timing.clock is None or not self.timing.finite or (self.triggers.reference and end is None):
+        if self.timing.clock is None or not self.timing.finite or (self.triggers.referenced and end is None):
             return float("inf")
         return end - self.total_samples if end is not None else self.timing.clock.samples - self.samples_since_trigger
 

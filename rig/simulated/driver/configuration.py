@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
-from rig.simulated import status
+from rig.simulated import daqmx, status
 from rig.simulated.device.state import DeviceState
 from rig.simulated.device.task import Channel, SampleClock, SimulatedTask, TaskType, Timing
 from rig.simulated.product.capabilities import Kind
 from rig.simulated.product.inventory import channel_names
 from rig.simulated.status import DaqStatusError, NotImplementedByDevice
-
-SAMPLE_CLOCK_SOURCE_REQUIRED = -200303
 
 
 def add_channels(
@@ -49,15 +47,15 @@ def configure_clock(
     if not rate_hz > 0 or samples < 1:
         raise DaqStatusError(status.INVALID_VALUE, f"Rate {rate_hz:g}, samples per channel {samples}")
     terminal = device.inventory.terminal(source) if source and source != "OnboardClock" else ""
-    if task.type == "CI" and not terminal:
-        raise DaqStatusError(
-            SAMPLE_CLOCK_SOURCE_REQUIRED, "External sample clock source must be specified for this measurement."
-        )
-    if task.type == "CO":
-        raise NotImplementedByDevice("sample clock of a CO task")
+    if task.type in ("CI", "CO") and not terminal:
+        raise DaqStatusError(status.CLOCK_SOURCE_REQUIRED)
+    if task.type == "CO" and mode != daqmx.CONTINUOUS:
+        raise NotImplementedByDevice("finite pulses on a sample clock")
     owner = device.inventory.of(task.channels[0].physical.name)
     static = any(channel.physical.kind == "static_line" for channel in task.channels)
     if static or (task.type in ("DI", "DO") and not owner.product.clocked_lines):
         raise DaqStatusError(status.ATTRIBUTE_NOT_SUPPORTED, f"Task: {task.name}: these lines are static")
     rate_hz = owner.coerced_rate(rate_hz, task.channels[0].physical.kind, len(task.channels))
     task.timing = Timing(SampleClock(rate_hz, terminal, mode, samples))
+    if task.type == "CO":
+        task.pulses.count = None

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from rig.simulated import status
 from rig.simulated.device.state import DeviceState
 from rig.simulated.device.task import SimulatedTask
+from rig.simulated.device.tdms_log import LOG
 from rig.simulated.driver.tasks import start_task, stop_task
 from rig.simulated.signals.input_samples import latch_now
 from rig.simulated.status import DaqStatusError, NotImplementedByDevice
@@ -33,11 +34,13 @@ def read(device: DeviceState, task: SimulatedTask, n: int, timeout_s: float) -> 
         start_task(device, task)
     if task.timing.clock is None or task.buffer is None:
         return _read_on_demand(device, task, n, timeout_s)
+    if task.logging.mode == LOG:
+        raise DaqStatusError(status.LOGGING_ONLY, f"Task: {task.name}", samples_read=0)
     if n < 0:
         await_something(device, task)
         n = task.read_all_samples
     missing = n - task.buffer.available
-    if task.triggers.reference and task.samples_remaining > 0:
+    if task.triggers.referenced and task.samples_remaining > 0:
         missing = max(missing, 1)
     if missing > task.samples_remaining and not task.retriggerable:  # cut to what there will be
         n = task.buffer.available + int(task.samples_remaining)
@@ -48,9 +51,11 @@ def read(device: DeviceState, task: SimulatedTask, n: int, timeout_s: float) -> 
         wait_for_samples(device, task, missing, timeout_s)
     if task.progress.error:  # e.g. the watchdog expired while the read waited
         raise DaqStatusError(task.progress.error, f"Task: {task.name}", samples_read=0)
-    if task.triggers.reference and task.samples_remaining > 0:
+    if task.triggers.referenced and task.samples_remaining > 0:
         return np.empty((0, len(task.channels)))
     values = task.buffer.take(min(n, task.buffer.available))
+    if task.log is not None and values.size:
+        task.log.write(values)
     device.handed_out = max(device.handed_out, task.buffer.read)
     return values
 

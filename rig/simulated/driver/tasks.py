@@ -6,8 +6,9 @@ from dataclasses import replace
 
 from rig.simulated import daqmx, status
 from rig.simulated.device.sample_buffers import InputBuffer
-from rig.simulated.device.state import DeviceState, WatchdogTimer, commit, release
+from rig.simulated.device.state import DeviceState, WatchdogTimer, commit, release, verify
 from rig.simulated.device.task import SimulatedTask
+from rig.simulated.device.tdms_log import OFF, TdmsLog
 from rig.simulated.device.watchdog import refuse_bad_timer, start_watchdog
 from rig.simulated.product.inventory import Inventory
 from rig.simulated.status import DaqStatusError
@@ -58,21 +59,53 @@ def start_task(device: DeviceState, task: SimulatedTask) -> None:
     output = task.output
     if task.type in ("AO", "DO") and output.samples is None and task.timing.clock is not None:
         raise DaqStatusError(status.NO_DATA_WRITTEN, f"Task: {task.name}")
-    commit(device, task)
+    verify(device, task)
+    open_log(task)
+    try:
+        commit(device, task)
+    except DaqStatusError:
+        close_log(task)
+        raise
     if output.samples is not None:
         output.size = max(int(task.setting("Buffer", "", daqmx.BUF_OUTPUT_BUF_SIZE, 0)), output.written)
     task.state, output.generated, task.pulses.finished = "running", 0, False
-    task.progress = replace(task.progress, error=0, samples_before_trigger=0, reference_edges=None, reference_end=None)
+    task.progress = replace(
+        task.progress, error=0, samples_before_trigger=0, reference_edges=None, reference_end=None, comparator=None
+    )
     if task.type in ("AI", "CI", "DI"):
         columns = len(task.lines) if task.type == "DI" else len(task.channels)
         if task.measures in daqmx.PULSE_PAIRS:
             columns = 2
-        task.buffer = InputBuffer(task.input_buffer_size, columns, drops_oldest=bool(task.triggers.reference))
+        task.buffer = InputBuffer(task.input_buffer_size, columns, drops_oldest=task.triggers.referenced)
     # a trigger that is waited for must still come; one that has passed never comes again
-    if task.triggers.begin:
+    if task.triggers.awaited:
         await_trigger(device, task)
     else:
         go_live(device, task)
+
+
+def open_log(task: SimulatedTask) -> None:
+    """Open the file of a task that logs, in place of the one that is open."""
+    close_log(task)
+    logging, clock = task.logging, task.timing.clock
+    if logging.mode == OFF:
+        return
+    if task.type in ("AO", "DO", "CO"):
+        raise DaqStatusError(status.LOGGING_OF_OUTPUTS, f"Task: {task.name}")
+    if clock is None:
+        raise DaqStatusError(status.LOGGING_WITHOUT_BUFFER, f"Task: {task.name}")
+    if task.type == "DI" or task.measures in daqmx.PULSE_PAIRS:
+        raise DaqStatusError(status.NOT_FOR_LOGGING, f"Task: {task.name}")
+    interval_s = 1 / clock.rate_hz if task.timing.own_clock else 0.0
+    names = [channel.name for channel in task.channels]
+    task.log = TdmsLog(logging.path, logging.operation, logging.group or task.name, names, interval_s)
+
+
+def close_log(task: SimulatedTask) -> None:
+    """Close the file of a task that logs."""
+    if task.log is not None:
+        task.log.close()
+        task.log = None
 
 
 def stop_task(device: DeviceState, task: SimulatedTask) -> None:
@@ -80,6 +113,7 @@ def stop_task(device: DeviceState, task: SimulatedTask) -> None:
     if task.state != "running":
         return
     task.progress.live = False
+    close_log(task)
     if task.name in device.watchdogs:
         device.watchdogs[task.name].running = False
     if task.committed:

@@ -24,7 +24,7 @@ from rig.simulated.timing.engine import engine_of
 from rig.simulated.timing.wait import advance, edges_in, go_on
 
 ACQUIRED, TRANSFERRED = 1, 2
-SAMPLE_CLOCK, CHANGE_DETECTION = 12487, 12511
+SAMPLE_CLOCK, CHANGE_DETECTION, SAMPLE_COMPLETE = 12487, 12511, 12530
 POLL_S = 0.002
 STRETCH_S = 0.01
 
@@ -170,11 +170,13 @@ def _done(task: SimulatedTask, request: Any) -> Callable[[int], bool]:
 
 
 def _signal(task: SimulatedTask, request: Any) -> Callable[[int], bool]:
-    signal, changes = enum(request, "signal_id"), bool(task.timing.change_lines)
-    if (signal == CHANGE_DETECTION and changes) or (
-        signal == SAMPLE_CLOCK and task.timing.clock is not None and not changes
-    ):
+    signal = enum(request, "signal_id")
+    if signal == CHANGE_DETECTION and task.timing.change_lines:
         return lambda sent: task.total_samples > sent
+    clocked = task.type in ("AI", "AO", "DI", "DO", "CI")
+    if (signal == SAMPLE_CLOCK and clocked) or (signal == SAMPLE_COMPLETE and task.type == "AI"):
+        # the clock may be set after the event; without one none comes
+        return lambda sent: task.timing.clock is not None and not task.timing.change_lines and task.total_samples > sent
     raise NotImplementedByDevice(f"signal event {signal} of a {task.type} task")
 
 

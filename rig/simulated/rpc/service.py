@@ -19,6 +19,7 @@ from rig.simulated.device.state import DeviceState
 from rig.simulated.device.task import SimulatedTask
 from rig.simulated.device.watchdog import check_watchdogs, refuse_locked
 from rig.simulated.driver.tasks import find_task
+from rig.simulated.rpc.calls import logging
 from rig.simulated.rpc.calls.calibration import CALIBRATION_CALLS
 from rig.simulated.rpc.calls.channels import CHANNEL_CALLS
 from rig.simulated.rpc.calls.data import DATA_CALLS
@@ -32,6 +33,7 @@ from rig.simulated.rpc.calls.waveforms import WAVEFORM_CALLS
 from rig.simulated.rpc.event_streams import EVENTS, UNREGISTER, EventStream, EventStreams
 from rig.simulated.rpc.handlers import DeviceHandler, Fields, TaskHandler
 from rig.simulated.rpc.messages import CALLS, attribute_fields, attribute_value, enum, refuse_not_finite, response
+from rig.simulated.rpc.properties import sampling_triggers
 from rig.simulated.rpc.properties import task as task_properties
 from rig.simulated.status import NotImplementedByDevice, SessionRefused
 from rig.simulated.timing.wait import go_on, let_pass, question_asked
@@ -55,6 +57,7 @@ class Service:
         self._caller = threading.local()
         self._events = EventStreams(device, self._lock)
         device.let_clients_call = self._let_clients_call
+        device.settle_settings = _settle
 
     def exclusive(self) -> AbstractContextManager[bool]:
         """Keep clients waiting while the device is inspected or changed from outside."""
@@ -116,6 +119,11 @@ class Service:
         match = _ATTRIBUTE_CALL.fullmatch(call)
         if match and call in CALLS:
             return self._attribute(call, match.group(1), match.group(2), request)
+        if (
+            call.startswith("CreateAI") and call in CALLS
+        ):  # a device that is not there is refused before the measurement
+            named = getattr(request, "physical_channel", "") or getattr(request, "voltage_physical_channel", "")
+            device.inventory.channel(named, "voltage_in")
         raise NotImplementedByDevice(call, _refusal_of(call))
 
     def stream(self, call: str, request: Any) -> EventStream:
@@ -148,6 +156,12 @@ class Service:
         return attribute_fields(call, task_properties.get(self.device, task, channel, key))
 
 
+def _settle(device: DeviceState, task: SimulatedTask) -> None:
+    """Take over what a client has set of triggers and logging, before a task is verified."""
+    sampling_triggers.settle(device, task)
+    logging.settle(task)
+
+
 def _refusal_of(call: str) -> int:
     """Return the driver's code for a call that the virtual device does not have."""
     if created := re.fullmatch(r"Create(AI|CI|DI|AO|CO|DO)\w+", call):
@@ -162,4 +176,11 @@ _DEVICE_CALLS: dict[str, DeviceHandler] = {
     **CALIBRATION_CALLS,
     **PHYSICAL_CHANNEL_CALLS,
 }
-_TASK_CALLS: dict[str, TaskHandler] = {**TASK_CALLS, **CHANNEL_CALLS, **TIMING_CALLS, **DATA_CALLS, **WAVEFORM_CALLS}
+_TASK_CALLS: dict[str, TaskHandler] = {
+    **TASK_CALLS,
+    **CHANNEL_CALLS,
+    **TIMING_CALLS,
+    **DATA_CALLS,
+    **WAVEFORM_CALLS,
+    **logging.LOGGING_CALLS,
+}

@@ -26,10 +26,13 @@ def latch(
     if task.type == "DI":
         return np.column_stack([_level_before(device, name, edge) for name in task.lines])
     channel = task.channels[0]
-    if task.measures is None:
-        return encoder_reading(device, task, channel, quarter)[:, None]
     if task.measures != daqmx.EDGES:
-        return pulse_reading(device, task, channel, edge)
+        if task.measures is None:
+            reading = encoder_reading(device, task, channel, quarter)[:, None]
+        else:
+            reading = pulse_reading(device, task, channel, edge)
+        scale = channel.settings.get("scale")
+        return reading if scale is None else scale.scaled(reading)
     passed = edges_passed(device, input_terminal(device, task, channel), edge) - task.progress.initial_edges
     return (channel.settings["initial_count"] + channel.settings["step"] * passed)[:, None].astype(np.float64)
 

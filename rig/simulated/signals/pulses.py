@@ -6,6 +6,8 @@ nothing is connected has no edges. Terminals are named relative to the device.
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -86,6 +88,22 @@ def edges_passed(device: DeviceState, terminal: str, edge: NDArray[np.int64]) ->
         if terminal == a_terminal:
             return device.bench.a_edges(body, edge)
     return np.zeros(edge.size, dtype=np.int64)
+
+
+def level_on(device: DeviceState, terminal: str, edge: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Return whether a terminal is high at each edge (n,) of the bench; where nothing drives it it is low."""
+    if (train := pulses_on(device, terminal)) is not None:
+        time_s = edge / device.bench.rate_hz
+        passed = train.passed(time_s) - train.before
+        since_s = time_s - (train.first_s + (passed - 1) / train.rate_hz)
+        number = np.maximum(train.before + passed - 1, 0)
+        return np.asarray((passed > 0) & (since_s < high_times(device, terminal, train, number) - 1e-9))
+    pin = re.fullmatch(r"PFI(\d+)", device.inventory.own_name(terminal))
+    if pin is None:
+        return np.zeros(edge.size, dtype=bool)
+    owner, number_of = device.inventory.of(terminal).name, int(pin[1])  # X Series: PFI0 to 15 are P1.0 to P2.7
+    line = f"{owner}/port{1 + number_of // 8}/line{number_of % 8}"
+    return np.full(edge.size, bool(device.lines.get(line, False)))
 
 
 def edges_now(device: DeviceState, terminal: str) -> int:

@@ -56,7 +56,8 @@ def engine_of(device: DeviceState, task: SimulatedTask) -> Engine | None:
     if task.timing.own_clock:
         if not task.progress.live:
             return None
-        limit = clock.samples if task.timing.finite and not task.triggers.reference else float("inf")
+        counted = task.timing.finite and not task.triggers.referenced and not task.triggers.pause
+        limit = clock.samples if counted else float("inf")
         return Engine(clock.rate_hz * drift(device, task), task.progress.live_since_s, device.bench.rate_hz, limit)
     return _engine_behind(device, clock.source, {task.name})
 

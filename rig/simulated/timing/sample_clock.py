@@ -12,10 +12,15 @@ from numpy.typing import NDArray
 
 from rig.simulated.device.state import DeviceState
 from rig.simulated.device.task import SimulatedTask
+from rig.simulated.device.tdms_log import LOG
+from rig.simulated.signals.input_readings import analog_reading
 from rig.simulated.signals.input_samples import latch
 from rig.simulated.signals.output_levels import set_clocked_lines, set_outputs
+from rig.simulated.timing.clocked_pulses import load_pulses
 from rig.simulated.timing.engine import Engine, engine_of
+from rig.simulated.timing.pause_trigger import paused
 from rig.simulated.timing.reference_trigger import ticks_to_acquire
+from rig.simulated.timing.triggers import watches
 
 
 def pass_edges(device: DeviceState, n: int) -> None:
@@ -39,12 +44,28 @@ def pass_edges(device: DeviceState, n: int) -> None:
         if task.buffer is None:
             continue
         first, last = _ticks(task, engine, edge, n)
-        last = min(last, first + int(min(task.samples_remaining, last - first)))
+        if not task.triggers.pause:
+            last = min(last, first + int(min(task.samples_remaining, last - first)))
         rows = np.clip(engine.edges(first, last) - edge, 0, n - 1)
-        if task.triggers.reference:
-            rows = rows[: ticks_to_acquire(device, task, edge + rows)]
-        if rows.size:
-            task.buffer.put(latch(device, task, cell[rows], quarter[rows], edge + rows))
+        if task.triggers.pause:
+            rows = rows[~paused(device, task, edge + rows)]
+            rows = rows[: int(min(task.samples_remaining, rows.size))]
+        if not rows.size:
+            continue
+        values = latch(device, task, cell[rows], quarter[rows], edge + rows)
+        if task.triggers.referenced:
+            values = values[: ticks_to_acquire(device, task, edge + rows, values)]
+        if values.size:
+            task.buffer.put(values)
+        if task.log is not None and task.logging.mode == LOG:
+            task.log.write(task.buffer.take(task.buffer.available))
+    for task in device.tasks.values():
+        if watches(task) and (comparator := task.progress.comparator) is not None:
+            reading = analog_reading(device, task, task.channels[0], cell, edge + np.arange(n))
+            task.progress.triggered = task.progress.triggered or bool(comparator.crossings(reading)[-1])
+    for task in device.tasks.values():
+        if task.type == "CO" and task.progress.live and task.pulses.written is not None:
+            load_pulses(device, task, edge, n)
     for task in device.tasks.values():
         if task.type == "CO" and task.progress.live and bench.now_s >= task.pulses.end_s:
             task.pulses.finished = True
@@ -59,10 +80,13 @@ def _generate(device: DeviceState, task: SimulatedTask, engine: Engine, command_
     """Generate the samples of the next edges; those of the motor's channel go into ``command_v``, (n,)."""
     edge, n = device.bench.edge, command_v.size
     first, last = _ticks(task, engine, edge, n)
-    rows = task.generate(last - first)
+    at = engine.edges(first, last) - edge
+    if task.triggers.pause:
+        at = at[~paused(device, task, edge + at)]
+    rows = task.generate(at.size)
     if not rows.shape[0]:
         return
-    at = engine.edges(first, first + rows.shape[0]) - edge
+    at = at[: rows.shape[0]]
     if task.type == "DO":
         set_clocked_lines(device, task, rows, at, n)
         return

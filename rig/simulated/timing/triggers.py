@@ -10,32 +10,54 @@ from __future__ import annotations
 import numpy as np
 
 from rig.simulated import daqmx
+from rig.simulated.device.comparator import Comparator
 from rig.simulated.device.state import DeviceState
 from rig.simulated.device.task import SimulatedTask
 from rig.simulated.signals.pulses import edges_now, input_terminal, pulse_train, pulses_on
+from rig.simulated.timing.clocked_pulses import load
 from rig.simulated.timing.engine import drift, engine_of
 
 
 def await_trigger(device: DeviceState, task: SimulatedTask) -> None:
     """Let a task wait for the next edge on its trigger's terminal."""
-    task.progress.live = False
-    task.progress.trigger_edges = edges_now(device, task.triggers.begin)
+    progress = task.progress
+    progress.live = progress.triggered = False
+    if (shape := task.triggers.analog_start) is None:
+        progress.trigger_edges = edges_now(device, task.triggers.begin)
+        return
+    alone = not any(_passes_time(other) for other in device.tasks.values() if other is not task)
+    if alone and progress.comparator is None:
+        _begin_trial(device, task)
+    progress.comparator = Comparator(shape)
 
 
 def _makes_time_pass(task: SimulatedTask) -> bool:
     return task.timing.own_clock or task.type == "CO"
 
 
+def watches(task: SimulatedTask) -> bool:
+    """Whether a task compares its input with the level of its analog start trigger: time passes meanwhile."""
+    progress = task.progress
+    return task.state == "running" and not progress.live and task.triggers.analog_start is not None
+
+
+def _passes_time(task: SimulatedTask) -> bool:
+    return watches(task) or (task.progress.live and _makes_time_pass(task))
+
+
 def go_live(device: DeviceState, task: SimulatedTask) -> None:
     """Let a task's clock tick from here on, and those of the tasks that waited for it."""
-    if _makes_time_pass(task) and not any(t.progress.live and _makes_time_pass(t) for t in device.tasks.values()):
+    if _makes_time_pass(task) and not any(_passes_time(t) for t in device.tasks.values()):
         _begin_trial(device, task)
+    if (reference := task.triggers.analog_reference) is not None:
+        task.progress.comparator, task.progress.crossings = Comparator(reference), 0
     progress = task.progress
     progress.live, progress.live_since_s = True, device.bench.now_s
     progress.samples_before_trigger = task.total_samples
     engine = None if task.timing.own_clock else engine_of(device, task)
     progress.first_tick = engine.passed(device.bench.edge) if engine else 0
     if task.type == "CO":
+        load(task, 0)
         task.pulses.passed, task.pulses.next_s, task.pulses.drift = 0, None, drift(device, task)
         task.pulses.end_s = pulse_train(task).end_s
     if task.measures == daqmx.EDGES:
@@ -72,6 +94,8 @@ def _waiting(device: DeviceState) -> list[SimulatedTask]:
 def edges_to_trigger(device: DeviceState) -> float:
     """Return how many edges of the bench pass before the next trigger a task waits for; infinite for none."""
     bench, nearest = device.bench, float("inf")
+    if any(watches(task) for task in device.tasks.values()):
+        return 1.0  # when the input crosses the level is known only afterwards
     for task in _waiting(device):
         terminal = task.triggers.begin
         train = pulses_on(device, terminal)
@@ -87,6 +111,9 @@ def check_triggers(device: DeviceState) -> None:
     """Start what waited for an edge that has come; a finished retriggerable task waits for the next one."""
     for task in _waiting(device):
         if edges_now(device, task.triggers.begin) > task.progress.trigger_edges:
+            go_live(device, task)
+    for task in list(device.tasks.values()):
+        if watches(task) and task.progress.triggered:
             go_live(device, task)
     for task in device.tasks.values():
         if task.progress.live and task.retriggerable and task.samples_remaining <= 0:

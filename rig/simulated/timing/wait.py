@@ -23,7 +23,7 @@ from rig.simulated.device.watchdog import check_watchdogs
 from rig.simulated.status import DaqStatusError
 from rig.simulated.timing.engine import engine_of
 from rig.simulated.timing.sample_clock import pass_edges
-from rig.simulated.timing.triggers import check_triggers, edges_to_trigger
+from rig.simulated.timing.triggers import check_triggers, edges_to_trigger, watches
 
 STRETCH_S = 0.02
 POLL_S = 0.01
@@ -75,12 +75,16 @@ def _edges_to_end(device: DeviceState) -> float:
     """Return how many edges pass before the last task that makes time pass has ended."""
     left = 0.0
     for task in device.tasks.values():
+        if watches(task):
+            return float("inf")
         if not task.progress.live:
             continue
         if task.type == "CO":
             left = max(left, 0.0 if task.pulses.finished else _edges_to_pulse_end(device, task))
         elif task.timing.own_clock and (engine := engine_of(device, task)) is not None:
             ended = float("inf") if np.isinf(engine.limit) else engine.edge_after(int(engine.limit))
+            if task.triggers.pause and task.samples_remaining <= 0:
+                ended = 0.0
             left = max(left, ended - device.bench.edge)
     return left
 
@@ -96,6 +100,11 @@ def wait_until_done(device: DeviceState, task: SimulatedTask, timeout_s: float) 
     left = 0.0
     if task.type == "CO":
         left = _edges_to_pulse_end(device, task) if live else 0.0
+    elif task.triggers.pause or watches(task):
+        while allowed > 0 and not task.done:
+            passed = advance(device, int(min(edges_in(device, POLL_S), allowed)))
+            allowed = allowed - passed if passed else 0
+        return
     elif live and np.isfinite(remaining) and (engine := engine_of(device, task)) is not None:
         ticks = task.progress.first_tick + task.samples_since_trigger + int(remaining)
         left = engine.edge_after(ticks) - device.bench.edge
@@ -135,7 +144,7 @@ def wait_for_timeout(device: DeviceState, task: SimulatedTask, timeout_s: float)
 
 
 def _incomplete(task: SimulatedTask, wanted: int) -> bool:
-    if task.triggers.reference:
+    if task.triggers.referenced:
         return task.samples_remaining > 0
     return task.buffer is not None and task.buffer.acquired < wanted
 
@@ -144,10 +153,10 @@ def _edges_to_sample(device: DeviceState, task: SimulatedTask, wanted: int) -> f
     """Return after how many edges of the bench to check whether a task has acquired ``wanted`` samples."""
     poll = edges_in(device, POLL_S)
     if not task.progress.live:
-        to_trigger = edges_to_trigger(device)
+        to_trigger = poll if watches(task) else edges_to_trigger(device)
         return to_trigger if np.isfinite(to_trigger) else poll
     engine = engine_of(device, task)
-    if engine is None or task.triggers.reference:
+    if engine is None or task.triggers.referenced or task.triggers.pause:
         return poll
     ticks = wanted - task.progress.samples_before_trigger
     if task.retriggerable and task.timing.clock is not None:

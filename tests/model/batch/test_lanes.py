@@ -83,6 +83,14 @@ def scalar_and_error(job: Job) -> tuple[np.ndarray, float]:
     return one.angle_rad, float(np.abs(one.angle_rad - fine.angle_rad).max())
 
 
+def moved_by_last_digits(job: Job, angles: np.ndarray) -> float:
+    """Largest distance of single runs whose forces differ in their last digits: what step control makes of rounding."""
+    assert job.run is not None
+    runs = [replace(job.run, force_n=job.run.force_n * (1.0 + k * 2.0**-50)) for k in (-4, -3, -2, -1, 1, 2, 3, 4)]
+    members = [batch.run_job(replace(job, run=run), "").solution for run in runs]
+    return max(float(np.abs(one.angle_rad - angles).max()) for one in members if one is not None)
+
+
 @pytest.mark.parametrize("method", ["rodas4p", "rodas5p"])
 @pytest.mark.parametrize("tolerance", [1e-3, 1e-6])
 def test_members_agree_with_single_runs(action: model.Action, tolerance: float, method: str) -> None:
@@ -232,9 +240,9 @@ def test_members_agree_with_single_runs_in_every_scene(name: str, action: model.
             angles, error = scalar_and_error(job)
             assert member.solution is not None
             distances.append(np.abs(member.solution.angle_rad - angles).max())
-            # step control amplifies rounding: a few are further apart than a tenth, as scalar runs are among
-            # themselves when the last digit of their force changes (benchmarks/batches.py compares the two)
-            assert distances[-1] <= max(tolerance, error)
+            allowed = max(0.1 * tolerance, error)
+            # a ninth draw from the spread of eight may lie beyond the largest of them, but not far
+            assert distances[-1] <= allowed or distances[-1] <= 2.0 * moved_by_last_digits(job, angles)
         assert np.median(distances) <= 0.1 * tolerance
 
 

@@ -44,6 +44,19 @@ def test_a_target_that_comes_near_within_one_step_of_the_search_is_met() -> None
     assert abs(turn + 1.37e-3) < 0.06e-3 and left < 0.0  # found where it is crossed; the jump itself cannot be met
 
 
+def test_a_target_that_is_met_only_beside_where_it_cannot_be_measured_is_found() -> None:
+    """As seed 50 measured: up to where the hammer is no longer caught, the height comes down to 15 mm."""
+
+    def beside_a_gap(turn: float) -> float:
+        x = 1e3 * turn
+        if -1.354 < x < -1.294:
+            return math.nan
+        return 1e-3 * min(9.0 * (-1.354 - x) if x <= -1.354 else 0.3 + 9.0 * (x + 1.294), 2.5)
+
+    turn, left = turned(beside_a_gap)
+    assert abs(left) <= TOLERANCE and turn == pytest.approx(-1.354e-3, abs=3e-6)
+
+
 def test_the_nearest_place_is_kept_where_nothing_meets_the_target() -> None:
     turn, left = turned(lambda x: 0.7e-3 + 2.0 * abs(x + 1.4e-3))
     assert left == pytest.approx(0.7e-3, abs=0.1e-3) and abs(turn + 1.4e-3) < 0.07e-3

@@ -76,13 +76,13 @@ class Page:
         return answer
 
 
-def serve(folder: Path, control: bool) -> Iterator[Page]:
+def serve(folder: Path, control: bool, backend: str = "sim://") -> Iterator[Page]:
     server = pytest.importorskip("pianorig.page.server", reason="the page needs the extra 'bench'")
     pytest.importorskip("bokeh", reason="the page needs the extra 'bench'")
     ready: Future[tuple[Any, asyncio.AbstractEventLoop, asyncio.Event]] = Future()
 
     async def run() -> None:
-        served = server.BenchServer(server.BenchOptions(folder, 0, control))
+        served = server.BenchServer(server.BenchOptions(folder, 0, control, server.Bench(backend=backend)))
         ended = asyncio.Event()
         ready.set_result((served.access, asyncio.get_running_loop(), ended))
         await ended.wait()

@@ -11,11 +11,12 @@ import pytest
 import model
 from model.parameters.quantity import check_value
 from pianorig.page.action.changed_action import action_facts, changed_action, reach, toml_of
-from pianorig.page.action.live_blow import BLOWS, live_blow
+from pianorig.page.action.live_blow import BLOWS, blow_curves, live_blow
 from tests.pianorig.page.conftest import Page
 from tests.pianorig.page.test_review import numbers
 
 CHANGES = ["contact08.second.y=0.0651", "hammer.mass=0.009"]
+NAME = "hirschkorn2004"
 BLOW = "/api/action/hirschkorn2004/blow?blow=forte"
 
 
@@ -24,8 +25,8 @@ def turned() -> model.Action:
     return changed_action("hirschkorn2004", CHANGES)
 
 
-def test_the_blow_is_what_simulate_says_of_the_changed_action(turned: model.Action) -> None:
-    found = live_blow(turned, "forte")
+def test_the_blow_is_what_simulate_says_of_the_changed_action() -> None:
+    found = live_blow(NAME, CHANGES, "forte")
     table = model.force_table("forte")
     same = model.load_action("hirschkorn2004", {"contact08.second.y": 0.0651, "hammer.mass": 0.009})
     wanted = model.simulate(same, *table, output_time_s=numbers(found["time_s"]).clip(0.0, 0.7))
@@ -33,21 +34,23 @@ def test_the_blow_is_what_simulate_says_of_the_changed_action(turned: model.Acti
     for i, (body, sign) in enumerate((("key", -1), ("whippen", 1), ("jack", -1), ("repetition", -1), ("hammer", -1))):
         shown = numbers(found["channels"][body]["value"])
         np.testing.assert_allclose(shown, sign * np.degrees(wanted.angle_rad[:, i] - rest[i]), atol=0.01, err_msg=body)
+    at_once = blow_curves(NAME, CHANGES, "forte")["values"]
+    assert at_once == [channel["value"] for channel in found["channels"].values()]  # the same numbers before the rest
     drawn = numbers(found["drawing"]["pose"])[:, 0, 2]
     times = numbers(found["drawing"]["time_s"])
     key = -np.interp(times, numbers(found["time_s"]), numbers(found["channels"]["key"]["value"]))
     np.testing.assert_allclose(np.degrees(drawn - drawn[0]), key - key[0], atol=0.01)
 
 
-def test_events_follow_what_was_turned(turned: model.Action) -> None:
-    def values(action: model.Action) -> dict[str, Any]:
-        return {event["name"]: event["value"] for event in live_blow(action, "forte")["events"]}
+def test_events_follow_what_was_turned() -> None:
+    def values(*changes: str) -> dict[str, Any]:
+        return {event["name"]: event["value"] for event in live_blow(NAME, changes, "forte")["events"]}
 
-    given = values(model.load_action("hirschkorn2004"))
-    assert values(turned)["hammer_speed"] != pytest.approx(given["hammer_speed"], rel=1e-3)
+    given = values()
+    assert values(*CHANGES)["hammer_speed"] != pytest.approx(given["hammer_speed"], rel=1e-3)
     # a heavier hammer is slower at the string
-    heavy = values(changed_action("hirschkorn2004", ["hammer.mass=0.012"]))
-    light = values(changed_action("hirschkorn2004", ["hammer.mass=0.007"]))
+    heavy = values("hammer.mass=0.012")
+    light = values("hammer.mass=0.007")
     assert heavy["hammer_speed"] < given["hammer_speed"] < light["hammer_speed"]
     assert given["second_strike"] is None  # what does not happen has no value
 
@@ -83,6 +86,8 @@ def test_the_page_asks_and_gets(looking: Page) -> None:
     assert plain.status == heavy.status == 200
     peaks = [numbers(answer.json["channels"]["hammer"]["value"]) for answer in (plain, heavy)]
     assert np.abs(peaks[0] - peaks[1]).max() > 0.1
+    moving = looking.ask("/api/action/hirschkorn2004/animation?blow=piano&set=hammer.mass=0.012").json["text"]
+    assert "<title>hirschkorn2004, hammer.mass=0.012</title>" in moving and '"start_s"' in moving
     text = looking.ask("/api/action/hirschkorn2004/file?set=hammer.mass=0.012").json["text"]
     assert "hammer.mass = 0.012 kg" in text
 
@@ -98,6 +103,7 @@ def test_the_page_asks_and_gets(looking: Page) -> None:
         (f"{BLOW}&set=hammer.mass=x", "path=value"),
         (f"{BLOW}&set=hammer.weight=1", "unknown path"),
         (f"{BLOW}&set=x", "path=value"),
+        ("/api/action/hirschkorn2004/curves?blow=forte&set=hammer.mass=-1", "hammer.mass"),
         ("/api/action/hirschkorn2004/blow?blow=../forte.csv", "forte"),
         ("/api/action/hirschkorn2004/file", "nothing was changed"),
         ("/api/action/hirschkorn2004/step?target=nothing&turn_m=1e-4", "let_off"),

@@ -63,6 +63,7 @@ def test_turn_undo_reload_save(browser: Any, looking: Page, tmp_path: Path) -> N
         )
 
 
+@pytest.mark.slow
 def test_what_the_technicians_step_does(browser: Any, looking: Page) -> None:
     with opened(browser, looking, f"{looking.address}#action?action=hirschkorn2004-regulated") as tab:
         tab.locator("main[data-ready]").wait_for()

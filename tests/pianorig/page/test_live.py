@@ -4,7 +4,11 @@ from __future__ import annotations
 
 import asyncio
 import json
+import signal
 import struct
+import subprocess
+import sys
+import time
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -107,9 +111,9 @@ def test_over_the_wire_for_this_page_only(folder: Path, looking: Page) -> None:
     address = f"ws://127.0.0.1:{looking.port}/live/example_forte"
     here = f"http://127.0.0.1:{looking.port}"
 
-    async def first_two() -> list[Any]:
+    async def first_three() -> list[Any]:
         socket = await websocket_connect(HTTPRequest(address, headers={"Origin": here}))
-        found = [await socket.read_message(), await socket.read_message()]
+        found = [await socket.read_message() for _ in range(3)]
         socket.close()
         assert await socket.read_message() is None  # closed
         return found
@@ -127,8 +131,9 @@ def test_over_the_wire_for_this_page_only(folder: Path, looking: Page) -> None:
 
     with recording(folder / "example_forte") as made:
         made.append(300)
-        state, samples = asyncio.run(first_two())
+        state, samples, lamps = asyncio.run(first_three())
         assert json.loads(state)["recording"] and len(rows(samples, 5)[1]) == 300
+        assert json.loads(lamps)["lamps"]["watchdog_s"] == 0.5
         for headers in (
             {"Origin": "http://evil.example"},
             {"Origin": "null"},
@@ -163,3 +168,60 @@ def test_a_recording_rolls_by_pauses_and_is_found_again(browser: Any, folder: Pa
         made.append(100)
         until(tab, f"{drawn} === 2500")
         assert made.writer.committed_samples == 2500
+
+
+def recorded(folder: Path, name: str, during: Any = None) -> list[Any]:
+    """Arrays of the trials that a recorder of its own process records; `during()` once the first runs.
+
+    By the virtual clock, which makes the same trials each time; by a real one the bench is stepped in other pieces.
+    """
+    line = [sys.executable, "-m", "pianorig", "record", "--profile", "piano", "--trials", "16"]
+    recorder = subprocess.Popen([*line, "--backend", "sim://?seed=5", "--out", str(folder / name)])
+    try:
+        if during is not None:
+            for _ in range(1200):
+                if any((folder / name).glob("*.journal")):
+                    break
+                time.sleep(0.05)
+            during()
+            assert recorder.poll() is None, "it was over before the page was"
+        assert recorder.wait(120) == 0
+    finally:
+        recorder.kill()
+        recorder.wait()
+    trials = [trial.read() for trial in Session.open(folder / name).trials]
+    assert [trial.status for trial in trials] == ["complete"] * 16
+    return [(one.force_n, one.force_raw, one.encoder_count, one.motor_command_v) for one in trials]
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
+def test_no_sample_is_lost_with_the_page_open_stalled_or_killed(browser: Any, folder: Path) -> None:
+    """The virtual bench plays the same trials from a seed, so every sample can be compared."""
+    alone = recorded(folder, "alone")
+    for name, how in (("open", None), ("stalled", signal.SIGSTOP), ("killed", signal.SIGKILL)):
+        line = [sys.executable, "-m", "pianorig", "bench", str(folder), "--no-show", "--json"]
+        server = subprocess.Popen(line, stdout=subprocess.PIPE, text=True)
+        assert server.stdout is not None
+        address = json.loads(server.stdout.readline())["address"]
+        tab = browser.new_page()
+        tab.goto(f"{address}#live?session=example_forte")
+        tab.locator("main[data-ready]").wait_for()
+
+        def during(tab: Any = tab, server: Any = server, name: str = name, how: Any = how) -> None:
+            tab.evaluate(f"location.hash = 'live?session={name}'")
+            until(tab, "Number(document.querySelector('.scope')?.dataset.samples) > 100")
+            if how is not None:
+                server.send_signal(how)
+
+        try:
+            found = recorded(folder, name, during)
+        finally:
+            server.send_signal(signal.SIGCONT)
+            server.send_signal(signal.SIGINT)
+            server.wait(30)
+            server.stdout.close()
+            tab.close()
+        for ours, theirs in zip(alone, found, strict=True):
+            for one, other in zip(ours, theirs, strict=True):
+                np.testing.assert_array_equal(one, other, err_msg=name)

@@ -111,3 +111,60 @@ def test_a_place_that_is_none_is_refused(filmed: Path, writing: Page) -> None:
     ):
         answer = writing.ask(f"{HERE}/frame", "POST", content)
         assert answer.status == 400 and words in answer.json["error"], words
+
+
+POINT = {"kind": "point", "name": "dot", "points": [[60.5, 30.0]], "size": 9}
+LINE = {"kind": "line", "name": 'the "rail"', "points": [[20, 10], [100, 12.5]], "size": 8}
+
+
+def test_points_and_lines_are_saved_as_tracking_reads_them(filmed: Path, writing: Page) -> None:
+    assert writing.ask(HERE).json["marks"] == {"file": "marks.toml", "marks": [], "found": {}, "problem": ""}
+    refused = writing.ask(f"{HERE}/follow", "POST", {})
+    assert refused.status == 400 and "save them first" in refused.json["error"]
+    for sent in ([POINT], [LINE, POINT]):
+        assert writing.ask(f"{HERE}/marks", "POST", {"marks": sent}).status == 200
+    folder = filmed / "example_forte"
+    assert vision.load_marks(folder / "marks.toml") == [
+        vision.PointMark("dot", (60.5, 30.0), 9.0),
+        vision.LineMark('the "rail"', (20.0, 10.0), (100.0, 12.5), 8.0),
+    ]
+    assert len(vision.load_marks(folder / "marks.previous.toml")) == 1
+    assert writing.ask(HERE).json["marks"]["marks"] == [POINT, LINE]
+    columns = ["dot_x_px", "dot_y_px", "dot_u_x_px", "dot_u_y_px", "dot_quality", "dot_inlier", "dot_flag"]
+    text = "time_s,frame," + ",".join(columns) + "\n0,0,60.5,30,.1,.1,1,1,0\n0,1,,,,,,,8\n"
+    (folder / "trial_0001.marks.csv").write_text(text)
+    found = writing.ask(HERE).json["marks"]["found"]
+    assert found["dot"]["frame"] == [0, 1] and list(found) == ["dot"]
+    (folder / "trial_0001.marks.csv").write_text("")
+    broken = writing.ask(HERE).json["marks"]  # the outlines can still be worked on
+    assert "follow the marks again" in broken["problem"] and broken["marks"] == [POINT, LINE]
+    (folder / "marks.toml").write_text("[")
+    assert "no TOML" in writing.ask(HERE).json["marks"]["problem"]
+
+
+@pytest.mark.parametrize(
+    ("marks", "words"),
+    [
+        ([], "1 to 32"),
+        ([3], "point or line"),
+        ([{**POINT, "kind": "circle"}], "point or line"),
+        ([{**POINT, "name": ""}], "1 to 60"),
+        ([POINT, POINT], "unique"),
+        ([{**POINT, "points": []}], "1 place"),
+        ([{**LINE, "points": [[1, 2]]}], "2 places"),
+        ([{**POINT, "points": [[1, None]]}], "1 place"),
+        ([{**POINT, "points": [[1000, 1000]]}], "outside"),
+        ([{**POINT, "size": "9"}], "number of pixels"),
+        ([{**POINT, "size": 1}], "3 px at least"),
+        ([{**LINE, "points": [[1, 2], [2, 2]]}], "longer line"),
+    ],
+)
+def test_what_is_no_mark_is_refused_and_nothing_is_written(filmed: Path, writing: Page, marks: Any, words: str) -> None:
+    answer = writing.ask(f"{HERE}/marks", "POST", {"marks": marks})
+    assert answer.status == 400 and words in answer.json["error"] and "\n" not in answer.json["error"]
+    assert not (filmed / "example_forte" / "marks.toml").exists()
+
+
+def test_looking_only_no_mark_is_saved_or_followed(filmed: Path, looking: Page) -> None:
+    for path, content in (("/marks", {"marks": [POINT]}), ("/follow", {})):
+        assert looking.ask(HERE + path, "POST", content).status == 403

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import json
 from pathlib import Path
 from typing import Any
 
@@ -60,7 +61,8 @@ def test_events_are_moments_of_trial_and_model_in_order(view: dict[str, Any]) ->
 
 
 def test_the_drawing_moves_as_the_curves_do(view: dict[str, Any]) -> None:
-    drawing = view["drawing"]
+    drawing = view["drawings"][0]
+    assert len(view["drawings"]) == len(view["models"])
     times, pose, measured = (numbers(drawing[name]) for name in ("time_s", "pose", "measured"))
     names = [body["name"] for body in drawing["bodies"]]
     assert names == ["key", "whippen", "jack", "repetition", "hammer"] and pose.shape == (times.size, 5, 3)
@@ -156,7 +158,7 @@ def test_a_trial_that_cannot_be_compared_is_shown_as_recorded(folder: Path, look
     found = looking.ask("/api/review/example_forte/7").json
     assert any("shown as recorded" in note and "whippen" in note for note in found["notes"])
     assert any("stop <pressed>" in note for note in found["notes"])
-    assert list(found["channels"]) == ["key"] and found["models"] == [] and found["drawing"] is None
+    assert list(found["channels"]) == ["key"] and found["models"] == [] and found["drawings"] == []
     np.testing.assert_allclose(numbers(found["force"]["value"]), data.force_n, atol=1e-5)
 
 
@@ -164,3 +166,17 @@ def test_a_trial_that_cannot_be_compared_is_shown_as_recorded(folder: Path, look
 def test_only_built_in_models_are_read(looking: Page, name: str) -> None:
     answer = looking.ask(f"{TRIAL}?model={name}&model=x")
     assert answer.status == 400 and "hirschkorn2004" in answer.json["error"]
+
+
+def test_the_animation_to_keep_shows_measured_beside_model(filmed: Path, looking: Page) -> None:
+    text = looking.ask("/api/review/example_forte/1/animation?model=hirschkorn2004").json["text"]
+    data = json.loads(text.split('id="data">')[1].split("</script>")[0])
+    view = looking.ask("/api/review/example_forte/1?model=hirschkorn2004").json
+    assert data["drawings"][0]["drawing"] == view["drawings"][0]
+    hammer = next(curve for curve in data["curves"] if curve["title"].startswith("hammer"))
+    assert hammer["value"] == view["channels"]["hammer"]["measured"]["value"]
+    assert hammer["beside"] == view["channels"]["hammer"]["models"][0]
+    onset = next(event for event in view["events"] if event["name"] == "onset")
+    assert onset["time_s"] - 0.05 < data["start_s"] < onset["time_s"] and data["events"] == view["events"]
+    assert looking.ask("/api/review/example_forte/9/animation").status == 400
+    assert looking.ask("/api/review/example_forte/1/animation?model=../x").status == 400

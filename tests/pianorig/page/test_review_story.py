@@ -50,6 +50,16 @@ def test_frames_events_and_curves_by_keys(tab: Any) -> None:
     until(tab, f"{place} < 0.2")
     tab.keyboard.press("End")
     until(tab, f"{place} > 0.9")
+    # a lost body is named and red
+    tab.evaluate("window.benchPlayer.go(window.benchFilm.film.time_s[60])")
+    settled(tab, 60)
+    assert "whippen lost" in tab.locator(".film .values").inner_text()
+    red = """() => { const c = document.querySelector('.film canvas');
+      const d = c.getContext('2d').getImageData(0, 0, c.width, c.height).data;
+      let n = 0; for (let i = 0; i < d.length; i += 4) n += d[i] > 240 && d[i + 1] < 80 && d[i + 2] < 80; return n; }"""
+    assert tab.evaluate(red) > 50
+    tab.get_by_role("checkbox", name="outlines").uncheck()
+    assert tab.evaluate(red) == 0
 
 
 @pytest.mark.slow
@@ -61,18 +71,6 @@ def test_a_point_in_a_plot_is_a_time(tab: Any) -> None:
     tab.reload()  # the time is in the address
     tab.locator("main[data-ready]").wait_for()
     until(tab, f"Math.abs({NOW} - 0.63) < 0.05")
-
-
-def test_a_lost_body_is_named_and_red(tab: Any) -> None:
-    tab.evaluate("window.benchPlayer.go(window.benchFilm.film.time_s[60])")
-    settled(tab, 60)
-    assert "whippen lost" in tab.locator(".film .values").inner_text()
-    red = """() => { const c = document.querySelector('.film canvas');
-      const d = c.getContext('2d').getImageData(0, 0, c.width, c.height).data;
-      let n = 0; for (let i = 0; i < d.length; i += 4) n += d[i] > 240 && d[i + 1] < 80 && d[i + 2] < 80; return n; }"""
-    assert tab.evaluate(red) > 50
-    tab.get_by_role("checkbox", name="outlines").uncheck()
-    assert tab.evaluate(red) == 0
 
 
 @pytest.mark.slow
@@ -92,10 +90,46 @@ def test_playing_runs_through_the_film_and_stops_at_the_end(tab: Any) -> None:
 
 @pytest.mark.slow
 def test_two_models_side_by_side_and_measured_beside_model(tab: Any) -> None:
-    tab.get_by_label("beside").select_option("hirschkorn2004-regulated")
+    tab.get_by_label("beside model").select_option("hirschkorn2004-regulated")
     tab.locator(".values", has_text="hirschkorn2004-regulated").first.wait_for()
     until(tab, "document.querySelector('main').dataset.ready === 'true'")
+    assert tab.locator(".pair .drawing").count() == 2
     height = tab.evaluate("document.querySelector('.drawing canvas').height")
-    tab.get_by_label("measured above, model below").check()
+    tab.get_by_label("measured above, model below").first.check()
     assert tab.evaluate("document.querySelector('.drawing canvas').height") == 2 * height
     assert tab.evaluate("document.documentElement.scrollWidth") <= 1280
+
+
+@pytest.mark.slow
+def test_two_trials_side_by_side_and_an_animation_to_keep(tab: Any, browser: Any, tmp_path: Path) -> None:
+    tab.get_by_label("beside trial of").select_option("example_forte")
+    tab.get_by_role("heading", name="example_forte, trial 2").wait_for()
+    tab.locator("#review-trial2").select_option("3")
+    tab.get_by_role("heading", name="example_forte, trial 3").wait_for()
+    until(tab, "document.querySelector('main').dataset.ready === 'true'")
+    assert tab.locator(".pair .drawing canvas").count() == 2
+    titles = tab.locator(".pair h2").all_inner_texts()
+    assert titles == ["example_forte, trial 1", "example_forte, trial 3"]
+    tab.keyboard.press("n")
+    now = tab.evaluate(NOW)
+    times = "[...document.querySelectorAll('.pair .drawing canvas')].map(c => Number(c.dataset.time))"
+    until(tab, f"Math.abs({times}[0] - {now}) < 1e-9")
+    first, second = tab.evaluate(times)
+    assert second - first == pytest.approx(2e-4, abs=1e-5)  # moved, so that a common event falls together
+    tab.get_by_label("How many times slower").fill("33")
+    tab.keyboard.press("Tab")
+    assert tab.evaluate("window.benchPlayer.rate()") == pytest.approx(1 / 33)
+    with tab.expect_download() as download:
+        tab.get_by_role("button", name="Save animation").click()
+    download.value.save_as(tmp_path / "kept.html")
+    other = browser.new_page()
+    asked: list[str] = []
+    other.on("request", lambda request: asked.append(request.url))
+    other.goto((tmp_path / "kept.html").as_uri())
+    other.locator("main[data-ready]").wait_for()
+    assert other.evaluate("window.benchPlayer.running") and len(asked) == 1
+    assert "Measured and" in other.locator(".drawing").first.inner_text()
+    began = other.evaluate("JSON.parse(document.getElementById('data').textContent).start_s")
+    assert 0.3 < began < now
+    until(other, f"window.benchPlayer.time > {began}")
+    other.close()

@@ -58,6 +58,7 @@ def test_find_read_reject_reload(browser: Any, folder: Path) -> None:
     assert Session.open(folder / "second").trial(2).rejected == "cable <b>touched</b> the whippen"
 
 
+@pytest.mark.slow
 def test_sorting_by_keyboard(browser: Any, folder: Path, looking: Page) -> None:
     add(folder, "another")
     Session.open(folder / "another").annotate(1, "reject", "x")

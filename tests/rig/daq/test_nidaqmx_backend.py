@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import grpc
@@ -67,7 +68,7 @@ def test_the_same_rig_over_tcp_gives_identical_arrays(make_backend, assert_safe,
     remote = open_backend(f"ni-grpc://127.0.0.1:{port}", config)
     try:
         here, there = record(near, config, command), record(remote, config, command)
-        assert here[0] == there[0]
+        assert here[0] == replace(there[0], calm_block_s=0.0)  # a call over a socket takes time
         for a, b in zip(here[1:], there[1:], strict=True):
             np.testing.assert_array_equal(a, b)
         assert here[1].std() > 0.01

@@ -10,7 +10,7 @@ import pytest
 
 from rig.errors import SamplesLost
 from rig.simulated.driver.tasks import clear_task
-from rig.simulated.status import DaqStatusError
+from rig.simulated.status import DaqStatusError, ServerGone
 
 
 def energise(backend: Any, config: Any, command: np.ndarray) -> None:
@@ -114,3 +114,24 @@ def test_after_a_watchdog_that_expired_unseen_the_next_trial_is_sound(make_backe
     assert backend.device.output_v["cDAQ1Mod2/ao0"] == 0.0 and not backend.device.drive_enabled()
     backend.continue_after(0)
     np.testing.assert_array_equal(blow(backend, config, command)[1], blow(make_backend(config), config, command)[1])
+
+
+def test_a_task_whose_clearing_the_server_did_not_hear_does_not_stand_in_the_way_of_the_next(
+    make_backend, intercept, config, command
+) -> None:
+    backend = make_backend(config)
+    backend.configure(config, command)
+    lost: list[str] = []
+
+    def fail(call: str, request: Any) -> None:
+        if call == "ClearTask" and not lost:
+            lost.append(request.task.name)
+            raise ServerGone("planted")
+
+    with intercept(backend, fail):
+        backend.safe_stop()
+        backend._clear()
+    assert lost == ["force"]
+    backend.configure(config, command)
+    backend.safe_stop()
+    backend.close()

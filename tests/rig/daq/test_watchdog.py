@@ -7,6 +7,7 @@ from __future__ import annotations
 import logging
 from typing import Any
 
+import numpy as np
 import pytest
 
 from rig.backend import open_backend
@@ -125,6 +126,31 @@ def test_over_a_slow_connection_a_trial_plays_or_is_refused_before_anything_move
         assert delay_ms < 8.3 and [trial.read().status for trial in session.trials] == ["complete"] * 2
     finally:
         backend.close()
+
+
+def test_where_calls_are_dear_the_blocks_are_long_while_nothing_is_commanded_and_the_trial_is_the_same(
+    make_backend, config, tmp_path
+) -> None:
+    read_s: dict[float, list[float]] = {}
+    trials = []
+    for delay_ms in (0.0, 0.4):
+        backend = make_backend(config, noise_n=0.02)
+        backend.device.call_delay_s = 1e-3 * delay_ms
+        until = read_s[delay_ms] = []
+        session = record_session(
+            tmp_path / f"s{delay_ms}", profile="forte", backend=backend, trials=1,
+            progress=lambda at, until=until: until.append(at.time_s),
+        )  # fmt: skip
+        backend.close()
+        trials.append(session.trial(1).read())
+    np.testing.assert_array_equal(trials[0].force_n, trials[1].force_n)
+    np.testing.assert_array_equal(trials[0].encoder_count, trials[1].encoder_count)
+    moved = np.flatnonzero(trials[0].motor_command_v) / 5000
+    blocks = np.diff([0.0, *read_s[0.4]])
+    begins = np.array([0.0, *read_s[0.4][:-1]])
+    pushing = (begins + blocks > moved[0]) & (begins < moved[-1])
+    assert blocks[pushing] == pytest.approx(0.02) and blocks[~pushing].max() == pytest.approx(0.04)
+    assert len(read_s[0.4]) < 0.75 * len(read_s[0.0])
 
 
 @pytest.mark.parametrize(("delay_ms", "block_s", "timeout_s"), [(20, 0.15, 1.0), (50, 0.36, 1.5)])

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rig.errors import InputError
+from rig.errors import InputError, RigInputError
 from rig.foreign.csv_text import parse_csv, read_csv
 from rig.foreign.mapping import parse_mapping
 from rig.foreign.reading import read_segments
@@ -95,3 +95,7 @@ def test_tdms_and_lvm_say_when_they_began(tmp_path) -> None:
     (tmp_path / "a.lvm").write_text(lvm, encoding="latin-1")
     (table,) = read_segments(tmp_path / "a.lvm")
     assert table.started == "2023-12-24T18:00:01.500000"
+    for time in ("25:00:00", "18:00:9999999999999", "18:inf:00", "18:00:-3"):
+        (tmp_path / "a.lvm").write_text(lvm.replace("18:00:01,5", time), encoding="latin-1")
+        with pytest.raises(RigInputError, match="allowed YYYY/MM/DD and HH:MM:SS"):
+            read_segments(tmp_path / "a.lvm")

@@ -121,6 +121,24 @@ def test_after_each_trial_the_plant_can_be_looked_at(record) -> None:
     assert all(stored <= truth <= stored + 500 for _, truth, stored in looked)  # time goes on while it is asked
 
 
+def test_before_each_trial_the_recorder_waits_with_the_outputs_safe(record, assert_safe) -> None:
+    folder, backend, call = record
+    began = []
+
+    def wait(number: int) -> None:
+        began.append(number)
+        if number == 2:
+            assert_safe(backend)
+            assert [trial.status for trial in Session.open(folder).trials] == ["complete"]
+        if number == 3:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        call(trials=5, before_trial=wait)
+    assert began == [1, 2, 3]
+    assert [trial.status for trial in Session.open(folder).trials] == ["complete"] * 2  # the third did not begin
+
+
 def stop_at(trial: int, time_s: float, error: BaseException):
     def progress(state) -> None:
         if state.trial == trial and state.time_s >= time_s:

@@ -68,7 +68,8 @@ class Bench:
     """Real tasks on a virtual device, all cleared at the end."""
 
     def __init__(self, backend: Any) -> None:
-        self.device, self._channel, self._tasks = backend.device, backend._channel, []
+        self.device, self.service, self._tasks = backend.device, backend.service, []
+        self._channel = backend._channel
 
     def task(self, name: str = "") -> nidaqmx.Task:
         task = nidaqmx.Task(name, grpc_options=nidaqmx.GrpcSessionOptions(self._channel, name))

@@ -33,8 +33,12 @@ def test_a_session_recorded_over_tcp_is_the_one_recorded_in_process(serve, permi
     assert far.info.simulated and "gRPC Device Server" in far.info.backend["name"]
     for there, here in zip(far.trials, near.trials, strict=True):
         a, b = there.read(), here.read()
-        for name in ("time_s", "force_n", "force_raw", "motor_command_v", "encoder_count"):
+        for name in ("time_s", "motor_command_v"):
             np.testing.assert_array_equal(getattr(a, name), getattr(b, name))
+        # the plant is integrated from block to block, which are longer over TCP while nothing is commanded
+        for name, within in (("force_n", 0.005), ("force_raw", 1e-4), ("encoder_count", 2)):
+            np.testing.assert_allclose(getattr(a, name), getattr(b, name), rtol=0, atol=within)
+        assert np.count_nonzero(a.force_n != b.force_n) < 0.1 * a.n_valid
     assert program.end() == 0
 
 

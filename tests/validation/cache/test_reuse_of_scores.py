@@ -36,6 +36,8 @@ def predict(monkeypatch):
     monkeypatch.setattr(model, "simulate", counting)
     # it does not move as the trials do: each would be run under other signs and units of the force
     monkeypatch.setattr("validation.findings.signals.force_sign_and_unit.FACTORS", {})
+    # how often is counted here, not what comes out
+    monkeypatch.setattr("validation.scores.perfect_model.DRAWS", 5)
     return counting
 
 
@@ -238,6 +240,7 @@ def test_budget_and_single_changes_are_done_once(bench, predict):
     assert found.provenance["reused"]["predictions"] == "3 of 3"
 
 
+@pytest.mark.slow
 def test_a_further_trial_is_the_only_one_that_is_drawn_if_any_is(bench, predict):
     from rig.session import Session
 

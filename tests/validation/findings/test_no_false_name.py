@@ -15,12 +15,12 @@ from validation.findings.single_changes import FEWEST, known_causes
 
 ALL_TRIALS = [
     ("sign flip", flipped(0, 1, 2), 18),
-    ("swapped channels", swapped(0, 2), 12),
-    ("force sign", louder(-1.0), 6),
+    pytest.param("swapped channels", swapped(0, 2), 12, marks=pytest.mark.slow),
+    pytest.param("force sign", louder(-1.0), 6, marks=pytest.mark.slow),
 ]
 
 
-@pytest.mark.parametrize("kind, change, n", ALL_TRIALS, ids=[k for k, *_ in ALL_TRIALS])
+@pytest.mark.parametrize("kind, change, n", ALL_TRIALS)
 def test_a_session_wired_wrong_in_all_trials_ends_in_its_report(found_in, kind, change, n):
     found = found_in(Fault(kind, "", frozenset({kind}), change=change))
     assert list(found["kind"]) == n * [kind]
@@ -34,17 +34,28 @@ def test_a_report_of_a_session_wired_wrong_in_all_trials_can_be_written(make, tm
     for trial in session.trials:
         data = trial.read()
         wrong.add_trial(replace(data, encoder_count=-data.encoder_count))
-    result = compare_session(wrong, truth.action, keep_predictions=False, rivals=(), budget=False)
+    result = compare_session(wrong, truth.action, keep_predictions=False, rivals=(), budget=False, suspect=False)
     assert set(result.findings["kind"]) == {"sign flip", "hum"}  # the recorded session has hum
     assert not result.scores["pooled"].any()
     assert result.channels["rmse_rad"].isna().all()
     assert Path(write_report(result, tmp_path / "report").files["report.html"]).stat().st_size > 10_000
 
 
-PARAMETERS = [("hammer.joint_friction.A", 1.5), ("hammer.mass", 1.03), ("contact08.normal.D", 2.0)]
+PARAMETERS = [
+    ("hammer.joint_friction.A", 1.5),
+    pytest.param("hammer.mass", 1.03, marks=pytest.mark.slow),
+    pytest.param("contact08.normal.D", 2.0, marks=pytest.mark.slow),
+]
 
 
-@pytest.mark.parametrize("kind, specimen", [("piano", "bench"), ("forte", "bench"), ("slow", "printed")])
+@pytest.mark.parametrize(
+    "kind, specimen",
+    [
+        ("piano", "bench"),
+        pytest.param("forte", "bench", marks=pytest.mark.slow),
+        pytest.param("slow", "printed", marks=pytest.mark.slow),
+    ],
+)
 def test_a_session_without_faults_has_no_finding(found_in, kind, specimen):
     assert found_in(None, kind, specimen).empty
 

@@ -98,7 +98,7 @@ def test_a_constant_baseline_has_no_hum_and_no_error():
     assert fit.offset_n == pytest.approx(0.25)
 
 
-@pytest.mark.parametrize("with_hum", [True, False])
+@pytest.mark.parametrize("with_hum", [True, pytest.param(False, marks=pytest.mark.slow)])
 def test_the_uncertainty_of_the_baseline_covers_the_truth(with_hum):
     rng = np.random.default_rng(11)
     time = np.arange(int(1.2 * RATE_HZ)) / RATE_HZ

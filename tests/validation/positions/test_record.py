@@ -10,15 +10,17 @@ import pytest
 
 from tests.validation.positions.test_measured import trial
 from validation.errors import ValidationInputError
+from validation.positions.band import Calibration
 from validation.positions.measured import measure_stroke
 from validation.positions.parameters import NAMES, SENSORS
-from validation.positions.record import Identified, read_identified, sensors_of, write_identified
+from validation.positions.record import MODELS, Identified, read_identified, sensors_of, write_identified
 
 N, M = len(NAMES), len(SENSORS)
 STROKE = measure_stroke(trial())
+BANDS = {name: Calibration(0.02, True, "pooled", {"rest": 2.0}, {"2": {"inside": 0.9}}) for name in MODELS}
 SET = Identified(
     "hirschkorn2004-regulated", "here", {"2": "ab"}, sensors_of(STROKE), NAMES, [0.1] * N, np.eye(N).tolist(),
-    NAMES[:M], [0.0] * M, np.eye(M).tolist(), {"before": 9.0, "after": 1.0, "null": 5.0}, {"null": {"rest": 2.0}},
+    NAMES[:M], [0.0] * M, np.eye(M).tolist(), {"before": 9.0, "after": 1.0, "null": 5.0}, BANDS,
 )  # fmt: skip
 
 
@@ -33,7 +35,7 @@ def test_round_trip(tmp_path) -> None:
         ("nonsense", "not JSON"),
         ("[1]", "not an identified set"),
         (json.dumps({"schema": "other"}), "not an identified set"),
-        (json.dumps({"schema": "piano-action-rig identified positions 1"}), "a field is missing"),
+        (json.dumps({"schema": "piano-action-rig identified positions 2"}), "a field is missing"),
     ],
 )
 def test_another_file_is_refused(tmp_path, text, said) -> None:

@@ -93,6 +93,7 @@ def test_what_a_prediction_depends_on_makes_it_anew(small):
     assert len(predict.calls) == 8
 
 
+@pytest.mark.slow
 def test_models_side_by_side_do_not_drive_each_other_out_and_old_ones_go(small):
     session, truth = small
     predict = Counting()

@@ -12,12 +12,15 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
+from matplotlib import rc_context
 
 from validation import InputError, compare_session, validate_session, write_report
 from validation.curves.signs import degrees, rotation_label
 from validation.curves.thinning import decimate
 from validation.events.definitions import EVENTS
-from validation.report.figures.measured import all_figures
+from validation.report.figures.measured import rotation_of_all_trials
+from validation.report.figures.overlays import model_against_trial
+from validation.report.figures.svg import STYLE
 from validation.report.files import write_files
 from validation.report.render import cannot_claim, render_html
 from validation.report.tables import scores as present
@@ -72,6 +75,8 @@ def test_the_verdict_comes_first_and_limits_and_provenance_are_there(page, compa
     assert "5 trials: sᵣ is known only to within a factor" in page
 
 
+QUICK = {"rivals": (), "budget": False, "suspect": False}
+"""What these tests do not look at."""
 HOSTILE = "<script>alert('x')</script>&\"quote\""
 
 
@@ -80,7 +85,7 @@ def lonely(make, tmp_path_factory):
     """One trial, no film, hostile text in the session; reported into its own folder."""
     folder = tmp_path_factory.mktemp("lonely") / "s"
     session, truth = make.session(folder, n_trials=1, filmed=(), operator=HOSTILE, name=HOSTILE)
-    return session, validate_session(session, truth.action)
+    return session, validate_session(session, truth.action, rivals=(), suspect=False)
 
 
 def test_text_from_a_session_is_escaped(lonely):
@@ -149,12 +154,12 @@ def test_one_trial_and_no_film_are_said(lonely):
     assert "against 1 trial of" in result.verdict
 
 
-def test_a_blow_too_soft_for_the_string_and_a_film_without_a_frame_are_reported(make, tmp_path):
+def test_a_blow_too_soft_for_the_string_and_a_film_without_a_frame_are_reported(make, tmp_path, without_figures):
     session, truth = make.session(tmp_path / "s", n_trials=1, filmed=(1,), strength=(0.06,))
     table, _ = session.read_derived("angles", 1)
     table["jack_relative_rad"] = np.nan
     session.write_derived("angles", 1, table)
-    result = compare_session(session, truth.action)
+    result = compare_session(session, truth.action, **QUICK)
     assert "Absent in both: let-off, string impact, hammer speed at impact" in result.verdict
     channels = result.channels.set_index("channel")
     assert channels.loc["jack", "state"] == "no frame tracked"
@@ -163,11 +168,11 @@ def test_a_blow_too_soft_for_the_string_and_a_film_without_a_frame_are_reported(
     assert "jack (no frame tracked)" in render_html(alone(result))
 
 
-def test_rejected_and_damaged_trials_are_named_and_the_rest_is_compared(make, tmp_path):
+def test_rejected_and_damaged_trials_are_named_and_the_rest_is_compared(make, tmp_path, without_figures):
     session, truth = make.session(tmp_path / "s", n_trials=3, filmed=())
     session.annotate(2, "reject", "double <b>strike</b>")
     session.trial_path(3).write_bytes(session.trial_path(3).read_bytes()[:5000])
-    result = compare_session(session, truth.action)
+    result = compare_session(session, truth.action, **QUICK)
     used = result.trials.set_index("trial")["used"]
     assert list(used) == [True, False, False]
     assert result.trials.set_index("trial").loc[2, "reason"] == "rejected: double <b>strike</b>"
@@ -196,7 +201,7 @@ def test_a_channel_that_is_missing_is_named(make, tmp_path):
     change = np.zeros((truth.time_s.size, 3))
     data = make.trial(7, truth.time_s, truth.force_n[1], change, names=("key", "whippen", "damper"))
     session.add_trial(data)
-    result = compare_session(session, truth.action)
+    result = compare_session(session, truth.action, **QUICK)
     assert "encoder 'hammer' is missing" in result.trials.set_index("trial").loc[7, "reason"]
 
 
@@ -249,18 +254,20 @@ def test_overlays_show_bands_and_the_lifts_that_are_left_out(compared):
 
     lift = {"trial": 1, "channel": "key", "start_s": 0.30, "end_s": 0.31}
     marked = pd.DataFrame([lift]).reindex(columns=compared.marked.columns)
-    with_lift = {f.key: f for f in all_figures(SessionView((replace(compared, marked=marked),)))["comparison"]}
-    without = {f.key: f for f in all_figures(SessionView((replace(compared, marked=marked[:0]),)))["comparison"]}
-    shaded = with_lift["key-model"]
+
+    def drawn(channel, marked):
+        with rc_context(STYLE):
+            return model_against_trial(SessionView((replace(compared, marked=marked),)), channel)
+
+    shaded, without = drawn("key", marked), drawn("key", marked[:0])
     assert "1 interval, 10.0 ms in all" in shaded.caption
     assert "repeatability limit" in shaded.caption
     assert "simultaneous 95 % band of the mean difference" in shaded.caption
     assert "left out: key may lift" in shaded.svg
-    assert "left out" not in without["key-model"].svg
-    assert with_lift["hammer-model"].svg == without["hammer-model"].svg
+    assert "left out" not in without.svg
+    assert drawn("hammer", marked).svg == drawn("hammer", marked[:0]).svg
     # a lift of another trial alone is hatched in the residuals, and said in the legend
-    elsewhere = all_figures(SessionView((replace(compared, marked=marked.assign(trial=2)),)))
-    assert "left out: key may lift" in elsewhere["comparison"][1].svg
+    assert "left out: key may lift" in drawn("key", marked.assign(trial=2)).svg
     # of each panel: the band as a filled shape; above, the limit that follows the chosen trial
     assert shaded.svg.count("FillBetweenPolyCollection") == 2
     assert len(re.findall(r'id="key-model-limit-[01]"', shaded.svg)) == 2
@@ -268,13 +275,15 @@ def test_overlays_show_bands_and_the_lifts_that_are_left_out(compared):
 
 def test_a_single_trial_is_judged_but_has_no_band_of_its_own(lonely):
     _, result = lonely
-    figures = {f.key: f for group in all_figures(SessionView((result,))).values() for f in group}
-    assert "FillBetweenPolyCollection" not in figures["key-all"].svg
-    assert "Shaded above" not in figures["key-model"].caption and "Shaded" not in figures["key-all"].caption
-    assert "Shaded below" in figures["key-model"].caption and result.judgement["trials"] == [1]
+    view = SessionView((result,))
+    with rc_context(STYLE):
+        every, model = rotation_of_all_trials(view, "key"), model_against_trial(view, "key")
+    assert "FillBetweenPolyCollection" not in every.svg
+    assert "Shaded above" not in model.caption and "Shaded" not in every.caption
+    assert "Shaded below" in model.caption and result.judgement["trials"] == [1]
 
 
-def test_an_animation_beside_the_page_is_linked_and_otherwise_said_how_to_make(compared, tmp_path):
+def test_an_animation_beside_the_page_is_linked_and_otherwise_said_how_to_make(compared, tmp_path, without_figures):
     assert 'href="animation.html"' not in render_html(alone(compared))
     (tmp_path / "animation.html").write_text("<p>moves</p>")
     page = write_report(compared, tmp_path).files["report.html"].read_text(encoding="utf-8")

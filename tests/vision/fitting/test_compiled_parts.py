@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from vision.film.source import ArrayFilm, saturated_areas
+from vision.fitting.assessment import inverse_and_covariance
 from vision.fitting.bspline import coefficients
 from vision.fitting.frame_spline import FrameSpline
-from vision.fitting.normal_inverse import inverse_and_covariance
 from vision.fitting.prefilter import prefilter, saturated_inside
 from vision.fitting.template import invert_normal
 

@@ -174,3 +174,39 @@ def test_real_film_of_a_falling_ball() -> None:
     assert np.ptp(result.y_px[:, 1]) < 0.01
     turn = np.polyfit(result.time_s, result.angle_rad[:, 0], 1)
     assert np.std(result.angle_rad[:, 0] - np.polyval(turn, result.time_s)) < np.radians(0.05)
+
+
+@pytest.mark.parametrize("texture", ["speckle", "wood"])
+def test_steps_of_45_degrees(
+    bar_scene: Callable[[str], Scene], film_of: Callable[..., object], pivot: tuple[float, float], texture: str
+) -> None:
+    """A bar that jumps by an eighth of a turn every few frames, beyond half a turn: found at once, and counted on."""
+    n = 34
+    pose = bar_motion(n, (120.0, 100.0), 0.0)
+    pose[:, 0, 0] = np.radians(45.0) * np.maximum(0, (np.arange(n) - 10) // 4)
+    known = film_of(bar_scene(texture), pose)
+    result = track_film(known.film, known.bodies, n_still=12)
+    assert not result.failed.any()
+    jumps = np.flatnonzero(np.diff(pose[:, 0, 0]) > 0.0) + 1
+    np.testing.assert_array_equal(np.flatnonzero(result.flag[:, 0] & 32), jumps)
+    z = (result.angle_rad[:, 0] - pose[:, 0, 0] + pose[: result.n_still, 0, 0].mean()) / result.u_angle_rad[:, 0]
+    assert np.abs(z).max() < 4.5 and result.angle_rad[-1, 0] > np.pi
+
+
+def test_a_body_that_leaves_the_picture_and_returns_elsewhere(
+    bar_scene: Callable[[str], Scene], film_of: Callable[..., object], pivot: tuple[float, float]
+) -> None:
+    """It leaves to the right and comes back from above, turned by half a radian: lost while it is out, then found."""
+    n = 48
+    pose = bar_motion(n, (110.0, 100.0), 0.0)
+    away = np.clip(np.arange(n) - 12, 0, None)
+    pose[:, 0, 1] += np.where(away < 16, 16.0 * away, 0.0)
+    back = np.clip(away - 24, 0, None)
+    pose[away >= 16, 0, 0] = 0.5
+    pose[away >= 16, 0, 2] += np.minimum(-260.0 + 30.0 * back, -10.0)[away >= 16]
+    known = film_of(bar_scene("speckle"), pose)
+    result = track_film(known.film, known.bodies, n_still=12)
+    found = ~result.failed[:, 0]
+    error = result.angle_rad[found, 0] - (pose[found, 0, 0] - pose[:12, 0, 0].mean())
+    assert np.abs(error / result.u_angle_rad[found, 0]).max() < 5.0
+    assert found[:15].all() and not found[30:38].any() and found[-2:].all()

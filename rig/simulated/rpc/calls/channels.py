@@ -5,12 +5,13 @@ from __future__ import annotations
 from typing import Any, Literal
 
 from rig.simulated import daqmx, status
-from rig.simulated.device.scales import find_scale
+from rig.simulated.device.scales import scale_of
 from rig.simulated.device.state import DeviceState
 from rig.simulated.device.task import SimulatedTask
 from rig.simulated.driver.configuration import add_channels, add_lines
 from rig.simulated.rpc.calls.counter_inputs import COUNTER_INPUT_CALLS
 from rig.simulated.rpc.calls.counter_outputs import COUNTER_OUTPUT_CALLS
+from rig.simulated.rpc.calls.temperatures import ai_thermocouple
 from rig.simulated.rpc.handlers import TaskHandler
 from rig.simulated.rpc.messages import enum
 from rig.simulated.signals.input_readings import NEWTON_IN
@@ -67,7 +68,7 @@ def _scaling(device: DeviceState, request: Any) -> tuple[dict[str, Any], float, 
         if request.custom_scale_name:
             raise DaqStatusError(status.UNITS_NOT_SCALED, f"Scale: {request.custom_scale_name}")
         return {}, request.min_val, request.max_val
-    scale = find_scale(device.scales, request.custom_scale_name)
+    scale = scale_of(device.scales, request.custom_scale_name, (daqmx.VOLTS,))
     low_v, high_v = sorted(float(v) for v in scale.prescaled([request.min_val, request.max_val]))
     return {"units": units, "scale": scale}, low_v, high_v
 
@@ -133,6 +134,7 @@ def digital_lines(type_: Literal["DI", "DO"]) -> TaskHandler:
 CHANNEL_CALLS: dict[str, TaskHandler] = {
     "CreateAIForceBridgeTwoPointLinChan": force_bridge_two_point,
     "CreateAIVoltageChan": ai_voltage,
+    "CreateAIThrmcplChan": ai_thermocouple,
     "CreateAIVoltageChanWithExcit": ai_sensor(VOLTAGE_WITH_EXCITATION, "voltage with excitation"),
     "CreateAIRTDChan": ai_sensor(RTD, "resistance thermometer"),
     "CreateAOVoltageChan": ao_voltage,

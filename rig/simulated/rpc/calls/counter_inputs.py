@@ -10,6 +10,7 @@ import re
 from typing import Any, Literal
 
 from rig.simulated import daqmx, status
+from rig.simulated.device.scales import scale_of
 from rig.simulated.device.state import DeviceState
 from rig.simulated.device.task import SimulatedTask
 from rig.simulated.driver.configuration import add_channels
@@ -40,30 +41,42 @@ def _decoding(request: Any) -> int:
     return decoding
 
 
+def _scaling(device: DeviceState, request: Any, units: tuple[int, ...]) -> tuple[int, dict[str, Any]]:
+    """Return the units a counter measures in, and the custom scale that takes it from there, if one is asked for."""
+    asked = enum(request, "units")
+    one_of(asked, (*units, daqmx.FROM_CUSTOM_SCALE), "Units")
+    if asked != daqmx.FROM_CUSTOM_SCALE:
+        if request.custom_scale_name:
+            raise DaqStatusError(status.UNITS_NOT_SCALED, f"Scale: {request.custom_scale_name}")
+        return asked, {}
+    scale = scale_of(device.scales, request.custom_scale_name, units)
+    return scale.prescaled_units, {"scale": scale}
+
+
 def ci_angular_encoder(device: DeviceState, task: SimulatedTask, request: Any) -> None:
     """CI on a quadrature encoder."""
-    decoding, units = _decoding(request), enum(request, "units")
-    one_of(units, (daqmx.DEGREES, daqmx.RADIANS, daqmx.TICKS), "Units")
+    decoding = _decoding(request)
+    units, scaling = _scaling(device, request, (daqmx.DEGREES, daqmx.RADIANS, daqmx.TICKS))
     if request.pulses_per_rev < 1:
         raise DaqStatusError(status.INVALID_VALUE, f"Pulses per revolution: {request.pulses_per_rev}")
     add_channels(
         device, task, "CI", "counter", request.counter, request.name_to_assign_to_channel,
         decoding_type=decoding, units=units, pulses_per_rev=request.pulses_per_rev,
-        initial_angle=request.initial_angle, **_index(request),
+        initial_angle=request.initial_angle, **_index(request), **scaling,
     )  # fmt: skip
     _set_encoder_terminals(device, task)
 
 
 def ci_linear_encoder(device: DeviceState, task: SimulatedTask, request: Any) -> None:
     """CI on a quadrature encoder of a length."""
-    decoding, units = _decoding(request), enum(request, "units")
-    one_of(units, (METERS, INCHES, daqmx.TICKS), "Units")
+    decoding = _decoding(request)
+    units, scaling = _scaling(device, request, (METERS, INCHES, daqmx.TICKS))
     if not 0 < request.dist_per_pulse < float("inf"):
         raise DaqStatusError(status.INVALID_VALUE, f"Distance per pulse: {request.dist_per_pulse:g}")
     add_channels(
         device, task, "CI", "counter", request.counter, request.name_to_assign_to_channel,
         decoding_type=decoding, units=units, dist_per_pulse=request.dist_per_pulse, initial_pos=request.initial_pos,
-        type=LINEAR_ENCODER, **_index(request),
+        type=LINEAR_ENCODER, **_index(request), **scaling,
     )  # fmt: skip
     _set_encoder_terminals(device, task)
 
@@ -103,12 +116,19 @@ def _of_pulses(measures: str, *units: int) -> TaskHandler:
 
     def create(device: DeviceState, task: SimulatedTask, request: Any) -> None:
         names = request.DESCRIPTOR.fields_by_name
-        unit = enum(request, "units") if "units" in names else daqmx.TICKS
-        one_of(unit, units, "Units")
-        if not 0 < request.min_val < request.max_val:
+        scaling: dict[str, Any] = {}
+        if "custom_scale_name" in names:
+            unit, scaling = _scaling(device, request, units)
+        else:
+            unit = enum(request, "units") if "units" in names else daqmx.TICKS
+            one_of(unit, units, "Units")
+        least, most = request.min_val, request.max_val
+        if scaling:
+            least, most = sorted(float(one) for one in scaling["scale"].prescaled([least, most]))
+        if not 0 < least < most:
             detail = f"Limits {request.min_val:g} to {request.max_val:g}"
             raise DaqStatusError(status.MIN_NOT_LESS_THAN_MAX, detail)
-        settings: dict[str, Any] = {"units": unit, "min_val": request.min_val, "max_val": request.max_val}
+        settings: dict[str, Any] = {"units": unit, "min_val": least, "max_val": most, **scaling}
         for edge in ("edge", "starting_edge"):
             if edge in names:
                 one_of(enum(request, edge), (daqmx.RISING, daqmx.FALLING), "Edge")

@@ -117,7 +117,8 @@ def _write(
     parts = np.concatenate((high, low))
     if not (np.isfinite(parts).all() and parts.min() >= 2 and parts.max() < 2**32):
         raise DaqStatusError(status.INVALID_VALUE, f"Pulses of {high_s[0]:g} s high, {low_s[0]:g} s low")
-    if np.ptp(high + low) > 0:
+    clocked = task.timing.clock is not None
+    if np.ptp(high + low) > 0 and not clocked:
         raise NotImplementedByDevice("pulses of several frequencies in one buffer")
     if high.size > 1 and task.pulses.count == 1:
         raise DaqStatusError(status.WRONG_SIZE, f"Task: {task.name} has no implicit timing for {high.size} pulses")
@@ -127,7 +128,9 @@ def _write(
     name = task.channels[0].name
     task.properties["Chan", name, daqmx.CO_PULSE_FREQ] = float(timebase / (high[0] + low[0]))
     task.properties["Chan", name, daqmx.CO_PULSE_DUTY_CYC] = float(high[0] / (high[0] + low[0]))
-    task.pulses.high_times_s = high / timebase
+    task.pulses.high_times_s = None if clocked else high / timebase
+    if clocked:
+        task.pulses.written = np.column_stack((high, low)) / timebase
     if task.progress.live:
         task.pulses.end_s = pulse_train(task).end_s
     elif request.auto_start:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from nidaqmx.constants import UnitsPreScaled
 
 from rig.simulated import daqmx, status
 from rig.simulated.device.scales import LINEAR, MAP, POLYNOMIAL, TABLE, CustomScale, find_scale
@@ -31,6 +32,8 @@ _FIELDS: dict[str, tuple[int, dict[str, str]]] = {
     "CreateTableScale": (TABLE, {"prescaled_vals": "TABLE_PRE_SCALED_VALS", "scaled_vals": "TABLE_SCALED_VALS"}),
 }
 """Type of the scale and property of each field of the request, by call."""
+UNITS = tuple(unit.value for unit in UnitsPreScaled)
+"""Units of what a scale can be given; a channel takes those of what it measures."""
 _NAMES = {property_number("Scale", name): name for _, fields in _FIELDS.values() for name in fields.values()}
 _TYPE, _DESCRIPTION, _UNITS, _PRESCALED_UNITS = (
     property_number("Scale", name) for name in ("TYPE", "DESCR", "SCALED_UNITS", "PRE_SCALED_UNITS")
@@ -43,6 +46,7 @@ def _create(call: str) -> DeviceHandler:
     def create(device: DeviceState, request: Any) -> None:
         if not request.name.strip():
             raise DaqStatusError(status.INVALID_VALUE, "a scale needs a name")
+        one_of(enum(request, "pre_scaled_units") or daqmx.VOLTS, UNITS, "Pre-scaled units")
         values = {name: _plain(getattr(request, field)) for field, name in fields.items()}
         scale = CustomScale(
             request.name, type_, values, enum(request, "pre_scaled_units") or daqmx.VOLTS, request.scaled_units
@@ -80,7 +84,7 @@ def _set(device: DeviceState, request: Any) -> None:
     elif number == _UNITS:
         scale.scaled_units = value
     elif number == _PRESCALED_UNITS:
-        one_of(value, (daqmx.VOLTS,), "Pre-scaled units")
+        one_of(value, UNITS, "Pre-scaled units")
         scale.prescaled_units = value
     elif (name := _NAMES.get(number, "")) in scale.values:
         before = scale.values[name]

@@ -88,16 +88,17 @@ def trigger_source(device: DeviceState, task: SimulatedTask, name: str) -> str:
 
 
 def _unsimulated(which: str, kind: str) -> TaskHandler:
-    """A trigger that the virtual bench does not have: taken like a setting, refused when the task is committed."""
+    """A trigger kept like a setting; one that the virtual bench does not have is refused when the task is committed."""
     short = "REF" if which == "reference trigger" else "START"
 
     def configure(device: DeviceState, task: SimulatedTask, request: Any) -> None:
         task.refuse_while_running()
         if which == "reference trigger" and task.type != "AI":
             raise DaqStatusError(status.ATTRIBUTE_NOT_SUPPORTED, f"Task: {task.name}: reference trigger")
-        task.unsimulated[which] = kind
         if kind not in SHAPES:
+            task.unsimulated[which] = kind
             return
+        task.triggers.analog_kinds[which] = kind
         shape = SHAPES[kind]
         source = trigger_source(device, task, request.trigger_source)
         settings = {"SRC": source, **{what: get(request) for what, get in FIELDS[kind].items()}}
@@ -109,9 +110,14 @@ def _unsimulated(which: str, kind: str) -> TaskHandler:
     return configure
 
 
+def forget_trigger(task: SimulatedTask, which: str) -> None:
+    """Take a start trigger or reference trigger away, of whatever kind."""
+    task.unsimulated.pop(which, None)
+    task.triggers.forget(which)
+
+
 def _no_start_trigger(device: DeviceState, task: SimulatedTask, request: Any) -> None:
-    task.unsimulated.pop("start trigger", None)
-    task.triggers.start = ""
+    forget_trigger(task, "start trigger")
 
 
 def _reference_trigger(device: DeviceState, task: SimulatedTask, request: Any) -> None:
@@ -137,8 +143,7 @@ def _reference_trigger(device: DeviceState, task: SimulatedTask, request: Any) -
 
 
 def _no_reference_trigger(device: DeviceState, task: SimulatedTask, request: Any) -> None:
-    task.unsimulated.pop("reference trigger", None)
-    task.triggers.reference = ""
+    forget_trigger(task, "reference trigger")
 
 
 def _buffer(number: int) -> TaskHandler:

@@ -53,6 +53,9 @@ SETTINGS = {
     "CI_CTR_TIMEBASE_SRC": "timebase_src",
     "AI_TERM_CFG": "terminal_config",
     "AI_FORCE_UNITS": "units",
+    "AI_THRMCPL_TYPE": "thermocouple_type",
+    "AI_THRMCPL_CJC_SRC": "cjc_source",
+    "AI_THRMCPL_CJC_VAL": "cjc_val",
     "CI_MAX": "max_val",
     "CI_MIN": "min_val",
     "CI_COUNT_EDGES_ACTIVE_EDGE": "edge",
@@ -116,7 +119,7 @@ def _scale_name(device: DeviceState, task: SimulatedTask, channel: Channel) -> s
 
 
 def _voltage_units(device: DeviceState, task: SimulatedTask, channel: Channel) -> int | None:
-    if not channel.physical.kind.startswith("voltage"):
+    if not channel.physical.kind.startswith("voltage") or "thermocouple_type" in channel.settings:
         return None
     return daqmx.FROM_CUSTOM_SCALE if "scale" in channel.settings else daqmx.VOLTS
 
@@ -195,7 +198,7 @@ _GETTERS: dict[str, Property] = {
     "DI_NUM_LINES": lambda device, task, channel: len(channel.settings["lines"]),
     "DO_NUM_LINES": lambda device, task, channel: len(channel.settings["lines"]),
     "CI_MEAS_TYPE": _measurement,
-    "CI_CUSTOM_SCALE_NAME": lambda device, task, channel: "",
+    "CI_CUSTOM_SCALE_NAME": _scale_name,
     "CI_COUNT": _count,
     "CO_PULSE_HIGH_TIME": _high_time,
     "CO_PULSE_LOW_TIME": _low_time,
@@ -210,6 +213,9 @@ def channel_property(device: DeviceState, task: SimulatedTask, channel: Channel,
     name = _NAME_OF_NUMBER.get(number, "")
     if name[:2] in CHANNEL_TYPE and name[:2] != task.type:
         return None
+    units = {*UNITS_OF, "CI_ANG_ENCODER_UNITS", "CI_LIN_ENCODER_UNITS"}
+    if "scale" in channel.settings and task.type == "CI" and name in units:
+        return daqmx.FROM_CUSTOM_SCALE
     if name in SETTINGS:
         return channel.settings.get(SETTINGS[name])
     if name in UNITS_OF:

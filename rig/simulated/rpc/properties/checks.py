@@ -31,6 +31,6 @@ def check_value(device: DeviceState, task: SimulatedTask, number: int, value: An
     if number == daqmx.ARM_START_TRIG_TYPE and value not in (daqmx.DIGITAL_EDGE, daqmx.NO_TRIGGER):
         raise DaqStatusError(status.INVALID_VALUE, f"Arm start trigger type {value}")
     if number == daqmx.START_TRIG_RETRIGGERABLE and (
-        task.type not in ("AI", "AO", "DI", "DO") or task.triggers.reference
+        task.type not in ("AI", "AO", "DI", "DO") or task.triggers.referenced
     ):
         raise NotImplementedByDevice(f"retriggering a {task.type} task")

@@ -112,7 +112,7 @@ def _planned(task: SimulatedTask) -> SampleClock:
 
 
 def _timing_type(task: SimulatedTask) -> int:
-    if task.type == "CO" or task.timing.implicit:
+    if task.timing.implicit or (task.type == "CO" and task.timing.clock is None):
         return IMPLICIT
     return CHANGE_DETECTION if task.timing.change_lines else SAMPLE_CLOCK if task.timing.clock else ON_DEMAND
 

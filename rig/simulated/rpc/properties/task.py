@@ -12,7 +12,7 @@ from rig.simulated import daqmx, status
 from rig.simulated.device.state import DeviceState
 from rig.simulated.device.task import SimulatedTask
 from rig.simulated.rpc.messages import property_number
-from rig.simulated.rpc.properties import stored
+from rig.simulated.rpc.properties import sampling_triggers, stored
 from rig.simulated.rpc.properties.channel import (
     LIMITS,
     SCALES,
@@ -166,7 +166,7 @@ _GETTER_OF_NUMBER: dict[Key, Getter] = {
 
 
 def _trigger_type(task: SimulatedTask, which: str, terminal: str) -> int:
-    kind = task.unsimulated.get(which, "")
+    kind = task.unsimulated.get(which, "") or task.triggers.analog_kinds.get(which, "")
     simulated = daqmx.DIGITAL_EDGE if terminal or kind.startswith("digital edge") else daqmx.NO_TRIGGER
     return TRIGGER_KINDS.get(kind, simulated)
 
@@ -176,12 +176,14 @@ def _put_trigger_type(task: SimulatedTask, which: str, value: Any) -> None:
     task.refuse_while_running()
     kinds = {number: kind for kind, number in TRIGGER_KINDS.items()}
     if value == daqmx.NO_TRIGGER:
+        task.triggers.forget(which)
         task.unsimulated.pop(which, None)
-        task.triggers.start, task.triggers.reference = (
-            ("", task.triggers.reference) if which == "start trigger" else (task.triggers.start, "")
-        )
     elif value in kinds and (which == "start trigger" or task.type == "AI"):
-        task.unsimulated[which] = kinds[value]
+        task.triggers.forget(which)
+        if kinds[value] in sampling_triggers.BUILT:
+            task.triggers.analog_kinds[which] = kinds[value]
+        else:
+            task.unsimulated[which] = kinds[value]
     else:
         raise DaqStatusError(status.ATTRIBUTE_NOT_SUPPORTED, f"Task: {task.name}: {which} of type {value}")
 

@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
+import threading
 import time
 
 import pytest
-from nidaqmx.constants import AcquisitionType, LineGrouping
+from nidaqmx.constants import AcquisitionType, LineGrouping, Signal, TriggerType
 from nidaqmx.errors import DaqError
 
 
 def test_what_is_not_simulated_is_refused_with_the_drivers_code(card, refused) -> None:
     with refused(-200431):
-        card.task().ai_channels.add_ai_thrmcpl_chan("Dev1/ai0")
+        card.task().ai_channels.add_ai_thrmstr_chan_iex("Dev1/ai0")
+    with refused(-200220):
+        card.task().ai_channels.add_ai_thrmstr_chan_iex("TS1Mod1/ai0")
     task = card.task()
     task.ai_channels.add_ai_voltage_chan("Dev1/ai0")
     task.timing.cfg_samp_clk_timing(1000.0)
-    task.triggers.start_trigger.cfg_anlg_edge_start_trig("APFI0", trigger_level=2.0)
+    task.triggers.start_trigger.trig_type = TriggerType.DIGITAL_PATTERN
     with refused(-200452):  # taken like a setting, never ignored
         task.start()
     task.triggers.start_trigger.disable_start_trig()
@@ -70,7 +73,7 @@ def test_one_value_cannot_be_written_to_several_channels(card, refused) -> None:
         request = request_class(call)(value=1, auto_start=True)
         request.task.name = task
         with pytest.raises(Exception, match="-200524|one value for 2 channels"):
-            card._channel.service.handle(call, request)
+            card.service.handle(call, request)
 
 
 @pytest.mark.parametrize("value", [float("inf"), float("-inf"), float("nan")])
@@ -96,3 +99,23 @@ def test_rate_mode_and_length_of_a_clock_can_be_changed_and_are_coerced(card) ->
     assert task.timing.samp_clk_rate == pytest.approx(100e6 / 3333, rel=1e-12)
     task.timing.samp_quant_samp_mode = AcquisitionType.CONTINUOUS
     assert task.timing.samp_quant_samp_mode == AcquisitionType.CONTINUOUS
+
+
+@pytest.mark.parametrize("signal", [Signal.SAMPLE_CLOCK, Signal.SAMPLE_COMPLETE])
+def test_a_signal_event_registered_before_its_clock_comes_with_every_sample(card, refused, signal) -> None:
+    task, seen, ended = card.task(), [], threading.Event()
+    task.ai_channels.add_ai_voltage_chan("Dev1/ai0")
+
+    def count(_: object, kind: int, data: object) -> int:
+        seen.append(kind)
+        if len(seen) == 20:
+            ended.set()
+        return 0
+
+    task.register_signal_event(signal, count)
+    with refused(-200949):
+        task.register_signal_event(signal, count)
+    task.timing.cfg_samp_clk_timing(1000.0, samps_per_chan=20)
+    task.start()
+    task.read(20)
+    assert ended.wait(20) and seen == [signal.value] * 20

@@ -1,11 +1,12 @@
 // The action moving: bodies as the model places them, and as they were measured, over or beside each other.
-import { make } from "./bench.js";
+import { make } from "./elements.js";
+import { ForceBars } from "./forces.js";
 import { indexAt, unpack } from "./numbers.js";
 
 const WIDTH = 900, MARGIN = 12, GLOW_PX2_PER_N = 40;
 
 export class Drawing {
-  constructor(data, title = "Action") {
+  constructor(data, title = "Action", { forces = false } = {}) {
     this.title = title;
     this.canvas = make("canvas", { width: WIDTH, height: 400, role: "img", "aria-label": `${title}, side view` });
     this.beside = make("input", { type: "checkbox", onchange: () => { this.fit(); this.at(this.time); } });
@@ -13,9 +14,10 @@ export class Drawing {
     this.values = make("span", { class: "values" });
     this.measuredToo = make("label", {}, this.beside, "measured above, model below");
     this.key = make("span", { class: "hint" });
+    this.bars = make("details", { open: forces, ontoggle: () => { if (this.bars.open && this.time !== undefined) this.at(this.time); } }, make("summary", {}, "Force at every contact, on one scale"));
     this.element = make("section", { class: "drawing", "aria-label": title },
       make("div", { class: "head" }, make("span", { class: "title" }, title), this.values), this.canvas,
-      make("div", { class: "row" }, this.measuredToo, this.legend), this.key);
+      make("div", { class: "row" }, this.measuredToo, this.legend), this.key, this.bars);
     this.set(data);
   }
 
@@ -27,8 +29,21 @@ export class Drawing {
     const names = data.bodies.map((body) => body.name).join();
     if (names !== this.names) this.legend.replaceChildren(...data.bodies.map((body) => make("span", { class: "body" }, make("span", { class: "swatch", style: `background:${body.color}` }), body.name)));
     this.names = names;
+    this.setBars();
     this.fit();
     if (this.time !== undefined) this.at(this.time);
+  }
+
+  /** Every bar ends at the largest force of all contacts. */
+  setBars() {
+    const { labels, contacts, normal } = this.data;
+    let largest = 0;
+    for (const force of normal) if (force > largest) largest = force;
+    const key = `${(labels || contacts).join()} ${largest}`;
+    if (key === this.barsOf) return;
+    this.barsOf = key;
+    this.forces = new ForceBars(labels || contacts, largest || 1);
+    this.bars.replaceChildren(this.bars.firstChild, this.forces.element);
   }
 
   /** Scale to what is ever reached. */
@@ -63,6 +78,7 @@ export class Drawing {
     if (measured) this.action(pen, measured, row, share, 0, style, true);
     this.action(pen, this.data.pose, row, share, below, style, false);
     this.glow(pen, row, below);
+    if (this.bars.open) this.forces.show(this.data.normal.subarray(row * this.data.contacts.length, (row + 1) * this.data.contacts.length));
     this.canvas.dataset.time = t;
   }
 

@@ -5,6 +5,7 @@ In: a motion seen, and perhaps measured angles; out: plain data for the page's d
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 import model
 from model.inside.seen_motion import SeenMotion
 from model.inside.side_view import GROUND, side_view
-from pianorig.page.packing import pack
+from pianorig.player.packing import pack
 from vision.output.colours import colour_of
 
 Array = NDArray[np.float64]
@@ -26,13 +27,16 @@ def drawing_times(start_s: float, end_s: float) -> Array:
     return model.output_times(start_s, end_s, min(RATE_HZ, MOST_ROWS / max(end_s - start_s, 1e-3)))
 
 
-def moving_action(seen: SeenMotion, measured: Array | None = None) -> dict[str, Any]:
+def moving_action(
+    seen: SeenMotion, measured: Array | None = None, labels: Sequence[str] | None = None
+) -> dict[str, Any]:
     """Shapes and poses for the page.
 
     Parameters
     ----------
     seen : the model's motion (m rows)
     measured : (m, n, 3) poses to draw beside it, NaN where a body was not measured
+    labels : names of the contacts for people; by default their own
 
     Returns
     -------
@@ -57,6 +61,7 @@ def moving_action(seen: SeenMotion, measured: Array | None = None) -> dict[str, 
         "pose": pack(seen.pose),
         "measured": None if measured is None else pack(measured),
         "contacts": list(seen.contacts),
+        "labels": list(labels or seen.contacts),
         "point_m": pack(seen.point_m),
         "normal_n": pack(seen.normal_n),
     }

@@ -6,7 +6,7 @@ import base64
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 
 def pack(values: ArrayLike) -> dict[str, Any]:
@@ -19,3 +19,14 @@ def pack(values: ArrayLike) -> dict[str, Any]:
     """
     array = np.ascontiguousarray(values, dtype="<f4")
     return {"f32": base64.b64encode(array.tobytes()).decode("ascii"), "shape": list(array.shape)}
+
+
+def unpack(packed: dict[str, Any]) -> NDArray[np.float32]:
+    """The numbers of `pack`.
+
+    Examples
+    --------
+    >>> unpack(pack([1.0, 2.5])).tolist()
+    [1.0, 2.5]
+    """
+    return np.frombuffer(base64.b64decode(packed["f32"]), dtype="<f4").reshape(packed["shape"])

@@ -1,5 +1,5 @@
 // One time cursor: a slider, play at a chosen speed, steps from frame to frame, jumps to events; all of it by keys too.
-import { make } from "./bench.js";
+import { make } from "./elements.js";
 
 const SPEEDS = [["0.001", "1000 × slower"], ["0.004", "250 × slower"], ["0.01", "100 × slower"], ["0.05", "20 × slower"], ["0.25", "4 × slower"], ["1", "true speed"]];
 const TYPING = "input, textarea, select";
@@ -18,13 +18,15 @@ export class Player {
     this.slider = make("input", { type: "range", min: from, max: to, step: "any", "aria-label": "Time", oninput: () => { this.run(false); this.go(Number(this.slider.value)); } });
     this.speed = make("select", { "aria-label": "Speed" }, ...SPEEDS.map(([value, title]) => make("option", { value }, title)));
     this.speed.value = "0.004";
+    this.slower = make("input", { type: "number", min: "0.1", max: "100000", step: "any", value: 1 / this.speed.value, "aria-label": "How many times slower", onchange: () => this.slow(Number(this.slower.value)) });
+    this.speed.addEventListener("change", () => { if (this.speed.value) this.slower.value = 1 / this.speed.value; });
     this.now = make("output", { class: "now" });
-    const moments = make("select", { "aria-label": "Go to event", onchange: () => { if (moments.value) { this.run(false); this.go(Number(moments.value)); moments.value = ""; } } },
+    const moments = make("select", { "aria-label": "Go to event", hidden: !events.length, onchange: () => { if (moments.value) { this.run(false); this.go(Number(moments.value)); moments.value = ""; } } },
       make("option", { value: "" }, "Go to event …"),
       ...events.map((event) => make("option", { value: event.time_s, title: event.meaning }, `${event.title} (${event.source}) ${(1000 * event.time_s).toFixed(2)} ms`)));
     const step = (name, title, sign) => make("button", { type: "button", "aria-label": title, title, onclick: () => this.step(sign) }, name);
     this.element = make("div", { class: "player", role: "group", "aria-label": "Time" },
-      make("div", { class: "row" }, this.button, step("\u2190", steps ? "One frame back" : "1 ms back", -1), step("\u2192", steps ? "One frame on" : "1 ms on", 1), this.speed, moments, this.now), this.slider);
+      make("div", { class: "row" }, this.button, step("\u2190", steps ? "One frame back" : "1 ms back", -1), step("\u2192", steps ? "One frame on" : "1 ms on", 1), this.speed, make("label", {}, "or", this.slower, "× slower"), moments, this.now), this.slider);
     this.keys = (event) => this.key(event);
     document.addEventListener("keydown", this.keys);
     this.go(this.time);
@@ -34,6 +36,21 @@ export class Player {
     this.running = false;
     document.removeEventListener("keydown", this.keys);
   }
+
+  /** Any speed: so many times slower than true; below 1 faster. */
+  slow(times) {
+    if (!(times >= 0.1 && times <= 1e5)) { this.slower.value = 1 / this.rate(); return; }
+    const value = String(1 / times), known = [...this.speed.options].find((one) => Math.abs(one.value * times - 1) < 1e-9);
+    let own = this.speed.querySelector("[data-own]");
+    if (!known) {
+      own ??= this.speed.appendChild(make("option", { "data-own": true }));
+      own.value = value;
+      own.textContent = `${times} × slower`;
+    }
+    this.speed.value = known ? known.value : value;
+  }
+
+  rate() { return Number(this.speed.value); }
 
   go(t) {
     this.time = Math.min(Math.max(t, this.from), this.to);
@@ -58,7 +75,7 @@ export class Player {
     const tick = (stamp) => {
       if (!this.running) return;
       if (before !== null) {
-        this.time += (stamp - before) / 1000 * Number(this.speed.value);
+        this.time += (stamp - before) / 1000 * this.rate();
         if (this.time >= this.to) { this.time = this.to; this.run(false); }
         this.draw();
       }

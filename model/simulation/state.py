@@ -1,0 +1,86 @@
+"""The state of a run as plain data, checked; with what felt of the scene remembers.
+
+Saving it and going on later gives the same numbers to the last bit as going on at once.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.errors import InputError
+from model.kernels import workspace as W
+from model.kernels.codegen.load import kernels_of
+from model.kernels.codegen.structure import solved_contacts
+from model.scene.build import Scene
+from model.scene.felt_memory import rested
+from model.scene.string_terms import at_rest
+
+LARGEST_ANGLE, LARGEST_SPEED = 1e3, 1e6  # rad, rad/s
+
+
+@dataclass
+class State:
+    """State of a run: time (s), angles (n,) rad, speeds (n,) rad/s, next step to try (s), memories (z,) of felt.
+
+    Without memories a run starts with felt that has rested at these angles.
+    """
+
+    time_s: float
+    angle_rad: NDArray[np.float64]
+    speed_rad_per_s: NDArray[np.float64]
+    step_s: float = 1e-5
+    memory: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
+
+    def copy(self) -> State:
+        """An independent copy."""
+        return State(self.time_s, self.angle_rad.copy(), self.speed_rad_per_s.copy(), self.step_s, self.memory.copy())
+
+    def check(self, size: int) -> None:
+        """Refuse what is no state of ``size`` coordinates."""
+        for name, array in (("angles", self.angle_rad), ("speeds", self.speed_rad_per_s)):
+            if np.shape(array) != (size,):
+                raise InputError(f"state: {np.shape(array)} {name} found, allowed ({size},)")
+            if not np.all(np.isfinite(array)):
+                raise InputError(f"state: {name} must be finite, found {array}")
+        for name, found, limit in (
+            ("angles", self.angle_rad, LARGEST_ANGLE),
+            ("speeds", self.speed_rad_per_s, LARGEST_SPEED),
+        ):
+            if np.max(np.abs(found)) > limit:
+                raise InputError(f"state: {name} found up to {np.max(np.abs(found)):g}, allowed to {limit:g} (rad, s)")
+        if not (np.isfinite(self.time_s) and self.step_s > 0.0 and np.isfinite(self.step_s)):
+            raise InputError(
+                f"state: found time {self.time_s:g} s, next step {self.step_s:g} s; "
+                "allowed finite numbers and a step above 0"
+            )
+
+
+def with_memory(scene: Scene, state: State) -> State:
+    """The state with the memories of a scene's felt: its own, or those of felt that has rested at its angles.
+
+    Raises
+    ------
+    InputError : memories of another scene
+    """
+    string = at_rest(scene.vector[scene.tables.offset[7] :], state.time_s) if len(scene.tables.string) else np.empty(0)
+    count, found = len(scene.tables.memory) + len(string), np.shape(state.memory)
+    if count and found == (0,):
+        felt = _rested(scene, state) if len(scene.tables.memory) else np.empty(0)
+        return replace(state, memory=np.concatenate([felt, string]))
+    if found != (count,) or not np.all(np.isfinite(state.memory)):
+        raise InputError(f"state: found memories {state.memory}, allowed {count} finite numbers, or none")
+    return state
+
+
+def _rested(scene: Scene, state: State) -> NDArray[np.float64]:
+    """Memories (z,) of felt that has rested at the angles of the state."""
+    w = np.zeros(W.SIZE)
+    w[W.Q : W.Q + scene.size] = state.angle_rad
+    kernels_of(scene.static_tables).linearise(w, scene.vector, state.time_s)
+    depth = np.zeros(len(scene.contacts))
+    for place, contact in enumerate(solved_contacts(scene.tables)):
+        depth[contact] = -w[W.GAP + place]
+    return rested(scene.tables, scene.vector, depth.tolist())

@@ -1,0 +1,136 @@
+"""The string of a scene under way: its motion at the output times, the force on it, where its energy went.
+
+In: a scene with the effect ``string``, states and the string's states at some times. Between touches these are those
+of the time at which it was left alone (`model.kernels.string_modes`); here they are carried on in closed form.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.kernels import layout as L
+from model.kernels.string_modes import AWAKE
+from model.kernels.trajectory.contact_forces import depths_along
+from model.scene.build import Scene
+
+if TYPE_CHECKING:
+    from model.simulation.state import State
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class StringMotion:
+    """A string's motion at the output times, computed when it is asked for.
+
+    Attributes
+    ----------
+    scene : with the string
+    time_s : (m,)
+    rows : (m, z) memories as the step loop left them
+    """
+
+    scene: Scene
+    time_s: Array
+    rows: Array
+
+    @cached_property
+    def _now(self) -> tuple[Array, Array]:
+        at, (gain, _, _), _ = _numbers(self.scene)
+        first, count = at + L.STRING_STATES, len(gain)
+        now = swung_on(self.scene, self.time_s, self.rows)
+        return now[:, first : first + count], now[:, first + count : first + 2 * count]
+
+    @property
+    def mode_m(self) -> Array:
+        """What each mode adds to the string's way at the hammer, (m, k) m."""
+        return self._now[0]
+
+    @property
+    def mode_m_per_s(self) -> Array:
+        """And its rate, (m, k) m/s."""
+        return self._now[1]
+
+    @property
+    def omega_rad_per_s(self) -> Array:
+        """Angular frequencies of the modes without loss, (k,)."""
+        return np.asarray(np.sqrt(_numbers(self.scene)[1][1]))
+
+    @property
+    def way_m(self) -> Array:
+        """How far the string is pushed away at the hammer's place, (m,) m; without what modes left out give way."""
+        return np.asarray(self.mode_m.sum(axis=1))
+
+
+def _numbers(scene: Scene) -> tuple[int, Array, float]:
+    """Place of the string's states in a row, rows (3, k) of gains, stiffnesses, dampings, what the others give way."""
+    p = scene.vector[scene.tables.offset[7] :]
+    count = round(float(p[0]))
+    return len(scene.tables.memory), p[L.STRING_HEAD :].reshape(3, count), float(p[L.STRING_GIVE])
+
+
+def swung_on(scene: Scene, time_s: Array, rows: Array) -> Array:
+    """Rows (m, z) of memories with the modes of a free string as they are at ``time_s`` (m,)."""
+    if not len(scene.tables.string):
+        return rows
+    at, (_, stiffness, damping), _ = _numbers(scene)
+    first, count, out = at + L.STRING_STATES, len(stiffness), rows.copy()
+    free = np.flatnonzero(rows[:, at + L.SINCE] >= 0.5 * AWAKE)
+    t = (time_s[free] - rows[free, at + L.SINCE])[:, None]
+    sigma = 0.5 * damping
+    omega = np.sqrt(stiffness - sigma**2)
+    y, u = rows[free, first : first + count], rows[free, first + count : first + 2 * count]
+    fade, c, s = np.exp(-sigma * t), np.cos(omega * t), np.sin(omega * t) / omega
+    out[free, first : first + count] = fade * (y * c + (u + sigma * y) * s)
+    out[free, first + count : first + 2 * count] = fade * (u * c - (sigma * u + stiffness * y) * s)
+    return out
+
+
+def string_motion(scene: Scene, time_s: Array, rows: Array) -> StringMotion | None:
+    """Motion of the scene's string at output times; None where the scene has the bar."""
+    if not len(scene.tables.string):
+        return None
+    return StringMotion(scene, time_s, rows)
+
+
+def string_force(scene: Scene, angle_rad: Array, speed_rad_per_s: Array, rows: Array) -> Array:
+    """Force (m,) between hammer and string, N, at states (m, n) with rows (m, z) of memories."""
+    contact = int(scene.tables.string[0])
+    depth, rate = np.zeros(len(angle_rad)), np.zeros(len(angle_rad))
+    depths_along(angle_rad, speed_rad_per_s, scene.vector, scene.tables, contact, depth, rate)
+    at, (gain, _, _), give = _numbers(scene)
+    first, count = at + L.STRING_STATES, len(gain)
+    awake = rows[:, at + L.SINCE] < 0.5 * AWAKE
+    x = np.where(awake, depth - rows[:, first : first + count].sum(axis=1), -1.0)
+    rate = rate - rows[:, first + count : first + 2 * count].sum(axis=1)
+    o = int(scene.tables.offset[1]) + L.CONTACT_SIZE * contact
+    a, b, c, d = scene.vector[o + L.K_A : o + L.DAMP + 1]
+    slow = np.zeros(len(x))
+    for _ in range(50):  # the modes left out give way by the slow force itself
+        pressed = np.maximum(0.0, x - give * slow)
+        off = np.maximum(0.0, ((a * pressed + b) * pressed + c) * pressed) - slow
+        slow += off / (1.0 + give * ((3.0 * a * pressed + 2.0 * b) * pressed + c))
+    return np.asarray(slow * np.maximum(0.0, 1.0 + d * rate))
+
+
+def lost_meanwhile(scene: Scene, first: State, last: State) -> float:
+    """Energy (J) that a string lost between two states while it swung freely; 0 for a scene with the bar."""
+    if not len(scene.tables.string):
+        return 0.0
+    return _lost_so_far(scene, last) - _lost_so_far(scene, first)
+
+
+def _lost_so_far(scene: Scene, state: State) -> float:
+    at, (gain, stiffness, _), _ = _numbers(scene)
+    if not len(state.memory):
+        return 0.0
+    rows = np.stack([state.memory, swung_on(scene, np.array([state.time_s]), state.memory[None])[0]])
+    first, count = at + L.STRING_STATES, len(gain)
+    y, u = rows[:, first : first + count], rows[:, first + count : first + 2 * count]
+    then, now = np.sum((u**2 + stiffness * y**2) / (2.0 * gain), axis=1)
+    return float(state.memory[at + L.RELEASED] + then - now)

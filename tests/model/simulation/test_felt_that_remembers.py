@@ -1,0 +1,237 @@
+"""Felt laws with memory inside the moving action: derivatives, order, energy, rules of rest, resumption and reset."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import model
+from model.felt import Hysteresis, Stulov
+from model.kernels import layout as L
+from model.kernels import workspace as W
+from model.kernels.codegen.load import kernels_of
+from model.kernels.codegen.step_kernels import emit
+from model.kernels.trajectory.contact_forces import penetrations
+from model.parameters.action import CONTACTS
+from model.simulation.run import Simulation, State
+
+# a memory of each kind, two in one contact, with friction (back check) and on a chain of three joints (knuckle)
+MIXED = {"contact02": "stulov", "contact04": "hysteresis", "contact07": "hysteresis", "contact12": "hysteresis"}
+VALUES = {"contact04.hysteresis.beta2": 0.2, "contact12.hysteresis.beta": 0.4}
+
+
+@pytest.fixture(scope="module")
+def mixed() -> model.Action:
+    return model.load_action("hirschkorn2004-regulated").with_laws(MIXED).with_values(VALUES)
+
+
+@pytest.fixture(scope="module")
+def blow(mixed: model.Action) -> Iterator[tuple[Simulation, np.ndarray, np.ndarray]]:
+    """The forte from rest to 0.2 s: the run, angles and speeds every 0.1 ms."""
+    times, force = model.force_table("forte")
+    scene = model.build_scene(mixed)
+    run = Simulation(scene, State(0.0, model.rest_state(mixed).angle_rad, np.zeros(scene.size)), 1e-7)
+    at = np.linspace(0.1, 0.2, 1001)
+    yield run, *run.advance(0.2, times, force, output_time_s=at)
+
+
+def test_the_thesis_s_law_named_is_the_thesis_s_law() -> None:
+    """Text of the kernels, numbers and steps are those of an action that names no law."""
+    plain = model.load_action("hirschkorn2004")
+    named = plain.with_laws(dict.fromkeys(CONTACTS, "hunt-crossley"))
+    assert named.content() == plain.content()
+    text = emit(model.build_scene(plain).tables)
+    assert emit(model.build_scene(named).tables) == text
+    assert "mem" not in text.replace("memory_laws", "") and "memory_laws" not in text
+    times, force = model.force_table("forte")
+    ours, theirs = (model.simulate(a, times, force) for a in (named, plain))
+    assert np.array_equal(ours.angle_rad, theirs.angle_rad)
+    assert ours.counters == theirs.counters
+
+
+def test_a_stage_solves_the_system_with_the_jacobian_of_differences(
+    blow: tuple[Simulation, np.ndarray, np.ndarray],
+) -> None:
+    run, angles, speeds = blow
+    scene, n, z = run.scene, run.scene.size, len(run.scene.tables.memory)
+    kernels = kernels_of(scene.tables)
+    w = np.zeros(W.WITH_MEMORY)
+
+    def rates(y: np.ndarray) -> np.ndarray:
+        w[W.Q : W.Q + n], w[W.V : W.V + n], w[W.Z : W.Z + z] = y[:n], y[n : 2 * n], y[2 * n :]
+        kernels.linearise(w, scene.vector, 12.0)
+        return np.concatenate([y[n : 2 * n], w[W.ACC : W.ACC + n], w[W.Z_RATE : W.Z_RATE + z]])
+
+    checked = set[int]()
+    gh, wrong = 1e-5, []
+    for k in range(20, len(angles), 8):
+        y = np.concatenate([angles[k], speeds[k], run.remembered[k]])
+        sizes = np.concatenate([np.full(n, 1e-9), 1e-6 * (1.0 + np.abs(speeds[k])), 1e-6 * (1.0 + np.abs(y[2 * n :]))])
+        columns = []
+        for j, size in enumerate(sizes):
+            step = size * np.eye(len(y))[j]
+            columns.append((rates(y + step) - rates(y - step)) / (2.0 * size))
+        right = rates(y)
+        if not kernels.prepare(w, gh):
+            continue
+        kernels.stage(w, scene.vector, np.zeros(64), np.zeros(64), 0, gh, 1.0 / 4e-5, 12.0, 0.0, 0)
+        u = np.concatenate([w[W.U : W.U + n], w[W.U + W.WIDTH : W.U + W.WIDTH + n], w[W.Z_U : W.Z_U + z]])
+        dense = np.linalg.solve(np.eye(len(y)) / gh - np.column_stack(columns), right)
+        parts = (slice(0, n), slice(n, 2 * n), slice(2 * n, None))
+        wrong.append(max(np.max(np.abs(u[p] - dense[p])) / (1e-9 + np.max(np.abs(dense[p]))) for p in parts))
+        push = w[W.Z_PUSH : W.Z_PUSH + W.LINKS * z].reshape(z, W.LINKS)
+        checked |= {int(scene.tables.memory[m, 0]) for m in range(z) if np.any(push[m])}
+    assert checked == {scene.contacts.index(c) for c in MIXED}
+    # a difference that steps across a kink (touching, friction turning, v = 0) is no derivative
+    assert np.quantile(wrong, 0.9) < 1e-5
+    assert np.median(wrong) < 1e-6
+
+
+def test_forces_are_those_of_the_laws_in_reference_form(
+    mixed: model.Action, blow: tuple[Simulation, np.ndarray, np.ndarray]
+) -> None:
+    """Followed by themselves along the depth that the motion gives, from first touch on."""
+    run, angles, speeds = blow
+    depth = np.zeros((len(angles), len(run.scene.contacts)))
+    for row, q, v in zip(depth, angles, speeds, strict=True):
+        penetrations(q, v, run.scene.vector, run.scene.tables, row)
+    normal, _ = run.contact_forces(angles, speeds)
+    at = np.linspace(0.1, 0.2, len(angles))
+    checked = 0
+    for contact, share in (("contact12", (0.4,)), ("contact04", (0.25, 0.2))):
+        c = run.scene.contacts.index(contact)
+        a, b, k = (mixed[f"{contact}.normal.{x}"] / (1.0 + sum(share)) for x in "abc")
+        reach = (0.2, 0.05)[: len(share)]
+        touching = depth[:, c] > 0.0
+        reference = Hysteresis(a, b, k, share, reach).response(at, depth[:, c]).force_n
+        assert touching.sum() > 5
+        # turning points lie between samples, 0.1 ms apart
+        assert np.max(np.abs(reference - normal[:, c])) < 0.02 * normal[:, c].max()
+        checked += int(touching.sum())
+    assert checked > 100
+
+
+def test_stulov_in_a_blow_is_stulov_in_reference_form() -> None:
+    """Key felt of a pure cubic, so that both forms of the law are the same."""
+    pure = {"contact02.normal.a": 2e10, "contact02.normal.b": 0.0, "contact02.normal.c": 0.0}
+    action = model.load_action("hirschkorn2004").with_values(pure).with_laws({"contact02": "stulov"})
+    choice = model.load_scene("key")
+    times = np.array([0.0, 0.3])
+    scene = model.build_scene(action, choice)
+    run = Simulation(scene, State(0.0, model.rest_state(action, 2.0, scene).angle_rad, np.array([-3.0])), 1e-9)
+    at = np.linspace(0.0, 0.01, 3001)
+    angles, speeds = run.advance(0.01, times, np.array([2.0, 2.0]), output_time_s=at)
+    depth = np.zeros((len(at), len(scene.contacts)))
+    for row, q, v in zip(depth, angles, speeds, strict=True):
+        penetrations(q, v, scene.vector, scene.tables, row)
+    c = scene.contacts.index("contact02")
+    normal = run.contact_forces(angles, speeds)[0][:, c]
+    still = np.concatenate([[depth[0, c]] * 2, depth[:, c]])  # the felt had rested at the first depth
+    law = Stulov(2e10 / (1.0 - 0.9), 3.0, 0.9, 5e-5)
+    reference = law.response(np.concatenate([[-2.0, -1.0], at]), still).force_n[2:]
+    assert normal.max() > 5.0 and normal.min() == 0.0
+    np.testing.assert_allclose(normal, reference, atol=1e-3 * normal.max())
+
+
+@pytest.mark.parametrize("law", ["stulov", "hysteresis"])
+def test_the_method_keeps_its_order(law: str) -> None:
+    """Key felt pressed deeper by a rising force, without a turn: errors fall with the fourth power of the step."""
+    action = model.load_action("hirschkorn2004").with_laws({"contact02": law})
+    scene = model.build_scene(action, model.load_scene("key"))
+    start = State(0.0, model.rest_state(action, 10.0, scene).angle_rad, np.array([-0.05]))
+
+    def end(step: float) -> np.ndarray:
+        run = Simulation(scene, replace(start.copy(), step_s=step), 1e-2, largest_step_s=step)
+        run.advance(1.6e-3, np.array([0.0, 1.0]), np.array([10.0, 6e4]))
+        assert run.work()["n_steps"] == round(1.6e-3 / step)
+        return np.concatenate([run.state.angle_rad, 1e-3 * run.state.speed_rad_per_s, 1e-3 * run.state.memory])
+
+    exact = end(1e-6)
+    errors = [float(np.max(np.abs(end(step) - exact))) for step in (4e-5, 2e-5, 1e-5)]
+    orders = np.log2(np.array(errors[:-1]) / errors[1:])
+    assert np.all(orders > 3.5), (errors, orders)
+
+
+def test_energy_balances(mixed: model.Action) -> None:
+    times, force = model.force_table("forte")
+    found = model.simulate(mixed, times, force, tolerance=1e-9, energy=True, output_time_s=times[[0, -1]]).energy
+    assert found is not None
+    lost = found.lost_in_felt + found.lost_in_contact_friction + found.lost_in_joint_friction
+    assert abs(found.work_in - found.stored_change - lost) < 1e-6 * found.work_in
+    assert 0.3 * found.work_in < found.lost_in_felt < found.work_in
+
+
+def test_felt_at_rest_presses_as_its_slow_curve_says(mixed: model.Action) -> None:
+    plain = mixed.with_laws(dict.fromkeys(MIXED, "hunt-crossley"))
+    plain = replace(plain, changed={})
+    rest, before = model.rest_state(mixed, 20.0), model.rest_state(plain, 20.0)  # the key's felt is pressed
+    assert np.array_equal(rest.angle_rad, before.angle_rad)
+    scene = model.build_scene(mixed)
+    run = Simulation(scene, State(0.0, rest.angle_rad, np.zeros(scene.size)))
+    pressed = rest.contact_normal_n[scene.contacts.index("contact02")]
+    law = scene.tables.memory[:, 1]
+    assert pressed > 5.0
+    np.testing.assert_allclose(run.state.memory[law == L.STULOV], pressed, rtol=1e-12)
+    assert np.all(run.state.memory[law == L.HYSTERESIS] == 1.0)
+    held = np.array([20.0, 20.0])
+    moved, _ = run.advance(0.2, np.array([0.0, 1.0]), held, output_time_s=np.array([0.1, 0.2]))
+    assert np.max(np.abs(moved - rest.angle_rad)) < 1e-9  # and stays there
+
+
+def test_a_run_goes_on_from_a_saved_state_to_the_last_bit(mixed: model.Action) -> None:
+    times, force = model.force_table("forte")
+    scene = model.build_scene(mixed)
+    run = Simulation(scene, State(0.0, model.rest_state(mixed).angle_rad, np.zeros(scene.size)))
+    run.advance(0.1125, times, force)  # the hammer is on the string
+    saved = run.state.copy()
+    assert np.ptp(saved.memory) > 0.1
+    ends = []
+    for state in (run.state, saved):
+        again = Simulation(scene, state)
+        again.advance(0.3, times, force)
+        ends.append(np.concatenate([again.state.angle_rad, again.state.speed_rad_per_s, again.state.memory]))
+    assert np.array_equal(*ends)
+
+
+def test_felt_that_parted_starts_anew(blow: tuple[Simulation, np.ndarray, np.ndarray]) -> None:
+    run, angles, speeds = blow
+    scene = run.scene
+    string = scene.contacts.index("contact12")
+    memory = int(np.flatnonzero(scene.tables.memory[:, 0] == string)[0])
+    normal, _ = run.contact_forces(angles, speeds)
+    struck = np.flatnonzero(normal[:, string] > 0.0)
+    assert run.remembered[struck, memory].min() < -0.5  # on its way out
+    assert run.remembered[struck[0], memory] == 1.0 and run.remembered[struck[-1] + 2, memory] == 1.0
+
+
+@pytest.mark.parametrize(
+    ("laws", "values", "message"),
+    [
+        ({"contact02": "kelvin"}, {}, "contact02.law: found 'kelvin', allowed hunt-crossley, stulov, hysteresis"),
+        ({"contact14": "stulov"}, {}, "found 'contact14', allowed contact01 to contact13"),
+        ({}, {"contact02.stulov.tau": 1e-4}, "contact02 follows the law hunt-crossley"),
+        ({"contact02": "stulov"}, {"contact02.hysteresis.eta": 0.3}, "contact02 follows the law stulov"),
+        ({"contact02": "stulov"}, {"contact02.normal.b": -1e9}, "felt that softens"),
+        ({"contact02": "hysteresis"}, {"contact02.hysteresis.eta": 0.5}, "allowed from 0.001 to 0.4"),
+        ({"contact02": "hysteresis"}, {"contact02.hysteresis.beta2": 0.9}, "sum of beta found 1.15, allowed to 1"),
+        ({"contact02": "hysteresis"}, {"contact02.hysteresis.beta": 0.0}, "found 0, allowed above 0"),
+    ],
+)
+def test_what_is_refused(laws: dict[str, str], values: dict[str, float], message: str) -> None:
+    with pytest.raises(model.InputError) as caught:
+        model.build_scene(model.load_action().with_laws(laws).with_values(values))
+    assert message in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_state_of_another_scene_is_refused(mixed: model.Action) -> None:
+    scene = model.build_scene(mixed)
+    state = State(0.0, scene.start.copy(), np.zeros(scene.size), memory=np.ones(2))
+    with pytest.raises(model.InputError, match="allowed 5 finite numbers, or none"):
+        Simulation(scene, state)
+    plain = model.build_scene(model.load_action())
+    with pytest.raises(model.InputError, match="allowed 0 finite numbers, or none"):
+        Simulation(plain, state)

@@ -1,0 +1,266 @@
+"""A plan played from the page: who may, what may be ordered, and that it stops, waits and ends as the operator says."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from rig.session import Session
+from tests.pianorig.page.conftest import Page, serve
+
+ORDER = {"profile": "piano", "trials": 3, "session": "mine", "operator": "ana", "action": "upright"}
+PATHS = ("/api/plan", "/api/plan/pause", "/api/plan/resume", "/api/plan/abort", "/api/plan/answer")
+PLAN = """schema = "piano-action-rig plan 1"
+name = "two"
+rest_s = 0.5
+[[conditions]]
+name = "soft"
+profile = "piano"
+repeats = 2
+prompt = "loosen the screw"
+"""
+
+
+def test_without_control_nothing_is_played(looking: Page, folder: Path) -> None:
+    for cookie in (None, f"pianorig_bench_{looking.port}=", f"pianorig_bench_{looking.port}={'A' * 43}"):
+        looking.cookie = cookie
+        for path in PATHS:
+            answer = looking.ask(path, "POST", ORDER)
+            assert answer.status == 403 and "--control" in answer.json["error"], path
+    assert looking.ask("/api/plan").json["state"] == {"phase": "idle"}
+    assert not (folder / "mine").exists()
+
+
+def test_a_guessed_token_opens_nothing(folder: Path) -> None:
+    for page in serve(folder, control=True):
+        for token in ("", "x", "A" * 43, page.first_address.split("=")[1][:-1]):
+            assert page.ask(f"/?token={token}").status == 403
+            assert page.ask("/api/plan", "POST", ORDER).status == 403
+        assert page.take().status == 200  # the right one has not been used up by guesses
+
+
+def test_other_sites_cannot_play_even_with_the_cookie(writing: Page, folder: Path) -> None:
+    for headers in (
+        {"Origin": "http://evil.example"},
+        {"Origin": f"http://127.0.0.1:{writing.port + 1}"},
+        {"Origin": "null"},
+        {"Origin": None},
+        {"Host": "evil.example"},  # a name that was made to lead to this computer
+        {"Host": f"evil.example:{writing.port}", "Origin": f"http://evil.example:{writing.port}"},
+        {"Sec_Fetch_Site": "cross-site"},
+        {"Sec_Fetch_Site": "same-site"},
+        {"Content_Type": "text/plain"},
+        {"Content_Type": "application/x-www-form-urlencoded"},
+    ):
+        for path in PATHS:
+            assert writing.ask(path, "POST", ORDER, **headers).status in (403, 415), (path, headers)
+    for path in PATHS[1:]:
+        assert writing.ask(path).status == 405  # a picture or a link of another site cannot press a button
+    assert writing.ask("/api/plan").json["state"] == {"phase": "idle"} and not (folder / "mine").exists()
+
+
+def test_the_state_is_told_to_this_page_only(looking: Page) -> None:
+    from tornado.httpclient import HTTPClientError, HTTPRequest
+    from tornado.websocket import websocket_connect
+
+    address, here = f"ws://127.0.0.1:{looking.port}/plan", f"http://127.0.0.1:{looking.port}"
+
+    async def refused(headers: dict[str, str]) -> int:
+        with pytest.raises(HTTPClientError) as caught:
+            await websocket_connect(HTTPRequest(address, headers=headers))
+        return int(caught.value.code)
+
+    async def first() -> Any:
+        socket = await websocket_connect(HTTPRequest(address, headers={"Origin": here}))
+        found = await socket.read_message()
+        await socket.write_message("seen")  # who only looks keeps nothing going
+        await left(socket)
+        return found
+
+    assert json.loads(asyncio.run(first())) == {"phase": "idle"}
+    for headers in ({"Origin": "http://evil.example"}, {"Origin": here, "Host": "evil.example"}):
+        assert asyncio.run(refused(headers)) == 403
+
+
+@pytest.mark.parametrize(
+    ("change", "status", "words"),
+    [
+        ({"profile": "/etc/passwd"}, 400, "profile"),
+        ({"profile": "../x.toml"}, 400, "profile"),
+        ({"profile": ["piano"]}, 400, "profile"),
+        ({"trials": 0}, 400, "1 to 9999"),
+        ({"trials": "3"}, 400, "1 to 9999"),
+        ({"trials": True}, 400, "1 to 9999"),
+        ({"plan": "/etc/passwd"}, 404, "no plan"),
+        ({"plan": "../rig.toml"}, 404, "no plan"),
+        ({"session": "../mine"}, 400, "letters"),
+        ({"session": "-mine"}, 400, "letters"),
+        ({"session": "example_forte"}, 400, "exists"),
+        ({"operator": "a\nb"}, 400, "line of text"),
+        ({"operator": "x" * 201}, 400, "line of text"),
+        ({"resume": "nothing"}, 404, "no session"),
+        ({"resume": "example_forte"}, 400, "nothing to resume"),
+    ],
+)
+def test_what_cannot_be_played_is_refused_in_one_line(
+    writing: Page, folder: Path, change: dict[str, Any], status: int, words: str
+) -> None:
+    before = sorted(folder.rglob("*"))
+    answer = writing.ask("/api/plan", "POST", {**ORDER, **change})
+    assert answer.status == status and words in answer.json["error"] and "\n" not in answer.json["error"]
+    assert sorted(folder.rglob("*")) == before and writing.ask("/api/plan").json["state"]["phase"] == "idle"
+
+
+def test_buttons_without_a_plan_say_so(writing: Page, folder: Path) -> None:
+    (folder / "mine.toml").write_text(PLAN)
+    (folder / "other.toml").write_text("schema = 'x'")
+    os.symlink("/nowhere", folder / "dangling.toml")
+    found = writing.ask("/api/plan").json
+    assert found["plans"] == ["mine.toml"] and "forte" in found["profiles"]
+    assert found["bench"] == {"rig": "virtual", "backend": "sim://"}
+    for path in PATHS[1:4]:
+        answer = writing.ask(path, "POST", {})
+        assert answer.status == 400 and answer.json["error"] == "no plan is being played"
+    assert "not open" in writing.ask("/api/plan/answer", "POST", {"question": 1, "text": ""}).json["error"]
+    assert writing.ask("/api/plan/reboot", "POST", {}).status == 404
+
+
+async def left(socket: Any) -> None:
+    """Close a websocket and wait until it is closed."""
+    socket.close()
+    while await socket.read_message() is not None:
+        pass
+
+
+class Watch:
+    """The page's websocket: answers that it is there, for as long as it is open."""
+
+    def __init__(self, page: Page) -> None:
+        self.page, self.states = page, []  # type: ignore[var-annotated]
+
+    async def until(self, phase: str, **more: Any) -> dict[str, Any]:
+        """Be there until the plan is in this phase."""
+        from tornado.httpclient import HTTPRequest
+        from tornado.websocket import websocket_connect
+
+        origin = self.page.address.rstrip("/")
+        headers = {"Origin": origin, "Cookie": str(self.page.cookie)}
+        address = f"{origin.replace('http', 'ws')}/plan"
+        socket = await websocket_connect(HTTPRequest(address, headers=headers))
+        try:
+            for _ in range(1200):
+                state = json.loads(await asyncio.wait_for(socket.read_message(), 60))
+                await socket.write_message("seen")
+                self.states.append(state)
+                if state["phase"] == phase and more.items() <= state.items():
+                    return dict(state)
+                assert state["phase"] != "ended", state
+        finally:
+            await left(socket)
+        raise AssertionError(f"never {phase} {more}: {self.states[-1]}")
+
+    def __call__(self, phase: str, **more: Any) -> dict[str, Any]:
+        return asyncio.run(self.until(phase, **more))
+
+
+def quietly(page: Page, phase: str) -> dict[str, Any]:
+    """Wait for a phase without being there."""
+    for _ in range(600):
+        state = page.ask("/api/plan").json["state"]
+        if state["phase"] == phase:
+            return dict(state)
+        time.sleep(0.1)
+    raise AssertionError(f"never {phase}: {state}")
+
+
+@pytest.mark.slow
+def test_begin_pause_resume_and_to_the_end(folder: Path) -> None:
+    (folder / "two.toml").write_text(PLAN)
+    for page in serve(folder, control=True, backend="sim://?clock=4"):
+        page.take()
+        watch = Watch(page)
+        assert page.ask("/api/plan", "POST", {"plan": "two.toml", "session": "two"}).status == 200
+        asked = watch("asking")
+        assert "loosen the screw" in asked["question"]
+        assert "not open" in page.ask("/api/plan/answer", "POST", {"question": 7, "text": ""}).json["error"]
+        page.ask("/api/plan/answer", "POST", {"question": asked["question_number"], "text": ""})
+        watch("recording", trial=1)
+        assert "being played" in page.ask("/api/plan", "POST", ORDER).json["error"]
+        page.ask("/api/plan/pause", "POST", {})
+        paused = watch("paused")
+        assert paused["why"] == "by the operator" and len(Session.open(folder / "two").trials) == 1
+        page.ask("/api/plan/resume", "POST", {})
+        ended = watch("ended")
+        assert ended["code"] == 0
+        assert [trial.status for trial in Session.open(folder / "two").trials] == ["complete"] * 2
+        assert page.ask("/api/sessions/two").json["trials"][1]["status"] == "complete"
+
+
+@pytest.mark.slow
+def test_a_page_that_vanishes_lets_the_trial_end_and_the_plan_pause(folder: Path) -> None:
+    for page in serve(folder, control=True, backend="sim://?clock=1"):
+        page.take()
+        watch = Watch(page)
+        page.ask("/api/plan", "POST", ORDER)
+        watch("recording", trial=1)  # and is not there from here on
+        paused = quietly(page, "paused")
+        assert "not seen" in paused["why"]
+        trials = Session.open(folder / "mine").trials
+        assert {trial.status for trial in trials} == {"complete"} and len(trials) == paused["trial"] - 1 < 3
+        again = watch("paused")  # a page that comes back starts nothing by itself
+        assert again["trial"] == paused["trial"]
+        page.ask("/api/plan/resume", "POST", {})
+        watch("recording")
+        page.ask("/api/plan/abort", "POST", {})
+        ended = quietly(page, "ended")
+        assert ended["code"] == 130 and "outputs safe" in ended["message"] and "--resume" in ended["message"]
+        last = Session.open(folder / "mine").trials[-1]
+        assert last.status == "interrupted"
+        assert page.ask("/api/plan", "POST", {"resume": "mine"}).status == 200
+        assert watch("ended")["code"] == 0
+        statuses = [trial.status for trial in Session.open(folder / "mine").trials]
+        assert statuses.count("complete") == 3 and statuses.count("interrupted") == 1
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
+@pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGSTOP])
+def test_a_server_that_is_killed_or_stopped_lets_the_trial_end(folder: Path, how: signal.Signals) -> None:
+    line = [sys.executable, "-m", "pianorig", "bench", str(folder), "--control", "--no-show", "--json"]
+    server = subprocess.Popen([*line, "--backend", "sim://?clock=1"], stdout=subprocess.PIPE, text=True)
+    assert server.stdout is not None
+    try:
+        first = json.loads(server.stdout.readline())["address"]
+        address = first.split("?")[0]
+        page = Page(address, first, int(address.rsplit(":", 1)[1].strip("/")))
+        page.take()
+        page.ask("/api/plan", "POST", {**ORDER, "trials": 9})
+        Watch(page)("recording", trial=1)
+        server.send_signal(how)
+        session = Session.open(folder / "mine", require_trials=False)
+        for _ in range(600):
+            if session.trials and not session.journals:
+                break
+            time.sleep(0.1)
+        time.sleep(4.0 if how == signal.SIGSTOP else 1.0)
+        done = len(session.trials)
+        time.sleep(2.0)
+        assert len(session.trials) == done < 9 and not session.journals  # nothing begins without a page
+        assert {trial.status for trial in session.trials} == {"complete"}
+        if how == signal.SIGSTOP:
+            server.send_signal(signal.SIGCONT)
+            assert quietly(page, "paused")["trial"] == done + 1
+    finally:
+        server.send_signal(signal.SIGCONT)
+        server.send_signal(signal.SIGINT)
+        server.wait(60)
+        server.stdout.close()

@@ -1,0 +1,158 @@
+"""Analog start and reference triggers, and digital pause triggers, by a ramp that an output makes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from nidaqmx import constants as ni
+from nidaqmx.errors import DaqError, DaqReadError
+
+ENTERING, LEAVING = ni.WindowTriggerCondition1.ENTERING_WINDOW, ni.WindowTriggerCondition1.LEAVING_WINDOW
+CONTINUOUS = ni.AcquisitionType.CONTINUOUS
+
+
+def saw(card: Any, rate_hz: float = 1000.0) -> Any:
+    """A saw of 1 mV a sample, 1 s long, on ao0, which ai1 is wired to."""
+    ramp = card.task()
+    ramp.ao_channels.add_ao_voltage_chan("Dev1/ao0")
+    ramp.timing.cfg_samp_clk_timing(rate_hz, sample_mode=CONTINUOUS, samps_per_chan=1000)
+    ramp.write(np.arange(1000) * 1e-3)
+    return ramp
+
+
+def inputs(card: Any, samples: int, *more: str, **settings: Any) -> Any:
+    task = card.task()
+    for channel in ("Dev1/ai1", *more):
+        task.ai_channels.add_ai_voltage_chan(channel, min_val=-5.0, max_val=5.0)
+    task.timing.cfg_samp_clk_timing(1000.0, samps_per_chan=samples, **settings)
+    return task
+
+
+@pytest.mark.parametrize(
+    ("configure", "first_v"),
+    [
+        (lambda t: t.cfg_anlg_edge_start_trig("Dev1/ai1", ni.Slope.RISING, 0.3), 0.301),
+        (lambda t: t.cfg_anlg_edge_start_trig("Dev1/ai1", ni.Slope.FALLING, 0.3), 0.001),  # where the saw falls back
+        (
+            lambda t: t.cfg_anlg_window_start_trig(0.5, 0.4, "Dev1/ai1", ENTERING),
+            0.401,
+        ),
+        (
+            lambda t: t.cfg_anlg_window_start_trig(0.5, 0.4, "Dev1/ai1", LEAVING),
+            0.502,
+        ),
+    ],
+)
+def test_sampling_begins_where_the_signal_crosses(card: Any, configure: Callable[[Any], None], first_v: float) -> None:
+    task = inputs(card, 10)
+    configure(task.triggers.start_trigger)
+    task.start()
+    assert task.in_stream.total_samp_per_chan_acquired == 0
+    saw(card).start()
+    read = np.array(task.read(10))
+    np.testing.assert_allclose(read, first_v + 1e-3 * np.arange(10), atol=1.2e-3)
+    assert task.is_task_done()
+
+
+def test_a_crossing_counts_only_after_the_signal_has_been_beyond_the_hysteresis(card: Any) -> None:
+    task, ramp = inputs(card, 5), card.task()
+    ramp.ao_channels.add_ao_voltage_chan("Dev1/ao0")
+    ramp.timing.cfg_samp_clk_timing(1000.0, sample_mode=CONTINUOUS, samps_per_chan=1000)
+    shallow = np.full(1000, 0.4)
+    shallow[100:200], shallow[500:600] = 0.35, 0.1  # the first dip is within the hysteresis, the second beyond it
+    ramp.write(np.where(np.arange(1000) % 1000 >= 600, 0.5, shallow))
+    task.triggers.start_trigger.cfg_anlg_edge_start_trig("Dev1/ai1", ni.Slope.RISING, 0.38)
+    task.triggers.start_trigger.anlg_edge_hyst = 0.2
+    ramp.start()
+    with pytest.raises(DaqError, match="-200474"):
+        ramp.wait_until_done(0.01)  # from 0 V to the first sample is a crossing, too
+    task.start()
+    with pytest.raises(DaqReadError, match="-200284"):
+        task.read(5, timeout=0.45)
+    np.testing.assert_allclose(task.read(5), 0.5, atol=1e-3)
+
+
+def test_a_reference_trigger_on_a_level_keeps_what_came_before_it(card: Any) -> None:
+    task = inputs(card, 100)
+    task.triggers.reference_trigger.cfg_anlg_edge_ref_trig("Dev1/ai1", 30, ni.Slope.RISING, 0.5)
+    saw(card).start()
+    task.start()
+    with pytest.raises(DaqReadError, match="-200284"):
+        task.read(100, timeout=0.3)
+    read = np.array(task.read(ni.READ_ALL_AVAILABLE))
+    assert read.size == 100 and task.is_task_done()
+    np.testing.assert_allclose(read, 0.5 + 1e-3 * np.arange(-30, 70), atol=1.2e-3)
+
+
+def test_without_a_signal_no_trigger_comes(card: Any) -> None:
+    task = inputs(card, 10)
+    task.triggers.start_trigger.cfg_anlg_edge_start_trig("APFI0", ni.Slope.RISING, 0.3)
+    saw(card).start()
+    with pytest.raises(DaqReadError, match="-200284"):
+        task.read(10, timeout=0.5)
+
+
+@pytest.mark.parametrize(
+    ("source", "code"), [("Dev1/ai2", -200131), ("Dev1/ai3", -200265)], ids=["second channel", "not in the task"]
+)
+def test_a_card_compares_its_first_channel_alone(card: Any, source: str, code: int) -> None:
+    task = inputs(card, 10, "Dev1/ai2")
+    task.triggers.start_trigger.cfg_anlg_edge_start_trig(source, ni.Slope.RISING, 0.3)
+    with pytest.raises(DaqError) as refused:
+        task.start()
+    assert refused.value.error_code == code
+
+
+def paused_by(task: Any, source: str, when: ni.Level) -> None:
+    pause = task.triggers.pause_trigger
+    pause.trig_type, pause.dig_lvl_src, pause.dig_lvl_when = ni.TriggerType.DIGITAL_LEVEL, source, when
+
+
+@pytest.mark.parametrize("when", [ni.Level.HIGH, ni.Level.LOW])
+def test_no_sample_is_taken_while_a_pulse_is_at_the_level(card: Any, when: ni.Level) -> None:
+    task, gate = inputs(card, 200), card.task()
+    paused_by(task, "/Dev1/PFI12", when)
+    gate.co_channels.add_co_pulse_chan_freq("Dev1/ctr0", freq=10.0, duty_cycle=0.3, initial_delay=0.05)
+    gate.timing.cfg_implicit_timing(sample_mode=CONTINUOUS)
+    saw(card).start()
+    task.start()
+    gate.start()
+    read = np.array(task.read(200))
+    assert read.size == 200 and task.is_task_done()
+    phase = (read + 1e-3 - 0.05) % 0.1  # of the pulse, by the ramp, which tells the time
+    high = (phase < 0.03) & (read > 0.05)
+    assert np.count_nonzero(high if when == ni.Level.HIGH else ~high) <= 0.03 * read.size  # one sample each edge
+    assert np.ptp(np.diff(read)) > 0.02  # there are gaps
+
+
+def test_a_line_that_shares_the_pin_pauses_a_generation(card: Any) -> None:
+    ramp, line = saw(card), card.task()
+    line.do_channels.add_do_chan("Dev1/port1/line0")
+    paused_by(ramp, "/Dev1/PFI0", ni.Level.HIGH)
+    ramp.start()
+    card.advance(100)
+    at = ramp.out_stream.total_samp_per_chan_generated
+    line.write(True)
+    card.advance(50)
+    still = ramp.out_stream.total_samp_per_chan_generated
+    line.write(False)
+    card.advance(50)
+    assert at > 50 and still - at <= 2 and ramp.out_stream.total_samp_per_chan_generated - still >= 48
+
+
+def test_what_cannot_pause_is_refused_by_name(card: Any) -> None:
+    both = inputs(card, 100)
+    both.triggers.reference_trigger.cfg_dig_edge_ref_trig("/Dev1/PFI8", pretrigger_samples=30)
+    paused_by(both, "/Dev1/PFI0", ni.Level.HIGH)
+    with pytest.raises(DaqError) as refused:
+        both.start()
+    assert refused.value.error_code == -200628
+    counted = card.task()
+    counted.ci_channels.add_ci_count_edges_chan("Dev1/ctr1")
+    paused_by(counted, "/Dev1/PFI0", ni.Level.HIGH)
+    with pytest.raises(DaqError, match="pause trigger") as refused:
+        counted.start()
+    assert refused.value.error_code == -200452

@@ -1,0 +1,54 @@
+"""Phases of a stroke by the key alone: they are known before the hammer is, and the same for every model.
+
+A strike begins when the key leaves its rest. It becomes a hold when the key has stayed down for a while, a release when
+the key has turned back by `AGAIN`, held or not; a key that turns round again by as much before it is up begins a new
+strike. So each note of a repetition is a strike of its own, though the key returns only part-way and is never held.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from validation.positions.measured import Stroke
+
+PHASES = ("rest", "strike", "hold", "release")
+REST, STRIKE, HOLD, RELEASE = range(4)
+STARTED, DOWN, UP = 0.05, 0.9, 0.1
+"""Shares of the key's travel: a strike begins above the first; above the second the key is down, below the third up."""
+AFTER_DOWN_S, AFTER_UP_S = 0.06, 0.25
+"""The key is held when it has been down so long; it rests when it has been up so long."""
+AGAIN = 0.15
+"""A key that turns back by this share of its travel has been let go, or is pressed again."""
+
+
+@lru_cache(maxsize=64)
+def phases(stroke: Stroke) -> NDArray[np.int64]:
+    """Phase of each sample (n,), an index of `PHASES`."""
+    share = stroke.key.value_m / max(float(stroke.key.value_m.max()), 1e-9)
+    out = np.zeros(share.size, dtype=np.int64)
+    step, now, since, highest, lowest = stroke.interval_s, REST, 0.0, 0.0, 1.0
+    for k, x in enumerate(share):
+        since += step
+        if now == REST and x > STARTED:
+            now, since, highest = STRIKE, 0.0, x
+        elif now == STRIKE:
+            highest = max(highest, x)
+            since = since if x > DOWN else 0.0
+            if since > AFTER_DOWN_S:
+                now = HOLD
+            elif x < highest - AGAIN:
+                now, since, lowest = RELEASE, 0.0, x
+        elif now == HOLD and x < DOWN:
+            now, since, lowest = RELEASE, 0.0, x
+        elif now == RELEASE:
+            lowest = min(lowest, x)
+            since = since if x < UP else 0.0
+            if x > lowest + AGAIN:
+                now, since, highest = STRIKE, 0.0, x
+            elif since > AFTER_UP_S:
+                now = REST
+        out[k] = now
+    return out

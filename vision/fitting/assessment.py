@@ -1,0 +1,173 @@
+"""What a fit says about itself, compiled in one call: noise, correlation, covariance and coherence of the residuals.
+
+One call holds Python's lock for a fraction of the time that three and the sums between them took. All compiled callees
+stay in this file (`vision.fitting.kernels` says why). Methods: `vision.fitting.pose_covariance`, where the same is
+written with NumPy, and `vision.fitting.coherence`.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from vision.fitting.kernel_records import F32, F64, I32, I64, RigidFit
+
+FAST = {"reassoc", "contract", "arcp", "nsz"}
+MOST = 1e9
+"""Largest element of the inverse of a normal matrix whose columns are scaled to length one."""
+SUSPECTED, SINGULAR, TOO_FEW = 1, 2, 3
+"""A fixed pattern may be in the noise; the normal matrix cannot be inverted; too few pixels agree."""
+
+
+class Blocks(NamedTuple):
+    """Blocks of a template's pixels (`vision.fitting.coherence`): ``first`` (n_runs + 1), where each run of pixels of
+    one block begins; ``groups`` (sizes, n_runs), in which block of each size it lies; ``freedom`` (sizes,)."""
+
+    first: I64
+    groups: I32
+    freedom: F64
+
+
+class BodyFacts(NamedTuple):
+    """What is known of a body before a fit: ``columns`` (4, n) and ``noise_normal`` (5, 5) of its template; frames in
+    the reference; noise of one still frame, and the share of it below which residuals are not believed; its excess
+    from which a pattern is suspected; factor of the covariance for the weights."""
+
+    columns: F32
+    noise_normal: F64
+    n_averaged: float
+    noise_grey: float
+    quiet: float
+    excess: float
+    factor: float
+
+
+class Assessed(NamedTuple):
+    """What is filled in: residual variance and correlation; covariance (3, 3); inverse (5, 5) behind it; ratios and
+    numbers of blocks (sizes, 3)."""
+
+    figures: F64
+    covariance: F64
+    inverse: F64
+    ratio: F64
+    blocks: F64
+
+
+# short, so that releasing the lock of the interpreter would cost more than it gives other threads
+@njit(cache=True)
+def inverse_and_covariance(
+    normal: F64, noise_normal: F64, share: float, factor: float, inverse: F64, covariance: F64
+) -> bool:
+    """Invert ``normal`` less ``share`` of ``noise_normal``, each (5, 5), into ``inverse``; ``covariance`` (3, 3)
+    becomes ``factor`` times inverse, ``normal`` and inverse multiplied. False when the columns do not fix all five
+    parameters.
+    """
+    scale, work = np.empty(5), np.zeros((5, 10))
+    for i in range(5):
+        diagonal = normal[i, i] - share * noise_normal[i, i]
+        if not (diagonal > 0.0 and np.isfinite(diagonal)):
+            return False
+        scale[i] = 1.0 / np.sqrt(diagonal)
+    for i in range(5):
+        for j in range(5):
+            work[i, j] = (normal[i, j] - share * noise_normal[i, j]) * scale[i] * scale[j]
+        work[i, 5 + i] = 1.0
+    # Gauss-Jordan without exchange of rows: the matrix is positive where this succeeds
+    for i in range(5):
+        pivot = work[i, i]
+        if not pivot > 1.0 / MOST:
+            return False
+        for k in range(10):  # whole rows at once would compile a message about their shapes, for 1.5 s
+            work[i, k] /= pivot
+        for row in range(5):
+            if row != i:
+                share_of_row = work[row, i]
+                for k in range(10):
+                    work[row, k] -= share_of_row * work[i, k]
+    for i in range(5):
+        for j in range(5):
+            if not abs(work[i, 5 + j]) < MOST:
+                return False
+            inverse[i, j] = work[i, 5 + j] * scale[i] * scale[j]
+    for i in range(3):
+        for j in range(3):
+            total = 0.0
+            for k in range(5):
+                for m in range(5):
+                    total += inverse[i, k] * normal[k, m] * inverse[m, j]
+            covariance[i, j] = factor * total
+    return True
+
+
+@njit(cache=True, fastmath=FAST)
+def block_ratios(
+    blocks: Blocks, columns: F32, work: F32, weight: F32, influence: F64, white: F64, ratio: F64, count: F64
+) -> None:
+    """Squares of what each block moves turn, x and y by, added and over ``white`` (3,), their variances if residuals
+    were white; and, from their fourth powers, the number of blocks that carry them: each (sizes, 3).
+
+    ``work`` holds visible pixels and residuals in rows 1 and 2; ``influence`` (3, 5) is the change per score.
+    """
+    first, groups = blocks.first, blocks.groups
+    n_sizes, n_runs = groups.shape
+    moved = np.zeros((n_sizes, n_runs, 3))
+    at, ax, ay, ref, visible, residual = columns[0], columns[1], columns[2], columns[3], work[1], work[2]
+    for k in range(n_runs):
+        # slices begin at zero, as the compiler needs to keep the sums in vector registers
+        start, end = first[k], first[k + 1]
+        w, seen, left = weight[start:end], visible[start:end], residual[start:end]
+        a0, a1, a2, a3 = at[start:end], ax[start:end], ay[start:end], ref[start:end]
+        s0 = s1 = s2 = s3 = s4 = np.float32(0.0)
+        for i in range(w.size):
+            r = w[i] * seen[i] * left[i]
+            s0, s1, s2, s3, s4 = s0 + r * a0[i], s1 + r * a1[i], s2 + r * a2[i], s3 + r * a3[i], s4 + r
+        for j in range(3):
+            way = influence[j, 0] * s0 + influence[j, 1] * s1 + influence[j, 2] * s2
+            way += influence[j, 3] * s3 + influence[j, 4] * s4
+            for size in range(n_sizes):
+                moved[size, groups[size, k], j] += way
+    for size in range(n_sizes):
+        for j in range(3):
+            squares = fourth = 0.0
+            for k in range(n_runs):
+                square = moved[size, k, j] ** 2
+                squares += square
+                fourth += square * square
+            ratio[size, j] = squares / white[j] / blocks.freedom[size]
+            # of normal numbers the fourth power has a mean of three
+            count[size, j] = 3.0 * squares**2 / max(fourth, 1e-300)
+
+
+@njit(cache=True)
+def assess(facts: BodyFacts, blocks: Blocks, fit: RigidFit, work: F32, weight: F32, out: Assessed) -> int:
+    """Fill in ``out`` from the last iteration of a fit; returns 0, or why it is not whole (`SUSPECTED` and beyond)."""
+    sums, gain, covariance = fit.sums, fit.gain, out.covariance
+    if sums.weight <= 6.0:
+        return TOO_FEW
+    # the weighted sum has as many degrees of freedom as pixels with weight, less the five parameters
+    variance = sums.squares / (sums.weight * (1.0 - 5.0 / max(sums.seen, 6.0)))
+    spread = sums.value2 / sums.weight - (sums.value / sums.weight) ** 2
+    explained = 1.0 - sums.squares / sums.weight / spread if spread > 0.0 else 0.0
+    reference = gain**2 / facts.n_averaged
+    # pixels that are saturated, or of one grey value, have no residual, though the others have their noise
+    still = facts.quiet * facts.noise_grey * min(abs(gain), 1.0)
+    variance = max(variance, still**2 * (fit.noise_gain + reference))
+    out.figures[0], out.figures[1] = variance, math.copysign(math.sqrt(max(explained, 0.0)), gain)
+    noise = variance / (fit.noise_gain + reference)
+    if noise > facts.excess * facts.noise_grey**2:
+        return SUSPECTED
+    share, inverse = fit.normal[4, 4] / facts.columns.shape[1], out.inverse
+    factor = facts.factor * noise / gain**2
+    if not inverse_and_covariance(fit.normal, facts.noise_normal, share, factor, inverse, covariance):
+        return SINGULAR
+    influence, white = np.empty((3, 5)), np.empty(3)
+    for j in range(3):
+        # the residuals also hold the noise of the reference
+        white[j] = covariance[j, j] * (1.0 + reference)
+        for i in range(5):
+            influence[j, i] = inverse[j, i] / gain
+    block_ratios(blocks, facts.columns, work, weight, influence, white, out.ratio, out.blocks)
+    return 0
