@@ -100,6 +100,12 @@ def make_blocks(
     return out
 
 
+def bend(blocks: Sequence[Block], here: Sequence[Array], there: Sequence[Array], step: Array) -> float:
+    """How far the model is from its linear model after a step: root mean square, of the size of the response."""
+    parts = [(t - (h - b.moved @ step)) / b.size.ravel() for b, h, t in zip(blocks, here, there, strict=True)]
+    return float(np.sqrt(np.mean(np.concatenate(parts) ** 2)))
+
+
 def _size(columns: Array, m: int) -> Array:
     """Size of the response by channel and phase, largest of its neighbours so that no crossing of zero shows."""
     size = np.sqrt((columns**2).sum(axis=1)).reshape(CHANNELS, m)

@@ -63,6 +63,7 @@ def _estimate(
     parameter, action = problem.unknowns.asked[j], problem.action
     factor, jack, form = spread
     z, width = float(fitted.z[j]), float(np.hypot(np.sqrt(fitted.covariance[j, j]), form))
+    width = max(width, jack) if np.isfinite(jack) else width  # trials that pull apart count, whatever was learnt
     low, high = z - factor * width, z + factor * width
     if made is not None:  # a profile made of few points is not taken to be narrower than the linear model
         low, high = min(low, made.low), max(high, made.high)

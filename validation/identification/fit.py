@@ -17,17 +17,24 @@ import model
 from model.errors import ModelError
 from validation.conventions import Array
 from validation.errors import ValidationInputError
-from validation.identification.blocks import Block, make_blocks, residuals
+from validation.identification.blocks import Block, bend, make_blocks, residuals
 from validation.identification.model_runs import Response
-from validation.identification.noise import FLOOR, Marginal, Sizes, likeliest
+from validation.identification.noise import (
+    FLOOR,
+    LEAST_DAMPING,
+    Marginal,
+    Sizes,
+    box_step,
+    dampings,
+    largest_step,
+    likeliest,
+)
 from validation.identification.observations import ObservedTrial
 from validation.identification.unknowns.priors import Unknowns
 
 MOST_STEPS = 30
 FIRST_FLOOR = 0.1  # of the discrepancy in the first step; then what the last step showed the linear model to be worth
-LEAST_DAMPING = 0.03
 MOST_LEARNINGS = 6  # of the sizes, near the minimum
-MOST_BOUNDS = 8  # rounds in which values are held at the ends of what is allowed
 CLOSE = 0.1  # of a posterior standard uncertainty: a step below it is the last
 STALLED = 0.5  # of a posterior standard uncertainty: how far the linear model may still want to go from a kink
 LEAST_GAIN = (
@@ -188,12 +195,13 @@ def fit(
         linear = linear_residuals(problem, blocks, curves, z)
         here = residuals(problem.trials, curves)
         # near the minimum sizes are kept until the values have settled, so that there is one function to minimise
+        rounds = LAST_ROUNDS if near else ROUNDS
         kept = near and largest < NEAR or (tight and learnings == 0)
-        marginal = Marginal(blocks, sizes) if kept else _learnt(blocks, linear, sizes, near, floor)
-        largest = _largest(marginal, here, z, (low, high), asked)
+        marginal = Marginal(blocks, sizes) if kept else likeliest(blocks, linear, sizes, rounds, floor)
+        largest = largest_step(marginal, here, z, (low, high), asked)
         if near and largest < CLOSE:
-            marginal, learnings = _learnt(blocks, linear, marginal.sizes, near, FLOOR), learnings + 1
-            largest = _largest(marginal, here, z, (low, high), asked)
+            marginal, learnings = likeliest(blocks, linear, marginal.sizes, rounds), learnings + 1
+            largest = largest_step(marginal, here, z, (low, high), asked)
             converged = largest < (CLOSE if learnings < MOST_LEARNINGS else STALLED)
         sizes = marginal.sizes
         if converged or steps == MOST_STEPS or learnings >= MOST_LEARNINGS:
@@ -205,8 +213,8 @@ def fit(
             said = f"step {steps}: largest change {largest:.2g} u, damped by {damping:g}; linear to {worth:.2g}"
             say(said if taken else f"step {steps}: no step from here lowers the objective")
         if near and largest < NEAR and attempt.gain < LEAST_GAIN:
-            marginal, learnings = _learnt(blocks, linear, sizes, near, FLOOR), learnings + 1
-            converged = _largest(marginal, here, z, (low, high), asked) < STALLED
+            marginal, learnings = likeliest(blocks, linear, sizes, rounds), learnings + 1
+            converged = largest_step(marginal, here, z, (low, high), asked) < STALLED
             if converged or learnings >= MOST_LEARNINGS:
                 break
             sizes = marginal.sizes
@@ -222,10 +230,7 @@ def fit(
 
 @dataclass(frozen=True)
 class _Attempt:
-    """A step, the curves there (None where none was taken), its damping, and its gain.
-
-    ``bent`` is how far from linear the longest step was that was tried.
-    """
+    """A step, its curves (None: not taken), damping, how far from linear the longest tried was, and its gain."""
 
     step: Array
     curves: list[Array] | None
@@ -237,71 +242,22 @@ class _Attempt:
 def _attempt(problem: Problem, marginal: Marginal, here: Sequence[Array], z: Array, damping: float) -> _Attempt:
     """The least damped step that lowers the objective."""
     before, bent = marginal.objective(here, z), 0.0
-    for more in _dampings(damping):
+    for more in dampings(damping):
         step = box_step(marginal, here, z, problem.box(), more)
         moved = _one(problem, z + step)
         if moved is None:
             continue
         there = residuals(problem.trials, moved)
-        bent = max(bent, _bend(marginal.blocks, here, there, step))  # a short step looks linear anywhere
+        bent = max(bent, bend(marginal.blocks, here, there, step))  # a short step looks linear anywhere
         after = marginal.objective(there, z + step)
         if after < before:
             return _Attempt(step, moved, more, bent, before - after)
     return _Attempt(np.zeros_like(z), None, damping, bent if bent > 0.0 else np.inf, 0.0)
 
 
-def _learnt(blocks: Sequence[Block], linear: Sequence[Array], sizes: Sizes, near: bool, floor: float) -> Marginal:
-    return likeliest(blocks, linear, sizes, LAST_ROUNDS if near else ROUNDS, floor)
-
-
-def _dampings(last: float) -> list[float]:
-    """Dampings to try in turn."""
-    first = max(last, LEAST_DAMPING)
-    return [last] + [first * 10.0**k for k in range(0 if last < LEAST_DAMPING else 1, 5)]
-
-
-def _largest(marginal: Marginal, here: Sequence[Array], z: Array, box: tuple[Array, Array], asked: int) -> float:
-    """Largest change of an asked parameter in the whole step from z, in its posterior standard uncertainties."""
-    width = np.sqrt(np.diag(marginal.covariance)[: marginal.p])
-    return float(np.max((np.abs(box_step(marginal, here, z, box, 0.0)) / width)[:asked]))
-
-
-def box_step(marginal: Marginal, here: Sequence[Array], z: Array, box: tuple[Array, Array], damping: float) -> Array:
-    """Step (p,) to the minimum of the linear model in a box, shortened by Marquardt's damping.
-
-    Parameters
-    ----------
-    marginal : Marginal
-        The linear model at z.
-    here : residuals at z, of each trial
-    z : (p,)
-    box : lowest and highest z
-    damping : of the diagonal of the curvature, that is added to it
-    """
-    low, high = box
-    slope, curvature = marginal.slope(here, z), marginal.curvature
-    damped = curvature + damping * np.diag(np.diag(curvature))
-    free, step = np.ones(z.size, dtype=bool), np.zeros(z.size)
-    for _ in range(MOST_BOUNDS):
-        rest = slope[free] - damped[np.ix_(free, ~free)] @ step[~free]
-        step[free] = np.linalg.solve(damped[np.ix_(free, free)], rest)
-        out = free & ((z + step < low) | (z + step > high))
-        if not out.any():
-            break
-        step[out] = np.clip(z + step, low, high)[out] - z[out]
-        free &= ~out
-    return np.clip(z + step, low, high) - z
-
-
 def _one(problem: Problem, z: Array) -> list[Array] | None:
     """Curves at one point."""
     return problem.response.curves([z])[0]
-
-
-def _bend(blocks: Sequence[Block], here: Sequence[Array], there: Sequence[Array], step: Array) -> float:
-    """How far the model is from its linear model after a step: root mean square, of the size of the response."""
-    parts = [(t - (h - b.moved @ step)) / b.size.ravel() for b, h, t in zip(blocks, here, there, strict=True)]
-    return float(np.sqrt(np.mean(np.concatenate(parts) ** 2)))
 
 
 def search(problem: Problem, n: int, say: Callable[[str], None] | None, columns: Columns | None) -> list[Fitted]:

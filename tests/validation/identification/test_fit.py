@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.optimize import minimize
@@ -99,6 +101,17 @@ def test_jackknife_sees_the_scatter_of_trials() -> None:
     assert np.all(jackknife(found) > 0.2 / np.sqrt(8) / 3) and np.all(jackknife(found) < 0.2 / np.sqrt(8) * 3)
     two = fit(toy.problem(toy.made(TRUTH, 2, np.random.default_rng(4))))
     assert np.all(np.isnan(jackknife(two)))
+
+
+def test_an_interval_is_not_narrower_than_the_jackknife() -> None:
+    trials = toy.made(TRUTH, 5, np.random.default_rng(4), scatter=0.01)
+    trials[2] = replace(trials[2], change_rad=toy.Toy([]).curve(TRUTH + np.array([0.9, 0.0, 0.0])))
+    p = toy.problem(trials)
+    found = fit(p)
+    jack = jackknife(found)
+    assert jack[0] > np.sqrt(found.covariance[0, 0])  # what was learnt is too small here
+    for e in estimate_all(p, found, (), silent):
+        assert e.z_u >= e.u_jackknife
 
 
 def test_few_trials_need_a_larger_factor() -> None:

@@ -14,9 +14,9 @@ import model
 from tests.validation.identification import toy
 from validation.conventions import Array
 from validation.identification.exact_runs import ExactRuns
-from validation.identification.fit import Problem, box_step, fit, search
+from validation.identification.fit import Problem, fit, search
 from validation.identification.model_runs import Case, ModelRuns, _slow_noise_n, noise_knots
-from validation.identification.noise import Marginal, Sizes, learn
+from validation.identification.noise import Marginal, Sizes, box_step, learn
 from validation.identification.observations import ObservedTrial
 from validation.identification.options import IdentifyOptions
 from validation.identification.sources import collect
