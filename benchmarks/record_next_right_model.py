@@ -81,7 +81,11 @@ def main() -> int:
             off = realised[j] / predicted.shrink[name] - 1
             near += abs(off) <= NEAR
             total += 1
-            print(f"  {name:28s} {predicted.shrink[name]:6.3f} {realised[j]:6.3f} {100 * off:+6.0f} %")
+            scatter = [f.marginal.sizes.scatter[j] for f in (before, after)]
+            print(
+                f"  {name:28s} {predicted.shrink[name]:6.3f} {realised[j]:6.3f} {100 * off:+6.0f} %   scatter between "
+                f"trials {scatter[0]:.3f} -> {scatter[1]:.3f}"
+            )
         print(
             f"  common {before.marginal.sizes.common.max():.3f} -> {after.marginal.sizes.common.max():.3f}, settled "
             f"{before.converged} {after.converged}",

@@ -14,7 +14,7 @@ from validation.identification.page.compatible import Explanation, explain, expl
 
 def of(truth: tuple[float, float, float], alike: bool = False, lacking: float = 0.0) -> tuple[Explanation, str]:
     """The explanation of a toy whose truth is known."""
-    p = toy.problem(toy.made(np.array(truth), 8, np.random.default_rng(3), scatter=0.02, lacking=lacking), alike=alike)
+    p = toy.problem(toy.made(np.array(truth), 4, np.random.default_rng(3), scatter=0.02, lacking=lacking), alike=alike)
     found = explain_fit(p, fit(p))
     return found, in_words(found, p)
 
@@ -54,7 +54,7 @@ def test_nothing_is_named_where_nothing_differs() -> None:
 def test_none_is_named_where_the_model_lacks_something() -> None:
     found, said = of((1.2, 0.0, 0.0), lacking=2e-2)
     assert not found.sets and said.startswith("None of its parts explains") and "differ from the model alike" in said
-    p = toy.problem(toy.made(np.array([1.2, 0.0, 0.0]), 8, np.random.default_rng(3)))
+    p = toy.problem(toy.made(np.array([1.2, 0.0, 0.0]), 2, np.random.default_rng(3)))
     assert "did not settle" in explain_fit(p, replace(fit(p), converged=False)).why_none
 
 

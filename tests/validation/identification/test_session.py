@@ -71,7 +71,8 @@ def written(found, tmp_path_factory) -> dict[str, Path]:  # type: ignore[no-unty
 def test_the_file_holds_the_joint_uncertainty_and_the_prediction(found, written) -> None:  # type: ignore[no-untyped-def]
     action = model.load_action(written["action"])
     joint = posterior_of(action)
-    assert joint is not None and joint.names == ("hammer.joint_friction.A",)
+    assert joint is not None and joint.names[0] == "hammer.joint_friction.A"
+    assert joint.moved == {"hammer.joint_friction.A"}  # errors of the force have no parameter of the action
     assert joint.covariance[0, 0] == pytest.approx(found.estimates[0].z_u ** 2, rel=1e-4)
     assert list(joint.trials.values()) == list(found.provenance["trials_sha256"].values())
     events = action.identification["events"]["example_forte, held out"]

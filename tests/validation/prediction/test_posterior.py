@@ -27,20 +27,20 @@ def identified(covariance: np.ndarray, **changed: Any) -> model.Action:
     )
 
 
-def spread(action: model.Action, weights: tuple[float, float], n: int = 1500) -> float:
-    """Standard deviation of a weighted sum of the logarithms of the two frictions: a band that depends on both."""
+def logarithms(action: model.Action, n: int = 1200) -> np.ndarray:
+    """Drawn logarithms of the two frictions, (n, 2)."""
     drawn = parameter_draws(action, n, np.random.default_rng(4))
-    logs = np.log([[one[name] for name in PAIR] for one in drawn])
-    return float(np.std(logs @ np.array(weights)))
+    return np.log([[one[name] for name in PAIR] for one in drawn])
 
 
-@pytest.mark.parametrize("correlation", [-0.97, 0.6, 0.97])
+@pytest.mark.parametrize("correlation", [-0.97, 0.6])
 def test_a_correlated_pair_gives_the_band_of_its_covariance(correlation: float) -> None:
     z_u = np.array([0.8, 0.5])
     covariance = np.outer(z_u, z_u) * np.array([[1.0, correlation], [correlation, 1.0]])
+    drawn = logarithms(identified(covariance))
     for weights in ((1.0, 0.0), (0.0, 1.0), (1.0, 1.0), (1.0, -1.0), (0.5, 0.8)):
         right = PRIOR * float(np.sqrt(np.array(weights) @ covariance @ np.array(weights)))
-        assert spread(identified(covariance), weights) == pytest.approx(right, rel=0.08), weights
+        assert np.std(drawn @ np.array(weights)) == pytest.approx(right, rel=0.08), weights
 
 
 def test_an_independent_pair_gives_the_band_of_independent_draws() -> None:
@@ -49,8 +49,9 @@ def test_an_independent_pair_gives_the_band_of_independent_draws() -> None:
     }
     old = replace(model.load_action(), quantities=declared)
     new = identified(np.eye(2) * (0.05 / PRIOR) ** 2)
+    one, other = logarithms(old), logarithms(new)
     for weights in ((1.0, 1.0), (1.0, -1.0)):
-        assert spread(new, weights) == pytest.approx(spread(old, weights), rel=0.08)
+        assert np.std(other @ np.array(weights)) == pytest.approx(np.std(one @ np.array(weights)), rel=0.08)
 
 
 def test_identified_parameters_are_drawn_once_and_the_rest_as_before() -> None:

@@ -70,6 +70,8 @@ def parameter_table(action: model.Action, unknowns: Unknowns) -> pd.DataFrame:
     """Everything that moves: start, bounds and prior; on the natural logarithm where it moves by a factor."""
     rows = []
     for p in unknowns.moved:
+        if not p.paths:  # an error of the force: what is known of it stands with the trials
+            continue
         low, high = p.box(action)
         rows.append(
             {
