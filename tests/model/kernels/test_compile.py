@@ -31,6 +31,7 @@ def run(folder: Path, cache: Path) -> tuple[str, int]:
     return numbers, int(hits if hits.isdigit() else 0)
 
 
+@pytest.mark.slow  # python -m pytest -m slow tests/model/kernels
 def test_editing_a_callee_changes_the_answer_in_a_new_process(tmp_path: Path) -> None:
     package = tmp_path / "model"
     shutil.copytree(Path(model.__file__).parent, package, ignore=shutil.ignore_patterns("__pycache__"))

@@ -210,6 +210,7 @@ def test_estimated_error_is_near_the_error(action: model.Action, forte: Blow, fo
     assert 0.3 * error < rough.estimated_error < 3.0 * error
 
 
+@pytest.mark.slow  # python -m pytest -m slow tests/model/sensitivity
 def test_a_scene_with_effects(action: model.Action, forte: Blow) -> None:
     short = cut(forte, 0.118)
     options = model.SensitivityOptions(scene="flexible-shank", events=False)

@@ -55,6 +55,7 @@ def test_sticking_pairs_stop_and_impulses_stay_in_their_bounds() -> None:
             assert abs(w[j]) < 1e-8 or impulse[j] == pytest.approx(-np.sign(w[j]) * bound[j])
 
 
+@pytest.mark.slow  # python -m pytest -m slow tests/model/stick_slip
 def test_smoothed_law_goes_to_the_limit() -> None:
     t, f = force_table("forte")
     cut = t <= 0.25

@@ -12,6 +12,7 @@ from pianorig.workflows.model.study_felt_law import effect_lines, effect_rows
 BLOW = model.force_table("forte")
 
 
+@pytest.mark.slow  # python -m pytest -m slow tests/model/study
 def test_a_group_of_felts_changes_its_law_and_nothing_else() -> None:
     action = model.load_action("hirschkorn2004-regulated")
     base, stulov, hysteresis = felt_law_effects(action, *BLOW, {"key front": ["contact02"]})

@@ -124,6 +124,7 @@ def test_calibration_takes_the_cameras_error_out() -> None:
         track_film(ArrayFilm(film._frames[:, :-2], 1000.0), bodies, camera=camera)
 
 
+@pytest.mark.slow  # python -m pytest -m slow tests/vision/camera
 def test_budget_covers_lenses_of_the_assumed_size() -> None:
     """Tilt in any direction and distortion, drawn from the assumed standard uncertainties: error over stated total."""
     rng = np.random.default_rng(8)
