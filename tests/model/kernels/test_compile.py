@@ -8,6 +8,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 import model
 from model.kernels.compile import kernel_sources
 
