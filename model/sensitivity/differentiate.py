@@ -71,7 +71,7 @@ def sensitivities(
     >>> found.d_angles.shape
     (3501, 5, 2)
     >>> print(f"{0.01 * found.d_events['strike_m_per_s'][1]:.3f} m/s for 1 % more friction")
-    -0.007 m/s for 1 % more friction
+    -0.001 m/s for 1 % more friction
     """
     options = SensitivityOptions() if options is None else options
     chosen = load_action(action) if isinstance(action, str) else action

@@ -185,7 +185,7 @@ def strike(
     >>> from model import string
     >>> blow = string.strike(string.C4, string.C4_HAMMER, 2.0)
     >>> print(f"{1e3 * blow.contact_time_s:.1f} ms")
-    2.2 ms
+    2.1 ms
     """
     if not (math.isfinite(speed_m_per_s) and speed_m_per_s > 0.0):
         raise InputError(f"strike: speed found {speed_m_per_s:g} m/s, allowed above 0")
