@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import partial
+from glob import glob
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -76,6 +77,7 @@ def command(
         check_writable(figure, *FIGURE_ENDINGS)
     if out is not None:
         check_writable(out, ".toml")
+    curves = _named(curves or [])
     given = model.load_action(action)
     blows, speeds = workflows.blow_speeds(given, force or [], motion or [])
     if not curves and not blows and friction is None and rebound is None and pendulum is None:
@@ -128,3 +130,9 @@ def command(
         print_json(facts)
         return
     print("\n".join(lines))
+
+
+def _named(curves: list[Path]) -> list[Path]:
+    """Files of a pattern such as ``presses/*.csv``, which Windows shells hand on as it stands."""
+    found = ([curve] if curve.exists() else sorted(map(Path, glob(str(curve)))) or [curve] for curve in curves)
+    return [one for files in found for one in files]

@@ -126,3 +126,8 @@ def test_several_presses_choose_a_law(tmp_path: Path, capsys: pytest.CaptureFixt
     assert "D of one curve" in capsys.readouterr().err
     assert run("calibrate-felt", *named[:2]) == 2
     assert "found 2 presses, allowed 3 or more" in capsys.readouterr().err
+    assert run("calibrate-felt", str(tmp_path / "*_0.0[28]*.csv"), "--contact", "contact02", "--json") == 0  # six
+    pattern = json.loads(capsys.readouterr().out)["felt_laws"]["laws"]["hunt-crossley"]["values"]["D"]
+    assert pattern != d and abs(pattern - 0.7) < 0.1
+    assert run("calibrate-felt", str(tmp_path / "none*.csv"), "--contact", "contact02") == 2
+    assert "none*.csv: cannot be read" in capsys.readouterr().err
