@@ -17,7 +17,7 @@ from model.scene.build import Scene
 from model.sensitivity.events import Events
 from model.sensitivity.observed import force_slopes
 from model.sensitivity.options import SensitivityOptions
-from model.sensitivity.parameter_names import Directions, directions, find_parameters
+from model.sensitivity.parameter_names import Directions, directions, find_parameters, stated_uncertainty
 from model.sensitivity.result import Sensitivities
 from model.sensitivity.tangents import Recorded
 from model.simulation.run import Simulation, State
@@ -120,7 +120,7 @@ def _differentiate(action: Action, blow: Blow, parameters: Sequence[str], option
         parameters=tuple(p.name for p in slopes.parameters),
         values=np.array([p.value for p in slopes.parameters]),
         units=tuple(p.unit for p in slopes.parameters),
-        uncertainties=np.array([_uncertainty(action, p.name) for p in slopes.parameters]),
+        uncertainties=np.array([stated_uncertainty(action, p.name) for p in slopes.parameters]),
         time_s=outputs,
         angle_names=scene.bodies,
         angles_rad=angle,
@@ -139,11 +139,6 @@ def _differentiate(action: Action, blow: Blow, parameters: Sequence[str], option
         values, d_values = events.differentiate(wanted, (d_angle, d_speed))
         out = replace(out, events=values, d_events=d_values, absent_events=events.found.absent)
     return _with_contact_forces(out, slopes) if options.contact_forces else out
-
-
-def _uncertainty(action: Action, name: str) -> float:
-    quantity = action.quantities.get(name) or action.effects.get(name)
-    return quantity.u if quantity is not None else float("nan")
 
 
 def _at_kink(start: RestState) -> tuple[str, ...]:

@@ -21,7 +21,7 @@ from model.scene.build import build_scene, check_prescribed_key
 from model.scene.key_motion import KeyMotion
 from model.sensitivity.observed import force_slopes
 from model.sensitivity.options import SensitivityOptions
-from model.sensitivity.parameter_names import directions, find_parameters
+from model.sensitivity.parameter_names import directions, find_parameters, stated_uncertainty
 from model.sensitivity.result import Sensitivities
 from model.sensitivity.tangents import Recorded, key_rest_slopes
 from model.simulation.run import Simulation, State
@@ -111,12 +111,11 @@ def motion_sensitivities(
             f"parameter {', '.join(idle)}: does nothing under this motion (its element stays out of touch or still); "
             "leave it out or choose another stroke"
         )
-    known = {**action.quantities, **action.effects}
     return Sensitivities(
         parameters=tuple(p.name for p in named),
         values=np.array([p.value for p in named]),
         units=tuple(p.unit for p in named),
-        uncertainties=np.array([known[p.name].u if p.name in known else np.nan for p in named]),
+        uncertainties=np.array([stated_uncertainty(action, p.name) for p in named]),
         time_s=outputs,
         angle_names=scene.bodies,
         angles_rad=angle,

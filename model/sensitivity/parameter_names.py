@@ -110,6 +110,12 @@ def _step(unit: str, value: float, u: float) -> float:
     return SHARE_STEP * (abs(value) or u or 1.0)
 
 
+def stated_uncertainty(action: Action, name: str) -> float:
+    """Standard uncertainty of a parameter in its unit; NaN of a group."""
+    quantity = action.quantities.get(name) or action.effects.get(name)
+    return quantity.u if quantity is not None else float("nan")
+
+
 @dataclass(frozen=True)
 class Directions:
     """How parameters change a scene: ``slope`` (P, k) of its parameter vector per unit of each, one row a parameter."""

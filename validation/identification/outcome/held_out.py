@@ -60,12 +60,11 @@ def score_events(
     dict
         Name of an action, `NULL` or `CEILING` -> event -> EventScore, in the order of `SHOWN`.
     """
-    first = next(iter(actions.values()))
     runs: dict[str, tuple[ModelUnderTest, Callable[..., model.Solution]]] = {
         name: (ModelUnderTest(action, tolerance), model.simulate) for name, action in actions.items()
     }
-    runs[NULL] = (ModelUnderTest(first, tolerance), model.null_model.simulate)
-    own = ModelUnderTest(first, tolerance)
+    own, _ = next(iter(runs.values()))
+    runs[NULL] = (own, model.null_model.simulate)
     measured = [_events(own, m, m.time_s, m.change_rad, m.u_rad) for m in trials]
     out: dict[str, dict[str, EventScore]] = {}
     for name, (tested, simulate) in runs.items():
