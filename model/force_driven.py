@@ -162,7 +162,7 @@ class ForceDrivenRun:
     def from_state(self, state: State) -> Solution:
         """The motion from ``state``, which is left as it is."""
         energy = "energy" in self.outputs
-        under_way = Simulation(self.scene, state.copy(), self.tolerance, self.method, energy=energy)
+        under_way = self._run(state, energy=energy)
         stored = under_way.stored_energy() if energy else 0.0
         angles, speeds = under_way.advance(self._end(), self.time_s, self.force_n, output_time_s=self.output_time_s)
         solution = self.solution(under_way, angles, speeds)
@@ -182,14 +182,18 @@ class ForceDrivenRun:
     def _end(self) -> float:
         return float(self.output_time_s[-1]) if len(self.output_time_s) else float(self.time_s[-1])
 
-    def planned(self, state: State, tolerance: float | None = None) -> tuple[Simulation, Plan]:
-        """The run from ``state``, and what its step loop is to be given; to its own tolerance or another."""
-        under_way = Simulation(self.scene, state.copy(), tolerance or self.tolerance, self.method)
+    def planned(self, state: State, *, companion: bool = False) -> tuple[Simulation, Plan]:
+        """The run from ``state`` or its companion, and what the step loop is to be given."""
+        under_way = self.companion(state) if companion else self._run(state)
         return under_way, under_way.plan(self._end(), self.time_s, self.force_n, output_time_s=self.output_time_s)
 
-    def companion_tolerance(self) -> float:
-        """Tolerance of the run that an error is estimated with, rad."""
-        return max(COMPANION * self.tolerance, SMALLEST_TOLERANCE)
+    def _run(self, state: State, *, energy: bool = False) -> Simulation:
+        return Simulation(self.scene, state.copy(), self.tolerance, self.method, energy=energy)
+
+    def companion(self, state: State) -> Simulation:
+        """The run that an error is estimated with: every bound on its local errors is a tenth of the run's own."""
+        tolerance = max(COMPANION * self.tolerance, SMALLEST_TOLERANCE)
+        return Simulation(self.scene, state.copy(), tolerance, self.method, creep=COMPANION)
 
     def largest_difference(self, angles: Array, others: Array) -> float:
         """Largest difference of an angle (rad) between two motions, columns that are no angles left out."""
@@ -220,16 +224,15 @@ class ForceDrivenRun:
 
         The tighter run contains what no local estimate knows: how much the errors of early steps grow.
         """
-        companion = Simulation(self.scene, first.copy(), self.companion_tolerance(), self.method)
         end = float(self.output_time_s[-1]) if len(self.output_time_s) else first.time_s
-        other, _ = companion.advance(end, self.time_s, self.force_n, output_time_s=self.output_time_s)
+        other, _ = self.companion(first).advance(end, self.time_s, self.force_n, output_time_s=self.output_time_s)
         return self.largest_difference(angles, other)
 
     def _inside(self, first: State) -> Inside:
         """Inside view of the motion from ``first``, which is integrated again for the times that the view needs."""
 
         def states(at: Array) -> tuple[Array, Array]:
-            again = Simulation(self.scene, first.copy(), self.tolerance, self.method)
+            again = self._run(first)
             until = float(at[-1]) if len(at) else first.time_s
             return again.advance(until, self.time_s, self.force_n, output_time_s=at)
 

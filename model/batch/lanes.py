@@ -113,8 +113,8 @@ def run_together(jobs: Sequence[Job], hashes: Sequence[str]) -> list[Member]:
     for i, job in enumerate(jobs):
         run, state = from_rest(job)
         try:
-            wanted = [None, run.companion_tolerance()] if run.estimate_error else [None]
-            seated.append((i, run, [run.planned(state, tolerance) for tolerance in wanted]))
+            wanted = (False, True) if run.estimate_error else (False,)
+            seated.append((i, run, [run.planned(state, companion=each) for each in wanted]))
         except ModelError as problem:
             members[i] = Member(job.trial, job.parameters, hashes[i], error=problem)
     plans = [plan for _, _, runs in seated for _, plan in runs]

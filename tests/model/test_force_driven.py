@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import model
+from model.force_driven import ForceDrivenRun
 from model.integrators.methods import METHODS
 from tests.model.conftest import read_table
 
@@ -306,3 +307,14 @@ def test_an_error_that_grows_is_said(action: model.Action) -> None:
     blow = model.simulate(action, time, force, output_time_s=rows[:, 0], estimate_error=True)
     error = float(np.abs(blow.angle_rad - rows[:, 1:6]).max())
     assert blow.error_rad == pytest.approx(error, rel=1.0) and not blow.misses_tolerance
+
+
+def test_the_run_that_an_error_is_estimated_with_is_bound_ten_times_tighter_in_all_ways(action: model.Action) -> None:
+    """Friction with a tiny threshold bounds errors of speeds by itself: both runs made the same error, unseen."""
+    sharp = action.with_values({"friction_threshold.v_t": 1e-5})
+    scene = model.build_scene(sharp)
+    state = model.State(0.0, scene.start.copy(), np.zeros(5))
+    run = ForceDrivenRun(scene, *model.force_table("forte"), np.array([0.5]), 1e-5, "rodas4p")
+    own, judge = (run.planned(state, companion=which)[1].limits for which in (False, True))
+    assert own.speed < 1e-5  # bound by the threshold
+    assert judge.speed <= 0.1 * own.speed and judge.angle <= 0.1 * own.angle
