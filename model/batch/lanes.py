@@ -7,6 +7,7 @@ another order (docs/decisions/0083-model-lanes.md).
 
 from __future__ import annotations
 
+import warnings
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
@@ -67,10 +68,24 @@ def choose(jobs: Sequence[Job], lanes: bool | None) -> list[Job]:
         if kind is not None:
             count[kind] += 1
     least = 1 if lanes else LEAST_MEMBERS
+    _tell_of_memory([job for job, kind in zip(jobs, of_job, strict=True) if kind is None], least)
     return [
         replace(job, in_lanes=True) if kind is not None and count[kind] >= least else job
         for job, kind in zip(jobs, of_job, strict=True)
     ]
+
+
+def _tell_of_memory(alone: Sequence[Job], least: int) -> None:
+    """Say in one line which of the members that cannot go into lanes only their felt or string keeps out."""
+    kept = [scene for job in alone if job.run is not None and (scene := job.run.scene).remembers]
+    if len(kept) < least:
+        return
+    why = sorted({name for scene in kept for name in scene.what_remembers})
+    warnings.warn(
+        f"lanes: {len(kept)} of the members are computed one by one, more slowly; "
+        f"lanes know no felt with memory and no string ({', '.join(why)})",
+        stacklevel=3,
+    )
 
 
 def units(jobs: Sequence[Job], todo: Iterable[int], workers: int) -> list[list[int]]:
