@@ -21,13 +21,14 @@ from model.scene.build import Scene, build_scene
 from model.simulation.loads_and_losses import Inside
 from model.simulation.options import ForceDrivenKeywords, ForceDrivenOptions
 from model.simulation.run import SMALLEST_TOLERANCE, Plan, Simulation, State
-from model.simulation.solution import EnergyAudit, Solution
+from model.simulation.solution import MISSED, EnergyAudit, Solution
 from model.simulation.statics import RestState, solve_rest
 from model.simulation.string_motion import lost_meanwhile, string_motion
 
 Array = NDArray[np.float64]
 
 COMPANION = 0.1  # tolerance of the run that an error is estimated with, of the requested one
+SECOND_COMPANION = 0.01  # of another one, where the first leaves doubt
 
 
 def output_times(start: float, end: float, rate_hz: float) -> Array:
@@ -190,10 +191,25 @@ class ForceDrivenRun:
     def _run(self, state: State, *, energy: bool = False) -> Simulation:
         return Simulation(self.scene, state.copy(), self.tolerance, self.method, energy=energy)
 
-    def companion(self, state: State) -> Simulation:
-        """The run that an error is estimated with: every bound on its local errors is a tenth of the run's own."""
-        tolerance = max(COMPANION * self.tolerance, SMALLEST_TOLERANCE)
-        return Simulation(self.scene, state.copy(), tolerance, self.method, creep=COMPANION)
+    def companion(self, state: State, share: float = COMPANION) -> Simulation:
+        """The run that an error is estimated with: every bound on its local errors is a ``share`` of the run's own."""
+        tolerance = max(share * self.tolerance, SMALLEST_TOLERANCE)
+        return Simulation(self.scene, state.copy(), tolerance, self.method, creep=share)
+
+    def judged(self, first: State, angles: Array, error: float) -> float:
+        """The error that one companion found; in doubt, above the request but no miss yet, a second one is asked.
+
+        Where small errors grow, a companion may happen to go wrong the same way.
+        """
+        if not self.tolerance < error <= MISSED * self.tolerance:
+            return error
+        other, _ = self.companion(first, SECOND_COMPANION).advance(
+            self._until(first), self.time_s, self.force_n, output_time_s=self.output_time_s
+        )
+        return max(error, self.largest_difference(angles, other))
+
+    def _until(self, first: State) -> float:
+        return float(self.output_time_s[-1]) if len(self.output_time_s) else first.time_s
 
     def largest_difference(self, angles: Array, others: Array) -> float:
         """Largest difference of an angle (rad) between two motions, columns that are no angles left out."""
@@ -224,9 +240,9 @@ class ForceDrivenRun:
 
         The tighter run contains what no local estimate knows: how much the errors of early steps grow.
         """
-        end = float(self.output_time_s[-1]) if len(self.output_time_s) else first.time_s
-        other, _ = self.companion(first).advance(end, self.time_s, self.force_n, output_time_s=self.output_time_s)
-        return self.largest_difference(angles, other)
+        until = self._until(first)
+        other, _ = self.companion(first).advance(until, self.time_s, self.force_n, output_time_s=self.output_time_s)
+        return self.judged(first, angles, self.largest_difference(angles, other))
 
     def _inside(self, first: State) -> Inside:
         """Inside view of the motion from ``first``, which is integrated again for the times that the view needs."""
