@@ -16,14 +16,15 @@ from model.errors import InputError
 from model.files.force_table import check_force_table
 from model.inside.observe_motion import observe
 from model.parameters.action import Action
-from model.parameters.effects import column
+from model.parameters.effects import STRING_EFFECT, column
 from model.scene.build import Scene, build_scene
+from model.scene.string_terms import with_modes
 from model.simulation.loads_and_losses import Inside
 from model.simulation.options import ForceDrivenKeywords, ForceDrivenOptions
 from model.simulation.run import SMALLEST_TOLERANCE, Plan, Simulation, State
 from model.simulation.solution import MISSED, EnergyAudit, Solution
 from model.simulation.statics import RestState, solve_rest
-from model.simulation.string_motion import lost_meanwhile, string_motion
+from model.simulation.string_motion import lost_meanwhile, modes_of, string_motion
 
 Array = NDArray[np.float64]
 
@@ -125,16 +126,27 @@ def simulate(
     options = ForceDrivenOptions(**keywords)
     times, forces = check_force_table(time_s, force_n)
     outputs = check_output_times(options.output_time_s, times)
-    scene = build_scene(options.choice.on(action), options.choice)
+    scene, fewer = strung_scenes(options.choice.on(action), options)
     if isinstance(initial, State):
         state = initial.copy()
     else:
         angle = solve_rest(scene) if initial is None else initial.angle_rad
         state = State(float(times[0]), np.array(angle, dtype=float), np.zeros(scene.size))
     run = ForceDrivenRun(
-        scene, times, forces, outputs, options.tolerance, options.method, options.choice.outputs, options.estimate_error
-    )
+        scene, times, forces, outputs, options.tolerance, options.method, options.choice.outputs,
+        options.estimate_error, fewer,
+    )  # fmt: skip
     return run.from_state(state)
+
+
+def strung_scenes(action: Action, options: ForceDrivenOptions) -> tuple[Scene, Scene | None]:
+    """The scene, its string with as many modes as the tolerance asks, and the one to judge it by where it was so."""
+    choice = options.choice
+    if STRING_EFFECT not in choice.effects or action["string.modes"] != 0.0:
+        return build_scene(action, choice), None
+    scene = build_scene(with_modes(action, options.tolerance), choice)
+    fewer = build_scene(with_modes(action, options.tolerance, 0.5), choice) if options.estimate_error else None
+    return scene, fewer
 
 
 @dataclass(frozen=True)
@@ -149,6 +161,8 @@ class ForceDrivenRun:
     tolerance, method : as for `simulate`
     outputs : beyond angles and speeds, as in a `SceneChoice`
     estimate_error : also integrate with a tenth of the tolerance and compare
+    fewer_modes : the scene with half the modes, where the tolerance chose them: what its companions take, so that the
+        estimate holds what the modes left out are worth, three times
     """
 
     scene: Scene
@@ -159,6 +173,7 @@ class ForceDrivenRun:
     method: str
     outputs: tuple[str, ...] = ()
     estimate_error: bool = False
+    fewer_modes: Scene | None = None
 
     def from_state(self, state: State) -> Solution:
         """The motion from ``state``, which is left as it is."""
@@ -194,7 +209,8 @@ class ForceDrivenRun:
     def companion(self, state: State, share: float = COMPANION) -> Simulation:
         """The run that an error is estimated with: every bound on its local errors is a ``share`` of the run's own."""
         tolerance = max(share * self.tolerance, SMALLEST_TOLERANCE)
-        return Simulation(self.scene, state.copy(), tolerance, self.method, creep=share)
+        scene = self.scene if self.fewer_modes is None or len(state.memory) else self.fewer_modes
+        return Simulation(scene, state.copy(), tolerance, self.method, creep=share)
 
     def judged(self, first: State, angles: Array, error: float) -> float:
         """The error that one companion found; in doubt, above the request but no miss yet, a second one is asked.
@@ -230,7 +246,7 @@ class ForceDrivenRun:
             contacts=contacts,
             contact_normal_n=normal,
             contact_friction_n=tangential,
-            counters=under_way.work(),
+            counters=under_way.work() | modes_of(self.scene),
             tolerance=self.tolerance,
             string=string_motion(self.scene, self.output_time_s, under_way.remembered),
         )
