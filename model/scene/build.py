@@ -61,7 +61,7 @@ class Scene:
     def refuse_memory(self, what: str) -> None:
         """Refuse a scene whose felt remembers, for what knows the thesis's law alone."""
         if len(self.tables.memory):
-            names = ", ".join(dict.fromkeys(self.contacts[c] for c, _ in self.tables.memory))
+            names = ", ".join(name for name in self.what_remembers if name in self.contacts)
             raise InputError(
                 f"{what}: found felt that remembers ({names}), allowed the law hunt-crossley; "
                 "take that law for these contacts"
@@ -73,6 +73,12 @@ class Scene:
     def static_tables(self) -> L.Tables:
         """Tables of the same scene at rest, where felt that remembers presses as its slow loading curve says."""
         return self.tables._replace(memory=np.zeros((0, 2), dtype=np.int64), string=np.zeros(0, dtype=np.int64))
+
+    @property
+    def what_remembers(self) -> tuple[str, ...]:
+        """Contacts whose felt has a law with memory; then the string, where there is one."""
+        felts = dict.fromkeys(self.contacts[c] for c, _ in self.tables.memory)
+        return (*felts, *(("string",) if len(self.tables.string) else ()))
 
     @property
     def remembers(self) -> bool:

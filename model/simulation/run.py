@@ -85,6 +85,7 @@ class Simulation:
     largest_step_s : upper bound of a step, s
     max_steps : most steps of one `advance`; by default in proportion to the time to cover
     energy : also integrate work and losses along the motion
+    creep : share of the bound that creep under friction sets to errors; a run that judges another needs less of it
     """
 
     scene: Scene
@@ -95,6 +96,7 @@ class Simulation:
     max_steps: int | None = None
     counters: NDArray[np.int64] = field(default_factory=lambda: np.zeros(len(L.COUNTERS), dtype=np.int64))
     energy: bool = False
+    creep: float = 1.0
     audit: NDArray[np.float64] = field(default_factory=lambda: np.zeros(7))
     times: NDArray[np.float64] = field(default_factory=lambda: np.zeros(1))
     remembered: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 0)))
@@ -208,7 +210,7 @@ class Simulation:
         """Largest error of a speed, rad/s, that cannot shake loose what friction holds."""
         p, start = self.scene.vector, int(self.scene.tables.offset[1])
         friction = p[start + L.MU_A :: L.CONTACT_SIZE][: len(self.scene.contacts)]
-        return CREEP_SHARE * float(p[L.V_T]) / LEVER_M if np.any(friction) else np.inf
+        return self.creep * CREEP_SHARE * float(p[L.V_T]) / LEVER_M if np.any(friction) else np.inf
 
     def _extremes(self) -> str:
         """Largest speed and contact force of the present state, for a message: most often bodies overlap."""

@@ -20,6 +20,11 @@ from model.scene.build import Scene
 Array = NDArray[np.float64]
 
 
+def modes_of(scene: Scene) -> dict[str, int | float]:
+    """How many modes of a string are stepped, as a counter; nothing where the scene has the bar."""
+    return {"string_modes": int(scene.vector[scene.tables.offset[7]])} if len(scene.tables.string) else {}
+
+
 @dataclass(frozen=True)
 class StringMotion:
     """A string's motion at the output times, computed when it is asked for.

@@ -1,6 +1,8 @@
+from . import equal_loss as equal_loss
 from . import figure as figure
 from .blow_measures import BlowMeasures as BlowMeasures
 from .blow_measures import measure_blow as measure_blow
+from .equal_loss import effects_at_equal_loss as effects_at_equal_loss
 from .felt_and_string import Effect as Effect
 from .felt_and_string import felt_law_effects as felt_law_effects
 from .felt_and_string import string_effects as string_effects

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import model
-from model.study import Effect, felt_law_effects
+from model.study import Effect, effects_at_equal_loss, felt_law_effects
 from pianorig.console.column_file import write_rows
 from pianorig.console.output import nan_as_null, print_files
 from pianorig.console.progress import working
@@ -21,6 +21,10 @@ WORDS = {
     "check_mm": "check mm",
     "down_n": "down N",
     "let_off_n": "let-off N",
+    "peak_n": "peak N",
+    "loss_mj": "loss mJ",
+    "share": "share",
+    "height": "height",
 }
 
 
@@ -29,17 +33,32 @@ def study_felt_law(action: model.Action, force: Path | None, out: Path | None, q
     times, forces = blow_of(force)
     with working("simulating the blow and a slow press under each law", quiet):
         effects = felt_law_effects(action, times, forces)
-    rows = effect_rows(effects)
+    with working("fitting each law to the same peak force and loss", quiet):
+        equal = effects_at_equal_loss(action, times, forces)
+    rows, equal_rows = effect_rows(effects), effect_rows(equal)
     files: list[Path] = []
     if out is not None:
-        files = [out / "felt_law.csv"]
+        files = [out / "felt_law.csv", out / "felt_law_equal_loss.csv"]
         write_rows(files[0], rows)
+        write_rows(files[1], equal_rows)
     if not quiet:
         print(f"{action.name}: the law of felt changed, slow loading curves and everything else as they are;")
         print("+- standard uncertainty from the declared numbers of the law")
         print("\n".join(effect_lines(effects)))
+        print(
+            "\nthe same with equal peak force and equal loss of the felt (the first of all three): what is left is the"
+        )
+        print(
+            "memory's own; share: fitted epsilon or beta, height: of the slow curve; +- from tau or eta, fitted again"
+        )
+        print("\n".join(effect_lines(equal)))
         print_files(files)
-    return {"action": action.name, "effects": [nan_as_null(row) for row in rows], "files": files}
+    return {
+        "action": action.name,
+        "effects": [nan_as_null(row) for row in rows],
+        "equal_loss": [nan_as_null(row) for row in equal_rows],
+        "files": files,
+    }
 
 
 def blow_of(force: Path | None) -> tuple[Any, Any]:
