@@ -25,6 +25,7 @@ from model.kernels.signatures import Account, InputTable, Limits, Outputs, Scene
 from model.kernels.trajectory.contact_forces import forces_along, probe_forces_along
 from model.scene.build import Scene
 from model.scene.felt_memory import share_left
+from model.simulation.giving_motion import contacts_along
 from model.simulation.state import State as State
 from model.simulation.state import with_memory
 from model.simulation.string_motion import string_force, swung_on
@@ -95,7 +96,7 @@ class Simulation:
     max_steps: int | None = None
     counters: NDArray[np.int64] = field(default_factory=lambda: np.zeros(len(L.COUNTERS), dtype=np.int64))
     energy: bool = False
-    audit: NDArray[np.float64] = field(default_factory=lambda: np.zeros(7))
+    audit: NDArray[np.float64] = field(default_factory=lambda: np.zeros(8))
     times: NDArray[np.float64] = field(default_factory=lambda: np.zeros(1))
     remembered: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 0)))
     """(m, z) what felt remembered at the output times of the last `advance`; none for most scenes."""
@@ -266,11 +267,14 @@ class Simulation:
         self.scene.check_whole(angle_rad, "contact forces")
         normal = np.zeros((len(angle_rad), len(self.scene.contacts)))
         tangential = np.zeros_like(normal)
-        forces_along(angle_rad, speed_rad_per_s, self.scene.vector, self.scene.tables, normal, tangential)
+        rows = self.remembered if memory is None else memory
+        if self.scene.remembers and len(rows) != len(angle_rad):
+            raise InputError(f"contact forces: found {len(rows)} rows of memories, allowed {len(angle_rad)}")
+        if self.scene.pins:
+            normal, tangential = np.moveaxis(contacts_along(self.scene, angle_rad, speed_rad_per_s, rows)[0], 2, 0)
+        else:
+            forces_along(angle_rad, speed_rad_per_s, self.scene.vector, self.scene.tables, normal, tangential)
         if self.scene.remembers:
-            rows = self.remembered if memory is None else memory
-            if len(rows) != len(angle_rad):
-                raise InputError(f"contact forces: found {len(rows)} rows of memories, allowed {len(angle_rad)}")
             share = share_left(self.scene.tables, self.scene.vector, normal, rows)
             normal, tangential = normal * share, tangential * share
             if len(self.scene.tables.string):

@@ -26,11 +26,6 @@ def _along(body: int, x: str, y: str) -> tuple[str, str]:
     return (x, y) if body < 0 else (f"c{body} * {x} - s{body} * {y}", f"s{body} * {x} + c{body} * {y}")
 
 
-def pivot(body: int) -> tuple[str, str]:
-    """World coordinates of a body's pivot."""
-    return f"x{body}", f"y{body}"
-
-
 def contact_numbers(s: Structure | LoneContact, c: int, *names: int) -> list[str]:
     """Texts of some numbers of contact ``c``."""
     return [s.contact_number(c, k) for k in names]
@@ -73,14 +68,22 @@ def arms_and_rates(s: Structure | LoneContact, c: int) -> list[str]:
     for k, (b, side) in enumerate(s.chain[c]):
         sign = "" if side > 0 else "-"
         if b in s.guided:
-            out += [f"gn{k} = {sign}ny", f"gt{k} = {sign}nx"]
+            out += guided_ways(s, b, k, side)
             continue
-        x, y = pivot(b)
+        x, y = s.pivot(c, k)
         out += [f"lx{k} = px - {x}", f"ly{k} = py - {y}"]
         out += [f"gn{k} = {sign}(lx{k} * ny - ly{k} * nx)", f"gt{k} = {sign}(lx{k} * nx + ly{k} * ny)"]
     out.append("rate = -(" + " + ".join(f"gn{k} * v{b}" for k, (b, _) in enumerate(s.chain[c])) + ")")
     out.append("slide = " + " + ".join(f"gt{k} * v{b}" for k, (b, _) in enumerate(s.chain[c])))
     return out
+
+
+def guided_ways(s: Structure | LoneContact, b: int, k: int, side: int) -> list[str]:
+    """Generalised directions of the guide ``b``, number ``k`` of a chain."""
+    sign = "" if side > 0 else "-"
+    if s.axis[b] == 1:
+        return [f"gn{k} = {sign}ny", f"gt{k} = {sign}nx"]
+    return [f"gn{k} = {sign}nx", f"gt{k} = {'-' if side > 0 else ''}ny"]
 
 
 def law_numbers(s: Structure | LoneContact, c: int) -> str:
@@ -95,7 +98,7 @@ def push(s: LoneContact, c: int) -> list[str]:
     for k, (b, side) in enumerate(s.chain[c]):
         if not s.solved(b):
             continue
-        moment = "fy" if b in s.guided else f"lx{k} * fy - ly{k} * fx"
+        moment = ("fx", "fy")[s.axis[b]] if b in s.guided else f"lx{k} * fy - ly{k} * fx"
         if s.lanes > 1:
             out.append(f"f{b} += " + chosen(s, "on", moment if side > 0 else f"-({moment})"))
             continue
@@ -155,8 +158,8 @@ def contact_linearised(s: LoneContact, c: int, felt: FeltLines | None = None) ->
     ]
     away = surface(s, c, True)
     for k, (b, side) in enumerate(chain):
-        x, y = pivot(b)
-        way = "ny" if b in s.guided else f"((ax - {x}) * ny - (ay - {y}) * nx)"
+        x, y = s.pivot(c, k)
+        way = ("nx", "ny")[s.axis[b]] if b in s.guided else f"((ax - {x}) * ny - (ay - {y}) * nx)"
         away.append(f"turns{k}_{c} = {'' if side > 0 else '-'}{way}")
     rate = " + ".join(f"turns{k}_{c} * v{b}" for k, (b, _) in enumerate(chain))
     away += [f"w[{s.at(c, W.ROOM)}] = room", f"w[{s.at(c, W.GAP)}] = room", f"w[{s.at(c, W.GAP_RATE)}] = {rate}"]
@@ -196,20 +199,24 @@ def derivatives(s: LoneContact, c: int, more: Callable[[int, str], list[str]] | 
     chain = s.chain[c]
     out = [f"along{k} = gn{k} - mu * gt{k}" for k in range(len(chain))]
     for j, (cj, side) in enumerate(chain):
-        qx, qy = pivot(cj)
+        qx, qy = s.pivot(c, j)
         what, centre = ("first", "a") if side > 0 else ("second", "b")
         if cj in s.guided:
-            out.append(f"kappa, xx, xy = lift_of_{what}(nx, ny, distance, r, -gn{j})")
+            moved = ("slide", "lift")[s.axis[cj]]
+            out.append(f"kappa, xx, xy = {moved}_of_{what}(nx, ny, distance, r, -gn{j})")
         else:
             out.append(f"kappa, xx, xy = turn_of_{what}({centre}x, {centre}y, {qx}, {qy}, nx, ny, distance, r, -gn{j})")
         for k, (b, sk) in enumerate(chain):
             if b in s.guided:
-                out += [f"dn{k} = {float(sk)} * kappa * nx", f"dt{k} = {float(-sk)} * kappa * ny"]
+                dn, dt = (f"{float(-sk)} * kappa * ny", f"{float(-sk)} * kappa * nx")
+                if s.axis[b] == 1:
+                    dn, dt = (f"{float(sk)} * kappa * nx", f"{float(-sk)} * kappa * ny")
+                out += [f"dn{k} = {dn}", f"dt{k} = {dt}"]
                 continue
-            bx, by = pivot(b)
-            mx, my = (f"xx + ({by} - {qy})", f"xy - ({bx} - {qx})") if s.parent[b] == cj else ("xx", "xy")
-            if s.parent[b] == cj and cj in s.guided:
-                mx, my = "xx", "xy - 1.0"
+            bx, by = s.pivot(c, k)
+            mx, my = (f"xx + ({by} - {qy})", f"xy - ({bx} - {qx})") if s.carries(c, j, k) else ("xx", "xy")
+            if s.carries(c, j, k) and cj in s.guided:
+                mx, my = ("xx - 1.0", "xy") if s.axis[cj] == 0 else ("xx", "xy - 1.0")
             out.append(f"dn{k}, dt{k} = turn_of_arm({float(sk)}, {mx}, {my}, nx, ny, kappa, lx{k}, ly{k})")
         rate = " + ".join(f"dn{k} * v{b}" for k, (b, _) in enumerate(chain))
         slide = " + ".join(f"dt{k} * v{b}" for k, (b, _) in enumerate(chain))
@@ -240,7 +247,7 @@ def _probe_force(s: Structure, k: int) -> list[str]:
 def probe(s: Structure, k: int, derivatives: bool) -> list[str]:
     """One-sided vertical contact of a tip on A with a point of B, both hanging from ground or B from a guide."""
     a, b = s.probe[k]
-    guide = s.guide(b)
+    guide = s.vertical(b)
     out = [*_probe_force(s, k), f"f{a} += fn * la", f"f{b} -= fn * lb"]
     if derivatives:
         out += [
@@ -271,7 +278,7 @@ def probe(s: Structure, k: int, derivatives: bool) -> list[str]:
 def _closing(s: Structure, k: int) -> str:
     """Rate of penetration of a probe."""
     a, b = s.probe[k]
-    return f"lb * v{b} - la * v{a}" + (f" + v{s.guide(b)}" if s.guide(b) >= 0 else "")
+    return f"lb * v{b} - la * v{a}" + (f" + v{s.vertical(b)}" if s.vertical(b) >= 0 else "")
 
 
 def contact_energy(s: Structure, c: int) -> list[str]:

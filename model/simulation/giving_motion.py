@@ -1,0 +1,75 @@
+"""What joints give under way: their motion at the output times, the force of their bushings, how a run begins.
+
+In: a scene with joints that give, and rows (m, z) of what its step loop remembers (`State.memory`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.kernels import layout as L
+from model.kernels.trajectory.giving_joints import giving_contacts_along
+from model.scene.build import Scene
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class GivingMotion:
+    """How far joints give at the output times.
+
+    Attributes
+    ----------
+    directions : (g,) such as ``hammer_pin_x``: which joint, to the right (x) or up (y)
+    way_m : (m, g) how far the pivot of the body is from its place in the set
+    speed_m_per_s : (m, g)
+    force_n : (m, g) force of the bushing on the body
+    """
+
+    directions: tuple[str, ...]
+    way_m: Array
+    speed_m_per_s: Array
+    force_n: Array
+
+    def columns(self) -> dict[str, Array]:
+        """Columns by name: ways, m, then forces, N."""
+        out = {f"{name}_m": self.way_m[:, i] for i, name in enumerate(self.directions)}
+        return out | {f"{name}_n": self.force_n[:, i] for i, name in enumerate(self.directions)}
+
+
+def rows_of_pins(scene: Scene, rows: Array) -> tuple[Array, Array]:
+    """Ways (m, g), m, and speeds (m, g), m/s, of the directions in which joints give, from rows (m, z)."""
+    first, count = len(scene.tables.memory), len(scene.pins)
+    return (
+        np.ascontiguousarray(rows[:, first : first + count]),
+        np.ascontiguousarray(rows[:, first + count : first + 2 * count]),
+    )
+
+
+def bushings(scene: Scene) -> Array:
+    """Stiffness, damping and load (g, 3) of the directions."""
+    at = int(scene.tables.offset[8])
+    return scene.vector[at : at + L.PIN_SIZE * len(scene.pins)].reshape(-1, L.PIN_SIZE)
+
+
+def giving_motion(scene: Scene, rows: Array) -> GivingMotion | None:
+    """What the joints of a scene give; None where they are rigid."""
+    if not scene.pins:
+        return None
+    way, speed = rows_of_pins(scene, rows)
+    number = bushings(scene)
+    force = number[:, L.PIN_LOAD] - number[:, L.PIN_K] * way - number[:, L.PIN_C] * speed
+    return GivingMotion(tuple(f"{body}_pin_{axis}" for body, axis in scene.pins), way, speed, force)
+
+
+def contacts_along(scene: Scene, angle_rad: Array, speed_rad_per_s: Array, rows: Array) -> tuple[Array, Array]:
+    """Forces (m, c, 2), normal and friction, N, and depths with their rates (m, c, 2) where joints give."""
+    force = np.zeros((len(angle_rad), len(scene.contacts), 2))
+    depth = np.zeros_like(force)
+    give, rate = rows_of_pins(scene, rows)
+    q, v = np.ascontiguousarray(angle_rad), np.ascontiguousarray(speed_rad_per_s)
+    giving_contacts_along(q, v, give, rate, scene.vector, scene.tables, force, depth)
+    return force, depth
