@@ -1,8 +1,8 @@
 """Linear algebra of a step where joints give: all coordinates, the directions in which joints give after the others.
 
-The places of matrices and vectors are in `model.kernels.workspace`; ``n`` is the number of coordinates. Loops over whole
-matrices, where the kernels of other scenes have a line for each entry that can be filled: fifteen coordinates would be
-thousands of lines to compile.
+The places of matrices and vectors are in `model.kernels.workspace`; ``n`` is the number of coordinates. Loops over
+whole matrices, where the kernels of other scenes have a line for each entry that can be filled: fifteen coordinates
+would be thousands of lines to compile.
 """
 
 from model.kernels.compile import inlined
@@ -67,7 +67,7 @@ def assembled(w, inverse, gh, n):
 
 @inlined
 def factored(w, n):
-    """Its factors in its place, without exchanges; the diagonal holds reciprocals. 0 where that would lose six digits."""
+    """Its factors in its place, without exchanges; the diagonal holds reciprocals. 0 where that loses six digits."""
     for i in range(n):
         w[P_WORK + i] = 1e-6 * abs(w[P_LU + WIDE * i + i])
     for k in range(n):

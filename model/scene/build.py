@@ -24,7 +24,7 @@ from model.parameters.effects import KEY_LIFT, MOTOR, RAIL, SHANK, STRING_EFFECT
 from model.scene.contacts import chain_of, reach_of, read_contact
 from model.scene.effect_terms import bending, parts_of_hammer
 from model.scene.felt_memory import memories_of
-from model.scene.giving_joints import AXES, pin_numbers, pins_of
+from model.scene.giving_joints import AXES, pins_and_numbers
 from model.scene.key_motion import KeyMotion
 from model.scene.selection import SceneChoice
 from model.scene.string_terms import string_numbers
@@ -238,7 +238,7 @@ def build_scene(action: Action, choice: SceneChoice | None = None, key_motion: K
         sides.append([s for _, s in chain] + [0] * pad)
         vector += [*numbers, *(reach_of(parent, pivot, first, point, b) for b, _ in chain), *[0.0] * pad]
     offsets.append(len(vector))
-    px, py = action["drive.point.x"], action["drive.point.y"]
+    px, py = (action[f"drive.point.{k}"] for k in "xy")
     drives = [[L.JOINT_TORQUE, bodies.index(MOTOR)]] if motor else [[L.FORCE_DOWN, key]]
     vector += [0.0, 0.0] if motor else [px, py]
     offsets.append(len(vector))
@@ -250,18 +250,14 @@ def build_scene(action: Action, choice: SceneChoice | None = None, key_motion: K
     offsets.append(len(vector))
     prescribed = np.zeros(n, dtype=np.int64)
     if key_motion is not None:
-        prescribed[key] = 1
-        vector += key_motion.packed()
+        prescribed[key], vector = 1, [*vector, *key_motion.packed()]
     offsets.append(len(vector))
     dampers: list[int] = []
     if SHANK in bodies:
-        dampers = [bodies.index(SHANK)]
-        vector.append(bending(action)[1])
+        dampers, vector = [bodies.index(SHANK)], [*vector, bending(action)[1]]
     pins_at = len(vector)
-    pins = pins_of(choice, bodies)
-    if pins and key_motion is not None:
-        raise InputError(f"scene: found a prescribed key and {pins[0][0]}_pin, allowed one of them")
-    vector += [number for body, axis in pins for number in pin_numbers(action, body, axis)]
+    pins, given = pins_and_numbers(action, choice, bodies, key_motion is not None)
+    vector += given
     offsets.append(len(vector))
     vector += remembered
     offsets += [len(vector), pins_at]
@@ -282,7 +278,7 @@ def build_scene(action: Action, choice: SceneChoice | None = None, key_motion: K
         rail=np.array([names.index(RAIL)] if RAIL in names else [], dtype=np.int64),
         string=np.array([names.index(STRING)] if strung else [], dtype=np.int64),
         memory=_table(memories, 2),
-        pin=_table([[bodies.index(body), axis] for body, axis in pins], 2),
+        pin=_table(pins, 2),
     )
     start = np.array([PRINTED_REST.get(b, 0.0) for b in bodies[: n - int(prescribed.sum())]])
     return Scene(tuple(bodies), tuple(names), tables, np.array(vector), start)

@@ -16,18 +16,24 @@ from model.scene.selection import SceneChoice
 AXES = ("x", "y")
 
 
-def pins_of(choice: SceneChoice, bodies: Sequence[str]) -> list[tuple[str, int]]:
-    """Body and direction, 0 to the right and 1 up, of each give; a key on its balance rail gives to the side only."""
-    out = []
+def pins_and_numbers(
+    action: Action, choice: SceneChoice, bodies: Sequence[str], prescribed: bool
+) -> tuple[list[list[int]], list[float]]:
+    """Body and direction, 0 to the right and 1 up, of each way in which a joint gives; their numbers in p.
+
+    A key on its balance rail gives to the side only. Where the key's motion is ``prescribed``, joints are rigid.
+    """
+    pins: list[list[int]] = []
+    numbers: list[float] = []
     for effect, body in PINS.items():
         if effect not in choice.effects:
             continue
+        if prescribed:
+            raise InputError(f"scene: found a prescribed key and the effect {effect}, allowed one of them")
         if body not in bodies:
             raise InputError(f"scene: effects: {effect} needs the {body}; add {body} or leave out {effect}")
-        out += [(body, axis) for axis in (0, 1) if not (body == "key" and axis == 1 and RAIL in choice.effects)]
-    return out
-
-
-def pin_numbers(action: Action, body: str, axis: int) -> list[float]:
-    """Stiffness (N/m), damping (N s/m) and load (N) of a direction."""
-    return [action[f"{body}_pin.{name}"] for name in ("stiffness", "damping", f"load.{AXES[axis]}")]
+        for axis, name in enumerate(AXES):
+            if not (body == "key" and name == "y" and RAIL in choice.effects):
+                pins.append([bodies.index(body), axis])
+                numbers += [action[f"{effect}.{k}"] for k in ("stiffness", "damping", f"load.{name}")]
+    return pins, numbers

@@ -34,6 +34,15 @@ class GivingMotion:
     speed_m_per_s: Array
     force_n: Array
 
+    def of(self, body: str) -> tuple[Array, Array]:
+        """Way and speed (m, 2) of the joint of ``body``, m and m/s, to the right and up; zero where it is rigid."""
+        way, speed = np.zeros((len(self.way_m), 2)), np.zeros((len(self.way_m), 2))
+        for k, axis in enumerate("xy"):
+            if f"{body}_pin_{axis}" in self.directions:
+                i = self.directions.index(f"{body}_pin_{axis}")
+                way[:, k], speed[:, k] = self.way_m[:, i], self.speed_m_per_s[:, i]
+        return way, speed
+
     def columns(self) -> dict[str, Array]:
         """Columns by name: ways, m, then forces, N."""
         out = {f"{name}_m": self.way_m[:, i] for i, name in enumerate(self.directions)}
@@ -63,6 +72,32 @@ def giving_motion(scene: Scene, rows: Array) -> GivingMotion | None:
     number = bushings(scene)
     force = number[:, L.PIN_LOAD] - number[:, L.PIN_K] * way - number[:, L.PIN_C] * speed
     return GivingMotion(tuple(f"{body}_pin_{axis}" for body, axis in scene.pins), way, speed, force)
+
+
+def tip_forces(scene: Scene, angle_rad: Array, speed_rad_per_s: Array, rows: Array) -> Array:
+    """Force (m, b) of the motor arm's tip on a key whose joint gives, N."""
+    p, parent = scene.vector, scene.tables.parent
+    out = np.zeros((len(angle_rad), len(scene.tables.probe)))
+    give, rate = rows_of_pins(scene, rows)
+    for k, (tip, key) in enumerate(scene.tables.probe.tolist()):
+        o = int(scene.tables.offset[3]) + L.PROBE_SIZE * k
+        law = p[o + 4 : o + 8]
+        height, speed = np.zeros(len(angle_rad)), np.zeros(len(angle_rad))  # of the key over the tip
+        for body, sign, x, y in ((tip, -1.0, p[o], p[o + 1]), (key, 1.0, p[o + 2], p[o + 3])):
+            c, s = np.cos(angle_rad[:, body]), np.sin(angle_rad[:, body])
+            height += sign * (p[L.GLOBALS + L.BODY_SIZE * body + L.PIVOT_Y] + s * x + c * y)
+            speed += sign * (c * x - s * y) * speed_rad_per_s[:, body]
+        carrier = int(parent[key])
+        if carrier >= 0:
+            height += p[L.GLOBALS + L.BODY_SIZE * carrier + L.PIVOT_Y] + angle_rad[:, carrier]
+            speed += speed_rad_per_s[:, carrier]
+        for g, (body, axis) in enumerate(scene.tables.pin.tolist()):
+            if body == key and axis == 1:
+                height, speed = height + give[:, g], speed + rate[:, g]
+        x = np.maximum(height, 0.0)
+        static = np.maximum(((law[0] * x + law[1]) * x + law[2]) * x, 0.0)
+        out[:, k] = static * np.maximum(1.0 + law[3] * speed, 0.0)
+    return out
 
 
 def contacts_along(scene: Scene, angle_rad: Array, speed_rad_per_s: Array, rows: Array) -> tuple[Array, Array]:

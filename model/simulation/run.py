@@ -25,7 +25,7 @@ from model.kernels.signatures import Account, InputTable, Limits, Outputs, Scene
 from model.kernels.trajectory.contact_forces import forces_along, probe_forces_along
 from model.scene.build import Scene
 from model.scene.felt_memory import share_left
-from model.simulation.giving_motion import contacts_along
+from model.simulation.giving_motion import contacts_along, tip_forces
 from model.simulation.state import State as State
 from model.simulation.state import with_memory
 from model.simulation.string_motion import string_force, swung_on
@@ -285,6 +285,10 @@ class Simulation:
     def probe_forces(self, angle_rad: NDArray[np.float64], speed_rad_per_s: NDArray[np.float64]) -> NDArray[np.float64]:
         """Force of each one-sided probe (the motor arm on the key) at given states; (m, n) in, (m, b) out, N."""
         self.scene.check_whole(angle_rad, "probe forces")
+        if self.scene.pins:
+            if len(self.remembered) != len(angle_rad):
+                raise InputError(f"probe forces: found {len(angle_rad)} states, allowed those last given out")
+            return tip_forces(self.scene, angle_rad, speed_rad_per_s, self.remembered)
         force = np.zeros((len(angle_rad), len(self.scene.tables.probe)))
         probe_forces_along(angle_rad, speed_rad_per_s, self.scene.vector, self.scene.tables, force)
         return force

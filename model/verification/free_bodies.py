@@ -120,7 +120,7 @@ class FreeBodies(Twin):
                         hang = self.joint[body] - self.pivot[up]
                         rows[unknown, column[up] : column[up] + 2] = -e
                         rows[unknown, column[up] + 2] = -e @ _turn(hang)
-                        right[unknown] = -self.omega[up] ** 2 * (e @ hang)
+                        right[unknown] = -(self.omega[up] ** 2) * (e @ hang)
                 rows[at : at + 2, unknown] -= e
                 rows[at + 2, unknown] -= _turn(self.pivot[body] - centre[body]) @ e
                 if up != "ground":
@@ -128,27 +128,34 @@ class FreeBodies(Twin):
                     rows[column[up] + 2, unknown] += _turn(self.joint[body] - centre[up]) @ e
         act("key", self._point("key", "drive.point"), np.array([0.0, -force_n]))
         for name in self.contacts:
-            self._press(name, act)
-        return self._of_coordinates(np.linalg.solve(rows, right), column)
+            size, rub, normal, point = self._pressed(name)
+            force = size * normal + rub * _turn(normal)
+            act(self.action.structure[f"{name}.first.body"], point, force)
+            act(self.action.structure[f"{name}.second.body"], point, -force)
+        return self._of_coordinates(np.asarray(np.linalg.solve(rows, right), dtype=float), column)
 
-    def _press(self, name: str, act: object) -> None:
+    def contact_forces(self, q: Vector, v: Vector) -> dict[str, tuple[float, float]]:
+        """Normal and friction force of each contact at a state, N."""
+        self._place(q, v)
+        return {name: self._pressed(name)[:2] for name in self.contacts}
+
+    def _pressed(self, name: str) -> tuple[float, float, Vector, Vector]:
+        """Normal force, friction force, normal and point of action of a contact at the placed state."""
         a = self.action
         x, normal, centre, first, second = self.gap(name)
-        if x <= 0.0:
-            return
         point = centre - (a[f"{name}.first.radius"] - x / 2) * normal
+        if x <= 0.0:
+            return 0.0, 0.0, normal, point
         speed = self.velocity_at(first, point) - self.velocity_at(second, point)
         ka, kb, kc, damping = (a[f"{name}.normal.{k}"] for k in ("a", "b", "c", "D"))
         size = max(0.0, ka * x**3 + kb * x**2 + kc * x) * max(0.0, 1 - damping * float(normal @ speed))
-        across = _turn(normal)
-        rub = -size * self._curve(float(across @ speed), a["friction_threshold.v_t"], f"{name}.friction")
-        force = size * normal + rub * across
-        for body, sign in ((first, 1.0), (second, -1.0)):
-            act(body, point, sign * force)  # type: ignore[operator]
+        rub = self._curve(float(_turn(normal) @ speed), a["friction_threshold.v_t"], f"{name}.friction")
+        return size, -size * rub, normal, point
 
     def _of_coordinates(self, found: Vector, column: dict[str, int]) -> Vector:
         """Accelerations of joints' angles and of what joints give from those of free bodies."""
-        out, gave = [], {}
+        out: list[float] = []
+        gave: dict[tuple[str, str], float] = {}
         for body in BODIES:
             at, up = column[body], self.parent[body]
             here, spin = found[at : at + 2], found[at + 2]

@@ -21,7 +21,7 @@ def _at(body: int, x: str, y: str) -> tuple[str, str]:
     return f"x{i} + c{i} * {x} - s{i} * {y}", f"y{i} + s{i} * {x} + c{i} * {y}"
 
 
-def _along(body: int, x: str, y: str) -> tuple[str, str]:
+def along_body(body: int, x: str, y: str) -> tuple[str, str]:
     """World components of a vector of a body's frame."""
     return (x, y) if body < 0 else (f"c{body} * {x} - s{body} * {y}", f"s{body} * {x} + c{body} * {y}")
 
@@ -43,7 +43,7 @@ def surface(s: Structure | LoneContact, c: int, room: bool) -> list[str]:
     """Lines that set x, nx, ny, distance (or room, nx, ny) from the centres."""
     _, b, shape, _ = s.contact[c]
     ra, rb = contact_numbers(s, c, L.A_R, L.B_R)
-    nx, ny = _along(b, *contact_numbers(s, c, L.N_X, L.N_Y))
+    nx, ny = along_body(b, *contact_numbers(s, c, L.N_X, L.N_Y))
     if shape == L.LINE:
         out = [f"nx = {nx}", f"ny = {ny}"]
         if room:
@@ -53,7 +53,7 @@ def surface(s: Structure | LoneContact, c: int, room: bool) -> list[str]:
     ends = ""
     out = []
     if shape == L.HYBRID:
-        ex, ey = _along(b, *contact_numbers(s, c, L.E_X, L.E_Y))
+        ex, ey = along_body(b, *contact_numbers(s, c, L.E_X, L.E_Y))
         out = [f"sx = {nx}", f"sy = {ny}", f"ex = {ex}", f"ey = {ey}"]
         ends = ", sx, sy, ex, ey"
     kind = "hybrid" if shape == L.HYBRID else "circle"
@@ -232,55 +232,6 @@ def derivatives(s: LoneContact, c: int, more: Callable[[int, str], list[str]] | 
     return out
 
 
-def _probe_force(s: Structure, k: int) -> list[str]:
-    """Lines that set the force ``fn`` of a probe, its two derivatives, and arms and heights of its points."""
-    a, b = s.probe[k]
-    o = s.offset[3] + L.PROBE_SIZE * k
-    numbers = [f"p[{o + i}]" for i in range(L.PROBE_SIZE)]
-    ax, ay = _along(a, *numbers[0:2])
-    bx, by = _along(b, *numbers[2:4])
-    out = [f"la = {ax}", f"ha = {ay}", f"lb = {bx}", f"hb = {by}"]
-    out.append(f"fn, fnx, fnr = felt(y{b} + hb - y{a} - ha, {_closing(s, k)}, {', '.join(numbers[4:8])})")
-    return out
-
-
-def probe(s: Structure, k: int, derivatives: bool) -> list[str]:
-    """One-sided vertical contact of a tip on A with a point of B, both hanging from ground or B from a guide."""
-    a, b = s.probe[k]
-    guide = s.vertical(b)
-    out = [*_probe_force(s, k), f"f{a} += fn * la", f"f{b} -= fn * lb"]
-    if derivatives:
-        out += [
-            f"fqa = -fnx * la + fnr * ha * v{a}", f"fqb = fnx * lb - fnr * hb * v{b}",
-            f"{s.stiffness(a, a)} += fqa * la - fn * ha", f"{s.stiffness(a, b)} += fqb * la",
-            f"{s.stiffness(b, a)} -= fqa * lb", f"{s.stiffness(b, b)} += -fqb * lb + fn * hb",
-            f"{s.damping(a, a)} -= fnr * la * la", f"{s.damping(a, b)} += fnr * lb * la",
-            f"{s.damping(b, a)} += fnr * la * lb", f"{s.damping(b, b)} -= fnr * lb * lb",
-        ]  # fmt: skip
-    if guide >= 0:
-        out.append(f"f{guide} -= fn")
-    if guide >= 0 and derivatives:
-        out += [
-            f"{s.stiffness(a, guide)} += fnx * la",
-            f"{s.stiffness(b, guide)} -= fnx * lb",
-            f"{s.stiffness(guide, guide)} -= fnx",
-            f"{s.stiffness(guide, a)} += fnx * la - fnr * ha * v{a}",
-            f"{s.stiffness(guide, b)} -= fnx * lb - fnr * hb * v{b}",
-            f"{s.damping(a, guide)} += fnr * la",
-            f"{s.damping(b, guide)} -= fnr * lb",
-            f"{s.damping(guide, guide)} -= fnr",
-            f"{s.damping(guide, a)} += fnr * la",
-            f"{s.damping(guide, b)} -= fnr * lb",
-        ]
-    return out
-
-
-def _closing(s: Structure, k: int) -> str:
-    """Rate of penetration of a probe."""
-    a, b = s.probe[k]
-    return f"lb * v{b} - la * v{a}" + (f" + v{s.vertical(b)}" if s.vertical(b) >= 0 else "")
-
-
 def contact_energy(s: Structure, c: int) -> list[str]:
     """Elastic energy and losses of contact ``c``."""
     stiffness = ", ".join(contact_numbers(s, c, L.K_A, L.K_B, L.K_C))
@@ -291,14 +242,3 @@ def contact_energy(s: Structure, c: int) -> list[str]:
         "friction_loss += mu * fn * slide",
     ]  # fmt: skip
     return [*centres(s, c), *surface(s, c, False), "if x > 0.0:", *indent(touch)]
-
-
-def probe_energy(s: Structure, k: int) -> list[str]:
-    """Elastic energy and losses of a probe."""
-    a, b = s.probe[k]
-    o = s.offset[3] + L.PROBE_SIZE * k
-    touch = [
-        f"stored, lost = felt_energy(x, {_closing(s, k)}, fn, p[{o + 4}], p[{o + 5}], p[{o + 6}])",
-        "energy += stored", "felt_loss += lost",
-    ]  # fmt: skip
-    return [*_probe_force(s, k), f"x = y{b} + hb - y{a} - ha", "if x > 0.0:", *indent(touch)]

@@ -9,9 +9,10 @@ from model.kernels import layout as L
 from model.kernels import workspace as W
 from model.kernels.codegen.bodies import mass, pose, thresholds
 from model.kernels.codegen.contact_memory import memory_energy
-from model.kernels.codegen.contacts import contact_energy, probe_energy
+from model.kernels.codegen.contacts import contact_energy
 from model.kernels.codegen.giving_bodies import giving_energy
 from model.kernels.codegen.giving_steps import pins_audited
+from model.kernels.codegen.probes import probe_energy
 from model.kernels.codegen.step_kernels import HEAD, module
 from model.kernels.codegen.string_contact import NAMES, string_energy_lines
 from model.kernels.codegen.structure import Structure

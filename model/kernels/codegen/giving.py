@@ -1,8 +1,8 @@
 """Chains of contacts where joints give: which coordinates move one surface against the other, and about which points.
 
-A joint that gives lets the pivot of its body move to the right and up in the world, by two more coordinates. A body that
-carries such a joint turns it about its own pivot displaced by what the joint gives, for the displacement does not turn
-along. Source lines of such bodies are in ``giving_bodies``.
+A joint that gives lets the pivot of its body move to the right and up in the world, by two more coordinates. A body
+that carries such a joint turns it about its own pivot displaced by what the joint gives, for the displacement does not
+turn along. Source lines of such bodies are in ``giving_bodies``.
 """
 
 from __future__ import annotations
@@ -41,8 +41,8 @@ def chain_of(
 ) -> Chain:
     """The chain where joints give.
 
-    ``ends`` are the bodies A and B by their side, ``pins`` directions with the body of their joint, ``pinned`` the bodies
-    with such a joint that another one turns.
+    ``ends`` are the bodies A and B by their side, ``pins`` directions with the body of their joint, ``pinned`` the
+    bodies with such a joint that another one turns.
     """
     a, b = ends[1], ends[-1]
 

@@ -54,7 +54,7 @@ def wide_matrix(s: Structure, more: list[str]) -> list[str]:
 
 
 def pins_allowed(s: Structure, c: int, reaches: int) -> list[str]:
-    """Most that each coordinate of a chain can change the gap of its contact, those of bodies on giving joints farther."""
+    """Texts of the most that each coordinate of a chain can change the gap of its contact within a step."""
     out = []
     farther = f"{2.0 * FARTHEST_M} + " if s.pin else ""
     for e in s.chain_terms(c):

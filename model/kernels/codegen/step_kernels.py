@@ -21,7 +21,6 @@ from model.kernels.codegen.contact_memory import (
     stage_sums,
     stages_of_memories,
 )
-from model.kernels.codegen.contacts import probe
 from model.kernels.codegen.giving_steps import (
     WIDE_NAMES,
     pins_allowed,
@@ -33,6 +32,7 @@ from model.kernels.codegen.giving_steps import (
     wide_matrix,
     wide_solved,
 )
+from model.kernels.codegen.probes import probe
 from model.kernels.codegen.string_contact import (
     NAMES,
     string_known_sides,

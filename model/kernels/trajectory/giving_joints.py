@@ -6,14 +6,20 @@
 import numpy as np
 
 from model.kernels.compile import kernel
+from model.kernels.laws import felt, friction
 from model.kernels.layout import (
+    BODY_SIZE,
     DAMP,
+    GLOBALS,
+    GUIDED,
     K_A,
     K_B,
     K_C,
     MU_A,
     MU_B1,
     MU_B2,
+    PIVOT_X,
+    PIVOT_Y,
     POSE_C,
     POSE_CX,
     POSE_CY,
@@ -24,8 +30,6 @@ from model.kernels.layout import (
     POSE_Y,
     V_T,
 )
-from model.kernels.laws import felt, friction
-from model.kernels.layout import BODY_SIZE, GLOBALS, GUIDED, PIVOT_X, PIVOT_Y
 from model.kernels.trajectory.dynamics import contact_frame
 from model.kernels.trajectory.kinematics import place
 
