@@ -55,9 +55,8 @@ def judge(case: Case, seed: int, choice: model.SceneChoice) -> str:
         fine = model.simulate(action, times, forces, scene=choice, tolerance=TIGHT, energy=True, initial=initial)
         coarse = model.simulate(action, times, forces, scene=choice, tolerance=LOOSE, initial=initial)
     except model.ModelError as problem:
-        return f"{type(problem).__name__}" + (
-            " (expected)" if case.expect == type(problem).__name__ else f": {problem}"
-        )
+        name = type(problem).__name__
+        return f"{name} (expected)" if case.expect == name else f"{name}: {problem}"
     energy = fine.energy
     assert energy is not None
     turned = abs(energy.work_in) + energy.lost_in_felt + energy.lost_in_contact_friction + energy.lost_in_joint_friction

@@ -60,6 +60,7 @@ def joint_effects(action: Action, time_s: ArrayLike, force_n: ArrayLike) -> list
     >>> [effect.of for effect in effects][:2]
     ['none', 'key_pin']
     """
+    action = loaded_as_at_rest(action)
     blow = np.asarray(time_s, dtype=float), np.asarray(force_n, dtype=float)
     out = [effect_of("none", "rigid", [action], lambda a: _marks(a, blow, SceneChoice()))]
     for effect in PINS:
@@ -102,6 +103,7 @@ def joint_sweep(
     >>> abs(found[10.0]["strike_m_per_s"] / found[0.0]["strike_m_per_s"] - 1.0) < 0.02
     True
     """
+    action = loaded_as_at_rest(action)
     blow = np.asarray(time_s, dtype=float), np.asarray(force_n, dtype=float)
     out = {0.0: _marks(action, blow, SceneChoice())}
     for factor in factors:
@@ -112,6 +114,18 @@ def joint_sweep(
         }
         out[float(factor)] = _marks(action.with_effects(values), blow, ALL)
     return out
+
+
+def loaded_as_at_rest(action: Action) -> Action:
+    """The action with the loads of its joints, and of its rail, at which it rests as it does on rigid joints."""
+    still = simulate(action, np.array([0.0, 1e-3]), np.zeros(2), inside=True).inside
+    assert still is not None
+    loads = {
+        f"{effect}.load.{axis}": float(still.joint_n[0, still.bodies.index(body), k])
+        for effect, body in PINS.items()
+        for k, axis in enumerate("xy")
+    }
+    return action.with_effects({**loads, f"{RAIL}.load_at_rest": loads["key_pin.load.y"]})
 
 
 def _rigid() -> dict[str, float]:

@@ -40,9 +40,9 @@ def study_joints(action: model.Action, force: Path | None, out: Path | None, qui
             cells = "".join(f"{row[name]:>12.4g}" for name in SWEPT)
             print(f"{head:<8}{cells}  {'yes' if row['held'] else 'no'}")
         print(
-            "\nThe thesis (5.2): bushings 'modelled as perfect revolute joints, though it is known that there is some"
+            "\nThe thesis (5.2): bushings 'were modelled as perfect revolute joints, though it is known that there is"
         )
-        print("movement'; the key's on its rail 'caused a noticeable discrepancy in the key position measurement'")
+        print("some movement'; the key's on its rail 'caused a noticeable discrepancy in the key position measurement'")
         print_files(files)
     return {
         "action": action.name,

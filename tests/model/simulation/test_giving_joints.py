@@ -157,7 +157,7 @@ def test_contact_forces_are_those_of_free_bodies(action: model.Action) -> None:
 def test_rest_is_a_balance_and_hardly_moved(action: model.Action) -> None:
     rigid, rest = model.rest_state(action), model.rest_state(action, scene=model.build_scene(action, GIVING))
     assert rest.residual_nm < 1e-12 and rest.bodies == rigid.bodies
-    # the load of this set is 0.2 N off that of the printed one: 2 um at the hammer's pin, which its short lever enlarges
+    # the load of this set is 0.2 N off the printed one's: 2 um at the hammer's pin, which its short lever enlarges
     np.testing.assert_allclose(rest.angle_rad, rigid.angle_rad, rtol=0, atol=2e-4)
     np.testing.assert_allclose(rest.contact_normal_n, rigid.contact_normal_n, rtol=0, atol=1e-2)
     unloaded = action.with_effects({"hammer_pin.load.x": 0.0, "hammer_pin.load.y": 0.0})
