@@ -154,6 +154,26 @@ def test_contact_forces_are_those_of_free_bodies(action: model.Action) -> None:
 
 
 @pytest.mark.slow
+def test_the_motor_presses_a_giving_key_as_its_own_equation_says(action: model.Action) -> None:
+    """Force of the tip from the rotor's motion alone: (torque - I alpha) over its lever."""
+    choice = model.SceneChoice(effects=("motor_arm", "key_pin", "hammer_pin"))
+    at, arm = np.arange(0.0, 0.2, 1e-5), action["motor_arm.length"]
+    found = model.simulate(
+        action, FORTE[0], arm * FORTE[1], scene=choice, tolerance=1e-8, output_time_s=at, contact_forces=True
+    )
+    assert found.contact_normal_n is not None and found.give is not None
+    tip = found.contact_normal_n[:, found.contacts.index("motor_arm")]
+    i = found.bodies.index("motor")
+    angle, speed = found.angle_rad[:, i], found.speed_rad_per_s[:, i]
+    torque = arm * np.interp(at, *FORTE) + arm * action["motor_arm.preload_n"]
+    torque -= action["motor_arm.spring_stiffness"] * angle
+    torque -= action["motor_arm.joint_friction"] * np.tanh(speed / action["friction_threshold.omega_t"])
+    force = (torque - action["motor_arm.inertia"] * np.gradient(speed, at)) / (arm * np.cos(angle))
+    assert tip.max() > 20.0 and np.abs(found.give.of("key")[0][:, 1]).max() > 1e-5
+    assert np.median(np.abs(force - tip)) < 1e-6 and np.abs(force - tip).max() < 0.05  # differences at kinks
+
+
+@pytest.mark.slow
 def test_rest_is_a_balance_and_hardly_moved(action: model.Action) -> None:
     rigid, rest = model.rest_state(action), model.rest_state(action, scene=model.build_scene(action, GIVING))
     assert rest.residual_nm < 1e-12 and rest.bodies == rigid.bodies
