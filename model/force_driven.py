@@ -19,6 +19,7 @@ from model.parameters.action import Action
 from model.parameters.effects import STRING_EFFECT, column
 from model.scene.build import Scene, build_scene
 from model.scene.string_terms import with_modes
+from model.simulation.giving_motion import giving_motion
 from model.simulation.loads_and_losses import Inside
 from model.simulation.options import ForceDrivenKeywords, ForceDrivenOptions
 from model.simulation.run import SMALLEST_TOLERANCE, Plan, Simulation, State
@@ -249,6 +250,7 @@ class ForceDrivenRun:
             counters=under_way.work() | modes_of(self.scene),
             tolerance=self.tolerance,
             string=string_motion(self.scene, self.output_time_s, under_way.remembered),
+            give=giving_motion(self.scene, under_way.remembered),
         )
 
     def _error(self, first: State, angles: Array) -> float:

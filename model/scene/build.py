@@ -24,6 +24,7 @@ from model.parameters.effects import KEY_LIFT, MOTOR, RAIL, SHANK, STRING_EFFECT
 from model.scene.contacts import chain_of, reach_of, read_contact
 from model.scene.effect_terms import bending, parts_of_hammer
 from model.scene.felt_memory import memories_of
+from model.scene.giving_joints import AXES, pins_and_numbers
 from model.scene.key_motion import KeyMotion
 from model.scene.selection import SceneChoice
 from model.scene.string_terms import string_numbers
@@ -68,6 +69,9 @@ class Scene:
             )
         if len(self.tables.string):
             raise InputError(f"{what}: found the effect string, allowed the rigid bar; leave the effect out")
+        if self.pins:
+            names = ", ".join(dict.fromkeys(f"{body}_pin" for body, _ in self.pins))
+            raise InputError(f"{what}: found joints that give ({names}), allowed rigid joints; leave these effects out")
 
     @cached_property
     def static_tables(self) -> L.Tables:
@@ -82,8 +86,13 @@ class Scene:
 
     @property
     def remembers(self) -> bool:
-        """Whether the scene has states beside angles and speeds: felt with memory, a string."""
-        return len(self.tables.memory) + len(self.tables.string) > 0
+        """Whether the scene has states beside angles and speeds: felt with memory, a string, joints that give."""
+        return len(self.tables.memory) + len(self.tables.string) + len(self.tables.pin) > 0
+
+    @cached_property
+    def pins(self) -> tuple[tuple[str, str], ...]:
+        """Body and direction, x or y, of each way in which a joint gives."""
+        return tuple((self.bodies[body], AXES[axis]) for body, axis in self.tables.pin.tolist())
 
     @cached_property
     def solved_contacts(self) -> int:
@@ -235,7 +244,7 @@ def build_scene(action: Action, choice: SceneChoice | None = None, key_motion: K
         sides.append([s for _, s in chain] + [0] * pad)
         vector += [*numbers, *(reach_of(parent, pivot, first, point, b) for b, _ in chain), *[0.0] * pad]
     offsets.append(len(vector))
-    px, py = action["drive.point.x"], action["drive.point.y"]
+    px, py = (action[f"drive.point.{k}"] for k in "xy")
     drives = [[L.JOINT_TORQUE, bodies.index(MOTOR)]] if motor else [[L.FORCE_DOWN, key]]
     vector += [0.0, 0.0] if motor else [px, py]
     offsets.append(len(vector))
@@ -247,16 +256,17 @@ def build_scene(action: Action, choice: SceneChoice | None = None, key_motion: K
     offsets.append(len(vector))
     prescribed = np.zeros(n, dtype=np.int64)
     if key_motion is not None:
-        prescribed[key] = 1
-        vector += key_motion.packed()
+        prescribed[key], vector = 1, [*vector, *key_motion.packed()]
     offsets.append(len(vector))
     dampers: list[int] = []
     if SHANK in bodies:
-        dampers = [bodies.index(SHANK)]
-        vector.append(bending(action)[1])
+        dampers, vector = [bodies.index(SHANK)], [*vector, bending(action)[1]]
+    pins_at = len(vector)
+    pins, given = pins_and_numbers(action, choice, bodies, key_motion is not None)
+    vector += given
     offsets.append(len(vector))
     vector += remembered
-    offsets.append(len(vector))
+    offsets += [len(vector), pins_at]
     strung = STRING_EFFECT in choice.effects
     vector += string_numbers(action) if strung else []
     tables = L.Tables(
@@ -274,6 +284,7 @@ def build_scene(action: Action, choice: SceneChoice | None = None, key_motion: K
         rail=np.array([names.index(RAIL)] if RAIL in names else [], dtype=np.int64),
         string=np.array([names.index(STRING)] if strung else [], dtype=np.int64),
         memory=_table(memories, 2),
+        pin=_table(pins, 2),
     )
     start = np.array([PRINTED_REST.get(b, 0.0) for b in bodies[: n - int(prescribed.sum())]])
     return Scene(tuple(bodies), tuple(names), tables, np.array(vector), start)

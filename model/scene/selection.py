@@ -26,7 +26,7 @@ from typing import Any
 
 from model.errors import InputError
 from model.parameters.action import BODIES, CONTACTS, LAW, STRING, Action
-from model.parameters.effects import EFFECTS, effect_defaults, effect_of
+from model.parameters.effects import EFFECTS, PINS, effect_defaults, effect_of
 from model.parameters.felt_laws import check_law, law_defaults, law_of
 from model.parameters.quantity import check_value
 
@@ -103,6 +103,8 @@ SCENES = {
     "motor-arm": SceneChoice(effects=("motor_arm",)),
     "string": SceneChoice(effects=("string",)),
     "lifting-key-flexible-shank": SceneChoice(effects=("balance_rail", "shank")),
+    "giving-hammer": SceneChoice(effects=("hammer_pin",)),
+    "giving-joints": SceneChoice(effects=("balance_rail", *PINS)),
 }
 
 

@@ -25,6 +25,7 @@ from model.kernels.signatures import Account, InputTable, Limits, Outputs, Scene
 from model.kernels.trajectory.contact_forces import forces_along, probe_forces_along
 from model.scene.build import Scene
 from model.scene.felt_memory import share_left
+from model.simulation.giving_motion import contacts_along, tip_forces
 from model.simulation.state import State as State
 from model.simulation.state import with_memory
 from model.simulation.string_motion import string_force, swung_on
@@ -97,7 +98,7 @@ class Simulation:
     counters: NDArray[np.int64] = field(default_factory=lambda: np.zeros(len(L.COUNTERS), dtype=np.int64))
     energy: bool = False
     creep: float = 1.0
-    audit: NDArray[np.float64] = field(default_factory=lambda: np.zeros(7))
+    audit: NDArray[np.float64] = field(default_factory=lambda: np.zeros(8))
     times: NDArray[np.float64] = field(default_factory=lambda: np.zeros(1))
     remembered: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 0)))
     """(m, z) what felt remembered at the output times of the last `advance`; none for most scenes."""
@@ -268,11 +269,14 @@ class Simulation:
         self.scene.check_whole(angle_rad, "contact forces")
         normal = np.zeros((len(angle_rad), len(self.scene.contacts)))
         tangential = np.zeros_like(normal)
-        forces_along(angle_rad, speed_rad_per_s, self.scene.vector, self.scene.tables, normal, tangential)
+        rows = self.remembered if memory is None else memory
+        if self.scene.remembers and len(rows) != len(angle_rad):
+            raise InputError(f"contact forces: found {len(rows)} rows of memories, allowed {len(angle_rad)}")
+        if self.scene.pins:
+            normal, tangential = np.moveaxis(contacts_along(self.scene, angle_rad, speed_rad_per_s, rows)[0], 2, 0)
+        else:
+            forces_along(angle_rad, speed_rad_per_s, self.scene.vector, self.scene.tables, normal, tangential)
         if self.scene.remembers:
-            rows = self.remembered if memory is None else memory
-            if len(rows) != len(angle_rad):
-                raise InputError(f"contact forces: found {len(rows)} rows of memories, allowed {len(angle_rad)}")
             share = share_left(self.scene.tables, self.scene.vector, normal, rows)
             normal, tangential = normal * share, tangential * share
             if len(self.scene.tables.string):
@@ -283,6 +287,10 @@ class Simulation:
     def probe_forces(self, angle_rad: NDArray[np.float64], speed_rad_per_s: NDArray[np.float64]) -> NDArray[np.float64]:
         """Force of each one-sided probe (the motor arm on the key) at given states; (m, n) in, (m, b) out, N."""
         self.scene.check_whole(angle_rad, "probe forces")
+        if self.scene.pins:
+            if len(self.remembered) != len(angle_rad):
+                raise InputError(f"probe forces: found {len(angle_rad)} states, allowed those last given out")
+            return tip_forces(self.scene, angle_rad, speed_rad_per_s, self.remembered)
         force = np.zeros((len(angle_rad), len(self.scene.tables.probe)))
         probe_forces_along(angle_rad, speed_rad_per_s, self.scene.vector, self.scene.tables, force)
         return force

@@ -8,6 +8,8 @@ from .felt_and_string import felt_law_effects as felt_law_effects
 from .felt_and_string import string_effects as string_effects
 from .figure import draw_study as draw_study
 from .figure import draw_thesis as draw_thesis
+from .giving_joints import joint_effects as joint_effects
+from .giving_joints import joint_sweep as joint_sweep
 from .thesis import Observation as Observation
 from .thesis import ThesisStudy as ThesisStudy
 from .thesis import thesis_studies as thesis_studies

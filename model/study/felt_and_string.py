@@ -97,7 +97,7 @@ def felt_law_effects(
         for law, numbers in NUMBERS.items():
             given = plain.with_laws(dict.fromkeys(contacts, law))
             paths = [[f"{contact}.{number}" for contact in contacts] for number in numbers]
-            out.append(effect_of(name, law, [given, *_varied(given, paths)], lambda a: touch_and_blow(a, blow)))
+            out.append(effect_of(name, law, [given, *varied_by_u(given, paths)], lambda a: touch_and_blow(a, blow)))
     return out
 
 
@@ -129,14 +129,14 @@ def string_effects(action: Action, time_s: ArrayLike, force_n: ArrayLike) -> lis
     strung, paths = load_scene("string"), [[f"string.{name}"] for name in OF_THE_STRING]
     return [
         effect_of("string", "bar", [action], lambda a: _blow_marks(a, blow, SceneChoice())),
-        effect_of("string", "modes", [action, *_varied(action, paths)], lambda a: _blow_marks(a, blow, strung)),
+        effect_of("string", "modes", [action, *varied_by_u(action, paths)], lambda a: _blow_marks(a, blow, strung)),
     ]
 
 
 Marks = dict[str, float]
 
 
-def _varied(action: Action, paths: Sequence[Sequence[str]]) -> list[Action]:
+def varied_by_u(action: Action, paths: Sequence[Sequence[str]]) -> list[Action]:
     """For each group of paths the action with all of them down by u, then up, within what is allowed."""
     out = []
     for group in paths:

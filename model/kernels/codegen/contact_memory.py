@@ -173,7 +173,7 @@ def factors(s: Structure) -> list[str]:
             out.append(f"back = ease * (gh * w[{W.Z_TURN + at}] + w[{W.Z_SPEED + at}])")
             for k, (b, _) in enumerate(s.chain[c]):
                 if b < s.free:
-                    out.append(f"m{b}_{cj} -= w[{W.Z_PUSH + W.LINKS * m + k}] * back")
+                    out.append(f"{s.factor(b, cj)} -= w[{W.Z_PUSH + W.LINKS * m + k}] * back")
     return out
 
 

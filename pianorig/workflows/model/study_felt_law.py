@@ -14,6 +14,8 @@ from pianorig.console.progress import working
 from pianorig.workflows.model.force_input import read_driving_force
 
 WORDS = {
+    "strike_ms": "strike ms",
+    "bottom_ms": "bottom ms",
     "free_flight_ms": "free ms",
     "strike_m_per_s": "strike m/s",
     "contact_ms": "contact ms",
@@ -25,6 +27,7 @@ WORDS = {
     "loss_mj": "loss mJ",
     "share": "share",
     "height": "height",
+    "give_mm": "give mm",
 }
 
 
@@ -78,17 +81,19 @@ def effect_rows(effects: Sequence[Effect]) -> list[dict[str, Any]]:
     ]
 
 
-def effect_lines(effects: Sequence[Effect]) -> list[str]:
-    """A table of effects; a dash for what did not happen."""
+def effect_lines(effects: Sequence[Effect], first: tuple[str, str] = ("felt", "law")) -> list[str]:
+    """A table of effects; a dash for what did not happen; ``first`` heads what they are of."""
     names = [name for name in WORDS if name in effects[0].value]
-    lines = [f"{'felt':<11}{'law':<14}" + "".join(f"{WORDS[name]:>16}" for name in names) + "  held"]
+    wide = max(11, *(len(e.of) + 1 for e in effects))
+    lines = [f"{first[0]:<{wide}}{first[1]:<14}" + "".join(f"{WORDS[name]:>16}" for name in names) + "  held"]
     for e in effects:
         cells = "".join(f"{_cell(e.value[name], e.u[name]):>16}" for name in names)
-        lines.append(f"{e.of:<11}{e.law:<14}{cells}  {'yes' if e.held else 'no'}")
+        lines.append(f"{e.of:<{wide}}{e.law:<14}{cells}  {'yes' if e.held else 'no'}")
     return lines
 
 
 def _cell(value: float, u: float) -> str:
     if value != value:
         return "-"
-    return f"{value:.3g}" if not u > 1e-6 * abs(value) else f"{value:.3g}+-{u:.1g}"
+    digits = 4 if abs(value) >= 100.0 else 3
+    return f"{value:.{digits}g}" if not u > 1e-6 * abs(value) else f"{value:.{digits}g}+-{u:.1g}"

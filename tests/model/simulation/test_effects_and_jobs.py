@@ -27,6 +27,12 @@ CASES: dict[str, tuple[model.Action, model.SceneChoice]] = {
         ACTION.with_laws({"contact02": "stulov", "contact04": "hysteresis"}),
         model.SceneChoice(effects=("balance_rail", "shank", "string")),
     ),
+    "giving joints": (ACTION, model.load_scene("giving-joints")),
+    "giving joints, shank, string, laws": (
+        ACTION.with_laws({"contact02": "stulov", "contact04": "hysteresis"}),
+        model.SceneChoice(effects=("shank", "string", "key_pin", "jack_pin", "hammer_pin")),
+    ),
+    "motor arm and giving key": (ACTION, model.SceneChoice(effects=("motor_arm", "key_pin", "hammer_pin"))),
     "motor arm and string": (ACTION, model.SceneChoice(effects=("motor_arm", "string"))),
 }
 
