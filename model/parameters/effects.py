@@ -1,4 +1,4 @@
-"""Effects a scene may add: a key that can lift off its balance rail, a shank that bends, the motor arm, a string.
+"""Effects a scene may add: a key that lifts off its rail, a shank that bends, motor arm and drive, finger, string.
 
 Each is a section of parameters (`effects.toml`: defaults with unit and source; paths like ``shank.frequency_hz``) and
 one more coordinate, or modes in place of the bar; `model.scene.effect_terms` and `string_terms` derive their terms in
@@ -15,8 +15,10 @@ from pathlib import Path
 from model.parameters.quantity import Quantity, quantity_tables, read_quantity
 
 FILE = Path(__file__).with_name("effects.toml")
-EFFECTS = ("balance_rail", "shank", "motor_arm", "string")
+EFFECTS = ("balance_rail", "shank", "motor_arm", "string", "motor_drive", "finger")
 KEY_LIFT, SHANK, MOTOR = "key_lift", "shank", "motor"  # coordinates: m, rad, rad
+WINDING, FINGER = "winding", "finger"  # the charge that has passed, C; rad
+ARM, MOTOR_DRIVE = "motor_arm", "motor_drive"
 RAIL = "balance_rail"
 STRING_EFFECT = "string"
 
@@ -36,5 +38,7 @@ def effect_of(path: str) -> str | None:
 
 def column(coordinate: str, rate: bool = False) -> str:
     """Name of the output column of a coordinate, or of its rate."""
+    if coordinate == WINDING:
+        return "current_a" if rate else "charge_c"
     unit = "m" if coordinate == KEY_LIFT else "rad"
     return f"{coordinate}_{unit}" + ("_per_s" if rate else "")

@@ -20,6 +20,7 @@ from model.kernels.codegen.load import kernels_of
 from model.kernels.trajectory.contact_forces import forces_along, penetrations
 from model.parameters.action import Action
 from model.scene.build import Scene, build_scene
+from model.scene.pressing import steady_current
 
 LARGEST_TURN = 0.05  # rad per iteration
 KICK = 1e-3  # rad, off a saddle
@@ -48,6 +49,10 @@ def balance(
     w[W.Q : W.Q + n] = q
     if v is not None:
         w[W.V : W.V + n] = v
+    if scene.command is not None:
+        u = scene.command.value(u)
+        if v is None and scene.wound:
+            w[W.V + scene.wound[0]] = steady_current(scene.vector[scene.tables.offset[2] :], u)
     w[W.STATIC] = 1.0
     kernels_of(scene.static_tables).linearise(w, scene.vector, u)
     mass = np.diag(w[W.M_DIAG : W.M_DIAG + n])
@@ -87,7 +92,7 @@ def solve_rest(
     q = np.array(scene.start if start is None else start, dtype=float)
     if q.shape != (scene.size,) or not np.all(np.isfinite(q)):
         raise InputError(f"rest state: start found {q}, allowed {scene.size} finite angles")
-    free = np.array([i for i in range(scene.size) if i not in held], dtype=np.int64)
+    free = np.array([i for i in range(scene.size) if i not in (*held, *scene.wound)], dtype=np.int64)
     for _ in range(MOST_ESCAPES):
         q, f, stiff = _descend(scene, q, u, free)
         for _ in range(20):
@@ -139,7 +144,8 @@ def rest_state(action: Action, force_n: float = 0.0, scene: Scene | None = None)
     Parameters
     ----------
     action : parameter set
-    force_n : N, positive downwards on the key (with a motor arm in ``scene``: the motor's torque, N m)
+    force_n : N, positive downwards on the key (with a motor arm, its drive or a finger in
+        ``scene``: torque, N m; command, V; way of the hand, m)
     scene : what takes part; by default the whole action without effects
 
     Returns
