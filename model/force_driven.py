@@ -88,7 +88,8 @@ def simulate(
     Parameters
     ----------
     action : parameter set
-    time_s, force_n : (k,) force table, linear between its points; with the effect ``motor_arm`` the motor's torque, N m
+    time_s, force_n : (k,) force table, linear between its points; with an effect that presses the key
+        its input: torque of ``motor_arm``, N m; command of ``motor_drive``, V; motion of ``finger``, m
     initial : where to start; by default at rest without force
     tolerance : requested largest error of any angle, rad; by default 1e-5
     output_time_s : (m,) increasing, within the table; by default the table's own times
@@ -185,10 +186,11 @@ class ForceDrivenRun:
         solution = self.solution(under_way, angles, speeds)
         if energy:
             given, *lost = map(float, under_way.audit)
-            lost[-1] += lost_meanwhile(
+            audit = EnergyAudit(given, under_way.stored_energy() - stored, *lost)
+            ringing = lost_meanwhile(
                 self.scene, (state.time_s, under_way.state.time_s), (state.memory, under_way.state.memory)
             )
-            audit = EnergyAudit(given, under_way.stored_energy() - stored, *lost)
+            audit = replace(audit, lost_in_string=audit.lost_in_string + ringing)
             solution = replace(solution, energy=audit)
         if "inside" in self.outputs:
             solution = replace(solution, inside=self._inside(state))
@@ -274,9 +276,13 @@ class ForceDrivenRun:
 
 
 def _contact_forces(run: Simulation, angles: Array, speeds: Array) -> tuple[tuple[str, ...], Array, Array]:
-    """Names (c,), normal and friction forces (m, c) of all contacts, the motor arm's tip as one of them."""
+    """Names (c,), normal and friction forces (m, c) of all contacts, the tip of motor arm or finger as one of them."""
     normal, tangential = run.contact_forces(angles, speeds)
     if not len(run.scene.tables.probe):
         return run.scene.contacts, normal, tangential
     tip = run.probe_forces(angles, speeds)
-    return (*run.scene.contacts, "motor_arm"), np.hstack([normal, tip]), np.hstack([tangential, np.zeros_like(tip)])
+    return (
+        (*run.scene.contacts, run.scene.presser),
+        np.hstack([normal, tip]),
+        np.hstack([tangential, np.zeros_like(tip)]),
+    )

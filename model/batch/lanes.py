@@ -34,8 +34,8 @@ def can(job: Job) -> bool:
     """Whether lanes give all that a job asks for."""
     if job.run is None or job.failure is not None or not set(job.run.outputs) <= SUPPORTED:
         return False
-    if job.run.scene.remembers:
-        return False  # the kernels for lanes know no memory
+    if job.run.scene.remembers or job.run.scene.wound:
+        return False  # the kernels for lanes know no memory and no amplifier
     return job.run.method in METHODS and METHODS[job.run.method].loop is integrate
 
 

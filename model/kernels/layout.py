@@ -18,7 +18,7 @@ GROUND, GUIDED = -1, -2
 CIRCLE, LINE, HYBRID = 0, 1, 2
 
 # drives: what the scalar input u(t) does
-FORCE_DOWN, JOINT_TORQUE = 0, 1
+FORCE_DOWN, JOINT_TORQUE, AMPLIFIER = 0, 1, 2
 
 # p[0:3]
 GRAVITY, V_T, OMEGA_T = 0, 1, 2
@@ -41,6 +41,10 @@ CONTACT_SIZE = REACH + 4
 # per drive: point of a force in the body's frame
 DRIVE_X, DRIVE_Y = 0, 1
 DRIVE_SIZE = 2
+# an amplifier acts on a winding; its coordinate is the charge that has passed (its speed is the current, its inertia
+# the inductance), the motor that it turns is the one before. Alone in its scene. Ohm, N m/A, then as `laws.amplifier`
+WINDING_R, WINDING_K, WINDING_AMPLIFIER = 0, 1, 2
+WINDING_SIZE = 7
 
 # per probe (one-sided vertical contact between a point of body A and a point of body B)
 PROBE_SIZE = 8  # A x, A y, B x, B y, a, b, c, D

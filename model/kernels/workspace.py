@@ -24,9 +24,10 @@ GRIP = SLIDE_RATE + MAX_CONTACTS  # (MAX_CONTACTS,) acceleration of a joint by f
 U = GRIP + MAX_CONTACTS  # (MAX_STAGES, 2, WIDTH) stages: angle part, speed part
 AUDIT_Q = U + MAX_STAGES * 2 * WIDTH  # state at which energies and powers are asked for
 AUDIT_V = AUDIT_Q + WIDTH
-ENERGY, POWER_IN, POWER_FELT, POWER_FRICTION, POWER_JOINTS, POWER_RAIL, POWER_SHANK, POWER_PINS, POWER_STRING = range(
-    AUDIT_V + WIDTH, AUDIT_V + WIDTH + 9
-)  # J, W; the last four only where a scene has the effect
+(
+    ENERGY, POWER_IN, POWER_FELT, POWER_FRICTION, POWER_JOINTS, POWER_RAIL, POWER_SHANK, POWER_PINS, POWER_STRING,
+    POWER_DRIVE,
+) = range(AUDIT_V + WIDTH, AUDIT_V + WIDTH + 10)  # fmt: skip  # J, W; the last five only where a scene has the effect
 STATIC = ENERGY + 2 * WIDTH  # 1 leaves (dM/dq) a out of K, for statics
 PIECE = STATIC + 1  # piece of the prescribed motion found last
 SIZE = STATIC + WIDTH

@@ -9,7 +9,6 @@ motion of the key is prescribed, the other bodies are solved for and the input i
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -18,9 +17,11 @@ from numpy.typing import NDArray
 
 from model.errors import InputError
 from model.kernels import layout as L
+from model.kernels import workspace as W
 from model.kernels.codegen.structure import solved_contacts
 from model.parameters.action import CONTACTS, STRING, Action
-from model.parameters.effects import KEY_LIFT, MOTOR, RAIL, SHANK, STRING_EFFECT
+from model.parameters.effects import ARM, FINGER, KEY_LIFT, MOTOR, MOTOR_DRIVE, RAIL, SHANK, STRING_EFFECT, WINDING
+from model.scene import pressing
 from model.scene.contacts import chain_of, reach_of, read_contact
 from model.scene.effect_terms import bending, parts_of_hammer
 from model.scene.felt_memory import memories_of
@@ -45,6 +46,7 @@ class Scene:
     tables: L.Tables
     vector: NDArray[np.float64]
     start: NDArray[np.float64]  # (size,) rad, where the search for the rest state begins
+    command: pressing.Command | None = None  # how the input of a run reaches the kernels; None as it is
 
     @property
     def size(self) -> int:
@@ -72,6 +74,9 @@ class Scene:
         if self.pins:
             names = ", ".join(dict.fromkeys(f"{body}_pin" for body, _ in self.pins))
             raise InputError(f"{what}: found joints that give ({names}), allowed rigid joints; leave these effects out")
+        if self.command is not None:
+            effect = MOTOR_DRIVE if WINDING in self.bodies else FINGER
+            raise InputError(f"{what}: found the effect {effect}, allowed a force on the key or the effect motor_arm")
 
     @cached_property
     def static_tables(self) -> L.Tables:
@@ -83,6 +88,16 @@ class Scene:
         """Contacts whose felt has a law with memory; then the string, where there is one."""
         felts = dict.fromkeys(self.contacts[c] for c, _ in self.tables.memory)
         return (*felts, *(("string",) if len(self.tables.string) else ()))
+
+    @property
+    def presser(self) -> str:
+        """Effect whose tip presses the key, as a name among contacts; empty where a force on the key drives it."""
+        return FINGER if FINGER in self.bodies else ARM if MOTOR in self.bodies else ""
+
+    @cached_property
+    def wound(self) -> tuple[int, ...]:
+        """Coordinate of the winding's charge, which has no place of rest; none for most scenes."""
+        return (self.bodies.index(WINDING),) if WINDING in self.bodies else ()
 
     @property
     def remembers(self) -> bool:
@@ -102,7 +117,7 @@ class Scene:
 
 def check_prescribed_key(choice: SceneChoice) -> None:
     """Refuse a choice whose key cannot follow a prescribed motion."""
-    for effect in ("motor_arm", RAIL):
+    for effect in ("motor_arm", FINGER, RAIL):
         if effect in choice.effects:
             raise InputError(f"scene: found a prescribed key and the effect {effect}, allowed one of them")
     if len(choice.bodies) == 1:
@@ -112,9 +127,14 @@ def check_prescribed_key(choice: SceneChoice) -> None:
 def _coordinates(choice: SceneChoice, key_motion: KeyMotion | None) -> list[str]:
     """Names of the coordinates in order: bodies, then what effects add; a prescribed key comes last."""
     out = [*choice.bodies]
-    for effect, coordinate in (("motor_arm", MOTOR), (RAIL, KEY_LIFT), ("shank", SHANK)):
+    effects = ((ARM, MOTOR), (MOTOR_DRIVE, WINDING), (FINGER, FINGER), (RAIL, KEY_LIFT), ("shank", SHANK))
+    for effect, coordinate in effects:  # the winding follows the motor that it turns
         if effect in choice.effects:
             out.append(coordinate)
+    if len(out) > W.WIDTH:
+        raise InputError(
+            f"scene: found {len(out)} coordinates ({', '.join(out)}), allowed {W.WIDTH}; leave an effect out"
+        )
     if key_motion is None:
         return out
     check_prescribed_key(choice)
@@ -124,7 +144,7 @@ def _coordinates(choice: SceneChoice, key_motion: KeyMotion | None) -> list[str]
 def _parent(action: Action, bodies: list[str], body: str) -> int:
     if body == KEY_LIFT:
         return L.GUIDED
-    name = {"key": KEY_LIFT, SHANK: "hammer", MOTOR: "ground"}.get(body)
+    name = {"key": KEY_LIFT, SHANK: "hammer", MOTOR: "ground", WINDING: "ground", FINGER: "ground"}.get(body)
     if body == "key" and KEY_LIFT not in bodies:
         name = None
     name = action.structure[f"{body}.parent"] if name is None else name
@@ -136,12 +156,10 @@ def _body(action: Action, bodies: list[str], body: str) -> list[float]:
     if body == KEY_LIFT:
         friction = action[f"{RAIL}.guide_friction.A"]
         return [action["key.pivot.x"], action["key.pivot.y"], 0.0, 0.0, 0.0, 0.0, friction, 0.0, 0.0]
-    if body == MOTOR:
-        x, y = action["drive.point.x"], action["drive.point.y"]
-        c, s = math.cos(PRINTED_REST["key"]), math.sin(PRINTED_REST["key"])
-        tip_x, tip_y = action["key.pivot.x"] + c * x - s * y, action["key.pivot.y"] + s * x + c * y
-        rotor = [action["motor_arm.inertia"], action["motor_arm.joint_friction"], 0.0, 0.0]
-        return [tip_x + action["motor_arm.length"], tip_y, 0.0, 0.0, 0.0, *rotor]
+    if body in (MOTOR, FINGER):
+        return pressing.pressing_body(action, body, PRINTED_REST["key"])
+    if body == WINDING:
+        return pressing.winding_body(action)
     if body == SHANK:
         mass, x, y, inertia = parts_of_hammer(action)[1]
         return [action["shank.hinge.x"], action["shank.hinge.y"], x, y, mass, inertia, 0.0, 0.0, 0.0]
@@ -163,9 +181,9 @@ def _springs(action: Action, choice: SceneChoice, bodies: list[str]) -> list[tup
         numbers = [action[f"{b}_spring.{k}"] for k in ("torque", "stiffness", "angle")]
         if numbers[0] != 0.0 or numbers[1] != 0.0:
             out.append((bodies.index(b), numbers))
-    if MOTOR in bodies:
-        torque = action["motor_arm.preload_n"] * action["motor_arm.length"]
-        out.append((bodies.index(MOTOR), [torque, action["motor_arm.spring_stiffness"], 0.0]))
+    presser = pressing.presser_of(bodies)
+    if presser is not None:
+        out.append((bodies.index(presser), pressing.pressing_spring(action, presser)))
     if SHANK in bodies:
         out.append((bodies.index(SHANK), [0.0, bending(action)[0], 0.0]))
     return out
@@ -173,6 +191,18 @@ def _springs(action: Action, choice: SceneChoice, bodies: list[str]) -> list[tup
 
 def _table(rows: list, width: int) -> NDArray[np.int64]:
     return np.array(rows, dtype=np.int64).reshape(len(rows), width)
+
+
+def _dampers(action: Action, bodies: list[str]) -> tuple[list[int], list[float]]:
+    """Coordinates with a damper of their own, and the dampers' numbers."""
+    dampers, numbers = [], []
+    if SHANK in bodies:
+        dampers.append(bodies.index(SHANK))
+        numbers.append(bending(action)[1])
+    if FINGER in bodies:
+        dampers.append(bodies.index(FINGER))
+        numbers.append(pressing.damping_of_finger(action))
+    return dampers, numbers
 
 
 def _ancestors(parent: list[int]) -> NDArray[np.int64]:
@@ -186,7 +216,7 @@ def _ancestors(parent: list[int]) -> NDArray[np.int64]:
 def build_scene(action: Action, choice: SceneChoice | None = None, key_motion: KeyMotion | None = None) -> Scene:
     """Scene of the whole action, or of what ``choice`` leaves out and adds.
 
-    Driven by a force on the key, by the torque of the motor where the choice has one, or by the motion of the key.
+    Driven by a force on the key, by what presses it where the choice has that, or by the motion of the key.
 
     Parameters
     ----------
@@ -213,7 +243,7 @@ def build_scene(action: Action, choice: SceneChoice | None = None, key_motion: K
     choice.check(action)
     bodies = _coordinates(choice, key_motion)
     parent = [_parent(action, bodies, b) for b in bodies]
-    n, key, motor = len(bodies), bodies.index("key"), MOTOR in bodies
+    n, key, presser = len(bodies), bodies.index("key"), pressing.presser_of(bodies)
     vector: list[float] = [action["gravity.g"], action["friction_threshold.v_t"], action["friction_threshold.omega_t"]]
     for b in bodies:
         vector += _body(action, bodies, b)
@@ -244,23 +274,20 @@ def build_scene(action: Action, choice: SceneChoice | None = None, key_motion: K
         sides.append([s for _, s in chain] + [0] * pad)
         vector += [*numbers, *(reach_of(parent, pivot, first, point, b) for b, _ in chain), *[0.0] * pad]
     offsets.append(len(vector))
-    px, py = (action[f"drive.point.{k}"] for k in "xy")
-    drives = [[L.JOINT_TORQUE, bodies.index(MOTOR)]] if motor else [[L.FORCE_DOWN, key]]
-    vector += [0.0, 0.0] if motor else [px, py]
+    drive, numbers = pressing.drive_numbers(action, bodies)
+    vector += numbers
     offsets.append(len(vector))
     probes: list[list[int]] = []
-    if motor:
-        probes = [[bodies.index(MOTOR), key]]
-        law = [action[f"motor_arm.contact_{k}"] for k in ("a", "b", "c", "damping")]
-        vector += [-action["motor_arm.length"], 0.0, px, py, *law]
+    if presser is not None:
+        probes = [[bodies.index(presser), key]]
+        vector += pressing.tip_contact(action, presser)
     offsets.append(len(vector))
     prescribed = np.zeros(n, dtype=np.int64)
     if key_motion is not None:
         prescribed[key], vector = 1, [*vector, *key_motion.packed()]
     offsets.append(len(vector))
-    dampers: list[int] = []
-    if SHANK in bodies:
-        dampers, vector = [bodies.index(SHANK)], [*vector, bending(action)[1]]
+    dampers, given = _dampers(action, bodies)
+    vector += given
     pins_at = len(vector)
     pins, given = pins_and_numbers(action, choice, bodies, key_motion is not None)
     vector += given
@@ -276,7 +303,7 @@ def build_scene(action: Action, choice: SceneChoice | None = None, key_motion: K
         contact=_table(contacts, 4),
         chain=_table(chains, L.MAX_CHAIN),
         side=_table(sides, L.MAX_CHAIN),
-        drive=_table(drives, 2),
+        drive=_table([drive], 2),
         probe=_table(probes, 2),
         offset=np.array(offsets, dtype=np.int64),
         prescribed=prescribed,
@@ -287,4 +314,4 @@ def build_scene(action: Action, choice: SceneChoice | None = None, key_motion: K
         pin=_table(pins, 2),
     )
     start = np.array([PRINTED_REST.get(b, 0.0) for b in bodies[: n - int(prescribed.sum())]])
-    return Scene(tuple(bodies), tuple(names), tables, np.array(vector), start)
+    return Scene(tuple(bodies), tuple(names), tables, np.array(vector), start, pressing.command_of(action, bodies))

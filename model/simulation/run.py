@@ -98,7 +98,7 @@ class Simulation:
     counters: NDArray[np.int64] = field(default_factory=lambda: np.zeros(len(L.COUNTERS), dtype=np.int64))
     energy: bool = False
     creep: float = 1.0
-    audit: NDArray[np.float64] = field(default_factory=lambda: np.zeros(8))
+    audit: NDArray[np.float64] = field(default_factory=lambda: np.zeros(9))
     times: NDArray[np.float64] = field(default_factory=lambda: np.zeros(1))
     remembered: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 0)))
     """(m, z) what felt remembered at the output times of the last `advance`; none for most scenes."""
@@ -168,6 +168,8 @@ class Simulation:
         times = np.require(input_time_s, float, ["C", "W"])
         values = np.require(input_value, float, ["C", "W"])
         self._check(float(until), times, values, outputs)
+        if self.scene.command is not None:
+            times, values = self.scene.command.table(times, values, held)
         # what rounding puts just past the end, `_check` lets through, the step loop would not reach
         outputs = np.minimum(outputs, max(float(until), self.state.time_s))
         out_z = np.full((len(outputs), len(self.state.memory)), np.nan)

@@ -33,12 +33,13 @@ class EnergyAudit:
     lost_in_shank: float = 0.0
     lost_in_pins: float = 0.0  # in the bushings of joints that give
     lost_in_string: float = 0.0
+    lost_in_drive: float = 0.0  # the motor's winding, or the finger's joint
 
     @property
     def residual(self) -> float:
         """Work that is not accounted for, J: an error of the integration, zero for an exact one."""
         lost = self.lost_in_felt + self.lost_in_contact_friction + self.lost_in_joint_friction
-        lost += self.lost_in_rail + self.lost_in_shank + self.lost_in_pins + self.lost_in_string
+        lost += self.lost_in_rail + self.lost_in_shank + self.lost_in_pins + self.lost_in_string + self.lost_in_drive
         return self.work_in - self.stored_change - lost
 
 
@@ -51,7 +52,8 @@ class Solution:
     bodies : (n,) names, order of the columns
     time_s : (m,)
     angle_rad : (m, n) key, whippen and hammer from ground, jack and repetition from the whippen; then what effects
-        add: ``key_lift`` in m above the balance rail, ``shank`` the head's angle from the straight shank
+        add: ``key_lift`` in m above the balance rail, ``shank`` the head's angle from the straight shank,
+        ``winding`` the charge (C) that has passed, its rate the current (A)
     speed_rad_per_s : (m, n) and its rates
     contacts : names of the contacts in the scene
     contact_normal_n, contact_friction_n : (m, c) N, or None where forces were not asked for

@@ -20,6 +20,7 @@ from model.kernels.codegen.load import kernels_of
 from model.kernels.trajectory.contact_forces import forces_along, penetrations
 from model.parameters.action import Action
 from model.scene.build import Scene, build_scene
+from model.scene.pressing import steady_current
 from model.simulation.giving_motion import contacts_along
 
 LARGEST_TURN = 0.05  # rad per iteration
@@ -54,6 +55,10 @@ def balance(
     w[W.Q : W.Q + n] = q
     if v is not None:
         w[W.V : W.V + n] = v
+    if scene.command is not None:
+        u = scene.command.value(u)
+        if v is None and scene.wound:
+            w[W.V + scene.wound[0]] = steady_current(scene.vector[scene.tables.offset[2] :], u)
     w[W.STATIC] = 1.0
     kernels_of(scene.static_tables).linearise(w, scene.vector, u)
     mass = np.diag(w[W.M_DIAG : W.M_DIAG + n])
@@ -124,7 +129,7 @@ def solve_rest(
         q = np.append(q, np.zeros(len(scene.pins)))
     if q.shape != (scene.size + len(scene.pins),) or not np.all(np.isfinite(q)):
         raise InputError(f"rest state: start found {q}, allowed {scene.size} finite angles")
-    free = np.array([i for i in range(len(q)) if i not in held], dtype=np.int64)
+    free = np.array([i for i in range(len(q)) if i not in (*held, *scene.wound)], dtype=np.int64)
     for _ in range(MOST_ESCAPES):
         q, f, stiff = _descend(scene, q, u, free)
         for _ in range(20):
@@ -176,7 +181,8 @@ def rest_state(action: Action, force_n: float = 0.0, scene: Scene | None = None)
     Parameters
     ----------
     action : parameter set
-    force_n : N, positive downwards on the key (with a motor arm in ``scene``: the motor's torque, N m)
+    force_n : N, positive downwards on the key (with a motor arm, its drive or a finger in
+        ``scene``: torque, N m; command, V; way of the hand, m)
     scene : what takes part; by default the whole action without effects
 
     Returns

@@ -151,11 +151,23 @@ def forces(s: Structure, slopes: bool) -> list[str]:
             out.append(f"f{i} -= u * (c{i} * p[{o + L.DRIVE_X}] - s{i} * p[{o + L.DRIVE_Y}])")
             if s.vertical(i) >= 0:
                 out.append(f"f{s.vertical(i)} -= u")
+        elif kind == L.AMPLIFIER:
+            out += winding(i, o)
         else:
             out.append(f"f{i} += u")
     for k, i in enumerate(s.damper):
         out.append(f"f{i} -= p[{s.offset[5] + L.DAMPER_SIZE * k}] * v{i}")
     return out
+
+
+def winding(i: int, o: int) -> list[str]:
+    """Voltages in a winding and the torque of its current on the motor before it; the amplifier's ``volts``."""
+    numbers = ", ".join(f"p[{o + k}]" for k in range(L.WINDING_AMPLIFIER, L.WINDING_SIZE))
+    return [
+        f"volts, volts_u, volts_i = amplifier(u, v{i}, {numbers})",
+        f"f{i} += volts - p[{o + L.WINDING_R}] * v{i} - p[{o + L.WINDING_K}] * v{i - 1}",
+        f"f{i - 1} += p[{o + L.WINDING_K}] * v{i}",
+    ]
 
 
 def derivatives(s: Structure) -> list[str]:
@@ -195,6 +207,10 @@ def derivatives(s: Structure) -> list[str]:
             out += [f"u{i} -= c{i} * {x} - s{i} * {y}", f"{s.stiffness(i, i)} += u * (s{i} * {x} + c{i} * {y})"]
             if s.vertical(i) >= 0:
                 out.append(f"u{s.vertical(i)} -= 1.0")
+        elif kind == L.AMPLIFIER:
+            turn = f"p[{o + L.WINDING_K}]"
+            out += [f"u{i} += volts_u", f"{s.damping(i, i)} += volts_i - p[{o + L.WINDING_R}]"]
+            out += [f"{s.damping(i, i - 1)} -= {turn}", f"{s.damping(i - 1, i)} += {turn}"]
         else:
             out.append(f"u{i} += 1.0")
     for k, i in enumerate(s.damper):

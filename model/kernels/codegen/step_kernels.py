@@ -55,6 +55,7 @@ from model.kernels.motion import motion_at, piece_at
 from model.kernels.signatures import ENERGY, LINEARISE, PREPARE, SKIP, STAGE
 from model.kernels.terms import circle_gap, contact_laws, cosine_sine, felt_energy, hybrid_gap
 '''
+AMPLIFIER_HEAD = "from model.kernels.laws import amplifier\n"
 _LANES_HEAD = '''"""Generated for lanes from the structure of a scene by step_kernels; do not edit."""
 
 from numba import int64
@@ -269,6 +270,8 @@ def emit_with_pieces(tables: L.Tables, lanes: int = 1) -> tuple[str, list[Piece]
         head = "from model.kernels.memory_laws import stulov_open\n" + head
     if s.string:
         head = NAMES + head
+    if s.wound:
+        head = AMPLIFIER_HEAD + head
     return module(*functions, head=HEAD + head), used
 
 

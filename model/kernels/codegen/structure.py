@@ -90,6 +90,11 @@ class Structure:
         body = self.pin[g]
         return [body, *(i for i in self.children(body) if i not in self.guided)]
 
+    @property
+    def wound(self) -> bool:
+        """Whether an amplifier and a winding drive the scene."""
+        return any(kind == L.AMPLIFIER for kind, _ in self.drive)
+
     def memories(self, c: int) -> list[int]:
         """Numbers of the states that contact ``c`` remembers."""
         return [k for k, (contact, _) in enumerate(self.memory) if contact == c]
@@ -156,6 +161,9 @@ class Structure:
                 out |= {(i, w), (w, i)}
         for chain in self.chain:
             out |= {(i, j) for i, _ in chain for j, _ in chain if i < self.free}
+        for kind, i in self.drive:
+            if kind == L.AMPLIFIER:
+                out |= {(i, i - 1), (i - 1, i)}
         for a, b in self.probe:
             ends = [i for i in (a, b, self.vertical(b)) if i >= 0]
             out |= {(i, j) for i in ends for j in ends}
