@@ -193,7 +193,7 @@ def experiment(cell: str, k: int, options: argparse.Namespace) -> dict[str, Any]
         true = p.physical(start, truth[e.name])
         rows.append(
             {
-                "name": e.name, "true_z": truth[e.name], "z": e.z, "u": e.z_u, "u_form": e.u_form,
+                "name": e.name, "true_z": truth[e.name], "z": e.z, "u": e.z_u, "u_lacking": e.u_form,
                 "u_jackknife": e.u_jackknife, "inside": bool(e.low <= true <= e.high), "profiled": e.profiled,
                 "interval": e.interval, "verdict": e.verdict,
             }

@@ -11,6 +11,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.stats import norm, qmc
 
 import model
@@ -26,13 +27,17 @@ from validation.identification.noise import (
     Sizes,
     box_step,
     dampings,
+    family_of,
     largest_step,
+    learn,
     likeliest,
 )
-from validation.identification.observations import ObservedTrial
+from validation.identification.observations import CHANNELS, ObservedTrial
 from validation.identification.unknowns.priors import Unknowns
 
 MOST_STEPS = 30
+MOST_TIGHT = 12
+TIGHT_STEPS, HOPELESS = 3, 20.0  # a fit as if nothing were lacking ends where it is so far off, per datum, by then
 FIRST_FLOOR = 0.1  # of the discrepancy in the first step; then what the last step showed the linear model to be worth
 MOST_LEARNINGS = 6  # of the sizes, near the minimum
 CLOSE = 0.1  # of a posterior standard uncertainty: a step below it is the last
@@ -41,8 +46,9 @@ LEAST_GAIN = (
     0.05  # of twice the negative log posterior: a step that gains less has come to a kink, or to the runs' error
 )
 NEAR = 2.0
+NEAR_FLOOR = 0.01  # a linear model that is off by no more is near enough to the minimum
 AFAR = 0.3  # how far z may move before columns of force noise are found again
-ROUNDS, LAST_ROUNDS = 6, 40
+ROUNDS, LAST_ROUNDS = 4, 30
 START_SEED = 125
 
 
@@ -66,15 +72,25 @@ class Problem:
     held: tuple[Array, ...] = ()
 
     @property
-    def laws(self) -> Array:
-        """What scatters from trial to trial: laws among what moves, and the h columns of fixed ones, (p + h,) bool."""
+    def families(self) -> NDArray[np.intp]:
+        """Family of everything that moves and of the h fixed laws that scatter, (p + h,); -1 for what is no law."""
         held = self.held[0].shape[2] if self.held else 0
-        return np.array([p.factor for p in self.unknowns.moved] + held * [True])
+        return np.array([family_of(p) for p in (*self.unknowns.moved, *self.unknowns.held[:held])], dtype=np.intp)
+
+    @property
+    def laws(self) -> NDArray[np.bool_]:
+        """What scatters from trial to trial: laws among what moves, and the h columns of fixed ones, (p + h,) bool."""
+        return self.families >= 0
 
     @property
     def sessions(self) -> int:
         """Number of sessions."""
         return 1 + max(t.session for t in self.trials)
+
+    @property
+    def seen(self) -> Array:
+        """1 where a session measured a channel, else 0, (sessions, channels)."""
+        return np.ones((self.sessions, CHANNELS))
 
     def box(self) -> tuple[Array, Array]:
         """Smallest and largest z, (p,) each."""
@@ -108,12 +124,12 @@ class Fitted:
     @property
     def badness(self) -> float:
         """Twice the negative log marginal likelihood, sizes included, so that fits of the same trials compare."""
-        return -2.0 * self.marginal.log_likelihood(self.linear)
+        return -2.0 * self.marginal.log_evidence(self.linear)
 
     @property
     def settled(self) -> bool:
         """Whether it has converged where the model lacks next to nothing."""
-        return self.converged and float(self.marginal.sizes.common.max()) <= 2.0 * FLOOR
+        return self.converged and float(self.marginal.sizes.discrepancy.max()) <= NEAR_FLOOR
 
     @property
     def covariance(self) -> Array:
@@ -183,12 +199,12 @@ def fit(
         raise ValidationInputError("identify: the model cannot run at the start; use other values with --set")
     columns = Columns(problem) if columns is None else columns
     first = Sizes.tight if tight else Sizes.start
-    sizes, steps, converged = first(problem.laws, problem.sessions), 0, False
-    floor, largest = (FLOOR, 0.0) if tight else (FIRST_FLOOR, np.inf)
+    sizes, steps, converged = first(problem.families, problem.seen), 0, False
+    floor, largest, most = (FLOOR, 0.0, MOST_TIGHT) if tight else (FIRST_FLOOR, np.inf, MOST_STEPS)
     asked, damping, learnings = len(problem.unknowns.asked), 0.0, 0
     while True:
         try:
-            near = floor <= NEAR * FLOOR
+            near = floor <= NEAR_FLOOR
             blocks = columns.blocks(z, near)
         except ModelError as error:
             raise ValidationInputError(f"identify: {error}") from None
@@ -197,14 +213,15 @@ def fit(
         # near the minimum sizes are kept until the values have settled, so that there is one function to minimise
         rounds = LAST_ROUNDS if near else ROUNDS
         kept = near and largest < NEAR or (tight and learnings == 0)
-        marginal = Marginal(blocks, sizes) if kept else likeliest(blocks, linear, sizes, rounds, floor)
+        marginal = Marginal(blocks, sizes) if kept else learn(blocks, linear, sizes, rounds, floor)
         largest = largest_step(marginal, here, z, (low, high), asked)
         if near and largest < CLOSE:
             marginal, learnings = likeliest(blocks, linear, marginal.sizes, rounds), learnings + 1
             largest = largest_step(marginal, here, z, (low, high), asked)
             converged = largest < (CLOSE if learnings < MOST_LEARNINGS else STALLED)
         sizes = marginal.sizes
-        if converged or steps == MOST_STEPS or learnings >= MOST_LEARNINGS:
+        hopeless = tight and steps == TIGHT_STEPS and marginal.objective(here, z) > HOPELESS * sum(r.size for r in here)
+        if converged or hopeless or steps == most or learnings >= MOST_LEARNINGS:
             break
         steps += 1
         attempt = _attempt(problem, marginal, here, z, damping)
