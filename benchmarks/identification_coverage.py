@@ -39,8 +39,9 @@ from rig.simulated.bench.plant import ActionPlant, load_plant
 from validation.errors import ValidationError
 from validation.identification.estimates import estimate_all
 from validation.identification.exact_runs import ExactRuns
-from validation.identification.fit import Problem, search
+from validation.identification.fit import Problem
 from validation.identification.identify import LEAST_EFFECT_RAD, held_columns
+from validation.identification.minima import search
 from validation.identification.observations import ObservedTrial, observe
 from validation.identification.outcome.result import IDENTIFIED
 from validation.identification.scatter import lacking

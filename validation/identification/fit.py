@@ -1,8 +1,7 @@
 """The most probable values: Gauss–Newton in a box, everything linear taken out, sizes of noise learnt on the way.
 
 Conventions: z in prior standard uncertainties, see `priors`. Each step minimises the linear model in the box; it is
-damped (Marquardt) until it lowers the objective and the model can run there. Several starts, drawn by a Latin
-hypercube within one prior standard uncertainty, show whether there is one minimum.
+damped (Marquardt) until it lowers the objective and the model can run there. `minima` fits from several starts.
 """
 
 from __future__ import annotations
@@ -12,7 +11,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import norm, qmc
 
 import model
 from model.errors import ModelError
@@ -46,10 +44,10 @@ LEAST_GAIN = (
     0.05  # of twice the negative log posterior: a step that gains less has come to a kink, or to the runs' error
 )
 NEAR = 2.0
+SLIGHT = 0.05  # of the response: a discrepancy that is no reason to look for another minimum
 NEAR_FLOOR = 0.01  # a linear model that is off by no more is near enough to the minimum
 AFAR = 0.3  # how far z may move before columns of force noise are found again
 ROUNDS, LAST_ROUNDS = 4, 30
-START_SEED = 125
 
 
 @dataclass(frozen=True)
@@ -81,6 +79,12 @@ class Problem:
     def laws(self) -> NDArray[np.bool_]:
         """What scatters from trial to trial: laws among what moves, and the h columns of fixed ones, (p + h,) bool."""
         return self.families >= 0
+
+    @property
+    def watched(self) -> NDArray[np.intp]:
+        """Places in z of what must have settled: what is asked for, and errors of the force, which bend a stroke."""
+        n = len(self.unknowns.asked)
+        return np.array([j for j, p in enumerate(self.unknowns.moved) if j < n or not p.paths], dtype=np.intp)
 
     @property
     def sessions(self) -> int:
@@ -129,7 +133,7 @@ class Fitted:
     @property
     def settled(self) -> bool:
         """Whether it has converged where the model lacks next to nothing."""
-        return self.converged and float(self.marginal.sizes.discrepancy.max()) <= NEAR_FLOOR
+        return self.converged and float(self.marginal.sizes.discrepancy.max()) <= SLIGHT
 
     @property
     def covariance(self) -> Array:
@@ -201,7 +205,7 @@ def fit(
     first = Sizes.tight if tight else Sizes.start
     sizes, steps, converged = first(problem.families, problem.seen), 0, False
     floor, largest, most = (FLOOR, 0.0, MOST_TIGHT) if tight else (FIRST_FLOOR, np.inf, MOST_STEPS)
-    asked, damping, learnings = len(problem.unknowns.asked), 0.0, 0
+    watched, damping, learnings = problem.watched, 0.0, 0
     while True:
         try:
             near = floor <= NEAR_FLOOR
@@ -214,10 +218,10 @@ def fit(
         rounds = LAST_ROUNDS if near else ROUNDS
         kept = near and largest < NEAR or (tight and learnings == 0)
         marginal = Marginal(blocks, sizes) if kept else learn(blocks, linear, sizes, rounds, floor)
-        largest = largest_step(marginal, here, z, (low, high), asked)
+        largest = largest_step(marginal, here, z, (low, high), watched)
         if near and largest < CLOSE:
             marginal, learnings = likeliest(blocks, linear, marginal.sizes, rounds), learnings + 1
-            largest = largest_step(marginal, here, z, (low, high), asked)
+            largest = largest_step(marginal, here, z, (low, high), watched)
             converged = largest < (CLOSE if learnings < MOST_LEARNINGS else STALLED)
         sizes = marginal.sizes
         hopeless = tight and steps == TIGHT_STEPS and marginal.objective(here, z) > HOPELESS * sum(r.size for r in here)
@@ -231,7 +235,7 @@ def fit(
             say(said if taken else f"step {steps}: no step from here lowers the objective")
         if near and largest < NEAR and attempt.gain < LEAST_GAIN:
             marginal, learnings = likeliest(blocks, linear, sizes, rounds), learnings + 1
-            converged = largest_step(marginal, here, z, (low, high), asked) < STALLED
+            converged = largest_step(marginal, here, z, (low, high), watched) < STALLED
             if converged or learnings >= MOST_LEARNINGS:
                 break
             sizes = marginal.sizes
@@ -241,7 +245,7 @@ def fit(
         elif near:
             break
         floor = max(FLOOR, 0.5 * (worth if taken else min(worth, floor)))
-        damping = damping / 10.0 if damping > LEAST_DAMPING else 0.0
+        damping = damping / 10.0 if damping > LEAST_DAMPING and worth > FLOOR else 0.0
     return Fitted(z, curves, marginal, linear, marginal.objective(here, z), steps, converged)
 
 
@@ -275,43 +279,3 @@ def _attempt(problem: Problem, marginal: Marginal, here: Sequence[Array], z: Arr
 def _one(problem: Problem, z: Array) -> list[Array] | None:
     """Curves at one point."""
     return problem.response.curves([z])[0]
-
-
-def search(problem: Problem, n: int, say: Callable[[str], None] | None, columns: Columns | None) -> list[Fitted]:
-    """Fits from several starts, the likeliest first.
-
-    A fit that has not settled, or after which the model seems to lack something, may stand in a wrong minimum where
-    the discrepancy explains what a parameter should. It is followed by one from where it ended and one from the
-    action's values, both of which take the model to lack nothing until they have settled.
-
-    Parameters
-    ----------
-    problem : Problem
-    n : how many points of `starts` to start from in any case
-    say : called with a line after each step
-    columns : derivatives at the action's values, found already
-    """
-    points = starts(problem, n)
-    fits = [fit(problem, z, say, None if k else columns) for k, z in enumerate(points)]
-    for from_there in (True, False):
-        best = min(fits, key=lambda f: f.badness)
-        if best.settled:
-            break
-        if say is not None:
-            say("once more " + ("from there" if from_there else "from the start") + ", as if the model lacked nothing")
-        at, known = (best.z, None) if from_there else (points[0], columns)
-        fits.append(fit(problem, at, say, known, tight=True))
-    return sorted(fits, key=lambda f: f.badness)
-
-
-def starts(problem: Problem, n: int) -> list[Array]:
-    """Points to start from: the action's own values, then a Latin hypercube of the asked ones within the prior."""
-    p, asked = len(problem.unknowns.moved), len(problem.unknowns.asked)
-    out = [np.zeros(p)]
-    if n > 1:
-        drawn = qmc.LatinHypercube(asked, seed=START_SEED).random(n - 1)
-        for row in drawn:
-            z = np.zeros(p)
-            z[:asked] = norm.ppf(0.16 + 0.68 * row)
-            out.append(z)
-    return out

@@ -15,8 +15,9 @@ from validation.conventions import ENCODER_CHANNELS, Array
 from validation.errors import ValidationInputError
 from validation.identification.estimates import LACKING, estimate_all
 from validation.identification.exact_runs import ExactRuns
-from validation.identification.fit import Columns, Fitted, Problem, search
+from validation.identification.fit import Columns, Fitted, Problem
 from validation.identification.identifiability import directions, warnings_of
+from validation.identification.minima import search
 from validation.identification.noise import FLOOR, Sizes, learn
 from validation.identification.observations import ObservedTrial
 from validation.identification.options import IdentifyKeywords, IdentifyOptions

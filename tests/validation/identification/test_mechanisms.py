@@ -14,7 +14,8 @@ import model
 from tests.validation.identification import toy
 from validation.conventions import Array
 from validation.identification.exact_runs import ExactRuns
-from validation.identification.fit import Problem, fit, search
+from validation.identification.fit import Problem, fit
+from validation.identification.minima import search
 from validation.identification.model_runs import Case, ModelRuns, _slow_noise_n, noise_knots
 from validation.identification.noise import Marginal, Sizes, box_step, learn
 from validation.identification.observations import ObservedTrial
@@ -82,7 +83,7 @@ def test_the_scatter_of_a_fixed_law_is_learnt() -> None:
         trials, p.response.curves([zero])[0] or [], from_law, strict=True)]  # fmt: skip
     learnt = learn(toy.blocks_of(p, zero), residuals, Sizes.start(p.families, p.seen), 40)
     assert 0.15 < learnt.sizes.scatter[3] < 0.6
-    assert np.all(learnt.sizes.scatter[:3] < 0.1)
+    assert np.all(learnt.sizes.scatter[:2] < 0.1)  # joints; the third is of the fixed law's family
 
 
 class Kinked(toy.Toy):

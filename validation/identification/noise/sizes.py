@@ -25,7 +25,7 @@ SCALES_S = (3e-3, 3e-2, 0.3)
 FAMILIES = ("friction of contacts", "friction of joints", "damping", "stiffness", "springs")
 SCATTER, OWN, COMMON = 0.07, 0.03, 0.2  # where learning starts
 LEAST = 1e-6
-FLOOR = 5e-4  # of the response: no model is taken to be closer, and no linear model of it is
+FLOOR = 2e-3  # of the response: no model is taken to be closer, and no linear model of it is
 # what is believed of a size beforehand: median, standard deviation of its natural logarithm
 SCATTER_BELIEF = (0.05, 1.1)  # 1.5 % of a law whose prior is 30 %, to a factor of three
 OWN_BELIEF = (0.01, 2.0)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from validation.conventions import Array
 from validation.identification.noise.marginal import Marginal
@@ -40,10 +41,12 @@ def box_step(marginal: Marginal, here: Sequence[Array], z: Array, box: tuple[Arr
     return np.clip(z + step, low, high) - z
 
 
-def largest_step(marginal: Marginal, here: Sequence[Array], z: Array, box: tuple[Array, Array], asked: int) -> float:
-    """Largest change of an asked parameter in the whole step from z, in its posterior standard uncertainties."""
+def largest_step(
+    marginal: Marginal, here: Sequence[Array], z: Array, box: tuple[Array, Array], watched: NDArray[np.intp]
+) -> float:
+    """Largest change of what is watched in the whole step from z, in its posterior standard uncertainties."""
     width = np.sqrt(np.diag(marginal.covariance)[: marginal.p])
-    return float(np.max((np.abs(box_step(marginal, here, z, box, 0.0)) / width)[:asked]))
+    return float(np.max((np.abs(box_step(marginal, here, z, box, 0.0)) / width)[watched]))
 
 
 def dampings(last: float) -> list[float]:
