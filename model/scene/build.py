@@ -27,7 +27,7 @@ from model.scene.effect_terms import bending, parts_of_hammer
 from model.scene.felt_memory import memories_of
 from model.scene.giving_joints import AXES, pins_and_numbers
 from model.scene.key_motion import KeyMotion
-from model.scene.selection import SceneChoice
+from model.scene.selection import SceneChoice, check_prescribed_key
 from model.scene.string_terms import string_numbers
 
 # rest angles of the printed action, to two digits: the solver needs a start on the right side of each contact
@@ -115,15 +115,6 @@ class Scene:
         return len(solved_contacts(self.tables))
 
 
-def check_prescribed_key(choice: SceneChoice) -> None:
-    """Refuse a choice whose key cannot follow a prescribed motion."""
-    for effect in ("motor_arm", FINGER, RAIL):
-        if effect in choice.effects:
-            raise InputError(f"scene: found a prescribed key and the effect {effect}, allowed one of them")
-    if len(choice.bodies) == 1:
-        raise InputError("scene: found nothing but the prescribed key, allowed scenes with another body")
-
-
 def _coordinates(choice: SceneChoice, key_motion: KeyMotion | None) -> list[str]:
     """Names of the coordinates in order: bodies, then what effects add; a prescribed key comes last."""
     out = [*choice.bodies]
@@ -191,18 +182,6 @@ def _springs(action: Action, choice: SceneChoice, bodies: list[str]) -> list[tup
 
 def _table(rows: list, width: int) -> NDArray[np.int64]:
     return np.array(rows, dtype=np.int64).reshape(len(rows), width)
-
-
-def _dampers(action: Action, bodies: list[str]) -> tuple[list[int], list[float]]:
-    """Coordinates with a damper of their own, and the dampers' numbers."""
-    dampers, numbers = [], []
-    if SHANK in bodies:
-        dampers.append(bodies.index(SHANK))
-        numbers.append(bending(action)[1])
-    if FINGER in bodies:
-        dampers.append(bodies.index(FINGER))
-        numbers.append(pressing.damping_of_finger(action))
-    return dampers, numbers
 
 
 def _ancestors(parent: list[int]) -> NDArray[np.int64]:
@@ -286,7 +265,7 @@ def build_scene(action: Action, choice: SceneChoice | None = None, key_motion: K
     if key_motion is not None:
         prescribed[key], vector = 1, [*vector, *key_motion.packed()]
     offsets.append(len(vector))
-    dampers, given = _dampers(action, bodies)
+    dampers, given = pressing.dampers_of(action, bodies)
     vector += given
     pins_at = len(vector)
     pins, given = pins_and_numbers(action, choice, bodies, key_motion is not None)

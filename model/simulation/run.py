@@ -27,7 +27,7 @@ from model.scene.build import Scene
 from model.scene.felt_memory import share_left
 from model.simulation.giving_motion import contacts_along, tip_forces
 from model.simulation.state import State as State
-from model.simulation.state import with_memory
+from model.simulation.state import check_input, with_memory
 from model.simulation.string_motion import string_force, swung_on
 
 # Local error allowed per step for a requested largest error of an angle over the whole run: found with
@@ -51,7 +51,6 @@ REST_SHARE = 0.1  # share of the requested tolerance that an action taken to be 
 STEPS_AT_LEAST, STEPS_PER_SECOND = 20_000, 200_000
 
 SMALLEST_TOLERANCE, LARGEST_TOLERANCE = 1e-12, 1e-2
-TIME_SLACK = 1e-9  # s, rounding of times computed in different ways
 
 _ADVICE = {
     STEP_TOO_SMALL: "the step fell below 1e-12 s; check that no bodies overlap at the start, "
@@ -167,7 +166,7 @@ class Simulation:
         out_v = np.full((len(outputs), self.scene.size), np.nan)
         times = np.require(input_time_s, float, ["C", "W"])
         values = np.require(input_value, float, ["C", "W"])
-        self._check(float(until), times, values, outputs)
+        check_input((self.state.time_s, float(until)), times, values, outputs)
         if self.scene.command is not None:
             times, values = self.scene.command.table(times, values, held)
         # what rounding puts just past the end, `_check` lets through, the step loop would not reach
@@ -224,28 +223,6 @@ class Simulation:
             normal = self.contact_forces(q[None], v[None], self.state.memory[None])[0][0]
             words += f", {self.scene.contacts[int(np.argmax(normal))]} presses with {normal.max():.3g} N"
         return words + ")"
-
-    def _check(
-        self,
-        until: float,
-        times: NDArray[np.float64],
-        values: NDArray[np.float64],
-        outputs: NDArray[np.float64],
-    ) -> None:
-        """Refuse input that would silently give a wrong answer."""
-        now = self.state.time_s
-        if not until >= now - TIME_SLACK or np.isinf(until):
-            raise InputError(f"end of the run: found {until:g} s, allowed a finite time from now on ({now:g} s)")
-        if times.ndim != 1 or times.shape != values.shape or len(times) == 0:
-            raise InputError(f"input: found shapes {times.shape} and {values.shape}, allowed two equal rows of numbers")
-        if not (np.all(np.isfinite(times)) and np.all(np.isfinite(values))):
-            raise InputError("input: found a time or value that is not finite; remove or repair the row")
-        if np.any(np.diff(times) <= 0.0):
-            raise InputError("input: times found that do not increase; allowed increasing times")
-        if len(outputs) and not (
-            np.all(np.diff(outputs) >= 0.0) and outputs[0] >= now - TIME_SLACK and outputs[-1] <= until + TIME_SLACK
-        ):
-            raise InputError(f"output times: allowed increasing, from now ({now:g} s) to the end ({until:g} s)")
 
     def stored_energy(self) -> float:
         """Kinetic, potential and elastic energy of the present state, J; zero of heights at the ground's origin."""

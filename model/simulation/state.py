@@ -19,6 +19,7 @@ from model.scene.felt_memory import rested
 from model.simulation.statics import with_pins
 from model.simulation.string_motion import straight
 
+TIME_SLACK = 1e-9  # s, rounding of times computed in different ways
 LARGEST_ANGLE, LARGEST_SPEED = 1e3, 1e6  # rad, rad/s
 
 
@@ -88,3 +89,25 @@ def _rested(scene: Scene, state: State, whole: NDArray[np.float64]) -> NDArray[n
     for place, contact in enumerate(solved_contacts(scene.tables)):
         depth[contact] = -w[W.GAP + place]
     return rested(scene.tables, scene.vector, depth.tolist())
+
+
+def check_input(
+    span_s: tuple[float, float],
+    times: NDArray[np.float64],
+    values: NDArray[np.float64],
+    outputs: NDArray[np.float64],
+) -> None:
+    """Refuse input that would silently give a wrong answer, for a run over ``span_s``."""
+    now, until = span_s
+    if not until >= now - TIME_SLACK or np.isinf(until):
+        raise InputError(f"end of the run: found {until:g} s, allowed a finite time from now on ({now:g} s)")
+    if times.ndim != 1 or times.shape != values.shape or len(times) == 0:
+        raise InputError(f"input: found shapes {times.shape} and {values.shape}, allowed two equal rows of numbers")
+    if not (np.all(np.isfinite(times)) and np.all(np.isfinite(values))):
+        raise InputError("input: found a time or value that is not finite; remove or repair the row")
+    if np.any(np.diff(times) <= 0.0):
+        raise InputError("input: times found that do not increase; allowed increasing times")
+    if len(outputs) and not (
+        np.all(np.diff(outputs) >= 0.0) and outputs[0] >= now - TIME_SLACK and outputs[-1] <= until + TIME_SLACK
+    ):
+        raise InputError(f"output times: allowed increasing, from now ({now:g} s) to the end ({until:g} s)")
