@@ -16,6 +16,7 @@ from pianorig.workflows.model.force_input import read_driving_force
 WORDS = {
     "strike_ms": "strike ms",
     "bottom_ms": "bottom ms",
+    "give_mm": "give mm",
     "free_flight_ms": "free ms",
     "strike_m_per_s": "strike m/s",
     "contact_ms": "contact ms",
@@ -23,7 +24,6 @@ WORDS = {
     "check_mm": "check mm",
     "down_n": "down N",
     "let_off_n": "let-off N",
-    "give_mm": "give mm",
 }
 
 
