@@ -84,8 +84,11 @@ RANGES: dict[str, tuple[float, float, bool]] = {
     "hysteresis.eta": (1e-3, 0.4, False),  # up to where it is passive (0148-felt-laws-with-memory.md)
     "hysteresis.eta2": (1e-3, 0.4, False),
     "hysteresis.eta3": (1e-3, 0.4, False),
-    **{f"{body}_pin.stiffness": (1e3, 1e9, False) for body in ("key", "whippen", "jack", "repetition", "hammer")},
-    "damping": (0.0, 1e5, False),
+    **{
+        f"{body}_pin.{name}": allowed
+        for body in ("key", "whippen", "jack", "repetition", "hammer")
+        for name, allowed in (("stiffness", (1e3, 1e9, False)), ("damping", (0.0, 1e5, False)))
+    },
     "load.x": (-1e3, 1e3, False),
     "load.y": (-1e3, 1e3, False),
 }

@@ -27,7 +27,6 @@ WORDS = {
     "loss_mj": "loss mJ",
     "share": "share",
     "height": "height",
-    "give_mm": "give mm",
 }
 
 
