@@ -23,6 +23,7 @@ WORDS = {
     "check_mm": "check mm",
     "down_n": "down N",
     "let_off_n": "let-off N",
+    "give_mm": "give mm",
     "peak_n": "peak N",
     "loss_mj": "loss mJ",
     "share": "share",
