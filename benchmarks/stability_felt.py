@@ -36,7 +36,7 @@ from model.simulation.statics import solve_rest
 
 TIGHT, LOOSE, MISS = 1e-9, 1e-5, 10.0
 CLOSES = 1e-6
-ROUNDING = 1e-12  # of the energy stored: a jammed action may hold kilojoules and turn over microjoules
+ROUNDING = 2.2e-16  # of the energy stored, every step: a jammed action may hold kilojoules, turn over microjoules
 EFFECTS = {"string": ("string",), "all": ("balance_rail", "shank", "string")}
 FIXED = ("string.modes", "shank.frequency_hz", "shank.hinge", "shank.near")  # what others must fit to
 Row = dict[str, str | int | float]
@@ -126,7 +126,7 @@ def judge(case: Case, what: str) -> Row:
         energy = fine.energy
         turned = abs(energy.work_in) + energy.work_in - energy.stored_change - energy.residual
         stored = abs(model.Simulation(runs.scene, runs.start()).stored_energy())
-        row["residual"] = max(0.0, abs(energy.residual) - ROUNDING * stored) / turned
+        row["residual"] = max(0.0, abs(energy.residual) - ROUNDING * stored * fine.counters["n_steps"]) / turned
         row["error_rad"] = error = float(np.max(np.abs(fine.angle_rad - coarse.angle_rad)[:, :5]))
         if not row["residual"] <= CLOSES:
             return row | {"outcome": "wrong: energy"}

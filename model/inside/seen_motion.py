@@ -50,7 +50,14 @@ class SeenMotion:
         return self.scene.bodies
 
 
-def see_motion(scene: Scene, time_s: Array, angle_rad: Array, speed_rad_per_s: Array, force_n: Array) -> SeenMotion:
+def see_motion(
+    scene: Scene,
+    time_s: Array,
+    angle_rad: Array,
+    speed_rad_per_s: Array,
+    force_n: Array,
+    normal_n: Array | None = None,
+) -> SeenMotion:
     """Poses and contacts at given states.
 
     Parameters
@@ -59,10 +66,16 @@ def see_motion(scene: Scene, time_s: Array, angle_rad: Array, speed_rad_per_s: A
     time_s : (m,) s
     angle_rad, speed_rad_per_s : (m, n) states
     force_n : (m,) input
+    normal_n : (m, c) normal forces of the run; needed where felt remembers or a string is struck, for there angles and
+        speeds do not decide them
 
     Returns
     -------
     SeenMotion
+
+    Raises
+    ------
+    InputError : felt that remembers, or a string, without its forces
 
     Examples
     --------
@@ -75,6 +88,8 @@ def see_motion(scene: Scene, time_s: Array, angle_rad: Array, speed_rad_per_s: A
     >>> seen.pose.shape
     (3501, 5, 3)
     """
+    if normal_n is None:
+        scene.refuse_memory("forces of a drawing from angles alone")
     found = Observer(scene).evaluate(angle_rad, speed_rad_per_s, force_n)
     return SeenMotion(
         scene=scene,
@@ -82,5 +97,5 @@ def see_motion(scene: Scene, time_s: Array, angle_rad: Array, speed_rad_per_s: A
         pose=found.poses(),
         point_m=found.contact[:, :, O.SEEN_X : O.SEEN_Y + 1],
         penetration_m=found.contact[:, :, O.SEEN_DEPTH],
-        normal_n=found.contact[:, :, O.SEEN_NORMAL],
+        normal_n=found.contact[:, :, O.SEEN_NORMAL] if normal_n is None else normal_n,
     )

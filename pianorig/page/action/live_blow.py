@@ -50,7 +50,10 @@ def _blow(name: str, changes: tuple[str, ...], blow: str) -> _Blow:
     action = changed_action(name, changes)
     table_s, table_n = model.force_table(blow)
     times = model.output_times(float(table_s[0]), float(table_s[-1]), RATE_HZ)
-    solution = model.simulate(action, table_s, table_n, output_time_s=times, tolerance=TOLERANCE_RAD)
+    solution = model.simulate(
+        action, table_s, table_n, output_time_s=times, tolerance=TOLERANCE_RAD,
+        contact_forces=model.build_scene(action).remembers,
+    )  # fmt: skip
     return _Blow(action, times, np.interp(times, table_s, table_n), solution, model.rest_state(action).angle_rad)
 
 
@@ -86,6 +89,7 @@ def live_blow(name: str, changes: Sequence[str], blow: str) -> dict[str, Any]:
         solution.angle_rad[rows],
         solution.speed_rad_per_s[rows],
         found.force_n[rows],
+        None if solution.contact_normal_n is None else solution.contact_normal_n[rows],
     )
     curves = blow_curves(name, changes, blow)["values"]
     channels = {

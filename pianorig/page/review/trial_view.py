@@ -186,12 +186,14 @@ def _drawing(measured: MeasuredTrial, predicted: _Predicted) -> dict[str, Any]:
     start = max(float(measured.force.time_s[0]), float(measured.time_s[0]))
     times = drawing_times(start, float(min(measured.force.time_s[-1], measured.time_s[-1])))
     action, force = predicted.tested.action, measured.force
-    solution = model.simulate(
-        action, force.time_s, force.force_n, output_time_s=times, initial=load.rest, tolerance=TOLERANCE_RAD
-    )
     scene = model.build_scene(action)
+    solution = model.simulate(
+        action, force.time_s, force.force_n, output_time_s=times, initial=load.rest, tolerance=TOLERANCE_RAD,
+        contact_forces=scene.remembers,
+    )  # fmt: skip
     force_n = np.interp(times, force.time_s, force.force_n)
-    seen = see_motion(scene, times, solution.angle_rad, solution.speed_rad_per_s, force_n)
+    motion = solution.angle_rad, solution.speed_rad_per_s
+    seen = see_motion(scene, times, *motion, force_n, solution.contact_normal_n)
     angle = np.full((times.size, len(BODIES)), np.nan)
     for i, body in enumerate(BODIES):
         found = _measured_of(measured, body)

@@ -13,6 +13,7 @@ from model.files.force_library import force_table
 from model.inside.animation import FAR_STEP_S, NEAR_STEP_S, frame_rows, write_animation
 from model.inside.figure import draw_sheet
 from model.inside.labels import close_up
+from model.inside.seen_motion import see_motion
 from model.inside.side_view import side_view
 
 SVG = "{http://www.w3.org/2000/svg}"
@@ -117,3 +118,14 @@ def test_what_cannot_be_drawn_is_refused(action: model.Action, blow: tuple, tmp_
         with pytest.raises(model.InputError, match="inside=True"):
             draw(action, blind, np.zeros(2), tmp_path / "a.svg")
     assert not list(tmp_path.iterdir())
+
+
+def test_forces_of_felt_that_remembers_are_those_of_the_run_or_none() -> None:
+    """Angles and speeds do not decide them: drawn from those alone they would be another felt's."""
+    action = model.load_action().with_laws({"contact02": "stulov"})
+    scene, still = model.build_scene(action), model.rest_state(action).angle_rad[None]
+    given = np.arange(13.0)[None]
+    seen = see_motion(scene, np.zeros(1), still, 0.0 * still, np.zeros(1), given)
+    assert np.array_equal(seen.normal_n, given)
+    with pytest.raises(model.InputError, match="forces of a drawing from angles alone: found felt that remembers"):
+        see_motion(scene, np.zeros(1), still, 0.0 * still, np.zeros(1))

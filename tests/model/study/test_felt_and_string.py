@@ -66,4 +66,3 @@ def test_at_equal_loss_the_memory_of_the_hammers_felt_is_hardly_felt() -> None:
         assert effect.value["rebound"] == pytest.approx(base.value["rebound"], abs=0.01)
         assert abs(effect.value["check_mm"] - base.value["check_mm"]) < 0.1
         assert effect.u["share"] > 0.05  # from tau or eta, fitted again
-    assert effects_at_equal_loss(action, *BLOW, {"never pressed": ["contact03"]}) == []

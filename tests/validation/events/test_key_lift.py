@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from validation.events.detect import find_events
-from validation.events.excluded_samples import with_doubtful_events
+from validation.events.excluded_samples import rail_pulls, with_doubtful_events
 from validation.events.key_lift import SCALE_RADIUS_M, capstan_of, find_lifts, lifted_samples
 from validation.measurement.geometry import geometry_of
 from validation.measurement.stroke import motion_of
@@ -169,3 +169,25 @@ def test_a_prediction_that_is_not_known_marks_nothing():
         capstan, np.arange(500) / RATE, angle, np.full((500, 5), np.nan), impact_s=0.05, release_s=np.nan
     )
     assert found == []
+
+
+def test_the_rails_pull_is_judged_with_the_thesis_s_law_of_felt():
+    """Inner forces are known for that law alone: a report on a model whose felt remembers must not end here."""
+    asked = []
+
+    def simulate(action, *_, **__):
+        asked.append(action)
+        pulls = [SimpleNamespace(start_s=0.1, end_s=0.2, largest_n=1.0)]
+        return SimpleNamespace(inside=SimpleNamespace(key_tensions=lambda: pulls))
+
+    action = model.load_action("hirschkorn2004-regulated").with_laws({"contact02": "stulov", "contact12": "hysteresis"})
+    tested = SimpleNamespace(
+        action=action, tolerance=1e-5, identity="", stand_ins=SimpleNamespace(predict=None), simulate=simulate,
+        load=lambda preload: SimpleNamespace(rest=None),
+        store=SimpleNamespace(value=lambda step, inputs, run: run()),
+    )  # fmt: skip
+    trial = SimpleNamespace(force=SimpleNamespace(preload_n=0.0, time_s=np.zeros(2), force_n=np.zeros(2)))
+    (pull,) = rail_pulls(tested, trial)
+    assert (pull.start_s, pull.end_s) == (0.1, 0.2)
+    assert not model.build_scene(asked[0]).remembers
+    assert asked[0]["contact02.normal.a"] == action["contact02.normal.a"]
