@@ -18,6 +18,8 @@ from model.simulation.statics import solve_rest
 FORTE = model.force_table("forte")
 ACTION = model.load_action("hirschkorn2004-regulated")
 SOME = ("contact02", "contact04", "contact12")
+PER_NEWTON = {"motor_drive": 0.1 / 1.2, "motor_arm": 0.1}  # V or N m for a newton at the tip
+HAND = np.array([0.0, 0.05, 0.07, 0.09, 0.11, 0.4, 0.45, 0.7]), np.array([0.0, 0.0, 0.008, 0.022, 0.03, 0.03, 0, 0])
 CASES: dict[str, tuple[model.Action, model.SceneChoice]] = {
     "stulov": (ACTION.with_laws(dict.fromkeys(SOME, "stulov")), model.SceneChoice()),
     "hysteresis": (ACTION.with_laws(dict.fromkeys(SOME, "hysteresis")), model.SceneChoice()),
@@ -28,11 +30,24 @@ CASES: dict[str, tuple[model.Action, model.SceneChoice]] = {
         model.SceneChoice(effects=("balance_rail", "shank", "string")),
     ),
     "motor arm and string": (ACTION, model.SceneChoice(effects=("motor_arm", "string"))),
+    "motor drive": (ACTION, model.SCENES["motor-drive"]),
+    "motor drive by voltage": (ACTION, model.SCENES["motor-voltage"]),
+    "motor drive, shank, string, law": (
+        ACTION.with_laws({"contact04": "hysteresis"}),
+        model.SceneChoice(effects=("motor_arm", "motor_drive", "shank", "string")),
+    ),
+    "finger": (ACTION, model.SCENES["finger"]),
+    "finger, rail, shank, law": (
+        ACTION.with_laws({"contact04": "hysteresis"}),
+        model.SceneChoice(effects=("finger", "balance_rail", "shank")),
+    ),
 }
 
 
 def _blow(choice: model.SceneChoice) -> tuple[np.ndarray, np.ndarray]:
-    return FORTE[0], FORTE[1] * (0.1 if "motor_arm" in choice.effects else 1.0)
+    if "finger" in choice.effects:
+        return HAND
+    return FORTE[0], FORTE[1] * next((f for e, f in PER_NEWTON.items() if e in choice.effects), 1.0)
 
 
 def _simulate(action: model.Action, choice: model.SceneChoice) -> None:
@@ -56,13 +71,17 @@ def _batch(action: model.Action, choice: model.SceneChoice) -> None:
 
 
 def _blocks(action: model.Action, choice: model.SceneChoice) -> None:
-    """As the virtual bench goes on: block by block, held."""
+    """As the virtual bench goes on: block by block, held; a hand moves straight within a block."""
     scene = model.build_scene(choice.on(action), choice)
     run = model.Simulation(scene, model.State(0.0, solve_rest(scene), np.zeros(scene.size)), 1e-6)
     times, values = _blow(choice)
     for k in range(100, 130):
-        run.advance(1e-3 * (k - 99), np.array([0.0]), values[5 * k : 5 * k + 1], held=True)
-    assert np.all(np.isfinite(run.state.angle_rad)) and len(run.state.memory) > 0
+        if "finger" in choice.effects:
+            ends = 1e-3 * np.array([k - 100, k - 99])
+            run.advance(ends[1], ends, np.interp(0.04 + ends, times, values))
+        else:
+            run.advance(1e-3 * (k - 99), np.array([0.0]), values[5 * k : 5 * k + 1], held=True)
+    assert np.all(np.isfinite(run.state.angle_rad)) and len(run.state.memory) > 0 - (not scene.remembers)
 
 
 def _inside(action: model.Action, choice: model.SceneChoice) -> None:
@@ -75,8 +94,6 @@ def _sensitivities(action: model.Action, choice: model.SceneChoice) -> None:
 
 
 def _motion(action: model.Action, choice: model.SceneChoice) -> None:
-    if "motor_arm" in choice.effects or "balance_rail" in choice.effects:
-        raise model.InputError("not with a prescribed key")
     plain = model.simulate(ACTION, *FORTE)
     simulate_motion(action, plain.time_s, plain.angle_rad[:, 0], scene=choice)
 
