@@ -15,6 +15,7 @@ from model.drive.log import GAIN, DriveLog, DriveOptions
 from model.drive.lumps import LumpFit, fit_lumps
 
 Array = NDArray[np.float64]
+LARGEST_U = {"joint_friction": 0.02, "spring_stiffness": 0.5, "preload_nm": 0.1}  # beyond, nothing was seen of it
 OPEN = 1e-6  # share of a direction that nothing fixes
 COMBINATIONS = {
     "torque_per_volt": "N*m/V",
@@ -147,8 +148,8 @@ def _estimate(name: str, value: float, relative: float, unit: str, why: str) -> 
 
 
 def _arm(name: str, value: float, u: float) -> Estimate:
-    if name == "inertia" and u > 0.3 * abs(value):
-        return Estimate(name, np.nan, np.nan, ARM_UNITS[name], "the arm was never accelerated enough")
+    if u > LARGEST_U.get(name, 0.3 * abs(value)):
+        return Estimate(name, np.nan, np.nan, ARM_UNITS[name], "the arm never moved enough for it")
     return Estimate(name, value, u, ARM_UNITS[name])
 
 
@@ -180,17 +181,19 @@ def _physical(fit: LumpFit, options: DriveOptions) -> tuple[Estimate, ...]:
         rows.append(row)
         values.append(value)
         covariance[k, k] = relative**2
+    others = (*GAIN.values(), "loop_gain", "resistance_and_loop_gain")
+    wanted = {name: _sum_of(name) for name in UNITS if name not in others}
+    wanted[gain] = {gain: 1.0}
+    if not voltage:
+        wanted |= {"loop_gain": {"total": 1.0}, "resistance_and_loop_gain": {"total": 1.0}}
+    if not rows:
+        return tuple(Estimate(n, np.nan, np.nan, UNITS[n], "the log does not show it") for n in wanted)
     matrix = np.array([[row.get(name, 0.0) for name in unknown] for row in rows])
     half = np.linalg.cholesky(np.linalg.inv(covariance + 1e-18 * np.eye(len(rows)))).T
     solved = np.linalg.pinv(half @ matrix, rcond=1e-9)
     logs, spread = solved @ (half @ np.array(values)), solved @ solved.T
     _, size, axes = np.linalg.svd(half @ matrix)
     free = axes[np.sum(size > 1e-9 * size[0]) :]
-    others = (*GAIN.values(), "loop_gain", "resistance_and_loop_gain")
-    wanted = {name: _sum_of(name) for name in UNITS if name not in others}
-    wanted[gain] = {gain: 1.0}
-    if not voltage:
-        wanted |= {"loop_gain": {"total": 1.0}, "resistance_and_loop_gain": {"total": 1.0}}
     out = []
     for name in (n for n in UNITS if n in wanted):
         along = np.array([wanted[name].get(k, 0.0) for k in unknown])

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from model.drive.circuit import LUMPS, SUBSTEPS, motor_torque
 from model.drive.log import DriveLog, DriveOptions
 from model.drive.windows import Windows
+from model.errors import InputError
 
 Array = NDArray[np.float64]
 ARM = ("inertia", "joint_friction", "spring_stiffness", "preload_nm")
@@ -25,6 +26,8 @@ DIFFERENCE = 1e-4
 ROUNDS, SHORT, LAG = 40, 10, 15
 WORTH = 150.0  # fall of the sum of squares from which a limit is believed: windows overlap some sixfold
 U_SOFTNESS = 0.03
+WIDE = (0.1, 1.0, 10.0, 10.0)  # of the arm, SI units: far beyond any, so that what does not show stays finite
+UNEXPLAINED = 0.2  # share of the tip's torque that may be left
 DETERMINED = 0.3  # relative standard uncertainty up to which a number counts as determined
 
 
@@ -101,7 +104,12 @@ class _Problem:
 
 
 def fit_lumps(log: DriveLog, options: DriveOptions) -> LumpFit:
-    """The numbers under which the log's torques balance best."""
+    """The numbers under which the log's torques balance best.
+
+    Raises
+    ------
+    InputError : force and motion are not those of an arm that this command drives
+    """
     problem = _Problem(log, options)
     starts = _starts(problem)
     x, prior = _search(problem, starts[0], starts[0], SHORT)[0], starts[0]
@@ -112,7 +120,13 @@ def fit_lumps(log: DriveLog, options: DriveOptions) -> LumpFit:
     for _ in range(2):  # scatter and numbers in turn
         _scatter(problem, x)
         x, _ = _search(problem, x, prior, ROUNDS)
-    return _result(problem, x, prior)
+    left = float(problem.scale[0] / np.sqrt(np.mean(problem.tip**2)))
+    if left > UNEXPLAINED:
+        raise InputError(
+            f"log: command and motion leave {100 * left:.0f} % of the tip's torque unexplained, allowed "
+            f"{100 * UNEXPLAINED:.0f} %; check clocks, signs, units and the mode of the amplifier"
+        )
+    return _result(problem, x)
 
 
 def _scatter(problem: _Problem, x: Array) -> None:
@@ -129,7 +143,12 @@ def _starts(problem: _Problem) -> list[Array]:
     small = np.abs(problem.asked) <= 0.4 * np.abs(log.command_v).max()
     rows = np.concatenate([problem.asked[None], problem.arm, -problem.turning[None]])
     line = np.linalg.lstsq(rows[:, small].T, problem.tip[small], rcond=None)[0]
-    gain = max(abs(float(line[0])), 1e-3)
+    gain = float(line[0])
+    if np.ptp(problem.tip) == 0.0 or not gain > 0.0:
+        raise InputError(
+            "log: force and motion do not rise with the command; allowed force_n positive where the tip presses, "
+            "arm_rad and command_v rising where it goes down, all on one clock"
+        )
     asked = gain * float(np.abs(log.command_v).max())
     made = float(np.quantile(np.abs(problem.tip + max(line[1], 0.0) * -problem.arm[0]), 0.98))
     delay, firmness = (3e-4, 5.0) if mode == "torque" else (2e-3, 50.0)
@@ -149,7 +168,7 @@ def _starts(problem: _Problem) -> list[Array]:
 def _prior(problem: _Problem) -> Array:
     """Weights (k,) that hold what the log does not say near where the search began."""
     logs = [1.0 / SPREAD.get(name, 4.0) for name in (*LUMPS, "torque_constant")][: len(problem.free)]
-    return np.array([*logs, 0.0, 0.0, 0.0, 0.0])
+    return np.array([*logs, *(1.0 / wide for wide in WIDE)])
 
 
 def _search(problem: _Problem, x: Array, prior: Array, rounds: int) -> tuple[Array, float]:
@@ -181,7 +200,7 @@ def _search(problem: _Problem, x: Array, prior: Array, rounds: int) -> tuple[Arr
     return x, cost
 
 
-def _result(problem: _Problem, x: Array, prior: Array) -> LumpFit:
+def _result(problem: _Problem, x: Array) -> LumpFit:
     """Numbers with their covariance, from the residuals and from what all samples share."""
     p, m = len(problem.free), problem.arm.shape[1]
     rest, jacobian = problem.linearised(x)

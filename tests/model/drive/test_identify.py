@@ -142,6 +142,21 @@ def test_options_that_cannot_be_are_refused(options: dict, words: str) -> None:
         model.drive.DriveOptions(**options)
 
 
+def test_logs_of_something_else_are_refused() -> None:
+    push = 12.0 * np.maximum(np.sin(np.arange(300) / 9.0), 0.0)
+    noise = np.random.default_rng(1).normal(size=(2, 300))
+    for rows, words in (
+        ({}, "do not rise with the command"),
+        ({"force_n": -push}, "do not rise with the command"),
+        (
+            {"force_n": 30.0 * np.abs(noise[0]) + 0.01 * push, "arm_rad": 1e-3 * noise[1]},
+            "with the command|unexplained",
+        ),
+    ):
+        with pytest.raises(model.InputError, match=words):
+            model.drive.identify_drive(still(**rows))
+
+
 def test_a_log_is_written_and_read_again(tmp_path) -> None:
     log = still(current_a=np.ones(300))
     model.drive.write_drive_log(tmp_path / "log.csv", log)
