@@ -84,6 +84,7 @@ def drive_readings(
     >>> run = model.simulate(action, time_s, force_n / 12.0, scene="motor-drive")
     >>> seen = model.drive.drive_readings(action, run, time_s, force_n / 12.0)
     >>> print(f"{seen.current_a.max():.1f} A, back-EMF up to {seen.back_emf_v.max():.1f} V")
+    4.1 A, back-EMF up to 5.7 V
     """
     if WINDING not in solution.bodies:
         raise InputError("drive: found a run without the effect motor_drive, allowed a scene with it")

@@ -110,6 +110,7 @@ def simulated_log(
     >>> log = model.drive.simulated_log(action, "motor-voltage", command_v)
     >>> found = model.drive.identify_drive(log, model.drive.DriveOptions(mode="voltage"))
     >>> print(f"{found['resistance'].value:.2f} ohm, {1e3 * found['inductance'].value:.2f} mH")
+    1.00 ohm, 3.01 mH
     """
     choice, wrong = load_scene(scene), errors or SensorErrors()
     built = build_scene(choice.on(action), choice)
