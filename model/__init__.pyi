@@ -1,5 +1,6 @@
 from . import batch as batch
 from . import calibration as calibration
+from . import drive as drive
 from . import errors as errors
 from . import felt as felt
 from . import inside as inside

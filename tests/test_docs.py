@@ -25,7 +25,7 @@ PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", ROOT / "SECURITY.md"] + [
 ]
 PAGES_WITH_CODE = {
     "first_blow", "own_film", "regulate_and_feel", "cluster", "regulate", "odd_trial", "inner_forces",
-    "which_parameters", "identify",
+    "which_parameters", "identify", "drive_the_motor",
 }  # fmt: skip
 LINK = re.compile(r"\]\((?!https?:|#|mailto:)([^)#\s]+)")
 SHELL = re.compile(r"^ *```sh\n(.*?)^ *```", re.MULTILINE | re.DOTALL)

@@ -40,6 +40,7 @@ COMMANDS = {
     "sensitivity": Listed("model.sensitivity", "Rank parameters by what they do to a blow."),
     "regulate": Listed("model.regulate", "Measure and regulate an action as a technician does."),
     "calibrate-felt": Listed("model.calibrate_felt", "Calibrate felt, friction, string damping and inertia."),
+    "calibrate-drive": Listed("model.calibrate_drive", "Identify the motor's drive from a log of the bench."),
     "validate": Listed("validation.validate", "Report how well models predict the measured angles."),
     "dataset": Listed("validation.dataset", "Make the published data set, or score predictions on it."),
     "identify": Listed("validation.identify", "Find parameter values from strokes; say what is unknown."),

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 import model
-from model.parameters.effects import EFFECTS, KEY_LIFT, MOTOR
+from model.parameters.effects import EFFECTS, KEY_LIFT, MOTOR, MOTOR_DRIVE, WINDING
 from model.simulation.giving_motion import rows_of_pins
 from rig.errors import RigInputError
 from rig.simulated.bench.bench_file import bench_table, read_bench
@@ -128,7 +128,9 @@ class ActionPlant:
         """Apply each of the (n,) volts for one sample period; return the state at the n edges before them."""
         count = len(command_v)
         edges = np.arange(self._edge, self._edge + count + 1) / self.sample_rate_hz
-        torque = self._gain * np.asarray(command_v, dtype=float)
+        volts = np.asarray(command_v, dtype=float)
+        # a motor with its drive takes volts; its scatter is that of the amplifier's gain
+        torque = volts * (self._gain / self.torque_per_volt_nm if WINDING in self._names else self._gain)
         changes = np.concatenate([[True], np.diff(torque) != 0.0])  # no stop where the value stays
         angles, speeds = self._run.advance(
             edges[-1],
@@ -202,10 +204,17 @@ def load_plant(bench_path: Path, seed: int | None, sample_rate_hz: float, effect
     for key, value in scatter.items():
         if isinstance(value, bool) or not isinstance(value, (int, float)) or not 0.0 <= value <= 0.3:
             raise RigInputError(f"{path}: scatter.{key}: found {value!r}, allowed 0 to 0.3 (relative)")
-    torque = bench_table(bench, "motor", path).get("torque_per_volt_nm")
+    driven = MOTOR_DRIVE in choice.effects
+    if driven and "motor" in bench:
+        raise RigInputError(
+            f"{path}: found [motor] beside [motor_drive], allowed one: a drive has its torque from itself"
+        )
+    torque = 1.0 if driven else bench_table(bench, "motor", path).get("torque_per_volt_nm")
     if isinstance(torque, bool) or not isinstance(torque, (int, float)) or not 0 < torque <= 100:
         raise RigInputError(f"{path}: motor.torque_per_volt_nm: found {torque!r}, allowed above 0 to 100 N m/V")
     action = choice.on(model.load_action(specimen.get("action", "hirschkorn2004"), specimen.get("set", {})))
+    if driven:
+        torque = model.drive.static_torque_nm(action, choice, 1.0)
     for key in scatter:
         if key != "motor_gain":
             action[key]  # an unknown path is refused here, before anything moves

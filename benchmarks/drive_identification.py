@@ -1,0 +1,124 @@
+"""Motor drives planted in the virtual bench and identified from its log: error over uncertainty of each number.
+
+    python benchmarks/drive_identification.py --cases 16 --seed 100
+
+Each case draws resistance, inductance, torque constant, gains and arm, in torque or voltage mode, with the current
+recorded or a gain known instead; half meet the limit of current, a sixth that of the supply as well. Sensors err as
+those of the virtual bench: noise of the load cell, counts of the encoder, scales off by 0.5 %.
+"""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+from collections import defaultdict
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+import model
+from rig.simulated.backend import DEFAULT_BENCH
+from rig.simulated.bench.plant import load_plant
+
+MOTOR = "[motor]\ntorque_per_volt_nm = 1.2     # 120 N at 10 V and 100 mm, thesis 3.1.1\n"
+ARM = "inertia = 2.2e-4             # kg m^2"
+COUNT_RAD = 2.0 * np.pi / 327680
+NOISE_N, NOISE_A, SCALE = 0.02, 0.02, 5e-3
+
+
+@dataclass(frozen=True)
+class Planted:
+    """A drive as it is, its log, and what is known of it beside the log."""
+
+    mode: str
+    truth: dict[str, float]
+    log: model.drive.DriveLog
+    known: dict[str, tuple[float, float]]
+
+
+def draw(seed: int) -> Planted:
+    """One drive and its log from the virtual bench."""
+    random = np.random.default_rng(seed)
+    mode, current = ("torque", "voltage")[seed % 2], seed % 4 < 2
+    met = {0: "current", 2: "both", 3: "current"}  # of six; in voltage mode the supply stays far
+    limits = met.get(seed % 6, "")
+    drive = {
+        "resistance": random.uniform(0.6, 2.0), "inductance": random.uniform(1e-3, 5e-3),
+        "torque_constant": random.uniform(0.3, 0.9), "supply": 160.0, "current_limit": 30.0,
+        "current_gain": random.uniform(1.0, 3.0), "loop_gain": random.uniform(10.0, 30.0), "voltage_gain": 0.0,
+    }  # fmt: skip
+    if mode == "voltage":
+        drive |= {"current_gain": 0.0, "loop_gain": 0.0, "voltage_gain": random.uniform(1.0, 4.0)}
+    if limits:
+        drive["current_limit"] = random.uniform(2.0, 2.8) / drive["torque_constant"]
+    if limits == "both":
+        drive["supply"] = random.uniform(20.0, 40.0)
+    inertia = random.uniform(1.5e-4, 3.0e-4)
+    text = DEFAULT_BENCH.read_text("utf-8")
+    assert MOTOR in text and ARM in text
+    text = text.replace(MOTOR, "").replace(ARM, f"inertia = {inertia!r}")
+    text += "\n[motor_drive]\n" + "".join(f"{name} = {value!r}\n" for name, value in drive.items())
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "bench.toml"
+        path.write_text(text, "utf-8")
+        plant = load_plant(path, seed=seed, sample_rate_hz=5000.0)
+    plant.scatter.clear()
+    plant.start_trial(1)
+    command = model.drive.identification_command(plant.action, plant.choice, seed, 40.0 if limits else 22.0)
+    block = plant.advance(command)
+    truth = plant.truth()
+    scales = 1.0 + SCALE * random.standard_normal(2)
+    noise = random.standard_normal((2, len(command)))
+    amperes = truth.speed_rad_per_s[:, truth.coordinates.index("winding")]
+    log = model.drive.DriveLog(
+        block.time_s,
+        command,
+        scales[0] * block.force_n + NOISE_N * noise[0],
+        COUNT_RAD * np.round(block.motor_rad / COUNT_RAD),
+        scales[1] * amperes + NOISE_A * noise[1] if current else None,
+    )
+    gain = "current_gain" if mode == "torque" else "voltage_gain"
+    stated = drive[gain] * (1.0 + 0.01 * random.standard_normal())
+    whole = drive["resistance"] + drive["loop_gain"]
+    k = drive["torque_constant"]
+    combinations = {
+        "resistance_and_loop_gain": whole, "delay": drive["inductance"] / whole, "damping": k * k / whole,
+        "torque_per_volt": k * drive[gain] / (1.0 if mode == "torque" else whole),
+        "ceiling": k * drive["current_limit"], "inertia": inertia,
+    }  # fmt: skip
+    return Planted(mode, drive | combinations, log, {} if current else {gain: (stated, 0.01 * stated)})
+
+
+def errors(planted: Planted) -> dict[str, tuple[float, float]]:
+    """Error over uncertainty, and relative uncertainty, of what the log determines."""
+    found = model.drive.identify_drive(planted.log, model.drive.DriveOptions(planted.mode, known=planted.known))
+    wanted = (e for e in (*found.drive, *found.combinations, found["inertia"]) if e.determined)
+    return {e.name: ((e.value - planted.truth[e.name]) / e.u, e.u / e.value) for e in wanted}
+
+
+def _row(values: NDArray[np.float64], relative: NDArray[np.float64], cases: int) -> str:
+    inside, rms, worst = np.mean(np.abs(values) <= 1.0), np.sqrt(np.mean(values**2)), np.abs(values).max()
+    shares = f"{100 * inside:4.0f} %   {100 * np.median(relative):5.1f} %"
+    return f"{len(values):3d} of {cases:2d}   {rms:5.2f}   {worst:5.2f}   {shares}"
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--cases", type=int, default=16)
+    parser.add_argument("--seed", type=int, default=100)
+    given = parser.parse_args()
+    all_found: dict[str, list[tuple[float, float]]] = defaultdict(list)
+    for seed in range(given.seed, given.seed + given.cases):
+        for name, pair in errors(draw(seed)).items():
+            all_found[name].append(pair)
+    print(f"{'':26s}determined  rms e/u  worst   within u  median u")
+    for name, pairs in all_found.items():
+        values, relative = np.array(pairs).T
+        print(f"{name:26s}{_row(values, relative, given.cases)}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,193 @@
+"""Drives identified from simulated logs: circuit against the run, planted values, what a log leaves open, refusals."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import model
+from model.drive.circuit import motor_torque
+from model.drive.windows import Windows
+from model.scene.build import build_scene
+
+ACTION = model.load_action("hirschkorn2004-regulated")
+TRUTH = {
+    "torque": {"resistance": 1.4, "inductance": 2e-3, "torque_constant": 0.45, "current_gain": 1.7, "loop_gain": 14.0},
+    "voltage": {"resistance": 0.8, "inductance": 1.5e-3, "torque_constant": 0.7, "voltage_gain": 1.6},
+}
+SCENE = {"torque": model.SCENES["motor-drive"], "voltage": model.SCENES["motor-voltage"]}
+
+
+def planted(mode: str, **more: float) -> model.Action:
+    scene = SCENE[mode]
+    values = {f"motor_drive.{k}": v for k, v in (TRUTH[mode] | more).items()}
+    return ACTION.with_effects(dict(scene.values) | values | {"motor_arm.inertia": 2e-4})
+
+
+def log_of(mode: str, current: bool = True, push_n: float = 22.0, seed: int = 0, **more: float) -> model.drive.DriveLog:
+    scene, action = replace(SCENE[mode], values=()), planted(mode, **more)
+    command = model.drive.identification_command(action, scene, seed + 1, push_n)
+    return model.drive.simulated_log(action, scene, command, seed=seed, current=current)
+
+
+def test_windows_differentiate_without_differences() -> None:
+    t = np.arange(600) / 5000.0
+    x = 0.3 * np.sin(2.0 * np.pi * 40.0 * t)
+    windows = Windows(1.0 / 5000.0)
+    for rates, factor in ((1, 1.0), (2, -1.0)):
+        turn = (2.0 * np.pi * 40.0) ** rates
+        wave = np.cos(2.0 * np.pi * 40.0 * t) if rates == 1 else np.sin(2.0 * np.pi * 40.0 * t)
+        expected = windows.averages(0.3 * factor * turn * wave)
+        np.testing.assert_allclose(windows.averages(x, rates), expected, atol=2e-3 * 0.3 * turn)
+    between = np.interp(np.arange(4 * 599 + 1) / 20000.0, t, x)
+    np.testing.assert_allclose(windows.averages(between, parts=4), windows.averages(x), atol=1e-4)
+    np.testing.assert_allclose(windows.averages(3.0 + 2.0 * t, 1), 2.0, rtol=1e-9)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("limits", [{}, {"current_limit": 3.0, "supply": 25.0}], ids=["free", "limited"])
+def test_torque_along_a_log_is_that_of_the_run(limits: dict[str, float]) -> None:
+    action, scene = planted("torque", **limits), replace(SCENE["torque"], values=())
+    command = model.drive.identification_command(action, scene, 3, 30.0)
+    exact = model.drive.SensorErrors(0.0, 0.0, 0.0, 0.0)
+    log = model.drive.simulated_log(action, scene, command, errors=exact)
+    d = {k: action[f"motor_drive.{k}"] for k in (*TRUTH["torque"], "current_limit", "supply", "limit_gain")}
+    whole, k = d["resistance"] + d["loop_gain"], d["torque_constant"]
+    lumps = [k * d["current_gain"], d["inductance"] / whole, k * k / whole, k * d["current_limit"]]
+    lumps += [d["supply"] * k / whole, d["resistance"] / whole, d["limit_gain"] / whole]
+    torque = motor_torque(np.array([lumps]), log.command_v, log.arm_rad, log.interval_s, "torque", 0.05)[0, ::4]
+    assert log.current_a is not None
+    np.testing.assert_allclose(torque[:-1], k * log.current_a[:-1], atol=4e-3)
+    assert np.sqrt(np.mean((torque - k * log.current_a) ** 2)) < 5e-4 * np.abs(torque).max()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("mode", ["torque", "voltage"])
+@pytest.mark.parametrize("seed", range(3))
+def test_planted_numbers_are_found_within_their_uncertainty(mode: str, seed: int) -> None:
+    found = model.drive.identify_drive(log_of(mode, seed=seed), model.drive.DriveOptions(mode))
+    wanted = TRUTH[mode] | {"inertia": 2e-4}
+    wanted["resistance_and_loop_gain"] = wanted["resistance"] + wanted.get("loop_gain", 0.0)
+    seen = [e for e in (*found.drive, found["inertia"]) if e.determined]
+    assert {"inductance", "torque_constant", "inertia"} < {e.name for e in seen}
+    for e in seen:
+        assert abs(e.value - wanted[e.name]) < 3.0 * e.u, e
+        assert e.u < 0.15 * e.value, e
+    assert not found["supply"].determined and "supply" in found["supply"].why
+    assert not found["current_limit"].determined
+
+
+@pytest.mark.slow
+def test_what_a_log_leaves_open_is_named_and_what_settles_it_settles_it() -> None:
+    log = log_of("voltage", current=False)
+    found = model.drive.identify_drive(log, model.drive.DriveOptions("voltage"))
+    for name in ("resistance", "inductance", "torque_constant", "voltage_gain"):
+        assert not found[name].determined and np.isnan(found[name].value)
+        assert "record the current" in found[name].why
+    assert found["torque_per_volt"].determined and found["delay"].determined
+    known = {"voltage_gain": (1.6, 0.016)}
+    found = model.drive.identify_drive(log, model.drive.DriveOptions("voltage", known=known))
+    for name in ("resistance", "inductance", "torque_constant"):
+        assert abs(found[name].value - TRUTH["voltage"][name]) < 3.0 * found[name].u
+    found = model.drive.identify_drive(log_of("torque"), model.drive.DriveOptions())
+    assert not found["resistance"].determined and not found["loop_gain"].determined
+    assert found["resistance_and_loop_gain"].determined
+
+
+@pytest.mark.slow
+def test_limits_are_found_where_the_log_meets_them() -> None:
+    found = model.drive.identify_drive(log_of("torque", push_n=40.0, current_limit=5.0), model.drive.DriveOptions())
+    assert abs(found["current_limit"].value - 5.0) < 3.0 * found["current_limit"].u < 0.3
+    found = model.drive.identify_drive(
+        log_of("voltage", push_n=40.0, current_limit=3.0), model.drive.DriveOptions("voltage")
+    )
+    assert abs(found["current_limit"].value - 3.0) < 3.0 * found["current_limit"].u < 0.4
+
+
+def still(**rows: np.ndarray) -> model.drive.DriveLog:
+    n = 300
+    given = {"time_s": np.arange(n) / 5000.0, "command_v": np.sin(np.arange(n) / 9.0), "force_n": np.zeros(n)}
+    return model.drive.DriveLog(**(given | {"arm_rad": np.zeros(n)} | rows))
+
+
+@pytest.mark.parametrize(
+    ("rows", "words"),
+    [
+        ({"force_n": np.zeros(3)}, "force_n: found shape"),
+        ({"arm_rad": np.full(300, np.nan)}, "not finite in row 1"),
+        ({"command_v": np.ones(300)}, "same value throughout"),
+        ({"time_s": np.arange(300) ** 1.1}, "equal ones"),
+    ],
+)
+def test_logs_that_cannot_be_used_are_refused(rows: dict[str, np.ndarray], words: str) -> None:
+    with pytest.raises(model.InputError, match=words) as caught:
+        still(**rows)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"mode": "speed"}, "torque or voltage"),
+        ({"length_m": 0.0}, "length of the arm"),
+        ({"u_force": -1.0}, "u_force"),
+        ({"known": {"voltage_gain": (1.0, 0.1)}}, "allowed resistance"),
+        ({"known": {"resistance": (1.0, 0.0)}}, "both above 0"),
+    ],
+)
+def test_options_that_cannot_be_are_refused(options: dict, words: str) -> None:
+    with pytest.raises(model.InputError, match=words):
+        model.drive.DriveOptions(**options)
+
+
+def test_logs_of_something_else_are_refused() -> None:
+    push = 12.0 * np.maximum(np.sin(np.arange(300) / 9.0), 0.0)
+    noise = np.random.default_rng(1).normal(size=(2, 300))
+    for rows, words in (
+        ({}, "do not rise with the command"),
+        ({"force_n": -push}, "do not rise with the command"),
+        (
+            {"force_n": 30.0 * np.abs(noise[0]) + 0.01 * push, "arm_rad": 1e-3 * noise[1]},
+            "with the command|unexplained",
+        ),
+    ):
+        with pytest.raises(model.InputError, match=words):
+            model.drive.identify_drive(still(**rows))
+
+
+def test_a_log_is_written_and_read_again(tmp_path) -> None:
+    log = still(current_a=np.ones(300))
+    model.drive.write_drive_log(tmp_path / "log.csv", log)
+    again = model.drive.read_drive_log(tmp_path / "log.csv")
+    for name in ("time_s", "command_v", "force_n", "arm_rad", "current_a"):
+        np.testing.assert_array_equal(getattr(again, name), getattr(log, name))
+    (tmp_path / "short.csv").write_text("time_s,command_v\n0,1\n", "utf-8")
+    with pytest.raises(model.InputError, match="short.csv"):
+        model.drive.read_drive_log(tmp_path / "short.csv")
+
+
+@pytest.mark.slow
+def test_readings_balance_energy_and_agree_with_the_solution() -> None:
+    time_s, force_n = model.force_table("forte")
+    at = np.linspace(0.0, 0.7, 14001)
+    run = model.simulate(
+        ACTION, time_s, force_n / 12.0, scene="motor-drive", energy=True, contact_forces=True, output_time_s=at,
+        tolerance=1e-7,
+    )  # fmt: skip
+    seen = model.drive.drive_readings(ACTION, run, time_s, force_n / 12.0)
+    assert run.energy is not None
+
+    def total(power: np.ndarray) -> float:
+        return float(np.sum(0.5 * (power[1:] + power[:-1]) * np.diff(at)))
+
+    assert total(seen.power_in_w) == pytest.approx(run.energy.work_in, rel=1e-4)
+    assert total(seen.heat_w) == pytest.approx(run.energy.lost_in_drive, rel=1e-4)
+    mechanical = seen.torque_nm * run.speed_rad_per_s[:, run.bodies.index("motor")]
+    left = seen.stored_j[-1] - seen.stored_j[0]
+    assert total(seen.power_in_w - seen.heat_w - mechanical) == pytest.approx(left, abs=1e-4 * run.energy.work_in)
+    assert seen.force_n.max() == pytest.approx(run.columns()["motor_arm_normal_n"].max())
+    assert build_scene(ACTION, model.SCENES["motor-drive"]).command is not None
+    with pytest.raises(model.InputError, match="without the effect motor_drive"):
+        model.drive.drive_readings(ACTION, model.simulate(ACTION, time_s, force_n), time_s, force_n)
