@@ -14,7 +14,7 @@ import numpy as np
 import model
 from model.errors import InputError, ModelError
 from model.sensitivity.parameter_names import directions
-from validation.conventions import ENCODER_BODIES, WORKERS, Array
+from validation.conventions import BODIES, WORKERS, Array
 from validation.identification.model_runs import ModelRuns
 from validation.identification.observations import ObservedTrial
 from validation.identification.unknowns.priors import Parameter
@@ -35,7 +35,7 @@ class ExactRuns(ModelRuns):
         tolerance: float | None = None,
     ) -> None:
         super().__init__(action, parameters, trials, *(() if tolerance is None else (tolerance,)))
-        self.acting = [j for j, p in enumerate(self.parameters) if _acts(action, p)]
+        self.acting = [j for j, p in enumerate(self.parameters) if acting(action, p)]
 
     def jacobian(self, z: Array, which: Sequence[int]) -> list[Array]:
         """Derivatives with respect to z; see `Response`."""
@@ -43,16 +43,16 @@ class ExactRuns(ModelRuns):
         by_runs = [j for j in which if not self.parameters[j].paths]
         case = self.case(z)
         here = self.action.with_values(case.changed)
-        units = np.array([self._per_u(here, j, float(z[j])) for j in asked])
+        units = [self.parameters[j].per_u(self.action, float(z[j])) for j in asked]
         place = [list(which).index(j) for j in asked]
 
         def one(trial: ObservedTrial) -> Array:
-            out = np.zeros((trial.time_s.size, len(ENCODER_BODIES), len(which)))
+            out = np.zeros((*trial.change_rad.shape, len(which)))
             if asked:
                 options = model.SensitivityOptions(
                     tolerance=MOTION,
                     relative_tolerance=TANGENT,
-                    output_time_s=trial.time_s,
+                    output_time_s=trial.model_time_s(),
                     rest_input=case.preload_n(trial),
                     events=False,
                     allow_idle=True,
@@ -60,7 +60,8 @@ class ExactRuns(ModelRuns):
                 blow = trial.force_time_s, case.felt_n(trial)
                 found = model.sensitivities(here, blow, [self.parameters[j].name for j in asked], options=options)
                 turn = found.d_angles - found.d_rest[None]
-                out[:, :, place] = turn[:, ENCODER_BODIES] * units
+                for column, unit, d in zip(place, units, np.moveaxis(turn, -1, 0), strict=True):
+                    out[:, :, column] = unit * trial.seen(d[:, : len(BODIES)])
             return out
 
         try:
@@ -92,15 +93,8 @@ class ExactRuns(ModelRuns):
                 return False
         return True
 
-    def _per_u(self, here: model.Action, j: int, z: float) -> float:
-        """Change of the value that `model.sensitivities` knows, per prior standard uncertainty."""
-        parameter = self.parameters[j]
-        if len(parameter.paths) > 1:  # a factor on the values that the action has now
-            return parameter.u
-        return parameter.slope(self.action, z)[parameter.paths[0]]
 
-
-def _acts(action: model.Action, parameter: Parameter) -> bool:
+def acting(action: model.Action, parameter: Parameter) -> bool:
     """Whether a parameter changes any number of the scene."""
     if not parameter.paths:
         return False

@@ -29,7 +29,7 @@ from validation.identification.noise import (
     largest_step,
     likeliest,
 )
-from validation.identification.observations import ObservedTrial
+from validation.identification.observations import CHANNEL_NAMES, ObservedTrial
 from validation.identification.unknowns.priors import Unknowns
 
 MOST_STEPS = 30
@@ -37,9 +37,7 @@ FIRST_FLOOR = 0.1  # of the discrepancy in the first step; then what the last st
 MOST_LEARNINGS = 6  # of the sizes, near the minimum
 CLOSE = 0.1  # of a posterior standard uncertainty: a step below it is the last
 STALLED = 0.5  # of a posterior standard uncertainty: how far the linear model may still want to go from a kink
-LEAST_GAIN = (
-    0.05  # of twice the negative log posterior: a step that gains less has come to a kink, or to the runs' error
-)
+LEAST_GAIN = 0.05  # of twice the log posterior: a step that gains less has come to a kink, or to the runs' error
 NEAR = 2.0
 AFAR = 0.3  # how far z may move before columns of force noise are found again
 ROUNDS, LAST_ROUNDS = 6, 40
@@ -72,9 +70,12 @@ class Problem:
         return np.array([p.factor for p in self.unknowns.moved] + held * [True])
 
     @property
-    def sessions(self) -> int:
-        """Number of sessions."""
-        return 1 + max(t.session for t in self.trials)
+    def seen(self) -> Array:
+        """1 where a session measured a channel, else 0, (sessions, channels)."""
+        places = {t.session: t.channels for t in self.trials}
+        return np.array(
+            [np.isin(range(len(CHANNEL_NAMES)), places.get(s, ())) for s in range(1 + max(places))], dtype=float
+        )
 
     def box(self) -> tuple[Array, Array]:
         """Smallest and largest z, (p,) each."""
@@ -183,7 +184,7 @@ def fit(
         raise ValidationInputError("identify: the model cannot run at the start; use other values with --set")
     columns = Columns(problem) if columns is None else columns
     first = Sizes.tight if tight else Sizes.start
-    sizes, steps, converged = first(problem.laws, problem.sessions), 0, False
+    sizes, steps, converged = first(problem.laws, problem.seen), 0, False
     floor, largest = (FLOOR, 0.0) if tight else (FIRST_FLOOR, np.inf)
     asked, damping, learnings = len(problem.unknowns.asked), 0.0, 0
     while True:

@@ -19,7 +19,6 @@ from scipy.linalg import cho_factor, cho_solve, cholesky, solve_triangular
 
 from validation.conventions import Array
 from validation.identification.blocks import INSTRUMENT, Block
-from validation.identification.observations import CHANNELS
 
 CORRELATED_S = 0.01  # where learning starts
 SCATTER, OWN, COMMON = 0.1, 0.03, 0.3  # where learning starts
@@ -41,8 +40,8 @@ class Sizes:
     ----------
     scatter : (p + h,) standard deviation from trial to trial, of what moves and of fixed laws, in prior standard
         uncertainties; 0 where it is no law
-    own : (sessions, 3) of a trial's own wandering, of the size of the response
-    common : (sessions, 3) of the discrepancy, of the size of the response
+    own : (sessions, channels) of a trial's own wandering, of the size of the response; 0 where it is not measured
+    common : (sessions, channels) of the discrepancy, of the size of the response
     correlated_s : time over which own wandering and discrepancy are correlated
     """
 
@@ -52,16 +51,14 @@ class Sizes:
     correlated_s: float = CORRELATED_S
 
     @staticmethod
-    def start(laws: Array, sessions: int) -> Sizes:
-        """Sizes to start learning from."""
-        shape = (sessions, CHANNELS)
-        return Sizes(np.where(laws, SCATTER, 0.0), np.full(shape, OWN), np.full(shape, COMMON))
+    def start(laws: Array, seen: Array) -> Sizes:
+        """Sizes to start learning from; ``seen`` (sessions, channels) is 1 where a session has a channel, else 0."""
+        return Sizes(np.where(laws, SCATTER, 0.0), OWN * seen, COMMON * seen)
 
     @staticmethod
-    def tight(laws: Array, sessions: int) -> Sizes:
+    def tight(laws: Array, seen: Array) -> Sizes:
         """Sizes with next to no discrepancy, which pull values to the data wherever they stand."""
-        shape = (sessions, CHANNELS)
-        return Sizes(np.where(laws, USUAL, 0.0), np.full(shape, FLOOR), np.full(shape, 2.0 * FLOOR))
+        return Sizes(np.where(laws, USUAL, 0.0), FLOOR * seen, 2.0 * FLOOR * seen)
 
 
 def kernel_root(block: Block, channel: int, correlated_s: float) -> Array:
@@ -90,11 +87,14 @@ class Marginal:
         self.shared = self.p + len(INSTRUMENT)
         first = {b.session: b for b in reversed(self.blocks)}
         self.phases = {s: first[s].time_s.size for s in sorted(first)}
+        self.channels = {s: first[s].channels for s in self.phases}
         starts, at = {}, self.shared
         for s, m in self.phases.items():
-            starts[s], at = at, at + CHANNELS * m
+            starts[s], at = at, at + len(self.channels[s]) * m
         self.starts, self.q = starts, at
-        self.roots = {s: [kernel_root(first[s], c, sizes.correlated_s) for c in range(CHANNELS)] for s in first}
+        self.roots = {
+            s: [kernel_root(b, c, sizes.correlated_s) for c in range(len(b.channels))] for s, b in first.items()
+        }
         self.white = [self._whiten(b) for b in self.blocks]
         self.precision = np.eye(self.q)
         for (_, x), b in zip(self.white, self.blocks, strict=True):
@@ -108,24 +108,25 @@ class Marginal:
     def columns_of(self, session: int) -> NDArray[np.intp]:
         """Indices of the columns that a trial of this session has."""
         a = self.starts[session]
-        return np.concatenate([np.arange(self.shared), np.arange(a, a + CHANNELS * self.phases[session])])
+        own = np.arange(a, a + len(self.channels[session]) * self.phases[session])
+        return np.concatenate([np.arange(self.shared), own])
 
     def design(self, b: Block) -> Array:
         """Columns (3 m, …) of one trial: moved, instrument, discrepancy of its session."""
         m = b.time_s.size
-        lacking = np.zeros((CHANNELS * m, CHANNELS * m))
-        for c in range(CHANNELS):
+        lacking = np.zeros((len(b.channels) * m, len(b.channels) * m))
+        for c, which in enumerate(b.channels):
             part = slice(c * m, (c + 1) * m)
-            lacking[part, part] = self.sizes.common[b.session, c] * self.roots[b.session][c]
+            lacking[part, part] = self.sizes.common[b.session, which] * self.roots[b.session][c]
         return np.hstack([b.moved, b.instrument, lacking])
 
     def _whiten(self, b: Block) -> tuple[Array, Array]:
         m = b.time_s.size
         scattered = np.hstack([b.moved, b.held]) * self.sizes.scatter
         own = np.diag(b.white) + scattered @ scattered.T + b.own @ b.own.T
-        for c in range(CHANNELS):
+        for c, which in enumerate(b.channels):
             part, root = slice(c * m, (c + 1) * m), self.roots[b.session][c]
-            own[part, part] += self.sizes.own[b.session, c] ** 2 * (root @ root.T)
+            own[part, part] += self.sizes.own[b.session, which] ** 2 * (root @ root.T)
         lower = cholesky(own, lower=True)
         return lower, np.asarray(solve_triangular(lower, self.design(b), lower=True))
 
@@ -167,10 +168,10 @@ class Marginal:
         common = self.sizes.common.copy()
         variance = np.diag(self.covariance)
         for s, m in self.phases.items():
-            for c in range(CHANNELS):
+            for c, which in enumerate(self.channels[s]):
                 a = self.starts[s] + c * m
                 part = slice(a, a + m)
-                common[s, c] *= _factor(float(mean[part] @ mean[part]), m - float(variance[part].sum()))
+                common[s, which] *= _factor(float(mean[part] @ mean[part]), m - float(variance[part].sum()))
         found, expected = np.zeros(self.sizes.scatter.size), np.zeros(self.sizes.scatter.size)
         own = np.zeros((2, *self.sizes.own.shape))
         for (lower, x), r, b in zip(self.white, residuals, self.blocks, strict=True):
@@ -184,10 +185,10 @@ class Marginal:
             laws = np.hstack([b.moved, b.held])
             found += (laws.T @ score) ** 2
             expected += np.einsum("ij,ij->j", laws, p @ laws)
-            for c in range(CHANNELS):
+            for c, which in enumerate(b.channels):
                 part, root = slice(c * m, (c + 1) * m), self.roots[b.session][c]
-                own[0, b.session, c] += float(((root.T @ score[part]) ** 2).sum())
-                own[1, b.session, c] += float(np.einsum("ij,ij->", root, p[part, part] @ root))
+                own[0, b.session, which] += float(((root.T @ score[part]) ** 2).sum())
+                own[1, b.session, which] += float(np.einsum("ij,ij->", root, p[part, part] @ root))
         now = np.maximum(self.sizes.scatter, LEAST) ** 2
         found, expected = found + BELIEVED * USUAL**2 / now**2, expected + BELIEVED / now
         scatter = self.sizes.scatter * np.array([_factor(f, e) for f, e in zip(found, expected, strict=True)])
@@ -197,7 +198,7 @@ class Marginal:
             self.sizes,
             scatter=np.where(self.sizes.scatter > 0, np.maximum(scatter, LEAST), 0.0),
             own=np.maximum(self.sizes.own * wander.reshape(shape), LEAST),
-            common=np.maximum(common, floor),
+            common=np.where(self.sizes.common > 0.0, np.maximum(common, floor), 0.0),
         )
 
 

@@ -15,7 +15,6 @@ from scipy.stats import t as student
 from validation.conventions import Array
 from validation.identification.fit import Fitted
 from validation.identification.noise import FORMS_S, LEAST, Marginal, Sizes, learn
-from validation.identification.observations import CHANNELS
 
 LEAST_TRIALS = 3
 ROUNDS = 15
@@ -55,7 +54,7 @@ def factors(fitted: Fitted) -> Array:
     first = {b.session: b for b in blocks}
     between = max(len(blocks) - len(first), 1)
     # a discrepancy is as many independent values as correlation times fit into a stroke, in each channel
-    values = sum(CHANNELS * (1.0 + float(np.ptp(b.time_s)) / sizes.correlated_s) for b in first.values())
+    values = sum(len(b.channels) * (1.0 + float(np.ptp(b.time_s)) / sizes.correlated_s) for b in first.values())
     within = max(values - float(np.sum(whole < 0.25)), 1.0)
     freedom = 1.0 / np.maximum(share(still) ** 2 / between + share(right) ** 2 / within, 1e-6)
     return np.asarray(student.ppf(0.975, freedom))

@@ -56,6 +56,15 @@ def command(
     hold_out_trials: Annotated[
         str, typer.Option("--hold-out-trials", help="Numbers of trials to predict only, in every session: 2,5.")
     ] = "",
+    motion_driven: Annotated[
+        bool,
+        typer.Option(
+            "--motion-driven", help="The measured key drives the model in all trials, not only where no force is."
+        ),
+    ] = False,
+    film: Annotated[
+        bool, typer.Option("--film", help="Fit jack and repetition lever too, as tracked on the trials' films.")
+    ] = False,
     starts: Annotated[int, typer.Option("--starts", min=1, help="Points the fit starts from.")] = 1,
     condition: Annotated[
         str | None, typer.Option("--condition", help="Use only this condition of the trial plan.")
@@ -86,6 +95,10 @@ def command(
         check_target(plan)
     if petab is not None:
         check_folder(petab)
+        if motion_driven or film:
+            raise validation.ValidationInputError(
+                "--petab: its tables have no column for --motion-driven or --film; leave one of them out"
+            )
     start = load_model(action, read_settings(set_ or []))
     found = validation.identify(
         sessions,
@@ -97,6 +110,8 @@ def command(
         hold_out_trials=_numbers(hold_out_trials),
         starts=starts,
         condition=condition,
+        motion_driven=motion_driven,
+        film=film,
         profiles=None if profiles else (),
         progress=None if as_json else say,
     )
