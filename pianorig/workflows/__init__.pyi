@@ -58,6 +58,7 @@ from .model.calibrate import felt as felt
 from .model.calibrate import friction as friction
 from .model.calibrate import pendulum as pendulum
 from .model.calibrate import rebound as rebound
+from .model.cluster import cluster_executor as cluster_executor
 from .model.felt_laws import felt_laws as felt_laws
 from .model.force_input import DrivingForce as DrivingForce
 from .model.force_input import read_driving_force as read_driving_force

@@ -88,7 +88,7 @@ def identify(
     asked = unknowns(start, parameters, options.fixed, options.priors)
     sources = collect(sessions, start, options)
     asked = with_errors_of_what_drives(asked, sources.fitted)
-    response = response_to(start, asked.moved, sources.fitted, options.tolerance)
+    response = response_to(start, asked.moved, sources.fitted, options.tolerance, options.executor)
     problem = Problem(
         start, asked, sources.fitted, response, held_columns(start, asked, sources.fitted, options.tolerance)
     )

@@ -7,16 +7,18 @@ needs of a model, so that exact sensitivities can take their place.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
-from typing import Protocol
+from typing import Protocol, TypeVar
 
 import numpy as np
 
 import model
 from model.errors import ModelError
 from model.simulation.options import ForceDrivenOptions
-from validation.conventions import Array
+from validation.conventions import WORKERS, Array
+from validation.errors import ValidationInputError
 from validation.identification.blocks import MOVED_RAD
 from validation.identification.observations import ObservedTrial
 from validation.identification.unknowns.priors import (
@@ -37,6 +39,8 @@ BEFORE_S = 2e-3  # before the first phase the force is the preload, without nois
 BUMP_N = 0.01
 OFFSET_N = 0.01
 LATE_S = 1e-4  # by which a film's clock is moved for its column
+Job = TypeVar("Job")
+Found = TypeVar("Found")
 
 
 class Response(Protocol):
@@ -114,6 +118,8 @@ class ModelRuns:
     trials : sequence of ObservedTrial
     tolerance : float
         Largest error of any angle of a run, rad.
+    executor : Executor, optional
+        Where to compute; by default threads of this process.
     """
 
     def __init__(
@@ -122,9 +128,10 @@ class ModelRuns:
         parameters: Sequence[Parameter],
         trials: Sequence[ObservedTrial],
         tolerance: float = TOLERANCE,
+        executor: Executor | None = None,
     ) -> None:
         self.action, self.parameters, self.trials = action, tuple(parameters), tuple(trials)
-        self.tolerance = tolerance
+        self.tolerance, self.executor = tolerance, executor
         self.runs = 0
 
     def at(self, z: Array) -> dict[str, float]:
@@ -211,7 +218,7 @@ class ModelRuns:
                 chosen = ForceDrivenOptions(tolerance=self.tolerance, output_time_s=when)
                 table = {trial.label: (trial.force_time_s, case.felt_n(trial))}
                 jobs += model.batch.make_jobs(action, table, {"": {}}, chosen, known[case.preload_n(trial)])
-        members = iter(model.batch.run_jobs(model.batch.lanes.choose(jobs, None)))
+        members = iter(model.batch.run_jobs(model.batch.lanes.choose(jobs, None), executor=self.executor))
         self.runs += len(jobs)
         made = zip(cases, rests, strict=True)
         return [None if known is None else self._curves(case, known, members) for case, known in made]
@@ -222,11 +229,43 @@ class ModelRuns:
         """Curves of every trial from the next members; None where one has failed."""
         curves = []
         for trial in self.trials:
-            solution = next(members).solution
+            member = next(members)
+            if member.error is not None and not isinstance(member.error, ModelError):
+                raise lost(member.error)  # a run that was lost is not a model that cannot run
+            solution = member.solution
             if solution is not None:
                 turn = np.asarray(solution.angle_rad)[:, :5] - known[case.preload_n(trial)].angle_rad[:5]
                 curves.append(case.read(trial, turn))
         return curves if len(curves) == len(self.trials) else None
+
+
+def lost(error: Exception) -> ValidationInputError:
+    """What is said of a computation that did not come back."""
+    what = " ".join(f"{type(error).__name__}: {error}".split())
+    return ValidationInputError(
+        f"identify: a run was lost where it was computed ({what}); nothing was written; run again"
+    )
+
+
+def spread(executor: Executor | None, one: Callable[[Job], Found], jobs: Sequence[Job]) -> list[Found]:
+    """``one`` of every job, in their order, on the executor's workers or threads of this process.
+
+    Raises
+    ------
+    model.errors.ModelError
+        What ``one`` raises.
+    ValidationInputError
+        A worker was lost, and with it the job.
+    """
+    if executor is None:
+        with ThreadPoolExecutor(WORKERS) as pool:
+            return list(pool.map(one, jobs))
+    try:
+        return list(executor.map(one, jobs))
+    except ModelError:
+        raise
+    except Exception as error:
+        raise lost(error) from error
 
 
 def noise_knots(trial: ObservedTrial) -> Array:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+from contextlib import nullcontext
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
@@ -72,6 +73,9 @@ def command(
     profiles: Annotated[
         bool, typer.Option("--profiles/--no-profiles", help="Make a profile of each parameter.")
     ] = True,
+    cluster: Annotated[
+        str | None, typer.Option("--cluster", help="Dask scheduler to run the model on, tcp://host:8786.")
+    ] = None,
     plan: Annotated[
         Path | None,
         typer.Option("--plan", help="Rank what could be recorded next; write the best as a trial plan for record."),
@@ -100,21 +104,23 @@ def command(
                 "--petab: its tables have no column for --motion-driven or --film; leave one of them out"
             )
     start = load_model(action, read_settings(set_ or []))
-    found = validation.identify(
-        sessions,
-        _names(parameters),
-        start,
-        fixed=tuple(_names(fix)),
-        priors=read_settings(prior or [], "--prior"),
-        hold_out=tuple(hold_out or ()),
-        hold_out_trials=_numbers(hold_out_trials),
-        starts=starts,
-        condition=condition,
-        motion_driven=motion_driven,
-        film=film,
-        profiles=None if profiles else (),
-        progress=None if as_json else say,
-    )
+    with nullcontext() if cluster is None else workflows.cluster_executor(cluster) as executor:
+        found = validation.identify(
+            sessions,
+            _names(parameters),
+            start,
+            fixed=tuple(_names(fix)),
+            priors=read_settings(prior or [], "--prior"),
+            hold_out=tuple(hold_out or ()),
+            hold_out_trials=_numbers(hold_out_trials),
+            starts=starts,
+            condition=condition,
+            motion_driven=motion_driven,
+            film=film,
+            executor=executor,
+            profiles=None if profiles else (),
+            progress=None if as_json else say,
+        )
     ranked, refused = workflows.next_strokes(found) if plan is not None else ([], [])
     files = validation.write_reading(found, out, ranked, refused)
     if plan is not None:

@@ -7,8 +7,8 @@ covariance of the predicted curves.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -19,10 +19,10 @@ import model
 from model.errors import ModelError
 from model.motion_driven.prescribed_key import run_prescribed
 from model.motion_driven.spline_fit import DEGREE
-from validation.conventions import BODIES, WORKERS, Array
+from validation.conventions import BODIES, Array
 from validation.identification.blocks import MOVED_RAD
 from validation.identification.exact_runs import MISSED, MOTION, PROBE, TANGENT, acting
-from validation.identification.model_runs import LATE_S, SMALL_STEP, STEP, TOLERANCE
+from validation.identification.model_runs import LATE_S, SMALL_STEP, STEP, TOLERANCE, spread
 from validation.identification.observations import ObservedTrial
 from validation.identification.unknowns.priors import KEY_SCALE, KEY_ZERO, Parameter
 
@@ -66,9 +66,10 @@ class MotionRuns:
         parameters: Sequence[Parameter],
         trials: Sequence[ObservedTrial],
         tolerance: float = TOLERANCE,
+        executor: Executor | None = None,
     ) -> None:
         self.action, self.parameters, self.trials = action, tuple(parameters), tuple(trials)
-        self.tolerance = tolerance
+        self.tolerance, self.executor = tolerance, executor
         self.acting = [j for j, p in enumerate(self.parameters) if acting(action, p)]
 
     def drive(self, z: Array) -> Drive:
@@ -89,7 +90,15 @@ class MotionRuns:
         """Derivatives with respect to z; see `Response`."""
         errors = [j for j in which if self.parameters[j].name in (KEY_SCALE, KEY_ZERO)]
         try:
-            found = self._threads(lambda t: self._tangents(z, which, t))
+            found = [np.zeros((*t.change_rad.shape, len(which))) for t in self.trials]
+            asked = [j for j in which if j in self.acting]
+            if asked:
+                names = tuple(self.parameters[j].name for j in asked)
+                units = np.array([self.parameters[j].per_u(self.action, float(z[j])) for j in asked])
+                place, here = [list(which).index(j) for j in asked], self.drive(z)
+                tasks = [(self.action.with_values(here.changed), names, here, t) for t in self.trials]
+                for own, columns in zip(found, spread(self.executor, driven_tangents, tasks), strict=True):
+                    own[:, :, place] = columns * units
             self._by_differences(found, z, which, errors)
         except ModelError:  # differences of runs go on where a tangent cannot
             found = []
@@ -116,29 +125,6 @@ class MotionRuns:
                 unit = 1.0 / np.sqrt(DRAWS) if drive.draw >= 0 else trial.u_film_time_s / LATE_S
                 columns.append(unit * (curves[k] - base[k]))  # type: ignore[index]
             out.append(np.stack(columns, axis=-1))
-        return out
-
-    def _tangents(self, z: Array, which: Sequence[int], trial: ObservedTrial) -> Array:
-        here = self.drive(z)
-        action = self.action.with_values(here.changed)
-        out = np.zeros((*trial.change_rad.shape, len(which)))
-        asked = [(k, j) for k, j in enumerate(which) if j in self.acting]
-        if not asked:
-            return out
-        options = model.SensitivityOptions(
-            tolerance=MOTION,
-            relative_tolerance=TANGENT,
-            output_time_s=trial.model_time_s(),
-            rest_input=trial.preload_n,
-            events=False,
-            allow_idle=True,
-        )
-        names = [self.parameters[j].name for _, j in asked]
-        found = model.motion_sensitivities(action, here.motion(trial), names, options=options)
-        order = [found.angle_names.index(body) for body in BODIES]
-        turn = (found.d_angles - found.d_rest[None])[:, order]
-        for i, (k, j) in enumerate(asked):
-            out[:, :, k] = self.parameters[j].per_u(self.action, float(z[j])) * trial.seen(turn[:, :, i])
         return out
 
     def _by_differences(self, out: Sequence[Array], z: Array, which: Sequence[int], asked: Sequence[int]) -> None:
@@ -176,23 +162,29 @@ class MotionRuns:
 
     def _run(self, drives: Sequence[Drive]) -> list[list[Array] | None]:
         """Curves of every trial in each case; None where one of them cannot run."""
-        jobs = [(drive, trial) for drive in drives for trial in self.trials]
-
-        def one(job: tuple[Drive, ObservedTrial]) -> Array | None:
-            try:
-                return driven_curve(self.action, *job, self.tolerance)
-            except ModelError:
-                return None
-
-        with ThreadPoolExecutor(WORKERS) as pool:
-            found = list(pool.map(one, jobs))
+        jobs = [Run(self.action, drive, trial, self.tolerance) for drive in drives for trial in self.trials]
+        found = spread(self.executor, curve_of, jobs)
         n = len(self.trials)
         by_case = [found[i * n : (i + 1) * n] for i in range(len(drives))]
         return [None if any(c is None for c in some) else [c for c in some if c is not None] for some in by_case]
 
-    def _threads(self, one: Callable[[ObservedTrial], Array]) -> list[Array]:
-        with ThreadPoolExecutor(WORKERS) as pool:
-            return list(pool.map(one, self.trials))
+
+@dataclass(frozen=True)
+class Run:
+    """One run as plain data."""
+
+    action: model.Action
+    drive: Drive
+    trial: ObservedTrial
+    tolerance: float
+
+
+def curve_of(job: Run) -> Array | None:
+    """Channels (m, c) of one run; None where the model cannot run."""
+    try:
+        return driven_curve(job.action, job.drive, job.trial, job.tolerance)
+    except ModelError:
+        return None
 
 
 def driven_curve(action: model.Action, drive: Drive, trial: ObservedTrial, tolerance: float) -> Array:
@@ -209,6 +201,29 @@ def driven_curve(action: model.Action, drive: Drive, trial: ObservedTrial, toler
     run = run_prescribed(own, drive.motion(trial).raised(float(rest[0])), when, tolerance=tolerance)
     order = [run.bodies.index(body) for body in BODIES]
     return trial.seen(run.angle_rad[:, order] - rest[: len(BODIES)], drive.film_late_s)
+
+
+def driven_tangents(task: tuple[model.Action, tuple[str, ...], Drive, ObservedTrial]) -> Array:
+    """Derivatives (m, c, n) of a trial's channels, per SI unit or per relative change.
+
+    Raises
+    ------
+    model.errors.ModelError
+        The derivatives cannot be carried on.
+    """
+    action, names, drive, trial = task
+    options = model.SensitivityOptions(
+        tolerance=MOTION,
+        relative_tolerance=TANGENT,
+        output_time_s=trial.model_time_s(),
+        rest_input=trial.preload_n,
+        events=False,
+        allow_idle=True,
+    )
+    found = model.motion_sensitivities(action, drive.motion(trial), names, options=options)
+    order = [found.angle_names.index(body) for body in BODIES]
+    turn = (found.d_angles - found.d_rest[None])[:, order]
+    return np.stack([trial.seen(turn[:, :, i]) for i in range(len(names))], axis=-1)
 
 
 def _refuse(curves: Any) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
 
 import numpy as np
 
@@ -55,6 +56,7 @@ def response_to(
     parameters: Sequence[Parameter],
     trials: Sequence[ObservedTrial],
     tolerance: float | None = None,
+    executor: Executor | None = None,
 ) -> Response:
     """The project's model as it answers to these trials.
 
@@ -64,15 +66,15 @@ def response_to(
     parameters : what z moves
     trials : of either kind
     tolerance : largest error of any angle of a run, rad
+    executor : where to compute; by default threads of this process
     """
     limit = TOLERANCE if tolerance is None else tolerance
     by_force = [k for k, t in enumerate(trials) if t.key is None]
     by_key = [k for k, t in enumerate(trials) if t.key is not None]
     if not by_key:
-        return ExactRuns(action, parameters, trials, limit)
-    driven = MotionRuns(action, parameters, [trials[k] for k in by_key], limit)
+        return ExactRuns(action, parameters, trials, limit, executor)
+    driven = MotionRuns(action, parameters, [trials[k] for k in by_key], limit, executor)
     if not by_force:
         return driven
-    return MixedRuns(
-        [(by_force, ExactRuns(action, parameters, [trials[k] for k in by_force], limit)), (by_key, driven)]
-    )
+    forced = ExactRuns(action, parameters, [trials[k] for k in by_force], limit, executor)
+    return MixedRuns([(by_force, forced), (by_key, driven)])
