@@ -16,9 +16,10 @@ import model
 from model.errors import InputError, ModelError
 from model.sensitivity.parameter_names import directions
 from validation.conventions import BODIES, Array
-from validation.identification.model_runs import TOLERANCE, Case, ModelRuns, spread
+from validation.identification.model_runs import TOLERANCE, Case, ModelRuns
 from validation.identification.observations import ObservedTrial
 from validation.identification.unknowns.priors import Parameter
+from validation.prediction.elsewhere import spread
 
 MOTION, TANGENT = 1e-7, 1e-4
 PROBE = 0.01  # of a prior standard uncertainty: the step that checks the derivatives

@@ -73,9 +73,8 @@ class Problem:
     def seen(self) -> Array:
         """1 where a session measured a channel, else 0, (sessions, channels)."""
         places = {t.session: t.channels for t in self.trials}
-        return np.array(
-            [np.isin(range(len(CHANNEL_NAMES)), places.get(s, ())) for s in range(1 + max(places))], dtype=float
-        )
+        whole = range(len(CHANNEL_NAMES))
+        return np.array([np.isin(whole, places.get(s, ())) for s in range(1 + max(places))], dtype=float)
 
     def box(self) -> tuple[Array, Array]:
         """Smallest and largest z, (p,) each."""

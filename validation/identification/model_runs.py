@@ -7,18 +7,17 @@ needs of a model, so that exact sensitivities can take their place.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Executor, ThreadPoolExecutor
+from collections.abc import Iterator, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
-from typing import Protocol, TypeVar
+from typing import Protocol
 
 import numpy as np
 
 import model
 from model.errors import ModelError
 from model.simulation.options import ForceDrivenOptions
-from validation.conventions import WORKERS, Array
-from validation.errors import ValidationInputError
+from validation.conventions import Array
 from validation.identification.blocks import MOVED_RAD
 from validation.identification.observations import ObservedTrial
 from validation.identification.unknowns.priors import (
@@ -29,6 +28,7 @@ from validation.identification.unknowns.priors import (
     KEY_ZERO,
     Parameter,
 )
+from validation.prediction.elsewhere import lost
 
 STEP = 0.015  # of a prior standard uncertainty: half a percent of a friction; after an impact larger steps bend
 SMALL_STEP = 0.1  # of what is known well
@@ -39,8 +39,6 @@ BEFORE_S = 2e-3  # before the first phase the force is the preload, without nois
 BUMP_N = 0.01
 OFFSET_N = 0.01
 LATE_S = 1e-4  # by which a film's clock is moved for its column
-Job = TypeVar("Job")
-Found = TypeVar("Found")
 
 
 class Response(Protocol):
@@ -237,35 +235,6 @@ class ModelRuns:
                 turn = np.asarray(solution.angle_rad)[:, :5] - known[case.preload_n(trial)].angle_rad[:5]
                 curves.append(case.read(trial, turn))
         return curves if len(curves) == len(self.trials) else None
-
-
-def lost(error: Exception) -> ValidationInputError:
-    """What is said of a computation that did not come back."""
-    what = " ".join(f"{type(error).__name__}: {error}".split())
-    return ValidationInputError(
-        f"identify: a run was lost where it was computed ({what}); nothing was written; run again"
-    )
-
-
-def spread(executor: Executor | None, one: Callable[[Job], Found], jobs: Sequence[Job]) -> list[Found]:
-    """``one`` of every job, in their order, on the executor's workers or threads of this process.
-
-    Raises
-    ------
-    model.errors.ModelError
-        What ``one`` raises.
-    ValidationInputError
-        A worker was lost, and with it the job.
-    """
-    if executor is None:
-        with ThreadPoolExecutor(WORKERS) as pool:
-            return list(pool.map(one, jobs))
-    try:
-        return list(executor.map(one, jobs))
-    except ModelError:
-        raise
-    except Exception as error:
-        raise lost(error) from error
 
 
 def noise_knots(trial: ObservedTrial) -> Array:

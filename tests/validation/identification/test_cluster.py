@@ -18,11 +18,12 @@ import model
 from validation.errors import ValidationInputError
 from validation.identification.channels.responses import response_to
 from validation.identification.identify import identify
-from validation.identification.model_runs import ModelRuns, spread
+from validation.identification.model_runs import ModelRuns
 from validation.identification.observations import ObservedTrial
 from validation.identification.options import IdentifyOptions
 from validation.identification.sources import collect
 from validation.identification.unknowns.priors import unknowns
+from validation.prediction.elsewhere import spread
 
 EXAMPLE = Path(__file__).parents[3] / "sessions" / "example_forte"
 ASKED = ["hammer.joint_friction", "contact07.friction"]

@@ -22,9 +22,10 @@ from model.motion_driven.spline_fit import DEGREE
 from validation.conventions import BODIES, Array
 from validation.identification.blocks import MOVED_RAD
 from validation.identification.exact_runs import MISSED, MOTION, PROBE, TANGENT, acting
-from validation.identification.model_runs import LATE_S, SMALL_STEP, STEP, TOLERANCE, spread
+from validation.identification.model_runs import LATE_S, SMALL_STEP, STEP, TOLERANCE
 from validation.identification.observations import ObservedTrial
 from validation.identification.unknowns.priors import KEY_SCALE, KEY_ZERO, Parameter
+from validation.prediction.elsewhere import spread
 
 DRAWS = 24
 DRAW_SEED = 160
