@@ -16,8 +16,9 @@ from validation.errors import ValidationInputError
 from validation.identification.channels.key_driven import with_errors_of_what_drives
 from validation.identification.channels.responses import response_to
 from validation.identification.estimates import LACKING, estimate_all
-from validation.identification.fit import Columns, Fitted, Problem, search
+from validation.identification.fit import Columns, Fitted, Problem
 from validation.identification.identifiability import directions, warnings_of
+from validation.identification.minima import search
 from validation.identification.noise import FLOOR, Sizes, learn
 from validation.identification.observations import CHANNEL_NAMES, ObservedTrial
 from validation.identification.options import IdentifyKeywords, IdentifyOptions
@@ -170,7 +171,7 @@ def look_before(problem: Problem) -> tuple[Columns, list[str]]:
                 f"--parameters {name}: has no effect in these strokes (no angle moves by {LEAST_EFFECT_RAD:g} rad); "
                 "leave it out, or record a stroke in which it acts"
             )
-    sizes = Sizes.start(problem.laws, problem.seen)
+    sizes = Sizes.start(problem.families, problem.seen)
     marginal = learn(blocks, [b.moved @ zero for b in blocks], sizes, 0, FLOOR)
     n = len(names)
     return columns, warnings_of(names, marginal.covariance[:n, :n])
@@ -206,7 +207,7 @@ def _of_fit(best: Fitted, fits: Sequence[Fitted], sources: Sources) -> list[str]
     if share > LACKING:
         said.append(
             f"the model lacks something: trials differ from it alike by {100 * share:.0f} % of what all its laws "
-            "together could do; no value is called identified"
+            "together could do; intervals hold what that may do to a value"
         )
     apart = [f.badness - best.badness for f in fits]
     if max(apart) > SAME:
@@ -238,7 +239,7 @@ def _provenance(
         "converged": best.converged,
         "driven_by_the_key": [t.label for t in sources.fitted if t.key is not None],
         "discrepancy": {
-            f"session {s + 1}": {CHANNEL_NAMES[c]: float(best.marginal.sizes.common[s, c]) for c in channels}
-            for s, channels in best.marginal.channels.items()
+            f"session {s + 1}": {CHANNEL_NAMES[c]: float(best.marginal.sizes.discrepancy[s, c]) for c in channels}
+            for s, channels in {b.session: b.channels for b in best.marginal.blocks}.items()
         },
     }

@@ -20,7 +20,7 @@ from validation.identification.exact_runs import ExactRuns
 from validation.identification.fit import Fitted, Problem
 from validation.identification.further.shelf import Candidate
 from validation.identification.model_runs import Response
-from validation.identification.noise import LEAST, Marginal
+from validation.identification.noise import NOT_SEEN, Marginal
 from validation.identification.observations import ObservedTrial
 from validation.identification.unknowns.priors import FORCE_DELAY, FORCE_GAIN, FORCE_LEVEL
 
@@ -126,7 +126,7 @@ def further(fitted: Fitted, block: Block, trials: int) -> Marginal:
 
 def _with_typical(of_sessions: Array) -> Array:
     """Sizes by session and channel with a row for one more session: the root mean square of those that have one."""
-    there = np.maximum((of_sessions > LEAST).sum(axis=0), 1)
+    there = np.maximum((of_sessions > NOT_SEEN).sum(axis=0), 1)
     return np.vstack([of_sessions, np.sqrt((of_sessions**2).sum(axis=0) / there)])
 
 
