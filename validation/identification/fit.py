@@ -44,7 +44,7 @@ LEAST_GAIN = 0.05  # of twice the log posterior: a step that gains less has come
 NEAR = 2.0
 SLIGHT = 0.05  # of the response: a discrepancy that is no reason to look for another minimum
 NEAR_FLOOR = 0.01  # a linear model that is off by no more is near enough to the minimum
-AFAR = 0.3  # how far z may move before columns of force noise are found again
+AFAR = 1.0  # how far z may move before columns of force noise are found again
 ROUNDS, LAST_ROUNDS = 4, 30
 
 
@@ -215,7 +215,7 @@ def fit(
         marginal = Marginal(blocks, sizes) if kept else learn(blocks, linear, sizes, rounds, floor)
         largest = largest_step(marginal, here, z, (low, high), watched)
         if near and largest < CLOSE:
-            marginal, learnings = likeliest(blocks, linear, marginal.sizes, rounds), learnings + 1
+            marginal, learnings = likeliest(blocks, linear, marginal.sizes, rounds, learnings == 0), learnings + 1
             largest = largest_step(marginal, here, z, (low, high), watched)
             converged = largest < (CLOSE if learnings < MOST_LEARNINGS else STALLED)
         sizes = marginal.sizes
@@ -229,7 +229,7 @@ def fit(
             said = f"step {steps}: largest change {largest:.2g} u, damped by {damping:g}; linear to {worth:.2g}"
             say(said if taken else f"step {steps}: no step from here lowers the objective")
         if near and largest < NEAR and attempt.gain < LEAST_GAIN:
-            marginal, learnings = likeliest(blocks, linear, sizes, rounds), learnings + 1
+            marginal, learnings = likeliest(blocks, linear, sizes, rounds, learnings == 0), learnings + 1
             converged = largest_step(marginal, here, z, (low, high), watched) < STALLED
             if converged or learnings >= MOST_LEARNINGS:
                 break

@@ -16,7 +16,7 @@ from validation.conventions import Array
 from validation.identification.blocks import Block
 from validation.identification.noise.held_out import GROWN, held_out_score
 from validation.identification.noise.marginal import Marginal, parts_of
-from validation.identification.noise.parts import Columns, reach
+from validation.identification.noise.parts import Columns, law_columns
 from validation.identification.noise.sizes import FLOOR, NOT_SEEN, Sizes
 
 LONGEST = 1.5  # step of a logarithm
@@ -62,8 +62,10 @@ def scores(marginal: Marginal, residuals: Sequence[Array] | None = None) -> Scor
             left = inverse @ residuals[k] - back @ mean[mine]
         _add(slope, information, variance, own[k], weight, left if residuals is not None else None)
         towards += _squares(own[k], pull, log.size)
-        ways = reach(b, marginal.sizes)
-        total.add(ways.T @ inverse @ ways, ways.T @ back, ways.T @ pull, ways.T @ left)
+        laws = law_columns(b, marginal.sizes)
+        half = inverse @ laws
+        both = np.block([[laws.T @ half, half.T], [half, inverse]])
+        total.add(both, *(np.concatenate([laws.T @ v, v]) for v in (back, pull, left)))
     for s, total in of_session.items():
         mine = marginal.columns_of(s)
         weight = total.inverse - total.back @ marginal.covariance[np.ix_(mine, mine)] @ total.back.T
@@ -97,13 +99,14 @@ def _squares(part: Columns, pull: Array, sizes: int) -> Array:
 
 def _add(slope: Array, information: Array, variance: Array, part: Columns, weight: Array, left: Array | None) -> None:
     """Add what one independent piece says of its sizes."""
-    across = part.columns.T @ weight @ part.columns
-    if left is not None:
-        np.add.at(slope, part.place, variance[part.place] * (np.diag(across) - (part.columns.T @ left) ** 2))
-    places = np.unique(part.place)
-    of = (part.place[None, :] == places[:, None]).astype(float)
-    squares = of @ across**2 @ of.T
-    information[np.ix_(places, places)] += 2.0 * np.outer(variance[places], variance[places]) * squares
+    for k, (i, rows, columns) in enumerate(part.groups):
+        for j, others, more in part.groups[: k + 1]:
+            across = columns.T @ weight[rows, others] @ more
+            found = 2.0 * variance[i] * variance[j] * float(np.vdot(across, across))
+            information[i, j] += found
+            information[j, i] += found * (i != j)
+        if left is not None:  # the last across is of the part with itself
+            slope[i] += variance[i] * float(np.trace(across) - np.sum((columns.T @ left[rows]) ** 2))
 
 
 def learn(
@@ -151,14 +154,16 @@ def _step(marginal: Marginal, residuals: Sequence[Array], floor: float) -> Margi
     return None
 
 
-def likeliest(blocks: Sequence[Block], residuals: Sequence[Array], sizes: Sizes, rounds: int) -> Marginal:
-    """The likelier model of two, learnt from these sizes and from next to no discrepancy.
+def likeliest(
+    blocks: Sequence[Block], residuals: Sequence[Array], sizes: Sizes, rounds: int, anew: bool = True
+) -> Marginal:
+    """The likelier model of two, learnt from these sizes and, ``anew``, from next to no discrepancy.
 
     Where there are several kinds of strokes, its discrepancy as a whole is then as large as predicts those of a kind
     that is kept aside best. With one kind that says nothing: the other trials tell the discrepancy, whatever its size.
     """
     seen = (sizes.own > NOT_SEEN).astype(float)
-    starts = (sizes, Sizes.tight(sizes.families, seen))
+    starts = [sizes, *([Sizes.tight(sizes.families, seen)] if anew else [])]
     learnt = [learn(blocks, residuals, start, rounds) for start in starts]
     best = max(learnt, key=lambda m: m.log_evidence(residuals))
     if len(best.roots) == 1:

@@ -11,7 +11,7 @@ from scipy.linalg import cho_factor, cho_solve, cholesky, solve_triangular
 
 from validation.conventions import Array
 from validation.identification.blocks import INSTRUMENT, Block
-from validation.identification.noise.parts import TINY, Columns, common_parts, own_parts, reach
+from validation.identification.noise.parts import TINY, Columns, common_parts, own_parts, reached
 from validation.identification.noise.sizes import Sizes
 
 Parts = tuple[Mapping[int, Columns], Sequence[Columns]]
@@ -76,7 +76,7 @@ class Marginal:
 
     def design(self, b: Block) -> Array:
         """Columns (n, …) of one trial: moved, instrument, discrepancy of its session."""
-        return np.hstack([b.moved, b.instrument, reach(b, self.sizes) @ self.roots[b.session]])
+        return np.hstack([b.moved, b.instrument, reached(b, self.sizes, self.roots[b.session])])
 
     def _whiten(self, b: Block, own: Array) -> tuple[Array, Array]:
         lower = cholesky(np.diag(b.white) + b.own @ b.own.T + own, lower=True)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +27,17 @@ class Columns:
 
     columns: Array
     place: NDArray[np.intp]
+
+    @cached_property
+    def groups(self) -> list[tuple[int, slice, Array]]:
+        """Of each size its place, the rows it reaches, and its columns there."""
+        out = []
+        for place in np.unique(self.place):
+            mine = self.columns[:, self.place == place]
+            there = np.flatnonzero(mine.any(axis=1))
+            rows = slice(int(there[0]), int(there[-1]) + 1) if there.size else slice(0, 1)
+            out.append((int(place), rows, np.ascontiguousarray(mine[rows])))
+        return out
 
     def covariance(self, size: Array) -> Array:
         """Covariance (n, n), given all sizes."""
@@ -56,16 +68,19 @@ def law_columns(block: Block, sizes: Sizes) -> Array:
     return np.asarray(np.hstack([block.moved, block.held])[:, sizes.families >= 0])
 
 
-def reach(block: Block, sizes: Sizes) -> Array:
-    """How the common parts of a session reach a trial, (n, l + n): laws by its own columns, the rest as is.
+def reached(block: Block, sizes: Sizes, root: Array) -> Array:
+    """How the common parts of a session, as a root (l + n, l + n), reach a trial: laws by its columns, the rest as is.
 
     Trials of one kind differ by some per cent in their force, and after an impact their columns of a law by half.
     """
-    return np.hstack([law_columns(block, sizes), np.eye(block.white.size)])
+    laws = law_columns(block, sizes)
+    out = root[laws.shape[1] :].copy()
+    out[:, : laws.shape[1]] += laws @ root[: laws.shape[1], : laws.shape[1]]
+    return np.asarray(out)
 
 
 def common_parts(blocks: Sequence[Block], sizes: Sizes) -> Columns:
-    """What the model lacks in all trials of one session, which have the same phases; rows as the columns of `reach`."""
+    """What the model lacks in all trials of one session, which have the same phases; rows as in `reached`."""
     lead, c = blocks[0], sizes.channels
     m, first = lead.time_s.size, len(FAMILIES) + sizes.own.size + lead.session * sizes.common.shape[1]
     columns, place = [], []
