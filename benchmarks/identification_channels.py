@@ -47,8 +47,9 @@ from validation.identification.channels.key_driven import (
 )
 from validation.identification.channels.responses import response_to
 from validation.identification.estimates import estimate_all
-from validation.identification.fit import Problem, search
+from validation.identification.fit import Problem
 from validation.identification.identify import LEAST_EFFECT_RAD, held_columns
+from validation.identification.minima import search
 from validation.identification.observations import ObservedTrial, observe
 from validation.identification.scatter import lacking
 from validation.identification.unknowns.priors import Unknowns, unknowns
