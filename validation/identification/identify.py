@@ -9,6 +9,7 @@ from typing import Any, Unpack
 import numpy as np
 
 import model
+from model.errors import ModelError
 from rig.session import Session
 from validation.cache.content_hash import code_sha256
 from validation.conventions import Array
@@ -163,7 +164,10 @@ def look_before(problem: Problem) -> tuple[Columns, list[str]]:
             f"identify: the model {problem.action.name} cannot run these strokes; use other values with --set"
         )
     columns = Columns(problem)
-    blocks = columns.blocks(zero)
+    try:
+        blocks = columns.blocks(zero)
+    except ModelError as error:
+        raise ValidationInputError(f"identify: {problem.action.name}: {error}; use other values with --set") from None
     effect = np.max([np.abs(b.moved).max(axis=0) for b in blocks], axis=0)
     for name, size in zip(names, effect, strict=False):
         if size < LEAST_EFFECT_RAD:

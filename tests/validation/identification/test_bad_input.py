@@ -48,6 +48,13 @@ def test_a_parameter_that_cannot_be_free_is_refused_by_name(name: str, said: str
     assert name in refused(error)
 
 
+def test_a_set_without_a_rest_state_is_refused_in_one_line() -> None:
+    floating = ACTION.with_values({"gravity.g": 0.0})
+    with pytest.raises(ValidationInputError, match="the model cannot run .*; use other values with --set") as error:
+        identify([SESSIONS / "example_forte"], ["hammer.joint_friction"], floating, fixed=("*",), phases=5)
+    refused(error)
+
+
 def test_a_pattern_leaves_out_what_the_geometry_fixes_and_fix_does_not() -> None:
     assert "contact04.second.normal.x" not in expand(ACTION, ["contact04.*"])
     assert "contact04.second.x" in expand(ACTION, ["contact04.*"])
