@@ -200,7 +200,8 @@ def fit(
     first = Sizes.tight if tight else Sizes.start
     sizes, steps, converged = first(problem.families, problem.seen), 0, False
     floor, largest, most = (FLOOR, 0.0, MOST_TIGHT) if tight else (FIRST_FLOOR, np.inf, MOST_STEPS)
-    watched, damping, learnings = problem.watched, 0.0, 0
+    watched, damping, learnings, stalled = problem.watched, 0.0, 0, -1
+    asked = np.arange(len(problem.unknowns.asked))
     while True:
         try:
             near = floor <= NEAR_FLOOR
@@ -230,10 +231,10 @@ def fit(
             say(said if taken else f"step {steps}: no step from here lowers the objective")
         if near and largest < NEAR and attempt.gain < LEAST_GAIN:
             marginal, learnings = likeliest(blocks, linear, sizes, rounds, learnings == 0), learnings + 1
-            converged = largest_step(marginal, here, z, (low, high), watched) < STALLED
-            if converged or learnings >= MOST_LEARNINGS:
+            converged = largest_step(marginal, here, z, (low, high), asked) < STALLED
+            if converged or learnings >= MOST_LEARNINGS or stalled == steps - 1:  # twice in turn: no way on
                 break
-            sizes = marginal.sizes
+            sizes, stalled = marginal.sizes, steps
             continue
         if attempt.curves is not None:
             z, curves = z + attempt.step, attempt.curves

@@ -37,8 +37,8 @@ from validation.prediction.model_under_test import action_sha256
 LEAST_EFFECT_RAD = 1e-8
 EVENT_TOLERANCE = 1e-5
 PROVISIONAL = (
-    "intervals are provisional: how often they hold the truth is known only for virtual strokes of one kind, with all "
-    "else known and nothing lacking in the model (docs/explanation/identification.md)"
+    "intervals are provisional: how often they hold the truth is known from few virtual experiments, and with several "
+    "kinds of strokes u may be too small (docs/explanation/identification.md)"
 )
 SAME = 6.0  # of twice the log likelihood: starts that end this close have found the same minimum
 
