@@ -6,7 +6,8 @@
 The specimen is the model with frictions drawn from their priors, played with the forces of `benchmarks.bench_strokes`,
 its frictions scattering by 2 % from trial to trial, read by the virtual bench's sensors with their drawn errors
 (`benchmarks.identification_coverage`). Identified on the first kind, each further kind is predicted from the identified
-values, then played and identified together with the first. Printed: u over what it was, predicted and realised.
+values, then played and identified together with the first. Printed: u over what it was, predicted with its limits and
+realised; and realised where the u before is taken by the sizes of noise that both kinds together teach.
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ from validation.identification.fit import Fitted, Problem, fit
 from validation.identification.further.shelf import Candidate
 from validation.identification.further.shrink import prospects
 from validation.identification.identify import action_at
+from validation.identification.noise import Marginal
 from validation.identification.observations import ObservedTrial, observe
 from validation.identification.unknowns.priors import Unknowns, unknowns
 from validation.measurement.trial import measure
@@ -68,30 +70,38 @@ def main() -> int:
     here = action_at(start, free, before.z)
     u_before = np.sqrt(np.diag(before.covariance))
     asked = [p.name for p in free.asked]
-    near = total = 0
+    near = total = near_alike = inside = 0
     for kind in options.next.split(","):
         dry = played(here, kind, 1, sensors, np.random.default_rng(options.seed + 1))
         candidate = Candidate(kind, observed(start, kind, 0, dry)[0])
         (predicted,) = [p for p in prospects(problem, before, [candidate], options.trials)[0] if p.name == kind]
         new = observed(start, kind, 1, played(specimen, kind, options.trials, sensors, rng))
         _, after = fitted(start, free, [*first, *new])
-        realised = np.sqrt(np.diag(after.covariance)) / u_before
+        u_after = np.sqrt(np.diag(after.covariance))
+        realised = u_after / u_before
+        old = Marginal([b for b in after.marginal.blocks if b.session == 0], after.marginal.sizes)
+        alike = u_after / np.sqrt(np.diag(old.covariance)[: len(u_after)])
         print(f"{options.trials} x {kind} after {options.trials} x {options.first}: u over u before", flush=True)
         for j, name in enumerate(asked):
             off = realised[j] / predicted.shrink[name] - 1
             near += abs(off) <= NEAR
             total += 1
+            near_alike += abs(alike[j] / predicted.shrink[name] - 1) <= NEAR
+            low, high = predicted.range(name)
+            inside += low <= realised[j] <= high
             scatter = [f.marginal.sizes.scatter[j] for f in (before, after)]
             print(
-                f"  {name:28s} {predicted.shrink[name]:6.3f} {realised[j]:6.3f} {100 * off:+6.0f} %   scatter between "
-                f"trials {scatter[0]:.3f} -> {scatter[1]:.3f}"
+                f"  {name:28s} {predicted.shrink[name]:6.3f} ({low:.2f} to {high:.2f}) {realised[j]:6.3f} "
+                f"{100 * off:+6.0f} % "
+                f"  by the later sizes {alike[j]:.3f}   scatter between trials {scatter[0]:.3f} -> {scatter[1]:.3f}"
             )
         print(
             f"  common {before.marginal.sizes.common.max():.3f} -> {after.marginal.sizes.common.max():.3f}, settled "
             f"{before.converged} {after.converged}",
             flush=True,
         )
-    print(f"within {NEAR:.0%} of predicted: {near} of {total}")
+    print(f"within {NEAR:.0%} of predicted: {near} of {total}; within the limits told: {inside} of {total}")
+    print(f"within {NEAR:.0%} where the first u is taken by the later sizes of noise: {near_alike} of {total}")
     return 0
 
 

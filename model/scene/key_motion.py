@@ -59,6 +59,12 @@ class KeyMotion:
             if derivative < 2:
                 pieces = pieces[:, :-1] * np.arange(pieces.shape[1] - 1, 0, -1)
 
+    def raised(self, angle_rad: float) -> KeyMotion:
+        """The same motion from another angle on, so many rad higher."""
+        rows = self.coefficient.copy()
+        rows[:, -1] += angle_rad
+        return KeyMotion(self.break_s, rows)
+
     def packed(self) -> list[float]:
         """The block of the parameter vector that kernels read; see `model.kernels.motion`."""
         return [float(len(self.break_s) - 1), *self.break_s.tolist(), *self.coefficient.ravel().tolist()]

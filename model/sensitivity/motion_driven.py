@@ -33,7 +33,7 @@ Array = NDArray[np.float64]
 
 def motion_sensitivities(
     action: Action | str,
-    motion: tuple[ArrayLike, ArrayLike],
+    motion: tuple[ArrayLike, ArrayLike] | KeyMotion,
     parameters: Sequence[str],
     *,
     from_rest: bool = True,
@@ -44,11 +44,12 @@ def motion_sensitivities(
     Parameters
     ----------
     action : parameter set, or its name or file
-    motion : times (k,), s, and angles of the key (k,), rad, counter-clockwise
+    motion : times (k,), s, and angles of the key (k,), rad, counter-clockwise; or a motion that was fitted to them
     parameters : names (P,) as for `sensitivities`
     from_rest : the angles are changes since rest, as an incremental encoder gives them; else from ground, in which
         case they do not depend on any parameter
-    options : tolerances, times and scene; events and contact forces are not given
+    options : tolerances, times and scene, and the force under which the key rests; events and contact forces are not
+        given
 
     Returns
     -------
@@ -58,7 +59,7 @@ def motion_sensitivities(
     Raises
     ------
     InputError : a name is unknown, has no effect in the scene or does nothing under this motion; options ask for
-        contact forces, an error or a preload; a table that cannot be used
+        contact forces or an error; a table that cannot be used
     StaticsError, IntegrationError : the action has no rest state, or cannot follow the motion
 
     Examples
@@ -77,17 +78,19 @@ def motion_sensitivities(
     named = find_parameters(action, parameters)
     free = build_scene(action, choice)
     free.refuse_memory("sensitivities under a motion of the key")
-    at_rest = solve_rest(free)
-    times, angles = (np.asarray(column, dtype=float) for column in motion)
-    fit = fit_key_motion(times, angles + (at_rest[free.bodies.index("key")] if from_rest else 0.0))
-    outputs = check_output_times(options.output_time_s, fit.time_s)
+    at_rest = solve_rest(free, options.rest_input)
+    fitted, table_s = _fitted(motion)
+    outputs = check_output_times(options.output_time_s, table_s)
     if len(outputs) == 0:
         raise InputError("output times: found none, allowed at least one")
-    fitted = fit.motion()
+    if from_rest:
+        fitted = fitted.raised(float(at_rest[free.bodies.index("key")]))
     begins = float(fitted.break_s[0])  # from zero on, as in a run
     key = KeyMotion(fitted.break_s - begins, fitted.coefficient)
     slopes = directions(action, choice, named, key)
-    carried = key_rest_slopes(directions(action, choice, named), at_rest) if from_rest else np.zeros(len(named))
+    carried = np.zeros(len(named))
+    if from_rest:
+        carried = key_rest_slopes(directions(action, choice, named), at_rest, options.rest_input)
     scene = slopes.scene
     state = State(0.0, solve_rest(scene, 0.0), np.zeros(scene.size))
     simulation = Simulation(scene, state, options.tolerance, options.method, largest_step_s=LONGEST_STEP_S)
@@ -134,17 +137,25 @@ def motion_sensitivities(
     )
 
 
+def _fitted(motion: tuple[ArrayLike, ArrayLike] | KeyMotion) -> tuple[KeyMotion, Array]:
+    """The motion that drives, and the times of its table."""
+    if isinstance(motion, KeyMotion):
+        return motion, motion.break_s
+    times, angles = (np.asarray(column, dtype=float) for column in motion)
+    fit = fit_key_motion(times, angles)
+    return fit.motion(), fit.time_s
+
+
 def _check(options: SensitivityOptions) -> None:
     """Refuse what only a blow by a force has."""
     asked = {
         "contact_forces": options.contact_forces,
         "estimate_error": options.estimate_error,
-        "rest_input": options.rest_input != 0.0,
         "events": options.events,
     }
     wrong = [name for name, it_is in asked.items() if it_is]
     if wrong:
         raise InputError(
             f"sensitivities under a motion of the key: found {', '.join(wrong)}, allowed tolerances, times, scene, "
-            "method and allow_idle"
+            "method, rest_input and allow_idle"
         )

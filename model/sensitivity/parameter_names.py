@@ -93,6 +93,11 @@ def _parameter(action: Action, name: str) -> Parameter:
         return Parameter(
             name, quantity.value, quantity.unit, {name: 1.0}, step, abs(quantity.value) or quantity.u or step
         )
+    if name in action.structure:
+        raise InputError(
+            f"parameter {name}: is fixed by the geometry (it says {action.structure[name]!r}, which is no number); "
+            "leave it out"
+        )
     paths = named_paths(action, name.removeprefix(FELT), "parameter")
     steps = [
         _step(quantities[path].unit, quantities[path].value, quantities[path].u) / abs(quantities[path].value)

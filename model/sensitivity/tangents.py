@@ -125,9 +125,9 @@ def input_kinks(time: Array, value: Array) -> Array:
     return np.repeat(at, 2).reshape(-1, 2)
 
 
-def key_rest_slopes(directions: Directions, rest: Array) -> Array:
-    """Derivatives (P,) of the key's angle at rest without a force, in a scene whose key is free."""
-    return np.asarray(rest_slopes(_Run(directions), rest, 0.0)[directions.scene.bodies.index("key")])
+def key_rest_slopes(directions: Directions, rest: Array, force_n: float = 0.0) -> Array:
+    """Derivatives (P,) of the key's angle at rest under a force, in a scene whose key is free."""
+    return np.asarray(rest_slopes(_Run(directions), rest, force_n)[directions.scene.bodies.index("key")])
 
 
 class Recorded:

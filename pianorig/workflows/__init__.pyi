@@ -58,6 +58,7 @@ from .model.calibrate import felt as felt
 from .model.calibrate import friction as friction
 from .model.calibrate import pendulum as pendulum
 from .model.calibrate import rebound as rebound
+from .model.cluster import cluster_executor as cluster_executor
 from .model.drive import DriveOrder as DriveOrder
 from .model.drive import identify_drive as identify_drive
 from .model.drive import rehearse_drive as rehearse_drive

@@ -1,8 +1,9 @@
 """The linear model around one point: of each trial, how its curves change with everything that is not known.
 
-Conventions: rows of a trial are channel after channel, (3 m,); columns are per prior standard uncertainty. Common to
-all trials of a bench: errors of the force (moved like a parameter) and of each encoder's scale and zero, as in
-`validation.prediction.joint_draws`. Common to all trials of a session: the discrepancy, what the model lacks.
+Conventions: rows of a trial are channel after channel, (c m,) of its c channels, mostly three; columns are per prior
+standard uncertainty. Common to all trials of a bench: errors of the force (moved like a parameter) and of each
+encoder's scale and zero, as in `validation.prediction.joint_draws`, and of the film's scale. Common to all trials of a
+session: the discrepancy, what the model lacks.
 """
 
 from __future__ import annotations
@@ -14,12 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from validation.conventions import Array
-from validation.identification.observations import CHANNELS, ObservedTrial
+from validation.identification.observations import CHANNEL_NAMES, ENCODERS, FILM, ObservedTrial
 
 MOVED_RAD = 1e-3  # turn over which the error of an encoder that does not grow with the angle comes about
 FLOOR_RAD = 1e-5  # least size of a channel's response
 SMOOTH = 5  # phases over which the size of the response is taken
-INSTRUMENT = tuple(f"{name} encoder {part}" for part in ("scale", "zero") for name in ("key", "whippen", "hammer"))
+LOST_RAD = 1e3  # standard uncertainty of what a film lost
+SCALES = tuple(f"{CHANNEL_NAMES[c]} {'film' if c in FILM else 'encoder'} scale" for c in (*ENCODERS, *FILM))
+INSTRUMENT = (*SCALES, *(f"{CHANNEL_NAMES[c]} encoder zero" for c in ENCODERS))
 
 
 @dataclass(frozen=True)
@@ -32,11 +35,12 @@ class Block:
     time_s : (m,) phases
     moved : (3 m, p) columns of what the fit moves
     held : (3 m, h) columns of laws that are fixed, and scatter from trial to trial all the same
-    instrument : (3 m, 6) columns of `INSTRUMENT`
-    own : (3 m, k) columns of the trial's own force: its offset, and its noise in parts
+    instrument : (3 m, 8) columns of `INSTRUMENT`
+    own : (3 m, k) columns of the trial's own force: its offset, and its noise in parts; of its film's reference
     white : (3 m,) variance of sensor noise, rad²
     size : (3, m) size of the response: root of the sum of squares of the columns of laws
     load : (m,) force on the key, of its greatest
+    channels : which channels the rows are, as places in `CHANNEL_NAMES`
     """
 
     session: int
@@ -48,16 +52,17 @@ class Block:
     white: Array
     size: Array
     load: Array
+    channels: tuple[int, ...] = ENCODERS
 
 
 def rows(curves: Array) -> Array:
-    """(m, 3, …) as (3 m, …), channel after channel."""
-    return np.moveaxis(curves, 1, 0).reshape(curves.shape[0] * CHANNELS, *curves.shape[2:])
+    """(m, c, …) as (c m, …), channel after channel."""
+    return np.moveaxis(curves, 1, 0).reshape(curves.shape[0] * curves.shape[1], *curves.shape[2:])
 
 
 def residuals(trials: Sequence[ObservedTrial], curves: Sequence[Array]) -> list[Array]:
-    """Measured less predicted, (3 m,) of each trial."""
-    return [rows(t.change_rad - c) for t, c in zip(trials, curves, strict=True)]
+    """Measured less predicted, (3 m,) of each trial; 0 where lost."""
+    return [rows(np.nan_to_num(t.change_rad - c)) for t, c in zip(trials, curves, strict=True)]
 
 
 def make_blocks(
@@ -72,22 +77,19 @@ def make_blocks(
     Parameters
     ----------
     trials : sequence of ObservedTrial
-    jacobian : (m, 3, p) of each trial
+    jacobian : (m, c, p) of each trial
     force_columns : (m, 3, 1 + n) of each trial, see `model_runs.Response`
     laws : (p,) bool, which columns are laws: their size is that of the response
     held : (m, 3, h) of each trial, columns of laws that are fixed; they count for the size, too
     """
     out = []
     for k, t in enumerate(trials):
-        m = t.time_s.size
-        moved = rows(jacobian[k])
-        fixed = rows(held[k]) if held else np.zeros((CHANNELS * m, 0))
-        encoder = np.zeros((CHANNELS * m, 2 * CHANNELS))
-        for c in range(CHANNELS):
-            part = slice(c * m, (c + 1) * m)
-            turned = t.change_rad[:, c]
-            encoder[part, c] = turned * t.u_scale[c]
-            encoder[part, CHANNELS + c] = t.u_steady_rad[c] * (1.0 - np.exp(-np.abs(turned) / MOVED_RAD))
+        m, c = t.change_rad.shape
+        there = rows(np.isfinite(t.change_rad))
+        moved = rows(jacobian[k]) * there[:, None]
+        fixed = rows(held[k]) * there[:, None] if held else np.zeros((c * m, 0))
+        encoder, film = _sensors(t)
+        white = np.where(there, rows(np.broadcast_to(t.u_white_rad, (m, c))) ** 2, LOST_RAD**2)
         out.append(
             Block(
                 session=t.session,
@@ -95,13 +97,32 @@ def make_blocks(
                 moved=moved,
                 held=fixed,
                 instrument=encoder,
-                own=rows(force_columns[k]),
-                white=np.repeat(t.u_white_rad**2, m),
+                own=np.hstack([rows(force_columns[k]) * there[:, None], film]),
+                white=white,
                 size=_size(np.hstack([moved[:, laws], fixed]), m),
                 load=_load(t),
+                channels=t.channels,
             )
         )
     return out
+
+
+def _sensors(t: ObservedTrial) -> tuple[Array, Array]:
+    """Columns of `INSTRUMENT` (c m, 8), and of the references of the trial's own film (c m, films)."""
+    m = t.time_s.size
+    out = np.zeros((len(t.channels) * m, len(INSTRUMENT)))
+    film = np.zeros((len(t.channels) * m, sum(c in FILM for c in t.channels)))
+    for k, c in enumerate(t.channels):
+        part, turned = slice(k * m, (k + 1) * m), np.nan_to_num(t.change_rad[:, k])
+        if c == 0 and t.key_moves:  # errors of the key's encoder move like a parameter
+            continue
+        out[part, c] = turned * t.u_scale[k]
+        zero = t.u_steady_rad[k] * -np.expm1(-np.abs(turned) / MOVED_RAD)
+        if c in FILM:
+            film[part, c - FILM[0]] = zero
+        else:
+            out[part, len(SCALES) + c] = zero
+    return out, film
 
 
 def _load(t: ObservedTrial) -> Array:
@@ -120,7 +141,7 @@ def bend(blocks: Sequence[Block], here: Sequence[Array], there: Sequence[Array],
 
 def _size(columns: Array, m: int) -> Array:
     """Size of the response by channel and phase, largest of its neighbours so that no crossing of zero shows."""
-    size = np.sqrt((columns**2).sum(axis=1)).reshape(CHANNELS, m)
+    size = np.sqrt((columns**2).sum(axis=1)).reshape(-1, m)
     around = np.stack([np.roll(size, shift, axis=1) for shift in range(-SMOOTH, SMOOTH + 1)])
     for i, shift in enumerate(range(-SMOOTH, SMOOTH + 1)):  # no wrapping round the ends
         if shift > 0:

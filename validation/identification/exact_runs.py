@@ -7,21 +7,55 @@ no step to choose. A parameter that does nothing in the scene has a column of ze
 from __future__ import annotations
 
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Executor
+from dataclasses import dataclass
 
 import numpy as np
 
 import model
 from model.errors import InputError, ModelError
 from model.sensitivity.parameter_names import directions
-from validation.conventions import ENCODER_BODIES, WORKERS, Array
-from validation.identification.model_runs import ModelRuns
+from validation.conventions import BODIES, Array
+from validation.identification.model_runs import TOLERANCE, Case, ModelRuns
 from validation.identification.observations import ObservedTrial
 from validation.identification.unknowns.priors import Parameter
+from validation.prediction.elsewhere import spread
 
 MOTION, TANGENT = 1e-7, 1e-4
 PROBE = 0.01  # of a prior standard uncertainty: the step that checks the derivatives
 MISSED = 0.2  # of the change: derivatives that miss it by more are not used
+
+
+@dataclass(frozen=True)
+class Tangents:
+    """A trial's derivatives to be computed, as plain data: the action as it is, names, errors of the force."""
+
+    action: model.Action
+    names: tuple[str, ...]
+    case: Case
+    trial: ObservedTrial
+
+
+def tangents(task: Tangents) -> Array:
+    """Derivatives (m, c, n) of a trial's channels, per SI unit or per relative change.
+
+    Raises
+    ------
+    model.errors.ModelError
+        The derivatives cannot be carried on.
+    """
+    options = model.SensitivityOptions(
+        tolerance=MOTION,
+        relative_tolerance=TANGENT,
+        output_time_s=task.trial.model_time_s(),
+        rest_input=task.case.preload_n(task.trial),
+        events=False,
+        allow_idle=True,
+    )
+    blow = task.trial.force_time_s, task.case.felt_n(task.trial)
+    found = model.sensitivities(task.action, blow, task.names, options=options)
+    turn = found.d_angles - found.d_rest[None]
+    return np.stack([task.trial.seen(d[:, : len(BODIES)]) for d in np.moveaxis(turn, -1, 0)], axis=-1)
 
 
 class ExactRuns(ModelRuns):
@@ -33,9 +67,10 @@ class ExactRuns(ModelRuns):
         parameters: Sequence[Parameter],
         trials: Sequence[ObservedTrial],
         tolerance: float | None = None,
+        executor: Executor | None = None,
     ) -> None:
-        super().__init__(action, parameters, trials, *(() if tolerance is None else (tolerance,)))
-        self.acting = [j for j, p in enumerate(self.parameters) if _acts(action, p)]
+        super().__init__(action, parameters, trials, TOLERANCE if tolerance is None else tolerance, executor)
+        self.acting = [j for j, p in enumerate(self.parameters) if acting(action, p)]
 
     def jacobian(self, z: Array, which: Sequence[int]) -> list[Array]:
         """Derivatives with respect to z; see `Response`."""
@@ -43,29 +78,15 @@ class ExactRuns(ModelRuns):
         by_runs = [j for j in which if not self.parameters[j].paths]
         case = self.case(z)
         here = self.action.with_values(case.changed)
-        units = np.array([self._per_u(here, j, float(z[j])) for j in asked])
+        names = tuple(self.parameters[j].name for j in asked)
+        units = np.array([self.parameters[j].per_u(self.action, float(z[j])) for j in asked])
         place = [list(which).index(j) for j in asked]
-
-        def one(trial: ObservedTrial) -> Array:
-            out = np.zeros((trial.time_s.size, len(ENCODER_BODIES), len(which)))
-            if asked:
-                options = model.SensitivityOptions(
-                    tolerance=MOTION,
-                    relative_tolerance=TANGENT,
-                    output_time_s=trial.time_s,
-                    rest_input=case.preload_n(trial),
-                    events=False,
-                    allow_idle=True,
-                )
-                blow = trial.force_time_s, case.felt_n(trial)
-                found = model.sensitivities(here, blow, [self.parameters[j].name for j in asked], options=options)
-                turn = found.d_angles - found.d_rest[None]
-                out[:, :, place] = turn[:, ENCODER_BODIES] * units
-            return out
-
         try:
-            with ThreadPoolExecutor(WORKERS) as pool:
-                found = list(pool.map(one, self.trials))
+            found = [np.zeros((*t.change_rad.shape, len(which))) for t in self.trials]
+            if asked:
+                tasks = [Tangents(here, names, case, trial) for trial in self.trials]
+                for out, columns in zip(found, spread(self.executor, tangents, tasks), strict=True):
+                    out[:, :, place] = columns * units
             if by_runs:
                 force = super().jacobian(z, by_runs)
                 for out, columns in zip(found, force, strict=True):
@@ -92,15 +113,8 @@ class ExactRuns(ModelRuns):
                 return False
         return True
 
-    def _per_u(self, here: model.Action, j: int, z: float) -> float:
-        """Change of the value that `model.sensitivities` knows, per prior standard uncertainty."""
-        parameter = self.parameters[j]
-        if len(parameter.paths) > 1:  # a factor on the values that the action has now
-            return parameter.u
-        return parameter.slope(self.action, z)[parameter.paths[0]]
 
-
-def _acts(action: model.Action, parameter: Parameter) -> bool:
+def acting(action: model.Action, parameter: Parameter) -> bool:
     """Whether a parameter changes any number of the scene."""
     if not parameter.paths:
         return False

@@ -30,7 +30,7 @@ from validation.identification.noise import (
     learn,
     likeliest,
 )
-from validation.identification.observations import CHANNELS, ObservedTrial
+from validation.identification.observations import CHANNEL_NAMES, ObservedTrial
 from validation.identification.unknowns.priors import Unknowns
 
 MOST_STEPS = 30
@@ -40,9 +40,7 @@ FIRST_FLOOR = 0.1  # of the discrepancy in the first step; then what the last st
 MOST_LEARNINGS = 6  # of the sizes, near the minimum
 CLOSE = 0.1  # of a posterior standard uncertainty: a step below it is the last
 STALLED = 0.5  # of a posterior standard uncertainty: how far the linear model may still want to go from a kink
-LEAST_GAIN = (
-    0.05  # of twice the negative log posterior: a step that gains less has come to a kink, or to the runs' error
-)
+LEAST_GAIN = 0.05  # of twice the log posterior: a step that gains less has come to a kink, or to the runs' error
 NEAR = 2.0
 SLIGHT = 0.05  # of the response: a discrepancy that is no reason to look for another minimum
 NEAR_FLOOR = 0.01  # a linear model that is off by no more is near enough to the minimum
@@ -87,14 +85,11 @@ class Problem:
         return np.array([j for j, p in enumerate(self.unknowns.moved) if j < n or not p.paths], dtype=np.intp)
 
     @property
-    def sessions(self) -> int:
-        """Number of sessions."""
-        return 1 + max(t.session for t in self.trials)
-
-    @property
     def seen(self) -> Array:
         """1 where a session measured a channel, else 0, (sessions, channels)."""
-        return np.ones((self.sessions, CHANNELS))
+        places = {t.session: t.channels for t in self.trials}
+        whole = range(len(CHANNEL_NAMES))
+        return np.array([np.isin(whole, places.get(s, ())) for s in range(1 + max(places))], dtype=float)
 
     def box(self) -> tuple[Array, Array]:
         """Smallest and largest z, (p,) each."""

@@ -9,22 +9,24 @@ from typing import Any, Unpack
 import numpy as np
 
 import model
+from model.errors import ModelError
 from rig.session import Session
 from validation.cache.content_hash import code_sha256
-from validation.conventions import ENCODER_CHANNELS, Array
+from validation.conventions import Array
 from validation.errors import ValidationInputError
+from validation.identification.channels.key_driven import with_errors_of_what_drives
+from validation.identification.channels.responses import response_to
 from validation.identification.estimates import LACKING, estimate_all
-from validation.identification.exact_runs import ExactRuns
 from validation.identification.fit import Columns, Fitted, Problem
 from validation.identification.identifiability import directions, warnings_of
 from validation.identification.minima import search
 from validation.identification.noise import FLOOR, Sizes, learn
-from validation.identification.observations import ObservedTrial
+from validation.identification.observations import CHANNEL_NAMES, ObservedTrial
 from validation.identification.options import IdentifyKeywords, IdentifyOptions
 from validation.identification.outcome.details import Details
 from validation.identification.outcome.held_out import score_events
 from validation.identification.outcome.joint import joint_posterior
-from validation.identification.outcome.result import AT_BOUND, Identification
+from validation.identification.outcome.result import AT_BOUND, FITTED, Identification
 from validation.identification.profiles import Profile
 from validation.identification.scatter import lacking
 from validation.identification.scores import score
@@ -87,7 +89,8 @@ def identify(
     start = model.load_action(action) if isinstance(action, str | Path) else action
     asked = unknowns(start, parameters, options.fixed, options.priors)
     sources = collect(sessions, start, options)
-    response = ExactRuns(start, asked.moved, sources.fitted, options.tolerance)
+    asked = with_errors_of_what_drives(asked, sources.fitted)
+    response = response_to(start, asked.moved, sources.fitted, options.tolerance, options.executor)
     problem = Problem(
         start, asked, sources.fitted, response, held_columns(start, asked, sources.fitted, options.tolerance)
     )
@@ -103,7 +106,7 @@ def identify(
     covariance = best.covariance[: len(asked.asked), : len(asked.asked)]
     names = [p.name for p in asked.asked]
     undetermined, determined = directions(names, covariance)
-    scores = {"fitted trials": score(sources.fitted, {"before": start, "identified": found}, options.tolerance)}
+    scores = {FITTED: score(sources.fitted, {"before": start, "identified": found}, options.tolerance)}
     for name, trials in sources.held.items():
         scores[name] = score(trials, {"before": start, "identified": found}, options.tolerance)
     events = {
@@ -138,7 +141,7 @@ def held_columns(
     """Columns (m, 3, h) of each trial, of laws that are fixed; none where none is."""
     if not asked.held:
         return ()
-    runs = ExactRuns(start, asked.held, trials, tolerance)
+    runs = response_to(start, asked.held, trials, tolerance)
     return tuple(runs.jacobian(np.zeros(len(asked.held)), range(len(asked.held))))
 
 
@@ -161,7 +164,10 @@ def look_before(problem: Problem) -> tuple[Columns, list[str]]:
             f"identify: the model {problem.action.name} cannot run these strokes; use other values with --set"
         )
     columns = Columns(problem)
-    blocks = columns.blocks(zero)
+    try:
+        blocks = columns.blocks(zero)
+    except ModelError as error:
+        raise ValidationInputError(f"identify: {problem.action.name}: {error}; use other values with --set") from None
     effect = np.max([np.abs(b.moved).max(axis=0) for b in blocks], axis=0)
     for name, size in zip(names, effect, strict=False):
         if size < LEAST_EFFECT_RAD:
@@ -198,7 +204,7 @@ def action_at(start: model.Action, asked: Unknowns, z: Array) -> model.Action:
 
 
 def _of_fit(best: Fitted, fits: Sequence[Fitted], sources: Sources) -> list[str]:
-    said = [PROVISIONAL, *sources.refused]
+    said = [PROVISIONAL, *sources.refused, *sources.notes]
     if not best.converged:
         said.insert(0, "the fit did not settle: its last step was not small; treat the intervals as too narrow")
     share = lacking(best)
@@ -235,8 +241,9 @@ def _provenance(
         "paths": {p.name: list(p.paths) for p in asked.asked},
         "steps": best.steps,
         "converged": best.converged,
+        "driven_by_the_key": [t.label for t in sources.fitted if t.key is not None],
         "discrepancy": {
-            f"session {s + 1}": dict(zip(ENCODER_CHANNELS, map(float, row), strict=True))
-            for s, row in enumerate(best.marginal.sizes.discrepancy)
+            f"session {s + 1}": {CHANNEL_NAMES[c]: float(best.marginal.sizes.discrepancy[s, c]) for c in channels}
+            for s, channels in {b.session: b.channels for b in best.marginal.blocks}.items()
         },
     }

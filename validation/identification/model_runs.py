@@ -1,6 +1,6 @@
-"""What the model says of all trials, and how it changes with what may move.
+"""What the model says of all trials that a force drives, and how it changes with what may move.
 
-Conventions: curves are changes of key, whippen and hammer since the model's own rest under the preload, (m, 3) rad;
+Conventions: curves are changes since the model's own rest under the preload, (m, c) rad, of the channels a trial has;
 derivatives are per prior standard uncertainty. Derivatives here are differences of runs; `Response` is what the fit
 needs of a model, so that exact sensitivities can take their place.
 """
@@ -8,6 +8,7 @@ needs of a model, so that exact sensitivities can take their place.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
 from typing import Protocol
 
@@ -16,9 +17,18 @@ import numpy as np
 import model
 from model.errors import ModelError
 from model.simulation.options import ForceDrivenOptions
-from validation.conventions import ENCODER_BODIES, Array
+from validation.conventions import Array
+from validation.identification.blocks import MOVED_RAD
 from validation.identification.observations import ObservedTrial
-from validation.identification.unknowns.priors import FORCE_DELAY, FORCE_GAIN, FORCE_LEVEL, Parameter
+from validation.identification.unknowns.priors import (
+    FORCE_DELAY,
+    FORCE_GAIN,
+    FORCE_LEVEL,
+    KEY_SCALE,
+    KEY_ZERO,
+    Parameter,
+)
+from validation.prediction.elsewhere import lost
 
 STEP = 0.015  # of a prior standard uncertainty: half a percent of a friction; after an impact larger steps bend
 SMALL_STEP = 0.1  # of what is known well
@@ -28,6 +38,7 @@ RISE = 0.75  # share of them before the hammer is up: there the noise of a fast 
 BEFORE_S = 2e-3  # before the first phase the force is the preload, without noise
 BUMP_N = 0.01
 OFFSET_N = 0.01
+LATE_S = 1e-4  # by which a film's clock is moved for its column
 
 
 class Response(Protocol):
@@ -37,10 +48,10 @@ class Response(Protocol):
         """Curves of every trial at each point z (p,); None where the model cannot run."""
 
     def jacobian(self, z: Array, which: Sequence[int]) -> list[Array]:
-        """Derivatives (m, 3, len(which)) of every trial with respect to some of z."""
+        """Derivatives (m, c, len(which)) of every trial with respect to some of z."""
 
     def force_columns(self, z: Array) -> list[Array]:
-        """Changes (m, 3, 1 + n) under one u of a trial's own force offset, and n parts of its force noise."""
+        """Changes (m, c, k) under what a trial has of its own: force offset, parts of force noise, a film's clock."""
 
 
 @dataclass(frozen=True)
@@ -50,17 +61,22 @@ class Case:
     Attributes
     ----------
     changed : values of the action
-    gain, level, delay : errors that all trials share, in standard uncertainties
+    gain, level, delay : errors of the force that all trials share, in standard uncertainties
+    key_scale, key_zero : errors of the key's encoder, likewise
     offset_n : of each trial's force once it acts, N
     bump : knot of the force noise that is moved, none below zero
+    film_late_s : error of a film's clock
     """
 
     changed: dict[str, float] = field(default_factory=dict, hash=False)
     gain: float = 0.0
     level: float = 0.0
     delay: float = 0.0
+    key_scale: float = 0.0
+    key_zero: float = 0.0
     offset_n: float = 0.0
     bump: int = -1
+    film_late_s: float = 0.0
 
     def felt_n(self, trial: ObservedTrial) -> Array:
         """Force on the key in this case at the times of the trial's table; held before and after what was recorded."""
@@ -74,6 +90,15 @@ class Case:
     def preload_n(self, trial: ObservedTrial) -> float:
         """Force under which the action rests."""
         return trial.preload_n * (1 + self.gain * trial.u_gain) + self._level_n(trial)
+
+    def read(self, trial: ObservedTrial, turn_rad: Array) -> Array:
+        """Channels (m, c) of a trial from the model's turns (k, 5): what its sensors read."""
+        seen = trial.seen(turn_rad, self.film_late_s)
+        if trial.key_moves and trial.channels[0] == 0:
+            turned = seen[:, 0]
+            zero = self.key_zero * trial.u_key_rad * -np.expm1(-np.abs(turned) / MOVED_RAD)
+            seen[:, 0] = turned * (1.0 + self.key_scale * trial.u_key_scale) + zero
+        return seen
 
     def _level_n(self, trial: ObservedTrial) -> float:
         return self.level * trial.u_preload_n + self.offset_n
@@ -91,6 +116,8 @@ class ModelRuns:
     trials : sequence of ObservedTrial
     tolerance : float
         Largest error of any angle of a run, rad.
+    executor : Executor, optional
+        Where to compute; by default threads of this process.
     """
 
     def __init__(
@@ -99,9 +126,10 @@ class ModelRuns:
         parameters: Sequence[Parameter],
         trials: Sequence[ObservedTrial],
         tolerance: float = TOLERANCE,
+        executor: Executor | None = None,
     ) -> None:
         self.action, self.parameters, self.trials = action, tuple(parameters), tuple(trials)
-        self.tolerance = tolerance
+        self.tolerance, self.executor = tolerance, executor
         self.runs = 0
 
     def at(self, z: Array) -> dict[str, float]:
@@ -117,8 +145,15 @@ class ModelRuns:
 
     def case(self, z: Array) -> Case:
         """The member at z."""
-        force = {p.name: float(value) for p, value in zip(self.parameters, z, strict=True) if not p.paths}
-        return Case(self.at(z), force.get(FORCE_GAIN, 0.0), force.get(FORCE_LEVEL, 0.0), force.get(FORCE_DELAY, 0.0))
+        bench = {p.name: float(value) for p, value in zip(self.parameters, z, strict=True) if not p.paths}
+        return Case(
+            self.at(z),
+            gain=bench.get(FORCE_GAIN, 0.0),
+            level=bench.get(FORCE_LEVEL, 0.0),
+            delay=bench.get(FORCE_DELAY, 0.0),
+            key_scale=bench.get(KEY_SCALE, 0.0),
+            key_zero=bench.get(KEY_ZERO, 0.0),
+        )
 
     def jacobian(self, z: Array, which: Sequence[int]) -> list[Array]:
         """Derivatives with respect to z; see `Response`."""
@@ -135,9 +170,17 @@ class ModelRuns:
         here = self.case(z)
         # the baseline is the preload: its knot has no noise
         points = [here, replace(here, offset_n=OFFSET_N)] + [replace(here, bump=i) for i in range(1, SEGMENTS + 1)]
-        steps = np.array([OFFSET_N] + SEGMENTS * [BUMP_N])
-        unit = self._differences(self.run(points), steps, ["force offset", *SEGMENTS * ["force noise"]])
-        scale = [np.concatenate([[t.u_offset_n], slow_noise_n(t)]) for t in self.trials]
+        steps, names = [OFFSET_N] + SEGMENTS * [BUMP_N], ["force offset", *SEGMENTS * ["force noise"]]
+        filmed = any(t.film_time_s is not None for t in self.trials)
+        if filmed:
+            points, steps, names = (
+                [*points, replace(here, film_late_s=LATE_S)],
+                [*steps, LATE_S],
+                [*names, "film clock"],
+            )
+        unit = self._differences(self.run(points), np.array(steps), names)
+        clock = [[t.u_film_time_s] if filmed else [] for t in self.trials]
+        scale = [np.concatenate([[t.u_offset_n], slow_noise_n(t), c]) for t, c in zip(self.trials, clock, strict=True)]
         return [columns * by for columns, by in zip(unit, scale, strict=True)]
 
     def _differences(self, found: list[list[Array] | None], steps: Array, names: list[str]) -> list[Array]:
@@ -156,7 +199,6 @@ class ModelRuns:
         """Curves of every trial in each case; None where one of them cannot run."""
         jobs: list[model.batch.Job] = []
         rests: list[dict[float, model.RestState] | None] = []
-        options = [ForceDrivenOptions(tolerance=self.tolerance, output_time_s=trial.time_s) for trial in self.trials]
         for case in cases:
             known: dict[float, model.RestState] = {}
             try:
@@ -169,10 +211,12 @@ class ModelRuns:
                 rests.append(None)
                 continue
             rests.append(known)
-            for trial, chosen in zip(self.trials, options, strict=True):
+            for trial in self.trials:
+                when = trial.model_time_s(case.film_late_s)
+                chosen = ForceDrivenOptions(tolerance=self.tolerance, output_time_s=when)
                 table = {trial.label: (trial.force_time_s, case.felt_n(trial))}
                 jobs += model.batch.make_jobs(action, table, {"": {}}, chosen, known[case.preload_n(trial)])
-        members = iter(model.batch.run_jobs(model.batch.lanes.choose(jobs, None)))
+        members = iter(model.batch.run_jobs(model.batch.lanes.choose(jobs, None), executor=self.executor))
         self.runs += len(jobs)
         made = zip(cases, rests, strict=True)
         return [None if known is None else self._curves(case, known, members) for case, known in made]
@@ -183,10 +227,13 @@ class ModelRuns:
         """Curves of every trial from the next members; None where one has failed."""
         curves = []
         for trial in self.trials:
-            solution = next(members).solution
+            member = next(members)
+            if member.error is not None and not isinstance(member.error, ModelError):
+                raise lost(member.error)  # a run that was lost is not a model that cannot run
+            solution = member.solution
             if solution is not None:
                 turn = np.asarray(solution.angle_rad)[:, :5] - known[case.preload_n(trial)].angle_rad[:5]
-                curves.append(turn[:, ENCODER_BODIES])
+                curves.append(case.read(trial, turn))
         return curves if len(curves) == len(self.trials) else None
 
 

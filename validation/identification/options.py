@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from concurrent.futures import Executor
 from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
@@ -25,6 +26,9 @@ class IdentifyKeywords(TypedDict, total=False):
     phases: int
     tolerance: float
     condition: str | None
+    motion_driven: bool
+    film: bool
+    executor: Executor | None
     progress: Callable[[str], None] | None
     now: Callable[[], datetime]
 
@@ -44,6 +48,9 @@ class IdentifyOptions:
     phases : how many times of each trial are compared
     tolerance : largest error of any angle of a run, rad
     condition : condition of the trial plan to use
+    motion_driven : the key's measured motion drives the model in all trials, not only in those without a force
+    film : compare jack and repetition lever as tracked on films, too
+    executor : where the model runs; by default threads of this process
     progress : called with a line of text
     now : the clock of the date in the provenance
     """
@@ -57,6 +64,9 @@ class IdentifyOptions:
     phases: int = PHASES
     tolerance: float = TOLERANCE
     condition: str | None = None
+    motion_driven: bool = False
+    film: bool = False
+    executor: Executor | None = None
     progress: Callable[[str], None] | None = None
     now: Callable[[], datetime] = utc_now
 

@@ -18,7 +18,8 @@ from rig.session import Session
 from validation.conventions import Array
 from validation.errors import ValidationInputError
 from validation.identification.blocks import residuals, rows
-from validation.identification.exact_runs import ExactRuns
+from validation.identification.channels.key_driven import with_errors_of_what_drives
+from validation.identification.channels.responses import response_to
 from validation.identification.fit import Columns, Problem, linear_residuals
 from validation.identification.noise import Marginal, Sizes, learn
 from validation.identification.options import IdentifyKeywords, IdentifyOptions
@@ -101,7 +102,8 @@ def residual_problem(
     sessions, parameters, action
         As for `validation.identify`.
     **keywords
-        ``fixed``, ``priors``, ``hold_out_trials``, ``phases``, ``tolerance``, ``condition`` of `validation.identify`.
+        ``fixed``, ``priors``, ``hold_out_trials``, ``phases``, ``tolerance``, ``condition``,
+        ``motion_driven``, ``film`` of `validation.identify`.
 
     Returns
     -------
@@ -130,7 +132,8 @@ def residual_problem(
     start = model.load_action(action) if isinstance(action, str | Path) else action
     asked = unknowns(start, parameters, options.fixed, options.priors)
     trials = collect(sessions, start, options).fitted
-    response = ExactRuns(start, asked.moved, trials, options.tolerance)
+    asked = with_errors_of_what_drives(asked, trials)
+    response = response_to(start, asked.moved, trials, options.tolerance)
     return problem_at_start(Problem(start, asked, trials, response))
 
 

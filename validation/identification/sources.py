@@ -1,7 +1,7 @@
 """Trials of the sessions that are fitted, and of those that are only predicted; also those of a folder of PEtab tables.
 
-One kind of stroke a session (or one condition of its plan); trials without force are named and left out, as in a
-comparison; sessions of different actions are refused.
+One kind of stroke a session (or one condition of its plan). A force drives the model where one was recorded, else the
+key's measured motion; a trial with neither is named and left out. Sessions of different actions are refused.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ import model
 from rig.session import Session
 from validation.cache.content_hash import sha256_of
 from validation.errors import ValidationInputError
+from validation.identification.channels.key_driven import observe_driven, sharing_the_key
 from validation.identification.observations import ObservedTrial, observe
 from validation.identification.options import IdentifyOptions
 from validation.identification.petab.read import is_petab, read_petab
@@ -36,8 +37,9 @@ class Sources:
     seals : label -> SHA-256 of every fitted trial
     refused : lines on trials that could not be used
     sessions : those opened, to fit first
-    measured : the trials to fit, as measured
-    measured_held : name -> trials that are only predicted, as measured
+    measured : the trials to fit that a force drives, as measured
+    measured_held : name -> trials that are only predicted and that a force drives, as measured
+    notes : lines on what was recorded and is not used
     """
 
     fitted: tuple[ObservedTrial, ...]
@@ -47,6 +49,7 @@ class Sources:
     sessions: tuple[Session, ...] = ()
     measured: tuple[MeasuredTrial, ...] = ()
     measured_held: Mapping[str, tuple[MeasuredTrial, ...]] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
 
 
 def collect(sessions: Sequence[Session | str | Path], action: model.Action, options: IdentifyOptions) -> Sources:
@@ -66,7 +69,7 @@ def collect(sessions: Sequence[Session | str | Path], action: model.Action, opti
     _refuse_twice(opened)
     _refuse_other_actions(opened)
     tested = ModelUnderTest(action, options.tolerance)
-    found = [measure_session(s, tested.geometry_at, U_REST_LEVEL_M, options.condition) for s in opened]
+    found = [measure_session(s, tested.geometry_at, U_REST_LEVEL_M, options.condition, True) for s in opened]
     fitted, seals = _of_tables(tables, len(to_open))
     held: dict[str, tuple[ObservedTrial, ...]] = {}
     refused: list[str] = []
@@ -80,16 +83,42 @@ def collect(sessions: Sequence[Session | str | Path], action: model.Action, opti
         if k < len(to_open) and not kept:
             raise ValidationInputError(_none(measured, name))
         if kept:
-            observed = observe(name, k, kept, options.phases)
+            observed, by_force = _observed(name, k, kept, options)
             fitted += observed
             seals |= {t.label: m.seal for t, m in zip(observed, kept, strict=True)}
-            to_fit += kept
+            to_fit += kept if by_force else []
         if out:
             label = f"{name}, held out" if kept else name
-            held[label] = tuple(observe(name, 0, out, options.phases))
-            as_measured[label] = tuple(out)
+            seen, by_force = _observed(name, 0, out, options)
+            held[label] = tuple(seen)
+            if by_force:
+                as_measured[label] = tuple(out)
     _refuse_used_before(action, seals)
-    return Sources(tuple(fitted), held, seals, tuple(refused), tuple(opened), tuple(to_fit), as_measured)
+    fitted = sharing_the_key(fitted)
+    notes = _not_used([m for one in found for m in one.trials], options)
+    return Sources(tuple(fitted), held, seals, tuple(refused), tuple(opened), tuple(to_fit), as_measured, notes)
+
+
+def _observed(
+    name: str, session: int, trials: Sequence[MeasuredTrial], options: IdentifyOptions
+) -> tuple[list[ObservedTrial], bool]:
+    """Trials of one session as they are compared, and whether a force drives them: all of them, or none."""
+    by_force = not options.motion_driven and all(m.has_force for m in trials)
+    see = observe if by_force else observe_driven
+    return see(name, session, trials, options.phases, options.film), by_force
+
+
+def _not_used(trials: Sequence[MeasuredTrial], options: IdentifyOptions) -> tuple[str, ...]:
+    """Lines on channels that were recorded and are not used."""
+    filmed, out = sum(m.film is not None for m in trials), []
+    if filmed and not options.film:
+        out.append(f"{filmed} trials have tracked films, which are not used; --film uses jack and repetition lever")
+    if options.film and not filmed:
+        out.append("--film: no trial has a tracked film; track them with pianorig track")
+    without = sum(not m.has_force for m in trials)
+    if without and without < len(trials) and not options.motion_driven:
+        out.append(f"{without} trials have no force and are driven by their key's motion, with all of their session")
+    return tuple(out)
 
 
 def _of_tables(folders: Sequence[Path], first: int) -> tuple[list[ObservedTrial], dict[str, str]]:
@@ -109,7 +138,7 @@ def _of_tables(folders: Sequence[Path], first: int) -> tuple[list[ObservedTrial]
 
 def _none(measured: MeasuredSession, name: str) -> str:
     reasons = "; ".join(f"trial {n}: {why}" for n, why in list(measured.refused.items())[:3]) or "it has no trials"
-    return f"{name}: no usable trial to fit ({reasons}); a fit needs measured force and key, whippen and hammer angles"
+    return f"{name}: no usable trial to fit ({reasons}); a fit needs measured key, whippen and hammer angles"
 
 
 def _refuse_twice(opened: Sequence[Session]) -> None:

@@ -114,7 +114,7 @@ def _refuse_lost(time: Array, force: Array) -> None:
         )
 
 
-def _first_run(mask: NDArray[np.bool_], length: int) -> int | None:
+def first_run(mask: NDArray[np.bool_], length: int) -> int | None:
     """Index of the first of `length` successive True values."""
     if mask.size < length:
         return None
@@ -132,7 +132,7 @@ def _force_onset(force: Array, first: int) -> int | None:
     sigma = float(np.std(force[:first], ddof=1))
     excursion = np.abs(force - centre)
     away = excursion > max(ONSET_SIGMA * sigma, ONSET_SHARE * float(excursion.max()), 1e-9)
-    onset = _first_run(away, ONSET_SAMPLES)
+    onset = first_run(away, ONSET_SAMPLES)
     if onset is None:
         return None
     side = np.sign(force[onset] - centre)
@@ -201,7 +201,7 @@ def find_quiet(
         counts = np.asarray(encoder_count)
         jitter = MOVED_SIGMA * counts[:first].std(axis=0)
         away = np.abs(counts - np.median(counts[:first], axis=0)) > np.maximum(MOVED_COUNTS, jitter)
-        hit = _first_run(away.any(axis=1), ONSET_SAMPLES)
+        hit = first_run(away.any(axis=1), ONSET_SAMPLES)
         moved = onset if hit is None else min(onset, hit)
     stop = moved - margin
     if stop < need:

@@ -17,6 +17,7 @@ from validation.conventions import Array
 from validation.errors import TrialError, ValidationInputError
 from validation.measurement.geometry import ActionGeometry
 from validation.measurement.trial import MeasuredTrial, measure
+from validation.measurement.without_force import measure_without_force
 
 USABLE_STATUS = ("complete", "not at rest")
 
@@ -51,6 +52,7 @@ def measure_session(
     geometry: Callable[[float], ActionGeometry],
     u_rest_level_m: float,
     condition: str | None = None,
+    without_force: bool = False,
 ) -> MeasuredSession:
     """Measure every usable trial.
 
@@ -63,6 +65,8 @@ def measure_session(
         Standard uncertainty of hammer height and key dip at rest on the bench.
     condition : str, optional
         The only condition of the trial plan to use.
+    without_force : bool
+        Also trials that have encoder angles alone.
 
     Raises
     ------
@@ -80,8 +84,13 @@ def measure_session(
             data = trial.read()
             if data.status not in USABLE_STATUS:
                 raise TrialError(f"recorded with status {data.status!r}: {data.reason or 'no reason given'}")
-            if not data.has_force:
+            if not data.has_force and not without_force:
                 raise TrialError("no force was recorded; a session of positions is compared by motion (--by-motion)")
+            if not data.has_force and data.absent:
+                raise TrialError(
+                    "neither force nor measured key motion to drive the model: no encoder of "
+                    f"{', '.join(data.absent)}; a session of positions is compared by motion (validate --by-motion)"
+                )
             conditions[data.condition] = conditions.get(data.condition, 0) + 1
             if condition is not None and data.condition != condition:
                 refused[trial.number] = f"recorded under the condition {data.condition!r}, not {condition!r}"
@@ -89,7 +98,8 @@ def measure_session(
             derived = session.read_derived("angles", trial.number)
             film = None if derived is None else derived[0]
             action_geometry = geometry(data.force_info.preload_n)
-            one = measure(data, film, action_geometry, u_rest_level_m=u_rest_level_m, seal=trial.sha256)
+            reader = measure if data.has_force else measure_without_force
+            one = reader(data, film, action_geometry, u_rest_level_m=u_rest_level_m, seal=trial.sha256)
             measured.append(_sharing_times(one, measured[-1]) if measured else one)
         except (RigError, TrialError) as error:
             refused[trial.number] = str(error)

@@ -7,18 +7,19 @@ order key, whippen, hammer whatever the order in the file; jack and repetition l
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from rig.session import TrialData
 from validation.conventions import ENCODER_CHANNELS, FILM_CHANNELS, Array
 from validation.errors import TrialError
 from validation.measurement.force_correction import CorrectedForce, Quiet, correct_force, encoder_change, find_quiet
 from validation.measurement.geometry import ActionGeometry
-from validation.measurement.key_heads import two_heads
+from validation.measurement.key_heads import KeyHeads, two_heads
 from validation.measurement.mains_hum import TOO_SHORT
 from validation.measurement.stroke import Motion, motion_of
 
@@ -30,6 +31,7 @@ U_REST_LEVEL_M = 0.1e-3 / np.sqrt(3)
 class FilmAngles:
     """Angles tracked on the film of one trial, relative to the whippen and to rest; NaN where lost.
 
+    ``u_rad`` is all that is known of their uncertainty, ``u_noise_rad`` the part from noise and reference.
     ``whippen_rad`` is the whippen's own, where the film shows it: it tells the film's clock from the encoder's.
     """
 
@@ -38,6 +40,7 @@ class FilmAngles:
     u_rad: dict[str, Array]
     u_time_s: float
     whippen_rad: Array | None = None
+    u_noise_rad: dict[str, Array] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -61,6 +64,11 @@ class MeasuredTrial:
     film: FilmAngles | None
     seal: str
     notes: tuple[str, ...] = ()
+
+    @property
+    def has_force(self) -> bool:
+        """Whether a force was recorded; without one its arrays are NaN."""
+        return bool(np.isfinite(self.force.force_n).any())
 
     @property
     def motion(self) -> Motion:
@@ -95,17 +103,8 @@ def measure(
     TrialError
         When a channel is missing or the trial has no usable baseline.
     """
-    names = [encoder.name for encoder in data.encoders]
-    missing = [name for name in ENCODER_CHANNELS if name not in names]
-    if missing:
-        raise TrialError(f"encoder {missing[0]!r} is missing; found {names}; key, whippen and hammer are needed")
-    order = [names.index(name) for name in ENCODER_CHANNELS]
-    counts = np.asarray(data.encoder_count)[:, order]
-    angle = np.asarray(data.angle_rad(), dtype=float)[:, order]
-    resolution = np.array([abs(data.encoders[i].rad_per_count) for i in order])
-    heads = two_heads(data, angle[:, 0])
-    if heads is not None:
-        angle[:, 0], resolution[0] = heads.rotation_rad, heads.resolution_rad
+    read = read_encoders(data)
+    counts, heads = read.count, read.heads
     info = data.force_info
     time = np.asarray(data.time_s, dtype=float)
     quiet = find_quiet(time, data.force_n, counts, mains_hz=info.mains_frequency_hz, group_delay_s=info.group_delay_s)
@@ -120,22 +119,17 @@ def measure(
         gain_relative_u=info.u_gain_relative,
         mains_hz=info.mains_frequency_hz,
     )
-    change, u_sample, u_zero = encoder_change(angle, quiet, resolution)
-    u_change = np.array([data.encoders[i].u_change_rad for i in order])
-    scale = np.array([data.encoders[i].u_turn_relative for i in order])
-    if heads is not None:
-        u_change[0], scale[0] = heads.u_change_rad, heads.u_turn_relative
-    u_sample = np.hypot(u_sample, u_change)
+    angles = read.change(quiet)
     read_motion = partial(
         motion_of,
         geometry,
-        u_sample_rad=u_sample,
-        u_zero_rad=u_zero,
+        u_sample_rad=angles.u_sample_rad,
+        u_zero_rad=angles.u_zero_rad,
         u_height_zero_m=u_rest_level_m,
         u_dip_zero_m=u_rest_level_m,
-        u_scale_relative=scale,
+        u_scale_relative=read.scale_relative_u,
     )
-    film, notes = _film(film_table, data, quiet)
+    film, notes = film_angles(film_table, data, quiet)
     if heads is not None:
         notes.append(heads.note(quiet))
     if force.hum.reason.startswith(TOO_SHORT):
@@ -146,10 +140,10 @@ def measure(
         np.asarray(data.force_n, dtype=float),
         force,
         quiet,
-        change,
-        np.hypot(u_sample, u_zero),
-        resolution,
-        scale,
+        angles.change_rad,
+        angles.u_rad,
+        read.resolution_rad,
+        read.scale_relative_u,
         read_motion,
         film,
         seal,
@@ -157,7 +151,72 @@ def measure(
     )
 
 
-def _film(table: pd.DataFrame | None, data: TrialData, quiet: Quiet) -> tuple[FilmAngles | None, list[str]]:
+@dataclass(frozen=True)
+class EncoderChange:
+    """Angles since rest (n, 3), their uncertainty from sample to sample and of the zero, (3,) each, rad."""
+
+    change_rad: Array
+    u_sample_rad: Array
+    u_zero_rad: Array
+
+    @property
+    def u_rad(self) -> Array:
+        """Both together."""
+        return np.asarray(np.hypot(self.u_sample_rad, self.u_zero_rad))
+
+
+@dataclass(frozen=True)
+class EncoderReading:
+    """Counts (n, 3) and angles (n, 3), rad, of key, whippen and hammer; what is known of their errors, (3,) each.
+
+    ``heads`` : the two heads of the key, where it has two
+    """
+
+    count: NDArray[np.int64]
+    angle_rad: Array
+    resolution_rad: Array
+    u_change_rad: Array
+    scale_relative_u: Array
+    heads: KeyHeads | None
+
+    def change(self, quiet: Quiet) -> EncoderChange:
+        """Change since the quiet baseline."""
+        change, u_sample, u_zero = encoder_change(self.angle_rad, quiet, self.resolution_rad)
+        return EncoderChange(change, np.hypot(u_sample, self.u_change_rad), u_zero)
+
+
+def read_encoders(data: TrialData) -> EncoderReading:
+    """The encoders of key, whippen and hammer, in this order whatever the order in the file.
+
+    Raises
+    ------
+    TrialError
+        One is missing.
+    """
+    names = [encoder.name for encoder in data.encoders]
+    missing = [name for name in ENCODER_CHANNELS if name not in names]
+    if missing:
+        raise TrialError(f"encoder {missing[0]!r} is missing; found {names}; key, whippen and hammer are needed")
+    order = [names.index(name) for name in ENCODER_CHANNELS]
+    angle = np.asarray(data.angle_rad(), dtype=float)[:, order]
+    resolution = np.array([abs(data.encoders[i].rad_per_count) for i in order])
+    u_change = np.array([data.encoders[i].u_change_rad for i in order])
+    scale = np.array([data.encoders[i].u_turn_relative for i in order])
+    heads = two_heads(data, angle[:, 0])
+    if heads is not None:
+        angle[:, 0], resolution[0] = heads.rotation_rad, heads.resolution_rad
+        u_change[0], scale[0] = heads.u_change_rad, heads.u_turn_relative
+    return EncoderReading(np.asarray(data.encoder_count)[:, order], angle, resolution, u_change, scale, heads)
+
+
+def film_angles(table: pd.DataFrame | None, data: TrialData, quiet: Quiet) -> tuple[FilmAngles | None, list[str]]:
+    """Angles of a track file, and notes on them.
+
+    Raises
+    ------
+    TrialError
+        A column is missing, or its times do not increase.
+    """
     if table is None:
         return None, []
     needed = ["time_s"] + [f"{name}_relative{tail}" for name in FILM_CHANNELS for tail in ("_rad", "_u_rad")]
@@ -169,6 +228,7 @@ def _film(table: pd.DataFrame | None, data: TrialData, quiet: Quiet) -> tuple[Fi
         raise TrialError("derived film angles: time_s must increase from row to row; track the film again")
     change = {name: table[f"{name}_relative_rad"].to_numpy(dtype=float) for name in FILM_CHANNELS}
     u = {name: table[_u_column(table, name)].to_numpy(dtype=float) for name in FILM_CHANNELS}
+    noise = {name: table[f"{name}_relative_u_rad"].to_numpy(dtype=float) for name in FILM_CHANNELS}
     whippen = table["whippen_rad"].to_numpy(dtype=float) if "whippen_rad" in table else None
     notes = []
     if time[0] > quiet.end_s:
@@ -180,7 +240,8 @@ def _film(table: pd.DataFrame | None, data: TrialData, quiet: Quiet) -> tuple[Fi
         lost = int((~np.isfinite(change[name])).sum())
         if lost:
             notes.append(f"film: {name} lost in {lost} of {time.size} frames")
-    return FilmAngles(time, change, u, 0.0 if data.camera is None else data.camera.u_time_s, whippen), notes
+    u_time = 0.0 if data.camera is None else data.camera.u_time_s
+    return FilmAngles(time, change, u, u_time, whippen, noise), notes
 
 
 def _u_column(table: pd.DataFrame, name: str) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+from contextlib import nullcontext
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
@@ -56,6 +57,15 @@ def command(
     hold_out_trials: Annotated[
         str, typer.Option("--hold-out-trials", help="Numbers of trials to predict only, in every session: 2,5.")
     ] = "",
+    motion_driven: Annotated[
+        bool,
+        typer.Option(
+            "--motion-driven", help="The measured key drives the model in all trials, not only where no force is."
+        ),
+    ] = False,
+    film: Annotated[
+        bool, typer.Option("--film", help="Fit jack and repetition lever too, as tracked on the trials' films.")
+    ] = False,
     starts: Annotated[int, typer.Option("--starts", min=1, help="Points the fit starts from.")] = 1,
     condition: Annotated[
         str | None, typer.Option("--condition", help="Use only this condition of the trial plan.")
@@ -63,6 +73,9 @@ def command(
     profiles: Annotated[
         bool, typer.Option("--profiles/--no-profiles", help="Make a profile of each parameter.")
     ] = True,
+    cluster: Annotated[
+        str | None, typer.Option("--cluster", help="Dask scheduler to run the model on, tcp://host:8786.")
+    ] = None,
     plan: Annotated[
         Path | None,
         typer.Option("--plan", help="Rank what could be recorded next; write the best as a trial plan for record."),
@@ -86,20 +99,28 @@ def command(
         check_target(plan)
     if petab is not None:
         check_folder(petab)
+        if motion_driven or film:
+            raise validation.ValidationInputError(
+                "--petab: its tables have no column for --motion-driven or --film; leave one of them out"
+            )
     start = load_model(action, set_ or [])
-    found = validation.identify(
-        sessions,
-        _names(parameters),
-        start,
-        fixed=tuple(_names(fix)),
-        priors=read_settings(prior or [], "--prior"),
-        hold_out=tuple(hold_out or ()),
-        hold_out_trials=_numbers(hold_out_trials),
-        starts=starts,
-        condition=condition,
-        profiles=None if profiles else (),
-        progress=None if as_json else say,
-    )
+    with nullcontext() if cluster is None else workflows.cluster_executor(cluster) as executor:
+        found = validation.identify(
+            sessions,
+            _names(parameters),
+            start,
+            fixed=tuple(_names(fix)),
+            priors=read_settings(prior or [], "--prior"),
+            hold_out=tuple(hold_out or ()),
+            hold_out_trials=_numbers(hold_out_trials),
+            starts=starts,
+            condition=condition,
+            motion_driven=motion_driven,
+            film=film,
+            executor=executor,
+            profiles=None if profiles else (),
+            progress=None if as_json else say,
+        )
     ranked, refused = workflows.next_strokes(found) if plan is not None else ([], [])
     files = validation.write_reading(found, out, ranked, refused)
     if plan is not None:

@@ -49,6 +49,8 @@ SHOWN = ("let_off_m", "strike_m_per_s", "check_m", "drop_s")  # what is printed;
 SCREENED = 10  # parameters that --morris and --sobol vary where none are named
 Array = NDArray[np.float64]
 
+DIRECTION = (".normal.x", ".normal.y")
+
 
 @dataclass(frozen=True)
 class SensitivityOrder:
@@ -170,6 +172,12 @@ def _trial_of(blow: Path, trial: int | None) -> Path:
 
 
 def _local(action: model.Action, driving: DrivingForce, names: list[str] | None, quiet: bool) -> LocalTable:
+    for name in names or ():
+        if name.endswith(DIRECTION) and name in action.quantities:
+            raise CommandInputError(
+                f"--parameters {name}: is fixed by the geometry, as one component of a direction of length 1; leave it "
+                "out, or name a position of the same contact"
+            )
     wanted = model.sensitivity.effective_paths(action) if names is None else names
     options = model.SensitivityOptions(rest_input=driving.preload_n, allow_idle=names is None)
     with working(f"differentiating a blow by {len(wanted)} parameters", quiet):

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 import model
+from model.motion_driven.prescribed_key import run_prescribed
+from model.motion_driven.spline_fit import fit_key_motion
 from tests.model.sensitivity.richardson import changed, relative_error
 
 # with a step of differences
@@ -60,9 +62,27 @@ def test_angles_from_ground_do_not_move_with_the_rest(
     assert not np.any(found.d_angles[:, -1]) and np.any(found.d_angles[:, 0])
 
 
+def test_a_fitted_motion_from_a_rest_under_a_force(action: model.Action, motion: tuple[np.ndarray, np.ndarray]) -> None:
+    """The key rests lower under the arm, and other bodies with it: derivatives of both ends of that."""
+    time, turn = motion[0][:300], motion[1][:300]
+    fitted = fit_key_motion(time, turn).motion()
+    options = model.SensitivityOptions(events=False, rest_input=0.5, output_time_s=time[1:-1], allow_idle=True)
+    found = model.motion_sensitivities(action, fitted, ["contact01", "contact02"], options=options)
+    ends = []
+    for s in (1.0, -1.0):
+        moved = changed(action, "contact01", s * 1e-4)
+        key = model.rest_state(moved, 0.5).angle_rad[0]
+        ends.append(run_prescribed(moved, fitted.raised(key), time[1:-1], tolerance=1e-11).angle_rad)
+    apart = (ends[0] - ends[1])[:, [1, 2, 3, 4, 0]] / 2e-4
+    assert relative_error(found.d_angles[:, :, 0], apart) < 1e-3
+    free = model.SensitivityOptions(events=False, output_time_s=time[1:-1], allow_idle=True)
+    unloaded = model.motion_sensitivities(action, fitted, ["contact01"], options=free)
+    assert abs(unloaded.d_rest[-1, 0] - found.d_rest[-1, 0]) > 0.01 * abs(found.d_rest[-1, 0])
+
+
 def test_what_only_a_force_has_is_refused(action: model.Action, motion: tuple[np.ndarray, np.ndarray]) -> None:
-    with pytest.raises(model.InputError, match="found rest_input, events, allowed tolerances"):
-        model.motion_sensitivities(action, motion, ["hammer.mass"], options=model.SensitivityOptions(rest_input=1.0))
+    with pytest.raises(model.InputError, match="found events, allowed tolerances"):
+        model.motion_sensitivities(action, motion, ["hammer.mass"], options=model.SensitivityOptions())
     with pytest.raises(model.InputError, match="contact12: does nothing under this motion"):
         model.motion_sensitivities(action, (motion[0][:100], motion[1][:100]), ["contact12"])
     with pytest.raises(model.InputError, match="motor_arm"):

@@ -180,6 +180,8 @@ def test_a_law_or_a_pattern_is_the_sum_of_its_values(action: model.Action, forte
         ("friction", "found the text 'friction'"),
         (["contact12.friction.B1", "hammer.mass"], r"contact12\.friction\.B1: does nothing in this blow"),
         (["contact12"], "contact12: does nothing in this blow"),
+        (["hammer.parent"], r"hammer\.parent: is fixed by the geometry .it says 'ground'"),
+        (["contact07.second.shape"], r"contact07\.second\.shape: is fixed by the geometry .it says 'hybrid'"),
     ],
 )
 def test_names_that_cannot_be_used(action: model.Action, forte: Blow, names: list[str], words: str) -> None:

@@ -67,6 +67,20 @@ def test_what_is_predicted_is_realised_within_a_fifth() -> None:
     after = fit(both)
     realised = np.sqrt(np.diag(after.covariance) / np.diag(before.covariance))[:3]
     assert np.array(list(predicted.shrink.values())) == pytest.approx(realised, rel=0.2)
+    for name, found in zip(predicted.shrink, realised, strict=True):
+        low, high = predicted.range(name)
+        assert low < found < high and 1.1 < high / low < 10.0  # the strokes teach about the scatter, too
+
+
+def test_limits_close_where_the_sizes_of_noise_are_known() -> None:
+    """Forty trials know the scatter that three do not."""
+    wide = []
+    for n in (3, 40):
+        p, before = first(np.random.default_rng(5), n)
+        other = Candidate("other", toy.trial(0, Other([]).curve(before.z)))
+        ranked, _ = prospects(p, before, [other], AGAIN, Other)
+        wide.append(max(next(one for one in ranked if one.name == "other").u_sizes.values()))
+    assert wide[1] < 0.5 * wide[0]
 
 
 class Blind(toy.Toy):

@@ -11,7 +11,7 @@ from scipy.stats import multivariate_normal
 
 from tests.validation.identification import toy
 from validation.conventions import Array
-from validation.identification.blocks import Block
+from validation.identification.blocks import INSTRUMENT, Block
 from validation.identification.noise import FLOOR, Marginal, Sizes, likeliest
 from validation.identification.noise.held_out import held_out_score
 from validation.identification.noise.learning import scores
@@ -28,7 +28,7 @@ def made_blocks(rng: Generator, sessions: int, trials: int, laws: int) -> list[B
         for _ in range(trials):
             law = shapes[s] * (1 + 0.1 * rng.standard_normal(laws))
             size = np.sqrt((law**2).sum(axis=1)).reshape(3, SMALL)
-            instrument = 1e-3 * rng.standard_normal((3 * SMALL, 6))
+            instrument = 1e-3 * rng.standard_normal((3 * SMALL, len(INSTRUMENT)))
             own = 1e-3 * rng.standard_normal((3 * SMALL, 2))
             out.append(
                 Block(s, t, law[:, :2], law[:, 2:], instrument, own, np.full(3 * SMALL, 1e-6), size, t / t.max())

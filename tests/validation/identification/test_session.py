@@ -17,7 +17,7 @@ from validation.identification.identify import PROVISIONAL, identify
 from validation.identification.model_runs import Case, ModelRuns
 from validation.identification.options import IdentifyOptions
 from validation.identification.outcome.action_file import write_identified
-from validation.identification.outcome.result import TOO_FEW
+from validation.identification.outcome.result import FITTED, TOO_FEW
 from validation.identification.page.sentences import plain_sentences
 from validation.identification.page.write import write_reading
 from validation.identification.sources import collect
@@ -91,7 +91,11 @@ def test_the_page_says_in_plain_sentences_what_is_known_and_what_is_not(found, w
     assert all(
         f'id="{part}"' in page for part in ("forest", "correlations", "profiles", "residuals", "held-out", "next")
     )
-    assert "Nothing was held out" in " ".join(plain_sentences(replace(found, events={})))
+    assert "Nothing was held out" in " ".join(
+        plain_sentences(replace(found, events={}, scores={FITTED: found.scores[FITTED]}))
+    )
+    driven = replace(found, events={})  # held out under the key's motion: curves, no events
+    assert "Predicted under the measured motion of the key" in " ".join(plain_sentences(driven))
 
 
 def test_nothing_is_left_half_written(found, tmp_path: Path, monkeypatch) -> None:  # type: ignore[no-untyped-def]

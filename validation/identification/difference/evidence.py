@@ -19,7 +19,7 @@ from scipy.special import logsumexp
 from validation.conventions import Array
 from validation.identification.blocks import Block
 from validation.identification.noise.parts import smooth
-from validation.identification.observations import CHANNELS
+from validation.identification.observations import ENCODERS
 
 TIMES_S = (3e-3, 1e-2, 3e-2)
 OWN = (3e-3, 1e-2, 3e-2, 1e-1)
@@ -119,7 +119,7 @@ class Evidence:
 
 def _blockwise(block: Block, time_s: float) -> Array:
     """Covariance (3 m, 3 m) of a wandering as large as the response, channel by channel."""
-    roots = [smooth(block, c, time_s) for c in range(CHANNELS)]
+    roots = [smooth(block, c, time_s) for c in ENCODERS]
     return np.asarray(sum(root @ root.T for root in roots))
 
 

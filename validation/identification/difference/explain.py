@@ -20,7 +20,7 @@ from validation.identification.difference.candidates import candidates, known_ro
 from validation.identification.difference.evidence import Evidence
 from validation.identification.difference.responses import Point, Responses
 from validation.identification.difference.search import Followed, Search
-from validation.identification.observations import CHANNELS, ObservedTrial, observe
+from validation.identification.observations import ENCODERS, ObservedTrial, observe
 from validation.identification.page.compatible import MOST_LAWS, MOST_NAMED, ODDS
 from validation.measurement.session import representative
 from validation.measurement.trial import MeasuredTrial
@@ -160,7 +160,7 @@ def linearised(
     columns = np.zeros((at.each.shape[1], len(listed))) if before is None else before.columns.copy()
     columns[:, list(wanted)] = np.column_stack(found)
     laws = np.array([c.law for c in listed])
-    shaped = np.moveaxis(columns.reshape(CHANNELS, -1, len(listed)), 0, 1)
+    shaped = np.moveaxis(columns.reshape(len(ENCODERS), -1, len(listed)), 0, 1)
     force = responses.force_columns(at.point, at.each) if before is None else before.force
     (block,) = make_blocks(trials[:1], [shaped], [force], laws)
     evidence = Evidence(block, laws, known_root(tested.action, listed), contrasts(at.each))

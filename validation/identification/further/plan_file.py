@@ -57,10 +57,11 @@ def write_plan(ranked: Sequence[Prospect], path: str | Path) -> dict[str, Path]:
     condition = re.sub(r"[^A-Za-z0-9.-]+", "_", profile.name).strip("_.-")
     built_in = profile.name in built_in_profiles()
     named = profile.name if built_in else f"{target.stem}_{condition}.toml"
+    limits = {name: best.range(name) for name in best.shrink}
     lines = [
         "# What to record next, by pianorig identify: u of each parameter after, divided by u now (predicted from the",
-        "# Fisher information at the identified values; what the strokes teach about the noise is not in it).",
-        *(f"# {name}: {x:.2f}" for name, x in best.shrink.items()),
+        "# Fisher information at the identified values), and 95 % limits: the strokes teach about the noise, too.",
+        *(f"# {name}: {x:.2f} ({limits[name][0]:.2f} to {limits[name][1]:.2f})" for name, x in best.shrink.items()),
         "#",
         "# What else was looked at, geometric mean of the same:",
         *(f"# {p.mean:.2f}  {p.name}" for p in ranked[:SHOWN]),

@@ -2,14 +2,14 @@
 
 From the Fisher information at the identified values: the covariance of the fit with the columns of the new trials
 beside those it has (`noise.Marginal`), sizes of noise as learnt. A further session has a discrepancy of its own, as
-large as those learnt so far. What it cannot know is what the new strokes will teach about these sizes themselves, and
-how far the values move; so it is a prediction of u, not of the value.
+large as those learnt so far. What the new strokes will teach about these sizes themselves is told as
+an interval (`of_sizes`); how far the values move it cannot know: it is a prediction of u, not of the value.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -20,11 +20,14 @@ from validation.identification.exact_runs import ExactRuns
 from validation.identification.fit import Fitted, Problem
 from validation.identification.further.shelf import Candidate
 from validation.identification.model_runs import Response
-from validation.identification.noise import Marginal
+from validation.identification.noise import NOT_SEEN, Marginal
+from validation.identification.noise.learning import scores
 from validation.identification.observations import ObservedTrial
 from validation.identification.unknowns.priors import FORCE_DELAY, FORCE_GAIN, FORCE_LEVEL
 
 TRIALS = 5
+TOLD = 3  # of the best strokes, how far the sizes of noise may move their shrinks
+NORMAL = 1.96
 HALF_KNOWN = 0.5
 SENSORS = {
     "load cell's gain": (FORCE_GAIN,),
@@ -47,12 +50,20 @@ class Prospect:
     shrink : name of a parameter -> its u after, divided by its u now
     candidate : the stroke to record; None for a sensor
     trials : how many of it
+    u_sizes : name of a parameter -> standard deviation of the logarithm of its shrink, from what the new strokes may
+        teach about the sizes of noise; empty where it was not asked for
     """
 
     name: str
     shrink: Mapping[str, float]
     candidate: Candidate | None = None
     trials: int = 0
+    u_sizes: Mapping[str, float] = field(default_factory=dict)
+
+    def range(self, name: str) -> tuple[float, float]:
+        """95 % interval of a parameter's shrink."""
+        far = float(np.exp(NORMAL * self.u_sizes.get(name, 0.0)))
+        return self.shrink[name] / far, self.shrink[name] * far
 
     @property
     def mean(self) -> float:
@@ -83,6 +94,7 @@ def prospects(
     make = respond or (lambda some: ExactRuns(problem.action, problem.unknowns.moved, some))
     names = [p.name for p in problem.unknowns.asked]
     found: list[Prospect] = []
+    made: dict[str, Block] = {}
     refused: list[str] = []
 
     def ratio(marginal: Marginal) -> dict[str, float]:
@@ -93,6 +105,7 @@ def prospects(
     own = {b.session: (t, b) for t, b in zip(problem.trials[::-1], blocks[::-1], strict=True)}
     for t, b in own.values():
         again = Candidate(f"more of {t.label.rpartition(', trial')[0]}", t)
+        made[again.name] = b
         found.append(Prospect(again.name, ratio(further(fitted, b, trials)), again, trials))
     for one in candidates:
         try:
@@ -100,10 +113,35 @@ def prospects(
         except ModelError as error:
             refused.append(f"{one.name}: {error}")
             continue
+        made[one.name] = block
         found.append(Prospect(one.name, ratio(further(fitted, block, trials)), one, trials))
     for sensor, columns in SENSORS.items():
         found.append(Prospect(f"{sensor} known twice as well", ratio(_known_better(problem, fitted, columns))))
-    return sorted(found, key=lambda p: p.mean), refused
+    ranked = sorted(found, key=lambda p: p.mean)
+    for place in [i for i, p in enumerate(ranked) if p.candidate is not None][:TOLD]:
+        u = of_sizes(fitted, further(fitted, made[ranked[place].name], trials))
+        ranked[place] = replace(ranked[place], u_sizes=dict(zip(names, u.tolist(), strict=False)))
+    return ranked, refused
+
+
+def of_sizes(fitted: Fitted, marginal: Marginal) -> Array:
+    """Standard deviation (p,) of the logarithm of u after, from how far the sizes of noise may move with new strokes.
+
+    What the strokes so far do not know of the sizes, less what will still not be known, is how far they may move; what
+    that does to a u is the size's share in its variance.
+    """
+    sizes, now, then = marginal.sizes, scores(fitted.marginal).information, scores(marginal)
+    old = fitted.marginal.sizes
+    f, c, k = len(sizes.by_family), sizes.channels, sizes.common.shape[1]
+    n, s = len(sizes.own), len(old.own)
+    place = np.concatenate(
+        [np.arange(f), f + np.arange(s * c), f + n * c + np.arange(s * k)]  # of families, own, common of old sessions
+    )
+    known = np.zeros_like(then.information)
+    known[np.ix_(place, place)] = now
+    believed = np.diag(1.0 / sizes.belief()[1] ** 2)
+    moves = np.linalg.inv(known + believed) - np.linalg.inv(then.information + believed)
+    return np.asarray(np.sqrt(np.maximum(np.einsum("pi,ij,pj->p", then.shares, moves, then.shares), 0.0)))
 
 
 def block_of(problem: Problem, z: Array, trial: ObservedTrial, respond: Respond) -> Block:
@@ -125,8 +163,9 @@ def further(fitted: Fitted, block: Block, trials: int) -> Marginal:
 
 
 def _with_typical(of_sessions: Array) -> Array:
-    """Sizes by session and channel with a row for one more session, their root mean square."""
-    return np.vstack([of_sessions, np.sqrt(np.mean(of_sessions**2, axis=0))])
+    """Sizes by session and channel with a row for one more session: the root mean square of those that have one."""
+    there = np.maximum((of_sessions > NOT_SEEN).sum(axis=0), 1)
+    return np.vstack([of_sessions, np.sqrt((of_sessions**2).sum(axis=0) / there)])
 
 
 def _known_better(problem: Problem, fitted: Fitted, columns: Sequence[str]) -> Marginal:

@@ -7,13 +7,14 @@ out in closed form. `sizes` says what parts there are, `parts` what each looks l
 
 from validation.identification.noise.learning import learn, likeliest
 from validation.identification.noise.marginal import Marginal
-from validation.identification.noise.sizes import FLOOR, LEAST, Sizes, family_of
+from validation.identification.noise.sizes import FLOOR, LEAST, NOT_SEEN, Sizes, family_of
 from validation.identification.noise.steps import LEAST_DAMPING, box_step, dampings, largest_step
 
 __all__ = [
     "FLOOR",
     "LEAST",
     "LEAST_DAMPING",
+    "NOT_SEEN",
     "Marginal",
     "Sizes",
     "box_step",

@@ -17,7 +17,7 @@ from validation.identification.blocks import Block
 from validation.identification.noise.held_out import GROWN, held_out_score
 from validation.identification.noise.marginal import Marginal, parts_of
 from validation.identification.noise.parts import Columns, law_columns
-from validation.identification.noise.sizes import FLOOR, LEAST, Sizes
+from validation.identification.noise.sizes import FLOOR, NOT_SEEN, Sizes
 
 LONGEST = 1.5  # step of a logarithm
 RISEN = 0.1  # of the log likelihood: less ends the learning
@@ -162,7 +162,7 @@ def likeliest(
     Where there are several kinds of strokes, its discrepancy as a whole is then as large as predicts those of a kind
     that is kept aside best. With one kind that says nothing: the other trials tell the discrepancy, whatever its size.
     """
-    seen = (sizes.own > LEAST).astype(float)
+    seen = (sizes.own > NOT_SEEN).astype(float)
     starts = [sizes, *([Sizes.tight(sizes.families, seen)] if anew else [])]
     learnt = [learn(blocks, residuals, start, rounds) for start in starts]
     best = max(learnt, key=lambda m: m.log_evidence(residuals))

@@ -45,11 +45,6 @@ class Columns:
         return np.asarray(scaled @ scaled.T)
 
 
-def channels_of(block: Block) -> tuple[int, ...]:
-    """Places of a trial's channels among all channels."""
-    return tuple(range(len(block.size)))
-
-
 def smooth(block: Block, channel: int, correlated_s: float) -> Array:
     """Root (n, m) of a process over the phases of one channel of a trial."""
     t, m = block.time_s, block.time_s.size
@@ -63,7 +58,7 @@ def own_parts(block: Block, sizes: Sizes) -> Columns:
     """Of one trial: its laws, which scatter, and its own wandering."""
     m, first = block.time_s.size, len(FAMILIES) + block.session * sizes.channels
     wander = [smooth(block, c, OWN_S) for c in range(len(block.size))]
-    place = [sizes.families[sizes.families >= 0], *(np.full(m, first + c) for c in channels_of(block))]
+    place = [sizes.families[sizes.families >= 0], *(np.full(m, first + c) for c in block.channels)]
     columns = np.hstack([law_columns(block, sizes), *wander])
     return Columns(columns, np.concatenate(place).astype(np.intp))
 
@@ -89,7 +84,7 @@ def common_parts(blocks: Sequence[Block], sizes: Sizes) -> Columns:
     lead, c = blocks[0], sizes.channels
     m, first = lead.time_s.size, len(FAMILIES) + sizes.own.size + lead.session * sizes.common.shape[1]
     columns, place = [], []
-    for k, channel in enumerate(channels_of(lead)):
+    for k, channel in enumerate(lead.channels):
         for i, scale in enumerate(SCALES_S):
             columns.append(smooth(lead, k, scale))
             place.append(np.full(m, first + channel * len(SCALES_S) + i))

@@ -25,6 +25,7 @@ SCALES_S = (3e-3, 3e-2, 0.3)
 FAMILIES = ("friction of contacts", "friction of joints", "damping", "stiffness", "springs")
 SCATTER, OWN, COMMON = 0.07, 0.03, 0.2  # where learning starts
 LEAST = 1e-6
+NOT_SEEN, HELD = 1.5 * LEAST, 0.01
 FLOOR = 2e-3  # of the response: no model is taken to be closer, and no linear model of it is
 # what is believed of a size beforehand: median, standard deviation of its natural logarithm
 SCATTER_BELIEF = (0.05, 1.1)  # 1.5 % of a law whose prior is 30 %, to a factor of three
@@ -117,13 +118,13 @@ class Sizes:
         """None smaller than `LEAST`, none of the smooth discrepancy smaller than the floor."""
         common = np.maximum(self.common, LEAST)
         smooth = slice(0, len(SCALES_S) * self.channels)
-        there = self.common[:, smooth] > LEAST
+        there = self.common[:, smooth] > NOT_SEEN
         common[:, smooth] = np.where(there, np.maximum(common[:, smooth], floor / np.sqrt(len(SCALES_S))), LEAST)
         return Sizes(self.families, np.maximum(self.by_family, LEAST), np.maximum(self.own, LEAST), common)
 
     def grown(self, factor: float) -> Sizes:
         """The whole discrepancy this much larger."""
-        there = self.common > LEAST
+        there = self.common > NOT_SEEN
         return Sizes(self.families, self.by_family, self.own, np.where(there, factor * self.common, LEAST))
 
     def belief(self) -> tuple[Array, Array]:
@@ -133,8 +134,11 @@ class Sizes:
         mean = (np.log(np.maximum(total, LEAST)) * there).sum(axis=1) / np.maximum(there.sum(axis=1), 1)
         middle, spread = np.full(self.common.shape, np.log(COMMON_BELIEF[0])), np.full_like(self.common, 2.5)
         middle[:, -1], spread[:, -1] = mean, LIKE_LAWS
-        f, n = len(self.by_family), self.own.size
+        own = np.full(self.own.shape, np.log(OWN_BELIEF[0])), np.full(self.own.shape, OWN_BELIEF[1])
+        for size, (mid, wide) in ((self.common, (middle, spread)), (self.own, own)):
+            mid[size < NOT_SEEN], wide[size < NOT_SEEN] = np.log(LEAST), HELD  # of a channel that was not measured
+        f = len(self.by_family)
         return (
-            np.concatenate([np.full(f, np.log(SCATTER_BELIEF[0])), np.full(n, np.log(OWN_BELIEF[0])), middle.ravel()]),
-            np.concatenate([np.full(f, SCATTER_BELIEF[1]), np.full(n, OWN_BELIEF[1]), spread.ravel()]),
+            np.concatenate([np.full(f, np.log(SCATTER_BELIEF[0])), own[0].ravel(), middle.ravel()]),
+            np.concatenate([np.full(f, SCATTER_BELIEF[1]), own[1].ravel(), spread.ravel()]),
         )

@@ -23,6 +23,7 @@ DOUBTFUL = "not identified: the model lacks more than the parameter does"
 NOT_SETTLED = "not identified: the fit did not settle"
 TOO_FEW = "not identified: fewer than three trials say nothing of their scatter"
 NOT_IDENTIFIABLE = "not identifiable from these strokes"
+FITTED = "fitted trials"
 AT_BOUND = "at the end of what was allowed"
 
 

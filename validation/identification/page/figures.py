@@ -9,9 +9,9 @@ import numpy as np
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
-from validation.conventions import ENCODER_CHANNELS, Array
+from validation.conventions import Array
 from validation.identification.fit import Fitted
-from validation.identification.observations import ObservedTrial
+from validation.identification.observations import CHANNEL_NAMES, ObservedTrial
 from validation.identification.page.tables import residual_rms
 from validation.identification.profiles import Profile
 from validation.identification.scatter import factors
@@ -27,19 +27,24 @@ def residual_figure(trials: Sequence[ObservedTrial], before: Sequence[Array], af
     one, two = residual_rms(trials, before), residual_rms(trials, after)
     with rc_context(STYLE):
         figure = Figure(figsize=(WIDTH_IN, ROW_IN * len(one) + 0.5), layout="constrained")
-        grid = figure.subplots(len(one), len(ENCODER_CHANNELS), squeeze=False)
+        shown = sorted({c for t in trials for c in t.channels})
+        grid = figure.subplots(len(one), len(shown), squeeze=False)
         for row, session in zip(grid, one, strict=True):
-            label = next(t.label for t in trials if t.session == session).rpartition(", trial")[0]
-            for c, (axes, channel) in enumerate(zip(row, ENCODER_CHANNELS, strict=True)):
-                time = one[session][0]
+            first = next(t for t in trials if t.session == session)
+            label = first.label.rpartition(", trial")[0]
+            for axes, channel in zip(row, shown, strict=True):
+                axes.set_title(f"{CHANNEL_NAMES[channel]}, {label}", fontsize=9)
+                if channel not in first.channels:
+                    axes.set_axis_off()
+                    continue
+                time, c = one[session][0], first.channels.index(channel)
                 axes.plot(time, 1e3 * one[session][1][:, c], color=BEFORE, lw=1.1, ls="--", label="before")
                 axes.plot(time, 1e3 * two[session][1][:, c], color=AFTER, lw=1.3, label="after the fit")
                 axes.set_yscale("log")
-                axes.set_title(f"{channel}, {label}", fontsize=9)
                 axes.grid(alpha=0.25)
                 axes.set_xlabel("time, s")
             row[0].set_ylabel("RMS, mrad")
-        grid[0, 0].legend(fontsize=8, frameon=False)
+        next(axes for axes in grid[0] if axes.lines).legend(fontsize=8, frameon=False)
         return figure_svg(
             figure,
             "residuals",

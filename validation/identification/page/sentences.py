@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 
 from validation.identification.further.shrink import Prospect
 from validation.identification.outcome.held_out import CEILING, NULL, event_words
-from validation.identification.outcome.result import IDENTIFIED, Identification
+from validation.identification.outcome.result import FITTED, IDENTIFIED, Identification
 from validation.identification.page.compatible import explain_fit, in_words
 from validation.report.tables.formatting import number
 
@@ -35,7 +35,7 @@ def plain_sentences(found: Identification, ranked: Sequence[Prospect] = ()) -> l
 
 def _what_was_found(found: Identification) -> str:
     trials = len(found.details.problem.trials)
-    sessions = found.details.problem.sessions
+    sessions = len(found.details.problem.seen)
     made = f"{len(found.estimates)} parameters were asked of {trials} trials of {_count(sessions, 'session')}: "
     known = [e for e in found.estimates if e.verdict == IDENTIFIED]
     if not known:
@@ -46,11 +46,18 @@ def _what_was_found(found: Identification) -> str:
 
 
 def _held_out(found: Identification) -> list[str]:
-    if not found.events:
+    held = [name for name in found.scores if name != FITTED]
+    if not held:
         return ["Nothing was held out: how well the fitted strokes are met is no prediction. Use --hold-out."]
     title, factor, unit = event_words(SPEED)
     said = []
-    for name, by in found.events.items():
+    for name in held:
+        by = found.events.get(name)
+        if by is None:  # the key drives: it has no events of its own
+            said.append(
+                f"Predicted under the measured motion of the key, not fitted, {name}.{_curve(found.scores[name])}"
+            )
+            continue
         parts = []
         for who, words in (("identified", "identified"), ("before", "before"), (NULL, "null model")):
             score = by[who][SPEED]

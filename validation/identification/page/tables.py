@@ -10,9 +10,9 @@ import numpy as np
 
 from validation.conventions import ENCODER_CHANNELS, Array
 from validation.identification.further.shrink import Prospect
-from validation.identification.observations import ObservedTrial
+from validation.identification.observations import CHANNEL_NAMES, ObservedTrial
 from validation.identification.outcome.held_out import CEILING, NULL, SHOWN, event_words
-from validation.identification.outcome.result import IDENTIFIED, Identification
+from validation.identification.outcome.result import FITTED, IDENTIFIED, Identification
 from validation.identification.unknowns.priors import Parameter
 from validation.report.tables.formatting import DASH, PageTable, number
 
@@ -96,11 +96,12 @@ def correlations(found: Identification) -> list[tuple[str, list[tuple[str, str]]
 
 
 def residual_rms(trials: Sequence[ObservedTrial], curves: Sequence[Array]) -> dict[int, tuple[Array, Array]]:
-    """Session -> times of its first trial (m,) and root mean square difference of its trials (m, 3), rad."""
+    """Session -> times of its first trial (m,) and RMS difference of its trials (m, c), rad, 0 where lost."""
     found = {}
     for session in sorted({t.session for t in trials}):
         own = [(t, c) for t, c in zip(trials, curves, strict=True) if t.session == session]
-        square = np.mean([(t.change_rad - c) ** 2 for t, c in own], axis=0)
+        apart = np.array([t.change_rad - c for t, c in own])
+        square = np.nansum(apart**2, axis=0) / np.maximum(np.isfinite(apart).sum(axis=0), 1)
         found[session] = own[0][0].time_s, np.sqrt(square)
     return found
 
@@ -108,20 +109,23 @@ def residual_rms(trials: Sequence[ObservedTrial], curves: Sequence[Array]) -> di
 def residuals_table(trials: Sequence[ObservedTrial], before: Sequence[Array], after: Sequence[Array]) -> PageTable:
     """Root mean square differences while the hammer rises and after it, before and after the fit, mrad."""
     one, two = residual_rms(trials, before), residual_rms(trials, after)
+    shown = sorted({c for t in trials for c in t.channels})
     rows = []
     for session, (time, rms) in one.items():
         first = next(t for t in trials if t.session == session)
-        hammer = np.abs(first.change_rad[:, 2])
+        hammer = np.abs(first.column("hammer"))
         up = time <= time[int(np.argmax(hammer > 0.9 * hammer.max()))]
         for phase, inside in (("until the hammer is up", up), ("after", ~up)):
             if not inside.any():
                 continue
             cells = [
-                f"{number(1e3 * _rms(rms[inside, c]), 2)} → {number(1e3 * _rms(two[session][1][inside, c]), 2)}"
-                for c in range(len(ENCODER_CHANNELS))
+                f"{number(1e3 * _rms(rms[inside, k]), 2)} → {number(1e3 * _rms(two[session][1][inside, k]), 2)}"
+                if (k := first.channels.index(c) if c in first.channels else -1) >= 0
+                else DASH
+                for c in shown
             ]
             rows.append([first.label.rpartition(", trial")[0], phase, *cells])
-    head = ["session", "phase", *ENCODER_CHANNELS]
+    head = ["session", "phase", *(CHANNEL_NAMES[c] for c in shown)]
     return PageTable("residuals", "Difference of model and trials, RMS, mrad: before → after the fit", head, rows)
 
 
@@ -132,14 +136,14 @@ def _rms(values: Array) -> float:
 def held_out_tables(found: Identification) -> list[PageTable]:
     """Events and curves of each set of trials that was not fitted."""
     tables = []
-    for i, (name, by) in enumerate(found.events.items()):
-        rows = []
-        for event in SHOWN:
+    for i, name in enumerate(name for name in found.scores if name != FITTED):
+        rows, by = [], found.events.get(name, {})
+        for event in SHOWN if by else ():
             title, factor, unit = event_words(event)
             cells = [_score(by[who][event], factor) for who in ("identified", "before", NULL)]
             rows.append([f"{title}, {unit}", *cells, number(factor * by[CEILING][event].rms, 2)])
         curves = found.scores[name]
-        for channel in ENCODER_CHANNELS:
+        for channel in (name for name in CHANNEL_NAMES if name in (curves["before"] or ENCODER_CHANNELS)):
             cells = [_curve(curves.get(who), channel) for who in ("identified", "before", "null model")]
             rows.append([f"{channel} curve, mrad", *cells, _curve(curves.get("scatter of trials"), channel)])
         head = ["RMS of model − trial", "identified", "before", "null model", "scatter of the trials"]
@@ -155,7 +159,7 @@ def _score(score: object, factor: float) -> str:
 
 
 def _curve(by_channel: dict[str, float] | None, channel: str) -> str:
-    return DASH if by_channel is None else number(1e3 * by_channel[channel], 2)
+    return DASH if by_channel is None or channel not in by_channel else number(1e3 * by_channel[channel], 2)
 
 
 def next_table(ranked: Sequence[Prospect]) -> PageTable | None:

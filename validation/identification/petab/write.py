@@ -9,8 +9,9 @@ import pandas as pd
 
 import model
 from validation.conventions import ENCODER_CHANNELS, Array
+from validation.errors import ValidationInputError
 from validation.identification.fit import Fitted, Problem
-from validation.identification.observations import CHANNELS, ObservedTrial
+from validation.identification.observations import ENCODERS, ObservedTrial
 from validation.identification.petab.columns import (
     CONDITION,
     CONDITIONS,
@@ -52,7 +53,13 @@ def petab_texts(problem: Problem, fitted: Fitted) -> dict[str, str | bytes]:
     Parameters
     ----------
     problem, fitted : the identification
+
+    Raises
+    ------
+    ValidationInputError
+        A trial is driven by its key, or has a film.
     """
+    refuse_other_trials(problem.trials)
     tables = {
         PARAMETERS: parameter_table(problem.action, problem.unknowns),
         OBSERVABLES: observable_table(),
@@ -64,6 +71,23 @@ def petab_texts(problem: Problem, fitted: Fitted) -> dict[str, str | bytes]:
     texts[PROBLEM] = _problem_yaml()
     texts["README.txt"] = README
     return texts
+
+
+def refuse_other_trials(trials: Sequence[ObservedTrial]) -> None:
+    """Refuse trials that the tables have no columns for.
+
+    Raises
+    ------
+    ValidationInputError
+        One is driven by its key, or has a film.
+    """
+    for t in trials:
+        if t.channels != ENCODERS:
+            found = "the motion of the key drives it" if t.key is not None else "it has angles of a film"
+            raise ValidationInputError(
+                f"--petab: {t.label}: {found}; allowed trials that a force drives, encoders alone: leave out "
+                "--motion-driven, --film or --petab"
+            )
 
 
 def parameter_table(action: model.Action, unknowns: Unknowns) -> pd.DataFrame:
@@ -150,7 +174,7 @@ def _standard_deviation(fitted: Fitted, k: int) -> Array:
     own = (lower**2).sum(axis=1)
     p = fitted.marginal.p
     shared = (fitted.marginal.design(block)[:, p:] ** 2).sum(axis=1)
-    return np.sqrt(own + shared).reshape(CHANNELS, block.time_s.size).T
+    return np.sqrt(own + shared).reshape(len(ENCODERS), block.time_s.size).T
 
 
 def _problem_yaml() -> str:

@@ -26,6 +26,7 @@ THRESHOLDS = ("friction_threshold.v_t", "friction_threshold.omega_t")
 LARGE_RELATIVE_U = 0.25
 PRINTED = "printed digits"
 FORCE_GAIN, FORCE_LEVEL, FORCE_DELAY = "force gain", "force level", "force delay"
+KEY_SCALE, KEY_ZERO = "key encoder scale", "key encoder zero"
 
 
 @dataclass(frozen=True)
@@ -59,6 +60,12 @@ class Parameter:
             return {path: self.u * value for path, value in self.values(action, z).items()}
         return dict.fromkeys(self.paths, self.u)
 
+    def per_u(self, start: model.Action, z: float) -> float:
+        """Change of the value that `model.sensitivities` knows, per prior standard uncertainty, at z of ``start``."""
+        if len(self.paths) > 1:  # a factor on the values that the action has now
+            return self.u
+        return self.slope(start, z)[self.paths[0]]
+
     def physical(self, action: model.Action, z: float) -> float:
         """Value at ``z``: the factor where several paths move together, SI of the only path otherwise."""
         if not self.paths:
@@ -85,6 +92,8 @@ FORCE = tuple(
     Parameter(name, (), 1.0, False, "force channel of each trial") for name in (FORCE_GAIN, FORCE_LEVEL, FORCE_DELAY)
 )
 """Errors of the force that all trials share, in standard uncertainties; no path of the action."""
+KEY = tuple(Parameter(name, (), 1.0, False, "key encoder of each trial") for name in (KEY_SCALE, KEY_ZERO))
+"""The same of the key's encoder, where it drives the model in some trials."""
 
 
 @dataclass(frozen=True)
@@ -97,7 +106,7 @@ class Unknowns:
     beside : laws that were not asked for and not fixed; fitted, not reported as identified
     small : all other parameters with u > 0: masses, geometry; fitted likewise
     held : laws that are fixed; they scatter from trial to trial, and tell how large a response is
-    force : errors of the force, fitted with the rest: two of their u already bend a stroke
+    force : errors of what drives the model, fitted with the rest: two of their u already bend a stroke
     """
 
     asked: tuple[Parameter, ...]

@@ -79,6 +79,8 @@ def test_a_session_or_a_trial_gives_the_force(tmp_path: Path, capsys: pytest.Cap
         (["--parameters", "contact12.friction.B1"], "contact12.friction.B1: does nothing in this blow"),
         (["--parameters", "contact12", "--set", "contact12=0"], "contact12: all its values are 0"),
         (["--parameters", "hammer.mass", "--set", "hammer.pivot.y=nan"], "hammer.pivot.y"),
+        (["--parameters", "hammer.parent"], "hammer.parent: is fixed by the geometry"),
+        (["--parameters", "contact04.second.normal.x"], "one component of a direction of length 1"),
     ],
 )
 def test_what_cannot_be_used_is_one_line_and_writes_nothing(
@@ -87,6 +89,16 @@ def test_what_cannot_be_used_is_one_line_and_writes_nothing(
     assert run("sensitivity", FORTE, *options, "--out", str(tmp_path / "out")) in (2, 3)
     told = capsys.readouterr().err.strip()
     assert words in told and "Traceback" not in told and len(told.splitlines()[-1]) < 400
+    assert not list(tmp_path.glob("out/*"))
+
+
+def test_a_set_without_a_rest_state_is_one_line_and_writes_nothing(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    floating = ["--parameters", "hammer.mass", "--set", "gravity.g=0"]
+    assert run("sensitivity", FORTE, *floating, "--out", str(tmp_path / "out")) == 1  # as `simulate` says it
+    told = capsys.readouterr().err.strip().splitlines()
+    assert told == ["pianorig: rest state: the balance found is not stable; check springs and geometry"]
     assert not list(tmp_path.glob("out/*"))
 
 

@@ -1,0 +1,164 @@
+"""How long an identification takes, by number of parameters and of trials, and where the time goes.
+
+    python benchmarks/identification_scaling.py [--free 3,6,12] [--trials 2,5,10] [--kind forte] [--seed 1]
+                                                [--profiles] [--results FILE]
+
+Strokes as in `benchmarks.identification_coverage`: the specimen is the model with that many laws drawn, all else known,
+five trials of a kind in a session. Processor time in seconds, one row per fit: derivatives of the model, runs of the
+model (steps, checks of derivatives), columns of what each trial has of its own (force noise), learning of the sizes of
+noise, and the rest. Processor time of all threads is counted, so that other work on the machine does not; on an idle
+one with two cores the model's share takes about half of it by the clock. A row in ``--results`` is not made again.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+import model
+from benchmarks.identification_coverage import RUNS, Sensors, acting_laws, drawn_truth, played
+from validation.conventions import Array
+from validation.identification import fit as fitting
+from validation.identification.estimates import estimate_all
+from validation.identification.exact_runs import ExactRuns
+from validation.identification.fit import Problem
+from validation.identification.identify import held_columns
+from validation.identification.minima import search
+from validation.identification.observations import ObservedTrial, observe
+from validation.identification.unknowns.priors import unknowns
+from validation.measurement.trial import measure
+from validation.prediction.model_under_test import ModelUnderTest
+
+IN_A_SESSION = 5
+PARTS = ("derivatives", "runs", "force noise", "learning")
+
+
+class Clock:
+    """Processor time by part; what is called inside a part belongs to the outermost."""
+
+    def __init__(self) -> None:
+        self.spent = dict.fromkeys(PARTS, 0.0)
+        self.inside = False
+
+    @contextmanager
+    def part(self, name: str) -> Iterator[None]:
+        """Count what happens here."""
+        if self.inside:
+            yield
+            return
+        self.inside, began = True, time.process_time()
+        try:
+            yield
+        finally:
+            self.inside = False
+            self.spent[name] += time.process_time() - began
+
+
+class Timed:
+    """The model's response, its processor time counted."""
+
+    def __init__(self, runs: ExactRuns, clock: Clock) -> None:
+        self.runs, self.clock = runs, clock
+
+    def curves(self, points: Sequence[Array]) -> list[list[Array] | None]:
+        """As in `Response`."""
+        with self.clock.part("runs"):
+            return self.runs.curves(points)
+
+    def jacobian(self, z: Array, which: Sequence[int]) -> list[Array]:
+        """As in `Response`."""
+        with self.clock.part("derivatives"):
+            return self.runs.jacobian(z, which)
+
+    def force_columns(self, z: Array) -> list[Array]:
+        """As in `Response`."""
+        with self.clock.part("force noise"):
+            return self.runs.force_columns(z)
+
+
+def one(free_laws: int, n: int, options: argparse.Namespace) -> dict[str, Any]:
+    """One fit as plain data."""
+    rng = np.random.default_rng([options.seed, free_laws])
+    start, clock = model.load_action(), Clock()
+    names = rng.choice(acting_laws(options.kind), free_laws, replace=False)
+    free = unknowns(start, [str(name) for name in names], ["*"])
+    _, specimen = drawn_truth(start, free, 0.5, rng)
+    tested, sensors = ModelUnderTest(start, 1e-6), Sensors(rng)
+    data = played(specimen, options.kind, n, sensors, rng)
+    measured = [measure(d, None, tested.geometry_at(d.force_info.preload_n)) for d in data]
+    trials: list[ObservedTrial] = []
+    for session, first in enumerate(range(0, n, IN_A_SESSION)):
+        trials += observe(f"{options.kind} {session + 1}", session, measured[first : first + IN_A_SESSION])
+    for name in ("learn", "likeliest"):
+        setattr(fitting, name, counted(getattr(fitting, name), clock))
+    began = time.process_time()
+    held = held_columns(start, free, trials, RUNS)
+    before_fit = time.process_time() - began
+    runs = Timed(ExactRuns(start, free.moved, trials, RUNS), clock)
+    problem = Problem(start, free, tuple(trials), runs, held)
+    fits = search(problem, 1, None, None)
+    took = time.process_time() - began
+    parts = dict(clock.spent)
+    estimate_all(problem, fits[0], None if options.profiles else (), lambda text: None)
+    after = time.process_time() - began - took
+    return {
+        "free": free_laws, "trials": n, "steps": sum(f.steps for f in fits), "settled": fits[0].converged,
+        "fixed laws": before_fit, **parts, "fit": took, "intervals": after, "fits": len(fits),
+    }  # fmt: skip
+
+
+def counted(function: Any, clock: Clock) -> Any:
+    """A function of the fit whose time is that of learning."""
+    plain = getattr(function, "plain", function)
+
+    def timed(*given: Any, **named: Any) -> Any:
+        with clock.part("learning"):
+            return plain(*given, **named)
+
+    timed.plain = plain  # type: ignore[attr-defined]
+    return timed
+
+
+def main() -> int:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--free", default="3,6,12", help="numbers of laws that are free")
+    parser.add_argument("--trials", default="2,5,10", help="numbers of trials")
+    parser.add_argument("--kind", default="forte")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--profiles", action="store_true", help="intervals by profile, not from the linear model alone")
+    parser.add_argument("--results", type=Path, help="file of rows, a JSON line per fit")
+    options = parser.parse_args()
+    kept: dict[str, dict[str, Any]] = {}
+    if options.results is not None and options.results.exists():
+        for line in options.results.read_text(encoding="utf-8").splitlines():
+            kept |= json.loads(line)
+    heads = ("free", "trials", "fits", "steps", "fit", "fixed laws", *PARTS, "rest", "intervals")
+    print("  ".join(f"{head:>11s}" for head in heads))
+    for free_laws in map(int, options.free.split(",")):
+        for n in map(int, options.trials.split(",")):
+            key = f"{options.kind} {options.seed} {options.profiles} {free_laws} {n}"
+            if key not in kept:
+                kept[key] = one(free_laws, n, options)
+                if options.results is not None:
+                    with options.results.open("a", encoding="utf-8") as sheet:
+                        sheet.write(json.dumps({key: kept[key]}) + "\n")
+            row = kept[key]
+            row["rest"] = row["fit"] - row["fixed laws"] - sum(row[part] for part in PARTS)
+            cells = [f"{row[head]:11.1f}" if isinstance(row[head], float) else f"{row[head]:11d}" for head in heads]
+            print("  ".join(cells) + ("" if row["settled"] else "  not settled"), flush=True)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

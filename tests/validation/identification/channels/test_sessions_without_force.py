@@ -1,0 +1,96 @@
+"""Sessions without a force, with films, and several in one fit, from disk to the file that is written."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import model
+from rig.session import Session, TrialData
+from rig.session.channel_info import NO_FORCE
+from validation.errors import ValidationInputError
+from validation.identification.identify import identify
+from validation.identification.observations import ENCODERS, FILM
+from validation.identification.options import IdentifyOptions
+from validation.identification.outcome.result import FITTED
+from validation.identification.page.write import write_reading
+from validation.identification.petab.write import refuse_other_trials
+from validation.identification.sources import collect
+from validation.measurement.without_force import quiet_of_motion
+
+ASKED = ["contact04.friction"]
+
+
+def without_force(data: TrialData) -> TrialData:
+    """The trial as a bench without a load cell records it."""
+    nothing = np.full(data.time_s.size, np.nan)
+    return replace(data, force_n=nothing, force_raw=nothing, force_info=NO_FORCE)
+
+
+@pytest.fixture(scope="module")
+def two(make: SimpleNamespace, tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    """Three filmed trials with a force, and the same without one."""
+    folder = tmp_path_factory.mktemp("two")
+    forced, _ = make.session(folder / "forced", n_trials=3, filmed=(1, 3))
+    driven = Session.create(folder / "driven", make.info(name="driven"))
+    for trial in forced.trials:
+        driven.add_trial(without_force(trial.read()))
+        derived = forced.read_derived("angles", trial.number)
+        if derived is not None:
+            driven.write_derived("angles", trial.number, derived[0])
+    return [forced.path, driven.path]
+
+
+def test_what_is_compared_of_each(two: list[Path]) -> None:
+    found = collect(two, model.load_action(), IdentifyOptions(film=True, phases=20))
+    forced, driven = found.fitted[:3], found.fitted[3:]
+    assert all(t.key is None and t.channels == (*ENCODERS, *FILM) for t in forced)
+    assert all(t.key is not None and t.channels == (1, 2, *FILM) for t in driven)
+    assert not np.isfinite(forced[1].column("jack")).any() and np.isfinite(forced[0].column("jack")).sum() > 10
+    assert len(found.measured) == 3  # the bench of what a force drives: events are those of blows
+    assert all(t.key_moves for t in found.fitted) and "3 trials have no force" in found.notes[0]
+
+
+def test_what_is_not_used_is_said(two: list[Path]) -> None:
+    plain = collect(two[:1], model.load_action(), IdentifyOptions(phases=20))
+    assert any("2 trials have tracked films, which are not used" in line for line in plain.notes)
+    assert all(t.channels == ENCODERS and not t.key_moves for t in plain.fitted)
+    driven = collect(two[:1], model.load_action(), IdentifyOptions(phases=20, motion_driven=True))
+    assert all(t.channels == (1, 2) for t in driven.fitted) and not driven.measured
+    with pytest.raises(ValidationInputError, match="--petab: test forte, trial 1: the motion of the key drives it"):
+        refuse_other_trials(driven.fitted)
+
+
+@pytest.mark.parametrize(
+    ("counts", "said"),
+    [
+        (lambda t: np.zeros(t.size), "no encoder moves by more than three counts"),
+        (lambda t: 1000 * (t > 0.022), "encoders rest for .* 20 ms are needed before the blow"),
+    ],
+)
+def test_a_trial_that_does_not_begin_at_rest_is_refused(counts: Callable[[np.ndarray], np.ndarray], said: str) -> None:
+    time = np.arange(0.0, 0.3, 2e-4)
+    with pytest.raises(ValidationInputError, match=said):
+        quiet_of_motion(time, np.asarray(counts(time), dtype=np.int64)[:, None])
+
+
+@pytest.mark.slow  # 20 s of runs
+def test_both_kinds_with_films_find_the_truth_in_one_fit(two: list[Path], tmp_path: Path) -> None:
+    start = model.load_action()
+    held = (3,)
+    found = identify(two, ASKED, start, fixed=("*",), film=True, phases=30, profiles=(), hold_out_trials=held)
+    (estimate,) = found.estimates
+    assert estimate.low < 0.6 < estimate.high and estimate.z_u < 0.3
+    assert found.provenance["driven_by_the_key"] == ["driven, trial 1", "driven, trial 2"]
+    scores = found.scores["driven, held out"]
+    assert set(scores["identified"]) == {"whippen", "hammer", "jack", "repetition"}
+    assert scores["identified"]["hammer"] < scores["before"]["hammer"] and scores["null model"] is None
+    assert set(found.scores[FITTED]["identified"]) == {"key", "whippen", "hammer", "jack", "repetition"}
+    assert "driven, held out" not in found.events and "test forte, held out" in found.events
+    page = write_reading(found, tmp_path / "identified.toml")["page"].read_text("utf-8")
+    assert "Predicted under the measured motion of the key" in page and "jack, driven" in page

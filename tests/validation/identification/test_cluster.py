@@ -1,0 +1,105 @@
+"""A fit whose runs are computed elsewhere: the same numbers, a worker lost or not."""
+
+from __future__ import annotations
+
+import os
+import signal
+from collections.abc import Callable, Iterable
+from concurrent.futures import Executor, Future, ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import model
+from validation.errors import ValidationInputError
+from validation.identification.channels.responses import response_to
+from validation.identification.identify import identify
+from validation.identification.model_runs import ModelRuns
+from validation.identification.observations import ObservedTrial
+from validation.identification.options import IdentifyOptions
+from validation.identification.sources import collect
+from validation.identification.unknowns.priors import unknowns
+from validation.prediction.elsewhere import spread
+
+EXAMPLE = Path(__file__).parents[3] / "sessions" / "example_forte"
+ASKED = ["hammer.joint_friction", "contact07.friction"]
+
+
+class Gone(Executor):
+    """Workers that are lost with whatever they are given."""
+
+    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        out: Future[Any] = Future()
+        out.set_exception(BrokenProcessPool("a worker was killed"))
+        return out
+
+
+@pytest.fixture(scope="module")
+def trials() -> list[ObservedTrial]:
+    found = collect([EXAMPLE], model.load_action(), IdentifyOptions(phases=10))
+    return list(found.fitted[:1])
+
+
+def test_a_lost_run_is_no_model_that_cannot_run(trials: list[ObservedTrial]) -> None:
+    runs = ModelRuns(model.load_action(), (), trials, executor=Gone())
+    with pytest.raises(ValidationInputError, match="a run was lost where it was computed .BrokenProcessPool"):
+        runs.curves([np.zeros(0)])
+    free = unknowns(model.load_action(), ASKED, ["*"])
+    for motion_driven in (False, True):
+        seen = collect([EXAMPLE], model.load_action(), IdentifyOptions(phases=10, motion_driven=motion_driven)).fitted
+        elsewhere = response_to(model.load_action(), free.asked, seen[:1], executor=Gone())
+        with pytest.raises(ValidationInputError, match="a run was lost"):
+            elsewhere.jacobian(np.zeros(2), range(2))
+
+
+def test_errors_of_the_model_stay_what_they_are() -> None:
+    def refuse(job: int) -> int:
+        raise model.StaticsError(f"no rest for {job}")
+
+    class Here(Executor):
+        def map(self, fn: Callable[..., Any], *iterables: Iterable[Any], **kwargs: Any) -> Any:
+            return map(fn, *iterables)
+
+    for executor in (None, Here()):
+        with pytest.raises(model.StaticsError, match="no rest for 1"):
+            spread(executor, refuse, [1])
+
+
+@pytest.mark.slow  # starts processes, which load the kernels
+def test_another_process_gives_the_same_columns(trials: list[ObservedTrial]) -> None:
+    free = unknowns(model.load_action(), ASKED, ["*"])
+    zero = np.zeros(2)
+    here = response_to(model.load_action(), free.asked, trials)
+    with ProcessPoolExecutor(1) as pool:
+        there = response_to(model.load_action(), free.asked, trials, executor=pool)
+        np.testing.assert_array_equal(there.jacobian(zero, range(2))[0], here.jacobian(zero, range(2))[0])
+        np.testing.assert_array_equal(there.force_columns(zero)[0], here.force_columns(zero)[0])
+
+
+@pytest.mark.slow  # two fits, a scheduler and two processes
+def test_a_worker_that_is_killed_midway_changes_no_number() -> None:
+    distributed = pytest.importorskip("distributed", reason="the extra 'cluster' is not installed")
+    options = {"fixed": ("*",), "phases": 20, "profiles": ASKED[:1]}
+    alone = identify([EXAMPLE], ASKED, **options)  # type: ignore[arg-type]
+    with (
+        distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=50) as cluster,
+        distributed.Client(cluster) as client,
+    ):
+        first = list(client.run(os.getpid).values())
+        killed: list[int] = []
+
+        def kill(line: str) -> None:
+            if not killed and line.startswith("step"):
+                killed.append(first[0])
+                os.kill(first[0], signal.SIGKILL)
+
+        told = SimpleNamespace(executor=client.get_executor(), progress=kill)
+        together = identify([EXAMPLE], ASKED, executor=told.executor, progress=told.progress, **options)  # type: ignore[arg-type]
+        assert killed and killed[0] not in client.run(os.getpid).values()
+    for a, b in zip(alone.estimates, together.estimates, strict=True):
+        assert (a.z, a.z_u, a.low, a.high) == (b.z, b.z_u, b.low, b.high)
+    np.testing.assert_array_equal(alone.details.fitted.covariance, together.details.fitted.covariance)
