@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
+from itertools import combinations, islice
 
 import numpy as np
 
@@ -91,6 +91,15 @@ class Search:
         for start, lacking in starts:
             for members in self._ranked(size, start, lacking)[:FOLLOWED]:
                 wanted.setdefault(members, self._started(members, start))
+        return self._follow(list(wanted.values()))
+
+    def without(self, size: int, named: Sequence[tuple[int, ...]]) -> list[Followed]:
+        """The likeliest sets of a size that hold none of the sets named, followed."""
+        wanted: dict[tuple[int, ...], Followed] = {}
+        for lacking in (0, 2):
+            free = (s for s in self._ranked(size, self.nothing, lacking) if not any(set(n) <= set(s) for n in named))
+            for members in islice(free, FOLLOWED):
+                wanted.setdefault(members, self._started(members, self.nothing))
         return self._follow(list(wanted.values()))
 
     def promised(self, best: Followed) -> float:
