@@ -196,6 +196,9 @@ def decide(around: Callable[[Followed, Search | None], Search], nothing: Followe
             break
         sets[size] = search.of_size(size, best)
         best, lacks, scores = _weighed(search, sets)
+        if len(best.members) > 1:  # found together with what it does not need
+            sets[size - 1] = _one_each([*sets[size - 1], *search.subsets(best)], search)
+            best, lacks, scores = _weighed(search, sets)
         if size == MOST_LAWS and search.promised(best) > FAR * margin:
             break
         if best.members:  # what is known, and the sizes of the changes, look otherwise from there
@@ -204,6 +207,8 @@ def decide(around: Callable[[Followed, Search | None], Search], nothing: Followe
     top = max(max(found) for found in scores.values())
     if search.promised(best) >= margin:
         lacks = math.inf  # more than three would be named
+    if best.members and not search.fits(best):
+        lacks = math.inf  # the best of bad ones
     if lacks > top + margin:
         return Explained(
             f"{ABOUT}no part of the model explains the difference of {where} until the key is let go, alone or "
@@ -228,6 +233,14 @@ def decide(around: Callable[[Followed, Search | None], Search], nothing: Followe
     )
     rows = [row for n, (score, s) in enumerate(kept) for row in _rows(search, n + 1, s, score - most)]
     return Explained(ABOUT + _sentence(rows, where), tuple(rows))
+
+
+def _one_each(found: Sequence[Followed], search: Search) -> list[Followed]:
+    """The better one of sets that were followed from two starts."""
+    best: dict[tuple[int, ...], Followed] = {}
+    for one in sorted(found, key=search.log_evidence):
+        best[one.members] = one
+    return list(best.values())
 
 
 def _weighed(search: Search, sets: Mapping[int, Sequence[Followed]]) -> tuple[Followed, float, dict[int, list[float]]]:
