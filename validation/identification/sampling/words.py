@@ -13,6 +13,17 @@ def draw_lines(found: Identification, draws: Draws) -> list[str]:
     ----------
     found : Identification
     draws : Draws
+
+    Returns
+    -------
+    list of str
+
+    Examples
+    --------
+    >>> import validation
+    >>> found = validation.identify(["sessions/example_forte"], ["hammer.joint_friction"], fixed=("*",), profiles=())
+    >>> validation.draw_lines(found, validation.sample_posterior(found))
+    ['posterior: no profile was made; its draws are those of the linear model']
     """
     if not draws.sampled:
         why = "no profile is curved" if found.details.profiles else "no profile was made"
