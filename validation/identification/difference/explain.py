@@ -211,8 +211,8 @@ def decide(around: Callable[[Followed, Search | None], Search], nothing: Followe
         lacks = math.inf  # the best of bad ones
     if lacks > top + margin:
         return Explained(
-            f"{ABOUT}no part of the model explains the difference of {where} until the key is let go, alone or "
-            f"{MOST_LAWS} together: an effect the model does not have, or more changes, are the cause"
+            f"{ABOUT}no part of the model explains the difference of {where} until the key is let go, alone or up to "
+            f"{MOST_LAWS} together: the cause is an effect the model does not have, or more changes than that"
         )
     size = next(n for n, found in sorted(scores.items()) if max(found) >= top - margin)
     if size == 0:
