@@ -21,6 +21,7 @@ import tempfile
 import time
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -121,7 +122,7 @@ def main(argv: Sequence[str] | None = None) -> None:
                     found, took = explained(kind, asked.seed + i, "bench" if n == "bench" else "printed", factors)
                     known[case] = {
                         "case": case, "verdict": judged(found, factors), "factors": factors, "said": found.sentence,
-                        "seconds": took,
+                        "changes": [asdict(c) for c in found.changes], "seconds": took,
                     }  # fmt: skip
                     if asked.results is not None:
                         with asked.results.open("a", encoding="utf-8") as file:

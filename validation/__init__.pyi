@@ -17,6 +17,9 @@ from .identification.page.write import write_petab as write_petab
 from .identification.page.write import write_reading as write_reading
 from .identification.petab.read import read_petab as read_petab
 from .identification.residuals import residual_problem as residual_problem
+from .identification.sampling.netcdf import write_posterior as write_posterior
+from .identification.sampling.sample import sample_posterior as sample_posterior
+from .identification.sampling.words import draw_lines as draw_lines
 from .measurement.force_correction import correct_force as correct_force
 from .measurement.force_correction import find_quiet as find_quiet
 from .options import CompareOptions as CompareOptions

@@ -27,6 +27,7 @@ from validation.identification.outcome.details import Details
 from validation.identification.outcome.held_out import score_events
 from validation.identification.outcome.joint import joint_posterior
 from validation.identification.outcome.result import AT_BOUND, FITTED, Identification
+from validation.identification.outcome.strokes_left_out import beside
 from validation.identification.profiles import Profile
 from validation.identification.scatter import lacking
 from validation.identification.scores import score
@@ -102,7 +103,7 @@ def identify(
     best = fits[0]
     found = action_at(start, asked, best.z)
     profiles: list[Profile] = []
-    estimates = estimate_all(problem, best, options.profiles, options.say, profiles.append)
+    estimates = beside(estimate_all(problem, best, options.profiles, options.say, profiles.append), best)
     covariance = best.covariance[: len(asked.asked), : len(asked.asked)]
     names = [p.name for p in asked.asked]
     undetermined, determined = directions(names, covariance)

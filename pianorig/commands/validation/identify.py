@@ -84,6 +84,10 @@ def command(
         Path | None,
         typer.Option("--petab", help="Folder for the data and parameters as tables in the manner of PEtab."),
     ] = None,
+    posterior: Annotated[
+        Path | None,
+        typer.Option("--posterior", help="Draws of the posterior as netCDF (.nc), sampled where profiles are curved."),
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Find parameter values from strokes; say what is unknown.
@@ -103,6 +107,8 @@ def command(
             raise validation.ValidationInputError(
                 "--petab: its tables have no column for --motion-driven or --film; leave one of them out"
             )
+    if posterior is not None:
+        check_target(posterior, ".nc")
     start = load_model(action, set_ or [])
     with nullcontext() if cluster is None else workflows.cluster_executor(cluster) as executor:
         found = validation.identify(
@@ -121,12 +127,16 @@ def command(
             profiles=None if profiles else (),
             progress=None if as_json else say,
         )
-    ranked, refused = workflows.next_strokes(found) if plan is not None else ([], [])
-    files = validation.write_reading(found, out, ranked, refused)
-    if plan is not None:
-        files |= {"plan": workflows.write_next(ranked, plan)}
+        ranked, refused = workflows.next_strokes(found) if plan is not None else ([], [])
+        draws = None if posterior is None else validation.sample_posterior(found, progress=None if as_json else say)
+    drawn = [] if draws is None else validation.draw_lines(found, draws)
+    files = validation.write_reading(found, out, ranked, refused, drawn)
+    if posterior is not None and draws is not None:
+        files |= {"posterior": validation.write_posterior(found, draws, posterior)}
     if petab is not None:
         files |= {"petab": validation.write_petab(found, petab)["problem.yaml"]}
+    if plan is not None:  # last: there may be none to recommend
+        files |= {"plan": workflows.write_next(ranked, plan)}
     if as_json:
         names = {name: str(path) for name, path in files.items()}
         shrinks = [{"name": p.name, "trials": p.trials, "shrink": dict(p.shrink)} for p in ranked]
@@ -138,7 +148,7 @@ def command(
         print(_line(e))
     for name, scores in found.scores.items():
         print(_scores(name, scores))
-    print("\n".join(workflows.reading_lines(found, ranked, refused)))
+    print("\n".join([*workflows.reading_lines(found, ranked, refused), *drawn]))
     for name, path in files.items():
         print(f"{name}: {path}")
 
@@ -158,6 +168,7 @@ def _line(e: Any) -> str:
     unit = "" if e.unit == "1" else f" {e.unit}"
     interval = "" if e.interval == "two-sided" else f"; the strokes alone leave it {e.interval}"
     jack = "" if math.isnan(e.u_jackknife) else f", trials left out one by one {e.u_jackknife:.2f}"
+    jack += "" if math.isnan(e.u_strokes) else f", kinds of stroke {e.u_strokes:.2f}"
     return (
         f"{e.name}: {e.value:.4g}{unit} (u {e.u:.2g}; 95 % {e.low:.4g} to {e.high:.4g}; before {e.prior:.4g}; "
         f"of the prior u left {e.z_u:.2f}{jack}{interval}): {e.verdict}"

@@ -1,8 +1,9 @@
 """Which part of the model explains the difference of a report: the answer, as a sentence and as rows of a table.
 
-Conventions: the first trials of a session without faults, until the key is let go. Named are all sets of the smallest
-size that is as good as any larger one to a factor of `ODDS`, never one where several are; none where "the model lacks
-something else" is better than all of them by that factor (docs/decisions/0141-which-part-explains-in-the-report.md).
+Conventions: up to three trials of a session without faults, until the key is let go. Named are all sets of the smallest
+size that is as good as any larger one to a factor of `ODDS`, and sets with one change more that hold none of these and
+are as good; none where "the model lacks something else" is better than all of them by that factor
+(docs/decisions/0141-which-part-explains-in-the-report.md).
 """
 
 from __future__ import annotations
@@ -40,13 +41,13 @@ class CompatibleChange:
 
     Attributes
     ----------
-    set : number of the set, 1 the most probable
+    set : number of the set: smaller sets first, then by evidence
     changes : how many changes the set has
     cause : parameter, felt, or error of the force
     change : factor, or what is added in ``unit``
     u : its standard uncertainty; relative where ``unit`` is 1
     unit : SI; 1 means a factor
-    log_odds : natural logarithm of the set's evidence over that of the best of its size
+    log_odds : natural logarithm of the set's evidence over that of the best of the smallest sets
     left : share of the squared difference of the trials' mean that is left with it
     """
 
@@ -63,7 +64,8 @@ class CompatibleChange:
     def words(self) -> str:
         """The change for a reader."""
         if self.unit == "1":
-            return f"{self.cause} × {self.change:.3g} (u {100 * self.u:.2g} %)"
+            places = max(2, 1 - math.floor(math.log10(max(self.u * self.change, 1e-9))))
+            return f"{self.cause} × {self.change:.{places}f} (u {100 * self.u:.2g} %)"
         factor, unit = {"m": (1e3, "mm"), "s": (1e3, "ms")}.get(self.unit, (1.0, self.unit))
         sign = "−" if self.change < 0 else "+"
         return f"{self.cause} {sign}{abs(factor * self.change):.2g} {unit} (u {factor * self.u:.1g})"
@@ -194,6 +196,9 @@ def decide(around: Callable[[Followed, Search | None], Search], nothing: Followe
             break
         sets[size] = search.of_size(size, best)
         best, lacks, scores = _weighed(search, sets)
+        if len(best.members) > 1:  # found together with what it does not need
+            sets[size - 1] = _one_each([*sets[size - 1], *search.subsets(best)], search)
+            best, lacks, scores = _weighed(search, sets)
         if size == MOST_LAWS and search.promised(best) > FAR * margin:
             break
         if best.members:  # what is known, and the sizes of the changes, look otherwise from there
@@ -202,10 +207,12 @@ def decide(around: Callable[[Followed, Search | None], Search], nothing: Followe
     top = max(max(found) for found in scores.values())
     if search.promised(best) >= margin:
         lacks = math.inf  # more than three would be named
+    if best.members and not search.fits(best):
+        lacks = math.inf  # the best of bad ones
     if lacks > top + margin:
         return Explained(
-            f"{ABOUT}no part of the model explains the difference of {where} until the key is let go, alone or "
-            f"{MOST_LAWS} together: an effect the model does not have, or more changes, are the cause"
+            f"{ABOUT}no part of the model explains the difference of {where} until the key is let go, alone or up to "
+            f"{MOST_LAWS} together: the cause is an effect the model does not have, or more changes than that"
         )
     size = next(n for n, found in sorted(scores.items()) if max(found) >= top - margin)
     if size == 0:
@@ -215,12 +222,25 @@ def decide(around: Callable[[Followed, Search | None], Search], nothing: Followe
             nothing=True,
         )
     most = max(scores[size])
-    near = sorted(
-        ((score, s) for score, s in zip(scores[size], sets[size], strict=True) if score >= most - margin),
-        key=lambda pair: -pair[0],
+    near = [s for score, s in zip(scores[size], sets[size], strict=True) if score >= most - margin]
+    if size < MOST_LAWS:  # a larger set that holds none of these is no less compatible for being larger
+        near += search.without(size + 1, [s.members for s in near])
+    plain = [search.evidence.log_evidence(s.linear, s.columns) for s in near]
+    most = max(score for score, s in zip(plain, near, strict=True) if len(s.members) == size)
+    kept = sorted(
+        ((score, s) for score, s in zip(plain, near, strict=True) if score >= most - margin or len(s.members) == size),
+        key=lambda pair: (len(pair[1].members), -pair[0]),
     )
-    rows = [row for n, (score, s) in enumerate(near) for row in _rows(search, n + 1, s, score - most)]
-    return Explained(ABOUT + _sentence(rows, len(near), size, where), tuple(rows))
+    rows = [row for n, (score, s) in enumerate(kept) for row in _rows(search, n + 1, s, score - most)]
+    return Explained(ABOUT + _sentence(rows, where), tuple(rows))
+
+
+def _one_each(found: Sequence[Followed], search: Search) -> list[Followed]:
+    """The better one of sets that were followed from two starts."""
+    best: dict[tuple[int, ...], Followed] = {}
+    for one in sorted(found, key=search.log_evidence):
+        best[one.members] = one
+    return list(best.values())
 
 
 def _weighed(search: Search, sets: Mapping[int, Sequence[Followed]]) -> tuple[Followed, float, dict[int, list[float]]]:
@@ -247,16 +267,18 @@ def _rows(search: Search, number: int, one: Followed, log_odds: float) -> list[C
     return out
 
 
-def _sentence(rows: Sequence[CompatibleChange], sets: int, size: int, where: str) -> str:
-    listed: dict[int, list[str]] = {}
+def _sentence(rows: Sequence[CompatibleChange], where: str) -> str:
+    listed: dict[int, list[CompatibleChange]] = {}
     for row in rows:
-        listed.setdefault(row.set, []).append(row.words)
-    words = "; ".join(" with ".join(one) for one in list(listed.values())[:MOST_NAMED])
-    more = f"; and {sets - MOST_NAMED} more (table compatible_changes)" if sets > MOST_NAMED else ""
+        listed.setdefault(row.set, []).append(row)
+    sets = list(listed.values())
+    words = "; ".join(" with ".join(change.words for change in one) for one in sets[:MOST_NAMED])
+    more = f"; and {len(sets) - MOST_NAMED} more (table compatible_changes)" if len(sets) > MOST_NAMED else ""
     what = f"the difference of {where} until the key is let go"
-    caution = "an effect the model does not have may look like it"
-    if sets == 1:
+    caution = "sizes hold if all else is as stated; an effect the model does not have may look like it"
+    size, largest = len(sets[0]), len(sets[-1])
+    if len(sets) == 1:
         head = "this change explains" if size == 1 else f"these {size} changes together explain"
         return f"{head} {what}, and no other that was tried does: {words}; {caution}"
-    each = "each of these changes alone" if size == 1 else f"each of these sets of {size} changes"
+    each = "each of these changes alone" if largest == 1 else "each of these sets of changes"
     return f"{each} explains {what}; the trials cannot tell them apart: {words}{more}; {caution}"

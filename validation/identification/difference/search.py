@@ -9,13 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
+from itertools import combinations, islice
 
 import numpy as np
 
 from validation.conventions import Array
 from validation.identification.difference.evidence import Evidence
 from validation.identification.difference.responses import Point, Responses
+from validation.identification.noise import USUAL
 
 LEAST_SHOWN = 1.5  # standard uncertainties that a value wrong by `Candidate.wrong` makes: with less it gains no odds
 LEAST_NOISE = 0.3  # of the same, that what is known of a value makes where its derivative is found again
@@ -23,6 +24,7 @@ FOLLOWED = 6  # sets from each ranking
 BRANCHES = 12  # candidates that larger sets are made of
 ROUNDS = 4
 CLOSE = 0.1  # of a posterior u: a step below it is the last
+TOO_MUCH = 4.0  # standard deviations of the sum of squares
 FURTHEST = 3.0  # of how far off a value may be
 SHORTER = 0.3  # of a step that did not lower the objective
 
@@ -70,7 +72,7 @@ class Search:
 
     Attributes
     ----------
-    noise : candidates that are not known well enough to be left out of the noise
+    noise : candidates that are not known well enough, or scatter too much, to be left out of the noise
     named : candidates that may be named, and would show
     """
 
@@ -80,17 +82,43 @@ class Search:
         self.responses, self.evidence, self.nothing = responses, evidence, nothing
         self.columns, self.force = derivatives
         shows = np.sqrt((evidence.whiten(self.columns) ** 2).sum(axis=0))
-        known = np.array([c.known for c in responses.listed])
+        known = np.array([max(c.known, USUAL) if c.law else c.known for c in responses.listed])
         self.noise = [int(j) for j in np.flatnonzero(shows * known > LEAST_NOISE)]
         self.named = [j for j, c in enumerate(responses.listed) if c.named and shows[j] > LEAST_SHOWN]
 
     def of_size(self, size: int, best: Followed) -> list[Followed]:
         """The likeliest sets of a size, followed; ``best`` is the best set found so far."""
-        starts = [(self.nothing, 0), (self.nothing, 2)] if size == 1 else [(self.nothing, 0), (best, 0)]
+        starts = [(self.nothing, k) for k in (0, 2, 3)] if size == 1 else [(self.nothing, 0), (best, 0)]
         wanted: dict[tuple[int, ...], Followed] = {}
         for start, lacking in starts:
             for members in self._ranked(size, start, lacking)[:FOLLOWED]:
                 wanted.setdefault(members, self._started(members, start))
+        return self._follow(list(wanted.values()))
+
+    def subsets(self, best: Followed) -> list[Followed]:
+        """The sets that a set leaves when one change is taken out, followed from where it is."""
+        kept = [[i for i in range(len(best.members)) if i != out] for out in range(len(best.members))]
+        parts = [replace(best, members=tuple(best.members[i] for i in k), z=best.z[k]) for k in kept]
+        found = self.responses.differences([part.point for part in parts])
+        started = [
+            replace(part, each=each, difference=each.mean(axis=0), columns=best.columns[:, k])
+            for part, k, each in zip(parts, kept, found, strict=True)
+            if each is not None
+        ]
+        return self._follow(started)
+
+    def fits(self, one: Followed) -> bool:
+        """Whether what is left with a set is noise: its squares are no more than so much noise has."""
+        n = one.difference.size
+        return self.evidence.objective(one.difference, one.z) < n + TOO_MUCH * float(np.sqrt(2.0 * n))
+
+    def without(self, size: int, named: Sequence[tuple[int, ...]]) -> list[Followed]:
+        """The likeliest sets of a size that hold none of the sets named, followed."""
+        wanted: dict[tuple[int, ...], Followed] = {}
+        for lacking in (0, 2):
+            free = (s for s in self._ranked(size, self.nothing, lacking) if not any(set(n) <= set(s) for n in named))
+            for members in islice(free, FOLLOWED):
+                wanted.setdefault(members, self._started(members, self.nothing))
         return self._follow(list(wanted.values()))
 
     def promised(self, best: Followed) -> float:

@@ -6,6 +6,7 @@ uncertainty of the value; intervals are 95 %. ``z`` and its uncertainty are in p
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
@@ -46,6 +47,7 @@ class Estimate:
     u_form : part of ``z_u`` that comes from what the model lacks
     verdict : `IDENTIFIED`, or why not: `NOT_IDENTIFIABLE`, `AT_BOUND`, `DOUBTFUL`,
         `NOT_SETTLED`, `TOO_FEW`
+    u_strokes : of z, from leaving out one session, which is one kind of stroke, after the other; NaN with one
     """
 
     name: str
@@ -64,6 +66,7 @@ class Estimate:
     u_jackknife: float
     u_form: float
     verdict: str
+    u_strokes: float = math.nan
 
 
 @dataclass(frozen=True)

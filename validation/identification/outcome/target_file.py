@@ -7,11 +7,11 @@ from pathlib import Path
 from validation.errors import ValidationInputError
 
 
-def check_target(path: str | Path) -> Path:
-    """The path, if it can be one of an action file or a plan."""
+def check_target(path: str | Path, ending: str = ".toml") -> Path:
+    """The path, if it can be one of an action file or a plan, or of a file with another ending."""
     target = Path(path)
-    if target.suffix != ".toml":
-        raise ValidationInputError(f"{target}: ending found {target.suffix!r}, allowed .toml")
+    if target.suffix != ending:
+        raise ValidationInputError(f"{target}: ending found {target.suffix!r}, allowed {ending}")
     if not target.parent.is_dir():
         raise ValidationInputError(f"{target}: there is no folder {target.parent}; make it or choose another")
     return target

@@ -28,7 +28,9 @@ HERE = Path(__file__).parent
 REPORT = HERE.parents[1] / "report"
 
 
-def render_identification(found: Identification, ranked: Sequence[Prospect] = (), refused: Sequence[str] = ()) -> str:
+def render_identification(
+    found: Identification, ranked: Sequence[Prospect] = (), refused: Sequence[str] = (), drawn: Sequence[str] = ()
+) -> str:
     """The page of an identification, without scripts or outside addresses.
 
     Parameters
@@ -36,6 +38,7 @@ def render_identification(found: Identification, ranked: Sequence[Prospect] = ()
     found : Identification
     ranked : what could be recorded next; empty where it was not asked for
     refused : what was not considered for it, and why
+    drawn : lines of `validation.draw_lines`, where draws were made
 
     Returns
     -------
@@ -75,6 +78,7 @@ def render_identification(found: Identification, ranked: Sequence[Prospect] = ()
         held_out=held_out_tables(found),
         next=next_table(ranked),
         refused=list(refused),
+        drawn=list(drawn),
         provenance=_flat(found.provenance),
     )
 

@@ -32,6 +32,7 @@ class ForestRow:
     interval: str
     prior: str
     left: str
+    left_out: str
     verdict: str
     identified: bool
     prior_low: float
@@ -69,6 +70,7 @@ def forest(found: Identification) -> list[ForestRow]:
                 interval=f"{number(e.low, 4)} to {number(e.high, 4)}",
                 prior=f"{number(e.prior, 4)}{unit} (u {u})",
                 left=number(e.z_u, 2),
+                left_out=f"{number(e.u_jackknife, 2)} / {number(e.u_strokes, 2)}",
                 verdict=e.verdict + open_,
                 identified=e.verdict == IDENTIFIED,
                 prior_low=place(-PRIOR_REACH),

@@ -15,7 +15,11 @@ from validation.report.files import check_folder, write_files
 
 
 def write_reading(
-    found: Identification, path: str | Path, ranked: Sequence[Prospect] = (), refused: Sequence[str] = ()
+    found: Identification,
+    path: str | Path,
+    ranked: Sequence[Prospect] = (),
+    refused: Sequence[str] = (),
+    drawn: Sequence[str] = (),
 ) -> dict[str, Path]:
     """Write the action file and, under the same name with the ending ``.html``, its page.
 
@@ -24,6 +28,7 @@ def write_reading(
     found : Identification
     path : action file to write, ending in .toml
     ranked, refused : what could be recorded next, see `validation.identification.further.shrink.prospects`
+    drawn : lines of `validation.draw_lines`, where draws were made
 
     Returns
     -------
@@ -46,7 +51,7 @@ def write_reading(
     page = target.with_suffix(".html")
     texts: dict[str, str | bytes] = {
         target.name: identified_text(found),
-        page.name: render_identification(found, ranked, refused),
+        page.name: render_identification(found, ranked, refused, drawn),
     }
     write_files(target.parent, texts)
     return {"action": target, "page": page}
