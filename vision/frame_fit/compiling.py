@@ -23,7 +23,7 @@ def digest_of_sources() -> str:
     """Of all files whose compiled functions are called from here or by those."""
     digest = hashlib.sha256()
     for folder in (Path(__file__).parent, Path(fitting.__file__).parent):
-        for path in sorted(folder.glob("*.py")):
+        for path in sorted(folder.rglob("*.py")):
             digest.update(path.read_bytes())
     digest.update(Path(occlusion.__file__).read_bytes())
     return digest.hexdigest()

@@ -71,7 +71,7 @@ def nothing(frames: NDArray[np.uint8]) -> NDArray[np.uint8]:
 def trouble(frames: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """A dark frame, a repeated one, a lamp that fades across the picture, a bright spot, a bar over the beam."""
     frames = frames.copy()
-    frames[18] = 3
+    frames[18:20] = 3
     frames[22] = frames[21]
     fade = np.linspace(1.0, 0.6, frames.shape[2])
     frames[26:32] = (frames[26:32] * fade).astype(np.uint8)
@@ -80,8 +80,7 @@ def trouble(frames: NDArray[np.uint8]) -> NDArray[np.uint8]:
     return frames
 
 
-@pytest.mark.parametrize("change", [nothing, trouble])
-@pytest.mark.parametrize("every", [1, 2])
+@pytest.mark.parametrize(("change", "every"), [(nothing, 1), (trouble, 2)])
 def test_compiled_frames_have_the_bits_of_fits_in_python(
     lever_scene: Scene,
     film_of: Callable[..., object],
