@@ -52,6 +52,10 @@ PROBE_SIZE = 8  # A x, A y, B x, B y, a, b, c, D
 # per damper: torque on the joint = -d v
 DAMPER_SIZE = 1
 
+# per direction in which a joint gives: force on the body = load - k d - c dd/dt
+PIN_K, PIN_C, PIN_LOAD = range(3)
+PIN_SIZE = 3
+
 # laws of felt with memory; what a contact remembers is one state each (`Tables.memory`), with two numbers
 STULOV, HYSTERESIS = 1, 2
 SHARE, REACH_OR_TIME = 0, 1  # share of the force that fades or half width of the loop; s, or a share of the depth
@@ -93,9 +97,12 @@ class Tables(NamedTuple):
     side: np.ndarray  # (c, MAX_CHAIN) +1 where the coordinate moves A, -1 where it moves B
     drive: np.ndarray  # (d, 2) kind, body
     probe: np.ndarray  # (b, 2) body A, body B; both hang from ground
-    offset: np.ndarray  # (8,) where springs, contacts, drives, probes, motion, dampers, memories, string start in p
+    offset: (
+        np.ndarray
+    )  # (9,) where springs, contacts, drives, probes, motion, dampers, memories, string, pins start in p
     prescribed: np.ndarray  # (n,) 1 where a coordinate follows the motion in p; such come last and carry no other body
     damper: np.ndarray  # (k,) body of each damper
     rail: np.ndarray  # (0,) or (1,) contact on which a guided body rests
     string: np.ndarray  # (0,) or (1,) contact in which a string stands for the bar
     memory: np.ndarray  # (z, 2) contact and law of each state of felt that remembers; those of one contact together
+    pin: np.ndarray  # (g, 2) body whose joint gives, and in which direction of the world: 0 right, 1 up

@@ -74,7 +74,8 @@ RANGES: dict[str, tuple[float, float, bool]] = {
     "string.b1": (0.0, 100.0, False),
     "string.b2": (0.0, 0.1, False),
     "string.struck_at": (1e-3, 0.999, False),
-    "string.modes": (1.0, 100.0, False),
+    "string.modes": (0.0, 100.0, False),
+    "string.unisons": (1.0, 3.0, False),
     "stulov.epsilon": (0.0, 0.9999, False),
     "stulov.tau": (1e-9, 10.0, False),
     "hysteresis.beta": (0.0, 1.0, False),
@@ -83,6 +84,13 @@ RANGES: dict[str, tuple[float, float, bool]] = {
     "hysteresis.eta": (1e-3, 0.4, False),  # up to where it is passive (0148-felt-laws-with-memory.md)
     "hysteresis.eta2": (1e-3, 0.4, False),
     "hysteresis.eta3": (1e-3, 0.4, False),
+    **{
+        f"{body}_pin.{name}": allowed
+        for body in ("key", "whippen", "jack", "repetition", "hammer")
+        for name, allowed in (("stiffness", (1e3, 1e9, False)), ("damping", (0.0, 1e5, False)))
+    },
+    "load.x": (-1e3, 1e3, False),
+    "load.y": (-1e3, 1e3, False),
 }
 
 

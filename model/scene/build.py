@@ -25,8 +25,9 @@ from model.scene import pressing
 from model.scene.contacts import chain_of, reach_of, read_contact
 from model.scene.effect_terms import bending, parts_of_hammer
 from model.scene.felt_memory import memories_of
+from model.scene.giving_joints import AXES, pins_and_numbers
 from model.scene.key_motion import KeyMotion
-from model.scene.selection import SceneChoice
+from model.scene.selection import SceneChoice, check_prescribed_key
 from model.scene.string_terms import string_numbers
 
 # rest angles of the printed action, to two digits: the solver needs a start on the right side of each contact
@@ -63,13 +64,16 @@ class Scene:
     def refuse_memory(self, what: str) -> None:
         """Refuse a scene whose felt remembers, for what knows the thesis's law alone."""
         if len(self.tables.memory):
-            names = ", ".join(dict.fromkeys(self.contacts[c] for c, _ in self.tables.memory))
+            names = ", ".join(name for name in self.what_remembers if name in self.contacts)
             raise InputError(
                 f"{what}: found felt that remembers ({names}), allowed the law hunt-crossley; "
                 "take that law for these contacts"
             )
         if len(self.tables.string):
             raise InputError(f"{what}: found the effect string, allowed the rigid bar; leave the effect out")
+        if self.pins:
+            names = ", ".join(dict.fromkeys(f"{body}_pin" for body, _ in self.pins))
+            raise InputError(f"{what}: found joints that give ({names}), allowed rigid joints; leave these effects out")
         if self.command is not None:
             effect = MOTOR_DRIVE if WINDING in self.bodies else FINGER
             raise InputError(f"{what}: found the effect {effect}, allowed a force on the key or the effect motor_arm")
@@ -78,6 +82,12 @@ class Scene:
     def static_tables(self) -> L.Tables:
         """Tables of the same scene at rest, where felt that remembers presses as its slow loading curve says."""
         return self.tables._replace(memory=np.zeros((0, 2), dtype=np.int64), string=np.zeros(0, dtype=np.int64))
+
+    @property
+    def what_remembers(self) -> tuple[str, ...]:
+        """Contacts whose felt has a law with memory; then the string, where there is one."""
+        felts = dict.fromkeys(self.contacts[c] for c, _ in self.tables.memory)
+        return (*felts, *(("string",) if len(self.tables.string) else ()))
 
     @property
     def presser(self) -> str:
@@ -91,22 +101,18 @@ class Scene:
 
     @property
     def remembers(self) -> bool:
-        """Whether the scene has states beside angles and speeds: felt with memory, a string."""
-        return len(self.tables.memory) + len(self.tables.string) > 0
+        """Whether the scene has states beside angles and speeds: felt with memory, a string, joints that give."""
+        return len(self.tables.memory) + len(self.tables.string) + len(self.tables.pin) > 0
+
+    @cached_property
+    def pins(self) -> tuple[tuple[str, str], ...]:
+        """Body and direction, x or y, of each way in which a joint gives."""
+        return tuple((self.bodies[body], AXES[axis]) for body, axis in self.tables.pin.tolist())
 
     @cached_property
     def solved_contacts(self) -> int:
         """Number of contacts that act on an unknown coordinate; the others are evaluated for outputs only."""
         return len(solved_contacts(self.tables))
-
-
-def check_prescribed_key(choice: SceneChoice) -> None:
-    """Refuse a choice whose key cannot follow a prescribed motion."""
-    for effect in ("motor_arm", FINGER, RAIL):
-        if effect in choice.effects:
-            raise InputError(f"scene: found a prescribed key and the effect {effect}, allowed one of them")
-    if len(choice.bodies) == 1:
-        raise InputError("scene: found nothing but the prescribed key, allowed scenes with another body")
 
 
 def _coordinates(choice: SceneChoice, key_motion: KeyMotion | None) -> list[str]:
@@ -257,19 +263,16 @@ def build_scene(action: Action, choice: SceneChoice | None = None, key_motion: K
     offsets.append(len(vector))
     prescribed = np.zeros(n, dtype=np.int64)
     if key_motion is not None:
-        prescribed[key] = 1
-        vector += key_motion.packed()
+        prescribed[key], vector = 1, [*vector, *key_motion.packed()]
     offsets.append(len(vector))
-    dampers: list[int] = []
-    if SHANK in bodies:
-        dampers = [bodies.index(SHANK)]
-        vector.append(bending(action)[1])
-    if FINGER in bodies:
-        dampers.append(bodies.index(FINGER))
-        vector.append(pressing.damping_of_finger(action))
+    dampers, given = pressing.dampers_of(action, bodies)
+    vector += given
+    pins_at = len(vector)
+    pins, given = pins_and_numbers(action, choice, bodies, key_motion is not None)
+    vector += given
     offsets.append(len(vector))
     vector += remembered
-    offsets.append(len(vector))
+    offsets += [len(vector), pins_at]
     strung = STRING_EFFECT in choice.effects
     vector += string_numbers(action) if strung else []
     tables = L.Tables(
@@ -287,6 +290,7 @@ def build_scene(action: Action, choice: SceneChoice | None = None, key_motion: K
         rail=np.array([names.index(RAIL)] if RAIL in names else [], dtype=np.int64),
         string=np.array([names.index(STRING)] if strung else [], dtype=np.int64),
         memory=_table(memories, 2),
+        pin=_table(pins, 2),
     )
     start = np.array([PRINTED_REST.get(b, 0.0) for b in bodies[: n - int(prescribed.sum())]])
     return Scene(tuple(bodies), tuple(names), tables, np.array(vector), start, pressing.command_of(action, bodies))

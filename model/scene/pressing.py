@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 from model.errors import InputError
 from model.kernels import layout as L
 from model.parameters.action import Action
-from model.parameters.effects import ARM, FINGER, MOTOR, MOTOR_DRIVE, WINDING
+from model.parameters.effects import ARM, FINGER, MOTOR, MOTOR_DRIVE, SHANK, WINDING
+from model.scene.effect_terms import bending
 
 Array = NDArray[np.float64]
 TIP = {MOTOR: (ARM, "contact_", "motor_arm.joint_friction"), FINGER: (FINGER, "pad_", None)}
@@ -147,6 +148,18 @@ def drive_numbers(action: Action, bodies: list[str]) -> tuple[list[int], list[fl
 def damping_of_finger(action: Action) -> float:
     """Damping of the finger's joint, N m s/rad."""
     return action["finger.damping"] * action["finger.length"] ** 2
+
+
+def dampers_of(action: Action, bodies: list[str]) -> tuple[list[int], list[float]]:
+    """Coordinates with a damper of their own, and the dampers' numbers."""
+    dampers, numbers = [], []
+    if SHANK in bodies:
+        dampers.append(bodies.index(SHANK))
+        numbers.append(bending(action)[1])
+    if FINGER in bodies:
+        dampers.append(bodies.index(FINGER))
+        numbers.append(damping_of_finger(action))
+    return dampers, numbers
 
 
 def check_drive(action: Action) -> None:

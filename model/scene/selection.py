@@ -26,7 +26,7 @@ from typing import Any
 
 from model.errors import InputError
 from model.parameters.action import BODIES, CONTACTS, LAW, STRING, Action
-from model.parameters.effects import EFFECTS, effect_defaults, effect_of
+from model.parameters.effects import EFFECTS, FINGER, PINS, RAIL, effect_defaults, effect_of
 from model.parameters.felt_laws import check_law, law_defaults, law_of
 from model.parameters.quantity import check_value
 
@@ -119,6 +119,8 @@ SCENES = {
     "finger": SceneChoice(effects=("finger",)),
     "string": SceneChoice(effects=("string",)),
     "lifting-key-flexible-shank": SceneChoice(effects=("balance_rail", "shank")),
+    "giving-hammer": SceneChoice(effects=("hammer_pin",)),
+    "giving-joints": SceneChoice(effects=("balance_rail", *PINS)),
 }
 
 
@@ -240,3 +242,12 @@ def _flat(table: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
             yield from _flat(item, f"{prefix}{key}.")
         else:
             yield f"{prefix}{key}", item
+
+
+def check_prescribed_key(choice: SceneChoice) -> None:
+    """Refuse a choice whose key cannot follow a prescribed motion."""
+    for effect in ("motor_arm", FINGER, RAIL):
+        if effect in choice.effects:
+            raise InputError(f"scene: found a prescribed key and the effect {effect}, allowed one of them")
+    if len(choice.bodies) == 1:
+        raise InputError("scene: found nothing but the prescribed key, allowed scenes with another body")

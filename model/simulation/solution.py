@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.parameters.effects import column
+from model.simulation.giving_motion import GivingMotion
 from model.simulation.loads_and_losses import Inside
 from model.simulation.string_motion import StringMotion
 
@@ -30,6 +31,7 @@ class EnergyAudit:
     lost_in_joint_friction: float
     lost_in_rail: float = 0.0  # felt of the balance rail and friction on its pin
     lost_in_shank: float = 0.0
+    lost_in_pins: float = 0.0  # in the bushings of joints that give
     lost_in_string: float = 0.0
     lost_in_drive: float = 0.0  # the motor's winding, or the finger's joint
 
@@ -37,7 +39,7 @@ class EnergyAudit:
     def residual(self) -> float:
         """Work that is not accounted for, J: an error of the integration, zero for an exact one."""
         lost = self.lost_in_felt + self.lost_in_contact_friction + self.lost_in_joint_friction
-        lost += self.lost_in_rail + self.lost_in_shank + self.lost_in_string + self.lost_in_drive
+        lost += self.lost_in_rail + self.lost_in_shank + self.lost_in_pins + self.lost_in_string + self.lost_in_drive
         return self.work_in - self.stored_change - lost
 
 
@@ -60,6 +62,7 @@ class Solution:
     energy : where the work went, or None where it was not asked for
     inside : what acts at contacts, joints and bodies, or None where it was not asked for
     string : the string's motion, or None where the scene has the rigid bar
+    give : how far joints give and the forces of their bushings, or None where joints are rigid
     error_rad : estimate of the largest error of any angle at the output times, or None where it was not asked for
     """
 
@@ -76,6 +79,7 @@ class Solution:
     inside: Inside | None = None
     error_rad: float | None = None
     string: StringMotion | None = None
+    give: GivingMotion | None = None
 
     @property
     def misses_tolerance(self) -> bool:
@@ -116,6 +120,8 @@ class Solution:
                 out[f"{name}_friction_n"] = self.contact_friction_n[:, i]
         if self.string is not None:
             out["string_m"] = self.string.way_m
+        if self.give is not None:
+            out |= self.give.columns()
         if self.inside is not None:
             out |= self.inside.columns()
         return out

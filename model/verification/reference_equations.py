@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from model.errors import InputError
 from model.parameters.action import BODIES, CONTACTS, Action
+from model.parameters.effects import PINS
 from model.parameters.felt_laws import HUNT_CROSSLEY
 
 Vector = NDArray[np.float64]
@@ -62,6 +63,8 @@ class Twin:
         remembering = [c for c in CONTACTS if action.law(c) != HUNT_CROSSLEY]
         if remembering:
             raise InputError(f"reference equations: found felt that remembers ({', '.join(remembering)}), allowed none")
+        if giving := [e for e in effects if e in PINS]:
+            raise InputError(f"reference equations: found joints that give ({', '.join(giving)}), allowed `FreeBodies`")
         self.action = action
         self.bodies = [*BODIES, *(["shank"] if "shank" in effects else [])]
         self.coordinates = [*BODIES, *(c for e, c in _COORDINATE.items() if e in effects)]

@@ -1,6 +1,9 @@
 from .bench.access import BenchAccess as BenchAccess
 from .bench.calibration.contact import PadOrder as PadOrder
 from .bench.calibration.contact import calibrate_contact as calibrate_contact
+from .bench.calibration.drive import DriveOrder as DriveOrder
+from .bench.calibration.drive import identify_drive as identify_drive
+from .bench.calibration.drive import rehearse_drive as rehearse_drive
 from .bench.calibration.encoder import calibrate_encoder as calibrate_encoder
 from .bench.calibration.force import CalibrationOrder as CalibrationOrder
 from .bench.calibration.force import calibrate_force as calibrate_force
@@ -58,9 +61,6 @@ from .model.calibrate import felt as felt
 from .model.calibrate import friction as friction
 from .model.calibrate import pendulum as pendulum
 from .model.calibrate import rebound as rebound
-from .model.drive import DriveOrder as DriveOrder
-from .model.drive import identify_drive as identify_drive
-from .model.drive import rehearse_drive as rehearse_drive
 from .model.felt_laws import felt_laws as felt_laws
 from .model.force_input import DrivingForce as DrivingForce
 from .model.force_input import read_driving_force as read_driving_force
@@ -83,6 +83,7 @@ from .model.simulate_motion import print_motion as print_motion
 from .model.study import study_thesis as study_thesis
 from .model.study import study_variants as study_variants
 from .model.study_felt_law import study_felt_law as study_felt_law
+from .model.study_joints import study_joints as study_joints
 from .model.study_string import study_string as study_string
 from .reports import find_report as find_report
 from .reports import show_in_browser as show_in_browser

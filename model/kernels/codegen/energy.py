@@ -9,7 +9,10 @@ from model.kernels import layout as L
 from model.kernels import workspace as W
 from model.kernels.codegen.bodies import mass, pose, thresholds, winding
 from model.kernels.codegen.contact_memory import memory_energy
-from model.kernels.codegen.contacts import contact_energy, probe_energy
+from model.kernels.codegen.contacts import contact_energy
+from model.kernels.codegen.giving_bodies import giving_energy
+from model.kernels.codegen.giving_steps import pins_audited
+from model.kernels.codegen.probes import probe_energy
 from model.kernels.codegen.step_kernels import AMPLIFIER_HEAD, HEAD, module
 from model.kernels.codegen.string_contact import NAMES, string_energy_lines
 from model.kernels.codegen.structure import Structure
@@ -23,8 +26,9 @@ MEMORY_HEAD = """from model.kernels.memory_laws import (
 def emit_energy(tables: L.Tables) -> str:
     """Source of ``energy`` alone: energy of a state, power put in and powers lost, for the energy audit."""
     s = Structure(tables)
-    out = [f"q{i} = w[{W.AUDIT_Q + i}]\nv{i} = w[{W.AUDIT_V + i}]" for i in range(s.n)]
+    out = [f"q{i} = w[{W.AUDIT_Q + i}]\nv{i} = w[{W.AUDIT_V + i}]" for i in range(len(s.parent))]
     out += [
+        *pins_audited(s),
         *pose(s),
         *mass(s),
         *thresholds(),
@@ -55,8 +59,8 @@ def emit_energy(tables: L.Tables) -> str:
     for k, (kind, i) in enumerate(s.drive):
         o = s.offset[2] + L.DRIVE_SIZE * k
         arm = f"(c{i} * p[{o + L.DRIVE_X}] - s{i} * p[{o + L.DRIVE_Y}])"
-        if kind == L.FORCE_DOWN and s.guide(i) >= 0:
-            out.append(f"given -= u * v{s.guide(i)}")
+        if kind == L.FORCE_DOWN and s.vertical(i) >= 0:
+            out.append(f"given -= u * v{s.vertical(i)}")
         if kind == L.AMPLIFIER:
             out += [f"f{i} = 0.0\nf{i - 1} = 0.0", *winding(i, o), f"given += volts * v{i}"]
             continue
@@ -78,6 +82,9 @@ def emit_energy(tables: L.Tables) -> str:
         powers = [f"{number} * v{i} * v{i}" for i, number in lost if (i in driven) == of_drive]
         if powers:
             names[at] = " + ".join(powers)
+    if s.pin:
+        out += giving_energy(s)
+        names[W.POWER_PINS] = "pin_loss"
     if s.string:
         names[W.POWER_STRING] = "string_loss"
     out += [f"w[{at}] = {name}" for at, name in names.items()]
