@@ -1,6 +1,9 @@
 from .bench.access import BenchAccess as BenchAccess
 from .bench.calibration.contact import PadOrder as PadOrder
 from .bench.calibration.contact import calibrate_contact as calibrate_contact
+from .bench.calibration.drive import DriveOrder as DriveOrder
+from .bench.calibration.drive import identify_drive as identify_drive
+from .bench.calibration.drive import rehearse_drive as rehearse_drive
 from .bench.calibration.encoder import calibrate_encoder as calibrate_encoder
 from .bench.calibration.force import CalibrationOrder as CalibrationOrder
 from .bench.calibration.force import calibrate_force as calibrate_force
@@ -59,9 +62,6 @@ from .model.calibrate import friction as friction
 from .model.calibrate import pendulum as pendulum
 from .model.calibrate import rebound as rebound
 from .model.cluster import cluster_executor as cluster_executor
-from .model.drive import DriveOrder as DriveOrder
-from .model.drive import identify_drive as identify_drive
-from .model.drive import rehearse_drive as rehearse_drive
 from .model.felt_laws import felt_laws as felt_laws
 from .model.force_input import DrivingForce as DrivingForce
 from .model.force_input import read_driving_force as read_driving_force
