@@ -92,7 +92,7 @@ def command(
         check_folder(petab)
     if posterior is not None:
         check_target(posterior, ".nc")
-    start = load_model(action, read_settings(set_ or []))
+    start = load_model(action, set_ or [])
     found = validation.identify(
         sessions,
         _names(parameters),

@@ -18,14 +18,15 @@ from scipy.special import logsumexp
 
 from validation.conventions import Array
 from validation.identification.blocks import Block
-from validation.identification.noise import FLOOR, USUAL, kernel_root
+from validation.identification.noise.parts import smooth
 from validation.identification.observations import CHANNELS
 
 TIMES_S = (3e-3, 1e-2, 3e-2)
 OWN = (3e-3, 1e-2, 3e-2, 1e-1)
 """Sizes of a trial's own wandering, of what all laws together could do."""
-LACKS = (2e-2, 1e-1, 5e-1)
-"""Sizes of what the model lacks, of the same; nothing lacking is `noise.FLOOR`."""
+FLOOR, LACKS = 5e-3, (2e-2, 1e-1, 5e-1)
+"""Sizes of what the model lacks, of the same: where nothing is lacking, and else."""
+SCATTER = 0.07  # of a law from trial to trial, of its prior's standard uncertainty: 2 % of 30 %
 
 
 @dataclass(frozen=True)
@@ -53,7 +54,7 @@ class Evidence:
 
     def __init__(self, block: Block, laws: NDArray[np.bool_], known: Array, apart: Array) -> None:
         trials = len(apart) + 1
-        scattered = block.moved[:, laws] * USUAL
+        scattered = block.moved[:, laws] * SCATTER
         known_columns = block.moved @ known
         shared = known_columns @ known_columns.T + block.instrument @ block.instrument.T
         alone = np.diag(block.white) + scattered @ scattered.T + block.own @ block.own.T
@@ -118,12 +119,8 @@ class Evidence:
 
 def _blockwise(block: Block, time_s: float) -> Array:
     """Covariance (3 m, 3 m) of a wandering as large as the response, channel by channel."""
-    m = block.time_s.size
-    out = np.zeros((CHANNELS * m, CHANNELS * m))
-    for c in range(CHANNELS):
-        root, part = kernel_root(block, c, time_s), slice(c * m, (c + 1) * m)
-        out[part, part] = root @ root.T
-    return out
+    roots = [smooth(block, c, time_s) for c in range(CHANNELS)]
+    return np.asarray(sum(root @ root.T for root in roots))
 
 
 def _log_density(root: Array, rows: Array) -> float:

@@ -14,9 +14,8 @@ from itertools import combinations, islice
 import numpy as np
 
 from validation.conventions import Array
-from validation.identification.difference.evidence import Evidence
+from validation.identification.difference.evidence import SCATTER, Evidence
 from validation.identification.difference.responses import Point, Responses
-from validation.identification.noise import USUAL
 
 LEAST_SHOWN = 1.5  # standard uncertainties that a value wrong by `Candidate.wrong` makes: with less it gains no odds
 LEAST_NOISE = 0.3  # of the same, that what is known of a value makes where its derivative is found again
@@ -82,7 +81,7 @@ class Search:
         self.responses, self.evidence, self.nothing = responses, evidence, nothing
         self.columns, self.force = derivatives
         shows = np.sqrt((evidence.whiten(self.columns) ** 2).sum(axis=0))
-        known = np.array([max(c.known, USUAL) if c.law else c.known for c in responses.listed])
+        known = np.array([max(c.known, SCATTER) if c.law else c.known for c in responses.listed])
         self.noise = [int(j) for j in np.flatnonzero(shows * known > LEAST_NOISE)]
         self.named = [j for j, c in enumerate(responses.listed) if c.named and shows[j] > LEAST_SHOWN]
 

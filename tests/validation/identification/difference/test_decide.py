@@ -69,7 +69,7 @@ def said(truth: dict[int, float], lacking: float = 0.0, seed: int = 1) -> Explai
         columns = np.column_stack(responses.columns([(at.point, j) for j in range(SHAPES)], []))
         size = np.full((3, M), 5e-3)
         nil = np.zeros((3 * M, 0))
-        block = Block(0, TIME, columns, nil, nil, nil, np.full(3 * M, 4e-10), size)
+        block = Block(0, TIME, columns, nil, nil, nil, np.full(3 * M, 4e-10), size, np.zeros(M))
         laws = np.zeros(SHAPES, dtype=bool)
         evidence = Evidence(block, laws, 1e-3 * np.eye(SHAPES), contrasts(at.each))
         return Search(responses, evidence, nothing, (columns, nil))  # type: ignore[arg-type]
@@ -134,7 +134,7 @@ def test_evidence_of_a_set_is_that_of_its_joint_density() -> None:
     columns = shapes()[:, :2]
     block = Block(
         0, TIME, columns, np.zeros((3 * M, 0)), np.zeros((3 * M, 0)), np.zeros((3 * M, 0)), np.full(3 * M, 1e-8),
-        np.full((3, M), 1e-9),
+        np.full((3, M), 1e-9), np.zeros(M),
     )  # fmt: skip
     each = rng.standard_normal((TRIALS, 3 * M)) * 1e-4 + columns @ np.array([0.5, 0.1])
     evidence = Evidence(block, np.zeros(2, dtype=bool), np.zeros((2, 2)), contrasts(each))
