@@ -180,7 +180,7 @@ class ModelRuns:
             )
         unit = self._differences(self.run(points), np.array(steps), names)
         clock = [[t.u_film_time_s] if filmed else [] for t in self.trials]
-        scale = [np.concatenate([[t.u_offset_n], _slow_noise_n(t), c]) for t, c in zip(self.trials, clock, strict=True)]
+        scale = [np.concatenate([[t.u_offset_n], slow_noise_n(t), c]) for t, c in zip(self.trials, clock, strict=True)]
         return [columns * by for columns, by in zip(unit, scale, strict=True)]
 
     def _differences(self, found: list[list[Array] | None], steps: Array, names: list[str]) -> list[Array]:
@@ -252,7 +252,7 @@ def noise_knots(trial: ObservedTrial) -> Array:
     return np.concatenate([[begin - BEFORE_S], rise, np.linspace(up, end, SEGMENTS + 1 - first)[1:]])
 
 
-def _slow_noise_n(trial: ObservedTrial) -> Array:
+def slow_noise_n(trial: ObservedTrial) -> Array:
     """Standard deviation of white force noise, averaged around each knot but the first, N."""
     step = float(np.median(np.diff(trial.force_time_s)))
     knots = noise_knots(trial)

@@ -103,7 +103,7 @@ def command(
             raise validation.ValidationInputError(
                 "--petab: its tables have no column for --motion-driven or --film; leave one of them out"
             )
-    start = load_model(action, read_settings(set_ or []))
+    start = load_model(action, set_ or [])
     with nullcontext() if cluster is None else workflows.cluster_executor(cluster) as executor:
         found = validation.identify(
             sessions,

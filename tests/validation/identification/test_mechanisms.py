@@ -16,7 +16,7 @@ from validation.conventions import Array
 from validation.identification.exact_runs import ExactRuns
 from validation.identification.fit import Problem, fit
 from validation.identification.minima import search
-from validation.identification.model_runs import Case, ModelRuns, _slow_noise_n, noise_knots
+from validation.identification.model_runs import Case, ModelRuns, noise_knots, slow_noise_n
 from validation.identification.noise import Marginal, Sizes, box_step, learn
 from validation.identification.observations import ObservedTrial
 from validation.identification.options import IdentifyOptions
@@ -42,7 +42,7 @@ def test_force_noise_has_its_parts_where_the_hammer_rises_and_keeps_its_impulse(
         step = float(np.median(np.diff(t.force_time_s)))
         held = 0.5 * (np.append(knots[2:], knots[-1]) - knots[:-1])
         white = t.noise_n**2 * step * (knots[-1] - 0.5 * (knots[0] + knots[1]))
-        assert np.sum((_slow_noise_n(t) * held) ** 2) == pytest.approx(white, rel=1e-9)
+        assert np.sum((slow_noise_n(t) * held) ** 2) == pytest.approx(white, rel=1e-9)
 
 
 @pytest.fixture(scope="module")
