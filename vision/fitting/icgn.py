@@ -24,8 +24,9 @@ from vision.fitting.coherence import N_LEVELS, UNKNOWN, Ratios, blocks_of, ratio
 from vision.fitting.frame_spline import FrameSpline
 from vision.fitting.kernel_records import Places, Region, RigidFit, Settings, State, Subset
 from vision.fitting.kernels import fit_rigid, place_pixels, sample, tukey_weights
+from vision.fitting.local_light import LocalLight
 from vision.fitting.pose_covariance import PATTERN_EXCESS, TUKEY_FACTOR, pose_covariance
-from vision.fitting.slow_changes import UNCHANGED, Changes, SlowChanges, added
+from vision.fitting.slow_changes import LIGHT, TILT, UNCHANGED, Changes, SlowChanges, added, without_light
 from vision.fitting.template import Template
 
 TOLERANCE_PX = 0.002
@@ -39,6 +40,7 @@ MAX_ITERATIONS = 80
 CHANGE_SUSPECTED = 2.0
 """Ratio of `vision.fitting.coherence` over the largest blocks from which light and scale are looked at."""
 CHANGE_ROUNDS = 5
+LIGHT_ROUNDS = 4
 QUIET = 0.7
 """The residuals of a body may be quieter than the still frames by this factor, since darker parts of a picture are."""
 SCALE_FLOOR_GREY = 0.5
@@ -54,7 +56,8 @@ class IcgnFitter:
         self.template = template
         self._frames = frames
         self._slow: SlowChanges | None = None
-        self._followed = False
+        self._light = LocalLight(template)
+        self._followed = self._clipped = False
         self._settings = Settings(noise_gain(), SCALE_FLOOR_GREY, TOLERANCE_PX, STOP_U, MAX_ITERATIONS)
         self._blocks = blocks_of(template.offset_px)
         self._facts = BodyFacts(
@@ -81,15 +84,18 @@ class IcgnFitter:
         self._weight = np.ones(self.template.n_pixels, dtype=np.float32)
         self._scale = 2.0
         self._changes: Changes = UNCHANGED
+        self._light.reset()
 
     def state(self) -> dict[str, NDArray[Any]]:
         """Weights, noise, light and scale of the newest frame."""
-        return {"weight": self._weight, "scale": np.array(self._scale), "changes": np.array(self._changes)}
+        own = {"weight": self._weight, "scale": np.array(self._scale), "changes": np.array(self._changes)}
+        return own | self._light.state()
 
     def restore(self, arrays: dict[str, NDArray[Any]]) -> None:
         """Continue from the weights and noise of another frame."""
         self._weight, self._scale = np.array(arrays["weight"], dtype=np.float32), float(arrays["scale"])
         self._changes = tuple(arrays["changes"].tolist())
+        self._light.restore(arrays)
 
     def fit(self, film: FrameSource, index: int, pose: NDArray[np.float64], covered: NDArray[np.uint8] | None) -> Fit:
         """Fit the body in frame ``index``, starting from ``pose``."""
@@ -116,12 +122,19 @@ class IcgnFitter:
             if saturated is not None and self._under(saturated, start, y0, x0) > SATURATED_SHARE * template.n_pixels:
                 # not a number: the compiled loop leaves out every sample that such a coefficient enters
                 coefficient = np.where(saturated, np.float32(np.nan), coefficient)
+        self._clipped = part.n_saturated > 0
         hidden = self._uncovered if covered is None else covered
         result = self._solve(coefficient, (y0, x0), start, hidden)
         self._followed = False
         for _ in range(CHANGE_ROUNDS):
             if not result.converged or not self._changed(result):
                 break
+            result = self._solve(coefficient, (y0, x0), result.pose, hidden)
+        for k in range(0 if self._clipped else LIGHT_ROUNDS):
+            if not result.converged or not self._light.changed(result, self._work, self._changes, k == 0):
+                break
+            # its squares say all that the gradients did
+            self._changes = without_light(self._changes)
             result = self._solve(coefficient, (y0, x0), result.pose, hidden)
         return result
 
@@ -137,7 +150,10 @@ class IcgnFitter:
             self._followed = True
             more = self._slow_changes().followed(weight, residual, fit.gain, self._changes)
         elif suspected:
-            more = self._slow_changes().measure(weight, residual, fit.gain, max(fit.noise_grey, SCALE_FLOOR_GREY) ** 2)
+            noise2 = max(fit.noise_grey, SCALE_FLOOR_GREY) ** 2
+            # where light is known from place to place, or grey values are cut off
+            left_out = LIGHT if self._light.light is not None else TILT if self._clipped else ()
+            more = self._slow_changes().measure(weight, residual, fit.gain, noise2, left_out)
         both = added(self._changes, more)
         if more == UNCHANGED or both is None:
             return False
@@ -163,6 +179,7 @@ class IcgnFitter:
             coefficient = self._slow_changes().divided_out(coefficient, corner, start, self._changes)
             offset_px = self._slow_changes().offset_px(self._changes)
         pose = np.array(start, dtype=float)
+        coefficient = self._light.taken_off(coefficient, corner, start)
         subset = Subset(offset_px, template.columns, hidden, *template.centre_px, template.radius_px)
         region = Region(coefficient, float(corner[1]), float(corner[0]))
         if self._cautious:
@@ -178,7 +195,7 @@ class IcgnFitter:
         if changed:
             root = np.sqrt(self._slow_changes().variance_factor(self._changes))
             fit = replace(fit, covariance=fit.covariance * root[:, None] * root)
-        return fit
+        return self._light.widened(fit)
 
     def _weigh(self, region: Region, subset: Subset, pose: NDArray[np.float64]) -> None:
         """Set weights and scale by the differences from the reference at a pose, but for what they have in common."""

@@ -19,7 +19,9 @@ from vision.film.source import FrameSource
 from vision.fitting.pose_covariance import predicted_u_angle
 from vision.fitting.template import build_template
 from vision.reference.defect_pixels import WithoutDefects, without_defects
+from vision.reference.grey_steps import grey_step
 from vision.reference.prepared_film import PreparedFilm
+from vision.reference.row_flicker import WithoutRowFlicker, without_row_flicker
 from vision.reference.skipped_blocks import skips_blocks
 from vision.reference.still_average import Reference, average_still_frames
 from vision.reference.stillness import still_count
@@ -46,11 +48,11 @@ def prepare(
     VisionWarning
         When fewer than ten still frames are found.
     """
-    if not isinstance(film, WithoutDefects | WithoutPattern):
-        film = without_defects(film)
     distances = outline_distances(bodies, film.height, film.width)
     masks = masks_of(bodies, distances)
     region = np.logical_or.reduce(masks)
+    if not isinstance(film, WithoutDefects | WithoutPattern | WithoutRowFlicker):
+        film = without_row_flicker(without_defects(film), _around(region))
 
     def prepared(reference: Reference) -> PreparedFilm:
         usable = unsaturated(bodies, masks, reference.saturated)
@@ -60,7 +62,9 @@ def prepare(
         ]
         occlusion = Occlusion(bodies, templates, distances)
         found = PreparedFilm(film, bodies, reference, templates, occlusion, method)
-        return replace(found, skips_blocks=skips_blocks(film, _around(region), reference.noise_grey))
+        box = _around(region)
+        skips = skips_blocks(film, box, reference.noise_grey)
+        return replace(found, skips_blocks=skips, grey_step=grey_step(film, box))
 
     if n_still is None:
         candidates = average_still_frames(film, region).n_averaged
