@@ -24,7 +24,7 @@ from vision.fitting.coherence import N_LEVELS, UNKNOWN, Ratios, blocks_of, ratio
 from vision.fitting.frame_spline import FrameSpline
 from vision.fitting.kernel_records import Places, Region, RigidFit, Settings, State, Subset
 from vision.fitting.kernels import fit_rigid, place_pixels, sample, tukey_weights
-from vision.fitting.local_light import LocalLight
+from vision.fitting.light.local_light import LocalLight
 from vision.fitting.pose_covariance import PATTERN_EXCESS, TUKEY_FACTOR, pose_covariance
 from vision.fitting.slow_changes import LIGHT, TILT, UNCHANGED, Changes, SlowChanges, added, without_light
 from vision.fitting.template import Template

@@ -2,7 +2,7 @@
 
 Light goes on from frame to frame, noise does not: a change of light is taken up when two fits in a row show the same
 one, so that noise that is smooth over the picture, which looks like light in any single frame, is left to the
-uncertainty. Method of the squares: `vision.fitting.light_field`.
+uncertainty. Method of the squares: `vision.fitting.light.light_field`.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from vision.fitting.base import Fit
 from vision.fitting.bspline import noise_gain
-from vision.fitting.light_field import DEAREST, Light, LightField
+from vision.fitting.light.light_field import DEAREST, Light, LightField
 from vision.fitting.slow_changes import Changes, light_factor
 from vision.fitting.template import Template
 
