@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from vision.film.source import ArrayFilm, FrameSource
-from vision.reference.grey_steps import grey_step
+from vision.fitting.template import build_template
+from vision.reference.grey_steps import grey_step, in_coarse_steps
 from vision.reference.row_flicker import WithoutRowFlicker, alternation, without_row_flicker
 
 BOX = (10, 90, 15, 140)
@@ -56,3 +57,11 @@ def test_step_of_the_grey_values() -> None:
     assert grey_step(film, BOX) == 1.0
     coarse = ArrayFilm((np.rint(film.read(0) / 16.0) * 16).astype(np.uint8)[None])
     assert grey_step(coarse, BOX) == 16.0
+
+
+@pytest.mark.parametrize(("step", "noise", "coarse"), [(1.0, 0.2, False), (16.0, 0.5, True), (16.0, 9.0, False)])
+def test_steps_are_coarse_beside_texture_and_noise(step: float, noise: float, coarse: bool) -> None:
+    picture = film_of(np.zeros(2)).read(0)
+    template = build_template("bar", picture, np.ones(picture.shape, dtype=bool), 10, noise_grey=noise)
+    assert in_coarse_steps(template, step) is coarse
+    assert not in_coarse_steps(template, 0.1 * float(np.std(picture)))

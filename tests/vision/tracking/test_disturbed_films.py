@@ -67,8 +67,8 @@ def test_coherent_residuals_widen_the_uncertainty(stress: ModuleType, kind: str,
     [
         ("tilt", "speckle"),
         ("interlaced_flicker", "fine"),
-        ("shadow_edge", "wood"),
-        ("highlight", "wood"),
+        pytest.param("shadow_edge", "wood", marks=pytest.mark.slow),
+        pytest.param("highlight", "wood", marks=pytest.mark.slow),
         pytest.param("shadow_edge", "speckle", marks=pytest.mark.slow),
         pytest.param("defocus", "speckle", marks=pytest.mark.slow),
     ],
@@ -83,6 +83,7 @@ def test_what_can_be_told_from_the_pose_is_taken_out(stress: ModuleType, kind: s
     assert np.median(result.u_angle_rad[stress.STILL :]) < 2.0 * result.predicted_u_rad[0]
 
 
+@pytest.mark.slow
 def test_rows_widened_but_usable_are_told_from_imprecise_ones(stress: ModuleType) -> None:
     """Smooth noise is in u; coarse steps of grey over felt are not, and keep the flag that says so."""
     smooth, _, z = tracked(stress, "correlated_noise", "fine", 132)
